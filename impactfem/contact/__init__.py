@@ -1,0 +1,1 @@
+"""Contact conditions and the solvers that find where they are active."""

@@ -1,0 +1,98 @@
+"""Primal-dual active set: a semismooth Newton method for 0 <= gap _|_ multiplier <= 0."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Booleans = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+LinearSolve = Callable[[Booleans], tuple[Floats, Floats]]
+
+
+@dataclass(frozen=True)
+class ActiveSetResult:
+    """Where contact is active, and how the iteration went.
+
+    Attributes:
+        active: Active pairs of the last iterate, shape (pairs,).
+        gap: Gap of the last iterate [m], shape (pairs,).
+        multiplier: Multiplier of the last iterate, <= 0 in contact, shape (pairs,).
+        iterations: Number of linear systems solved.
+        set_changes: Pairs that changed after each of them; the last is 0 when converged.
+        converged: True if the sets stood still.
+        message: How the iteration ended, in words.
+    """
+
+    active: Booleans
+    gap: Floats
+    multiplier: Floats
+    iterations: int
+    set_changes: tuple[int, ...]
+    converged: bool
+    message: str
+
+
+def primal_dual_active_set(
+    solve: LinearSolve,
+    pairs: int,
+    *,
+    gamma: float,
+    tolerance: float,
+    max_iterations: int,
+    observe: Callable[[int, int], None] | None = None,
+) -> ActiveSetResult:
+    """Find the active set by A = {gamma * multiplier + gap < -tolerance}, from an empty set on.
+
+    For a fixed set the problem is linear: ``gap = 0`` on A and ``multiplier = 0`` elsewhere. The
+    update is Newton's step for min(gap, -gamma * multiplier) = 0 (Hintermueller, Ito, Kunisch,
+    SIAM J. Optim. 13 (2002) 865-888).
+
+    Args:
+        solve: Solves the linear problem of a set; returns (gap, multiplier), each (pairs,).
+        pairs: Number of complementarity pairs.
+        gamma: Merit constant > 0: [m] per unit of the multiplier.
+        tolerance: Rounding level of the merit [m], >= 0; pairs with |merit| below it are inactive.
+        max_iterations: Limit of linear solves.
+        observe: Called after each solve with (iteration, set changes).
+
+    Returns:
+        The last iterate. Whether it is a solution says ``converged``.
+    """
+    active: Booleans = np.zeros(pairs, dtype=bool)
+    seen = {active.tobytes(): 0}
+    changes: list[int] = []
+    for iteration in range(1, max_iterations + 1):
+        gap, multiplier = solve(active)
+        if not (np.isfinite(gap).all() and np.isfinite(multiplier).all()):
+            changes.append(pairs)
+            return _result(active, gap, multiplier, changes, "the iterates are no longer finite")
+        update = gamma * multiplier + gap < -tolerance
+        changes.append(int(np.count_nonzero(update != active)))
+        if observe is not None:
+            observe(iteration, changes[-1])
+        if changes[-1] == 0:
+            return _result(active, gap, multiplier, changes, "the sets stand still", converged=True)
+        earlier = seen.setdefault(update.tobytes(), iteration)
+        if earlier != iteration:
+            length = iteration - earlier
+            return _result(active, gap, multiplier, changes, f"the sets cycle with period {length}")
+        active = update
+    return _result(
+        active, gap, multiplier, changes, f"the sets still change after {max_iterations} iterations"
+    )
+
+
+def _result(
+    active: Booleans,
+    gap: Floats,
+    multiplier: Floats,
+    changes: list[int],
+    message: str,
+    *,
+    converged: bool = False,
+) -> ActiveSetResult:
+    return ActiveSetResult(
+        active, gap, multiplier, len(changes), tuple(changes), converged, message
+    )

@@ -1,0 +1,88 @@
+"""Bound-constrained linear problems by PETSc's reduced-space semismooth Newton method."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.fem import PETSc
+
+
+@dataclass(frozen=True)
+class BoundResult:
+    """Solution of a bound-constrained problem and how SNES got there.
+
+    Attributes:
+        iterations: Newton iterations.
+        residual_norms: Norm of the projected residual before each iteration and after the last.
+        converged: Whether SNES met its tolerance.
+        message: SNES's reason in words.
+    """
+
+    iterations: int
+    residual_norms: tuple[float, ...]
+    converged: bool
+    message: str
+
+
+def solve_bounded(
+    matrix: Any,
+    load: Any,
+    solution: Any,
+    bounded: NDArray[np.int32],
+    *,
+    tolerance: float,
+    max_iterations: int,
+) -> BoundResult:
+    """Find x with x_i >= 0 _|_ (A x - b)_i >= 0 for bounded i, and (A x - b)_i = 0 elsewhere.
+
+    Args:
+        matrix: PETSc matrix A; row i is paired with unknown i.
+        load: PETSc vector b.
+        solution: PETSc vector; start on entry, x on return.
+        bounded: Global indices of the bounded unknowns (the same on every rank).
+        tolerance: Absolute tolerance of the projected residual.
+        max_iterations: Limit of Newton iterations.
+    """
+    comm = matrix.comm
+    lower, upper = load.duplicate(), load.duplicate()
+    lower.set(PETSc.NINFINITY)
+    upper.set(PETSc.INFINITY)
+    first, last = lower.getOwnershipRange()
+    own = bounded[(bounded >= first) & (bounded < last)]
+    lower.setValues(own, np.zeros(len(own)))
+    lower.assemble()
+    residual = load.duplicate()
+    norms: list[float] = []
+
+    def function(_: Any, x: Any, f: Any) -> None:
+        matrix.mult(x, f)
+        f.axpy(-1.0, load)
+
+    snes = PETSc.SNES().create(comm)
+    try:
+        snes.setOptionsPrefix("impactfem_vi_")
+        snes.setType("vinewtonrsls")
+        snes.setFunction(function, residual)
+        snes.setJacobian(lambda *_: None, matrix)
+        snes.setVariableBounds(lower, upper)
+        # The problem is piecewise linear: only the absolute tolerance has a meaning.
+        snes.setTolerances(rtol=0.0, atol=tolerance, stol=0.0, max_it=max_iterations)
+        snes.setMonitor(lambda _s, _i, norm: norms.append(float(norm)))
+        ksp = snes.getKSP()
+        ksp.setType("preonly")
+        ksp.getPC().setType("lu")
+        ksp.getPC().setFactorSolverType("mumps")
+        # Full steps: a line search on the projected residual is not monotone here.
+        snes.getLineSearch().setType("basic")
+        snes.setFromOptions()
+        snes.solve(None, solution)
+        reason = snes.getConvergedReason()
+        return BoundResult(
+            snes.getIterationNumber(), tuple(norms), reason > 0, f"SNES reason {reason}"
+        )
+    finally:
+        snes.destroy()
+        for vector in (lower, upper, residual):
+            vector.destroy()

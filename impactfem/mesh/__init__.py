@@ -1,0 +1,1 @@
+"""Meshes built or read with Gmsh; boundaries are known by name."""

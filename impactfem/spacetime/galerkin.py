@@ -1,0 +1,238 @@
+"""The founding method: Petrov-Galerkin in space-time with one primal-dual active set."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem import fem
+from impactfem.contact.active_set import primal_dual_active_set
+from impactfem.contact.snes_vi import solve_bounded
+from impactfem.fem import PETSc, dolfinx_fem, ufl
+from impactfem.forms.galerkin import galerkin_forms
+from impactfem.log import Progress
+from impactfem.mesh.spacetime import SpaceTimeMesh
+from impactfem.scene import Bar, PiecewiseConstant
+from impactfem.spacetime.numbering import Numbering, number
+from impactfem.spacetime.solution import SpaceTimeSolution
+from impactfem.spacetime.system import CoupledSystem, Equations, assemble, paired_load
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class GalerkinSettings:
+    """Numbers of the active-set loop.
+
+    Attributes:
+        active_set: "pdas" (coupled primal-dual system) or "snes_vi" (PETSc, bounds on u).
+        gamma: Merit constant, dimensionless: merit = gamma (L/c^2) lambda + gap.
+        tolerance: Rounding level of the merit relative to the largest displacement expected.
+        max_iterations: Limit of linear solves.
+    """
+
+    active_set: str = "pdas"
+    gamma: float = 1.0
+    tolerance: float = 1e-11
+    max_iterations: int = 200
+
+
+def solve_galerkin(
+    space: SpaceTimeMesh,
+    bar: Bar,
+    gravity: PiecewiseConstant,
+    settings: GalerkinSettings,
+    progress: Progress | None = None,
+) -> SpaceTimeSolution:
+    """Solve equation (3) of the slides for a bar that may touch a wall at x = 0.
+
+    Args:
+        space: Dimensionless space-time mesh.
+        bar: The bar with its initial state.
+        gravity: p(t) [m/s^2], towards the wall.
+        settings: Numbers of the active-set loop.
+        progress: Told of every iteration.
+
+    Returns:
+        The solution in SI units; the same on every rank. ``converged`` is False if the active
+        set did not settle.
+
+    Raises:
+        ConvergenceError: A linear system could not be solved.
+    """
+    progress = progress or Progress()
+    equations = _equations(space, bar, gravity)
+    scale = _displacement_scale(bar, gravity, equations.numbering)
+    solve = _by_snes_vi if settings.active_set == "snes_vi" else _by_active_set
+    return solve(space, bar, equations, settings, scale, progress)
+
+
+def _equations(space: SpaceTimeMesh, bar: Bar, gravity: PiecewiseConstant) -> Equations:
+    """Assemble the equations on a space-time mesh."""
+    mesh = space.mesh
+    nodes = dolfinx_fem.functionspace(mesh, ("Lagrange", 1))
+    wall, entity_maps = fem.facet_submesh(mesh, space.facets("wall"))
+    multipliers = dolfinx_fem.functionspace(wall, ("DG", 0))
+    numbering = number(space, nodes, multipliers, clamped=bar.far_end == "clamped")
+    forms = galerkin_forms(
+        nodes,
+        multipliers,
+        ufl.Measure("ds", domain=mesh, subdomain_data=space.facet_tags),
+        space.layout.tags,
+        velocity=bar.initial_velocity,
+        velocity_scale=bar.transit_time,
+        length=bar.length,
+        gravity=_cell_means(mesh, gravity, bar.transit_time),
+    )
+    x = bar.length * numbering.points[numbering.fixed, 1]
+    given = bar.initial_displacement(x=x) + np.zeros_like(x)
+    return assemble(mesh.comm, forms, entity_maps, numbering, given, (nodes, multipliers))
+
+
+def _cell_means(mesh: Any, gravity: PiecewiseConstant, transit_time: float) -> Any:
+    """p (L/c)^2 averaged over each cell's span of time, as a P0 function.
+
+    A jump of p inside a layer is integrated without quadrature error this way.
+    """
+    means = dolfinx_fem.Function(dolfinx_fem.functionspace(mesh, ("DG", 0)))
+    t = transit_time * mesh.geometry.x[mesh.geometry.dofmap][:, :, 0]
+    first, last = t.min(axis=1), t.max(axis=1)
+    values = transit_time**2 * gravity.integral(first, last) / (last - first)
+    means.x.array[:] = values  # one dof per cell, numbered as the cells
+    return means
+
+
+def _displacement_scale(bar: Bar, gravity: PiecewiseConstant, numbering: Numbering) -> float:
+    """Largest displacement that gap, initial state and gravity suggest within a transit [m]."""
+    x = bar.length * np.unique(numbering.points[numbering.fixed, 1])
+    transit = bar.transit_time
+    return float(
+        max(
+            np.abs(bar.initial_displacement(x=x)).max(),
+            np.abs(bar.initial_velocity(x=x)).max() * transit,
+            max(abs(value) for value in gravity.values) * transit**2,
+            np.finfo(float).tiny,
+        )
+    )
+
+
+def _by_active_set(
+    space: SpaceTimeMesh, bar: Bar, equations: Equations, settings: GalerkinSettings,
+    scale: float, progress: Progress,
+) -> SpaceTimeSolution:  # fmt: skip
+    """Coupled primal-dual system, one active set for the whole interval."""
+    system = CoupledSystem(equations)
+    try:
+        result = primal_dual_active_set(
+            system.solve,
+            len(equations.numbering.multipliers),
+            gamma=settings.gamma,
+            tolerance=settings.tolerance * scale,
+            max_iterations=settings.max_iterations,
+            observe=lambda k, changes: progress.note(f"active set {k}: {changes} changes"),
+        )
+        u, unknowns = system.displacement(), system.num_unknowns
+    finally:
+        system.destroy()
+    return _solution(
+        space, bar, equations, u, result.multiplier, result.active,
+        iterations=result.iterations, set_changes=result.set_changes, converged=result.converged,
+        message=result.message, num_unknowns=unknowns,
+    )  # fmt: skip
+
+
+def _by_snes_vi(
+    space: SpaceTimeMesh, bar: Bar, equations: Equations, settings: GalerkinSettings,
+    scale: float, progress: Progress,
+) -> SpaceTimeSolution:  # fmt: skip
+    """The same equations as a variational inequality: u_m >= 0 _|_ residual of test node m-1.
+
+    The multiplier is then a force on test nodes, not on intervals: where an active interval ends
+    its half force on the next test node is missing, so the answers differ at release.
+    """
+    numbering, comm = equations.numbering, equations.comm
+    size, ranges = equations.num_nodes, equations.node_ranges
+    local = int(ranges[comm.rank + 1] - ranges[comm.rank])
+    test, node, value = equations.stiffness
+    rows, columns, values = numbering.row[test], node, value
+    if comm.rank == 0:
+        ones = np.ones(len(numbering.fixed))
+        rows = np.concatenate([rows, numbering.fixed])
+        columns = np.concatenate([columns, numbering.fixed])
+        values = np.concatenate([values, ones])
+    matrix = PETSc.Mat().create(comm)
+    matrix.setSizes(((local, size), (local, size)))
+    matrix.setType(PETSc.Mat.Type.AIJ)
+    matrix.setPreallocationCOO(rows.astype(np.int32), columns.astype(np.int32))
+    matrix.setValuesCOO(values, PETSc.InsertMode.INSERT_VALUES)
+    load, solution = matrix.createVecLeft(), matrix.createVecRight()
+    first = int(ranges[comm.rank])
+    load.array[:] = paired_load(equations)[first : first + local]
+    solution.set(0.0)
+    progress.note("PETSc SNES vinewtonrsls")
+    bounded = numbering.wall[1:]
+    result = solve_bounded(
+        matrix, load, solution, bounded.astype(np.int32),
+        tolerance=max(settings.tolerance, 1e-11) * scale, max_iterations=settings.max_iterations,
+    )  # fmt: skip
+    residual = load.duplicate()
+    matrix.mult(solution, residual)
+    residual.axpy(-1.0, load)
+    u = fem.gather(comm, solution.array.copy())
+    force = fem.gather(comm, residual.array.copy())[bounded]
+    for item in (matrix, load, solution, residual):
+        item.destroy()
+    # Slot m holds the residual of test node m-1, whose hat covers half of two intervals
+    # (the first one half of one).
+    t = numbering.points[numbering.wall, 0]
+    weight = 0.5 * (t[1:] - np.concatenate([[t[0]], t[:-2]]))
+    multiplier = -force / weight
+    active = multiplier < -settings.tolerance * scale
+    return _solution(
+        space, bar, equations, u, multiplier, active,
+        iterations=result.iterations, set_changes=(), converged=result.converged,
+        message=result.message, num_unknowns=size,
+    )  # fmt: skip
+
+
+def _solution(
+    space: SpaceTimeMesh, bar: Bar, equations: Equations, u: Floats, multiplier: Floats,
+    active: NDArray[np.bool_], **how: Any,
+) -> SpaceTimeSolution:  # fmt: skip
+    """Bring the solution to SI units and a grid of layers."""
+    numbering, layout = equations.numbering, space.layout
+    if numbering.grid is not None and layout.times is not None and layout.nodes is not None:
+        times, positions, displacement = layout.times, layout.nodes, u[numbering.grid]
+    else:
+        times = numbering.points[numbering.wall, 0]
+        start = numbering.points[numbering.fixed]
+        positions = np.unique(start[start[:, 0] < 0.5 * times[-1], 1])
+        displacement = _sample(space, numbering.points, u, times, positions)
+    return SpaceTimeSolution(
+        times=bar.transit_time * times,
+        positions=bar.length * positions,
+        displacement=displacement,
+        multiplier=multiplier * bar.wave_speed**2 / bar.length,
+        active=active,
+        layered=numbering.grid is not None,
+        **how,
+    )
+
+
+def _sample(
+    space: SpaceTimeMesh, points: Floats, u: Floats, times: Floats, positions: Floats
+) -> Floats:
+    """Evaluate the P1 field of a mesh without layers on a grid; same on every rank."""
+    from matplotlib.tri import LinearTriInterpolator, Triangulation  # noqa: PLC0415  (rarely needed)
+
+    mesh = space.mesh
+    owned = mesh.topology.index_map(mesh.topology.dim).size_local
+    nodes = dolfinx_fem.functionspace(mesh, ("Lagrange", 1))
+    local = nodes.dofmap.list[:owned]
+    cells = fem.gather(
+        mesh.comm, nodes.dofmap.index_map.local_to_global(local.ravel().astype(np.int32))
+    ).reshape(-1, 3)
+    field = LinearTriInterpolator(Triangulation(points[:, 0], points[:, 1], cells), u)
+    grid_t, grid_x = np.meshgrid(times, positions, indexing="ij")
+    return np.asarray(field(grid_t, grid_x).filled(np.nan), dtype=np.float64)
