@@ -1,0 +1,43 @@
+#!/bin/sh
+# Turn a bare Debian 13 into the impactfem image. Both docker/Dockerfile and docker/test-debian.sh run these steps:
+#
+#   install.sh packages        Debian's packages, listed in packages.txt beside this script, and the user (as root)
+#   install.sh package SOURCE  impactfem itself, from its source folder (as root)
+#   install.sh warm DEMOS      compile the forms of the main demo, so that a first run need not (as the user)
+set -eu
+here=$(cd "$(dirname "$0")" && pwd)
+user=impactfem
+cache=/var/cache/impactfem
+
+case "${1:-}" in
+packages)
+    export DEBIAN_FRONTEND=noninteractive
+    apt-get update -q
+    sed 's/#.*//' "$here/packages.txt" | xargs apt-get install -q -y --no-install-recommends
+    apt-get clean
+    rm -rf /var/lib/apt/lists/*
+    id "$user" >/dev/null 2>&1 || useradd --create-home --uid 1000 --shell /bin/bash "$user"
+    # Compiled forms are kept for any user the container runs as, not only this one.
+    mkdir -p "$cache/fenics" "$cache/matplotlib"
+    chmod -R 1777 "$cache"
+    ;;
+package)
+    # Debian's packages are the dependencies: --no-deps keeps pip from replacing any of them.
+    work=$(mktemp -d)
+    cp -R "$2/pyproject.toml" "$2/README.md" "$2/LICENSE" "$2/impactfem" "$work"
+    python3 -m pip install --quiet --no-deps --no-build-isolation --no-index --break-system-packages \
+        --root-user-action=ignore --force-reinstall "$work"
+    rm -rf "$work"
+    ;;
+warm)
+    out=$(mktemp -d)
+    XDG_CACHE_HOME=$cache MPLCONFIGDIR=$cache/matplotlib OMP_NUM_THREADS=1 \
+        impactfem run "$2/bar_impact/scene.toml" --out "$out/bar_impact" --quiet
+    rm -rf "$out"
+    chmod -R a+rwX "$cache" 2>/dev/null || true
+    ;;
+*)
+    sed -n '2,6s/^# \{0,1\}//p' "$0" >&2
+    exit 2
+    ;;
+esac
