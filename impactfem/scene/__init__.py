@@ -1,4 +1,4 @@
-"""Scenes: what is modelled, read from TOML or made in Python, and checked; knows no finite elements."""
+"""Scenes: what is modelled and how, read from TOML or made in Python; no finite elements."""
 
 from impactfem.scene.bodies import Bar
 from impactfem.scene.formula import Formula

@@ -1,30 +1,33 @@
 """Bodies of a scene: the elastic bar."""
 
 import math
+import sys
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from impactfem.scene.formula import Formula
-from impactfem.scene.kinds import Choice, FormulaOf, Name, Real, show
-from impactfem.scene.schema import KeyFault, check_fields, key, table
+from impactfem.scene.kinds import Choice, FormulaOf, Name, Real
+from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.values import show
 
-# Divisible by 2 to 10 and 12: a formula with a pole at a simple fraction of the length is found out.
+# Divisible by 2 to 10: a formula with a pole at a simple fraction of the length is found out.
 SAMPLES = 5040
 
 
-@table('[[body]], kind = "bar"')
+@table('[[body]] with kind = "bar"')
 @dataclass(frozen=True, kw_only=True)
 class Bar:
     """A straight elastic bar that moves along its axis and meets the wall with its near end.
 
-    Material points x in [0, L] are measured from the near end; the displacement u(t, x) is measured from the
-    wall: u(0, x) = gap + displacement(x), and contact means u(t, 0) = 0. Velocities towards the wall are negative.
-    Numbers given for `velocity` and `displacement` are stored as Formula.
+    Material points x in [0, L] are measured from the near end, the displacement u(t, x) from the
+    wall: u(0, x) = gap + displacement(x), and contact means u(t, 0) = 0. Velocities towards the
+    wall are negative. Numbers given for `velocity` and `displacement` are stored as `Formula`.
 
     Raises:
-        SceneError: a value is missing or not allowed, or the bar would start inside the wall or inside out.
+        SceneError: a value is missing or not allowed, or the bar starts inside the wall or has a
+            strain of -1 or less somewhere.
     """
 
     kind: ClassVar[str] = "bar"
@@ -35,22 +38,42 @@ class Bar:
     youngs_modulus: float = key(Real(above=0), "Young's modulus", unit="Pa")
     area: float = key(Real(above=0), "area of the cross-section", unit="m^2", default=1.0)
     far_end: str = key(
-        Choice(("free", "clamped")), "the end away from the wall is free or held", default="free"
+        Choice(("free", "clamped")), "whether the end away from the wall is held", default="free"
     )
     gap: float = key(
         Real(at_least=0), "distance of the near end from the wall at t = 0", unit="m", default=0.0
     )
-    velocity: Formula = key(
+    velocity: Formula = key(  # noqa: RUF009  # a field
         FormulaOf(("x",)), "velocity at t = 0, negative towards the wall", unit="m/s", default=0.0
     )
-    displacement: Formula = key(
+    displacement: Formula = key(  # noqa: RUF009  # a field
         FormulaOf(("x",)), "displacement at t = 0, added to the gap", unit="m", default=0.0
     )
 
+    if TYPE_CHECKING:  # type checkers learn that numbers and texts may be given for formulas
+
+        def __init__(
+            self,
+            *,
+            length: float,
+            density: float,
+            youngs_modulus: float,
+            name: str = "bar",
+            area: float = 1.0,
+            far_end: str = "free",
+            gap: float = 0.0,
+            velocity: float | str | Formula = 0.0,
+            displacement: float | str | Formula = 0.0,
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         check_fields(self, self.kind)
-        self._check_derived()
-        self._check_initial_state()
+        self._check_scales()
+        x = np.linspace(0.0, self.length, SAMPLES + 1)
+        self._check_finite("velocity", x)
+        self._check_finite("displacement", x)
+        self._check_near_end()
+        self._check_strain(x)
 
     @property
     def wave_speed(self) -> float:
@@ -77,51 +100,51 @@ class Bar:
         """u_t(0, x) [m/s]."""
         return self.velocity
 
-    def _check_derived(self) -> None:
+    def _fail(self, name: str, text: str) -> KeyedError:
+        value = getattr(self, name)
+        return KeyedError(self.kind, name, f" = {show(value)} {text}")
+
+    def _check_scales(self) -> None:
+        """Refuse values, each fine alone, whose wave speed or mass overflows."""
+        given = f"density = {self.density}, length = {self.length}"
         ratio = self.youngs_modulus / self.density
-        if not (math.isfinite(ratio) and ratio > 0 and 0 < self.transit_time < math.inf):
-            raise KeyFault(
-                self.kind,
-                "youngs_modulus",
-                f" = {self.youngs_modulus} with density = {self.density} and length = {self.length} gives no usable "
-                "wave speed sqrt(E / rho): give values in SI units.",
-            )
+        spacing = self.length / SAMPLES
+        if spacing < sys.float_info.min:
+            raise self._fail("length", "is too small to be computed with: give the length in m.")
+        if not 0 < ratio < math.inf or not 0 < self.transit_time < math.inf:
+            why = f"with {given} gives no usable wave speed sqrt(E / rho): give SI units."
+            raise self._fail("youngs_modulus", why)
         if not 0 < self.mass < math.inf:
-            raise KeyFault(
-                self.kind,
-                "area",
-                f" = {self.area} with density = {self.density} and length = {self.length} gives the mass "
-                f"{self.mass}: give values in SI units.",
+            raise self._fail("area", f"with {given} gives the mass {self.mass}: give SI units.")
+
+    def _check_finite(self, name: str, x: np.ndarray) -> None:
+        formula: Formula = getattr(self, name)
+        values = formula(x=x) + (self.gap if name == "displacement" else 0.0)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            place = f"({values[bad[0]]}) at x = {x[bad[0]]:.6g}"
+            raise self._fail(
+                name,
+                f"has no finite value {place}: give one finite for 0 <= x <= {self.length:g}.",
             )
 
-    def _check_initial_state(self) -> None:
-        x = np.linspace(0.0, self.length, SAMPLES + 1)
-        for name in ("velocity", "displacement"):
-            formula: Formula = getattr(self, name)
-            values = formula(x=x)
-            bad = np.flatnonzero(~np.isfinite(values))
-            if bad.size:
-                raise KeyFault(
-                    self.kind,
-                    name,
-                    f" = {show(formula)} has no finite value ({values[bad[0]]}) at x = {x[bad[0]]:.6g}: "
-                    f"change the formula so that it is finite on 0 <= x <= {self.length:g}.",
-                )
-        u = self.displacement(x=x)
-        if self.gap + u[0] < 0:
-            raise KeyFault(
-                self.kind,
+    def _check_near_end(self) -> None:
+        start = self.gap + float(self.displacement(x=0.0))
+        if start < 0:
+            raise self._fail(
                 "displacement",
-                f" = {show(self.displacement)} puts the near end inside the wall: gap + displacement(0) = "
-                f"{self.gap + u[0]:.6g} < 0; increase gap = {self.gap:g} by at least {-(self.gap + u[0]):.6g}.",
+                f"puts the near end inside the wall: gap + displacement(0) = {start:.6g} < 0; "
+                f"increase gap = {self.gap:g} by {-start:.6g}.",
             )
-        with np.errstate(over="ignore", invalid="ignore"):
-            strain = np.diff(u) / np.diff(x)
+
+    def _check_strain(self, x: np.ndarray) -> None:
+        with np.errstate(over="ignore"):
+            strain = np.diff(self.displacement(x=x)) / np.diff(x)
         worst = int(np.argmin(strain))
-        if not strain[worst] > -1:
-            raise KeyFault(
-                self.kind,
+        # The differences of displacement = "-x" differ from -1 by rounding.
+        if strain[worst] <= -1 + 1e-9:
+            raise self._fail(
                 "displacement",
-                f" = {show(self.displacement)} turns the bar inside out: its strain is {strain[worst]:.6g} near "
-                f"x = {x[worst]:.6g}, it must be > -1; reduce the displacement or smooth its jumps.",
+                f"turns the bar inside out: its strain near x = {x[worst]:.6g} is "
+                f"{strain[worst]:.6g}, it must be > -1; reduce the displacement, smooth its jumps.",
             )

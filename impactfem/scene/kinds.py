@@ -1,85 +1,17 @@
 """Kinds of values in a scene: what is allowed, how it is stored, and how it is written back."""
 
-import math
 import re
-import reprlib
 import unicodedata
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import date, datetime, time
-from typing import Any, ClassVar
+from difflib import get_close_matches
+from typing import Any, ClassVar, override
 
 import numpy as np
 
-from impactfem.scene.formula import Formula, FormulaError
-
-_short = reprlib.Repr()
-_short.maxstring = _short.maxother = _short.maxlong = 60
-_short.maxlevel = 3
-
-
-class NotAllowedError(Exception):
-    """A value is refused; the message says why."""
-
-
-def show(value: object) -> str:
-    """Return a value as a scene file would have it, shortened when long, for messages."""
-    if isinstance(value, bool | np.bool_):
-        return "true" if value else "false"
-    if isinstance(value, datetime | date | time):
-        return value.isoformat()
-    if isinstance(value, np.integer | np.floating):
-        value = value.item()
-    if isinstance(value, Formula):
-        return show(value.plain)
-    if isinstance(value, str):
-        text = value if len(value) <= 60 else f"{value[:45]}...{value[-10:]}"
-        return '"' + "".join(c if c.isprintable() else repr(c)[1:-1] for c in text) + '"'
-    if isinstance(value, int) and abs(value) >= 10**40:
-        return f"an integer of about {int(value.bit_length() * math.log10(2)) + 1} digits"
-    if isinstance(value, list | tuple) and len(value) <= 6:
-        shown = "[" + ", ".join(
-            show(v) if not isinstance(v, list | tuple | dict) else _short.repr(v) for v in value
-        )
-        return shown + "]"
-    try:
-        return _short.repr(value)
-    except Exception:  # noqa: BLE001  # the repr of a foreign object may fail in any way
-        return f"an object of type {type(value).__name__}"
-
-
-def number(value: object, unit_hint: str = "write the number without quotes") -> float:
-    """Return a finite float, refusing texts, booleans, NaN and infinity."""
-    if isinstance(value, bool | np.bool_):
-        raise NotAllowedError("true and false are not numbers")
-    if isinstance(value, str):
-        raise NotAllowedError(f"it is a text, {unit_hint}")
-    if not isinstance(value, int | float | np.integer | np.floating):
-        raise NotAllowedError(f"it is {_kind_name(value)}, not a number")
-    try:
-        result = float(value)
-    except OverflowError:
-        raise NotAllowedError("the number is too large") from None
-    if not math.isfinite(result):
-        raise NotAllowedError("it is not finite")
-    return result
-
-
-def _kind_name(value: object) -> str:
-    if isinstance(value, list | tuple):
-        return "a list"
-    if isinstance(value, Mapping):
-        return "a table"
-    if isinstance(value, datetime | date | time):
-        return "a date or time"
-    if isinstance(value, str):
-        return "a text"
-    if isinstance(value, bool | np.bool_):
-        return "true or false"
-    if isinstance(value, int | float):
-        return "a number"
-    return "nothing" if value is None else f"of type {type(value).__name__}"
+from impactfem.scene.formula import Formula
+from impactfem.scene.grammar import FormulaError
+from impactfem.scene.values import NotAllowedError, number, show, type_in_words
 
 
 class Kind(ABC):
@@ -90,22 +22,22 @@ class Kind(ABC):
     @property
     @abstractmethod
     def allowed(self) -> str:
-        """What is allowed, in words."""
+        """What is allowed, in words that follow "give"."""
 
     @abstractmethod
-    def read(self, value: object) -> Any:  # noqa: ANN401
-        """Return the value as stored; raise NotAllowedError saying why not."""
+    def read(self, value: object) -> Any:  # noqa: ANN401  # each kind stores another type
+        """Return the value as stored.
 
-    def write(self, value: Any) -> Any:  # noqa: ANN401
+        Raises:
+            NotAllowedError: saying why not.
+        """
+
+    def write(self, value: Any) -> Any:  # noqa: ANN401  # each kind stores another type
         """Return a stored value as plain numbers, texts and lists."""
         return value
 
-    def default_text(self, default: object, required: object) -> str:
-        """Return the default as the scene reference shows it."""
-        if default is required:
-            return "required"
-        if default is None:
-            return "chosen by the plan"
+    def write_default(self, default: object) -> str:
+        """Return a default as the scene reference shows it."""
         return show(self.write(self.read(default)))
 
 
@@ -119,19 +51,14 @@ class Real(Kind):
     below: float | None = None
 
     @property
+    @override
     def allowed(self) -> str:
-        """What is allowed, in words."""
-        bounds = []
-        if self.above is not None:
-            bounds.append(f"> {self.above:g}")
-        if self.at_least is not None:
-            bounds.append(f">= {self.at_least:g}")
-        if self.below is not None:
-            bounds.append(f"< {self.below:g}")
-        return " ".join(["a number", " and ".join(bounds)]).strip()
+        bounds = (("> ", self.above), (">= ", self.at_least), ("< ", self.below))
+        words = " and ".join(f"{sign}{bound:g}" for sign, bound in bounds if bound is not None)
+        return f"a number {words}".strip()
 
+    @override
     def read(self, value: object) -> float:
-        """Return a float; raise NotAllowedError saying why not."""
         result = number(value)
         if self.above is not None and not result > self.above:
             raise NotAllowedError(f"it must be > {self.above:g}")
@@ -151,25 +78,22 @@ class Integer(Kind):
     at_most: int
 
     @property
+    @override
     def allowed(self) -> str:
-        """What is allowed, in words."""
         return f"an integer from {self.at_least} to {self.at_most}"
 
+    @override
     def read(self, value: object) -> int:
-        """Return an int; raise NotAllowedError saying why not."""
-        as_float = number(value)
+        real = number(value)
         if not isinstance(value, int | np.integer):
-            hint = (
-                f", write {int(as_float)}" if as_float.is_integer() and abs(as_float) < 1e15 else ""
-            )
-            raise NotAllowedError(f"it is not written as an integer{hint}")
+            whole = real.is_integer() and abs(real) < 1e15
+            hint = f", write {int(real)}" if whole else ""
+            raise NotAllowedError(f"it is not an integer{hint}")
         result = int(value)
-        if not self.at_least <= result <= self.at_most:
-            raise NotAllowedError(
-                f"it must be >= {self.at_least}"
-                if result < self.at_least
-                else f"it must be <= {self.at_most}"
-            )
+        if result < self.at_least:
+            raise NotAllowedError(f"it must be >= {self.at_least}")
+        if result > self.at_most:
+            raise NotAllowedError(f"it must be <= {self.at_most}")
         return result
 
 
@@ -181,22 +105,22 @@ class Line(Kind):
     max_length: int = 200
 
     @property
+    @override
     def allowed(self) -> str:
-        """What is allowed, in words."""
         return f"a text of 1 to {self.max_length} characters in one line"
 
+    @override
     def read(self, value: object) -> str:
-        """Return the text; raise NotAllowedError saying why not."""
-        if not isinstance(value, str):
-            raise NotAllowedError(f"it is {_kind_name(value)}, write it in quotes")
-        if not value.strip():
+        text = _text(value)
+        if not text.strip():
             raise NotAllowedError("it is empty")
-        if len(value) > self.max_length:
-            raise NotAllowedError(f"it has {len(value)} characters")
-        for character in value:
+        if len(text) > self.max_length:
+            raise NotAllowedError(f"it has {len(text)} characters")
+        for character in text:
+            # Controls, lone surrogates (not writable as UTF-8) and line separators.
             if unicodedata.category(character) in {"Cc", "Cs", "Zl", "Zp"}:
                 raise NotAllowedError(f"it holds the control character U+{ord(character):04X}")
-        return str(value)
+        return text
 
 
 @dataclass(frozen=True)
@@ -204,17 +128,18 @@ class Name(Kind):
     """A name that can stand in column names and file names."""
 
     type_name: ClassVar[str] = "text"
-    allowed: ClassVar[str] = (
-        "a name of at most 40 letters, digits, _ and - that starts with a letter"  # type: ignore[misc]
-    )
 
+    @property
+    @override
+    def allowed(self) -> str:
+        return "a name of at most 40 letters, digits, _ and - that starts with a letter"
+
+    @override
     def read(self, value: object) -> str:
-        """Return the name; raise NotAllowedError saying why not."""
-        if not isinstance(value, str):
-            raise NotAllowedError(f"it is {_kind_name(value)}, write it in quotes")
-        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,39}", value):
+        text = _text(value)
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,39}", text):
             raise NotAllowedError("it is not a name")
-        return str(value)
+        return text
 
 
 @dataclass(frozen=True)
@@ -225,12 +150,12 @@ class Choice(Kind):
     words: tuple[str, ...]
 
     @property
+    @override
     def allowed(self) -> str:
-        """What is allowed, in words."""
-        return " or ".join(f'"{word}"' for word in self.words)
+        return " or ".join(show(word) for word in self.words)
 
+    @override
     def read(self, value: object) -> str:
-        """Return the word; raise NotAllowedError saying why not."""
         return one_of(value, self.words)
 
 
@@ -242,26 +167,26 @@ class Choices(Kind):
     words: tuple[str, ...]
 
     @property
+    @override
     def allowed(self) -> str:
-        """What is allowed, in words."""
-        return f"a list of {', '.join(f'"{word}"' for word in self.words)}, [] for none"
+        return f"a list of {', '.join(show(word) for word in self.words)}, or [] for none"
 
+    @override
     def read(self, value: object) -> tuple[str, ...]:
-        """Return a tuple; raise NotAllowedError saying why not."""
         if isinstance(value, str):
-            raise NotAllowedError(f"it is a text, write a list: [{show(value)}]")
+            raise NotAllowedError(f"it is a text, write a list [{show(value)}]")
         if not isinstance(value, list | tuple):
-            raise NotAllowedError(f"it is {_kind_name(value)}, not a list")
+            raise NotAllowedError(f"it is {type_in_words(value)}, not a list")
         result: list[str] = []
         for entry in value:
             word = one_of(entry, self.words)
             if word in result:
-                raise NotAllowedError(f'"{word}" is given twice, remove one')
+                raise NotAllowedError(f"{show(word)} is given twice, remove one")
             result.append(word)
         return tuple(result)
 
+    @override
     def write(self, value: tuple[str, ...]) -> list[str]:
-        """Return a list of words."""
         return list(value)
 
 
@@ -273,34 +198,42 @@ class FormulaOf(Kind):
     variables: tuple[str, ...]
 
     @property
+    @override
     def allowed(self) -> str:
-        """What is allowed, in words."""
         return f"a number or a formula in {', '.join(self.variables)}"
 
+    @override
     def read(self, value: object) -> Formula:
-        """Return a Formula; raise NotAllowedError saying why not."""
         if isinstance(value, Formula):
-            if set(value.variables) <= set(self.variables):
+            if value.variables == self.variables:
                 return value
             value = value.text
+        text = value if isinstance(value, str) else repr(number(value))
         try:
-            return Formula(value if isinstance(value, str) else repr(number(value)), self.variables)
+            return Formula(text, self.variables)
         except FormulaError as error:
             raise NotAllowedError(error.why) from None
 
+    @override
     def write(self, value: Formula) -> float | str:
-        """Return a number or a text."""
         return value.plain
 
 
 def one_of(value: object, words: tuple[str, ...]) -> str:
-    """Return a word that is one of several; raise NotAllowedError with the nearest one."""
-    from difflib import get_close_matches  # noqa: PLC0415
+    """Return a text that is one of several words.
 
+    Raises:
+        NotAllowedError: naming the nearest word, if one is near.
+    """
+    text = _text(value)
+    if text not in words:
+        near = get_close_matches(text[:80].lower(), words, 1)
+        meant = f", did you mean {show(near[0])}?" if near else ""
+        raise NotAllowedError(f"{show(text)} is not known{meant}")
+    return text
+
+
+def _text(value: object) -> str:
     if not isinstance(value, str):
-        raise NotAllowedError(f"{show(value)} is {_kind_name(value)}, write a text in quotes")
-    if value not in words:
-        near = get_close_matches(value.lower()[:80], words, 1)
-        meant = f', did you mean "{near[0]}"?' if near else ""
-        raise NotAllowedError(f"{show(value)} is not known{meant}")
+        raise NotAllowedError(f"it is {type_in_words(value)}, write a text in quotes")
     return str(value)

@@ -7,7 +7,7 @@ from impactfem.scene.kinds import Name
 from impactfem.scene.schema import check_fields, key, table
 
 
-@table('[[obstacle]], kind = "wall"')
+@table('[[obstacle]] with kind = "wall"')
 @dataclass(frozen=True, kw_only=True)
 class Wall:
     """A rigid wall at rest, in front of the near end of a bar.

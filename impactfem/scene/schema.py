@@ -1,4 +1,4 @@
-"""Keys of the scene language: declared once as dataclass fields, checked and described from there."""
+"""Keys of the scene language: declared once as dataclass fields, checked and described."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields
@@ -6,7 +6,17 @@ from difflib import get_close_matches
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 from impactfem.errors import SceneError
-from impactfem.scene.kinds import Kind, NotAllowedError, show
+from impactfem.scene.kinds import Kind
+from impactfem.scene.values import NotAllowedError, show
+
+TOP = "top level"
+
+# Keys that the language foresees but this version does not know, and why they may be left out.
+NOT_YET: Mapping[str, str] = {
+    "contact": "contact laws are not available yet, the bar meets the wall without friction",
+    "friction_coefficient": "friction is not available yet",
+    "restitution": "restitution laws are not available yet",
+}
 
 
 class _Required:
@@ -19,16 +29,19 @@ class _Required:
 REQUIRED = _Required()
 
 
-class KeyFault(SceneError):
-    """An error at one key; `moved` tells the same with the place of the table in a scene file."""
+class KeyedError(SceneError):
+    """An error at one key: the message starts with the path of the key."""
 
     def __init__(self, where: str, key: str, text: str) -> None:
         super().__init__(f"{join(where, key)}{text}")
         self.where, self.key, self.text = where, key, text
 
-    def moved(self, where: str) -> "KeyFault":
-        """Return the same fault for a table that stands at another place."""
-        return KeyFault(where, self.key, self.text)
+    def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
+        return type(self), (self.where, self.key, self.text)
+
+    def moved(self, where: str) -> "KeyedError":
+        """Return the same error for a table that stands at another place."""
+        return KeyedError(where, self.key, self.text)
 
 
 class DataclassLike(Protocol):
@@ -39,7 +52,7 @@ class DataclassLike(Protocol):
 
 @dataclass(frozen=True)
 class Key:
-    """One key of the language: its kind of value, unit, meaning and default."""
+    """One key of the language: kind of its value, meaning, unit and default."""
 
     name: str
     kind: Kind
@@ -52,6 +65,33 @@ class Key:
         """What to give, for messages."""
         unit = f" [{self.unit}]" if self.unit else ""
         return f"{self.kind.allowed}{unit} ({self.doc})"
+
+    def read(self, value: object, where: str) -> object:
+        """Return a value as stored.
+
+        Raises:
+            KeyedError: the value is missing or not allowed.
+        """
+        if value is REQUIRED:
+            raise KeyedError(where, self.name, f" is missing: add it, give {self.wanted}.")
+        if value is None and self.default is None:
+            return None
+        try:
+            return self.kind.read(value)
+        except NotAllowedError as error:
+            text = f" = {show(value)} is not allowed: {error}; give {self.wanted}."
+            raise KeyedError(where, self.name, text) from None
+
+    def describe(self) -> "KeyDoc":
+        """Return the row of the scene reference."""
+        if self.default is REQUIRED:
+            default = "required"
+        elif self.default is None:
+            default = "chosen by the plan"
+        else:
+            default = self.kind.write_default(self.default)
+        kind = self.kind
+        return KeyDoc(self.name, kind.type_name, self.unit, default, self.doc, kind.allowed)
 
 
 class KeyDoc(NamedTuple):
@@ -77,7 +117,7 @@ def join(where: str, key: str) -> str:
     return f"{where}.{key}" if where and key else where or key
 
 
-def key(kind: Kind, doc: str, *, unit: str = "", default: object = REQUIRED, name: str = "") -> Any:  # noqa: ANN401
+def key(kind: Kind, doc: str, *, unit: str = "", default: object = REQUIRED, name: str = "") -> Any:  # noqa: ANN401  # as dataclasses.field, to fit fields of any type
     """Declare a dataclass field as a key of the scene language.
 
     Args:
@@ -85,7 +125,7 @@ def key(kind: Kind, doc: str, *, unit: str = "", default: object = REQUIRED, nam
         doc: meaning, a few words.
         unit: SI unit, empty for none.
         default: value when absent; None means that the plan chooses.
-        name: name in scene files when it differs from the name of the field.
+        name: name in scene files, when it is not the name of the field.
     """
     return field(default=default, metadata={"key": (kind, doc, unit, name)})
 
@@ -101,72 +141,48 @@ def keys_of(cls: type[DataclassLike]) -> dict[str, Key]:
 
 
 def check_fields(instance: DataclassLike, where: str) -> None:
-    """Check and convert all fields of a new instance, in place.
+    """Check and convert all fields of a new frozen instance, in place.
 
     Raises:
-        KeyFault: a value is missing or not allowed.
+        KeyedError: a value is missing or not allowed.
     """
     for name, entry in keys_of(type(instance)).items():
-        value = getattr(instance, name)
-        if value is REQUIRED:
-            raise missing(entry, where)
-        if value is None and entry.default is None:
-            continue
-        try:
-            checked = entry.kind.read(value)
-        except NotAllowedError as error:
-            raise KeyFault(where, entry.name, refusal(value, str(error), entry)) from None
-        object.__setattr__(instance, name, checked)
-
-
-def refusal(value: object, why: str, entry: Key) -> str:
-    """Return the text of a message about a value, to follow its path."""
-    return f" = {show(value)} is not allowed: {why}; give {entry.wanted}."
-
-
-def missing(entry: Key, where: str) -> KeyFault:
-    """Return the fault of a key that must be given."""
-    return KeyFault(where, entry.name, f" is missing: add {entry.name} = {entry.wanted}.")
+        object.__setattr__(instance, name, entry.read(getattr(instance, name), where))
 
 
 def check_keys(table: object, known: list[str], where: str) -> Mapping[str, object]:
-    """Refuse what is not a table, and keys that are not known.
+    """Return the table if it is one and all its keys are known.
 
     Raises:
-        KeyFault: naming the nearest known key, or the table where the key belongs.
+        KeyedError: naming the nearest known key, or the table where the key belongs.
     """
     if not isinstance(table, Mapping):
-        header = f"[{where}]" if "[" not in where else "a table"
-        raise KeyFault(where, "", f" = {show(table)} is not allowed: give {header} with keys.")
+        text = f" = {show(table)} is not a table: write [{where}] and keys below it."
+        raise KeyedError(where or "scene", "", text)
     for name, value in table.items():
-        if name in known:
-            continue
-        if not isinstance(name, str):
-            raise KeyFault(where, show(name), " is not allowed as a key: give a text.")
-        near = get_close_matches(name[:80], known, 1, cutoff=0.6)
-        homes = [heading for heading, cls in _TABLES.items() if name in _toml_names(cls)]
-        if near:
-            hint = f'did you mean "{near[0]}"?'
-        elif name in NOT_YET:
-            hint = f"{NOT_YET[name]}; remove it."
-        elif homes:
-            hint = f"it belongs to {homes[0]}; move it there."
-        else:
-            hint = "remove it."
-        raise KeyFault(
-            where,
-            name if len(name) <= 40 and name.isprintable() else show(name),
-            f" = {show(value)} is not a known key: {hint} Known keys: {', '.join(known)}.",
-        )
+        if name not in known:
+            short = isinstance(name, str) and len(name) <= 40 and name.isprintable()
+            text = f" = {show(value)} is not a known key: {_hint(str(name), known)}"
+            raise KeyedError(
+                where, name if short else show(name), f"{text} Known keys: {', '.join(known)}."
+            )
     return table
 
 
-# Keys that the language foresees but this version does not know.
-NOT_YET: Mapping[str, str] = {
-    "contact": "contact laws with friction or restitution are not available yet",
-    "friction_coefficient": "friction is not available yet",
-    "restitution": "restitution laws are not available yet",
-}
+def _hint(name: str, known: list[str]) -> str:
+    homes = [
+        heading
+        for heading, cls in _TABLES.items()
+        if name in (entry.name for entry in keys_of(cls).values())
+    ]
+    if TOP in homes:
+        return "it belongs to the top of the file; move it before the first table."
+    if homes:
+        return f"it belongs to {homes[0]}; move it there."
+    if name in NOT_YET:
+        return f"{NOT_YET[name]}; remove it."
+    near = get_close_matches(name[:80].lower(), known, 1)
+    return f'did you mean "{near[0]}"?' if near else "remove it."
 
 
 def from_table[T: DataclassLike](cls: type[T], table: object, where: str, *extra: str) -> T:
@@ -179,22 +195,22 @@ def from_table[T: DataclassLike](cls: type[T], table: object, where: str, *extra
         extra: keys that may stand in the table besides (``kind``).
 
     Raises:
-        KeyFault: unknown key first (it may be a misspelt one), then missing and wrong ones.
+        KeyedError: unknown keys first (one may be misspelt), then missing and wrong ones.
     """
     names = {entry.name: name for name, entry in keys_of(cls).items()}
     given = check_keys(table, [*extra, *names], where)
     values = {names[k]: v for k, v in given.items() if k in names and v is not None}
     try:
         return cls(**values)
-    except KeyFault as fault:
-        raise fault.moved(where) from None
+    except KeyedError as error:
+        raise error.moved(where) from None
 
 
 _TABLES: dict[str, type[DataclassLike]] = {}
 
 
 def table[T: type[DataclassLike]](heading: str) -> Callable[[T], T]:
-    """Class decorator: register a class as a table of the language, for `describe`."""
+    """Register a class as a table of the language, for `describe` and for hints."""
 
     def register(cls: T) -> T:
         _TABLES[heading] = cls
@@ -203,30 +219,12 @@ def table[T: type[DataclassLike]](heading: str) -> Callable[[T], T]:
     return register
 
 
-def _toml_names(cls: type[DataclassLike]) -> list[str]:
-    return [entry.name for entry in keys_of(cls).values()]
-
-
 def describe() -> list[TableDoc]:
-    """Return every table and key of the scene language, for the reference and for messages."""
+    """Return every table and key of the scene language, for the scene reference."""
     tables = []
     for heading, cls in sorted(_TABLES.items(), key=lambda item: item[0] != TOP):
-        rows = []
-        if kind := getattr(cls, "kind", None):
-            rows.append(KeyDoc("kind", "text", "", "required", f"this is a {kind}", f'"{kind}"'))
-        for entry in keys_of(cls).values():
-            rows.append(
-                KeyDoc(
-                    entry.name,
-                    entry.kind.type_name,
-                    entry.unit,
-                    entry.kind.default_text(entry.default, REQUIRED),
-                    entry.doc,
-                    entry.kind.allowed,
-                )
-            )
-        tables.append(TableDoc(heading, rows))
+        kind = getattr(cls, "kind", None)
+        extra = [KeyDoc("kind", "text", "", "required", f"makes it a {kind}", show(kind))]
+        rows = [entry.describe() for entry in keys_of(cls).values()]
+        tables.append(TableDoc(heading, (extra if kind else []) + rows))
     return tables
-
-
-TOP = "top level"

@@ -2,21 +2,24 @@
 
 from dataclasses import dataclass
 from pathlib import PurePath
-from typing import ClassVar
+from typing import override
 
-from impactfem.scene.kinds import Choice, Choices, Integer, Line, NotAllowedError, Real
-from impactfem.scene.schema import KeyFault, check_fields, key, table
+from impactfem.scene.kinds import Choice, Choices, Integer, Line, Real
+from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.values import NotAllowedError, is_number, show
 
 METHODS = ("galerkin", "exact")
+ACTIVE_SETS = ("pdas", "snes_vi")
+FIELD_FORMATS = ("vtkhdf", "vtx", "pvd")
 
 
 @dataclass(frozen=True)
 class _Window(Choice):
     """The word "all"; numbers of layers will come."""
 
+    @override
     def read(self, value: object) -> str:
-        """Return "all"; raise NotAllowedError saying why not."""
-        if isinstance(value, int | float) and not isinstance(value, bool):
+        if is_number(value):
             raise NotAllowedError('windows are not available yet, use "all"')
         return super().read(value)
 
@@ -26,15 +29,14 @@ class _MeshPath(Line):
     """The path of a mesh file."""
 
     max_length: int = 1000
-    type_name: ClassVar[str] = "text"
 
     @property
+    @override
     def allowed(self) -> str:
-        """What is allowed, in words."""
-        return "the path of a .geo or .msh file, relative to the scene file or absolute"
+        return "the path of a .geo or .msh file, absolute or relative to the scene file"
 
+    @override
     def read(self, value: object) -> str:
-        """Return the path as a text; raise NotAllowedError saying why not."""
         path = super().read(str(value) if isinstance(value, PurePath) else value)
         if not path.lower().endswith((".geo", ".msh")):
             raise NotAllowedError("its name does not end in .geo or .msh")
@@ -54,16 +56,16 @@ class Solve:
     elements: int | None = key(
         Integer(2, 1_000_000), "number of elements along the bar", default=None
     )
-    courant: float | None = key(Real(above=0), "c dt / h, time step over grid size", default=None)
+    courant: float | None = key(Real(above=0), "c dt / h, time step by grid size", default=None)
     dt: float | None = key(Real(above=0), "time step, instead of courant", unit="s", default=None)
     window: str | None = key(
         _Window(("all",)), "time layers that one active-set loop solves together", default=None
     )
     active_set: str | None = key(
-        Choice(("pdas", "snes_vi")), "primal-dual active set or PETSc's SNES VI", default=None
+        Choice(ACTIVE_SETS), "primal-dual active set, or PETSc's SNES VI", default=None
     )
     gamma: float | None = key(
-        Real(above=0), "merit constant of the active set, dimensionless", default=None
+        Real(above=0), "dimensionless merit constant of the active set", default=None
     )
     tolerance: float | None = key(
         Real(above=0, below=1), "relative tolerance of the active set", default=None
@@ -77,22 +79,21 @@ class Solve:
 
     def __post_init__(self) -> None:
         check_fields(self, "solve")
-        self._contradict("dt", ("courant",), "each follows from the other; remove one of them")
-        self._contradict(
-            "mesh", ("elements", "courant", "dt"), "the mesh fixes them; remove one or the other"
-        )
+        self._exclude("dt", ("courant",), "each follows from the other; remove one of them")
+        fixed = "the mesh fixes it; remove one of them"
+        self._exclude("mesh", ("elements", "courant", "dt"), fixed)
         if self.method == "exact":
-            self._contradict(
-                "method",
-                ("mesh", "active_set", "gamma", "tolerance", "max_iterations"),
-                "the exact solution needs neither mesh nor iterations; remove one of the two keys",
-            )
+            without = ("mesh", "active_set", "gamma", "tolerance", "max_iterations")
+            reason = "the exact solution has no mesh and no iterations; remove one of them"
+            self._exclude("method", without, reason)
 
-    def _contradict(self, first: str, others: tuple[str, ...], why: str) -> None:
+    def _exclude(self, name: str, others: tuple[str, ...], why: str) -> None:
+        """Refuse a key together with others."""
         for other in others:
-            one, two = getattr(self, first), getattr(self, other)
+            one, two = getattr(self, name), getattr(self, other)
             if one is not None and two is not None:
-                raise KeyFault("solve", first, f" = {one!r} contradicts {other} = {two!r}: {why}.")
+                text = f" = {show(one)} contradicts {other} = {show(two)}: {why}."
+                raise KeyedError("solve", name, text)
 
 
 @table("[output]")
@@ -105,7 +106,7 @@ class Output:
     """
 
     fields: tuple[str, ...] = key(
-        Choices(("vtkhdf", "vtx", "pvd")), "formats of the field output", default=("vtkhdf",)
+        Choices(FIELD_FORMATS), "formats of the field output", default=("vtkhdf",)
     )
     every: int = key(Integer(1, 1_000_000_000), "field output every so many time layers", default=1)
 

@@ -4,12 +4,12 @@ import re
 import tomllib
 from collections.abc import Mapping
 from datetime import date, datetime, time
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from impactfem.errors import SceneError
-from impactfem.scene.kinds import show
+from impactfem.scene.values import show
 
 MAX_BYTES = 2**20
 
@@ -20,68 +20,65 @@ def read_toml(path: str | PathLike[str]) -> dict[str, Any]:
     Raises:
         SceneError: the file is missing, unreadable, empty, too large, not UTF-8 or not TOML.
     """
-    name = fspath(path)
-    try:
-        with Path(name).open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except FileNotFoundError:
-        raise SceneError(f"{name}: there is no such file; check the path.") from None
-    except IsADirectoryError:
-        raise SceneError(f"{name}: this is a folder; give the scene file in it.") from None
-    except PermissionError:
-        raise SceneError(f"{name}: no permission to read the file; change it with chmod.") from None
-    except (OSError, ValueError) as error:
-        raise SceneError(
-            f"{show(name)}: the file cannot be read ({error}); check the path."
-        ) from None
+    name = str(path)
+    data = _read_bytes(name)
     if len(data) > MAX_BYTES:
-        raise SceneError(
-            f"{name}: larger than 1 MiB, the limit for scene files; is it a scene file?"
-        )
+        raise SceneError(f"{name}: larger than the limit of 1 MiB; give a scene file.")
     try:
         text = data.decode("utf-8-sig")  # editors on Windows put a byte order mark first
     except UnicodeDecodeError as error:
-        raise SceneError(
-            f"{name}: byte {error.start} ({data[error.start]:#04x}) is not UTF-8; save the file as UTF-8 text."
-        ) from None
+        byte = f"byte {error.start} ({data[error.start]:#04x})"
+        raise SceneError(f"{name}: {byte} is not UTF-8; save the file as UTF-8 text.") from None
     if "\0" in text:
-        raise SceneError(f"{name}: this is a binary file; give a scene file in TOML text.")
+        raise SceneError(f"{name}: this is a binary file; give a scene file in TOML.")
     if not text.strip():
-        raise SceneError(
-            f"{name}: the file is empty; it needs title, duration, [[body]], [[obstacle]]."
-        )
+        needs = "title, duration, [[body]] and [[obstacle]]"
+        raise SceneError(f"{name}: the file is empty; add {needs}.")
     return parse_toml(text, name)
 
 
+def _read_bytes(name: str) -> bytes:
+    try:
+        with Path(name).open("rb") as file:
+            return file.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        why = "there is no such file; check the path"
+    except IsADirectoryError:
+        why = "this is a folder; give the scene file in it"
+    except PermissionError:
+        why = "there is no permission to read the file; allow it, or copy the file"
+    except (OSError, ValueError) as error:  # too long a name, a null character in it
+        why = f"the file cannot be read ({getattr(error, 'strerror', None) or error}); check it"
+        name = show(name)
+    raise SceneError(f"{name}: {why}.") from None
+
+
 def parse_toml(text: str, name: str) -> dict[str, Any]:
-    """Parse TOML text; `name` of the file is for messages.
+    """Parse TOML text; `name` stands for the file in messages.
 
     Raises:
         SceneError: with line, column and the line itself.
     """
     try:
-        # Universal newlines as in text files: a lone carriage return is not a line end in TOML.
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        message = str(error)
-        found = re.search(r"at line (\d+), column", message)
-        lines = text.splitlines()
-        line = lines[int(found[1]) - 1].strip() if found and int(found[1]) <= len(lines) else ""
-        raise SceneError(
-            f"{name}: not valid TOML: {message}{': ' + show(line) if line else ''}; "
-            "correct that line (key = value, texts in quotes, each key once)."
-        ) from None
+        found = re.search(r"at line (\d+), column", str(error))
+        number = int(found[1]) if found else 0
+        lines = text.split("\n")  # tomllib counts these only
+        line = f" in {show(lines[number - 1].strip())}" if 0 < number <= len(lines) else ""
+        why = f"{error}{line}; correct it (key = value, texts in quotes, each key once)"
     except RecursionError:
-        raise SceneError(f"{name}: lists or tables are nested too deeply; simplify them.") from None
-    except ValueError as error:
-        raise SceneError(f"{name}: a value cannot be read ({error}); correct it.") from None
+        why = "lists or tables are nested too deeply; simplify them"
+    except ValueError as error:  # integers of thousands of digits
+        why = f"{error}; correct the value"
+    raise SceneError(f"{name}: not valid TOML: {why}.") from None
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
     """Split ``solve.elements=80`` into the path and the value.
 
-    The value is read as TOML (``80``, ``[]``, ``"free"``), otherwise taken as a text (``clamped``, ``-0.5*x``).
-    An empty value is None: `Scene.with_settings` then removes the key.
+    The value is read as TOML (``80``, ``[]``, ``"free"``), otherwise taken as text (``clamped``,
+    ``-0.5*x``). Nothing after ``=`` gives None: `Scene.with_settings` then removes the key.
 
     Raises:
         SceneError: there is no ``=``, or nothing before it.
@@ -89,19 +86,20 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     path, equals, given = text.partition("=")
     path, given = path.strip(), given.strip()
     if not equals or not path:
-        raise SceneError(f"setting {show(text)}: write it as key=value, such as solve.elements=80.")
+        raise SceneError(f"setting {show(text)}: write it as key=value, as solve.elements=80.")
     if not given:
         return path, None
     try:
         table = tomllib.loads(f"value = {given}")
     except (ValueError, RecursionError):
         return path, given
-    value = table["value"] if set(table) == {"value"} else given
-    return path, given if isinstance(value, datetime | date | time) else value
+    value = table["value"]
+    # More keys come from line breaks; a date can only be meant as text.
+    return path, given if len(table) > 1 or isinstance(value, datetime | date | time) else value
 
 
 def write_value(value: object) -> str:
-    """Return a text, number, boolean, list or table of these as a TOML value."""
+    """Return a text, number, boolean or list as a TOML value."""
     match value:
         case bool():
             return "true" if value else "false"
@@ -122,10 +120,10 @@ def _escape(character: str) -> str:
     return character
 
 
-def write_table(table: Mapping[str, Any], units: Mapping[str, str]) -> list[str]:
-    """Return the lines ``key = value  # [unit]`` of a table."""
-    lines = []
+def write_table(heading: str, table: Mapping[str, Any], units: Mapping[str, str]) -> str:
+    """Return a table as text, with units as comments; no heading for the top level."""
+    lines = [heading] if heading else []
     for name, value in table.items():
         unit = f"  # [{units[name]}]" if units.get(name) else ""
         lines.append(f"{name} = {write_value(value)}{unit}")
-    return lines
+    return "\n".join(lines) + "\n"

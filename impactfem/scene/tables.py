@@ -1,0 +1,145 @@
+"""Tables inside a scene: bodies, obstacles and settings, as kinds of values."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, override
+
+from impactfem.scene.kinds import Kind, one_of
+from impactfem.scene.schema import KeyedError, check_keys, from_table, keys_of
+from impactfem.scene.values import NotAllowedError, show, type_in_words
+
+
+@dataclass(frozen=True)
+class SettingsKind(Kind):
+    """One table of settings."""
+
+    type_name: ClassVar[str] = "table"
+    cls: type[Any]
+    heading: str
+
+    @property
+    @override
+    def allowed(self) -> str:
+        return f"the keys of {self.heading}"
+
+    @override
+    def read(self, value: object) -> Any:
+        if not isinstance(value, self.cls):
+            raise NotAllowedError(f"it is {type_in_words(value)}, write {self.cls.__name__}(...)")
+        return value
+
+    @override
+    def write_default(self, default: object) -> str:
+        return f"defaults of {self.heading}"
+
+
+@dataclass(frozen=True)
+class ObjectsKind(Kind):
+    """A list of exactly one body or obstacle."""
+
+    type_name: ClassVar[str] = "list of tables"
+    classes: tuple[type[Any], ...]
+    heading: str
+
+    @property
+    @override
+    def allowed(self) -> str:
+        kinds = " or ".join(show(cls.kind) for cls in self.classes)
+        return f"exactly one {self.heading} of kind {kinds}"
+
+    @override
+    def read(self, value: object) -> tuple[Any, ...]:
+        if isinstance(value, self.classes):
+            raise NotAllowedError("it is not in a list, write [ ] around it")
+        if not isinstance(value, list | tuple):
+            raise NotAllowedError(f"it is {type_in_words(value)}, not a list")
+        for entry in value:
+            if not isinstance(entry, self.classes):
+                names = " or ".join(cls.__name__ for cls in self.classes)
+                raise NotAllowedError(f"{show(entry)} is not a {names}")
+        check_count(value)
+        return tuple(value)
+
+
+def check_count(entries: list[Any] | tuple[Any, ...]) -> None:
+    """Refuse any other number of bodies or obstacles than one.
+
+    Raises:
+        NotAllowedError: with the number.
+    """
+    if len(entries) != 1:
+        are = "is none" if not entries else f"are {len(entries)}"
+        raise NotAllowedError(f"there {are}, but this version models one bar and one wall")
+
+
+def read_objects(value: object, heading: str, classes: Mapping[str, type[Any]]) -> list[Any]:
+    """Read the tables of ``[[body]]`` or ``[[obstacle]]``, each with the class of its kind.
+
+    Raises:
+        KeyedError: naming the key, e.g. ``body[0].kind``.
+    """
+    if not isinstance(value, list | tuple):
+        text = f" = {show(value)} is not a list: write [[{heading}]] with two brackets."
+        raise KeyedError(heading, "", text)
+    try:
+        check_count(value)  # first: a file may hold thousands
+    except NotAllowedError as error:
+        text = f" = {show(value)} is not allowed: {error}; give exactly one [[{heading}]]."
+        raise KeyedError(heading, "", text) from None
+    return [_read_object(entry, f"{heading}[{i}]", classes) for i, entry in enumerate(value)]
+
+
+def _read_object(entry: object, where: str, classes: Mapping[str, type[Any]]) -> Any:  # noqa: ANN401  # of one of the classes
+    allowed = " or ".join(show(kind) for kind in classes)
+    if not isinstance(entry, Mapping):
+        heading = where.partition("[")[0]
+        text = f" = {show(entry)} is not a table: write [[{heading}]] and keys below it."
+        raise KeyedError(where, "", text)
+    given = entry.get("kind")
+    if given is None:
+        known = [key.name for cls in classes.values() for key in keys_of(cls).values()]
+        check_keys(entry, ["kind", *known], where)  # "kind" may be there, but misspelt
+        raise KeyedError(where, "kind", f" is missing: add kind = {allowed}.")
+    try:
+        kind = one_of(given, tuple(classes))
+    except NotAllowedError as error:
+        text = f" = {show(given)} is not allowed: {error}; give {allowed}."
+        raise KeyedError(where, "kind", text) from None
+    return from_table(classes[kind], entry, where, "kind")
+
+
+def assign(data: dict[str, Any], path: str, value: object) -> None:
+    """Put a value at a path such as ``solve.dt`` or ``body.0.gap`` of plain tables.
+
+    Raises:
+        NotAllowedError: there is no such table.
+    """
+    parts = [part.strip() for part in path.replace("[", ".").replace("]", "").split(".")]
+    place: Any = data
+    for part in parts[:-1]:
+        if isinstance(place, list):
+            found = [e for i, e in enumerate(place) if part in {str(i), e.get("name")}]
+            if not found:
+                names = " or ".join(f"{i} or {e['name']}" for i, e in enumerate(place))
+                raise NotAllowedError(f"there is no {show(part)}; write {names}")
+            place = found[0]
+        elif isinstance(place, dict) and part in (tables := _tables(place)):
+            place = tables[part]
+        else:
+            raise NotAllowedError(
+                f"there is no table {show(part)}; the tables are {', '.join(_tables(data))}"
+            )
+    if isinstance(place, list):
+        example = ".".join([*parts[:-1], place[0]["name"], parts[-1]])
+        raise NotAllowedError(f"say which one is meant, such as {example}")
+    place[parts[-1]] = value
+
+
+def _tables(data: dict[str, Any]) -> dict[str, Any]:
+    """Return the tables of a table; a list counts when it holds tables."""
+    return {
+        name: value
+        for name, value in data.items()
+        if isinstance(value, dict)
+        or (isinstance(value, list) and any(isinstance(entry, dict) for entry in value))
+    }
