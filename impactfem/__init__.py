@@ -1,0 +1,86 @@
+"""impactfem: non-smooth impact dynamics on DOLFINx and PETSc.
+
+Give it a scene; it answers with displacement, contact force and energy, and says how large the
+error is and what it cost.
+
+    >>> import impactfem
+    >>> scene = impactfem.Scene.from_toml("scene.toml")
+    >>> result = impactfem.solve(scene, elements=80)
+    >>> result.summary["error"]
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from impactfem.errors import (
+        ConvergenceError,
+        ImpactError,
+        MeshError,
+        MissingDependencyError,
+        OutputError,
+        SceneError,
+    )
+    from impactfem.exact import ExactBar
+    from impactfem.planning import Plan, plan
+    from impactfem.result import Result
+    from impactfem.scene import Bar, Formula, Output, PiecewiseConstant, Scene, Solve, Wall
+    from impactfem.solving import solve
+
+__version__ = "0.1.0"
+
+# Public names and where they live; loaded when first used, so that `import impactfem` is fast.
+_HOMES = {
+    "Bar": "impactfem.scene",
+    "ConvergenceError": "impactfem.errors",
+    "ExactBar": "impactfem.exact",
+    "Formula": "impactfem.scene",
+    "ImpactError": "impactfem.errors",
+    "MeshError": "impactfem.errors",
+    "MissingDependencyError": "impactfem.errors",
+    "Output": "impactfem.scene",
+    "OutputError": "impactfem.errors",
+    "PiecewiseConstant": "impactfem.scene",
+    "Plan": "impactfem.planning",
+    "Result": "impactfem.result",
+    "Scene": "impactfem.scene",
+    "SceneError": "impactfem.errors",
+    "Solve": "impactfem.scene",
+    "Wall": "impactfem.scene",
+    "plan": "impactfem.planning",
+    "solve": "impactfem.solving",
+}
+
+__all__ = [
+    "Bar",
+    "ConvergenceError",
+    "ExactBar",
+    "Formula",
+    "ImpactError",
+    "MeshError",
+    "MissingDependencyError",
+    "Output",
+    "OutputError",
+    "PiecewiseConstant",
+    "Plan",
+    "Result",
+    "Scene",
+    "SceneError",
+    "Solve",
+    "Wall",
+    "__version__",
+    "plan",
+    "solve",
+]
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401
+    if name not in _HOMES:
+        raise AttributeError(f"module 'impactfem' has no attribute {name!r}")
+    value = getattr(import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

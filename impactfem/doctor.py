@@ -1,0 +1,114 @@
+"""What is installed, what works and what is missing."""
+
+import importlib
+import importlib.metadata
+import importlib.util
+import os
+import platform
+import shutil
+import subprocess
+import sys
+
+import impactfem
+
+_LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "matplotlib", "tqdm")
+_PACKAGES = ("mumps", "superlu_dist", "hypre", "ptscotch", "slepc")
+_RENDER = """
+import pyvista
+plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
+plotter.add_mesh(pyvista.Sphere())
+plotter.screenshot(return_img=True)
+"""
+
+
+def examine() -> tuple[list[tuple[str, str]], list[str]]:
+    """Look at the environment.
+
+    Returns:
+        Rows (what, finding), and the faults that keep scenes from being solved.
+    """
+    rows = [
+        ("impactfem", impactfem.__version__),
+        ("python", f"{platform.python_version()} ({sys.executable})"),
+    ]
+    faults: list[str] = []
+    for name in _LIBRARIES:
+        rows.append((name, _version(name)))
+        if rows[-1][1] == "missing":
+            faults.append(f"{name} is missing: pip install {name}")
+    rows += _finite_elements(faults)
+    rows += [("compiler", _compiler(faults)), ("gmsh", _gmsh(faults)), ("rendering", _rendering())]
+    rows.append(("OMP_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "not set (1 is used)")))
+    return rows, faults
+
+
+def _version(name: str) -> str:
+    try:
+        module = importlib.import_module(name)
+    except ImportError:
+        return "missing"
+    version = getattr(module, "__version__", None)
+    return str(version) if version else importlib.metadata.version(name)
+
+
+def _finite_elements(faults: list[str]) -> list[tuple[str, str]]:
+    """DOLFINx, MPI and PETSc."""
+    try:
+        from impactfem.fem import MPI, PETSc, dolfinx_fem  # noqa: F401, PLC0415
+    except impactfem.MissingDependencyError as error:
+        faults.append(str(error))
+        return [("dolfinx", "missing")]
+    mpi = MPI.Get_library_version().split("\n")[0].replace("\t", " ").strip()
+    petsc = ".".join(str(part) for part in PETSc.Sys.getVersion())
+    has = {name: PETSc.Sys.hasExternalPackage(name) for name in _PACKAGES}
+    if not has["mumps"]:
+        faults.append("PETSc has no MUMPS: install dolfinx-solver-real or Debian's python3-dolfinx")
+    import dolfinx  # noqa: PLC0415
+
+    adios = "yes" if hasattr(dolfinx.io, "VTXWriter") else "no (field output vtx is not available)"
+    return [
+        ("dolfinx", dolfinx.__version__),
+        ("ADIOS2", adios),
+        ("mpi4py", f"{_version('mpi4py')}, {mpi}"),
+        ("mpirun", shutil.which("mpirun") or _beside_python("mpirun") or "not on PATH"),
+        ("petsc", f"{petsc}, {PETSc.ScalarType.__name__}"),
+        ("petsc packages", ", ".join(f"{k} {'yes' if v else 'no'}" for k, v in has.items())),
+    ]
+
+
+def _beside_python(name: str) -> str | None:
+    return shutil.which(name, path=os.path.dirname(sys.executable))  # noqa: PTH120
+
+
+def _compiler(faults: list[str]) -> str:
+    """The C compiler that builds the forms."""
+    found = next((p for n in (os.environ.get("CC"), "cc", "gcc") if n and (p := shutil.which(n))), None)
+    if found is None:
+        faults.append("no C compiler: apt-get install gcc libc6-dev")
+    return found or "missing"
+
+
+def _gmsh(faults: list[str]) -> str:
+    from impactfem.mesh.session import import_gmsh  # noqa: PLC0415
+
+    try:
+        return str(import_gmsh().__version__)
+    except impactfem.MissingDependencyError as error:
+        faults.append(str(error))
+        return "missing"
+
+
+def _rendering() -> str:
+    """Whether pyvista can draw without a display; tried in a process of its own, as VTK may abort."""
+    if importlib.util.find_spec("pyvista") is None:
+        return "matplotlib only (pyvista is optional: pip install impactfem[view])"
+    try:
+        done = subprocess.run(  # noqa: S603  (our own text)
+            [sys.executable, "-c", _RENDER], capture_output=True, timeout=60, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return "matplotlib; pyvista hangs without a display"
+    version = _version("pyvista")
+    if done.returncode == 0:
+        return f"matplotlib and pyvista {version}, off screen"
+    return f"matplotlib; pyvista {version} reads files but cannot draw here (no display or Xvfb)"

@@ -1,0 +1,152 @@
+"""The exact solution of a scene, as a reference for errors and as a method of its own."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from impactfem.exact import ExactBar
+from impactfem.result import BodyMotion, Fields, make_history
+from impactfem.result.history import Columns
+from impactfem.scene import Bar, PiecewiseConstant, Scene
+from impactfem.spacetime.solution import SpaceTimeSolution
+
+Floats = NDArray[np.float64]
+
+# Gauss points of an interval for the integral of |force - exact force|.
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+
+
+def exact_bar(scene: Scene, duration: float | None = None) -> ExactBar:
+    """Exact solution of the scene's bar by characteristics.
+
+    Args:
+        scene: Scene with one bar and one wall.
+        duration: End of the solution [s]; the scene's duration if None.
+    """
+    bar = scene.bodies[0]
+    return ExactBar.from_functions(
+        length=bar.length,
+        wave_speed=bar.wave_speed,
+        duration=scene.duration if duration is None else duration,
+        displacement=lambda x: bar.initial_displacement(x=x) + np.zeros_like(x),
+        velocity=lambda x: bar.initial_velocity(x=x) + np.zeros_like(x),
+        gravity_times=scene.gravity.times,
+        gravity_values=scene.gravity.values,
+        far_end="clamped" if bar.far_end == "clamped" else "free",
+    )
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors against a reference, relative where the exact value is not 0.
+
+    Attributes:
+        reference: What the solution is compared with.
+        displacement_max: Largest nodal error over the largest exact displacement.
+        displacement_l2: L2 norm over space-time by the trapezoidal rule at the nodes, relative.
+        force_l1: Integral of |force - exact force| over that of the exact force.
+    """
+
+    reference: str
+    displacement_max: float
+    displacement_l2: float
+    force_l1: float
+
+
+def measure(solution: SpaceTimeSolution, exact: ExactBar) -> Errors:
+    """Errors of a space-time solution at its nodes and on its wall intervals."""
+    t, x = solution.times, solution.positions
+    reference = exact.displacement(t[:, None], x[None, :])
+    difference = solution.displacement - reference
+    weights = np.sqrt(_trapezoidal(t)[:, None] * _trapezoidal(x)[None, :])
+    dt = np.diff(t)[:, None]
+    inside = t[:-1, None] + 0.5 * dt * (1.0 + _POINTS)
+    force = exact.multiplier(inside)
+    quadrature = 0.5 * dt * _WEIGHTS
+    wrong = np.sum(quadrature * np.abs(solution.multiplier[:, None] - force))
+    how = "exact solution by characteristics"
+    if exact.sampled:
+        how += f", initial state sampled on {exact.pieces} pieces"
+    return Errors(
+        how,
+        _relative(np.abs(difference).max(), np.abs(reference).max()),
+        _relative(np.linalg.norm(weights * difference), np.linalg.norm(weights * reference)),
+        _relative(wrong, np.sum(quadrature * np.abs(force))),
+    )
+
+
+def _trapezoidal(grid: Floats) -> Floats:
+    """Weights of the trapezoidal rule on a grid."""
+    h = np.diff(grid)
+    return 0.5 * (np.append(h, 0.0) + np.insert(h, 0, 0.0))
+
+
+def _relative(error: float, value: float) -> float:
+    """The error over the value, or the error itself where the value is 0."""
+    return float(error / value) if value > 0.0 else float(error)
+
+
+def exact_history(exact: ExactBar, bar: Bar, gravity: PiecewiseConstant, times: Floats) -> xr.Dataset:
+    """History of the exact solution: every column at its time; the force just before it."""
+    section = bar.density * bar.area
+    kinetic, elastic = exact.energy(times)
+    mean, velocity = exact.mean_displacement(times), exact.mean_velocity(times)
+    force = -section * exact.multiplier(times) + 0.0
+    force[0] = 0.0  # before t = 0 there is none
+    momentum = bar.mass * velocity
+    touching = (exact.gap(times) <= 1e-12 * max(1.0, abs(bar.gap))) & (force > 0.0)
+    return make_history(
+        Columns(
+            time=times,
+            gap=exact.gap(times),
+            contact_force=force,
+            kinetic_energy=section * kinetic,
+            elastic_energy=section * elastic,
+            potential_energy=bar.mass * _potential(exact, gravity, times),
+            momentum=momentum,
+            active=touching.astype(np.int64),
+            bodies={bar.name: BodyMotion.along_axis(mean + 0.5 * bar.length, velocity)},
+        )
+    )
+
+
+def _potential(exact: ExactBar, gravity: PiecewiseConstant, times: Floats) -> Floats:
+    """p(0) u(0) minus the work of gravity per mass [m^2/s^2], see `spacetime.history`."""
+    switches = np.array([t for t in gravity.times if 0.0 < t < times[-1]])
+    borders = np.concatenate([[0.0], switches])
+    values = gravity(borders)
+    at_borders = exact.mean_displacement(borders)
+    start = values[0] * at_borders[0]
+    done = start + np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(at_borders))])
+    piece = np.searchsorted(switches, times, side="left")
+    potential: Floats = done[piece] + values[piece] * (
+        exact.mean_displacement(times) - at_borders[piece]
+    )
+    return potential
+
+
+def exact_fields(exact: ExactBar, times: Floats, positions: Floats) -> Fields:
+    """Exact displacement and velocity on a grid."""
+    t, x = times[:, None], positions[None, :]
+    return Fields(times, positions, exact.displacement(t, x), exact.velocity(t, x))
+
+
+def exact_curves(exact: ExactBar, bar: Bar, end: float) -> xr.Dataset:
+    """Exact gap and contact force for pictures, with two samples at each jump of the force."""
+    jumps = np.asarray(exact.multiplier_breaks)
+    jumps = jumps[(jumps > 0.0) & (jumps < end)]
+    if len(jumps) > 2000:  # a picture shows no more
+        jumps = jumps[:: len(jumps) // 2000 + 1]
+    tiny = 1e-9 * end
+    times = np.unique(np.concatenate([np.linspace(0, end, 1001), jumps, jumps + tiny]))
+    times = times[times <= end]
+    force = -bar.density * bar.area * exact.multiplier(times) + 0.0
+    return xr.Dataset(
+        {
+            "gap": ("time", exact.gap(times), {"units": "m"}),
+            "contact_force": ("time", force, {"units": "N"}),
+        },
+        coords={"time": ("time", times, {"units": "s"})},
+    )

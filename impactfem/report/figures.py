@@ -1,0 +1,146 @@
+"""Pictures of a result: space-time map, position, contact force, energy, active-set history."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from impactfem.result import Result
+
+_BLUE, _ORANGE, _GREEN, _GREY = "#0b559f", "#d95f02", "#1b7837", "0.45"
+_MAX_LINES = 400  # samples along an axis that a picture can show
+_DOTS_PER_INCH = 130
+
+
+def draw_all(result: Result) -> dict[str, Figure]:
+    """Draw every figure that the result allows, by name; no display is needed."""
+    figures = {
+        "contact_force": _draw(contact_force, result),
+        "energy": _draw(energy, result),
+    }
+    if result.fields is not None:
+        figures["displacement"] = _draw(displacement, result)
+        figures["position"] = _draw(position, result)
+    if result.summary["active_set"]["set_changes"]:
+        figures["active_set"] = _draw(active_set, result)
+    return figures
+
+
+def write_all(figures: Mapping[str, Figure], folder: Path) -> list[Path]:
+    """Write figures as NAME.png into a folder; returns the paths."""
+    paths = []
+    for name, figure in figures.items():
+        path = folder / f"{name}.png"
+        figure.savefig(path, dpi=_DOTS_PER_INCH)
+        paths.append(path)
+    return paths
+
+
+def _draw(painter: Callable[[Axes, Result], None], result: Result) -> Figure:
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    painter(axes, result)
+    if result.summary["status"] != "completed":
+        axes.set_title(f"{axes.get_title()}  [{result.summary['status']}]", color="crimson")
+    return figure
+
+
+def _time_label(axes: Axes, result: Result) -> None:
+    axes.set_xlabel("time [s]")
+    axes.set_xlim(0.0, float(result.history["time"][-1]))
+
+
+def displacement(axes: Axes, result: Result) -> None:
+    """Displacement over time and position, with the contact line at the wall end."""
+    fields = result.fields
+    if fields is None:
+        return
+    t, x = _thin(len(fields.times)), _thin(len(fields.positions))
+    values = fields.displacement[np.ix_(t, x)].T
+    image = axes.pcolormesh(
+        fields.times[t], fields.positions[x], values, shading="gouraud", cmap="viridis",
+        rasterized=True,
+    )  # fmt: skip
+    axes.figure.colorbar(image, ax=axes, label="displacement u [m]")
+    for first, last in result.summary["contact"]["intervals"]:
+        axes.plot([first, last], [0.0, 0.0], color="crimson", linewidth=5, clip_on=False,
+                  solid_capstyle="butt")  # fmt: skip
+    _time_label(axes, result)
+    axes.set_ylabel("position in the bar x [m]")
+    axes.set_title(f"{result.scene.title}: displacement (red: contact)")
+
+
+def position(axes: Axes, result: Result) -> None:
+    """World lines of points of the bar, with the wall."""
+    fields = result.fields
+    if fields is None:
+        return
+    t = _thin(len(fields.times))
+    nodes = np.unique(np.linspace(0, len(fields.positions) - 1, 11).astype(int))
+    place = fields.positions + fields.displacement
+    axes.fill_between(fields.times[t], place[t, 0], place[t, -1], color=_BLUE, alpha=0.12)
+    for node in nodes:
+        end = node in (nodes[0], nodes[-1])
+        axes.plot(fields.times[t], place[t, node], color=_BLUE, linewidth=1.6 if end else 0.6)
+    low = -0.06 * float(np.nanmax(place))
+    axes.axhspan(low, 0.0, color=_GREY, alpha=0.5, hatch="//", linewidth=0)
+    axes.set_ylim(bottom=low)
+    _time_label(axes, result)
+    axes.set_ylabel("distance from the wall [m]")
+    axes.set_title(f"{result.scene.title}: points of the bar")
+
+
+def contact_force(axes: Axes, result: Result) -> None:
+    """Contact force of the run against the exact one."""
+    if result.exact is not None:
+        axes.plot(result.exact["time"], result.exact["contact_force"], color=_ORANGE, linewidth=3.5,
+                  alpha=0.6, label="exact")  # fmt: skip
+    time, force = result.history["time"].values, result.history["contact_force"].values
+    # The force of row m holds during (t_{m-1}, t_m].
+    axes.stairs(force[1:], time, baseline=None, color=_BLUE, linewidth=1.2,
+                label=result.summary["method"])  # fmt: skip
+    _time_label(axes, result)
+    axes.set_ylabel("contact force [N]")
+    axes.set_title(f"{result.scene.title}: contact force")
+    axes.legend(frameon=False)
+
+
+def energy(axes: Axes, result: Result) -> None:
+    """Kinetic, elastic, potential and total energy."""
+    shown = (("kinetic", _BLUE), ("elastic", _ORANGE), ("potential", _GREEN))
+    for name, colour in shown:
+        values = result.history[f"{name}_energy"]
+        if np.any(values.values != 0.0):
+            axes.plot(result.history["time"], values, color=colour, label=name, linewidth=1.2)
+    axes.plot(result.history["time"], result.history["total_energy"], color="black", label="total",
+              linewidth=1.6)  # fmt: skip
+    _time_label(axes, result)
+    axes.set_ylabel("energy [J]")
+    axes.set_title(f"{result.scene.title}: energy")
+    axes.legend(frameon=False)
+
+
+def active_set(axes: Axes, result: Result) -> None:
+    """Changes of the active set after each iteration."""
+    changes = np.asarray(result.summary["active_set"]["set_changes"])
+    iterations = np.arange(1, len(changes) + 1)
+    axes.bar(iterations, changes, color=_BLUE, width=0.6)
+    if len(changes) <= 30:
+        for k, change in zip(iterations, changes, strict=True):
+            axes.annotate(str(change), (k, change), ha="center", va="bottom")
+        axes.set_xticks(iterations)
+    axes.set_xlim(0.0, len(changes) + 1.0)
+    axes.set_yscale("symlog", linthresh=1.0)
+    axes.set_ylim(0.0, 2.0 * max(1, changes.max()))
+    axes.set_xlabel("iteration")
+    axes.set_ylabel("intervals that changed side")
+    axes.set_title(f"{result.scene.title}: {result.summary['active_set']['message']}")
+
+
+def _thin(count: int) -> np.ndarray:
+    """At most `_MAX_LINES` indices, ends included."""
+    return np.unique(np.linspace(0, count - 1, min(count, _MAX_LINES)).astype(int))

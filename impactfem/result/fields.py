@@ -1,0 +1,145 @@
+"""Field output of a bar: displacement and velocity on its own line mesh, layer by layer."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import OutputError
+
+_VTK_LINE = 3  # VTK's number of the two-node line
+
+
+@dataclass(frozen=True)
+class Fields:
+    """A bar's motion at the layers that were asked for.
+
+    Attributes:
+        times: [s], shape (layers,).
+        positions: Node positions from the near end [m], shape (nodes,).
+        displacement: u [m], shape (layers, nodes); the node is at position + displacement from
+            the wall.
+        velocity: u_t [m/s], shape (layers, nodes).
+    """
+
+    times: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    displacement: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+
+
+def _as_vectors(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vectors along the bar's axis, shape (values, 3)."""
+    vectors = np.zeros((values.size, 3))
+    vectors[:, 0] = values.ravel()
+    return vectors
+
+
+def write_vtkhdf(fields: Fields, path: Path) -> None:
+    """Write a temporal VTKHDF unstructured grid (one static mesh, one step per layer).
+
+    DOLFINx 0.9 cannot write VTKHDF; this one file serves all versions. ParaView's filter "Warp by
+    vector" with the displacement shows the bar where it is, the wall being at 0.
+    Format: VTK documentation, "VTKHDF file format", temporal data.
+    """
+    nodes, layers = len(fields.positions), len(fields.times)
+    cells = nodes - 1
+    with h5py.File(path, "w") as file:
+        root = file.create_group("VTKHDF")
+        root.attrs["Version"] = np.array([2, 0], dtype=np.int64)
+        root.attrs.create("Type", b"UnstructuredGrid", dtype=h5py.string_dtype("ascii", 16))
+        root["NumberOfPoints"] = np.array([nodes], dtype=np.int64)
+        root["NumberOfCells"] = np.array([cells], dtype=np.int64)
+        root["NumberOfConnectivityIds"] = np.array([2 * cells], dtype=np.int64)
+        root["Points"] = _as_vectors(fields.positions)
+        first = np.arange(cells, dtype=np.int64)
+        root["Connectivity"] = np.stack([first, first + 1], axis=1).ravel()
+        root["Offsets"] = np.arange(0, 2 * cells + 1, 2, dtype=np.int64)
+        root["Types"] = np.full(cells, _VTK_LINE, dtype=np.uint8)
+        data = root.create_group("PointData")
+        data["displacement"] = _as_vectors(fields.displacement)
+        data["velocity"] = _as_vectors(fields.velocity)
+        steps = root.create_group("Steps")
+        steps.attrs["NSteps"] = np.int64(layers)
+        steps["Values"] = fields.times
+        zeros = np.zeros(layers, dtype=np.int64)
+        steps["PartOffsets"] = zeros  # the one mesh serves every step
+        steps["NumberOfParts"] = np.ones(layers, dtype=np.int64)
+        steps["PointOffsets"] = zeros
+        steps["CellOffsets"] = zeros[:, None]
+        steps["ConnectivityIdOffsets"] = zeros[:, None]
+        offsets = steps.create_group("PointDataOffsets")
+        for name in ("displacement", "velocity"):
+            offsets[name] = nodes * np.arange(layers, dtype=np.int64)
+
+
+def read_vtkhdf(path: Path) -> Fields:
+    """Read back what `write_vtkhdf` wrote.
+
+    Raises:
+        OutputError: The file is not such a file.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            root = file["VTKHDF"]
+            times = root["Steps/Values"][:]
+            shape = (len(times), -1)
+            return Fields(
+                times,
+                root["Points"][:, 0],
+                root["PointData/displacement"][:, 0].reshape(shape),
+                root["PointData/velocity"][:, 0].reshape(shape),
+            )
+    except (OSError, KeyError, ValueError) as error:
+        raise OutputError(
+            f"{path}: not a field file of impactfem ({error}); run the scene again"
+        ) from error
+
+
+def write_with_dolfinx(fields: Fields, path: Path, kind: str) -> None:
+    """Write VTX (a .bp folder of ADIOS2) or PVD (with .vtu files) through DOLFINx, on one rank.
+
+    Args:
+        fields: What to write.
+        path: Target; ``.bp`` or ``.pvd``.
+        kind: "vtx" or "pvd".
+    """
+    from dolfinx.io import VTKFile, VTXWriter  # noqa: PLC0415  (only when such output is wanted)
+
+    from impactfem.fem import MPI, dolfinx_fem, dolfinx_mesh  # noqa: PLC0415
+
+    comm = MPI.COMM_SELF
+    mesh = dolfinx_mesh.create_interval(comm, len(fields.positions) - 1, [0.0, 1.0])
+    # The interval is uniform and its nodes come in any order: put each where it belongs.
+    node = np.rint(mesh.geometry.x[:, 0] * (len(fields.positions) - 1)).astype(int)
+    mesh.geometry.x[:, 0] = fields.positions[node]
+    space = dolfinx_fem.functionspace(mesh, ("Lagrange", 1, (3,)))
+    dofs = np.searchsorted(fields.positions, space.tabulate_dof_coordinates()[:, 0])
+    functions = []
+    for name in ("displacement", "velocity"):
+        function = dolfinx_fem.Function(space)
+        function.name = name
+        functions.append(function)
+
+    def fill(layer: int) -> None:
+        for function, values in zip(functions, (fields.displacement, fields.velocity), strict=True):
+            function.x.array[0::3] = values[layer, dofs]
+
+    if kind == "vtx":
+        with VTXWriter(comm, path, functions) as vtx:
+            for layer, time in enumerate(fields.times):
+                fill(layer)
+                vtx.write(float(time))
+    else:
+        # One file per layer: they go into a folder of their own, the collection stays outside.
+        parts = path.with_name(f"{path.stem}_pvd")
+        parts.mkdir()
+        with VTKFile(comm, parts / path.name, "w") as vtk:
+            for layer, time in enumerate(fields.times):
+                fill(layer)
+                vtk.write_function(functions, float(time))
+        collection = (parts / path.name).read_text(encoding="utf-8")
+        path.write_text(collection.replace('file="', f'file="{parts.name}/'), encoding="utf-8")
+        (parts / path.name).unlink()
