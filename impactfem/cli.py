@@ -84,7 +84,9 @@ def _parser() -> argparse.ArgumentParser:
         sub = commands.add_parser(name, help=text, description=text)
         sub.set_defaults(action=action)
         if scene:
-            sub.add_argument("scene", metavar="SCENE", help="scene file, or name of a shipped scene")
+            sub.add_argument(
+                "scene", metavar="SCENE", help="scene file, or name of a shipped scene"
+            )
             sub.add_argument(
                 "--set", dest="settings", metavar="KEY=VALUE", action="append", default=[],
                 help="replace a key of the scene, as solve.elements=80 (repeatable)",
@@ -121,7 +123,9 @@ def _run(given: argparse.Namespace) -> int:
     from impactfem.solving import solve  # noqa: PLC0415
 
     path, scene = _read(given)
-    folder = given.out or Path("results") / (path.parent.name if path.stem == "scene" else path.stem)
+    folder = given.out or Path("results") / (
+        path.parent.name if path.stem == "scene" else path.stem
+    )
     root = _rank() == 0
     progress = Progress(enabled=root and not given.quiet)
     for warning in plan(scene).warnings:
@@ -135,8 +139,9 @@ def _run(given: argparse.Namespace) -> int:
         print(f"\nResult and pictures: {folder}")
     if result.summary["status"] != "completed":
         _complain(
-            f"{result.summary['status']}: {result.summary['active_set']['message']}; the result is kept "
-            f"in {folder}. Remedy: courant = 1, a layered mesh, a shorter duration or method = \"exact\""
+            f"{result.summary['status']}: {result.summary['active_set']['message']}; the result "
+            f"is kept in {folder}. Remedy: courant = 1, a layered mesh, a shorter duration or "
+            'method = "exact"'
         )
         return NOT_CONVERGED
     return DONE

@@ -9,6 +9,8 @@ import shutil
 import subprocess
 import sys
 
+import numpy as np
+
 import impactfem
 
 _LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "matplotlib", "tqdm")
@@ -71,7 +73,7 @@ def _finite_elements(faults: list[str]) -> list[tuple[str, str]]:
         ("ADIOS2", adios),
         ("mpi4py", f"{_version('mpi4py')}, {mpi}"),
         ("mpirun", shutil.which("mpirun") or _beside_python("mpirun") or "not on PATH"),
-        ("petsc", f"{petsc}, {PETSc.ScalarType.__name__}"),
+        ("petsc", f"{petsc}, {np.dtype(PETSc.ScalarType).name}"),
         ("petsc packages", ", ".join(f"{k} {'yes' if v else 'no'}" for k, v in has.items())),
     ]
 
@@ -82,7 +84,9 @@ def _beside_python(name: str) -> str | None:
 
 def _compiler(faults: list[str]) -> str:
     """The C compiler that builds the forms."""
-    found = next((p for n in (os.environ.get("CC"), "cc", "gcc") if n and (p := shutil.which(n))), None)
+    found = next(
+        (p for n in (os.environ.get("CC"), "cc", "gcc") if n and (p := shutil.which(n))), None
+    )
     if found is None:
         faults.append("no C compiler: apt-get install gcc libc6-dev")
     return found or "missing"
@@ -99,7 +103,7 @@ def _gmsh(faults: list[str]) -> str:
 
 
 def _rendering() -> str:
-    """Whether pyvista can draw without a display; tried in a process of its own, as VTK may abort."""
+    """Whether pyvista can draw without a display; tried in its own process, as VTK may abort."""
     if importlib.util.find_spec("pyvista") is None:
         return "matplotlib only (pyvista is optional: pip install impactfem[view])"
     try:

@@ -13,14 +13,13 @@ from impactfem.errors import ImpactError, MissingDependencyError
 
 try:
     # mpi4py must initialise MPI before DOLFINx is loaded.
-    from mpi4py import MPI
-
     # isort: split
     import dolfinx
     import ufl
     from dolfinx import fem as dolfinx_fem
     from dolfinx import mesh as dolfinx_mesh
-    from petsc4py import PETSc
+    from mpi4py import MPI
+    from petsc4py import PETSc as _PETSc
 except ImportError as error:
     raise MissingDependencyError(
         f"DOLFINx, PETSc or mpi4py cannot be imported ({error}). Remedy: "
@@ -33,12 +32,16 @@ try:  # DOLFINx >= 0.10
 except ImportError:  # DOLFINx 0.9
     from dolfinx.io import gmshio as dolfinx_gmsh
 
+# The type stubs of petsc4py, where there are any, refuse NumPy arrays and mpi4py communicators.
+PETSc: Any = _PETSc
+
 __all__ = [
     "MPI",
     "PETSc",
     "assemble_rows",
     "assemble_vector",
     "compile_form",
+    "coo_matrix",
     "dolfinx_fem",
     "dolfinx_mesh",
     "facet_submesh",
@@ -114,6 +117,25 @@ def assemble_vector(form: Any) -> NDArray[np.float64]:
     return np.array(vector.array[:owned], dtype=np.float64)
 
 
+def coo_matrix(
+    comm: Any, local: int, size: int, rows: NDArray[np.int64], columns: NDArray[np.int64]
+) -> Any:
+    """Make a square PETSc matrix whose values are then set by ``setValuesCOO``.
+
+    Args:
+        comm: MPI communicator.
+        local: Rows (and columns) of this rank.
+        size: Rows of all ranks together.
+        rows: Global rows of this rank's entries, of any rank's rows; equal places are summed.
+        columns: Global columns, of the same shape.
+    """
+    matrix = PETSc.Mat().create(comm)
+    matrix.setSizes(((local, size), (local, size)))
+    matrix.setType(PETSc.Mat.Type.AIJ)
+    matrix.setPreallocationCOO(rows.astype(np.int32), columns.astype(np.int32))
+    return matrix
+
+
 def gather(comm: Any, values: Sequence[Any] | NDArray[Any]) -> NDArray[Any]:
     """Concatenate the arrays of all ranks, in rank order, on every rank."""
     return np.concatenate(comm.allgather(np.asarray(values)))
@@ -135,4 +157,4 @@ def on_root[T](comm: Any, action: Callable[[], T]) -> T:
     answer, failure = comm.bcast((answer, failure), root=0)
     if failure is not None:
         raise failure
-    return cast(T, answer)
+    return cast("T", answer)

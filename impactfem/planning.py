@@ -89,19 +89,21 @@ def plan(scene: Scene) -> Plan:
         warnings.append(
             "on a mesh without layers the method is not stable; the run reports whether energy grew"
         )
-    unknowns = None if elements is None or layers is None else (layers + 1) * (elements + 1) + layers
+    unknowns = (
+        None if elements is None or layers is None else (layers + 1) * (elements + 1) + layers
+    )
     impacts = len(exact.contacts)
     iterations = 3 if impacts <= 1 else (elements or DEFAULT_ELEMENTS) + 2 * impacts
     reasons["active_set"] = (
         f"{impacts} contact interval{'s' if impacts != 1 else ''} expected from the exact events: "
         f"about {iterations} linear solves"
     )
+    memory: float | None = None
+    seconds: float | None = None
     if method == "exact":
         unknowns, memory, seconds = 0, 100.0, 0.1
         reasons["active_set"] = "none: events are roots of linear and quadratic functions"
-    elif unknowns is None:
-        memory = seconds = None
-    else:
+    elif unknowns is not None:
         memory = _MIB_BASE + _KIB_PER_UNKNOWN * unknowns / 1024
         seconds = unknowns * (_SECONDS_ONCE + _SECONDS_PER_ITERATION * iterations)
         _check_memory(memory, unknowns)
@@ -148,7 +150,7 @@ def _grid(
         reasons["elements"] = (
             "the least number from 40 on whose layers hold all impacts and releases"
             if _on_layers(exact, elements)
-            else f"the default; no number up to {_ALIGNED[-1]} puts all impacts and releases on layers"
+            else f"the default; no number up to {_ALIGNED[-1]} puts all events on layers"
         )
     h = bar.length / elements
     if solve.dt is not None:
@@ -165,16 +167,18 @@ def _grid(
         # for dt^2 times it <= 4.
         raise SceneError(
             f"solve: courant = {courant:g} is beyond the stability limit 1 of P1 right triangles "
-            f"(dt <= h/c = {h / bar.wave_speed:g} s); use courant <= 1 or method = \"exact\""
+            f'(dt <= h/c = {h / bar.wave_speed:g} s); use courant <= 1 or method = "exact"'
         )
     layers = max(1, math.ceil(scene.duration / dt - 1e-9))
     if layers * dt > scene.duration * (1 + 1e-9):
-        reasons["layers"] = f"the last layer ends at {layers * dt:g} s, the first end past the duration"
+        reasons["layers"] = (
+            f"the last layer ends at {layers * dt:g} s, the first end past the duration"
+        )
     if solve.method != "exact":
         if courant < 1.0 / _STABLE:
             warnings.append(
-                f"courant = {courant:g} < 1: the contact force of this method rings (overshoot up to 3.4 "
-                "times, not shrinking with h) and after several impacts the sets may not settle"
+                f"courant = {courant:g} < 1: the contact force of this method rings (overshoot "
+                "up to 3.4 times, not shrinking with h) and the sets may not settle"
             )
         elif not _on_layers(exact, elements):
             warnings.append("an impact or release lies between layers: errors of first order in h")
@@ -198,6 +202,6 @@ def _check_memory(memory_mib: float, unknowns: int) -> None:
     physical = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**20
     if memory_mib > physical:
         raise SceneError(
-            f"solve.elements: {unknowns} space-time unknowns need about {memory_mib / 1024:.1f} GiB, "
-            f'this machine has {physical / 1024:.1f}; use fewer elements or method = "exact"'
+            f"solve.elements: {unknowns} space-time unknowns need about {memory_mib / 1024:.1f} "
+            f'GiB, this machine has {physical / 1024:.1f}; use fewer elements or method = "exact"'
         )

@@ -24,9 +24,9 @@ from impactfem.result import Fields, Result
 from impactfem.scene import Scene
 
 METHODS: Mapping[str, str] = {
-    "galerkin": "space-time P1 Petrov-Galerkin with a primal-dual active set for all layers at once; "
-    "exact at the nodes at courant 1 when impacts fall on layers, first order in h otherwise; "
-    "courant < 1 rings, courant > 1 is refused",
+    "galerkin": "space-time P1 Petrov-Galerkin with a primal-dual active set for all layers at "
+    "once; exact at the nodes at courant 1 when impacts fall on layers, first order in h "
+    "otherwise; courant < 1 rings, courant > 1 is refused",
     "exact": "characteristics of a homogeneous bar; exact for piecewise linear initial data, "
     "thousands of bounces in a fraction of a second",
 }
@@ -52,7 +52,7 @@ class _Answer:
     ranks: int = 1
 
 
-def solve(scene: Scene, *, progress: Progress | None = None, **settings: Any) -> Result:  # noqa: ANN401
+def solve(scene: Scene, *, progress: Progress | None = None, **settings: Any) -> Result:
     """Solve a scene.
 
     Args:
@@ -76,25 +76,29 @@ def solve(scene: Scene, *, progress: Progress | None = None, **settings: Any) ->
     progress = progress or Progress()
     chosen = plan(scene)
     start = time.perf_counter()
-    answer = (_solve_exact if chosen.method == "exact" else _solve_galerkin)(scene, chosen, progress)
+    answer = (_solve_exact if chosen.method == "exact" else _solve_galerkin)(
+        scene, chosen, progress
+    )
     wall_time = time.perf_counter() - start
     end = float(answer.history["time"][-1])
-    used = replace(
-        scene,
-        solve=replace(
-            scene.solve,
-            method=chosen.method,
-            **({} if scene.solve.mesh or scene.solve.dt else {"courant": chosen.courant}),
-            **({} if scene.solve.mesh else {"elements": chosen.elements}),
-        ),
-    )
     return Result(
-        used,
+        _as_used(scene, chosen),
         answer.history,
         _summary(scene, chosen, answer, wall_time),
         answer.fields if scene.output.fields else None,
         exact_curves(exact_bar(scene, end), scene.bodies[0], end),
     )
+
+
+def _as_used(scene: Scene, chosen: Plan) -> Scene:
+    """The scene with the plan's choices filled in."""
+    settings = scene.solve
+    filled = replace(settings, method=chosen.method)
+    if settings.mesh is None:
+        filled = replace(filled, elements=chosen.elements)
+        if settings.dt is None:
+            filled = replace(filled, courant=chosen.courant)
+    return replace(scene, solve=filled)
 
 
 def _solve_exact(scene: Scene, chosen: Plan, progress: Progress) -> _Answer:
@@ -200,7 +204,7 @@ def _summary(scene: Scene, chosen: Plan, answer: _Answer, wall_time: float) -> d
     return plain
 
 
-def contact_intervals(times: Any, active: Any) -> list[list[float]]:  # noqa: ANN401
+def contact_intervals(times: Any, active: Any) -> list[list[float]]:
     """Join active layers to intervals.
 
     Args:
@@ -212,7 +216,9 @@ def contact_intervals(times: Any, active: Any) -> list[list[float]]:  # noqa: AN
     """
     on = np.concatenate([[False], np.asarray(active)[1:] > 0, [False]])
     changes = np.flatnonzero(on[1:] != on[:-1])
-    return [[float(times[i]), float(times[j])] for i, j in zip(changes[::2], changes[1::2], strict=True)]
+    return [
+        [float(times[i]), float(times[j])] for i, j in zip(changes[::2], changes[1::2], strict=True)
+    ]
 
 
 def _peak_memory_mib() -> float:
@@ -220,7 +226,7 @@ def _peak_memory_mib() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def _plain(value: Any) -> Any:  # noqa: ANN401
+def _plain(value: Any) -> Any:
     """Make plain JSON data: Python numbers, None for what is not finite."""
     if isinstance(value, Mapping):
         return {str(k): _plain(v) for k, v in value.items()}

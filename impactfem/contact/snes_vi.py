@@ -78,7 +78,7 @@ def solve_bounded(
         snes.getLineSearch().setType("basic")
         snes.setFromOptions()
         snes.solve(None, solution)
-        reason = snes.getConvergedReason()
+        reason = int(snes.getConvergedReason())
         return BoundResult(
             snes.getIterationNumber(), tuple(norms), reason > 0, f"SNES reason {reason}"
         )

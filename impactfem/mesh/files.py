@@ -17,11 +17,10 @@ MAX_BYTES = 512 * 2**20
 # Gmsh's script language can start programs, read and write other files: a mesh needs none of it.
 _FORBIDDEN = re.compile(
     rb"\b(SystemCall|NonBlockingSystemCall|Include|Merge|MergeFile|ShapeFromFile|Save|Print|"
-    rb"Printf|Error|Warning|Plugin|OnelabRun|OnelabSetNumber|OnelabSetString|Open|NewModel|"
-    rb"Delete\s+Model|SetName|BooleanFromFile|Background\s+Mesh\s+View|CreateTopologyNoReset|"
-    rb"DefineConstant\s*\[.*Macro|UnsplitWindow|Exit|Abort|GetEnv|GetString|GetForced\w*|"
-    rb"StringToName|AppendToExistingFile|ParametricFile)\b"
+    rb"Printf|Plugin|OnelabRun|Open|NewModel|Exit|Abort|GetEnv|GetString|GetStringValue|"
+    rb"AppendToExistingFile|General\.[A-Za-z]*FileName)\b"
 )
+_COMMENT = re.compile(rb"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _TRIANGLE = 2  # Gmsh's number of the 3-node triangle
 _TOLERANCE = 1e-6  # share of a side by which a boundary may miss its place
 
@@ -78,7 +77,8 @@ def _open(gmsh: Any, path: Path) -> None:
     if suffix == ".msh" and not content.lstrip().startswith(b"$MeshFormat"):
         # Gmsh would read anything else as a script.
         raise MeshError(f"mesh file {path}: does not begin with $MeshFormat; save it as .msh (4.1)")
-    if suffix == ".geo" and (command := _FORBIDDEN.search(content)):
+    command = _FORBIDDEN.search(_COMMENT.sub(b" ", content))
+    if suffix == ".geo" and command:
         raise MeshError(
             f"mesh file {path}: the command {command[0].decode()!r} is not allowed in a scene's "
             "mesh (it could touch other files); write the geometry in this one file"
@@ -102,12 +102,12 @@ def _check_mesh(gmsh: Any, path: Path, length: float, duration: float) -> NDArra
     kinds = list(gmsh.model.mesh.getElementTypes(2))
     if kinds != [_TRIANGLE]:
         raise MeshError(
-            f"mesh file {path}: needs 3-node triangles only, has Gmsh element types {kinds or 'none'}; "
-            "mesh the surface with first-order triangles"
+            f"mesh file {path}: needs 3-node triangles only, has Gmsh element types "
+            f"{kinds or 'none'}; mesh the surface with first-order triangles"
         )
     if not gmsh.model.getPhysicalGroups(2):
         raise MeshError(
-            f"mesh file {path}: no physical surface; add `Physical Surface(\"bar\") = {{...}};`"
+            f'mesh file {path}: no physical surface; add `Physical Surface("bar") = {{...}};`'
         )
     _, coordinates, _ = gmsh.model.mesh.getNodes()
     points = np.reshape(coordinates, (-1, 3))
@@ -125,8 +125,8 @@ def _check_mesh(gmsh: Any, path: Path, length: float, duration: float) -> NDArra
                 else ""
             )
             raise MeshError(
-                f"mesh file {path}: {name} runs from {low[axis]:g} to {high[axis]:g} {unit}, the scene "
-                f"needs 0 to {size:g} {unit}; make the mesh or the scene fit.{turned}"
+                f"mesh file {path}: {name} runs from {low[axis]:g} to {high[axis]:g} {unit}, the "
+                f"scene needs 0 to {size:g} {unit}; make the mesh or the scene fit.{turned}"
             )
     _, _, node_tags = gmsh.model.mesh.getElements(2)
     used = len(np.unique(node_tags[0]))
@@ -150,8 +150,10 @@ def _check_boundaries(gmsh: Any, path: Path, length: float, duration: float) -> 
     counts = {}
     # name: (axis held fixed, its value, extent along the other axis)
     places = {
-        "start": (0, 0.0, length), "end": (0, duration, length),
-        "wall": (1, 0.0, duration), "far": (1, length, duration),
+        "start": (0, 0.0, length),
+        "end": (0, duration, length),
+        "wall": (1, 0.0, duration),
+        "far": (1, length, duration),
     }
     for name, (axis, value, extent) in places.items():
         _, coordinates = gmsh.model.mesh.getNodesForPhysicalGroup(1, tags[name])
@@ -162,13 +164,13 @@ def _check_boundaries(gmsh: Any, path: Path, length: float, duration: float) -> 
         if len(points) == 0 or np.abs(fixed - value).max() > _TOLERANCE * size:
             where = f"between {fixed.min():g} and {fixed.max():g}" if len(points) else "nowhere"
             raise MeshError(
-                f"mesh file {path}: boundary {name!r} must lie at {'tx'[axis]} = {value:g}, its nodes "
-                f"lie {where}; wrong orientation? First coordinate t, second x from the near end"
+                f"mesh file {path}: boundary {name!r} must lie at {'tx'[axis]} = {value:g}, "
+                f"its nodes lie {where}; wrong orientation? First coordinate t, second x from the near end"
             )
         if along.max() - along.min() < (1 - _TOLERANCE) * extent:
             raise MeshError(
-                f"mesh file {path}: boundary {name!r} covers only {along.min():g} to {along.max():g} of "
-                f"0 to {extent:g}; put every curve of that side into the physical group"
+                f"mesh file {path}: boundary {name!r} covers only {along.min():g} to "
+                f"{along.max():g} of 0 to {extent:g}; put every curve of that side into the physical group"
             )
     if counts["start"] != counts["end"]:
         raise MeshError(

@@ -142,6 +142,7 @@ def _levels(values: NDArray[np.float64]) -> NDArray[np.float64]:
     uniform = np.linspace(levels[0], levels[-1], len(levels))
     if np.abs(levels - uniform).max() <= _SAME * span:
         # The ends of the rectangle are meant; 0 is exactly 0.
-        return np.linspace(0.0 if abs(levels[0]) < _SAME * span else levels[0], levels[-1],
-                           len(levels))
-    return levels
+        uniform -= levels[0] if abs(levels[0]) < _SAME * span else 0.0
+        return uniform
+    exact: NDArray[np.float64] = levels
+    return exact

@@ -22,11 +22,9 @@ def plan_table(plan: Plan) -> str:
     if plan.dt is not None and plan.courant is not None:
         rows.append(("dt", f"{plan.dt:g} s (courant {plan.courant:g})"))
     if plan.method != "exact":
-        rows += [
-            ("window", plan.window),
-            ("active set", f"{plan.active_set}, gamma {plan.gamma:g}, tolerance {plan.tolerance:g}, "
-             f"at most {plan.max_iterations} iterations"),
-        ]  # fmt: skip
+        numbers = f"gamma {plan.gamma:g}, tolerance {plan.tolerance:g}"
+        limit = f"at most {plan.max_iterations} iterations"
+        rows += [("window", plan.window), ("active set", f"{plan.active_set}, {numbers}, {limit}")]
         if plan.unknowns is not None:
             rows.append(("unknowns", f"{plan.unknowns} ({plan.contact_pairs} contact pairs)"))
     if plan.memory_mib is not None and plan.seconds is not None:
@@ -42,21 +40,27 @@ def plan_table(plan: Plan) -> str:
 def summary_table(summary: Mapping[str, Any]) -> str:
     """The figures of a run."""
     active, energy, contact = summary["active_set"], summary["energy"], summary["contact"]
+    sets = f"{active['iterations']} iterations, changes {_changes(active['set_changes'])}"
+    force = (
+        f"max {_number(contact['max_force'])} N, impulse {_number(contact['impulse'])} N s, "
+        f"max penetration {_number(contact['max_penetration'])} m"
+    )
+    energies = (
+        f"{_number(energy['initial'])} J -> {_number(energy['final'])} J, "
+        f"largest relative drift {_number(energy['max_relative_drift'])}"
+    )
+    ranks = f"{summary['ranks']} rank{'s' if summary['ranks'] != 1 else ''}"
     rows = [
         ("status", summary["status"]),
         ("method", summary["method"]),
         ("unknowns", f"{summary['num_dofs']} in {summary['num_steps']} layers"),
-        ("active set", f"{active['iterations']} iterations, changes {_changes(active['set_changes'])}"
-         f" ({active['message']})"),
+        ("active set", f"{sets} ({active['message']})"),
         ("contact", _intervals(contact["intervals"])),
-        ("force", f"max {_number(contact['max_force'])} N, impulse {_number(contact['impulse'])} N s, "
-         f"max penetration {_number(contact['max_penetration'])} m"),
-        ("energy", f"{_number(energy['initial'])} J -> {_number(energy['final'])} J, "
-         f"largest relative drift {_number(energy['max_relative_drift'])}"),
+        ("force", force),
+        ("energy", energies),
         ("error", _error(summary["error"])),
-        ("cost", f"{summary['wall_time']:.2f} s, {summary['peak_memory_mib']:.0f} MiB on "
-         f"{summary['ranks']} rank{'s' if summary['ranks'] != 1 else ''}"),
-    ]  # fmt: skip
+        ("cost", f"{summary['wall_time']:.2f} s, {summary['peak_memory_mib']:.0f} MiB on {ranks}"),
+    ]
     return table(rows, summary["title"])
 
 

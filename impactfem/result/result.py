@@ -85,7 +85,9 @@ class Result:
         return folder
 
     def _write_fields(self, stage: Path) -> None:
-        for kind in self.scene.output.fields if self.fields is not None else ():
+        if self.fields is None:
+            return
+        for kind in self.scene.output.fields:
             path = stage / FIELD_FILES[kind]
             if kind == "vtkhdf":
                 write_vtkhdf(self.fields, path)

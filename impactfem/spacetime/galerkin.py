@@ -91,7 +91,7 @@ def _equations(space: SpaceTimeMesh, bar: Bar, gravity: PiecewiseConstant) -> Eq
 
 
 def _cell_means(mesh: Any, gravity: PiecewiseConstant, transit_time: float) -> Any:
-    """p (L/c)^2 averaged over each cell's span of time, as a P0 function.
+    """P (L/c)^2 averaged over each cell's span of time, as a P0 function.
 
     A jump of p inside a layer is integrated without quadrature error this way.
     """
@@ -161,10 +161,7 @@ def _by_snes_vi(
         rows = np.concatenate([rows, numbering.fixed])
         columns = np.concatenate([columns, numbering.fixed])
         values = np.concatenate([values, ones])
-    matrix = PETSc.Mat().create(comm)
-    matrix.setSizes(((local, size), (local, size)))
-    matrix.setType(PETSc.Mat.Type.AIJ)
-    matrix.setPreallocationCOO(rows.astype(np.int32), columns.astype(np.int32))
+    matrix = fem.coo_matrix(comm, local, size, rows, columns)
     matrix.setValuesCOO(values, PETSc.InsertMode.INSERT_VALUES)
     load, solution = matrix.createVecLeft(), matrix.createVecRight()
     first = int(ranges[comm.rank])

@@ -12,9 +12,7 @@ from impactfem.spacetime.solution import SpaceTimeSolution, layer_energies, lump
 Floats = NDArray[np.float64]
 
 
-def bar_history(
-    solution: SpaceTimeSolution, bar: Bar, gravity: PiecewiseConstant
-) -> xr.Dataset:
+def bar_history(solution: SpaceTimeSolution, bar: Bar, gravity: PiecewiseConstant) -> xr.Dataset:
     """History of a solution: row 0 is the initial state, row m belongs to layer (t_{m-1}, t_m].
 
     Gap and position are those at t_m. Force, velocity, momentum and energies are those of the

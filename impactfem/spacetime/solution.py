@@ -57,8 +57,8 @@ def layer_energies(solution: SpaceTimeSolution, wave_speed: float) -> tuple[Floa
 
         E = v^T M v / 2 + (u^m)^T K u^{m+1} / 2,   v = (u^{m+1} - u^m) / dt.
 
-    With w the mean of both layers, (u^m)^T K u^{m+1} = w^T K w - dt^2 v^T K v / 4. The elastic part is
-    w^T K w / 2 and the kinetic part the rest; at c dt <= h it is not negative.
+    With w the mean of both layers, (u^m)^T K u^{m+1} = w^T K w - dt^2 v^T K v / 4. The elastic
+    part is w^T K w / 2 and the kinetic part the rest; at c dt <= h it is not negative.
     """
     u, dt = solution.displacement, np.diff(solution.times)[:, None]
     h = np.diff(solution.positions)

@@ -68,9 +68,7 @@ def assemble(
     stiffness = kept(fem.compile_form(forms.stiffness))
     coupling = kept(fem.compile_form(forms.coupling, entity_maps))
     load = fem.gather(comm, fem.assemble_vector(fem.compile_form(forms.load)))
-    return Equations(
-        comm, numbering, stiffness, coupling, load, fixed_values, ranges(spaces[0]), ranges(spaces[1])
-    )
+    return Equations(comm, numbering, stiffness, coupling, load, fixed_values, *map(ranges, spaces))
 
 
 def paired_load(equations: Equations) -> NDArray[np.float64]:
@@ -116,10 +114,7 @@ class CoupledSystem:
         )  # fmt: skip
         rows, columns, values = self._entries()
         self._values = values
-        self._matrix = PETSc.Mat().create(comm)
-        self._matrix.setSizes(((local, size), (local, size)))
-        self._matrix.setType(PETSc.Mat.Type.AIJ)
-        self._matrix.setPreallocationCOO(rows.astype(np.int32), columns.astype(np.int32))
+        self._matrix = fem.coo_matrix(comm, local, size, rows, columns)
         self._load = self._matrix.createVecLeft()
         self._solution = self._matrix.createVecRight()
         self._fill_load()
@@ -178,9 +173,7 @@ class CoupledSystem:
         factor.setMumpsIcntl(_MUMPS_WORKSPACE, _WORKSPACES[self._workspace])
         return ksp
 
-    def solve(
-        self, active: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def solve(self, active: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Solve for a set of active wall intervals.
 
         Args:
@@ -196,7 +189,6 @@ class CoupledSystem:
         if self._equations.comm.rank == 0:
             self._values[-2 * self._pairs : -self._pairs] = active
             self._values[-self._pairs :] = ~active
-        # Allocated anew: assembly may consume nothing of the last factorisation's values.
         self._matrix.setValuesCOO(self._values, PETSc.InsertMode.INSERT_VALUES)
         while True:
             self._ksp.solve(self._load, self._solution)
@@ -229,5 +221,6 @@ class CoupledSystem:
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for item in (self._ksp, self._scatter, self._matrix, self._load, self._solution, self._wall):
+        vectors = (self._load, self._solution, self._wall)
+        for item in (self._ksp, self._scatter, self._matrix, *vectors):
             item.destroy()
