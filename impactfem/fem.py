@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from impactfem.errors import ImpactError, MissingDependencyError
 
 try:
-    # mpi4py must initialise MPI before DOLFINx is loaded.
-    # isort: split
+    # mpi4py must load and initialise MPI before DOLFINx is loaded.
+    from mpi4py import MPI  # isort: skip
     import dolfinx
     import ufl
     from dolfinx import fem as dolfinx_fem
     from dolfinx import mesh as dolfinx_mesh
-    from mpi4py import MPI
     from petsc4py import PETSc as _PETSc
 except ImportError as error:
     raise MissingDependencyError(

@@ -165,12 +165,14 @@ def _check_boundaries(gmsh: Any, path: Path, length: float, duration: float) -> 
             where = f"between {fixed.min():g} and {fixed.max():g}" if len(points) else "nowhere"
             raise MeshError(
                 f"mesh file {path}: boundary {name!r} must lie at {'tx'[axis]} = {value:g}, "
-                f"its nodes lie {where}; wrong orientation? First coordinate t, second x from the near end"
+                f"its nodes lie {where}; wrong orientation? First coordinate t, second x from the "
+                "near end"
             )
         if along.max() - along.min() < (1 - _TOLERANCE) * extent:
             raise MeshError(
                 f"mesh file {path}: boundary {name!r} covers only {along.min():g} to "
-                f"{along.max():g} of 0 to {extent:g}; put every curve of that side into the physical group"
+                f"{along.max():g} of 0 to {extent:g}; put every curve of that side into the "
+                "physical group"
             )
     if counts["start"] != counts["end"]:
         raise MeshError(
