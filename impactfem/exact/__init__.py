@@ -1,0 +1,5 @@
+"""Exact solutions: they need no finite elements and measure the error of those that do."""
+
+from impactfem.exact.bar import ExactBar
+
+__all__ = ["ExactBar"]
