@@ -1,6 +1,9 @@
-"""Pytest plugin that stands in where mpi-pytest is missing: it knows the mark, so that collection succeeds."""
+"""Pytest plugin for where mpi-pytest is missing: registers its mark, so that tests load."""
+# ruff: noqa: INP001  (loaded by name, not as part of a package)
+
+import pytest
 
 
-def pytest_configure(config):
-    """Register the mark ``parallel``; the tests that bear it are deselected by the caller."""
+def pytest_configure(config: pytest.Config) -> None:
+    """Register the mark ``parallel``; the caller deselects the tests that bear it."""
     config.addinivalue_line("markers", "parallel(nprocs): test for several MPI ranks")
