@@ -84,8 +84,8 @@ def check_equations(bar, load, tolerance):
     pull = load(t[some, None] + d[some, None] * share)
     right = -2 * d[some] ** 2 * np.mean((1 - np.abs(share)) * pull, axis=1)
     steady = np.ptp(pull, axis=1) == 0
-    np.testing.assert_allclose(diamond[some][steady], right[steady], atol=tolerance)
-    np.testing.assert_allclose(diamond[some], right, atol=1e-3)
+    np.testing.assert_allclose(diamond[some][steady], right[steady], rtol=0, atol=tolerance)
+    np.testing.assert_allclose(diamond[some], right, rtol=0, atol=1e-3)
 
     # Away from jumps (most points) difference quotients are the fields.
     step = 1e-6
@@ -123,16 +123,20 @@ def test_k1_is_the_closed_form_everywhere():
     )
     u = np.where((t >= 3 - x) & (t < 3 + x), 0.5 * (t - 3), u)
     u = np.where(t >= 3 + x, 0.5 * (t - 3), u)
-    np.testing.assert_allclose(bar.displacement(t, x), u, atol=2e-15)
+    np.testing.assert_allclose(bar.displacement(t, x), u, rtol=0, atol=2e-15)
     v = np.where(t < 1 + x, -0.5, np.where(t < 3 - x, 0.0, 0.5))
-    np.testing.assert_allclose(bar.velocity(t, x), v, atol=2e-15)
+    np.testing.assert_allclose(bar.velocity(t, x), v, rtol=0, atol=2e-15)
     strain = np.where((t > 1 + x) & (t < 3 - x), -0.5, 0.0)
-    np.testing.assert_allclose(bar.strain(t, x), strain, atol=2e-15)
-    np.testing.assert_allclose(bar.multiplier(t), np.where((t > 1) & (t < 3), -0.5, 0.0))
+    np.testing.assert_allclose(bar.strain(t, x), strain, rtol=0, atol=2e-15)
+    np.testing.assert_allclose(
+        bar.multiplier(t), np.where((t > 1) & (t < 3), -0.5, 0.0), rtol=1e-14, atol=0
+    )
     assert bar.contacts == ((1.0, 3.0),)
     assert bar.events.tolist() == [1.0, 3.0]
     assert bar.multiplier([1.0, 3.0]).tolist() == [0.0, -0.5]
-    np.testing.assert_allclose(bar.force_integral(0, [1, 2, 5]), [0, -0.5, -1.0], atol=1e-15)
+    np.testing.assert_allclose(
+        bar.force_integral(0, [1, 2, 5]), [0, -0.5, -1.0], rtol=0, atol=1e-15
+    )
     np.testing.assert_allclose(np.sum(bar.energy([0, 1.7, 2, 4.9]), axis=0), 0.125, rtol=1e-14)
 
 
@@ -163,7 +167,7 @@ def test_k3_load_switched_off_at_impact_leaves_no_vibration():
     u = np.where(t < 1 + tau, np.maximum(-speed * x, (tau - t) * speed), -speed * x)
     u = np.maximum(u, speed * (t - tau - 2))
     u = np.where(t < tau, 0.5 - 0.5 * t - 0.15 * t**2, u)
-    np.testing.assert_allclose(bar.displacement(t, x), u, atol=1e-14)
+    np.testing.assert_allclose(bar.displacement(t, x), u, rtol=0, atol=1e-14)
     assert bar.energy([3.5, 5])[1] == pytest.approx([0, 0], abs=1e-28)
 
 
@@ -181,9 +185,9 @@ def test_pre_stretched_clamped_rod_has_period_three():
     t = np.linspace(0.001, 11.999, 1201)
     phase = t % 3
     gap = np.where(phase < 1, (1 - phase) / 2, np.where(phase < 2, 0, (phase - 2) / 2))
-    np.testing.assert_allclose(bar.gap(t), gap, atol=1e-14)
+    np.testing.assert_allclose(bar.gap(t), gap, rtol=0, atol=1e-14)
     force = np.where((phase > 1) & (phase < 2), -0.5, 0.0)
-    np.testing.assert_allclose(bar.multiplier(t), force, atol=1e-14)
+    np.testing.assert_allclose(bar.multiplier(t), force, rtol=0, atol=1e-14)
     np.testing.assert_allclose(np.sum(bar.energy(t), axis=0), 0.125, rtol=1e-13)
     check_equations(bar, np.zeros_like, 1e-13)
 
@@ -191,7 +195,7 @@ def test_pre_stretched_clamped_rod_has_period_three():
 def test_doyen_ern_piperno_impact():
     bar = rigid_start(5, -10, length=10, wave_speed=30, duration=3)
     np.testing.assert_allclose(bar.contacts, [[0.5, 0.5 + 2 / 3]], rtol=1e-14)
-    assert bar.multiplier(0.7) == pytest.approx(-300)
+    assert bar.multiplier(0.7) == pytest.approx(-300, rel=1e-12)
 
 
 def test_doyen_ern_piperno_bounces_750_times():
@@ -241,12 +245,12 @@ def test_equations_hold(far_end, gravity):
     assert len(bar.contacts) > 0 or values[0] < 0
     x = np.linspace(0, 0.3, 7)
     u0 = 0.4 * (1 - x / 0.3) + 0.2 * x / 0.3 + 4 * 0.05 * (x / 0.3) * (1 - x / 0.3)
-    np.testing.assert_allclose(bar.displacement(0, x), u0, atol=1e-15)
+    np.testing.assert_allclose(bar.displacement(0, x), u0, rtol=0, atol=1e-15)
     x = np.linspace(0.01, 0.29, 5)
-    np.testing.assert_allclose(bar.velocity(0, x), -1 + 1.2 * x / 0.3, atol=1e-14)
+    np.testing.assert_allclose(bar.velocity(0, x), -1 + 1.2 * x / 0.3, rtol=0, atol=1e-14)
     if len(times) == 1:
         energy = total_energy(bar, values[0], np.linspace(0, 12, 301))
-        np.testing.assert_allclose(energy, energy[0], atol=1e-13)
+        np.testing.assert_allclose(energy, energy[0], rtol=0, atol=1e-13)
     if far_end == "free":
         # Momentum: mean velocity changes by - int p - int lambda / L.
         t = np.linspace(0, 12, 97)
@@ -254,7 +258,7 @@ def test_equations_hold(far_end, gravity):
         steps = load((fine[1:] + fine[:-1]) / 2) * np.diff(fine)
         pull = np.r_[0, np.cumsum(steps)][:: 120000 // 96]
         change = bar.mean_velocity(t) - bar.mean_velocity(0)
-        np.testing.assert_allclose(change, -pull - bar.force_integral(0, t) / 2, atol=1e-9)
+        np.testing.assert_allclose(change, -pull - bar.force_integral(0, t) / 2, rtol=0, atol=1e-9)
 
 
 unit = st.floats(0, 1)
@@ -333,7 +337,7 @@ def test_bar_put_down_at_rest_stays_and_its_mean_force_is_its_weight():
     t = np.linspace(0, 40, 4001)[1:]
     phase = t % 4
     force = -np.minimum(phase, 4 - phase)
-    np.testing.assert_allclose(bar.multiplier(t), force, atol=1e-13)
+    np.testing.assert_allclose(bar.multiplier(t), force, rtol=0, atol=1e-13)
     assert bar.force_integral(0, 40) == pytest.approx(-40, rel=1e-14)
 
 
@@ -353,7 +357,7 @@ def test_static_equilibrium_stays(far_end):
     )
     t, x = grid(bar)
     assert np.abs(bar.velocity(t, x)).max() < 1e-13
-    np.testing.assert_allclose(bar.multiplier(t), 4 * slope, atol=1e-12)
+    np.testing.assert_allclose(bar.multiplier(t), 4 * slope, rtol=0, atol=1e-12)
     assert bar.contacts == ((0.0, 30.0),)
     assert bar.sampled
 
@@ -371,7 +375,7 @@ def test_clamped_bar_hanging_free_of_the_wall_stays():
         far_end="clamped",
     )
     t, x = grid(bar)
-    np.testing.assert_allclose(bar.displacement(t, x), 0.1 + x**2 / 2, atol=1e-13)
+    np.testing.assert_allclose(bar.displacement(t, x), 0.1 + x**2 / 2, rtol=0, atol=1e-13)
     assert bar.contacts == ()
 
 
@@ -384,7 +388,7 @@ def test_grazing():
     assert contact[0] == pytest.approx(1 + 1e-6 - np.sqrt(2e-6 + 1e-12), abs=1e-12)
     slow = rigid_start(1e-9, -1e-9, duration=4)
     np.testing.assert_allclose(slow.contacts, [[1, 3]], rtol=1e-12)
-    assert slow.multiplier(2) == pytest.approx(-1e-9)
+    assert slow.multiplier(2) == pytest.approx(-1e-9, rel=1e-12, abs=0)
 
 
 def test_touching_without_contact():
@@ -393,7 +397,7 @@ def test_touching_without_contact():
         length=1, wave_speed=1, duration=1, nodes=[0, 1], displacement=[0, 0.1], velocity=[0, 0]
     )
     assert away.contacts == ()
-    assert away.gap(0.5) == pytest.approx(0.05)
+    assert away.gap(0.5) == pytest.approx(0.05, rel=1e-12)
     still = rigid_start(0, 0, 0, duration=5)
     assert np.abs(still.displacement(*grid(still))).max() == 0
     assert still.multiplier([0, 2, 5]).tolist() == [0, 0, 0]
@@ -464,8 +468,10 @@ def test_jumps_on_piece_borders_are_exact():
         pieces=8,
     )
     x = np.linspace(0.003, 0.997, 91)
-    np.testing.assert_allclose(bar.displacement(0, x), 0.5 + np.abs(x - 0.5), atol=1e-14)
-    np.testing.assert_allclose(bar.velocity(0, x), np.where(x < 0.25, 4 * x - 1, 1 + x), atol=1e-14)
+    np.testing.assert_allclose(bar.displacement(0, x), 0.5 + np.abs(x - 0.5), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(
+        bar.velocity(0, x), np.where(x < 0.25, 4 * x - 1, 1 + x), rtol=0, atol=1e-14
+    )
 
 
 # Use
