@@ -150,6 +150,34 @@ def test_k2_force_under_gravity():
     assert bar.multiplier(tau + 0.5) == pytest.approx(-0.641608, abs=1e-6)
 
 
+def test_k2_displacement_is_the_fourier_series_of_the_slides():
+    length, c, height, v0, p = 1.3, 1.7, 0.5, 0.5, 0.1
+    transit = length / c
+    tau = (np.sqrt(v0**2 + 2 * p * height) - v0) / p
+    speed = v0 + p * tau
+    end = tau + 3 * transit
+    bar = rigid_start(height, -v0, p, length=length, wave_speed=c, duration=end)
+    t, x = grid(bar, size=300)
+    s, y = t - tau, x / c
+    n = np.arange(1, 4001)[:, None]
+    nu, mu = np.pi / length * (n - 0.5), np.pi / length * n
+    eta = 2 / (length * c**2) * np.sum((np.cos(nu * c * s) - 1) * np.sin(nu * x) / nu**3, axis=0)
+    chi = np.sum(np.cos(mu * (c * s - 2 * length)) * np.cos(mu * x) / mu**2, axis=0)
+    chi = 4 / c**2 * chi - 2 * length**2 / (3 * c**2)
+    left = s - 2 * transit
+    regions = [
+        (s < 0, height - v0 * t - p / 2 * t**2, 1e-15),
+        ((s >= 0) & (s < y), -s * speed + p * eta, 1e-10),
+        ((s >= y) & (left < -y), -speed * y + p * eta, 1e-10),
+        ((left >= -y) & (left < y), left * speed + p * eta, 1e-10),
+        (left >= y, left * speed - p / 2 * left**2 + p * chi, 1e-6),
+    ]
+    for where, u, truncation in regions:
+        assert where.any()
+        exact = bar.displacement(t[where], x[where])
+        np.testing.assert_allclose(exact, u[where], rtol=0, atol=truncation)
+
+
 def test_k3_load_switched_off_at_impact_leaves_no_vibration():
     tau = (np.sqrt(0.25 + 2 * 0.3 * 0.5) - 0.5) / 0.3
     bar = ExactBar(
