@@ -39,6 +39,7 @@ __all__ = [
     "PETSc",
     "assemble_rows",
     "assemble_vector",
+    "cell_nodes",
     "compile_form",
     "coo_matrix",
     "dolfinx_fem",
@@ -85,6 +86,13 @@ def facet_submesh(mesh: Any, facets: NDArray[np.int32]) -> tuple[Any, Any]:
     to_child = np.full(index_map.size_local + index_map.num_ghosts, -1, dtype=np.int32)
     to_child[to_parent] = np.arange(len(to_parent), dtype=np.int32)
     return submesh, {submesh: to_child}
+
+
+def cell_nodes(mesh: Any) -> NDArray[np.int32]:
+    """Geometry nodes of each cell of this rank (ghosts included), shape (cells, nodes)."""
+    dofmaps = mesh.geometry.dofmaps  # a method in DOLFINx 0.9, a list later
+    nodes: NDArray[np.int32] = dofmaps(0) if callable(dofmaps) else dofmaps[0]
+    return nodes
 
 
 def compile_form(form: Any, entity_maps: Any = None) -> Any:

@@ -117,7 +117,7 @@ def plan(scene: Scene) -> Plan:
         window="all",
         active_set="none" if method == "exact" else solve.active_set or "pdas",
         gamma=solve.gamma or 1.0,
-        tolerance=solve.tolerance or 1e-11,
+        tolerance=solve.tolerance or 1e-10,
         max_iterations=solve.max_iterations or 2 * iterations + 50,
         contact_pairs=pairs,
         unknowns=unknowns,

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
 from impactfem.log import Progress
@@ -23,6 +24,8 @@ from impactfem.reference import (
 from impactfem.result import Fields, Result
 from impactfem.scene import Scene
 
+Floats = NDArray[np.float64]
+
 METHODS: Mapping[str, str] = {
     "galerkin": "space-time P1 Petrov-Galerkin with a primal-dual active set for all layers at "
     "once; exact at the nodes at courant 1 when impacts fall on layers, first order in h "
@@ -31,6 +34,8 @@ METHODS: Mapping[str, str] = {
     "thousands of bounces in a fraction of a second",
 }
 """Methods by name, with their limits."""
+
+_NO_FORCE = 1e-9  # share of the largest force that counts as rounding
 
 GROWTH_LIMIT = 1e-2
 """Relative growth of energy from which a run counts as unstable."""
@@ -192,7 +197,7 @@ def _summary(scene: Scene, chosen: Plan, answer: _Answer, wall_time: float) -> d
             "final_relative_drift": growth[-1],
         },
         "contact": {
-            "intervals": contact_intervals(t, history["active"].values),
+            "intervals": contact_intervals(t, force),
             "max_force": force.max(),
             "impulse": float(np.sum(force[1:] * np.diff(t))),
             "max_penetration": max(0.0, -float(history["gap"].min())),
@@ -204,17 +209,19 @@ def _summary(scene: Scene, chosen: Plan, answer: _Answer, wall_time: float) -> d
     return plain
 
 
-def contact_intervals(times: Any, active: Any) -> list[list[float]]:
-    """Join active layers to intervals.
+def contact_intervals(times: Floats, force: Floats) -> list[list[float]]:
+    """Join the layers in which the obstacle pushes to intervals.
+
+    A pair that is active without a force (gap and force both zero to rounding) does not count.
 
     Args:
         times: Layer times [s], shape (rows,).
-        active: Active pairs during (t_{m-1}, t_m], shape (rows,); row 0 is ignored.
+        force: Contact force during (t_{m-1}, t_m] [N], shape (rows,); row 0 is ignored.
 
     Returns:
         Pairs [t_in, t_out] in seconds.
     """
-    on = np.concatenate([[False], np.asarray(active)[1:] > 0, [False]])
+    on = np.concatenate([[False], force[1:] > _NO_FORCE * force.max(), [False]])
     changes = np.flatnonzero(on[1:] != on[:-1])
     return [
         [float(times[i]), float(times[j])] for i, j in zip(changes[::2], changes[1::2], strict=True)
