@@ -76,7 +76,7 @@ class Formula:
         shifted._store(f"{float(offset)!r} + ({self.text})", self.variables, tree)
         return shifted
 
-    def __call__(self, **values: ArrayLike) -> Any:  # noqa: ANN401  # float or array of floats
+    def __call__(self, **values: ArrayLike) -> Any:  # float or array of floats
         """Evaluate with numpy.
 
         Args:
@@ -95,7 +95,9 @@ class Formula:
             result = self.apply(NUMPY_FUNCTIONS, **arrays)
         return np.array(np.broadcast_to(np.asarray(result, dtype=float), shape))[()]
 
-    def apply(self, functions: Mapping[str, Callable[..., Any]], /, **values: Any) -> Any:  # noqa: ANN401  # whatever the functions return
+    def apply(
+        self, functions: Mapping[str, Callable[..., Any]], /, **values: Any
+    ) -> Any:  # whatever the functions return
         """Evaluate with the functions of another library, e.g. UFL.
 
         Args:
@@ -108,7 +110,7 @@ class Formula:
             SceneError: a function or the value of a variable is missing.
         """
 
-        def walk(node: Node) -> Any:  # noqa: ANN401
+        def walk(node: Node) -> Any:
             match node:
                 case float():
                     return node

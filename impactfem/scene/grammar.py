@@ -123,7 +123,7 @@ class Parser:
         depth = 0
         for column, character in enumerate(self.text, start=1):
             if not _ALLOWED_CHARACTERS.match(character):
-                name = unicodedata.name(character, f"U+{ord(character):04X}").lower()
+                name = unicodedata.name(character, "").lower() or f"U+{ord(character):04X}"
                 hint = _CHARACTER_HINTS.get(character, _USE_ARITHMETIC)
                 self._fail(f"{character!a} ({name}, column {column}) is not allowed; {hint}")
             depth += (character == "(") - (character == ")")

@@ -25,14 +25,14 @@ class Kind(ABC):
         """What is allowed, in words that follow "give"."""
 
     @abstractmethod
-    def read(self, value: object) -> Any:  # noqa: ANN401  # each kind stores another type
+    def read(self, value: object) -> Any:  # each kind stores another type
         """Return the value as stored.
 
         Raises:
             NotAllowedError: saying why not.
         """
 
-    def write(self, value: Any) -> Any:  # noqa: ANN401  # each kind stores another type
+    def write(self, value: Any) -> Any:  # each kind stores another type
         """Return a stored value as plain numbers, texts and lists."""
         return value
 

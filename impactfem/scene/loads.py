@@ -45,12 +45,12 @@ class PiecewiseConstant:
         """Whether the value never changes."""
         return len(set(self.values)) == 1
 
-    def __call__(self, t: ArrayLike) -> Any:  # noqa: ANN401  # float or array of floats
+    def __call__(self, t: ArrayLike) -> Any:  # float or array of floats
         """Return the values at times t (any shape); at a jump, the value after it."""
         index = np.searchsorted(self.times, np.asarray(t, dtype=float), side="right") - 1
         return np.asarray(self.values)[np.maximum(index, 0)]
 
-    def integral(self, t0: ArrayLike, t1: ArrayLike) -> Any:  # noqa: ANN401  # float or array
+    def integral(self, t0: ArrayLike, t1: ArrayLike) -> Any:  # float or array
         """Return the integrals from t0 to t1, which broadcast; negative where t1 < t0."""
         start, end = np.broadcast_arrays(np.asarray(t0, dtype=float), np.asarray(t1, dtype=float))
         total = np.zeros(start.shape)

@@ -196,7 +196,7 @@ class Scene:
         data = self.to_dict()
         for path, value in settings.items():
             try:
-                assign(data, path, value)
+                assign(data, str(path), value)
             except NotAllowedError as error:
                 raise SceneError(f"setting {path} = {show(value)}: {error}.") from None
         try:

@@ -117,7 +117,9 @@ def join(where: str, key: str) -> str:
     return f"{where}.{key}" if where and key else where or key
 
 
-def key(kind: Kind, doc: str, *, unit: str = "", default: object = REQUIRED, name: str = "") -> Any:  # noqa: ANN401  # as dataclasses.field, to fit fields of any type
+def key(
+    kind: Kind, doc: str, *, unit: str = "", default: object = REQUIRED, name: str = ""
+) -> Any:  # as dataclasses.field, to fit fields of any type
     """Declare a dataclass field as a key of the scene language.
 
     Args:
@@ -161,7 +163,7 @@ def check_keys(table: object, known: list[str], where: str) -> Mapping[str, obje
         raise KeyedError(where or "scene", "", text)
     for name, value in table.items():
         if name not in known:
-            short = isinstance(name, str) and len(name) <= 40 and name.isprintable()
+            short = isinstance(name, str) and 0 < len(name) <= 40 and name.isprintable()
             text = f" = {show(value)} is not a known key: {_hint(str(name), known)}"
             raise KeyedError(
                 where, name if short else show(name), f"{text} Known keys: {', '.join(known)}."

@@ -89,7 +89,9 @@ def read_objects(value: object, heading: str, classes: Mapping[str, type[Any]]) 
     return [_read_object(entry, f"{heading}[{i}]", classes) for i, entry in enumerate(value)]
 
 
-def _read_object(entry: object, where: str, classes: Mapping[str, type[Any]]) -> Any:  # noqa: ANN401  # of one of the classes
+def _read_object(
+    entry: object, where: str, classes: Mapping[str, type[Any]]
+) -> Any:  # of one of the classes
     allowed = " or ".join(show(kind) for kind in classes)
     if not isinstance(entry, Mapping):
         heading = where.partition("[")[0]
@@ -118,11 +120,11 @@ def assign(data: dict[str, Any], path: str, value: object) -> None:
     place: Any = data
     for part in parts[:-1]:
         if isinstance(place, list):
-            found = [e for i, e in enumerate(place) if part in {str(i), e.get("name")}]
-            if not found:
-                names = " or ".join(f"{i} or {e['name']}" for i, e in enumerate(place))
-                raise NotAllowedError(f"there is no {show(part)}; write {names}")
-            place = found[0]
+            found = {str(index): entry for index, entry in enumerate(place)}
+            found |= {str(entry["name"]): entry for entry in place if "name" in entry}
+            if part not in found:
+                raise NotAllowedError(f"there is no {show(part)}; write {' or '.join(found)}")
+            place = found[part]
         elif isinstance(place, dict) and part in (tables := _tables(place)):
             place = tables[part]
         else:
@@ -130,9 +132,16 @@ def assign(data: dict[str, Any], path: str, value: object) -> None:
                 f"there is no table {show(part)}; the tables are {', '.join(_tables(data))}"
             )
     if isinstance(place, list):
-        example = ".".join([*parts[:-1], place[0]["name"], parts[-1]])
+        example = ".".join([*parts[:-1], str(place[0].get("name", 0)), parts[-1]])
         raise NotAllowedError(f"say which one is meant, such as {example}")
-    place[parts[-1]] = value
+    place[parts[-1]] = _own(value)
+
+
+def _own(value: object) -> object:
+    """Return a copy of a table or list of tables: later assignments must not reach the caller's."""
+    if isinstance(value, list):
+        return [dict(entry) if isinstance(entry, dict) else entry for entry in value]
+    return dict(value) if isinstance(value, dict) else value
 
 
 def _tables(data: dict[str, Any]) -> dict[str, Any]:
@@ -141,5 +150,5 @@ def _tables(data: dict[str, Any]) -> dict[str, Any]:
         name: value
         for name, value in data.items()
         if isinstance(value, dict)
-        or (isinstance(value, list) and any(isinstance(entry, dict) for entry in value))
+        or (isinstance(value, list) and value and all(isinstance(e, dict) for e in value))
     }
