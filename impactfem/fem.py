@@ -41,13 +41,14 @@ __all__ = [
     "assemble_vector",
     "cell_nodes",
     "compile_form",
-    "coo_matrix",
     "dolfinx_fem",
     "dolfinx_mesh",
     "facet_submesh",
     "gather",
     "mesh_from_gmsh",
     "on_root",
+    "set_entries",
+    "sparse_matrix",
     "ufl",
 ]
 
@@ -90,8 +91,10 @@ def facet_submesh(mesh: Any, facets: NDArray[np.int32]) -> tuple[Any, Any]:
 
 def cell_nodes(mesh: Any) -> NDArray[np.int32]:
     """Geometry nodes of each cell of this rank (ghosts included), shape (cells, nodes)."""
-    dofmaps = mesh.geometry.dofmaps  # a method in DOLFINx 0.9, a list later
-    nodes: NDArray[np.int32] = dofmaps(0) if callable(dofmaps) else dofmaps[0]
+    geometry = mesh.geometry
+    nodes: NDArray[np.int32] = (
+        geometry.dofmaps[0] if hasattr(geometry, "dofmaps") else geometry.dofmap  # DOLFINx 0.9
+    )
     return nodes
 
 
@@ -124,23 +127,42 @@ def assemble_vector(form: Any) -> NDArray[np.float64]:
     return np.array(vector.array[:owned], dtype=np.float64)
 
 
-def coo_matrix(
-    comm: Any, local: int, size: int, rows: NDArray[np.int64], columns: NDArray[np.int64]
-) -> Any:
-    """Make a square PETSc matrix whose values are then set by ``setValuesCOO``.
-
-    Args:
-        comm: MPI communicator.
-        local: Rows (and columns) of this rank.
-        size: Rows of all ranks together.
-        rows: Global rows of this rank's entries, of any rank's rows; equal places are summed.
-        columns: Global columns, of the same shape.
-    """
+def sparse_matrix(comm: Any, local: int, size: int) -> Any:
+    """Make a square PETSc matrix with ``local`` rows on this rank and ``size`` on all."""
     matrix = PETSc.Mat().create(comm)
     matrix.setSizes(((local, size), (local, size)))
     matrix.setType(PETSc.Mat.Type.AIJ)
-    matrix.setPreallocationCOO(rows.astype(np.int32), columns.astype(np.int32))
+    matrix.setUp()  # entries are hashed until the first assembly: no preallocation is needed
     return matrix
+
+
+def set_entries(
+    matrix: Any,
+    rows: NDArray[np.int64],
+    columns: NDArray[np.int64],
+    values: NDArray[np.float64],
+    *,
+    add: bool,
+) -> None:
+    """Add or insert entries, which may lie in rows of other ranks, and assemble (collective).
+
+    Args:
+        matrix: From `sparse_matrix`.
+        rows: Global rows, shape (entries,); in any order.
+        columns: Global columns.
+        values: Values.
+        add: Whether to add to what is there; otherwise to replace it.
+    """
+    order = np.argsort(rows, kind="stable")
+    present, counts = np.unique(rows, return_counts=True)
+    matrix.setValuesIJV(
+        np.concatenate([[0], np.cumsum(counts)]).astype(np.int32),
+        columns[order].astype(np.int32),
+        values[order],
+        addv=PETSc.InsertMode.ADD_VALUES if add else PETSc.InsertMode.INSERT_VALUES,
+        rowmap=present.astype(np.int32),
+    )
+    matrix.assemble()
 
 
 def gather(comm: Any, values: Sequence[Any] | NDArray[Any]) -> NDArray[Any]:

@@ -69,6 +69,8 @@ def measure(solution: SpaceTimeSolution, exact: ExactBar) -> Errors:
     how = "exact solution by characteristics"
     if exact.sampled:
         how += f", initial state sampled on {exact.pieces} pieces"
+    if exact.exact_until < t[-1]:
+        how += f", exact until {exact.exact_until:.6g} s, then its smallest waves are merged"
     return Errors(
         how,
         _relative(np.abs(difference).max(), np.abs(reference).max()),
@@ -88,7 +90,9 @@ def _relative(error: float, value: float) -> float:
     return float(error / value) if value > 0.0 else float(error)
 
 
-def exact_history(exact: ExactBar, bar: Bar, gravity: PiecewiseConstant, times: Floats) -> xr.Dataset:
+def exact_history(
+    exact: ExactBar, bar: Bar, gravity: PiecewiseConstant, times: Floats
+) -> xr.Dataset:
     """History of the exact solution: every column at its time; the force just before it."""
     section = bar.density * bar.area
     kinetic, elastic = exact.energy(times)

@@ -23,6 +23,4 @@ def find_scene(text: str) -> Path:
         return path
     if text in scenes:
         return scenes[text]
-    raise SceneError(
-        f"{text}: neither a file nor a shipped scene; shipped are {', '.join(scenes)}"
-    )
+    raise SceneError(f"{text}: neither a file nor a shipped scene; shipped are {', '.join(scenes)}")

@@ -75,7 +75,10 @@ def solve_bounded(
         ksp.getPC().setType("lu")
         ksp.getPC().setFactorSolverType("mumps")
         # Full steps: a line search on the projected residual is not monotone here.
-        snes.getLineSearch().setType("basic")
+        # (Set by option: the petsc4py of Debian 13 has no other way.)
+        options = PETSc.Options("impactfem_vi_")
+        if not options.hasName("snes_linesearch_type"):
+            options["snes_linesearch_type"] = "basic"
         snes.setFromOptions()
         snes.solve(None, solution)
         reason = int(snes.getConvergedReason())

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from impactfem import fem
 from impactfem.contact.active_set import primal_dual_active_set
 from impactfem.contact.snes_vi import solve_bounded
-from impactfem.fem import PETSc, dolfinx_fem, ufl
+from impactfem.fem import dolfinx_fem, ufl
 from impactfem.forms.galerkin import galerkin_forms
 from impactfem.log import Progress
 from impactfem.mesh.spacetime import SpaceTimeMesh
@@ -161,8 +161,8 @@ def _by_snes_vi(
         rows = np.concatenate([rows, numbering.fixed])
         columns = np.concatenate([columns, numbering.fixed])
         values = np.concatenate([values, ones])
-    matrix = fem.coo_matrix(comm, local, size, rows, columns)
-    matrix.setValuesCOO(values, PETSc.InsertMode.INSERT_VALUES)
+    matrix = fem.sparse_matrix(comm, local, size)
+    fem.set_entries(matrix, rows, columns, values, add=True)
     load, solution = matrix.createVecLeft(), matrix.createVecRight()
     first = int(ranges[comm.rank])
     load.array[:] = paired_load(equations)[first : first + local]

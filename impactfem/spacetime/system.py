@@ -12,9 +12,16 @@ from impactfem.fem import PETSc
 from impactfem.forms.galerkin import GalerkinForms
 from impactfem.spacetime.numbering import Numbering
 
+Indices = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
 _MUMPS_ORDERING = 7  # ICNTL(7)
 _APPROXIMATE_MINIMUM_FILL = 2  # a quarter of the analysis time of the default ordering here
 _MUMPS_WORKSPACE = 14  # ICNTL(14): percentage of extra workspace
+_MUMPS_PERMUTATION = 6  # ICNTL(6)
+_MUMPS_SCALING = 8  # ICNTL(8)
+_BACKWARD_ERROR = 1e-14  # of a direct solution that needs no refinement
+_REFINEMENTS = 4
 _WORKSPACES = (40, 200, 1000)
 _WORKSPACE_TOO_SMALL = (-8, -9, -14, -17, -20)  # INFOG(1)
 
@@ -36,12 +43,12 @@ class Equations:
 
     comm: Any
     numbering: Numbering
-    stiffness: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]
-    coupling: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]
-    load: NDArray[np.float64]
-    fixed_values: NDArray[np.float64]
-    node_ranges: NDArray[np.int64]
-    multiplier_ranges: NDArray[np.int64]
+    stiffness: tuple[Indices, Indices, Floats]
+    coupling: tuple[Indices, Indices, Floats]
+    load: Floats
+    fixed_values: Floats
+    node_ranges: Indices
+    multiplier_ranges: Indices
 
     @property
     def num_nodes(self) -> int:
@@ -51,16 +58,16 @@ class Equations:
 
 def assemble(
     comm: Any, forms: GalerkinForms, entity_maps: Any, numbering: Numbering,
-    fixed_values: NDArray[np.float64], spaces: tuple[Any, Any],
+    fixed_values: Floats, spaces: tuple[Any, Any],
 ) -> Equations:  # fmt: skip
     """Assemble the forms and drop the rows whose test function vanishes."""
 
-    def kept(form: Any) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    def kept(form: Any) -> tuple[Indices, Indices, Floats]:
         rows, columns, values = fem.assemble_rows(form)
         keep = numbering.row[rows] >= 0
         return rows[keep], columns[keep], values[keep]
 
-    def ranges(space: Any) -> NDArray[np.int64]:
+    def ranges(space: Any) -> Indices:
         index_map = space.dofmap.index_map
         firsts = comm.allgather(index_map.local_range[0])
         return np.array([*firsts, index_map.size_global], dtype=np.int64)
@@ -71,7 +78,7 @@ def assemble(
     return Equations(comm, numbering, stiffness, coupling, load, fixed_values, *map(ranges, spaces))
 
 
-def paired_load(equations: Equations) -> NDArray[np.float64]:
+def paired_load(equations: Equations) -> Floats:
     """Right-hand side by slots: loads of the test rows, given values in the slots left over."""
     numbering = equations.numbering
     right = np.zeros(equations.num_nodes)
@@ -112,11 +119,13 @@ class CoupledSystem:
             node_ranges[rank + 1] - node_ranges[rank]
             + multiplier_ranges[rank + 1] - multiplier_ranges[rank]
         )  # fmt: skip
-        rows, columns, values = self._entries()
-        self._values = values
-        self._matrix = fem.coo_matrix(comm, local, size, rows, columns)
+        self._matrix = fem.sparse_matrix(comm, local, size)
+        fem.set_entries(self._matrix, *self._entries(), add=True)
+        self._constraints = self._constraint_entries()
         self._load = self._matrix.createVecLeft()
         self._solution = self._matrix.createVecRight()
+        self._residual = self._load.duplicate()
+        self._correction = self._load.duplicate()
         self._fill_load()
         wall = np.concatenate(
             [self._node[numbering.wall[1:]], self._multiplier[numbering.multipliers]]
@@ -133,8 +142,8 @@ class CoupledSystem:
         """Displacements and multipliers together."""
         return int(self._matrix.getSize()[0])
 
-    def _entries(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-        """All entries in COO form; the constraints' come last and are rank 0's."""
+    def _entries(self) -> tuple[Indices, Indices, Floats]:
+        """Entries that do not depend on the active set."""
         equations, numbering = self._equations, self._equations.numbering
         test, node, stiffness = equations.stiffness
         wall_test, multiplier, coupling = equations.coupling
@@ -143,11 +152,19 @@ class CoupledSystem:
         values = [stiffness, coupling]
         if equations.comm.rank == 0:
             fixed = self._node[numbering.fixed]
-            constraint = self._multiplier[numbering.multipliers]
-            rows += [fixed, constraint, constraint]
-            columns += [fixed, self._node[numbering.wall[1:]], constraint]
-            values += [np.ones(len(fixed)), np.zeros(self._pairs), np.ones(self._pairs)]
+            rows.append(fixed)
+            columns.append(fixed)
+            values.append(np.ones(len(fixed)))
         return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+
+    def _constraint_entries(self) -> tuple[Indices, Indices]:
+        """Places of u_m, then of lambda_m, in the constraint rows; all of them are rank 0's."""
+        if self._equations.comm.rank != 0:
+            return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+        numbering = self._equations.numbering
+        constraint = self._multiplier[numbering.multipliers]
+        displacement = self._node[numbering.wall[1:]]
+        return np.tile(constraint, 2), np.concatenate([displacement, constraint])
 
     def _fill_load(self) -> None:
         """Set the right-hand side; it does not depend on the active set."""
@@ -171,9 +188,14 @@ class CoupledSystem:
         factor = pc.getFactorMatrix()
         factor.setMumpsIcntl(_MUMPS_ORDERING, _APPROXIMATE_MINIMUM_FILL)
         factor.setMumpsIcntl(_MUMPS_WORKSPACE, _WORKSPACES[self._workspace])
+        if self._equations.numbering.grid is not None:
+            # Rows are paired causally already. MUMPS's own permutation and scaling would undo that:
+            # the MUMPS of Debian 13 then was wrong in the fourth digit without a complaint.
+            factor.setMumpsIcntl(_MUMPS_PERMUTATION, 0)
+            factor.setMumpsIcntl(_MUMPS_SCALING, 0)
         return ksp
 
-    def solve(self, active: NDArray[np.bool_]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def solve(self, active: NDArray[np.bool_]) -> tuple[Floats, Floats]:
         """Solve for a set of active wall intervals.
 
         Args:
@@ -186,20 +208,45 @@ class CoupledSystem:
         Raises:
             ConvergenceError: MUMPS could not factor the system.
         """
-        if self._equations.comm.rank == 0:
-            self._values[-2 * self._pairs : -self._pairs] = active
-            self._values[-self._pairs :] = ~active
-        self._matrix.setValuesCOO(self._values, PETSc.InsertMode.INSERT_VALUES)
+        rows, columns = self._constraints
+        values = np.concatenate([active, ~active]).astype(np.float64)[: len(rows)]
+        fem.set_entries(self._matrix, rows, columns, values, add=False)
         while True:
             self._ksp.solve(self._load, self._solution)
             if self._ksp.getConvergedReason() > 0:
                 break
             self._more_workspace()
+        self._refine()
         self._scatter.scatter(
             self._solution, self._wall, addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD
         )
         wall = self._wall.array.copy()
         return wall[: self._pairs], wall[self._pairs :]
+
+    def _refine(self) -> None:
+        """Check the backward error of the direct solution and correct it if need be.
+
+        Raises:
+            ConvergenceError: The factors are useless.
+        """
+        infinity = PETSc.NormType.INFINITY
+        matrix, load = self._matrix.norm(infinity), self._load.norm(infinity)
+        error = np.inf
+        for _ in range(_REFINEMENTS):
+            self._matrix.mult(self._solution, self._residual)
+            self._residual.aypx(-1.0, self._load)
+            scale = matrix * self._solution.norm(infinity) + load
+            if scale == 0.0 or not np.isfinite(scale):
+                return  # nothing moves; what is not finite is reported by the active set
+            error = self._residual.norm(infinity) / scale
+            if error <= _BACKWARD_ERROR:
+                return
+            self._ksp.solve(self._residual, self._correction)
+            self._solution.axpy(1.0, self._correction)
+        raise ConvergenceError(
+            f"the space-time system of {self.num_unknowns} unknowns could be solved only to a "
+            f"backward error of {error:.1e}; use fewer elements or a layered mesh"
+        )
 
     def _more_workspace(self) -> None:
         """Give MUMPS more room, or raise if that is not what it lacks."""
@@ -213,7 +260,7 @@ class CoupledSystem:
         self._ksp.destroy()
         self._ksp = self._solver()
 
-    def displacement(self) -> NDArray[np.float64]:
+    def displacement(self) -> Floats:
         """Displacement of the last solution [m] in global node order, on every rank."""
         rank, ranges = self._equations.comm.rank, self._equations.node_ranges
         own = self._solution.array[: int(ranges[rank + 1] - ranges[rank])]
@@ -221,6 +268,6 @@ class CoupledSystem:
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        vectors = (self._load, self._solution, self._wall)
+        vectors = (self._load, self._solution, self._residual, self._correction, self._wall)
         for item in (self._ksp, self._scatter, self._matrix, *vectors):
             item.destroy()
