@@ -2,11 +2,12 @@
 # Turn a bare Debian 13 into the impactfem image. Both docker/Dockerfile and docker/test-debian.sh run these steps:
 #
 #   install.sh packages        Debian's packages, listed in packages.txt beside this script, and the user (as root)
-#   install.sh package SOURCE  impactfem itself, from its source folder (as root)
-#   install.sh warm DEMOS      compile the forms of the main demo, so that a first run need not (as the user)
+#   install.sh package SOURCE  impactfem itself, from its source folder, and the demos into the user's home (as root)
+#   install.sh warm            compile the forms of the main demo, so that a first run need not (as the user)
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 user=impactfem
+home=/home/$user
 cache=/var/cache/impactfem
 
 case "${1:-}" in
@@ -28,13 +29,19 @@ package)
     python3 -m pip install --quiet --no-deps --no-build-isolation --no-index --break-system-packages \
         --root-user-action=ignore --force-reinstall "$work"
     rm -rf "$work"
+    # A demo's scene may be a link into the package: -L makes it a file of its own.
+    rm -rf "$home/demos" "$home/meshes"
+    cp -RL "$2/demos" "$2/meshes" "$home"
+    mkdir -p "$home/results"
+    chown -R "$user:$user" "$home/demos" "$home/meshes" "$home/results"
     ;;
 warm)
-    out=$(mktemp -d)
+    work=$(mktemp -d)
+    cd "$home"
     XDG_CACHE_HOME=$cache MPLCONFIGDIR=$cache/matplotlib OMP_NUM_THREADS=1 \
-        impactfem run "$2/bar_impact/scene.toml" --out "$out/bar_impact" --quiet
-    rm -rf "$out"
-    chmod -R a+rwX "$cache" 2>/dev/null || true
+        impactfem run demos/bar_impact/scene.toml --out "$work/bar_impact" --quiet
+    rm -rf "$work"
+    chmod -R a+rX "$cache" 2>/dev/null || true
     ;;
 *)
     sed -n '2,6s/^# \{0,1\}//p' "$0" >&2

@@ -50,7 +50,7 @@ inside_as_user() {
         LANG=C.UTF-8 OMP_NUM_THREADS=1 XDG_CACHE_HOME=/var/cache/impactfem MPLCONFIGDIR=/var/cache/impactfem/matplotlib \
         PRTE_MCA_rmaps_default_mapping_policy=:oversubscribe OMPI_MCA_btl=self,sm \
         TEST_PYTHON=/usr/bin/python3 MPI_TIMEOUT="${MPI_TIMEOUT:-1200}" \
-        sh -c 'cd /home/impactfem/impactfem && exec "$@"' sh "$@"
+        sh -c 'cd /home/impactfem/source && exec "$@"' sh "$@"
 }
 
 mount_kernel_file_systems() {
@@ -83,8 +83,7 @@ fi
 cp "$repo/docker/install.sh" "$repo/docker/packages.txt" "$root/opt/impactfem/docker/"
 
 # The working tree as git sees it, without what is ignored.
-home=$root/home/impactfem
-copy=$home/impactfem
+copy=$root/home/impactfem/source
 rm -rf "$copy"
 mkdir -p "$copy"
 (cd "$repo" && git ls-files -z --cached --others --exclude-standard |
@@ -92,7 +91,7 @@ mkdir -p "$copy"
     tar --create --no-recursion --null --files-from=- --file=-) | tar -xf - -C "$copy" --no-same-owner
 chown -R 1000:1000 "$copy"
 
-inside /opt/impactfem/docker/install.sh package /home/impactfem/impactfem
+inside /opt/impactfem/docker/install.sh package /home/impactfem/source
 
 # mpi-pytest is not packaged in Debian: fetched here, where pip is configured, and installed there.
 if ! inside python3 -c 'import pytest_mpi' 2>/dev/null; then
@@ -118,7 +117,7 @@ fi
 
 status=0
 echo "== image step: warm the form cache"
-inside_as_user /opt/impactfem/docker/install.sh warm /home/impactfem/impactfem/demos || status=1
+inside_as_user /opt/impactfem/docker/install.sh warm || status=1
 inside_as_user python3 -P -c '
 from mpi4py import MPI
 import dolfinx, impactfem, petsc4py, sys
