@@ -7,10 +7,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from impactfem.exact import ExactBar
-from impactfem.result import BodyMotion, Fields, make_history
-from impactfem.result.history import Columns
+from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
 from impactfem.scene import Bar, PiecewiseConstant, Scene
-from impactfem.spacetime.solution import SpaceTimeSolution
 
 Floats = NDArray[np.float64]
 
@@ -55,17 +53,18 @@ class Errors:
     force_l1: float
 
 
-def measure(solution: SpaceTimeSolution, exact: ExactBar) -> Errors:
-    """Errors of a space-time solution at its nodes and on its wall intervals."""
-    t, x = solution.times, solution.positions
+def measure(motion: BarMotion, exact: ExactBar) -> Errors:
+    """Errors of a motion at the nodes of its kept levels, and of the force in its layers."""
+    t, x = motion.times[motion.kept], motion.positions
     reference = exact.displacement(t[:, None], x[None, :])
-    difference = solution.displacement - reference
+    difference = motion.displacement - reference
     weights = np.sqrt(_trapezoidal(t)[:, None] * _trapezoidal(x)[None, :])
-    dt = np.diff(t)[:, None]
-    inside = t[:-1, None] + 0.5 * dt * (1.0 + _POINTS)
+    largest = max(np.abs(difference).max(), np.abs(motion.gap - exact.gap(motion.times)).max())
+    dt = np.diff(motion.times)[:, None]
+    inside = motion.times[:-1, None] + 0.5 * dt * (1.0 + _POINTS)
     force = exact.multiplier(inside)
     quadrature = 0.5 * dt * _WEIGHTS
-    wrong = np.sum(quadrature * np.abs(solution.multiplier[:, None] - force))
+    wrong = np.sum(quadrature * np.abs(motion.multiplier[:, None] - force))
     how = "exact solution by characteristics"
     if exact.sampled:
         how += f", initial state sampled on {exact.pieces} pieces"
@@ -73,7 +72,7 @@ def measure(solution: SpaceTimeSolution, exact: ExactBar) -> Errors:
         how += f", exact until {exact.exact_until:.6g} s, then its smallest waves are merged"
     return Errors(
         how,
-        _relative(np.abs(difference).max(), np.abs(reference).max()),
+        _relative(largest, np.abs(reference).max()),
         _relative(np.linalg.norm(weights * difference), np.linalg.norm(weights * reference)),
         _relative(wrong, np.sum(quadrature * np.abs(force))),
     )
@@ -90,34 +89,35 @@ def _relative(error: float, value: float) -> float:
     return float(error / value) if value > 0.0 else float(error)
 
 
-def exact_history(
-    exact: ExactBar, bar: Bar, gravity: PiecewiseConstant, times: Floats
-) -> xr.Dataset:
-    """History of the exact solution: every column at its time; the force just before it."""
-    section = bar.density * bar.area
+def exact_motion(
+    exact: ExactBar, bar: Bar, gravity: PiecewiseConstant, times: Floats, positions: Floats,
+    every: int,
+) -> BarMotion:  # fmt: skip
+    """The exact solution at given times: every row is at its time, the force just before it."""
     kinetic, elastic = exact.energy(times)
-    mean, velocity = exact.mean_displacement(times), exact.mean_velocity(times)
-    force = -section * exact.multiplier(times) + 0.0
-    force[0] = 0.0  # before t = 0 there is none
-    momentum = bar.mass * velocity
-    touching = (exact.gap(times) <= 1e-12 * max(1.0, abs(bar.gap))) & (force > 0.0)
-    return make_history(
-        Columns(
-            time=times,
-            gap=exact.gap(times),
-            contact_force=force,
-            kinetic_energy=section * kinetic,
-            elastic_energy=section * elastic,
-            potential_energy=bar.mass * _potential(exact, gravity, times),
-            momentum=momentum,
-            active=touching.astype(np.int64),
-            bodies={bar.name: BodyMotion.along_axis(mean + 0.5 * bar.length, velocity)},
-        )
+    kept = kept_levels(len(times) - 1, every)
+    t, x = times[kept, None], positions[None, :]
+    multiplier = exact.multiplier(times[1:])
+    return BarMotion(
+        times=times,
+        positions=positions,
+        kept=kept,
+        displacement=exact.displacement(t, x),
+        velocity=exact.velocity(t, x),
+        gap=exact.gap(times),
+        multiplier=multiplier,
+        active=multiplier < 0.0,
+        kinetic=kinetic,
+        elastic=elastic,
+        potential=bar.length * _potential(exact, gravity, times),
+        mean_displacement=exact.mean_displacement(times),
+        mean_velocity=exact.mean_velocity(times),
+        effort=Effort(message="closed form"),
     )
 
 
 def _potential(exact: ExactBar, gravity: PiecewiseConstant, times: Floats) -> Floats:
-    """p(0) u(0) minus the work of gravity per mass [m^2/s^2], see `spacetime.history`."""
+    """p(0) u(0) minus the work of gravity per mass [m^2/s^2], see `BarMotion`."""
     switches = np.array([t for t in gravity.times if 0.0 < t < times[-1]])
     borders = np.concatenate([[0.0], switches])
     values = gravity(borders)
@@ -129,12 +129,6 @@ def _potential(exact: ExactBar, gravity: PiecewiseConstant, times: Floats) -> Fl
         exact.mean_displacement(times) - at_borders[piece]
     )
     return potential
-
-
-def exact_fields(exact: ExactBar, times: Floats, positions: Floats) -> Fields:
-    """Exact displacement and velocity on a grid."""
-    t, x = times[:, None], positions[None, :]
-    return Fields(times, positions, exact.displacement(t, x), exact.velocity(t, x))
 
 
 def exact_curves(exact: ExactBar, bar: Bar, end: float) -> xr.Dataset:

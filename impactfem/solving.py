@@ -1,6 +1,7 @@
 """From a scene to its result."""
 
 import resource
+import sys
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -13,15 +14,9 @@ from numpy.typing import NDArray
 from impactfem.errors import SceneError
 from impactfem.log import Progress
 from impactfem.planning import DEFAULT_ELEMENTS, Plan, plan
-from impactfem.reference import (
-    Errors,
-    exact_bar,
-    exact_curves,
-    exact_fields,
-    exact_history,
-    measure,
-)
-from impactfem.result import Fields, Result
+from impactfem.reference import Errors, exact_bar, exact_curves, exact_motion, measure
+from impactfem.result import BarMotion, Effort, Result
+from impactfem.result.bar_motion import bar_fields, bar_history
 from impactfem.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -42,19 +37,12 @@ GROWTH_LIMIT = 1e-2
 
 
 @dataclass(frozen=True)
-class _Answer:
-    """What a method gives before it is summed up."""
+class _Cost:
+    """What a run took."""
 
-    history: xr.Dataset
-    fields: Fields | None
-    errors: Errors | None
-    num_dofs: int
-    iterations: int
-    set_changes: tuple[int, ...]
-    converged: bool
-    message: str
+    wall_time: float
     memory_mib: float
-    ranks: int = 1
+    ranks: int
 
 
 def solve(scene: Scene, *, progress: Progress | None = None, **settings: Any) -> Result:
@@ -81,17 +69,20 @@ def solve(scene: Scene, *, progress: Progress | None = None, **settings: Any) ->
     progress = progress or Progress()
     chosen = plan(scene)
     start = time.perf_counter()
-    answer = (_solve_exact if chosen.method == "exact" else _solve_galerkin)(
-        scene, chosen, progress
-    )
+    motion = _METHODS[chosen.method](scene, chosen, progress)
     wall_time = time.perf_counter() - start
-    end = float(answer.history["time"][-1])
+    progress.step("measuring the error")
+    end = max(scene.duration, float(motion.times[-1]))
+    exact = exact_bar(scene, end)
+    errors = measure(motion, exact) if chosen.method != "exact" and motion.is_finite else None
+    bar = scene.bodies[0]
+    history = bar_history(motion, bar)
     return Result(
         _as_used(scene, chosen),
-        answer.history,
-        _summary(scene, chosen, answer, wall_time),
-        answer.fields if scene.output.fields else None,
-        exact_curves(exact_bar(scene, end), scene.bodies[0], end),
+        history,
+        _summary(scene, chosen, history, motion.effort, errors, _cost(wall_time)),
+        bar_fields(motion) if scene.output.fields else None,
+        exact_curves(exact, bar, end),
     )
 
 
@@ -106,33 +97,21 @@ def _as_used(scene: Scene, chosen: Plan) -> Scene:
     return replace(scene, solve=filled)
 
 
-def _solve_exact(scene: Scene, chosen: Plan, progress: Progress) -> _Answer:
+def _solve_exact(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
     progress.step("following the characteristics")
-    bar, exact = scene.bodies[0], exact_bar(scene)
-    elements = chosen.elements or DEFAULT_ELEMENTS
-    layers = chosen.layers or 1
-    times = np.linspace(0.0, scene.duration, layers + 1)
-    shown = np.unique(np.append(np.arange(0, layers + 1, scene.output.every), layers))
-    return _Answer(
-        history=exact_history(exact, bar, scene.gravity, times),
-        fields=exact_fields(exact, times[shown], np.linspace(0, bar.length, elements + 1)),
-        errors=None,
-        num_dofs=0,
-        iterations=0,
-        set_changes=(),
-        converged=True,
-        message="closed form",
-        memory_mib=_peak_memory_mib(),
-    )
+    bar = scene.bodies[0]
+    times = np.linspace(0.0, scene.duration, (chosen.layers or 1) + 1)
+    positions = np.linspace(0.0, bar.length, (chosen.elements or DEFAULT_ELEMENTS) + 1)
+    exact = exact_bar(scene)
+    return exact_motion(exact, bar, scene.gravity, times, positions, scene.output.every)
 
 
-def _solve_galerkin(scene: Scene, chosen: Plan, progress: Progress) -> _Answer:
+def _solve_galerkin(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
     # DOLFINx and Gmsh load slowly: only for methods that need them.
     from impactfem.fem import MPI  # noqa: PLC0415
     from impactfem.mesh.files import read_mesh  # noqa: PLC0415
     from impactfem.mesh.spacetime import layered_mesh  # noqa: PLC0415
     from impactfem.spacetime.galerkin import GalerkinSettings, solve_galerkin  # noqa: PLC0415
-    from impactfem.spacetime.history import bar_fields, bar_history  # noqa: PLC0415
 
     comm = MPI.COMM_WORLD
     bar, path = scene.bodies[0], scene.mesh_path
@@ -147,48 +126,47 @@ def _solve_galerkin(scene: Scene, chosen: Plan, progress: Progress) -> _Answer:
     settings = GalerkinSettings(
         chosen.active_set, chosen.gamma, chosen.tolerance, chosen.max_iterations
     )
-    solution = solve_galerkin(space, bar, scene.gravity, settings, progress)
-    progress.step("measuring the error")
-    finite = bool(np.isfinite(solution.displacement).all())
-    exact = exact_bar(scene, max(scene.duration, float(solution.times[-1])))
-    return _Answer(
-        history=bar_history(solution, bar, scene.gravity),
-        fields=bar_fields(solution, scene.output.every),
-        errors=measure(solution, exact) if finite else None,
-        num_dofs=solution.num_unknowns,
-        iterations=solution.iterations,
-        set_changes=solution.set_changes,
-        converged=solution.converged,
-        message=solution.message,
-        memory_mib=comm.allreduce(_peak_memory_mib()),
-        ranks=comm.size,
-    )
+    return solve_galerkin(space, bar, scene.gravity, settings, progress, scene.output.every)
 
 
-def _summary(scene: Scene, chosen: Plan, answer: _Answer, wall_time: float) -> dict[str, Any]:
+_METHODS = {"exact": _solve_exact, "galerkin": _solve_galerkin}
+
+
+def _cost(wall_time: float) -> _Cost:
+    """Time and memory of all ranks; MPI counts only if a method has loaded it."""
+    mpi = sys.modules.get("mpi4py.MPI")
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    if mpi is None:
+        return _Cost(wall_time, memory, 1)
+    return _Cost(wall_time, mpi.COMM_WORLD.allreduce(memory), mpi.COMM_WORLD.size)
+
+
+def _summary(
+    scene: Scene, chosen: Plan, history: xr.Dataset, effort: Effort, errors: Errors | None,
+    cost: _Cost,
+) -> dict[str, Any]:  # fmt: skip
     """Figures of a run, as in ``summary.json``; None stands for numbers that are not finite."""
-    history = answer.history
     t, force = history["time"].values, history["contact_force"].values
     energy = history["total_energy"].values
     scale = abs(energy[0]) or float(np.abs(history["kinetic_energy"].values).max()) or 1.0
     growth = (energy - energy[0]) / scale
-    status = "completed" if answer.converged else "not_converged"
-    if answer.converged and not growth.max() <= GROWTH_LIMIT:
+    status = "completed" if effort.converged else "not_converged"
+    if effort.converged and not growth.max() <= GROWTH_LIMIT:
         status = "unstable"
     summary = {
         "title": scene.title,
         "status": status,
         "method": chosen.method,
-        "num_dofs": answer.num_dofs,
+        "num_dofs": effort.num_unknowns,
         "num_steps": len(t) - 1,
-        "wall_time": wall_time,
-        "peak_memory_mib": answer.memory_mib,  # of all ranks together
-        "ranks": answer.ranks,
+        "wall_time": cost.wall_time,
+        "peak_memory_mib": cost.memory_mib,  # of all ranks together
+        "ranks": cost.ranks,
         "active_set": {
-            "iterations": answer.iterations,
-            "set_changes": list(answer.set_changes),
-            "converged": answer.converged,
-            "message": answer.message,
+            "iterations": effort.iterations,
+            "set_changes": list(effort.set_changes),
+            "converged": effort.converged,
+            "message": effort.message,
         },
         "energy": {
             "initial": energy[0],
@@ -202,7 +180,7 @@ def _summary(scene: Scene, chosen: Plan, answer: _Answer, wall_time: float) -> d
             "impulse": float(np.sum(force[1:] * np.diff(t))),
             "max_penetration": max(0.0, -float(history["gap"].min())),
         },
-        "error": asdict(answer.errors) if answer.errors else None,
+        "error": asdict(errors) if errors else None,
         "plan": chosen.as_dict(),
     }
     plain: dict[str, Any] = _plain(summary)
@@ -226,11 +204,6 @@ def contact_intervals(times: Floats, force: Floats) -> list[list[float]]:
     return [
         [float(times[i]), float(times[j])] for i, j in zip(changes[::2], changes[1::2], strict=True)
     ]
-
-
-def _peak_memory_mib() -> float:
-    """Largest resident memory of this process so far [MiB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def _plain(value: Any) -> Any:

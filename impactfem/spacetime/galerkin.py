@@ -13,9 +13,10 @@ from impactfem.fem import dolfinx_fem, ufl
 from impactfem.forms.galerkin import galerkin_forms
 from impactfem.log import Progress
 from impactfem.mesh.spacetime import SpaceTimeMesh
+from impactfem.result.bar_motion import BarMotion, Effort
 from impactfem.scene import Bar, PiecewiseConstant
+from impactfem.spacetime.layers import motion_of_layers
 from impactfem.spacetime.numbering import Numbering, number
-from impactfem.spacetime.solution import SpaceTimeSolution
 from impactfem.spacetime.system import CoupledSystem, Equations, assemble, paired_load
 
 Floats = NDArray[np.float64]
@@ -38,13 +39,26 @@ class GalerkinSettings:
     max_iterations: int = 200
 
 
+@dataclass(frozen=True)
+class _Problem:
+    """What both solvers of the contact conditions start from."""
+
+    space: SpaceTimeMesh
+    bar: Bar
+    gravity: PiecewiseConstant
+    equations: Equations
+    scale: float  # displacement to which tolerances are relative [m]
+    every: int
+
+
 def solve_galerkin(
     space: SpaceTimeMesh,
     bar: Bar,
     gravity: PiecewiseConstant,
     settings: GalerkinSettings,
     progress: Progress | None = None,
-) -> SpaceTimeSolution:
+    every: int = 1,
+) -> BarMotion:
     """Solve equation (3) of the slides for a bar that may touch a wall at x = 0.
 
     Args:
@@ -53,19 +67,20 @@ def solve_galerkin(
         gravity: p(t) [m/s^2], towards the wall.
         settings: Numbers of the active-set loop.
         progress: Told of every iteration.
+        every: Keep the fields of every so many layers.
 
     Returns:
-        The solution in SI units; the same on every rank. ``converged`` is False if the active
-        set did not settle.
+        The motion in SI units; the same on every rank. ``effort.converged`` is False if the
+        active set did not settle.
 
     Raises:
         ConvergenceError: A linear system could not be solved.
     """
-    progress = progress or Progress()
     equations = _equations(space, bar, gravity)
     scale = _displacement_scale(bar, gravity, equations.numbering)
+    problem = _Problem(space, bar, gravity, equations, scale, every)
     solve = _by_snes_vi if settings.active_set == "snes_vi" else _by_active_set
-    return solve(space, bar, equations, settings, scale, progress)
+    return solve(problem, settings, progress or Progress())
 
 
 def _equations(space: SpaceTimeMesh, bar: Bar, gravity: PiecewiseConstant) -> Equations:
@@ -117,40 +132,35 @@ def _displacement_scale(bar: Bar, gravity: PiecewiseConstant, numbering: Numberi
     )
 
 
-def _by_active_set(
-    space: SpaceTimeMesh, bar: Bar, equations: Equations, settings: GalerkinSettings,
-    scale: float, progress: Progress,
-) -> SpaceTimeSolution:  # fmt: skip
+def _by_active_set(problem: _Problem, settings: GalerkinSettings, progress: Progress) -> BarMotion:
     """Coupled primal-dual system, one active set for the whole interval."""
+    equations, pairs = problem.equations, len(problem.equations.numbering.multipliers)
     system = CoupledSystem(equations)
     try:
         result = primal_dual_active_set(
             system.solve,
-            len(equations.numbering.multipliers),
+            pairs,
             gamma=settings.gamma,
-            tolerance=settings.tolerance * scale,
+            tolerance=settings.tolerance * problem.scale,
             max_iterations=settings.max_iterations,
             observe=lambda k, changes: progress.note(f"active set {k}: {changes} changes"),
         )
         u, unknowns = system.displacement(), system.num_unknowns
     finally:
         system.destroy()
-    return _solution(
-        space, bar, equations, u, result.multiplier, result.active,
-        iterations=result.iterations, set_changes=result.set_changes, converged=result.converged,
-        message=result.message, num_unknowns=unknowns,
-    )  # fmt: skip
+    effort = Effort(
+        unknowns, result.iterations, result.set_changes, result.converged, result.message
+    )
+    return _motion(problem, u, result.multiplier, result.active, effort)
 
 
-def _by_snes_vi(
-    space: SpaceTimeMesh, bar: Bar, equations: Equations, settings: GalerkinSettings,
-    scale: float, progress: Progress,
-) -> SpaceTimeSolution:  # fmt: skip
+def _by_snes_vi(problem: _Problem, settings: GalerkinSettings, progress: Progress) -> BarMotion:
     """The same equations as a variational inequality: u_m >= 0 _|_ residual of test node m-1.
 
     The multiplier is then a force on test nodes, not on intervals: where an active interval ends
     its half force on the next test node is missing, so the answers differ at release.
     """
+    equations = problem.equations
     numbering, comm = equations.numbering, equations.comm
     size, ranges = equations.num_nodes, equations.node_ranges
     local = int(ranges[comm.rank + 1] - ranges[comm.rank])
@@ -171,7 +181,7 @@ def _by_snes_vi(
     bounded = numbering.wall[1:]
     result = solve_bounded(
         matrix, load, solution, bounded.astype(np.int32),
-        tolerance=settings.tolerance * scale, max_iterations=settings.max_iterations,
+        tolerance=settings.tolerance * problem.scale, max_iterations=settings.max_iterations,
     )  # fmt: skip
     residual = load.duplicate()
     matrix.mult(solution, residual)
@@ -185,35 +195,34 @@ def _by_snes_vi(
     t = numbering.points[numbering.wall, 0]
     weight = 0.5 * (t[1:] - np.concatenate([[t[0]], t[:-2]]))
     multiplier = -force / weight
-    active = multiplier < -settings.tolerance * scale
-    return _solution(
-        space, bar, equations, u, multiplier, active,
-        iterations=result.iterations, set_changes=(), converged=result.converged,
-        message=result.message, num_unknowns=size,
-    )  # fmt: skip
+    active = multiplier < -settings.tolerance * problem.scale
+    effort = Effort(size, result.iterations, (), result.converged, result.message)
+    return _motion(problem, u, multiplier, active, effort)
 
 
-def _solution(
-    space: SpaceTimeMesh, bar: Bar, equations: Equations, u: Floats, multiplier: Floats,
-    active: NDArray[np.bool_], **how: Any,
-) -> SpaceTimeSolution:  # fmt: skip
+def _motion(
+    problem: _Problem, u: Floats, multiplier: Floats, active: NDArray[np.bool_], effort: Effort
+) -> BarMotion:
     """Bring the solution to SI units and a grid of layers."""
-    numbering, layout = equations.numbering, space.layout
+    numbering, layout = problem.equations.numbering, problem.space.layout
     if numbering.grid is not None and layout.times is not None and layout.nodes is not None:
         times, positions, displacement = layout.times, layout.nodes, u[numbering.grid]
     else:
         times = numbering.points[numbering.wall, 0]
         start = numbering.points[numbering.fixed]
         positions = np.unique(start[start[:, 0] < 0.5 * times[-1], 1])
-        displacement = _sample(space, numbering.points, u, times, positions)
-    return SpaceTimeSolution(
-        times=bar.transit_time * times,
-        positions=bar.length * positions,
-        displacement=displacement,
-        multiplier=multiplier * bar.wave_speed**2 / bar.length,
-        active=active,
-        layered=numbering.grid is not None,
-        **how,
+        displacement = _sample(problem.space, numbering.points, u, times, positions)
+    bar = problem.bar
+    return motion_of_layers(
+        bar,
+        problem.gravity,
+        bar.transit_time * times,
+        bar.length * positions,
+        displacement,
+        multiplier * bar.wave_speed**2 / bar.length,
+        active,
+        effort,
+        problem.every,
     )
 
 

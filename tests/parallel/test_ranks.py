@@ -10,8 +10,8 @@ def histories(method, **bar):
     """History on all ranks together, and on this rank alone."""
     from impactfem.fem import MPI
     from impactfem.mesh.spacetime import layered_mesh
+    from impactfem.result.bar_motion import bar_fields, bar_history
     from impactfem.spacetime.galerkin import GalerkinSettings, solve_galerkin
-    from impactfem.spacetime.history import bar_fields, bar_history
 
     body = impactfem.Bar(length=2.0, density=3.0, youngs_modulus=12.0, **bar)
     gravity = impactfem.PiecewiseConstant((0.0, 1.3), (0.1, -0.05))
@@ -19,7 +19,7 @@ def histories(method, **bar):
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
         space = layered_mesh(comm, 20, 100, 1.0)
         solution = solve_galerkin(space, body, gravity, GalerkinSettings(active_set=method))
-        answers.append((bar_history(solution, body, gravity), bar_fields(solution, 1)))
+        answers.append((bar_history(solution, body), bar_fields(solution)))
     return answers
 
 

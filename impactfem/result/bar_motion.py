@@ -1,0 +1,110 @@
+"""The motion of a bar as every method returns it, and the history and fields made of it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from impactfem.result.fields import Fields
+from impactfem.result.history import BodyMotion, Columns, make_history
+from impactfem.scene import Bar
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How a method got its answer.
+
+    Attributes:
+        num_unknowns: Unknowns of the linear systems, or of one layer times layers.
+        iterations: Active-set iterations (of the worst window, where there are several).
+        set_changes: Changes of the active set after each iteration (of that window).
+        converged: Whether every active set stood still.
+        message: How the iteration ended, in words.
+    """
+
+    num_unknowns: int = 0
+    iterations: int = 0
+    set_changes: tuple[int, ...] = ()
+    converged: bool = True
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class BarMotion:
+    """Motion of a bar at its time levels; energies and momentum are per rho A.
+
+    Rows of "layer" quantities belong to the layer (t_{m-1}, t_m]; row 0 is the initial state.
+
+    Attributes:
+        times: t_m [s], shape (layers + 1,).
+        positions: Node positions from the near end [m], shape (nodes,).
+        kept: Levels at which the fields are kept, shape (kept,).
+        displacement: u at the kept levels [m], shape (kept, nodes).
+        velocity: u_t at the kept levels [m/s], shape (kept, nodes).
+        gap: u(t_m, 0) [m], shape (layers + 1,).
+        multiplier: lambda = c^2 u_x(t, 0) of each layer [m^2/s^2], <= 0 in contact, (layers,).
+        active: Layers in which contact is active, shape (layers,).
+        kinetic: Kinetic energy of each layer [m^3/s^2], shape (layers + 1,).
+        elastic: Elastic energy of each layer [m^3/s^2], shape (layers + 1,).
+        potential: p(0) u(0) L minus the work of gravity [m^3/s^2], shape (layers + 1,).
+        mean_displacement: Displacement of the centre of mass at t_m [m], shape (layers + 1,).
+        mean_velocity: Velocity of the centre of mass in each layer [m/s], shape (layers + 1,).
+        effort: How the method got there.
+    """
+
+    times: Floats
+    positions: Floats
+    kept: NDArray[np.int64]
+    displacement: Floats
+    velocity: Floats
+    gap: Floats
+    multiplier: Floats
+    active: NDArray[np.bool_]
+    kinetic: Floats
+    elastic: Floats
+    potential: Floats
+    mean_displacement: Floats
+    mean_velocity: Floats
+    effort: Effort = field(default_factory=Effort)
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether all displacements and multipliers are finite."""
+        return all(
+            bool(np.isfinite(values).all())
+            for values in (self.displacement, self.gap, self.multiplier)
+        )
+
+
+def kept_levels(layers: int, every: int) -> NDArray[np.int64]:
+    """Every ``every``-th level from 0 on, and the last one."""
+    return np.unique(np.append(np.arange(0, layers + 1, every), layers))
+
+
+def bar_history(motion: BarMotion, bar: Bar) -> xr.Dataset:
+    """History of a motion, in the columns of the contract."""
+    section = bar.density * bar.area
+    momentum = bar.mass * motion.mean_velocity
+    force = -section * motion.multiplier + 0.0  # no negative zeros
+    position = motion.mean_displacement + 0.5 * bar.length
+    return make_history(
+        Columns(
+            time=motion.times,
+            gap=motion.gap,
+            contact_force=np.concatenate([[0.0], force]),
+            kinetic_energy=section * motion.kinetic,
+            elastic_energy=section * motion.elastic,
+            potential_energy=section * motion.potential,
+            momentum=momentum,
+            active=np.concatenate([[0], motion.active.astype(np.int64)]),
+            bodies={bar.name: BodyMotion.along_axis(position, motion.mean_velocity)},
+        )
+    )
+
+
+def bar_fields(motion: BarMotion) -> Fields:
+    """Displacement and velocity at the kept levels."""
+    return Fields(motion.times[motion.kept], motion.positions, motion.displacement, motion.velocity)
