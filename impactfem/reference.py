@@ -60,11 +60,16 @@ def measure(motion: BarMotion, exact: ExactBar) -> Errors:
     difference = motion.displacement - reference
     weights = np.sqrt(_trapezoidal(t)[:, None] * _trapezoidal(x)[None, :])
     largest = max(np.abs(difference).max(), np.abs(motion.gap - exact.gap(motion.times)).max())
-    dt = np.diff(motion.times)[:, None]
-    inside = motion.times[:-1, None] + 0.5 * dt * (1.0 + _POINTS)
+    # Split the layers where the exact force jumps or bends: between it is linear.
+    breaks = exact.multiplier_breaks
+    inner = breaks[(breaks > motion.times[0]) & (breaks < motion.times[-1])]
+    edges = np.union1d(motion.times, inner)
+    width = np.diff(edges)[:, None]
+    inside = edges[:-1, None] + 0.5 * width * (1.0 + _POINTS)
+    layer = np.searchsorted(motion.times, inside[:, 0], side="left") - 1
     force = exact.multiplier(inside)
-    quadrature = 0.5 * dt * _WEIGHTS
-    wrong = np.sum(quadrature * np.abs(motion.multiplier[:, None] - force))
+    quadrature = 0.5 * width * _WEIGHTS
+    wrong = np.sum(quadrature * np.abs(motion.multiplier[layer, None] - force))
     how = "exact solution by characteristics"
     if exact.sampled:
         how += f", initial state sampled on {exact.pieces} pieces"

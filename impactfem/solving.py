@@ -118,6 +118,8 @@ def _solve_galerkin(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion
     progress.step("building the space-time mesh")
     if path is not None:
         space = read_mesh(comm, path, bar.length, scene.duration, bar.wave_speed)
+        if space.layout.times is None:
+            progress.message(f"warning: {path.name} has no layers: the method is not stable on it")
     elif chosen.elements and chosen.layers and chosen.courant:
         space = layered_mesh(comm, chosen.elements, chosen.layers, chosen.courant)
     else:

@@ -21,6 +21,8 @@ from impactfem.spacetime.system import CoupledSystem, Equations, assemble, paire
 
 Floats = NDArray[np.float64]
 
+_INWARDS = 1e-12
+
 
 @dataclass(frozen=True)
 class GalerkinSettings:
@@ -240,5 +242,8 @@ def _sample(
         mesh.comm, nodes.dofmap.index_map.local_to_global(local.ravel().astype(np.int32))
     ).reshape(-1, 3)
     field = LinearTriInterpolator(Triangulation(points[:, 0], points[:, 1], cells), u)
-    grid_t, grid_x = np.meshgrid(times, positions, indexing="ij")
+    # Point location fails on the hull itself: move the sides inwards by less than any digit kept.
+    inside_t = np.clip(times, _INWARDS * times[-1], (1.0 - _INWARDS) * times[-1])
+    inside_x = np.clip(positions, _INWARDS, 1.0 - _INWARDS)
+    grid_t, grid_x = np.meshgrid(inside_t, inside_x, indexing="ij")
     return np.asarray(field(grid_t, grid_x).filled(np.nan), dtype=np.float64)
