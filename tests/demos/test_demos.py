@@ -25,7 +25,7 @@ def elsewhere(tmp_path, monkeypatch):
 
 
 def run(*command):
-    # A rank of its own: this process may be one of an MPI that has left its marks in the environment.
+    # Not as a rank: the MPI of this process may have left its marks in the environment.
     marks = ("PMI_", "PMIX_", "OMPI_COMM_")
     clean = {name: value for name, value in os.environ.items() if not name.startswith(marks)}
     return subprocess.run(
@@ -62,6 +62,11 @@ def test_relative_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#]+)", page.read_text(encoding="utf-8")):
         if "://" not in target:
             assert (page.parent / target).exists(), target
+
+
+def test_every_public_name_is_documented():
+    page = (TOP / "docs" / "api.md").read_text(encoding="utf-8")
+    assert [name for name in impactfem.__all__ if f"impactfem.{name}" not in page] == []
 
 
 def test_script(elsewhere):
