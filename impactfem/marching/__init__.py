@@ -1,0 +1,1 @@
+"""Time marching: schemes as data and compiled loops over the layers."""

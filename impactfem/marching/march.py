@@ -1,0 +1,258 @@
+"""The time loop of bars: schemes by name, windows of layers, and what is kept of the motion."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.active_set import ActiveSetResult, primal_dual_active_set
+from impactfem.marching import kernels, negative_control
+from impactfem.marching.chain import Chain
+from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
+from impactfem.scene import Bar, PiecewiseConstant
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """A time scheme as data.
+
+    Attributes:
+        kernel: "two_step", "conserving" or "newmark".
+        beta: Weight of the neighbouring layers in K u (two_step).
+    """
+
+    kernel: str
+    beta: float = 0.0
+
+    def stable_dt(self, chain: Chain) -> float:
+        """Largest stable time step without contact [s]: dt omega <= 2 / sqrt(1 - 4 beta)."""
+        if self.kernel != "two_step" or self.beta >= 0.25:
+            return float("inf")
+        return 2.0 / (chain.highest_frequency * float(np.sqrt(1.0 - 4.0 * self.beta)))
+
+
+SCHEMES = {
+    "galerkin": Scheme("two_step", 0.0),
+    "stabilised": Scheme("two_step", 0.25),
+    "conserving": Scheme("conserving"),
+    "newmark": Scheme("newmark"),
+}
+
+
+@dataclass(frozen=True)
+class Marching:
+    """Numbers of a march.
+
+    Attributes:
+        dt: Time step [s].
+        layers: Number of layers.
+        window: Layers solved by one active-set loop (two_step schemes); 1 decides layer by layer.
+        gamma: Dimensionless merit constant of the active set.
+        tolerance: Relative rounding level of the merit.
+        max_iterations: Limit of active-set iterations of a window.
+        every: Keep the fields of every so many levels.
+    """
+
+    dt: float
+    layers: int
+    window: int = 1
+    gamma: float = 1.0
+    tolerance: float = 1e-13
+    max_iterations: int = 200
+    every: int = 1
+
+
+class _Record:
+    """Arrays that the kernels fill."""
+
+    def __init__(self, chain: Chain, numbers: Marching) -> None:
+        levels, nodes = numbers.layers + 1, len(chain.positions)
+        self.kept = kept_levels(numbers.layers, numbers.every)
+        self.displacement = np.empty((len(self.kept), nodes))
+        self.rate = np.empty((len(self.kept), nodes))
+        self.gap = np.empty(levels)
+        self.multiplier = np.empty(numbers.layers)
+        self.kinetic = np.empty(levels)
+        self.elastic = np.empty(levels)
+        self.mean = np.empty(levels)
+        self.momentum = np.empty(levels)
+        mass, u, v = chain.mass, chain.displacement, chain.velocity
+        self.displacement[0], self.rate[0] = u, v
+        self.gap[0] = u[0]
+        self.kinetic[0] = 0.5 * mass @ v**2
+        self.elastic[0] = 0.5 * chain.stiffness @ np.diff(u) ** 2
+        self.mean[0] = mass @ u / mass.sum()
+        self.momentum[0] = mass @ v / mass.sum()
+
+
+def march(
+    bar: Bar, gravity: PiecewiseConstant, positions: Floats, scheme: Scheme, numbers: Marching
+) -> BarMotion:
+    """March a bar through its layers.
+
+    Args:
+        bar: The bar.
+        gravity: p(t) [m/s^2].
+        positions: Node positions [m], shape (nodes,).
+        scheme: Time scheme.
+        numbers: Steps, window and tolerances.
+
+    Returns:
+        The motion; time and memory grow linearly with nodes times layers.
+    """
+    chain = Chain.of_bar(bar, positions)
+    times: Floats = numbers.dt * np.arange(numbers.layers + 1, dtype=np.float64)
+    means = gravity.integral(times[:-1], times[1:]) / numbers.dt
+    record = _Record(chain, numbers)
+    scale = _scale(chain, gravity, bar.transit_time)
+    tolerance = numbers.tolerance * scale
+    if scheme.kernel == "two_step":
+        effort, potential = _two_step(chain, scheme, numbers, means, tolerance, record, bar)
+    else:
+        effort = _one_step(chain, scheme, numbers, means, tolerance, record)
+        # The midpoint rule's work of gravity is exactly load times path.
+        work = np.cumsum(means * np.diff(record.mean))
+        potential = means[0] * record.mean[0] + np.concatenate([[0.0], work])
+    return BarMotion(
+        times=times,
+        positions=positions,
+        kept=record.kept,
+        displacement=record.displacement,
+        velocity=record.rate,
+        gap=record.gap,
+        multiplier=record.multiplier,
+        active=record.multiplier < 0.0,
+        kinetic=record.kinetic,
+        elastic=record.elastic,
+        potential=bar.length * potential,
+        mean_displacement=record.mean,
+        mean_velocity=record.momentum,
+        effort=effort,
+    )
+
+
+def _scale(chain: Chain, gravity: PiecewiseConstant, transit: float) -> float:
+    """Largest displacement that the data suggest within a transit [m]."""
+    return float(
+        max(
+            np.abs(chain.displacement).max(),
+            np.abs(chain.velocity).max() * transit,
+            max(abs(value) for value in gravity.values) * transit**2,
+            np.finfo(float).tiny,
+        )
+    )
+
+
+def _one_step(
+    chain: Chain, scheme: Scheme, numbers: Marching, means: Floats, tolerance: float,
+    record: _Record,
+) -> Effort:  # fmt: skip
+    """Schemes that advance (u, v); gravity is that of the layer."""
+    u, v = chain.displacement.copy(), chain.velocity.copy()
+    filled = (
+        record.kept, record.displacement, record.rate, record.gap, record.multiplier,
+        record.kinetic, record.elastic, record.mean, record.momentum,
+    )  # fmt: skip
+    common = (chain.mass, chain.stiffness, numbers.dt, chain.clamped, means)
+    if scheme.kernel == "conserving":
+        kernels.conserving(*common, u, v, numbers.layers, *filled)
+    else:
+        negative_control.newmark(*common, tolerance, u, v, numbers.layers, *filled)
+    unknowns = len(chain.positions) * numbers.layers
+    return Effort(unknowns, 1, (), True, "decided in each layer")
+
+
+def _two_step(
+    chain: Chain, scheme: Scheme, numbers: Marching, means: Floats, tolerance: float,
+    record: _Record, bar: Bar,
+) -> tuple[Effort, Floats]:  # fmt: skip
+    """The Petrov-Galerkin recursion, window by window."""
+    # A test function of row m spans the two layers beside it.
+    loads = np.concatenate([means[:1], 0.5 * (means[1:] + means[:-1])])
+    state = _State(chain.displacement.copy(), np.zeros_like(chain.displacement), 0.0)
+
+    def sweep(start: "_State", first: int, marks: NDArray[np.int8]) -> "_State":
+        end = start.copy()
+        end.push = kernels.two_step(
+            chain.mass, chain.stiffness, scheme.beta, numbers.dt, chain.clamped, chain.velocity,
+            loads, end.now, end.step, end.push, first, first + len(marks), marks,
+            record.kept, record.displacement, record.rate, record.gap, record.multiplier,
+            record.kinetic, record.elastic, record.mean,
+        )  # fmt: skip
+        return end
+
+    worst: ActiveSetResult | None = None
+    if numbers.window == 1:
+        marks = np.full(numbers.layers, kernels.DECIDE, dtype=np.int8)
+        sweep(state, 0, marks)
+    else:
+        # The multiplier in metres, so that gamma is dimensionless.
+        metres = bar.length / bar.wave_speed**2
+        for first in range(0, numbers.layers, numbers.window):
+            size = min(numbers.window, numbers.layers - first)
+            result, state = _window(sweep, state, first, size, metres, numbers, tolerance, record)
+            if worst is None or not result.converged or result.iterations > worst.iterations:
+                worst = result
+            if not result.converged:
+                _forget(record, first + size)
+                break
+    dt = numbers.dt
+    record.momentum[1:] = np.diff(record.mean) / dt
+    middle = 0.5 * (record.mean[1:] + record.mean[:-1])
+    path = np.diff(np.concatenate([record.mean[:1], middle]))
+    start = means[0] * record.mean[0]
+    potential = np.concatenate([[start], start + np.cumsum(loads * path)])
+    unknowns = len(chain.positions) * numbers.layers
+    if worst is None:
+        return Effort(unknowns, 1, (), True, "decided in each layer"), potential
+    return (
+        Effort(unknowns, worst.iterations, worst.set_changes, worst.converged, worst.message),
+        potential,
+    )
+
+
+@dataclass
+class _State:
+    """Where the recursion stands: the level, the step to it and the last multiplier."""
+
+    now: Floats
+    step: Floats
+    push: float
+
+    def copy(self) -> "_State":
+        return _State(self.now.copy(), self.step.copy(), self.push)
+
+
+def _window(
+    sweep: Callable[[_State, int, NDArray[np.int8]], _State], state: _State, first: int,
+    size: int, metres: float, numbers: Marching, tolerance: float, record: _Record,
+) -> tuple[ActiveSetResult, _State]:  # fmt: skip
+    """Active-set loop over some layers; each linear solve is one sweep."""
+    end = state
+    rows, layers = slice(first + 1, first + size + 1), slice(first, first + size)
+
+    def solve(active: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+        nonlocal end
+        end = sweep(state, first, active.astype(np.int8))
+        return record.gap[rows].copy(), metres * record.multiplier[layers]
+
+    result = primal_dual_active_set(
+        solve,
+        size,
+        gamma=numbers.gamma,
+        tolerance=tolerance,
+        max_iterations=numbers.max_iterations,
+    )
+    return result, end
+
+
+def _forget(record: _Record, level: int) -> None:
+    """Mark what comes after a window that did not settle as not computed."""
+    for values in (record.gap, record.kinetic, record.elastic, record.mean):
+        values[level + 1 :] = np.nan
+    record.multiplier[level:] = np.nan
+    record.displacement[record.kept > level] = np.nan
+    record.rate[record.kept > level] = np.nan
