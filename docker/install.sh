@@ -3,7 +3,7 @@
 #
 #   install.sh packages        Debian's packages, listed in packages.txt beside this script, and the user (as root)
 #   install.sh package SOURCE  impactfem itself, from its source folder, and the demos into the user's home (as root)
-#   install.sh warm            compile the forms of the main demo, so that a first run need not (as the user)
+#   install.sh warm            compile what the main demo needs, so that a first run need not (as the user)
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 user=impactfem
@@ -34,6 +34,9 @@ package)
     cp -RL "$2/demos" "$2/meshes" "$home"
     mkdir -p "$home/results"
     chown -R "$user:$user" "$home/demos" "$home/meshes" "$home/results"
+    # For containers run as another user: Debian closes homes to others.
+    chmod 755 "$home"
+    chmod 1777 "$home/results"
     ;;
 warm)
     work=$(mktemp -d)
@@ -41,7 +44,9 @@ warm)
     XDG_CACHE_HOME=$cache MPLCONFIGDIR=$cache/matplotlib OMP_NUM_THREADS=1 \
         impactfem run demos/bar_impact/scene.toml --out "$work/bar_impact" --quiet
     rm -rf "$work"
-    chmod -R a+rX "$cache" 2>/dev/null || true
+    # Numba refuses to work where it may read its cache but not add to it.
+    find "$cache" -user "$user" -type d -exec chmod 1777 {} +
+    find "$cache" -user "$user" -type f -exec chmod a+rX {} +
     ;;
 *)
     sed -n '2,6s/^# \{0,1\}//p' "$0" >&2
