@@ -11,26 +11,24 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from impactfem.errors import SceneError
+from impactfem.errors import MeshError, SceneError
 from impactfem.log import Progress
-from impactfem.planning import DEFAULT_ELEMENTS, Plan, plan
+from impactfem.methods import METHODS
+from impactfem.planning import Plan, plan
 from impactfem.reference import Errors, exact_bar, exact_curves, exact_motion, measure
 from impactfem.result import BarMotion, Effort, Result
 from impactfem.result.bar_motion import bar_fields, bar_history
 from impactfem.scene import Scene
+from impactfem.sizing import DEFAULT_ELEMENTS
 
 Floats = NDArray[np.float64]
 
-METHODS: Mapping[str, str] = {
-    "galerkin": "space-time P1 Petrov-Galerkin with a primal-dual active set for all layers at "
-    "once; exact at the nodes at courant 1 when impacts fall on layers, first order in h "
-    "otherwise; courant < 1 rings, courant > 1 is refused",
-    "exact": "characteristics of a homogeneous bar; exact for piecewise linear initial data, "
-    "thousands of bounces in a fraction of a second",
-}
-"""Methods by name, with their limits."""
+# Share of the largest force that counts as none: displacements right to 1e-9 at an impact on a
+# layer can make a pair active one layer early, with about this force.
+_NO_FORCE = 1e-6
 
-_NO_FORCE = 1e-9  # share of the largest force that counts as rounding
+GROWTH_NOTED = 1e-6
+"""Relative growth of energy that a report points out; no method the plan may choose exceeds it."""
 
 GROWTH_LIMIT = 1e-2
 """Relative growth of energy from which a run counts as unstable."""
@@ -69,7 +67,7 @@ def solve(scene: Scene, *, progress: Progress | None = None, **settings: Any) ->
     progress = progress or Progress()
     chosen = plan(scene)
     start = time.perf_counter()
-    motion = _METHODS[chosen.method](scene, chosen, progress)
+    motion = _SOLVERS[METHODS[chosen.method].family](scene, chosen, progress)
     wall_time = time.perf_counter() - start
     progress.step("measuring the error")
     end = max(scene.duration, float(motion.times[-1]))
@@ -106,20 +104,81 @@ def _solve_exact(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
     return exact_motion(exact, bar, scene.gravity, times, positions, scene.output.every)
 
 
-def _solve_galerkin(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
+def _solve_marching(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
+    progress.step("loading the time loops (compiled at their first use)")
+    from impactfem.marching.march import SCHEMES, Marching, march  # noqa: PLC0415  (loads Numba)
+
+    bar, scheme = scene.bodies[0], SCHEMES[chosen.method]
+    if scene.mesh_path is not None:
+        positions, dt, layers = _layers_of_mesh(scene, chosen.method)
+    elif chosen.elements and chosen.layers and chosen.dt:
+        positions = np.linspace(0.0, bar.length, chosen.elements + 1)
+        dt, layers = chosen.dt, chosen.layers
+    else:
+        raise SceneError("solve: the plan has neither elements nor a mesh; give solve.elements")
+    progress.step("marching")
+    numbers = Marching(
+        dt,
+        layers,
+        window=layers if chosen.window == "all" else int(chosen.window),
+        gamma=chosen.gamma,
+        tolerance=chosen.tolerance,
+        max_iterations=chosen.max_iterations,
+        every=scene.output.every,
+    )
+    return march(bar, scene.gravity, positions, scheme, numbers)
+
+
+def _layers_of_mesh(scene: Scene, method: str) -> tuple[Floats, float, int]:
+    """Node positions [m], time step [s] and layers of a user's mesh, if a sweep can use it.
+
+    Raises:
+        MeshError: The mesh has no layers of equal height, or they are beyond the stability limit.
+    """
+    from impactfem.fem import MPI  # noqa: PLC0415
+    from impactfem.marching.chain import Chain  # noqa: PLC0415
+    from impactfem.marching.march import SCHEMES  # noqa: PLC0415
+    from impactfem.mesh.files import read_mesh  # noqa: PLC0415
+
+    bar, path = scene.bodies[0], scene.mesh_path
+    if path is None:
+        raise MeshError("solve.mesh: no mesh file is given")
+    space = read_mesh(MPI.COMM_WORLD, path, bar.length, scene.duration, bar.wave_speed)
+    times, nodes = space.layout.times, space.layout.nodes
+    remedy = 'use method = "dg", which works on any triangles'
+    if times is None or nodes is None:
+        raise MeshError(
+            f"mesh file {path}: its nodes form no layers, {method} sweeps layers; {remedy}"
+        )
+    steps = bar.transit_time * np.diff(times)
+    if np.ptp(steps) > 1e-9 * steps.max():
+        raise MeshError(
+            f"mesh file {path}: layers are {steps.min():g} to {steps.max():g} s high, {method} "
+            f"needs equal ones; {remedy}"
+        )
+    limit = SCHEMES[method].stable_dt(Chain.of_bar(bar, bar.length * nodes))
+    if steps[0] > limit * (1 + 1e-9):
+        raise MeshError(
+            f"mesh file {path}: layers of {steps[0]:g} s are beyond the stability limit 2 / "
+            f"omega_max = {limit:g} s of {method} on its elements; use thinner layers, or {remedy}"
+        )
+    return bar.length * nodes, float(steps[0]), len(steps)
+
+
+def _solve_monolithic(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
     # DOLFINx and Gmsh load slowly: only for methods that need them.
     from impactfem.fem import MPI  # noqa: PLC0415
     from impactfem.mesh.files import read_mesh  # noqa: PLC0415
     from impactfem.mesh.spacetime import layered_mesh  # noqa: PLC0415
     from impactfem.spacetime.galerkin import GalerkinSettings, solve_galerkin  # noqa: PLC0415
+    from impactfem.spacetime.stability import refuse_growth  # noqa: PLC0415
 
     comm = MPI.COMM_WORLD
     bar, path = scene.bodies[0], scene.mesh_path
     progress.step("building the space-time mesh")
     if path is not None:
         space = read_mesh(comm, path, bar.length, scene.duration, bar.wave_speed)
-        if space.layout.times is None:
-            progress.message(f"warning: {path.name} has no layers: the method is not stable on it")
+        refuse_growth(space, path)
     elif chosen.elements and chosen.layers and chosen.courant:
         space = layered_mesh(comm, chosen.elements, chosen.layers, chosen.courant)
     else:
@@ -131,7 +190,11 @@ def _solve_galerkin(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion
     return solve_galerkin(space, bar, scene.gravity, settings, progress, scene.output.every)
 
 
-_METHODS = {"exact": _solve_exact, "galerkin": _solve_galerkin}
+_SOLVERS = {
+    "exact": _solve_exact,
+    "marching": _solve_marching,
+    "monolithic": _solve_monolithic,
+}
 
 
 def _cost(wall_time: float) -> _Cost:
@@ -175,6 +238,8 @@ def _summary(
             "final": energy[-1],
             "max_relative_drift": np.abs(growth).max(),
             "final_relative_drift": growth[-1],
+            "max_relative_growth": max(0.0, growth.max()),
+            "grows": bool(growth.max() > GROWTH_NOTED),
         },
         "contact": {
             "intervals": contact_intervals(t, force),

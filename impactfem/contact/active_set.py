@@ -43,7 +43,7 @@ def primal_dual_active_set(
     max_iterations: int,
     observe: Callable[[int, int], None] | None = None,
 ) -> ActiveSetResult:
-    """Find the active set by A = {gamma * multiplier + gap < -tolerance}, from an empty set on.
+    """Find the active set by A = {gamma * multiplier + gap < 0}, from an empty set on.
 
     For a fixed set the problem is linear: ``gap = 0`` on A and ``multiplier = 0`` elsewhere. The
     update is Newton's step for min(gap, -gamma * multiplier) = 0 (Hintermueller, Ito, Kunisch,
@@ -53,7 +53,7 @@ def primal_dual_active_set(
         solve: Solves the linear problem of a set; returns (gap, multiplier), each (pairs,).
         pairs: Number of complementarity pairs.
         gamma: Merit constant > 0: [m] per unit of the multiplier.
-        tolerance: Rounding level of the merit [m], >= 0; pairs with |merit| below it are inactive.
+        tolerance: Rounding level of the gap [m], >= 0; an inactive pair stays so above its minus.
         max_iterations: Limit of linear solves.
         observe: Called after each solve with (iteration, set changes).
 
@@ -68,7 +68,9 @@ def primal_dual_active_set(
         if not (np.isfinite(gap).all() and np.isfinite(multiplier).all()):
             changes.append(pairs)
             return _result(active, gap, multiplier, changes, "the iterates are no longer finite")
-        update = gamma * multiplier + gap < -tolerance
+        # A pair joins if its gap is negative beyond rounding, and stays as long as it is pressed:
+        # one threshold for both would let nearly degenerate pairs alternate.
+        update = gamma * multiplier + gap < np.where(active, 0.0, -tolerance)
         changes.append(int(np.count_nonzero(update != active)))
         if observe is not None:
             observe(iteration, changes[-1])

@@ -11,6 +11,9 @@ from impactfem.scene import Bar
 Floats = NDArray[np.float64]
 
 
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+
+
 @dataclass(frozen=True)
 class Chain:
     """Linear elements with lumped mass, per rho A; node 0 may touch the wall.
@@ -20,7 +23,8 @@ class Chain:
         mass: Mass of each node [m], shape (nodes,).
         stiffness: c^2 / h of each element [m/s^2], shape (nodes - 1,).
         displacement: u at t = 0 [m], shape (nodes,).
-        velocity: u_t at t = 0 [m/s], shape (nodes,).
+        velocity: u_t at t = 0 weighted with each node's hat function [m/s], shape (nodes,); it has
+            the momentum of the bar.
         clamped: Whether the last node is held.
     """
 
@@ -36,7 +40,7 @@ class Chain:
         """Divide a bar at the given positions."""
         h = np.diff(positions)
         mass = 0.5 * (np.append(h, 0.0) + np.insert(h, 0, 0.0))
-        velocity = bar.initial_velocity(x=positions) + np.zeros_like(positions)
+        velocity = _weighted_velocity(bar, positions) / mass
         if bar.far_end == "clamped":
             velocity[-1] = 0.0
         return cls(
@@ -57,3 +61,15 @@ class Chain:
         last = len(self.mass) - 1
         values = eigvalsh_tridiagonal(diagonal, beside, select="i", select_range=(last, last))
         return float(np.sqrt(values[0]))
+
+
+def _weighted_velocity(bar: Bar, positions: Floats) -> Floats:
+    """Integral of u_t(0, x) times each hat function, as in the weak form [m^2/s]."""
+    left, h = positions[:-1, None], np.diff(positions)[:, None]
+    share = 0.5 * (1.0 + _POINTS)
+    velocity = bar.initial_velocity(x=left + h * share) + np.zeros((len(h), len(share)))
+    weights = 0.5 * h * _WEIGHTS * velocity
+    integrals = np.zeros(len(positions))
+    integrals[:-1] += weights @ (1.0 - share)
+    integrals[1:] += weights @ share
+    return integrals

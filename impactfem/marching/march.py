@@ -199,12 +199,9 @@ def _two_step(
             if not result.converged:
                 _forget(record, first + size)
                 break
-    dt = numbers.dt
-    record.momentum[1:] = np.diff(record.mean) / dt
-    middle = 0.5 * (record.mean[1:] + record.mean[:-1])
-    path = np.diff(np.concatenate([record.mean[:1], middle]))
-    start = means[0] * record.mean[0]
-    potential = np.concatenate([[start], start + np.cumsum(loads * path)])
+    # Beyond the stability limit numbers overflow; what is not finite is reported by the caller.
+    with np.errstate(over="ignore", invalid="ignore"):
+        potential = _close(record, numbers.dt, means, loads)
     unknowns = len(chain.positions) * numbers.layers
     if worst is None:
         return Effort(unknowns, 1, (), True, "decided in each layer"), potential
@@ -212,6 +209,15 @@ def _two_step(
         Effort(unknowns, worst.iterations, worst.set_changes, worst.converged, worst.message),
         potential,
     )
+
+
+def _close(record: _Record, dt: float, means: Floats, loads: Floats) -> Floats:
+    """Velocities of the layers, and the potential of gravity in their middles."""
+    record.momentum[1:] = np.diff(record.mean) / dt
+    middle = 0.5 * (record.mean[1:] + record.mean[:-1])
+    path = np.diff(np.concatenate([record.mean[:1], middle]))
+    start = means[0] * record.mean[0]
+    return np.concatenate([[start], start + np.cumsum(loads * path)])
 
 
 @dataclass

@@ -24,7 +24,10 @@ def plan_table(plan: Plan) -> str:
     if plan.method != "exact":
         numbers = f"gamma {plan.gamma:g}, tolerance {plan.tolerance:g}"
         limit = f"at most {plan.max_iterations} iterations"
-        rows += [("window", plan.window), ("active set", f"{plan.active_set}, {numbers}, {limit}")]
+        rows += [
+            ("window", str(plan.window)),
+            ("active set", f"{plan.active_set}, {numbers}, {limit}"),
+        ]
         if plan.unknowns is not None:
             rows.append(("unknowns", f"{plan.unknowns} ({plan.contact_pairs} contact pairs)"))
     if plan.memory_mib is not None and plan.seconds is not None:
@@ -49,6 +52,8 @@ def summary_table(summary: Mapping[str, Any]) -> str:
         f"{_number(energy['initial'])} J -> {_number(energy['final'])} J, "
         f"largest relative drift {_number(energy['max_relative_drift'])}"
     )
+    if energy["grows"]:
+        energies += f"; IT GROWS by {_number(energy['max_relative_growth'])}: do not trust this run"
     ranks = f"{summary['ranks']} rank{'s' if summary['ranks'] != 1 else ''}"
     rows = [
         ("status", summary["status"]),

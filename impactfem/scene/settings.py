@@ -2,26 +2,51 @@
 
 from dataclasses import dataclass
 from pathlib import PurePath
-from typing import override
+from typing import ClassVar, override
 
-from impactfem.scene.kinds import Choice, Choices, Integer, Line, Real
+from impactfem.scene.kinds import Choice, Choices, Integer, Kind, Line, Real, one_of
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import NotAllowedError, is_number, show
 
-METHODS = ("galerkin", "exact")
+METHODS = ("galerkin", "stabilised", "conserving", "dg", "exact", "monolithic", "newmark")
 ACTIVE_SETS = ("pdas", "snes_vi")
 FIELD_FORMATS = ("vtkhdf", "vtx", "pvd")
 
 
 @dataclass(frozen=True)
-class _Window(Choice):
-    """The word "all"; numbers of layers will come."""
+class _Window(Kind):
+    """A number of layers, or the word "all"."""
+
+    type_name: ClassVar[str] = "integer or text"
+
+    @property
+    @override
+    def allowed(self) -> str:
+        return 'a number of layers from 1 on or "all"'
 
     @override
-    def read(self, value: object) -> str:
+    def read(self, value: object) -> int | str:
         if is_number(value):
-            raise NotAllowedError('windows are not available yet, use "all"')
-        return super().read(value)
+            return Integer(1, 1_000_000_000).read(value)
+        return one_of(value, ("all",))
+
+
+@dataclass(frozen=True)
+class _Switch(Kind):
+    """true or false."""
+
+    type_name: ClassVar[str] = "boolean"
+
+    @property
+    @override
+    def allowed(self) -> str:
+        return "true or false"
+
+    @override
+    def read(self, value: object) -> bool:
+        if not isinstance(value, bool):
+            raise NotAllowedError("it is not true or false")
+        return value
 
 
 @dataclass(frozen=True)
@@ -58,8 +83,8 @@ class Solve:
     )
     courant: float | None = key(Real(above=0), "c dt / h, time step by grid size", default=None)
     dt: float | None = key(Real(above=0), "time step, instead of courant", unit="s", default=None)
-    window: str | None = key(
-        _Window(("all",)), "time layers that one active-set loop solves together", default=None
+    window: int | str | None = key(
+        _Window(), "time layers that one active-set loop solves together", default=None
     )
     active_set: str | None = key(
         Choice(ACTIVE_SETS), "primal-dual active set, or PETSc's SNES VI", default=None
@@ -76,6 +101,13 @@ class Solve:
     mesh: str | None = key(
         _MeshPath(), "space-time mesh to use instead of a generated one", default=None
     )
+    accuracy: float | None = key(
+        Real(above=0, below=1), "relative error wished; chooses method and size", default=None
+    )
+    degree: int | None = key(Integer(0, 2), "polynomial degree of method dg", default=None)
+    fitted: bool | None = key(
+        _Switch(), "whether events and characteristics become mesh lines (method dg)", default=None
+    )
 
     def __post_init__(self) -> None:
         check_fields(self, "solve")
@@ -83,9 +115,20 @@ class Solve:
         fixed = "the mesh fixes it; remove one of them"
         self._exclude("mesh", ("elements", "courant", "dt"), fixed)
         if self.method == "exact":
-            without = ("mesh", "active_set", "gamma", "tolerance", "max_iterations")
+            without = ("mesh", "active_set", "gamma", "tolerance", "max_iterations", "window")
             reason = "the exact solution has no mesh and no iterations; remove one of them"
             self._exclude("method", without, reason)
+        if self.method not in {None, "dg"}:
+            self._exclude("method", ("degree", "fitted"), 'they belong to method = "dg"')
+            fixed = "the size follows from the accuracy; remove one of them"
+            self._exclude("accuracy", ("elements",), fixed)
+        if self.method == "dg":
+            reason = "triangles have no layers; remove one of them"
+            self._exclude("method", ("courant", "dt", "window"), reason)
+        if self.active_set == "snes_vi" and self.method not in {None, "monolithic"}:
+            self._exclude("active_set", ("method",), 'it needs method = "monolithic"')
+        if self.method not in {None, "galerkin", "stabilised"} and self.window not in {None, "all"}:
+            self._exclude("window", ("method",), "only galerkin and stabilised have windows")
 
     def _exclude(self, name: str, others: tuple[str, ...], why: str) -> None:
         """Refuse a key together with others."""

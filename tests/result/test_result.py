@@ -20,7 +20,7 @@ def result():
             )
         ],
         obstacles=[impactfem.Wall()],
-        solve=impactfem.Solve(elements=20),
+        solve=impactfem.Solve(method="monolithic", elements=20),
     )
     return impactfem.solve(scene)
 

@@ -200,7 +200,7 @@ def scenes(draw):
     grid = draw(st.sampled_from(["courant", "dt", "mesh"]))
     duration = draw(positive)
     solve = Solve(
-        method=draw(optional(st.just("galerkin"))),
+        method=draw(optional(st.just("monolithic"))),
         elements=None if grid == "mesh" else draw(optional(st.integers(2, 10**6))),
         courant=draw(optional(positive)) if grid == "courant" else None,
         dt=draw(optional(st.floats(duration / 1e6, duration))) if grid == "dt" else None,

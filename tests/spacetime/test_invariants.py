@@ -118,6 +118,13 @@ def test_courant_below_one_is_said_to_ring_and_marked_when_it_fails():
     )
     plan = impactfem.plan(scene)
     assert any("rings" in warning for warning in plan.warnings)
-    result = impactfem.solve(scene)
-    assert result.summary["status"] == "not_converged"
-    assert not result.summary["active_set"]["converged"]
+    # Layer by layer every set is found, and energy does not grow; one loop for all layers needs
+    # many more iterations than the plan expects.
+    swept = impactfem.solve(scene)
+    assert swept.summary["status"] == "completed"
+    energy = swept.history["total_energy"].values
+    assert energy.max() <= energy[0] * (1 + 1e-12)
+    assert swept.summary["contact"]["max_force"] > 1.2  # 0.5 would be exact: it rings
+    whole = impactfem.solve(scene, method="monolithic", max_iterations=20)
+    assert whole.summary["status"] == "not_converged"
+    assert not whole.summary["active_set"]["converged"]

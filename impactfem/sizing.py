@@ -1,0 +1,147 @@
+"""Sizes of a computation: elements, layers, memory and time, before anything is solved."""
+
+import math
+import os
+from dataclasses import dataclass
+
+import numpy as np
+
+from impactfem.errors import SceneError
+from impactfem.exact import ExactBar
+from impactfem.methods import Method
+from impactfem.scene import Scene
+
+DEFAULT_ELEMENTS = 80
+_ALIGNED = range(40, 161)  # sizes tried to put impacts and releases on layers
+_ON_LAYER = 1e-6  # share of a layer within which an event counts as on it
+_STABLE = 1.0 + 1e-9
+_MAX_ELEMENTS = 200_000
+
+# Error of methods of first order over contacts / elements, from the standing studies: relative
+# displacement error of an impact between grid points is at most about this.
+_FIRST_ORDER = 1.0
+
+# Costs on a 2-core machine. Monolithic: fitted to runs with 2e4 to 5e5 unknowns.
+_MONOLITHIC_SECONDS, _MONOLITHIC_PER_ITERATION, _MONOLITHIC_KIB = 11e-6, 3e-6, 2.9
+_SWEEP_SECONDS = 8e-9  # of a node in a layer
+_BASE_MIB = 170.0
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Elements and layers; all None if a mesh file decides, layers None without layers."""
+
+    elements: int | None = None
+    layers: int | None = None
+    dt: float | None = None
+    courant: float | None = None
+
+
+def choose_grid(scene: Scene, method: Method, exact: ExactBar, reasons: dict[str, str]) -> Grid:
+    """Choose elements and time step, with the reasons.
+
+    Raises:
+        SceneError: The time step is beyond the method's stability limit.
+    """
+    bar, solve = scene.bodies[0], scene.solve
+    if solve.mesh is not None:
+        reasons["elements"] = f"the mesh file {solve.mesh} decides"
+        return Grid()
+    elements = _choose_elements(scene, exact, reasons)
+    if method.family == "dg":
+        reasons["dt"] = "triangles have no layers"
+        return Grid(elements)
+    h = bar.length / elements
+    if solve.dt is not None:
+        dt = solve.dt
+        reasons["dt"] = "as asked"
+    else:
+        dt = (solve.courant or 1.0) * h / bar.wave_speed
+        reasons["dt"] = (
+            "courant as asked" if solve.courant else "courant = 1: waves run from node to node"
+        )
+    courant = bar.wave_speed * dt / h
+    if courant > _STABLE and method.stable == "limited":
+        # Largest eigenvalue of M^-1 K for equal lumped elements: 4 c^2 / h^2.
+        raise SceneError(
+            f"solve: courant = {courant:g} is beyond the stability limit 1 of P1 right triangles "
+            f"(dt <= 2 / omega_max = h / c = {h / bar.wave_speed:g} s); use courant <= 1, or "
+            'method = "conserving", "stabilised", "dg" or "exact"'
+        )
+    layers = max(1, math.ceil(scene.duration / dt - 1e-9))
+    if layers * dt > scene.duration * (1 + 1e-9):
+        reasons["layers"] = (
+            f"the last layer ends at {layers * dt:g} s, the first end past the duration"
+        )
+    return Grid(elements, layers, dt, courant)
+
+
+def _choose_elements(scene: Scene, exact: ExactBar, reasons: dict[str, str]) -> int:
+    """As asked, else by the accuracy asked for, else such that events fall on layers."""
+    solve = scene.solve
+    if solve.elements is not None:
+        reasons["elements"] = "as asked"
+        return solve.elements
+    if solve.accuracy is not None and solve.method not in {"dg", "exact"}:
+        wanted = math.ceil(_FIRST_ORDER * max(1, len(exact.contacts)) / solve.accuracy)
+        aligned = _aligned_elements(exact)
+        if aligned is not None and solve.method in {None, "galerkin", "monolithic"}:
+            reasons["elements"] = f"{aligned}: its layers hold all events, where nodes are exact"
+            return aligned
+        reasons["elements"] = (
+            f"error at most about {_FIRST_ORDER:g} x contacts / elements in the standing studies"
+        )
+        return min(max(wanted, 40), _MAX_ELEMENTS)
+    aligned = _aligned_elements(exact)
+    reasons["elements"] = (
+        "the least number from 40 on whose layers hold all impacts and releases"
+        if aligned is not None
+        else f"the default; no number up to {_ALIGNED[-1]} puts all events on layers"
+    )
+    return aligned or DEFAULT_ELEMENTS
+
+
+def on_layers(exact: ExactBar, elements: int) -> bool:
+    """Whether every contact event falls on a layer at courant 1."""
+    ends = np.array(exact.contacts).ravel()
+    layer = ends[ends < exact.duration] * elements / exact.transit_time
+    return bool(np.all(np.abs(layer - np.rint(layer)) < _ON_LAYER))
+
+
+def _aligned_elements(exact: ExactBar) -> int | None:
+    """The least size whose layers hold all events; None if there is none."""
+    return next((n for n in _ALIGNED if on_layers(exact, n)), None)
+
+
+def monolithic_cost(unknowns: int, iterations: int) -> tuple[float, float]:
+    """Memory [MiB] and time [s] of the monolithic space-time system.
+
+    Raises:
+        SceneError: The machine has less memory.
+    """
+    memory = _BASE_MIB + _MONOLITHIC_KIB * unknowns / 1024
+    _check_memory(memory, f"{unknowns} space-time unknowns")
+    return memory, unknowns * (_MONOLITHIC_SECONDS + _MONOLITHIC_PER_ITERATION * iterations)
+
+
+def marching_cost(grid: Grid, every: int, passes: int) -> tuple[float, float]:
+    """Memory [MiB] and time [s] of a march that keeps every so many layers.
+
+    Raises:
+        SceneError: The machine has less memory.
+    """
+    nodes, layers = (grid.elements or 0) + 1, grid.layers or 0
+    kept = layers // every + 2
+    memory = _BASE_MIB + (2 * kept * nodes + 12 * layers) * 8 / 2**20
+    _check_memory(memory, f"{kept} kept layers of {nodes} nodes; raise output.every:")
+    return memory, nodes * layers * passes * _SWEEP_SECONDS
+
+
+def _check_memory(memory_mib: float, what: str) -> None:
+    """Refuse what cannot fit."""
+    physical = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**20
+    if memory_mib > physical:
+        raise SceneError(
+            f"solve.elements: {what} need about {memory_mib / 1024:.1f} GiB, this machine has "
+            f'{physical / 1024:.1f}; use fewer elements, or method = "exact"'
+        )
