@@ -3,7 +3,7 @@
 #
 #   install.sh packages        Debian's packages, listed in packages.txt beside this script, and the user (as root)
 #   install.sh package SOURCE  impactfem itself, from its source folder, and the demos into the user's home (as root)
-#   install.sh warm            compile what the main demo needs, so that a first run need not (as the user)
+#   install.sh warm            compile what the methods need, so that a first run need not (as the user)
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 user=impactfem
@@ -41,8 +41,13 @@ package)
 warm)
     work=$(mktemp -d)
     cd "$home"
-    XDG_CACHE_HOME=$cache MPLCONFIGDIR=$cache/matplotlib OMP_NUM_THREADS=1 \
-        impactfem run demos/bar_impact/scene.toml --out "$work/bar_impact" --quiet
+    export XDG_CACHE_HOME=$cache MPLCONFIGDIR=$cache/matplotlib OMP_NUM_THREADS=1
+    impactfem run demos/bar_impact/scene.toml --out "$work/demo" --quiet
+    # The other methods' compiled code as well; not every method need fit the demo.
+    for method in $(impactfem methods | cut -d ' ' -f 1); do
+        impactfem run demos/bar_impact/scene.toml --set "solve.method=$method" --out "$work/$method" --quiet \
+            >/dev/null 2>&1 || true
+    done
     rm -rf "$work"
     # Numba refuses to work where it may read its cache but not add to it.
     find "$cache" -user "$user" -type d -exec chmod 1777 {} +
