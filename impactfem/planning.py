@@ -84,7 +84,8 @@ def plan(scene: Scene) -> Plan:
     window, iterations = _choose_window(scene, name, exact, grid, reasons)
     unknowns, memory, seconds = None, None, None
     if method.family == "exact":
-        unknowns, memory, seconds = 0, 100.0, 0.1
+        unknowns = 0
+        memory, seconds = marching_cost(grid, scene.output.every, 20)
     elif grid.elements and grid.layers:
         unknowns = (grid.layers + 1) * (grid.elements + 1) + grid.layers
         if method.family == "monolithic":

@@ -6,11 +6,15 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from impactfem.errors import SceneError
 from impactfem.exact import ExactBar
 from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
 from impactfem.scene import Bar, PiecewiseConstant, Scene
 
 Floats = NDArray[np.float64]
+
+MAX_TRANSITS = 1e6
+"""Longest duration in transits of a wave through the bar."""
 
 # Gauss points of an interval for the integral of |force - exact force|.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -22,8 +26,18 @@ def exact_bar(scene: Scene, duration: float | None = None) -> ExactBar:
     Args:
         scene: Scene with one bar and one wall.
         duration: End of the solution [s]; the scene's duration if None.
+
+    Raises:
+        SceneError: The duration is too long to follow its waves.
     """
     bar = scene.bodies[0]
+    transits = scene.duration / bar.transit_time
+    if not transits <= MAX_TRANSITS:
+        raise SceneError(
+            f"duration = {scene.duration:g} s is {transits:.2g} transits L / c = "
+            f"{bar.transit_time:g} s of a wave through {bar.name}, more than the "
+            f"{MAX_TRANSITS:g} that are followed; give a shorter duration or a longer or softer bar"
+        )
     return ExactBar.from_functions(
         length=bar.length,
         wave_speed=bar.wave_speed,

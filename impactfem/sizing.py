@@ -24,6 +24,7 @@ _FIRST_ORDER = 1.0
 # Costs on a 2-core machine. Monolithic: fitted to runs with 2e4 to 5e5 unknowns.
 _MONOLITHIC_SECONDS, _MONOLITHIC_PER_ITERATION, _MONOLITHIC_KIB = 11e-6, 3e-6, 2.9
 _SWEEP_SECONDS = 8e-9  # of a node in a layer
+_LOADING_SECONDS = 0.5  # of Numba and its cached loops
 _BASE_MIB = 170.0
 
 
@@ -120,7 +121,7 @@ def monolithic_cost(unknowns: int, iterations: int) -> tuple[float, float]:
         SceneError: The machine has less memory.
     """
     memory = _BASE_MIB + _MONOLITHIC_KIB * unknowns / 1024
-    _check_memory(memory, f"{unknowns} space-time unknowns")
+    _check_memory(memory, f"{unknowns:.3g} space-time unknowns")
     return memory, unknowns * (_MONOLITHIC_SECONDS + _MONOLITHIC_PER_ITERATION * iterations)
 
 
@@ -133,8 +134,8 @@ def marching_cost(grid: Grid, every: int, passes: int) -> tuple[float, float]:
     nodes, layers = (grid.elements or 0) + 1, grid.layers or 0
     kept = layers // every + 2
     memory = _BASE_MIB + (2 * kept * nodes + 12 * layers) * 8 / 2**20
-    _check_memory(memory, f"{kept} kept layers of {nodes} nodes; raise output.every:")
-    return memory, nodes * layers * passes * _SWEEP_SECONDS
+    _check_memory(memory, f"{kept:.3g} kept layers of {nodes:.3g} nodes")
+    return memory, _LOADING_SECONDS + nodes * layers * passes * _SWEEP_SECONDS
 
 
 def _check_memory(memory_mib: float, what: str) -> None:
@@ -142,6 +143,6 @@ def _check_memory(memory_mib: float, what: str) -> None:
     physical = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**20
     if memory_mib > physical:
         raise SceneError(
-            f"solve.elements: {what} need about {memory_mib / 1024:.1f} GiB, this machine has "
-            f'{physical / 1024:.1f}; use fewer elements, or method = "exact"'
+            f"solve.elements: {what} need about {memory_mib / 1024:.3g} GiB, this machine has "
+            f"{physical / 1024:.3g}; use fewer elements or a larger output.every"
         )
