@@ -1,15 +1,28 @@
 """The command line: run, plan, validate, methods, scenes, plot, doctor."""
 
 import argparse
+import contextlib
+import io
 import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING
 
 from impactfem import __version__
-from impactfem.errors import ConvergenceError, ImpactError, MeshError, SceneError
+from impactfem.errors import ConvergenceError, ImpactError, MeshError, OutputError, SceneError
+from impactfem.processes import (
+    InterruptedRunError,
+    abort,
+    complain,
+    end_together,
+    join,
+    listen,
+    on_root,
+    rank,
+    ranks,
+)
 from impactfem.shipped import find_scene, shipped_scenes
 
 if TYPE_CHECKING:
@@ -18,53 +31,65 @@ if TYPE_CHECKING:
 DONE, FAILED, BAD_INPUT, NOT_CONVERGED = 0, 1, 2, 3
 """Exit codes; an interrupted run ends with 128 + the signal's number."""
 
-_RANK_VARIABLES = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK", "MPI_LOCALRANKID")
-
-
-class InterruptedRunError(BaseException):
-    """A signal asked the run to end; not an Exception, so that nothing swallows it."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.number = number
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     # More threads than ranks slow every dense kernel down; set before NumPy loads.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    given = _parser().parse_args(arguments)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _interrupt)
+    # PETSc would take SIGTERM, print pages about it and leave half-written files.
+    options = os.environ.get("PETSC_OPTIONS", "").split()
+    os.environ["PETSC_OPTIONS"] = " ".join([*options, "-no_signal_handler"])
+    _prepare_streams()
+    listen()
+    patience = 5.0
     try:
+        join()
+        given = _parsed(arguments)
         code: int = given.action(given)
+    except SystemExit as end:  # argparse has said why
+        code = int(end.code or DONE)
     except InterruptedRunError as error:
-        _complain(f"interrupted by {signal.Signals(error.number).name}; nothing was written")
-        code = 128 + error.number
+        complain(f"interrupted by {signal.Signals(error.number).name}; nothing was written")
+        code, patience = 128 + error.number, 1.0
     except ImpactError as error:
-        _complain(str(error))
+        complain(str(error))
         code = _code(error)
-    except BrokenPipeError:
-        # The reader of our output has gone; there is nobody left to tell.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except MemoryError as error:
+        complain(f"not enough memory ({error}); use fewer elements or layers")
         code = FAILED
     except Exception:
-        if _ranks() > 1:
-            _abort()
+        if ranks() > 1:
+            abort(FAILED)
         raise
-    if code > 128 and _ranks() > 1:
-        _abort(code)
+    if code != DONE:
+        end_together(code, patience)
     return code
+
+
+def _prepare_streams() -> None:
+    """Let no unusual character and no closed stream end a run."""
+    # Python has None for a stream that the shell closed with >&-.
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: PTH123, SIM115
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: PTH123, SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """The arguments; only rank 0 says what is wrong with them."""
+    with contextlib.ExitStack() as stack:
+        if rank() != 0:
+            null = stack.enter_context(open(os.devnull, "w"))  # noqa: PTH123
+            stack.enter_context(contextlib.redirect_stdout(null))
+            stack.enter_context(contextlib.redirect_stderr(null))
+        return _parser().parse_args(arguments)
 
 
 def _code(error: ImpactError) -> int:
     if isinstance(error, SceneError | MeshError):
         return BAD_INPUT
     return NOT_CONVERGED if isinstance(error, ConvergenceError) else FAILED
-
-
-def _interrupt(number: int, _: object) -> NoReturn:
-    raise InterruptedRunError(number)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -120,25 +145,27 @@ def _run(given: argparse.Namespace) -> int:
     from impactfem.log import Progress  # noqa: PLC0415
     from impactfem.planning import plan  # noqa: PLC0415
     from impactfem.report.table import summary_table  # noqa: PLC0415
+    from impactfem.result.store import check_writable  # noqa: PLC0415
     from impactfem.solving import solve  # noqa: PLC0415
 
     path, scene = _read(given)
-    folder = given.out or Path("results") / (
-        path.parent.name if path.stem == "scene" else path.stem
-    )
-    root = _rank() == 0
-    progress = Progress(enabled=root and not given.quiet)
-    for warning in plan(scene).warnings:
+    folder = given.out or Path("results") / _name(path)
+    progress = Progress(enabled=rank() == 0 and not given.quiet)
+    chosen = plan(scene)
+    for warning in chosen.warnings:
         progress.message(f"warning: {warning}")
+    if chosen.method != "exact":
+        import impactfem.fem  # noqa: F401, PLC0415  (if it is missing, say so now)
+
+    on_root(lambda: check_writable(folder))
     with progress.stages(4):
         result = solve(scene, progress=progress)
         progress.step("writing the result")
-        _on_root(lambda: result.save(folder))
-    if root and not given.quiet:
-        print(summary_table(result.summary))
-        print(f"\nResult and pictures: {folder}")
+        on_root(lambda: result.save(folder))
+    if not given.quiet:
+        _say(f"{summary_table(result.summary)}\n\nResult and pictures: {folder}")
     if result.summary["status"] != "completed":
-        _complain(
+        complain(
             f"{result.summary['status']}: {result.summary['active_set']['message']}; the result "
             f"is kept in {folder}. Remedy: courant = 1, a layered mesh, a shorter duration or "
             'method = "exact"'
@@ -147,11 +174,16 @@ def _run(given: argparse.Namespace) -> int:
     return DONE
 
 
+def _name(path: Path) -> str:
+    """Name of a scene's result folder: the file's, or its folder's if it is scene.toml."""
+    return (path.stem if path.stem != "scene" else path.absolute().parent.name) or "scene"
+
+
 def _plan(given: argparse.Namespace) -> int:
     from impactfem.planning import plan  # noqa: PLC0415
     from impactfem.report.table import plan_table  # noqa: PLC0415
 
-    print(plan_table(plan(_read(given)[1])))
+    _say(plan_table(plan(_read(given)[1])))
     return DONE
 
 
@@ -160,15 +192,21 @@ def _validate(given: argparse.Namespace) -> int:
 
     path, scene = _read(given)
     plan(scene)
-    print(f"{path}: in order ({scene.title})")
+    if scene.mesh_path is not None:
+        from impactfem.fem import MPI  # noqa: PLC0415
+        from impactfem.mesh.files import read_mesh  # noqa: PLC0415
+
+        bar = scene.bodies[0]
+        read_mesh(MPI.COMM_WORLD, scene.mesh_path, bar.length, scene.duration, bar.wave_speed)
+    _say(f"{path}: in order ({scene.title})")
     return DONE
 
 
 def _methods(_: argparse.Namespace) -> int:
+    from impactfem.methods import METHODS  # noqa: PLC0415
     from impactfem.report.table import table  # noqa: PLC0415
-    from impactfem.solving import METHODS  # noqa: PLC0415
 
-    print(table(list(METHODS.items())))
+    _say(table([(name, method.text) for name, method in METHODS.items()]))
     return DONE
 
 
@@ -176,7 +214,7 @@ def _scenes(_: argparse.Namespace) -> int:
     from impactfem.report.table import table  # noqa: PLC0415
     from impactfem.scene import Scene  # noqa: PLC0415
 
-    print(table([(name, Scene.from_toml(path).title) for name, path in shipped_scenes().items()]))
+    _say(table([(name, Scene.from_toml(path).title) for name, path in shipped_scenes().items()]))
     return DONE
 
 
@@ -185,12 +223,16 @@ def _plot(given: argparse.Namespace) -> int:
     from impactfem.result import Result  # noqa: PLC0415
     from impactfem.result.store import replaced  # noqa: PLC0415
 
-    result = Result.load(given.folder)
+    try:
+        result = Result.load(given.folder)
+    except OutputError as error:
+        complain(str(error))
+        return BAD_INPUT
     with replaced(given.folder) as stage:
         names = [path.name for path in write_all(draw_all(result), stage)]
     if result.fields is None:
-        _complain('no fields.vtkhdf: no pictures of the displacement; run with fields = ["vtkhdf"]')
-    print("\n".join(str(given.folder / name) for name in names))
+        complain('no fields.vtkhdf: no pictures of the displacement; run with fields = ["vtkhdf"]')
+    _say("\n".join(str(given.folder / name) for name in names))
     return DONE
 
 
@@ -199,55 +241,30 @@ def _doctor(_: argparse.Namespace) -> int:
     from impactfem.report.table import table  # noqa: PLC0415
 
     rows, faults = examine()
-    print(table(rows))
+    _say(table(rows))
     for fault in faults:
-        _complain(fault)
-    print("everything needed is there" if not faults else f"{len(faults)} faults")
+        complain(fault)
+    _say("everything needed is there" if not faults else f"{len(faults)} faults")
     return FAILED if faults else DONE
 
 
-def _complain(text: str) -> None:
-    """One message on standard error, from rank 0."""
-    if _rank() == 0:
-        print(f"impactfem: {text}", file=sys.stderr)
+def _say(text: str) -> None:
+    """Print on standard output, from rank 0.
 
-
-def _rank() -> int:
-    """Rank of this process as its launcher says it; MPI itself may not be installed."""
-    return int(next((os.environ[v] for v in _RANK_VARIABLES if v in os.environ), "0"))
-
-
-def _ranks() -> int:
-    """Number of processes, 1 without MPI."""
-    mpi = sys.modules.get("mpi4py.MPI")
-    return int(mpi.COMM_WORLD.size) if mpi and mpi.Is_initialized() else 1
-
-
-def _on_root(action: Callable[[], Any]) -> None:
-    """Do something on rank 0 and have every rank share its error."""
-    if _ranks() == 1:
-        if _rank() == 0:
-            action()
+    Raises:
+        OutputError: The output goes to a full disk. A reader that has gone is no fault.
+    """
+    if rank() != 0:
         return
-    from impactfem.fem import MPI, on_root  # noqa: PLC0415
-
-    def silent() -> None:
-        action()
-
-    on_root(MPI.COMM_WORLD, silent)
-
-
-def _abort(code: int = FAILED) -> NoReturn:
-    """End all ranks: the others may be waiting for this one."""
-    import traceback  # noqa: PLC0415
-
-    from impactfem.fem import MPI  # noqa: PLC0415
-
-    if sys.exc_info()[0] is not None:
-        traceback.print_exc()
-    sys.stderr.flush()
-    MPI.COMM_WORLD.Abort(code)
-    raise SystemExit(code)
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        # What is buffered could not be written at the end either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            raise OutputError(
+                f"standard output: cannot be written ({error.strerror}); free some space"
+            ) from error
 
 
 if __name__ == "__main__":

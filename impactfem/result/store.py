@@ -2,9 +2,12 @@
 
 import os
 import shutil
+import signal
+import stat
 import tempfile
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from impactfem.errors import OutputError
@@ -12,24 +15,46 @@ from impactfem.errors import OutputError
 LAST = "summary.json"
 """Written last: a folder with it is complete."""
 
+# What a result may hold. A new one removes what an older one left and it has not itself.
+_OWN = (
+    "scene.toml", "history.csv", "history.nc", "exact.nc",
+    "fields.vtkhdf", "fields.bp", "fields.pvd", "fields_pvd",
+    "contact_force.png", "energy.png", "displacement.png", "position.png", "active_set.png",
+    LAST,
+)  # fmt: skip
 
-@contextmanager
-def replaced(folder: Path) -> Iterator[Path]:
-    """Like `staged`, for some files of a result that stays complete."""
-    with _collected(folder, complete=False) as stage:
-        yield stage
+
+def check_writable(folder: Path) -> None:
+    """Say before a long run that its result could not be written; nothing is made.
+
+    Raises:
+        OutputError: The folder is a file, or neither it nor the folder it will be made in can be
+            written.
+    """
+    for place in (folder, *folder.absolute().parents):
+        try:
+            is_folder = stat.S_ISDIR(place.stat().st_mode)
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        except OSError as error:  # a name that is too long, or behind a closed folder
+            raise OutputError(_cannot(folder, error.strerror)) from error
+        if not is_folder:
+            raise OutputError(f"{folder}: {place} is a file; choose another folder (--out)")
+        if not os.access(place, os.W_OK | os.X_OK):
+            raise OutputError(_cannot(folder, f"no permission to write into {place}"))
+        return
 
 
 @contextmanager
 def staged(folder: Path) -> Iterator[Path]:
-    """Collect files in a hidden neighbour of ``folder`` and move them in when all are written.
+    """Collect the files of a result in a hidden folder and move them in when all are written.
 
-    If anything fails meanwhile (an error, an interrupt, a full disk) the neighbour is removed and
-    ``folder`` stays as it was.
+    If anything fails meanwhile (an error, an interrupt, a full disk) the hidden folder is removed
+    and ``folder`` stays as it was.
 
     Args:
-        folder: Where the files shall be; made if absent. Older files of the same names are
-            replaced, others stay.
+        folder: Where the files shall be; made if absent. The files of an older result are
+            replaced or removed, others stay.
 
     Yields:
         The staging folder to write into.
@@ -42,52 +67,93 @@ def staged(folder: Path) -> Iterator[Path]:
 
 
 @contextmanager
+def replaced(folder: Path) -> Iterator[Path]:
+    """Like `staged`, for some files of a result whose other files stay."""
+    with _collected(folder, complete=False) as stage:
+        yield stage
+
+
+@contextmanager
 def _collected(folder: Path, *, complete: bool) -> Iterator[Path]:
-    """Stage files and publish them; ``complete`` says that the summary is among them."""
+    """Stage files and publish them; ``complete`` says that they are a whole result."""
+    check_writable(folder)
+    made = [path for path in folder.absolute().parents if not path.exists()]
+    stage: Path | None = None
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        if folder.exists() and not folder.is_dir():
-            raise OutputError(f"{folder}: is a file; choose another folder with --out")
-        stage = Path(tempfile.mkdtemp(prefix=f".{folder.name}.partial-", dir=folder.parent))
-    except OSError as error:
-        raise OutputError(
-            f"{folder}: cannot be written ({error.strerror}); choose another folder with --out"
-        ) from error
-    try:
-        # mkdtemp is private to its user; results are not.
-        stage.chmod(0o777 & ~_umask())
+        # A folder that exists may be a mount or a link to another disk: files are moved within it.
+        place = folder if folder.is_dir() else folder.parent
+        stage = Path(tempfile.mkdtemp(prefix=f".{folder.name}.partial-", dir=place))
+        stage.chmod(0o777 & ~_umask())  # mkdtemp is private to its user; results are not
         yield stage
         _publish(stage, folder, complete=complete)
-    except OSError as error:
-        raise OutputError(
-            f"{folder}: the result could not be written ({error.strerror or error}); free some "
-            "space or choose another folder with --out"
-        ) from error
+        made = []
+    except (OSError, RuntimeError) as error:  # HDF5 and ADIOS2 raise RuntimeError on a full disk
+        raise OutputError(_cannot(folder, getattr(error, "strerror", None) or error)) from error
     finally:
-        shutil.rmtree(stage, ignore_errors=True)
+        if stage is not None:
+            shutil.rmtree(stage, ignore_errors=True)
+        for path in made:
+            with suppress(OSError):
+                path.rmdir()
+
+
+def _cannot(folder: Path, why: object) -> str:
+    return f"{folder}: cannot be written ({why}); free some space or choose another folder (--out)"
 
 
 def _publish(stage: Path, folder: Path, *, complete: bool) -> None:
-    """Move all entries; the summary leaves first and comes last."""
-    folder.mkdir(exist_ok=True)
-    if complete:
-        (folder / LAST).unlink(missing_ok=True)
-    entries = sorted(stage.iterdir(), key=lambda entry: (entry.name == LAST, entry.name))
-    for entry in entries:
-        _flush(entry)
-        target = folder / entry.name
-        if target.is_dir() and not target.is_symlink():
-            shutil.rmtree(target)
-        elif entry.is_dir():
-            target.unlink(missing_ok=True)
-        os.replace(entry, target)  # noqa: PTH105  (atomic for files, unlike shutil.move)
+    """Move the staged files in: all at once into a new folder, the summary last into an old one."""
+    for path in stage.rglob("*"):
+        _flush(path)
+    with _uninterrupted():
+        if not folder.is_dir():
+            stage.rename(folder)
+            return
+        entries = {path.name: path for path in stage.iterdir()}
+        if complete:
+            (folder / LAST).unlink(missing_ok=True)
+            for name in _OWN:
+                if name not in entries:
+                    _remove(folder / name)
+        for name in sorted(entries, key=lambda name: (name == LAST, name)):
+            _remove(folder / name, keep_file=entries[name].is_file())
+            entries[name].replace(folder / name)
 
 
-def _flush(entry: Path) -> None:
-    """Have the file's content on disk before its name appears."""
-    if entry.is_file():
-        with entry.open("rb") as file:
+def _remove(path: Path, *, keep_file: bool = False) -> None:
+    """Remove a file or folder if it is there; a file to be replaced by a file may stay."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    elif not keep_file:
+        path.unlink(missing_ok=True)
+
+
+def _flush(path: Path) -> None:
+    """Have a file's content on disk before its name appears."""
+    if path.is_file():
+        with path.open("rb") as file:
             os.fsync(file.fileno())
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Hold SIGINT and SIGTERM back until a short block is done."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held: list[int] = []
+    usual = {
+        number: signal.signal(number, lambda number, _: held.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in usual.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+    if held:
+        signal.raise_signal(held[0])
 
 
 def _umask() -> int:

@@ -1,0 +1,118 @@
+"""The processes of a run: who prints, how signals arrive, and how all ranks end together."""
+
+import os
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+# As launchers set them before MPI is loaded: Hydra (MPICH), Open MPI, PMIx, Intel MPI, Slurm.
+_RANK = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK", "MPI_LOCALRANKID", "SLURM_PROCID")
+_SIZE = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE")
+
+
+class InterruptedRunError(BaseException):
+    """A signal asked the run to end; not an Exception, so that nothing swallows it."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = number
+
+
+def listen() -> None:
+    """Have SIGINT and SIGTERM end the run in order; again after a library took them over."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupt)
+
+
+def _interrupt(number: int, _: object) -> NoReturn:
+    # A second signal must not disturb the cleaning up after the first.
+    for each in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(each, signal.SIG_IGN)
+    raise InterruptedRunError(number)
+
+
+def rank() -> int:
+    """Rank of this process as its launcher says it; MPI itself may not be installed."""
+    return _number(_RANK, 0)
+
+
+def launched() -> bool:
+    """Whether a launcher started this process as one of several."""
+    return rank() > 0 or _number(_SIZE, 1) > 1
+
+
+def _number(names: tuple[str, ...], default: int) -> int:
+    """The first of the environment variables that holds an integer."""
+    values = (os.environ.get(name, "") for name in names)
+    return next((int(value) for value in values if value.isdecimal()), default)
+
+
+def ranks() -> int:
+    """Number of processes that MPI joins, 1 as long as it is not loaded."""
+    mpi = sys.modules.get("mpi4py.MPI")
+    return int(mpi.COMM_WORLD.size) if mpi and mpi.Is_initialized() else 1
+
+
+def join() -> None:
+    """Load MPI if a launcher started several processes, so that they can end together."""
+    if not launched():
+        return
+    try:
+        from mpi4py import MPI  # noqa: F401, PLC0415  (absent where only closed forms are used)
+    except ImportError:
+        return
+    listen()
+    if ranks() == 1:
+        complain(
+            f"started as {_number(_SIZE, 1)} processes, but MPI knows one: mpirun belongs to "
+            "another MPI than mpi4py; use the mpirun that `impactfem doctor` names"
+        )
+
+
+def on_root(action: Callable[[], Any]) -> None:
+    """Do something on rank 0 and have every rank share its error."""
+    if ranks() == 1:
+        if rank() == 0:
+            action()
+        return
+    from impactfem.fem import MPI, on_root  # noqa: PLC0415
+
+    def silent() -> None:
+        action()
+
+    on_root(MPI.COMM_WORLD, silent)
+
+
+def complain(text: str) -> None:
+    """One message on standard error, from rank 0."""
+    if rank() == 0:
+        print(f"impactfem: {text}", file=sys.stderr, flush=True)
+
+
+def end_together(code: int, patience: float = 5.0) -> None:
+    """Wait until every rank has failed too: the first to leave would take the others along.
+
+    Args:
+        code: Exit code.
+        patience: Seconds after which a rank that failed alone ends the others, which wait for it.
+    """
+    if ranks() == 1:
+        return
+    request = sys.modules["mpi4py.MPI"].COMM_WORLD.Ibarrier()
+    limit = time.monotonic() + patience
+    while not request.Test():
+        if time.monotonic() > limit:
+            abort(code)
+        time.sleep(0.01)
+
+
+def abort(code: int) -> NoReturn:
+    """End all ranks now: the others may be waiting for this one."""
+    if sys.exc_info()[0] is not None:
+        traceback.print_exc()
+    sys.stderr.flush()
+    sys.modules["mpi4py.MPI"].COMM_WORLD.Abort(code)
+    raise SystemExit(code)
