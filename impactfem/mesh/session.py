@@ -1,5 +1,7 @@
 """A Gmsh session on rank 0, and the way from its model to a distributed mesh."""
 
+import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -28,18 +30,35 @@ def import_gmsh() -> Any:
 def gmsh_session() -> Iterator[Any]:
     """Open a silent Gmsh session with an empty model, and close it whatever happens."""
     gmsh = import_gmsh()
-    # interruptible=True would hand SIGINT to the system and skip our own clean-up.
     own = not gmsh.isInitialized()
+    before = None if own else gmsh.model.getCurrent()
     if own:
-        gmsh.initialize(interruptible=False)
+        with _python_signals():
+            # No personal options, as they could change the mesh. interruptible=True would hand
+            # SIGINT to the system and skip our own clean-up.
+            gmsh.initialize(readConfigFiles=False, interruptible=False)
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.model.add("impactfem")
     try:
         yield gmsh
     finally:
         gmsh.model.remove()
+        if before is not None:
+            gmsh.model.setCurrent(before)
         if own:
-            gmsh.finalize()
+            with _python_signals():
+                gmsh.finalize()
+
+
+@contextmanager
+def _python_signals() -> Iterator[None]:
+    """Give SIGINT and SIGTERM back to Python after Gmsh's PETSc has taken or reset them."""
+    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    if threading.current_thread() is threading.main_thread():
+        for number, handler in kept.items():
+            if handler is not None:  # None: not Python's to begin with
+                signal.signal(number, handler)
 
 
 def distribute[T](comm: Any, build: Callable[[Any], T]) -> tuple[Any, Any, T]:
