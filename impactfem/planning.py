@@ -13,6 +13,7 @@ from impactfem.sizing import (
     choose_grid,
     marching_cost,
     monolithic_cost,
+    on_its_own_mesh,
     on_layers,
 )
 
@@ -135,10 +136,14 @@ def _choose_method(scene: Scene, exact: ExactBar, reasons: dict[str, str]) -> st
             + (f" and the sampling of the initial state on {exact.pieces} pieces" * exact.sampled)
         )
         return "exact"
+    if on_its_own_mesh(scene, exact):
+        reasons["method"] = "exact at the nodes: courant 1 and all events on layers"
+        return "galerkin"
     reasons["method"] = (
-        "exact at the nodes for a homogeneous bar at courant 1 when events fall on layers"
+        "events fall between layers or courant is not 1: there galerkin rings or its energy is not "
+        "bounded; this one keeps it to rounding"
     )
-    return "galerkin"
+    return "conserving"
 
 
 def _choose_window(

@@ -102,6 +102,17 @@ def _choose_elements(scene: Scene, exact: ExactBar, reasons: dict[str, str]) -> 
     return aligned or DEFAULT_ELEMENTS
 
 
+def on_its_own_mesh(scene: Scene, exact: ExactBar) -> bool:
+    """Whether the galerkin method would be exact at the nodes with the scene's settings."""
+    bar, solve = scene.bodies[0], scene.solve
+    elements = solve.elements or _aligned_elements(exact)
+    if elements is None:
+        return False
+    h = bar.length / elements
+    courant = bar.wave_speed * solve.dt / h if solve.dt else solve.courant or 1.0
+    return abs(courant - 1.0) <= _ON_LAYER and on_layers(exact, elements)
+
+
 def on_layers(exact: ExactBar, elements: int) -> bool:
     """Whether every contact event falls on a layer at courant 1."""
     ends = np.array(exact.contacts).ravel()

@@ -6,9 +6,10 @@ filled from row ``first`` on, so that a window of layers can be solved again wit
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from impactfem.marching.compiled import compiled
 
 Floats = NDArray[np.float64]
 
@@ -16,7 +17,7 @@ DECIDE = -1
 """Mark of a layer in which the loop itself decides whether contact is active."""
 
 
-@numba.njit(cache=True)
+@compiled
 def factor(diagonal, beside):
     """Factor a symmetric positive definite tridiagonal matrix as L D L^T, in place of its copy.
 
@@ -37,7 +38,7 @@ def factor(diagonal, beside):
     return inverse, lower
 
 
-@numba.njit(cache=True)
+@compiled
 def substitute(inverse, lower, x):
     """Solve with the factors of `factor`; x is the right-hand side and becomes the solution."""
     n = len(inverse)
@@ -48,7 +49,7 @@ def substitute(inverse, lower, x):
         x[j] = x[j] * inverse[j] - lower[j] * x[j + 1]
 
 
-@numba.njit(cache=True)
+@compiled
 def two_step(
     mass, stiffness, beta, dt, clamped, velocity, loads,
     now, step, push, first, last, marks,
@@ -177,7 +178,7 @@ def two_step(
     return push
 
 
-@numba.njit(cache=True)
+@compiled
 def _step_of_contact_node(a, drift, compliance, k):
     """Solve x = drift - s DV(a, x), V(x) = k min(x, 0)^2 / 2, DV(a, x) = (V(x) - V(a)) / (x - a).
 
@@ -214,7 +215,29 @@ def _step_of_contact_node(a, drift, compliance, k):
     return -0.5 * k * a * a / (x - a) if x > a else 0.0
 
 
-@numba.njit(cache=True)
+@compiled
+def measure(mass, stiffness, u, v, row, total, gap, kinetic, elastic, mean, momentum):
+    """Gap, energies, mean displacement and velocity of a state (u, v), filled into a row."""
+    n = len(mass)
+    moving = 0.0
+    moment = 0.0
+    speed = 0.0
+    strained = 0.0
+    for j in range(n):
+        moving += mass[j] * v[j] * v[j]
+        moment += mass[j] * u[j]
+        speed += mass[j] * v[j]
+        if j < n - 1:
+            d = u[j + 1] - u[j]
+            strained += stiffness[j] * d * d
+    gap[row] = u[0]
+    kinetic[row] = 0.5 * moving
+    elastic[row] = 0.5 * strained
+    mean[row] = moment / total
+    momentum[row] = speed / total
+
+
+@compiled
 def conserving(
     mass, stiffness, dt, clamped, loads, u, v, layers,
     kept, displacement, rate, gap, multiplier, kinetic, elastic, mean, momentum,
@@ -260,7 +283,10 @@ def conserving(
     response[0] = 1.0
     substitute(inverse, lower, response)
     step = np.empty(size)
+    # Row 0 belongs to the discrete state too: the massless node rests at its minimum.
     u[0] = max(u[1], 0.0)
+    v[0] = v[1] if u[1] > 0.0 else 0.0
+    measure(heavy, stiffness, u, v, 0, total, gap, kinetic, elastic, mean, momentum)
     slot = 0
     while slot < len(kept) and kept[slot] <= 0:
         slot += 1
@@ -271,29 +297,14 @@ def conserving(
             step[j - 1] = 2.0 * heavy[j] * v[j] / dt + right - left - heavy[j] * loads[m]
         substitute(inverse, lower, step)
         push = _step_of_contact_node(u[1], u[1] + step[0], response[0], k)
-        moving = 0.0
-        moment = 0.0
-        speed = 0.0
         for j in range(1, stop):
             d = step[j - 1] - push * response[j - 1]
             u[j] += d
             v[j] = 2.0 * d / dt - v[j]
-        for j in range(1, n):
-            moving += heavy[j] * v[j] * v[j]
-            moment += heavy[j] * u[j]
-            speed += heavy[j] * v[j]
         u[0] = max(u[1], 0.0)
         v[0] = v[1] if u[1] > 0.0 else 0.0
-        strained = 0.0
-        for j in range(n - 1):
-            d = u[j + 1] - u[j]
-            strained += stiffness[j] * d * d
-        gap[m + 1] = u[0]
         multiplier[m] = push
-        kinetic[m + 1] = 0.5 * moving
-        elastic[m + 1] = 0.5 * strained
-        mean[m + 1] = moment / total
-        momentum[m + 1] = speed / total
+        measure(heavy, stiffness, u, v, m + 1, total, gap, kinetic, elastic, mean, momentum)
         if slot < len(kept) and kept[slot] == m + 1:
             for j in range(n):
                 displacement[slot, j] = u[j]

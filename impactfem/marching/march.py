@@ -113,7 +113,7 @@ def march(
         effort, potential = _two_step(chain, scheme, numbers, means, tolerance, record, bar)
     else:
         effort = _one_step(chain, scheme, numbers, means, tolerance, record)
-        # The midpoint rule's work of gravity is exactly load times path.
+        # Work of gravity: load of the layer times its path, as the schemes have it.
         work = np.cumsum(means * np.diff(record.mean))
         potential = means[0] * record.mean[0] + np.concatenate([[0.0], work])
     return BarMotion(

@@ -1,12 +1,12 @@
 """What goes wrong without care: Newmark's rule with contact imposed on positions."""
 
-import numba
 import numpy as np
 
-from impactfem.marching.kernels import factor, substitute
+from impactfem.marching.compiled import compiled
+from impactfem.marching.kernels import factor, measure, substitute
 
 
-@numba.njit(cache=True)
+@compiled
 def newmark(
     mass, stiffness, dt, clamped, loads, tolerance, u, v, layers,
     kept, displacement, rate, gap, multiplier, kinetic, elastic, mean, momentum,
@@ -64,28 +64,14 @@ def newmark(
             push = position / (weight * response[0])
             for j in range(n):
                 new[j] -= push * response[j]
-        moving = 0.0
-        moment = 0.0
-        speed = 0.0
         for j in range(n):
             u[j] = predicted[j] + weight * new[j]
             v[j] += 0.5 * dt * (a[j] + new[j])
             a[j] = new[j]
-            moving += mass[j] * v[j] * v[j]
-            moment += mass[j] * u[j]
-            speed += mass[j] * v[j]
         if push < 0.0:
             u[0] = 0.0
-        strained = 0.0
-        for j in range(n - 1):
-            d = u[j + 1] - u[j]
-            strained += stiffness[j] * d * d
-        gap[m + 1] = u[0]
         multiplier[m] = push
-        kinetic[m + 1] = 0.5 * moving
-        elastic[m + 1] = 0.5 * strained
-        mean[m + 1] = moment / total
-        momentum[m + 1] = speed / total
+        measure(mass, stiffness, u, v, m + 1, total, gap, kinetic, elastic, mean, momentum)
         if slot < len(kept) and kept[slot] == m + 1:
             for j in range(n):
                 displacement[slot, j] = u[j]

@@ -121,7 +121,7 @@ def test_energy_never_grows(method, courant):
     )
     total = energy(motion)
     assert motion.multiplier.min() < -1.0
-    assert (total[1:] - total[1]).max() <= 1e-9 * total[1]
+    assert total.max() <= total[0] * (1 + 1e-9)
 
 
 @settings(max_examples=40, deadline=None)
@@ -139,7 +139,12 @@ def test_signorini_conditions_hold_in_every_layer(gap, speed, pull, length, meth
     if method != "conserving":
         assert np.all(motion.gap[1:][pushed] == 0.0)
     total = energy(motion)
-    assert (total[1:] - total[1]).max() <= 1e-10 * np.abs(motion.kinetic).max()
+    allowed = 0.0
+    if method == "galerkin":
+        # The contact rows do work only at release: |lambda_b| u^{b+1} / 4 at the end b of contact.
+        ends = np.flatnonzero(pushed[:-1] & ~pushed[1:])
+        allowed = 0.25 * np.sum(-motion.multiplier[ends] * motion.gap[ends + 2])
+    assert total.max() - total[0] <= allowed + 1e-10 * np.abs(motion.kinetic).max()
 
 
 def test_force_of_the_conserving_method_off_the_grid():
