@@ -115,35 +115,42 @@ def plan(scene: Scene) -> Plan:
 
 
 def _choose_method(scene: Scene, exact: ExactBar, reasons: dict[str, str]) -> str:
-    """As asked, else what the standing studies favour."""
+    """As asked, else the first whose condition holds."""
     solve = scene.solve
-    if solve.method is not None:
-        reasons["method"] = "as asked"
-        return solve.method
-    if solve.active_set == "snes_vi":
-        reasons["method"] = "SNES VI needs the assembled space-time system"
-        return "monolithic"
-    if solve.degree is not None or solve.fitted:
-        reasons["method"] = "solve.degree and solve.fitted belong to it"
-        return "dg"
-    if solve.mesh is not None:
-        reasons["method"] = "works on any triangles; galerkin needs layers"
-        return "dg"
-    if solve.accuracy is not None and exact.exact_until >= scene.duration:
-        reasons["method"] = (
+    sampling = f" and the sampling of the initial state on {exact.pieces} pieces" * exact.sampled
+    choices = (
+        (solve.method is not None, solve.method or "", "as asked"),
+        (
+            solve.active_set == "snes_vi",
+            "monolithic",
+            "SNES VI needs the assembled space-time system",
+        ),
+        (
+            solve.degree is not None or bool(solve.fitted),
+            "dg",
+            "solve.degree and solve.fitted belong to it",
+        ),
+        (solve.mesh is not None, "dg", "works on any triangles; galerkin needs layers"),
+        (
+            solve.accuracy is not None and exact.exact_until >= scene.duration,
+            "exact",
             "a homogeneous bar: in the standing studies no discretisation is as accurate at any "
-            "cost, its error is rounding"
-            + (f" and the sampling of the initial state on {exact.pieces} pieces" * exact.sampled)
-        )
-        return "exact"
-    if on_its_own_mesh(scene, exact):
-        reasons["method"] = "exact at the nodes: courant 1 and all events on layers"
-        return "galerkin"
-    reasons["method"] = (
-        "events fall between layers or courant is not 1: there galerkin rings or its energy is not "
-        "bounded; this one keeps it to rounding"
+            f"cost, its error is rounding{sampling}",
+        ),
+        (
+            on_its_own_mesh(scene, exact),
+            "galerkin",
+            "exact at the nodes: courant 1 and all events on layers",
+        ),
+        (
+            True,
+            "conserving",
+            "events fall between layers or courant is not 1: there galerkin rings or its energy is "
+            "not bounded; this one keeps it to rounding",
+        ),
     )
-    return "conserving"
+    name, reasons["method"] = next((name, why) for holds, name, why in choices if holds)
+    return name
 
 
 def _choose_window(
