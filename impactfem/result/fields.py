@@ -30,6 +30,13 @@ class Fields:
     velocity: NDArray[np.float64]
 
 
+def needed_bytes(fields: Fields, kind: str) -> int:
+    """Upper bound of what a format needs on disk, from measurements."""
+    layers, nodes = fields.displacement.shape
+    per_layer, per_value = (256, 48) if kind == "vtkhdf" else (16_384, 160)
+    return 65_536 + 128 * nodes + layers * (per_layer + per_value * nodes)
+
+
 def _as_vectors(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Vectors along the bar's axis, shape (values, 3)."""
     vectors = np.zeros((values.size, 3))
@@ -106,9 +113,11 @@ def write_with_dolfinx(fields: Fields, path: Path, kind: str) -> None:
         path: Target; ``.bp`` or ``.pvd``.
         kind: "vtx" or "pvd".
     """
-    from dolfinx.io import VTKFile, VTXWriter  # noqa: PLC0415  (only when such output is wanted)
-
+    # Only when such output is wanted. Our module first: it loads MPI before DOLFINx.
     from impactfem.fem import MPI, dolfinx_fem, dolfinx_mesh  # noqa: PLC0415
+
+    # isort: split
+    from dolfinx.io import VTKFile, VTXWriter  # noqa: PLC0415
 
     comm = MPI.COMM_SELF
     mesh = dolfinx_mesh.create_interval(comm, len(fields.positions) - 1, [0.0, 1.0])

@@ -9,9 +9,15 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 
 from impactfem.errors import OutputError, SceneError
-from impactfem.result.fields import Fields, read_vtkhdf, write_vtkhdf, write_with_dolfinx
+from impactfem.result.fields import (
+    Fields,
+    needed_bytes,
+    read_vtkhdf,
+    write_vtkhdf,
+    write_with_dolfinx,
+)
 from impactfem.result.history import read_netcdf, write_csv, write_netcdf
-from impactfem.result.store import LAST, staged
+from impactfem.result.store import LAST, reserve, staged
 from impactfem.scene import Scene
 
 if TYPE_CHECKING:
@@ -89,6 +95,7 @@ class Result:
             return
         for kind in self.scene.output.fields:
             path = stage / FIELD_FILES[kind]
+            reserve(stage, needed_bytes(self.fields, kind))
             if kind == "vtkhdf":
                 write_vtkhdf(self.fields, path)
             else:

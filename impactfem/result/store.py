@@ -98,6 +98,22 @@ def _collected(folder: Path, *, complete: bool) -> Iterator[Path]:
                 path.rmdir()
 
 
+def reserve(folder: Path, size: int) -> None:
+    """Make sure that there is room before a library writes that crashes on a full disk.
+
+    HDF5, ADIOS2 and DOLFINx do: they write again when their objects are destroyed.
+
+    Args:
+        folder: Where to write.
+        size: Bytes that will be written.
+
+    Raises:
+        OSError: There is no room, or a limit of the file size or a quota forbids it.
+    """
+    with tempfile.TemporaryFile(dir=folder) as file:
+        os.posix_fallocate(file.fileno(), 0, size)
+
+
 def _cannot(folder: Path, why: object) -> str:
     return f"{folder}: cannot be written ({why}); free some space or choose another folder (--out)"
 
