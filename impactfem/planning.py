@@ -135,8 +135,8 @@ def _choose_method(scene: Scene, exact: ExactBar, reasons: dict[str, str]) -> st
             solve.accuracy is not None and exact.exact_until >= scene.duration,
             "exact",
             (
-                "a homogeneous bar: in the standing studies no discretisation is as accurate at any "
-                f"cost, its error is rounding{sampling}"
+                "a homogeneous bar: in the standing studies no discretisation is as accurate at "
+                f"any cost, its error is rounding{sampling}"
             ),
         ),
         (
@@ -148,8 +148,8 @@ def _choose_method(scene: Scene, exact: ExactBar, reasons: dict[str, str]) -> st
             True,
             "conserving",
             (
-                "events fall between layers or courant is not 1: there galerkin rings or its energy is "
-                "not bounded; this one keeps it to rounding"
+                "events fall between layers or courant is not 1: there galerkin rings or its "
+                "energy is not bounded; this one keeps it to rounding"
             ),
         ),
     )
