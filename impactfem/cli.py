@@ -41,28 +41,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ["PETSC_OPTIONS"] = " ".join([*options, "-no_signal_handler"])
     _prepare_streams()
     listen()
-    patience = 5.0
+    code, reason, patience = DONE, "", 5.0
     try:
         join()
         given = _parsed(arguments)
-        code: int = given.action(given)
+        code = given.action(given)
     except SystemExit as end:  # argparse has said why
         code = int(end.code or DONE)
     except InterruptedRunError as error:
-        complain(f"interrupted by {signal.Signals(error.number).name}; nothing was written")
+        reason = f"interrupted by {signal.Signals(error.number).name}; nothing was written"
         code, patience = 128 + error.number, 1.0
     except ImpactError as error:
-        complain(str(error))
-        code = _code(error)
+        code, reason = _code(error), str(error)
     except MemoryError as error:
-        complain(f"not enough memory ({error}); use fewer elements or layers")
+        code, reason = FAILED, f"not enough memory ({error}); use fewer elements or layers"
+    except OSError as error:  # those of scenes, meshes and results are ImpactErrors
         code = FAILED
+        reason = f"{error}; check space and permissions, also of the form cache ~/.cache/fenics"
     except Exception:
         if ranks() > 1:
             abort(FAILED)
         raise
+    if reason:
+        complain(reason)
     if code != DONE:
-        end_together(code, patience)
+        end_together(code, reason, patience)
     return code
 
 

@@ -92,11 +92,12 @@ def complain(text: str) -> None:
         print(f"impactfem: {text}", file=sys.stderr, flush=True)
 
 
-def end_together(code: int, patience: float = 5.0) -> None:
+def end_together(code: int, reason: str, patience: float = 5.0) -> None:
     """Wait until every rank has failed too: the first to leave would take the others along.
 
     Args:
         code: Exit code.
+        reason: What a rank that failed alone says.
         patience: Seconds after which a rank that failed alone ends the others, which wait for it.
     """
     if ranks() == 1:
@@ -105,6 +106,7 @@ def end_together(code: int, patience: float = 5.0) -> None:
     limit = time.monotonic() + patience
     while not request.Test():
         if time.monotonic() > limit:
+            print(f"impactfem: rank {rank()} alone: {reason}", file=sys.stderr)
             abort(code)
         time.sleep(0.01)
 

@@ -106,6 +106,12 @@ def write_netcdf(history: xr.Dataset, path: Path) -> None:
 
 
 def read_netcdf(path: Path) -> xr.Dataset:
-    """Read a history back into memory."""
+    """Read a history back into memory.
+
+    Raises:
+        ValueError: The file has no history; further errors are those of xarray and SciPy.
+    """
     with xr.open_dataset(path, engine="scipy") as data:
+        if not {"time", "contact_force"} <= set(data.variables):
+            raise ValueError(f"{path}: no history in it")
         return data.load()

@@ -115,7 +115,8 @@ class Result:
             scene = Scene.from_toml(folder / "scene.toml")
             exact = folder / "exact.nc"
             reference = read_netcdf(exact) if exact.exists() else None
-        except (OSError, ValueError, SceneError) as error:
+        # xarray and SciPy meet noise with TypeError, KeyError and IndexError.
+        except (OSError, ValueError, TypeError, LookupError, SceneError) as error:
             raise OutputError(
                 f"{folder}: no complete result ({error}); run the scene with --out {folder}"
             ) from error
