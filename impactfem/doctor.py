@@ -35,9 +35,10 @@ def examine() -> tuple[list[tuple[str, str]], list[str]]:
     ]
     faults: list[str] = []
     for name in _LIBRARIES:
-        rows.append((name, _version(name)))
-        if rows[-1][1] == "missing":
-            faults.append(f"{name} is missing: pip install {name}")
+        found = _version(name)
+        rows.append((name, found))
+        if found.startswith(("missing", "broken")):
+            faults.append(f"{name} is {found}: pip install --force-reinstall {name}")
     rows += _finite_elements(faults)
     rows += [("compiler", _compiler(faults)), ("gmsh", _gmsh(faults)), ("rendering", _rendering())]
     rows.append(("OMP_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "not set (1 is used)")))
@@ -45,12 +46,16 @@ def examine() -> tuple[list[tuple[str, str]], list[str]]:
 
 
 def _version(name: str) -> str:
+    """Version of a library, "missing", or why it cannot be loaded."""
     try:
         module = importlib.import_module(name)
-    except ImportError:
+        return str(getattr(module, "__version__", None) or importlib.metadata.version(name))
+    except importlib.metadata.PackageNotFoundError:
+        return "unknown version"
+    except ModuleNotFoundError:
         return "missing"
-    version = getattr(module, "__version__", None)
-    return str(version) if version else importlib.metadata.version(name)
+    except Exception as error:  # noqa: BLE001  (compiled modules break in many ways)
+        return f"broken ({error})"
 
 
 def _finite_elements(faults: list[str]) -> list[tuple[str, str]]:
