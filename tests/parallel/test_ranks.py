@@ -76,7 +76,7 @@ def test_a_broken_mesh_is_an_error_on_every_rank(tmp_path):
         duration=5.0,
         bodies=[impactfem.Bar(length=1.0, density=1.0, youngs_modulus=1.0, gap=0.5, velocity=-0.5)],
         obstacles=[impactfem.Wall()],
-        solve=impactfem.Solve(mesh="absent.msh"),
+        solve=impactfem.Solve(method="monolithic", mesh="absent.msh"),
         folder=folder,
     )
     with pytest.raises(impactfem.MeshError, match=r"absent\.msh"):
