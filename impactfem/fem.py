@@ -14,6 +14,7 @@ from impactfem.errors import ImpactError, MissingDependencyError
 try:
     # mpi4py must load and initialise MPI before DOLFINx is loaded.
     from mpi4py import MPI  # isort: skip
+    import basix.ufl
     import dolfinx
     import ufl
     from dolfinx import fem as dolfinx_fem
@@ -47,6 +48,8 @@ __all__ = [
     "gather",
     "mesh_from_gmsh",
     "on_root",
+    "refine_edges",
+    "serial_mesh",
     "set_entries",
     "sparse_matrix",
     "ufl",
@@ -67,6 +70,23 @@ def mesh_from_gmsh(model: Any, comm: Any) -> tuple[Any, Any]:
     if isinstance(data, tuple) and len(data) == 3:  # DOLFINx 0.9: (mesh, cell tags, facet tags)
         return data[0], data[2]
     return data.mesh, data.facet_tags
+
+
+def serial_mesh(points: NDArray[np.float64], cells: NDArray[np.int64]) -> Any:
+    """Make a mesh of triangles that this rank has for itself.
+
+    Args:
+        points: Shape (nodes, 2).
+        cells: Nodes of each triangle, shape (cells, 3).
+    """
+    coordinates = ufl.Mesh(basix.ufl.element("Lagrange", "triangle", 1, shape=(2,)))
+    return dolfinx_mesh.create_mesh(MPI.COMM_SELF, cells=cells, x=points, e=coordinates)
+
+
+def refine_edges(mesh: Any, edges: NDArray[np.int32]) -> Any:
+    """Bisect some edges of a serial mesh of triangles, and more so that it stays conforming."""
+    mesh.topology.create_entities(1)
+    return dolfinx_mesh.refine(mesh, edges)[0]
 
 
 def facet_submesh(mesh: Any, facets: NDArray[np.int32]) -> tuple[Any, Any]:
