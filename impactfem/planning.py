@@ -103,7 +103,7 @@ def plan(scene: Scene) -> Plan:
         window=window,
         active_set="none" if method.family == "exact" else solve.active_set or "pdas",
         gamma=solve.gamma or 1.0,
-        tolerance=solve.tolerance or (1e-13 if method.family == "marching" else 1e-10),
+        tolerance=solve.tolerance or (1e-10 if method.family == "monolithic" else 1e-13),
         max_iterations=solve.max_iterations or 3 * iterations + 50,
         contact_pairs=None if method.family == "exact" else grid.layers,
         unknowns=unknowns,
@@ -172,11 +172,12 @@ def _choose_window(
             + ("3 linear solves" if impacts <= 1 else f"{several // impacts} to {2 * several}")
         )
         return "all", everything
-    if family != "marching" or name not in {"galerkin", "stabilised"}:
-        return "all" if family == "dg" else 1, 1
+    if name not in {"galerkin", "stabilised", "dg"}:
+        return 1, 1
     window = scene.solve.window or 1
     if window == 1:
-        reasons["window"] = "1: each layer is one scalar complementarity problem, no iteration"
+        what = "edge of the wall" if family == "dg" else "layer"
+        reasons["window"] = f"1: each {what} is a scalar complementarity problem, no iteration"
         return 1, 1
     reasons["window"] = "as asked"
     return window, everything if window == "all" else 3

@@ -190,7 +190,40 @@ def _solve_monolithic(scene: Scene, chosen: Plan, progress: Progress) -> BarMoti
     return solve_galerkin(space, bar, scene.gravity, settings, progress, scene.output.every)
 
 
+def _solve_dg(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
+    from impactfem.fem import MPI  # noqa: PLC0415
+    from impactfem.mesh.files import read_mesh  # noqa: PLC0415
+    from impactfem.spacetime.discontinuous import (  # noqa: PLC0415
+        DiscontinuousSettings,
+        solve_discontinuous,
+    )
+
+    bar, path, asked = scene.bodies[0], scene.mesh_path, scene.solve
+    progress.step("building the space-time mesh")
+    mesh = None
+    if path is not None:
+        mesh = read_mesh(MPI.COMM_WORLD, path, bar.length, scene.duration, bar.wave_speed)
+    settings = DiscontinuousSettings(
+        degree=1 if asked.degree is None else asked.degree,
+        elements=chosen.elements or DEFAULT_ELEMENTS,
+        fitted=bool(asked.fitted),
+        accuracy=asked.accuracy,
+        mesh=mesh,
+        window=chosen.window,
+        gamma=chosen.gamma,
+        tolerance=chosen.tolerance,
+        max_iterations=chosen.max_iterations,
+        every=scene.output.every,
+    )
+    progress.step("solving")
+    motion, details = solve_discontinuous(
+        MPI.COMM_WORLD, bar, scene.gravity, scene.duration, settings, progress
+    )
+    return replace(motion, effort=replace(motion.effort, details=details))
+
+
 _SOLVERS = {
+    "dg": _solve_dg,
     "exact": _solve_exact,
     "marching": _solve_marching,
     "monolithic": _solve_monolithic,
@@ -248,6 +281,7 @@ def _summary(
             "max_penetration": max(0.0, -float(history["gap"].min())),
         },
         "error": asdict(errors) if errors else None,
+        "details": effort.details,
         "plan": chosen.as_dict(),
     }
     plain: dict[str, Any] = _plain(summary)

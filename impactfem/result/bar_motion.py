@@ -1,6 +1,8 @@
 """The motion of a bar as every method returns it, and the history and fields made of it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -23,6 +25,7 @@ class Effort:
         set_changes: Changes of the active set after each iteration (of that window).
         converged: Whether every active set stood still.
         message: How the iteration ended, in words.
+        details: Further figures of the method, for the summary (plain data).
     """
 
     num_unknowns: int = 0
@@ -30,6 +33,7 @@ class Effort:
     set_changes: tuple[int, ...] = ()
     converged: bool = True
     message: str = ""
+    details: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

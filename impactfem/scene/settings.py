@@ -124,10 +124,13 @@ class Solve:
             self._exclude("accuracy", ("elements",), fixed)
         if self.method == "dg":
             reason = "triangles have no layers; remove one of them"
-            self._exclude("method", ("courant", "dt", "window"), reason)
+            self._exclude("method", ("courant", "dt"), reason)
+            if self.window not in {None, 1, "all"}:
+                self._exclude("window", ("method",), 'dg knows 1 and "all"')
         if self.active_set == "snes_vi" and self.method not in {None, "monolithic"}:
             self._exclude("active_set", ("method",), 'it needs method = "monolithic"')
-        if self.method not in {None, "galerkin", "stabilised"} and self.window not in {None, "all"}:
+        windowed = self.method in {None, "galerkin", "stabilised", "dg"}
+        if not windowed and self.window not in {None, "all"}:
             self._exclude("window", ("method",), "only galerkin and stabilised have windows")
 
     def _exclude(self, name: str, others: tuple[str, ...], why: str) -> None:

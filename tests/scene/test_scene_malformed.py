@@ -130,7 +130,10 @@ CASES = {
         {"solve": {"method": "exact", "window": 4}},
         ["solve.method", '"exact"', "window", "remove one"],
     ),
-    "window of dg": ({"solve": {"method": "dg", "window": 4}}, ["window = 4", "remove one"]),
+    "window of dg": (
+        {"solve": {"method": "dg", "window": 4}},
+        ["window = 4", 'dg knows 1 and "all"'],
+    ),
     "window of conserving": (
         {"solve": {"method": "conserving", "window": 4}},
         ["solve.window = 4", '"conserving"', "only galerkin and stabilised"],
