@@ -114,7 +114,8 @@ def end_together(code: int, reason: str, patience: float = 5.0) -> None:
 def abort(code: int) -> NoReturn:
     """End all ranks now: the others may be waiting for this one."""
     if sys.exc_info()[0] is not None:
-        traceback.print_exc()
+        sys.stderr.write(traceback.format_exc())
     sys.stderr.flush()
+    time.sleep(0.5)  # launchers drop what they have not passed on when a rank aborts
     sys.modules["mpi4py.MPI"].COMM_WORLD.Abort(code)
     raise SystemExit(code)
