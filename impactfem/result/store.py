@@ -25,7 +25,7 @@ _OWN = (
 
 
 def check_writable(folder: Path) -> None:
-    """Say before a long run that its result could not be written; nothing is made.
+    """Say before a long run that its result could not be written; nothing stays behind.
 
     Raises:
         OutputError: The folder is a file, or neither it nor the folder it will be made in can be
@@ -40,8 +40,10 @@ def check_writable(folder: Path) -> None:
             raise OutputError(_cannot(folder, error.strerror)) from error
         if not is_folder:
             raise OutputError(f"{folder}: {place} is a file; choose another folder (--out)")
-        if not os.access(place, os.W_OK | os.X_OK):
-            raise OutputError(_cannot(folder, f"no permission to write into {place}"))
+        try:  # permissions do not bind root, and some file systems take no folders
+            Path(tempfile.mkdtemp(prefix=".impactfem-", dir=place)).rmdir()
+        except OSError as error:
+            raise OutputError(_cannot(folder, f"{place}: {error.strerror}")) from error
         return
 
 
