@@ -12,18 +12,9 @@ from typing import TYPE_CHECKING
 
 from impactfem import __version__
 from impactfem.errors import ConvergenceError, ImpactError, MeshError, OutputError, SceneError
-from impactfem.processes import (
-    InterruptedRunError,
-    abort,
-    complain,
-    end_together,
-    join,
-    listen,
-    on_root,
-    rank,
-    ranks,
-)
+from impactfem.processes import abort, complain, end_together, join, on_root, rank, ranks
 from impactfem.shipped import find_scene, shipped_scenes
+from impactfem.signals import InterruptedRunError, held_back, listen
 
 if TYPE_CHECKING:
     from impactfem.scene import Scene
@@ -158,8 +149,7 @@ def _run(given: argparse.Namespace) -> int:
     for warning in chosen.warnings:
         progress.message(f"warning: {warning}")
     if chosen.method != "exact":
-        import impactfem.fem  # noqa: F401, PLC0415  (if it is missing, say so now)
-
+        _load_finite_elements()
     on_root(lambda: check_writable(folder))
     with progress.stages(4):
         result = solve(scene, progress=progress)
@@ -175,6 +165,12 @@ def _run(given: argparse.Namespace) -> int:
         )
         return NOT_CONVERGED
     return DONE
+
+
+def _load_finite_elements() -> None:
+    """Load DOLFINx: if it is missing, say so now; a signal meanwhile would crash its modules."""
+    with held_back():
+        import impactfem.fem  # noqa: F401, PLC0415
 
 
 def _name(path: Path) -> str:
@@ -196,6 +192,7 @@ def _validate(given: argparse.Namespace) -> int:
     path, scene = _read(given)
     plan(scene)
     if scene.mesh_path is not None:
+        _load_finite_elements()
         from impactfem.fem import MPI  # noqa: PLC0415
         from impactfem.mesh.files import read_mesh  # noqa: PLC0415
 

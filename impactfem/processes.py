@@ -1,37 +1,17 @@
-"""The processes of a run: who prints, how signals arrive, and how all ranks end together."""
+"""The processes of a run: which one prints, and how all end together."""
 
 import os
-import signal
 import sys
 import time
 import traceback
 from collections.abc import Callable
 from typing import Any, NoReturn
 
+from impactfem.signals import listen
+
 # As launchers set them before MPI is loaded: Hydra (MPICH), Open MPI, PMIx, Intel MPI, Slurm.
 _RANK = ("PMI_RANK", "OMPI_COMM_WORLD_RANK", "PMIX_RANK", "MPI_LOCALRANKID", "SLURM_PROCID")
 _SIZE = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE")
-
-
-class InterruptedRunError(BaseException):
-    """A signal asked the run to end; not an Exception, so that nothing swallows it."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.number = number
-
-
-def listen() -> None:
-    """Have SIGINT and SIGTERM end the run in order; again after a library took them over."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _interrupt)
-
-
-def _interrupt(number: int, _: object) -> NoReturn:
-    # A second signal must not disturb the cleaning up after the first.
-    for each in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(each, signal.SIG_IGN)
-    raise InterruptedRunError(number)
 
 
 def rank() -> int:

@@ -1,13 +1,12 @@
 """A Gmsh session on rank 0, and the way from its model to a distributed mesh."""
 
-import signal
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from impactfem import fem
 from impactfem.errors import MeshError, MissingDependencyError
+from impactfem.signals import given_back
 
 
 def import_gmsh() -> Any:
@@ -33,7 +32,7 @@ def gmsh_session() -> Iterator[Any]:
     own = not gmsh.isInitialized()
     before = None if own else gmsh.model.getCurrent()
     if own:
-        with _python_signals():
+        with given_back():  # from Gmsh's own PETSc
             # No personal options, as they could change the mesh. interruptible=True would hand
             # SIGINT to the system and skip our own clean-up.
             gmsh.initialize(readConfigFiles=False, interruptible=False)
@@ -46,19 +45,8 @@ def gmsh_session() -> Iterator[Any]:
         if before is not None:
             gmsh.model.setCurrent(before)
         if own:
-            with _python_signals():
+            with given_back():
                 gmsh.finalize()
-
-
-@contextmanager
-def _python_signals() -> Iterator[None]:
-    """Give SIGINT and SIGTERM back to Python after Gmsh's PETSc has taken or reset them."""
-    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    yield
-    if threading.current_thread() is threading.main_thread():
-        for number, handler in kept.items():
-            if handler is not None:  # None: not Python's to begin with
-                signal.signal(number, handler)
 
 
 def distribute[T](comm: Any, build: Callable[[Any], T]) -> tuple[Any, Any, T]:

@@ -2,15 +2,14 @@
 
 import os
 import shutil
-import signal
 import stat
 import tempfile
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from impactfem.errors import OutputError
+from impactfem.signals import held_back
 
 LAST = "summary.json"
 """Written last: a folder with it is complete."""
@@ -124,7 +123,7 @@ def _publish(stage: Path, folder: Path, *, complete: bool) -> None:
     """Move the staged files in: all at once into a new folder, the summary last into an old one."""
     for path in stage.rglob("*"):
         _flush(path)
-    with _uninterrupted():
+    with held_back():
         if not folder.is_dir():
             stage.rename(folder)
             return
@@ -152,26 +151,6 @@ def _flush(path: Path) -> None:
     if path.is_file():
         with path.open("rb") as file:
             os.fsync(file.fileno())
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Hold SIGINT and SIGTERM back until a short block is done."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    held: list[int] = []
-    usual = {
-        number: signal.signal(number, lambda number, _: held.append(number))
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield
-    finally:
-        for number, handler in usual.items():
-            signal.signal(number, signal.SIG_DFL if handler is None else handler)
-    if held:
-        signal.raise_signal(held[0])
 
 
 def _umask() -> int:
