@@ -197,10 +197,12 @@ class GravityImpact(_ThrownBar):
         q = self.impact_speed / (self.gravity * self.transit_time)
         earliest = q + np.sqrt(max(q * q - 2.0, 0.0))
         root = 2.0 * q
-        for k in (np.floor(0.5 * earliest), np.floor(0.5 * earliest) + 1.0):
+        for k in np.floor(0.5 * earliest) + np.arange(3.0):
             half = 2.0 * (2.0 * k + 1.0) - q
-            found = half - np.sqrt(max(half * half - 8.0 * k * (k + 1.0), 0.0))
-            if found <= 2.0 * (k + 1.0):
+            square = half * half - 8.0 * k * (k + 1.0)
+            found = half - np.sqrt(max(square, 0.0))
+            # At V = 2 p l the end just touches: a double root.
+            if square >= -64.0 * _EPS * half * half and found <= 2.0 * (k + 1.0):
                 root = min(root, found)
                 break
         return float(self.release_time + root * self.transit_time)

@@ -173,6 +173,14 @@ def test_k2_is_the_exact_bar_in_every_region(k2):
     )
 
 
+@pytest.mark.parametrize("q", [2.001, 2.05, 2.1, 2.25, 2.5, 3.0, 3.7, 4.0, 7.3, 12.0, 29.9])
+def test_next_impact_is_that_of_the_exact_bar(q):
+    # q = V/(p l) from the least that leaves at once.
+    k2 = GravityImpact(1.0, 1.0, 1e-3, (1 - 2e-3 / q) ** 0.5, 1 / q)
+    bar = exact(k2, k2.next_impact + 1)
+    assert bar.events[2] == pytest.approx(k2.next_impact, rel=1e-12)
+
+
 def test_k2_numbers():
     k2 = K2[0]
     assert k2.impact_time == pytest.approx(0.91608, abs=1e-5)
