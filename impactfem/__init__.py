@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     )
     from impactfem.exact import ExactBar
     from impactfem.planning import Plan, plan
+    from impactfem.report.hard_cases import Board, hard_cases
+    from impactfem.report.study import Study
+    from impactfem.report.work_precision import work_precision
     from impactfem.result import Result
     from impactfem.scene import Bar, Formula, Output, PiecewiseConstant, Scene, Solve, Wall
     from impactfem.solving import solve
@@ -32,6 +35,7 @@ __version__ = "0.1.0"
 # Public names and where they live; loaded when first used, so that `import impactfem` is fast.
 _HOMES = {
     "Bar": "impactfem.scene",
+    "Board": "impactfem.report.hard_cases",
     "ConvergenceError": "impactfem.errors",
     "ExactBar": "impactfem.exact",
     "Formula": "impactfem.scene",
@@ -46,13 +50,17 @@ _HOMES = {
     "Scene": "impactfem.scene",
     "SceneError": "impactfem.errors",
     "Solve": "impactfem.scene",
+    "Study": "impactfem.report.study",
     "Wall": "impactfem.scene",
+    "hard_cases": "impactfem.report.hard_cases",
     "plan": "impactfem.planning",
     "solve": "impactfem.solving",
+    "work_precision": "impactfem.report.work_precision",
 }
 
 __all__ = [
     "Bar",
+    "Board",
     "ConvergenceError",
     "ExactBar",
     "Formula",
@@ -67,10 +75,13 @@ __all__ = [
     "Scene",
     "SceneError",
     "Solve",
+    "Study",
     "Wall",
     "__version__",
+    "hard_cases",
     "plan",
     "solve",
+    "work_precision",
 ]
 
 

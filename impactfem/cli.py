@@ -1,4 +1,4 @@
-"""The command line: run, plan, validate, methods, scenes, plot, doctor."""
+"""The command line: run, plan, validate, methods, scenes, plot, bench, doctor."""
 
 import argparse
 import contextlib
@@ -121,6 +121,17 @@ def _parser() -> argparse.ArgumentParser:
     command("scenes", _scenes, "list the shipped scenes")
     plot = command("plot", _plot, "draw the pictures of a result folder again")
     plot.add_argument("folder", metavar="DIR", type=Path)
+    bench = command("bench", _bench, "measure errors of methods against time, or run hard cases")
+    bench.add_argument(
+        "scene", metavar="SCENE", nargs="?", help="scene file, or name of a shipped scene"
+    )
+    bench.add_argument("--hard", action="store_true", help="run the board of hard cases instead")
+    bench.add_argument(
+        "--methods", metavar="A,B", help="methods, with settings as dg@degree=1,fitted=true"
+    )
+    bench.add_argument("--sizes", metavar="N,M", default="20,40,80", help="numbers of elements")
+    bench.add_argument("--repeats", metavar="N", type=int, default=3, help="runs of each size")
+    bench.add_argument("--out", metavar="DIR", type=Path, help="folder for tables and pictures")
     command("doctor", _doctor, "say what is installed, what works and what is missing")
     return parser
 
@@ -234,6 +245,12 @@ def _plot(given: argparse.Namespace) -> int:
         complain('no fields.vtkhdf: no pictures of the displacement; run with fields = ["vtkhdf"]')
     _say("\n".join(str(given.folder / name) for name in names))
     return DONE
+
+
+def _bench(given: argparse.Namespace) -> int:
+    from impactfem.report.bench import bench  # noqa: PLC0415  (fast --help)
+
+    return DONE if bench(given, _say) else FAILED
 
 
 def _doctor(_: argparse.Namespace) -> int:

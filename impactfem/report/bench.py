@@ -1,0 +1,58 @@
+"""The sub-command bench: a work-precision study of a scene, or the board of hard cases."""
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+from impactfem.errors import SceneError
+from impactfem.report.hard_cases import hard_cases
+from impactfem.report.work_precision import Variant, work_precision
+from impactfem.scene import Scene
+from impactfem.shipped import find_scene
+
+DEFAULT_METHODS = "galerkin,conserving,exact"
+
+
+def bench(given: argparse.Namespace, say: Callable[[str], None]) -> bool:
+    """Run what the arguments ask for and write it to ``--out`` if that is given.
+
+    Returns:
+        Whether everything that must hold does. Negative controls are shown but do not count.
+
+    Raises:
+        SceneError: An argument cannot be used.
+        OutputError: The folder cannot be written.
+    """
+    names = None if given.methods is None else Variant.split(given.methods)
+    if given.hard:
+        return _board(names, given.out, say)
+    if given.scene is None:
+        raise SceneError("bench: no scene is given; name one, or use --hard")
+    scene = Scene.from_toml(find_scene(given.scene))
+    names = names or Variant.split(DEFAULT_METHODS)
+    study = work_precision(scene, names, _sizes(given.sizes), given.repeats, progress=say)
+    say("\n" + study.markdown())
+    if given.out is not None:
+        say("\n" + "\n".join(str(path) for path in study.save(given.out)))
+    return any(row.status != "failed" for row in study.rows)
+
+
+def _board(names: list[str] | None, out: Path | None, say: Callable[[str], None]) -> bool:
+    board = hard_cases(names, progress=say)
+    if out is not None:
+        say("\n".join(str(path) for path in board.save(out)))
+    failures = board.without_controls().failures
+    shown = len(board.failures) - len(failures)
+    say(
+        f"{len(board.cells)} cells, {len(failures)} fail"
+        + (f"; {shown} of the negative control fail, as they must" if shown else "")
+    )
+    return not failures
+
+
+def _sizes(text: str) -> list[int]:
+    """Numbers of elements from "20,40"."""
+    try:
+        return [int(part) for part in text.split(",") if part.strip()]
+    except ValueError:
+        raise SceneError(f"--sizes {text}: give whole numbers, as 20,40,80") from None

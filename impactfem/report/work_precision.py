@@ -1,0 +1,255 @@
+"""Work-precision studies: errors of methods at several sizes against time, unknowns and memory."""
+
+import gc
+import statistics
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import ImpactError, SceneError
+from impactfem.exact import ExactBar
+from impactfem.methods import METHODS
+from impactfem.reference import Errors, exact_bar, exact_motion, measure
+from impactfem.report.study import Row, Study
+from impactfem.result.bar_motion import BarMotion
+from impactfem.scene import Scene, parse_assignment
+from impactfem.solving import solve
+
+Floats = NDArray[np.float64]
+type Baseline = Callable[[Scene, int], tuple[BarMotion, float]]
+"""Takes a scene and a number of elements; returns the motion and the seconds it took."""
+
+_KEPT = 400  # levels at which displacement errors are measured
+_MANY, _SHORT = 20, 0.2  # runs that take less than so many seconds together are repeated more often
+_OTHER_UNITS = 0.7310585786300049, 1.6180339887498949  # metres and seconds of the second solution
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A method with settings.
+
+    Attributes:
+        name: As tables show it, as "galerkin@courant=0.5".
+        method: Name as in `impactfem methods`.
+        settings: Keys of ``[solve]``; with "elements" it is run at this size only.
+    """
+
+    name: str
+    method: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def parse(cls, text: str) -> "Variant":
+        """Read "galerkin" or "dg@degree=1,fitted=true".
+
+        Raises:
+            SceneError: The method is unknown or a setting is malformed.
+        """
+        method, _, rest = text.partition("@")
+        if method not in METHODS:
+            raise SceneError(f'method = "{method}" is unknown; choose from {", ".join(METHODS)}')
+        pairs = (parse_assignment(f"solve.{item}") for item in rest.split(",") if item)
+        return cls(text, method, {key.removeprefix("solve."): value for key, value in pairs})
+
+    @staticmethod
+    def split(text: str) -> list[str]:
+        """Split a list at its commas, but not at those between settings of one method."""
+        names: list[str] = []
+        for part in (part.strip() for part in text.split(",")):
+            if names and "=" in part and "@" not in part:
+                names[-1] += f",{part}"
+            elif part:
+                names.append(part)
+        return names
+
+
+def work_precision(
+    scene: Scene,
+    methods: Sequence[str],
+    sizes: Sequence[int],
+    repeats: int = 3,
+    *,
+    baselines: Mapping[str, Baseline] | None = None,
+    progress: Callable[[str], None] | None = None,
+    **settings: Any,
+) -> Study:
+    """Solve a scene by several methods at several sizes.
+
+    Every variant runs once at its least size before anything is timed, so that compilation and
+    imports are not counted. A method that fails is a row that says why.
+
+    Args:
+        scene: What to model.
+        methods: Methods, with settings after "@", as "galerkin@courant=0.5".
+        sizes: Numbers of elements.
+        repeats: Runs of which the median time counts; short ones are run more often.
+        baselines: Other solvers by name, run and measured in the same way.
+        progress: Told of each row.
+        **settings: Keys of ``[solve]`` for all methods.
+
+    Returns:
+        The study.
+
+    Raises:
+        SceneError: A method is unknown, there is no size, or a setting is not allowed.
+    """
+    if not methods and not baselines:
+        raise SceneError("methods: none is given; name at least one, as galerkin")
+    if not sizes or min(sizes) < 1 or repeats < 1:
+        raise SceneError(f"sizes = {list(sizes)}, repeats = {repeats}: give numbers from 1 on")
+    if settings:
+        scene = scene.with_settings({f"solve.{key}": value for key, value in settings.items()})
+    variants = [Variant.parse(name) for name in methods]
+    ordered = sorted(set(sizes))
+    parts = [_rows_of(scene, variant, ordered, repeats) for variant in variants]
+    for name, solver in (baselines or {}).items():
+        parts.append(_rows_of_baseline(scene, name, solver, ordered, repeats))
+    rows = []
+    for row in chain.from_iterable(parts):
+        rows.append(row)
+        if progress:
+            progress(row.text)
+    return Study(scene.title, tuple(rows), repeats, tuple(baselines or ()))
+
+
+def _rows_of(scene: Scene, variant: Variant, sizes: Sequence[int], repeats: int) -> Iterator[Row]:
+    fixed = variant.settings.get("elements")
+    own = [int(fixed)] if fixed is not None else list(sizes)
+    _attempt(scene, variant, own[0])
+    for elements in own:
+        yield _row(scene, variant, elements, repeats)
+
+
+def _row(scene: Scene, variant: Variant, elements: int, repeats: int) -> Row:
+    times: list[float] = []
+    totals: list[float] = []
+    memory = None
+    while len(times) < repeats or (len(times) < _MANY and sum(totals) < _SHORT):
+        before = None if times else _resident(reset=True)
+        start = time.perf_counter()
+        result = _attempt(scene, variant, elements)
+        totals.append(time.perf_counter() - start)
+        if isinstance(result, ImpactError):
+            return Row(variant.name, elements, "failed", note=str(result))
+        if before is not None:
+            memory = max(0.0, _resident() - before)
+        times.append(float(result.summary["wall_time"]))
+    summary = result.summary
+    errors = summary["error"] or {}
+    note = ""
+    if variant.method == "exact":
+        found = rounding_of_exact(result.scene)
+        errors = vars(found)
+        note = found.reference
+    return Row(
+        variant.name,
+        elements,
+        summary["status"],
+        errors.get("displacement_max"),
+        errors.get("displacement_l2"),
+        errors.get("force_l1"),
+        summary["energy"]["max_relative_drift"],
+        statistics.median(times),
+        statistics.median(totals),
+        summary["num_dofs"],
+        memory,
+        note,
+    )
+
+
+def _attempt(scene: Scene, variant: Variant, elements: int) -> Any:
+    """The result, or the error that a method ended with."""
+    keys = {"method": variant.method, "elements": elements, **variant.settings}
+    try:
+        case = scene.with_settings({f"solve.{key}": value for key, value in keys.items()})
+        courant = case.solve.courant or 1.0
+        bar = case.bodies[0]
+        layers = case.duration / bar.transit_time * elements / courant
+        every = max(1, int(layers) // _KEPT)
+        return solve(case.with_settings({"output.every": every}))
+    except ImpactError as error:
+        return error
+
+
+def _rows_of_baseline(
+    scene: Scene, name: str, solver: Baseline, sizes: Sequence[int], repeats: int
+) -> Iterator[Row]:
+    solver(scene.with_settings({"duration": 0.01 * scene.duration}), sizes[0])
+    for elements in sizes:
+        before = _resident(reset=True)
+        runs = [solver(scene, elements)]
+        while len(runs) < repeats or (len(runs) < _MANY and sum(t for _, t in runs) < _SHORT):
+            runs.append(solver(scene, elements))
+        memory = None if before is None else max(0.0, _resident() - before)
+        motion, _ = runs[-1]
+        seconds = statistics.median(seconds for _, seconds in runs)
+        row = Row(name, elements, "not finite", seconds=seconds, total=seconds, memory=memory)
+        if motion.is_finite:
+            errors = measure(motion, exact_bar(scene, max(scene.duration, motion.times[-1])))
+            total = motion.kinetic + motion.elastic + motion.potential
+            drift = np.abs(total - total[0]).max() / (abs(total[0]) or motion.kinetic.max())
+            row = replace(
+                row,
+                status="completed",
+                displacement_max=errors.displacement_max,
+                displacement_l2=errors.displacement_l2,
+                force_l1=errors.force_l1,
+                drift=float(drift),
+                unknowns=motion.effort.num_unknowns,
+            )
+        yield row
+
+
+def rounding_of_exact(scene: Scene) -> Errors:
+    """Difference of the characteristics solution from that of the same problem in other units.
+
+    With other units all roundings differ, so the difference is the rounding level; that the
+    solution itself is right is tested against closed forms.
+    """
+    bar, (metre, second) = scene.bodies[0], _OTHER_UNITS
+    exact = exact_bar(scene)
+    other = ExactBar.from_functions(
+        length=metre * bar.length,
+        wave_speed=metre / second * bar.wave_speed,
+        duration=second * scene.duration,
+        displacement=lambda x: metre * (bar.initial_displacement(x=x / metre) + np.zeros_like(x)),
+        velocity=lambda x: metre / second * (bar.initial_velocity(x=x / metre) + np.zeros_like(x)),
+        gravity_times=second * np.array(scene.gravity.times),
+        gravity_values=metre / second**2 * np.array(scene.gravity.values),
+        far_end=exact.far_end,
+    )
+    # Not on the grid of the events: a jump has two values.
+    t = scene.duration * (np.arange(500) + 0.5123) / 501
+    x = bar.length * np.linspace(0.0, 1.0, 41)
+    motion = exact_motion(exact, bar, scene.gravity, np.append(0.0, t), x, 1)
+    u = other.displacement(second * motion.times[:, None], metre * x[None, :]) / metre
+    force = other.multiplier(second * t) * (second / metre) ** 2
+    scale = np.abs(motion.displacement).max() or 1.0
+    norm = np.linalg.norm(motion.displacement) or 1.0
+    impulse = np.abs(motion.multiplier).sum() or 1.0
+    return Errors(
+        "rounding level: against the same solution in other units",
+        float(np.abs(u - motion.displacement).max() / scale),
+        float(np.linalg.norm(u - motion.displacement) / norm),
+        float(np.abs(force - motion.multiplier).sum() / impulse),
+    )
+
+
+def _resident(*, reset: bool = False) -> Any:
+    """Peak resident memory [MiB], or the present one after a reset; None where unknown."""
+    name = "VmRSS" if reset else "VmHWM"
+    try:
+        if reset:
+            gc.collect()
+            Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    except OSError:
+        return None
+    values = (line.split()[1] for line in lines if line.startswith(name))
+    return next((int(value) / 1024 for value in values), None)
