@@ -181,7 +181,7 @@ class _Reader:
                 )
             rim = triangulation.rim
             side = rim[self._on_side(triangulation.points[rim], axis, value)]
-            if {*map(tuple, edges.tolist())} != {*map(tuple, side.tolist())}:
+            if sorted(edges.tolist()) != sorted(side.tolist()):
                 raise self.fault(
                     f"boundary {name!r} has {len(edges)} edges, that side of the mesh "
                     f"{len(side)}; put every curve of that side, and each once, into the group"
@@ -195,13 +195,13 @@ class _Reader:
         return {name: tags[name] for name in BOUNDARIES}
 
     def _edges(self, group: int, triangulation: _Triangulation) -> NDArray[np.int64]:
-        """Distinct edges of a physical curve, as increasing pairs of node indices."""
+        """Edges of a physical curve, as increasing pairs of node indices."""
         found = [np.empty(0, dtype=np.int64)]
         for curve in self.gmsh.model.getEntitiesForPhysicalGroup(1, group):
             kinds, _, nodes = self.gmsh.model.mesh.getElements(1, curve)
             found += [n for kind, n in zip(kinds, nodes, strict=True) if kind == _LINE]
         pairs = np.searchsorted(triangulation.tags, np.concatenate(found).astype(np.int64))
-        return np.unique(np.sort(pairs.reshape(-1, 2)), axis=0)
+        return np.sort(pairs.reshape(-1, 2))
 
 
 def _keep_groups(gmsh: Any, tags: dict[str, int]) -> None:

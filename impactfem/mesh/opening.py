@@ -36,6 +36,7 @@ try:
     gmsh.open(source)
     if source.endswith(".geo"):
         gmsh.model.mesh.generate(2)
+    gmsh.model.mesh.renumberElements()
     errors = [line for line in gmsh.logger.get() if line.startswith("Error")]
     for option, value in (("SaveAll", 1), ("MshFileVersion", 4.1), ("Binary", 1)):
         gmsh.option.setNumber("Mesh." + option, value)

@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import pty
+import shutil
 import subprocess
 import sys
 import termios
@@ -240,9 +241,8 @@ def test_plot_says_what_it_cannot_draw(command):
 @pytest.mark.parametrize("name", ["summary.json", "history.nc", "scene.toml", "exact.nc",
                                   "fields.vtkhdf"])  # fmt: skip
 @pytest.mark.parametrize("content", [b"", b"\x89noise\0\xff" * 30, None])
-def test_plot_refuses_a_broken_result(command, work, name, content):
-    exact = ("run", "bar_impact", "--set", "solve.method=exact", "--quiet", "--out", "o")
-    command(*exact)
+def test_plot_refuses_a_broken_result(command, work, ran, name, content):
+    shutil.copytree(ran[0] / "results/bar_impact", work / "o")
     whole = (work / "o" / name).read_bytes()
     (work / "o" / name).write_bytes(whole[: len(whole) // 2] if content is None else content)
     done = command("plot", "o")
@@ -304,7 +304,10 @@ def test_light_commands_load_no_finite_elements(command, arguments, monkeypatch)
 
 
 def test_progress_is_drawn_on_a_terminal_only(work):
-    controller, terminal = pty.openpty()
+    try:
+        controller, terminal = pty.openpty()
+    except OSError as error:
+        pytest.skip(f"no terminal to be had here: {error}")
     termios.tcsetwinsize(terminal, (24, 80))
     run = ("run", "bar_impact", "--set", "solve.method=exact", "--out", "o")
     with os.fdopen(controller, "rb", buffering=0) as screen:

@@ -161,10 +161,15 @@ def test_a_side_of_several_curves_and_surfaces(write):
         'Physical Curve("outside") = {1, 2, 3, 4};',
         'Physical Surface("again") = {1};',
         'Physical Point("corner") = {1};',
+        'Physical Curve("turned") = {-4};',
     ],
 )
 def test_further_groups_do_no_harm(write, more):
     check_good(read(write(GOOD + more)))
+
+
+def test_curves_may_be_taken_backwards(write):
+    check_good(read(write(changed(('("start") = {4}', '("start") = {-4}')))))
 
 
 def test_forbidden_words_may_stand_in_comments(write):
@@ -437,6 +442,15 @@ def test_half_a_side(write):
     assert "boundary 'start' has 2 edges, that side of the mesh 4; put every curve" in message
     check = text.replace('Physical Curve("start") = {4}', 'Physical Curve("start") = {4, 5}')
     assert read(write(check)).layout.num_nodes > 0
+
+
+def test_an_edge_given_twice(write):
+    lines = meshed(GOOD, 2.2).decode().splitlines()
+    at = lines.index("$Elements") + 1
+    twice = [str(int(lines[at]) + 1), lines[at + 1], *lines[at + 1 :]]
+    twice[1] = "999 " + twice[1].split(" ", 1)[1]
+    message = refused(write("\n".join([*lines[:at], *twice]) + "\n", "mesh.msh"))
+    assert "has 9 edges, that side of the mesh 8; put every curve of that side, and each" in message
 
 
 def coordinates_changed(node, value):
