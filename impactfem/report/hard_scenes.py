@@ -9,7 +9,7 @@ import numpy as np
 from impactfem.errors import ConvergenceError
 from impactfem.reference import exact_bar
 from impactfem.report.board import Case, Claim, Facts
-from impactfem.report.work_precision import rounding_of_exact
+from impactfem.report.rounding import rounding_of_exact
 from impactfem.result import Result
 from impactfem.scene import Bar, Scene, Solve, Wall
 from impactfem.solving import solve

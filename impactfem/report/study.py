@@ -11,12 +11,11 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from impactfem import __version__
 from impactfem.errors import OutputError
+from impactfem.report.study_figure import draw
 
 ROUNDING = 1e-9
 """Errors below this are rounding: no order is computed from them."""
@@ -24,7 +23,6 @@ ROUNDING = 1e-9
 LOST = 0.5
 """Relative errors beyond this say only that the motion is lost; nothing is compared by them."""
 
-_LEAST = 1e-16  # what a picture shows for an error of 0
 _ERRORS = ("displacement_max", "displacement_l2", "force_l1")
 
 
@@ -196,37 +194,7 @@ class Study:
 
     def figure(self) -> Figure:
         """Displacement and force error against time, both axes logarithmic."""
-        figure = Figure(figsize=(10.5, 4.6), layout="constrained")
-        FigureCanvasAgg(figure)
-        axes = figure.subplots(1, 2, sharex=True)
-        for ax, error, label in zip(
-            axes, ("displacement_l2", "force_l1"), ("displacement, L2", "contact force, L1"),
-            strict=True,
-        ):  # fmt: skip
-            self._draw(ax, error)
-            ax.set_ylabel(f"relative error of {label}")
-        handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
-        figure.suptitle(self.title)
-        return figure
-
-    def _draw(self, axes: Axes, error: str) -> None:
-        marks = "osD^vP*X<>"
-        for k, name in enumerate(self.methods):
-            rows = [r for r in self.rows if r.method == name and r.seconds]
-            points = [(r.seconds, max(getattr(r, error) or _LEAST, _LEAST)) for r in rows
-                      if getattr(r, error) is not None]  # fmt: skip
-            if not points:
-                continue
-            time, value = np.array(points).T
-            theirs = name in self.baselines
-            axes.loglog(
-                1e3 * time, value, marker=marks[k % len(marks)], markersize=5, label=name,
-                linestyle="--" if theirs else "-", linewidth=1.3,
-                color=f"{0.6 * self.baselines.index(name):.1f}" if theirs else f"C{k}",
-            )  # fmt: skip
-        axes.set_xlabel("time [ms]")
-        axes.grid(visible=True, which="major", linewidth=0.3)
+        return draw(self)
 
     def save(self, folder: str | Path, name: str = "study") -> list[Path]:
         """Write NAME.csv, NAME.md and NAME.png.

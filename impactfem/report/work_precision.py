@@ -10,24 +10,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impactfem.errors import ImpactError, SceneError
-from impactfem.exact import ExactBar
 from impactfem.methods import METHODS
-from impactfem.reference import Errors, exact_bar, exact_motion, measure
+from impactfem.reference import exact_bar, measure
+from impactfem.report.rounding import rounding_of_exact
 from impactfem.report.study import Row, Study
 from impactfem.result.bar_motion import BarMotion
 from impactfem.scene import Scene, parse_assignment
 from impactfem.solving import solve
 
-Floats = NDArray[np.float64]
 type Baseline = Callable[[Scene, int], tuple[BarMotion, float]]
 """Takes a scene and a number of elements; returns the motion and the seconds it took."""
 
 _KEPT = 400  # levels at which displacement errors are measured
 _MANY, _SHORT = 20, 0.2  # runs that take less than so many seconds together are repeated more often
-_OTHER_UNITS = 0.7310585786300049, 1.6180339887498949  # metres and seconds of the second solution
 
 
 @dataclass(frozen=True)
@@ -204,41 +201,6 @@ def _rows_of_baseline(
                 unknowns=motion.effort.num_unknowns,
             )
         yield row
-
-
-def rounding_of_exact(scene: Scene) -> Errors:
-    """Difference of the characteristics solution from that of the same problem in other units.
-
-    With other units all roundings differ, so the difference is the rounding level; that the
-    solution itself is right is tested against closed forms.
-    """
-    bar, (metre, second) = scene.bodies[0], _OTHER_UNITS
-    exact = exact_bar(scene)
-    other = ExactBar.from_functions(
-        length=metre * bar.length,
-        wave_speed=metre / second * bar.wave_speed,
-        duration=second * scene.duration,
-        displacement=lambda x: metre * (bar.initial_displacement(x=x / metre) + np.zeros_like(x)),
-        velocity=lambda x: metre / second * (bar.initial_velocity(x=x / metre) + np.zeros_like(x)),
-        gravity_times=second * np.array(scene.gravity.times),
-        gravity_values=metre / second**2 * np.array(scene.gravity.values),
-        far_end=exact.far_end,
-    )
-    # Not on the grid of the events: a jump has two values.
-    t = scene.duration * (np.arange(500) + 0.5123) / 501
-    x = bar.length * np.linspace(0.0, 1.0, 41)
-    motion = exact_motion(exact, bar, scene.gravity, np.append(0.0, t), x, 1)
-    u = other.displacement(second * motion.times[:, None], metre * x[None, :]) / metre
-    force = other.multiplier(second * t) * (second / metre) ** 2
-    scale = np.abs(motion.displacement).max() or 1.0
-    norm = np.linalg.norm(motion.displacement) or 1.0
-    impulse = np.abs(motion.multiplier).sum() or 1.0
-    return Errors(
-        "rounding level: against the same solution in other units",
-        float(np.abs(u - motion.displacement).max() / scale),
-        float(np.linalg.norm(u - motion.displacement) / norm),
-        float(np.abs(force - motion.multiplier).sum() / impulse),
-    )
 
 
 def _resident(*, reset: bool = False) -> Any:
