@@ -34,7 +34,7 @@ def needed_bytes(fields: Fields, kind: str) -> int:
     """Upper bound of what a format needs on disk, from measurements."""
     layers, nodes = fields.displacement.shape
     per_layer, per_value = (256, 48) if kind == "vtkhdf" else (16_384, 160)
-    return 65_536 + 128 * nodes + layers * (per_layer + per_value * nodes)
+    return int(65_536 + 128 * nodes + layers * (per_layer + per_value * nodes))
 
 
 def _as_vectors(values: NDArray[np.float64]) -> NDArray[np.float64]:
