@@ -135,10 +135,20 @@ def _build(gmsh: Any, duration: float, size: float, lines: Lines, algorithm: int
     geo.synchronize()
     if inner:
         gmsh.model.mesh.embed(1, list(inner), 2, surface)
-    gmsh.option.setNumber("Mesh.Algorithm", algorithm)
-    gmsh.option.setNumber("Mesh.MeshSizeMin", size)
-    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-    gmsh.model.mesh.generate(2)
+    options = {
+        "Mesh.Algorithm": algorithm,
+        "Mesh.MeshSizeExtendFromBoundary": 0,  # or strips between near lines fill with triangles
+        "Mesh.MeshSizeMin": size,
+        "Mesh.MeshSizeMax": size,
+    }
+    before = {name: gmsh.option.getNumber(name) for name in options}
+    try:
+        for name, value in options.items():
+            gmsh.option.setNumber(name, value)
+        gmsh.model.mesh.generate(2)
+    finally:
+        for name, value in before.items():
+            gmsh.option.setNumber(name, value)
     return _read(gmsh, points, tags, inner, duration)
 
 
