@@ -17,12 +17,16 @@ class Method:
         text: What it is and where its limits lie, in words.
         stable: Whether it is stable only up to courant 1 ("limited") or at any ("always").
         plannable: Whether the plan may choose it.
+        error: Constant and rate of the largest relative displacement error seen for events between
+            layers: error <= constant * contacts / elements^rate (benchmarks/error_constants.py).
+            The rate 2/3 is that of schemes of second order at a jump of velocity.
     """
 
     family: Family
     text: str
     stable: Literal["limited", "always"] = "always"
     plannable: bool = True
+    error: tuple[float, float] = (3.0, 2.0 / 3.0)
 
 
 METHODS: Mapping[str, Method] = {
@@ -34,6 +38,7 @@ METHODS: Mapping[str, Method] = {
         "(up to 0.4 % with 17 elements in 1500 random bars); courant < 1 rings, courant > 1 is "
         "refused",
         stable="limited",
+        error=(4.0, 1.0),
     ),
     "stabilised": Method(
         "marching",
@@ -63,6 +68,7 @@ METHODS: Mapping[str, Method] = {
         "MUMPS, one active set for the whole interval, or PETSc's SNES VI; an independent check of "
         "the swept galerkin at higher cost",
         stable="limited",
+        error=(4.0, 1.0),
     ),
     "newmark": Method(
         "marching",

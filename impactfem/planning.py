@@ -11,6 +11,7 @@ from impactfem.sizing import (
     DEFAULT_ELEMENTS,
     Grid,
     choose_grid,
+    fitting_pays,
     marching_cost,
     monolithic_cost,
     on_its_own_mesh,
@@ -32,6 +33,8 @@ class Plan:
         dt: Time step [s]; None as for the layers.
         courant: c dt / h; None as for the layers.
         window: Layers solved by one active-set loop, or "all".
+        degree: Polynomial degree of method dg; None for the others.
+        fitted: Whether events and characteristics become mesh lines (dg); None for the others.
         active_set: Solver of the contact conditions.
         gamma: Dimensionless merit constant.
         tolerance: Relative rounding level of the merit.
@@ -51,6 +54,8 @@ class Plan:
     dt: float | None
     courant: float | None
     window: int | str
+    degree: int | None
+    fitted: bool | None
     active_set: str
     gamma: float
     tolerance: float
@@ -81,6 +86,7 @@ def plan(scene: Scene) -> Plan:
     }
     name = _choose_method(scene, exact, reasons)
     method = METHODS[name]
+    fitted = fitting_pays(scene, exact) if solve.fitted is None else solve.fitted
     grid = choose_grid(scene, method, exact, reasons)
     window, iterations = _choose_window(scene, name, exact, grid, reasons)
     unknowns, memory, seconds = None, None, None
@@ -101,6 +107,8 @@ def plan(scene: Scene) -> Plan:
         dt=grid.dt,
         courant=grid.courant,
         window=window,
+        degree=None if method.family != "dg" else 1 if solve.degree is None else solve.degree,
+        fitted=None if method.family != "dg" else fitted,
         active_set="none" if method.family == "exact" else solve.active_set or "pdas",
         gamma=solve.gamma or 1.0,
         tolerance=solve.tolerance or (1e-10 if method.family == "monolithic" else 1e-13),
@@ -143,6 +151,14 @@ def _choose_method(scene: Scene, exact: ExactBar, reasons: dict[str, str]) -> st
             on_its_own_mesh(scene, exact),
             "galerkin",
             "exact at the nodes: courant 1 and all events on layers",
+        ),
+        (
+            fitting_pays(scene, exact),
+            "dg",
+            (
+                "events fall between layers: on a mesh fitted to them and their characteristics "
+                "the error is rounding (50 random scenes with one or two contacts: at most 6e-13)"
+            ),
         ),
         (
             True,

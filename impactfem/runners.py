@@ -126,9 +126,9 @@ def _solve_dg(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
     if path is not None:
         mesh = read_mesh(MPI.COMM_WORLD, path, bar.length, scene.duration, bar.wave_speed)
     settings = DiscontinuousSettings(
-        degree=1 if asked.degree is None else asked.degree,
+        degree=1 if chosen.degree is None else chosen.degree,
         elements=chosen.elements or DEFAULT_ELEMENTS,
-        fitted=bool(asked.fitted),
+        fitted=bool(chosen.fitted),
         accuracy=asked.accuracy,
         mesh=mesh,
         window=chosen.window,

@@ -14,12 +14,10 @@ from impactfem.scene import Scene
 DEFAULT_ELEMENTS = 80
 _ALIGNED = range(40, 161)  # sizes tried to put impacts and releases on layers
 _ON_LAYER = 1e-6  # share of a layer within which an event counts as on it
+_FITTED_CONTACTS = 2
+_FITTED_ELEMENTS = 20  # between the lines the fields are linear: few triangles do
 _STABLE = 1.0 + 1e-9
 _MAX_ELEMENTS = 200_000
-
-# Error of methods of first order over contacts / elements, from the standing studies: relative
-# displacement error of an impact between grid points is at most about this.
-_FIRST_ORDER = 1.0
 
 # Costs on a 2-core machine. Monolithic: fitted to runs with 2e4 to 5e5 unknowns.
 _MONOLITHIC_SECONDS, _MONOLITHIC_PER_ITERATION, _MONOLITHIC_KIB = 11e-6, 3e-6, 2.9
@@ -48,7 +46,7 @@ def choose_grid(scene: Scene, method: Method, exact: ExactBar, reasons: dict[str
     if solve.mesh is not None:
         reasons["elements"] = f"the mesh file {solve.mesh} decides"
         return Grid()
-    elements = _choose_elements(scene, exact, reasons)
+    elements = _choose_elements(scene, method, exact, reasons)
     if method.family == "dg":
         reasons["dt"] = "triangles have no layers"
         return Grid(elements)
@@ -77,23 +75,33 @@ def choose_grid(scene: Scene, method: Method, exact: ExactBar, reasons: dict[str
     return Grid(elements, layers, dt, courant)
 
 
-def _choose_elements(scene: Scene, exact: ExactBar, reasons: dict[str, str]) -> int:
+def _choose_elements(scene: Scene, method: Method, exact: ExactBar, reasons: dict[str, str]) -> int:
     """As asked, else by the accuracy asked for, else such that events fall on layers."""
     solve = scene.solve
     if solve.elements is not None:
         reasons["elements"] = "as asked"
         return solve.elements
-    if solve.accuracy is not None and solve.method not in {"dg", "exact"}:
-        wanted = math.ceil(_FIRST_ORDER * max(1, len(exact.contacts)) / solve.accuracy)
+    if solve.accuracy is not None and method.family in {"marching", "monolithic"}:
         aligned = _aligned_elements(exact)
-        if aligned is not None and solve.method in {None, "galerkin", "monolithic"}:
+        if aligned is not None and method.stable == "limited":
             reasons["elements"] = f"{aligned}: its layers hold all events, where nodes are exact"
             return aligned
+        constant, rate = method.error
+        contacts = max(1, len(exact.contacts))
         reasons["elements"] = (
-            f"error at most about {_FIRST_ORDER:g} x contacts / elements in the standing studies"
+            f"error at most {constant:g} x contacts / elements^{rate:.2g} in the standing studies"
         )
-        return min(max(wanted, 40), _MAX_ELEMENTS)
+        wanted = math.ceil((constant * contacts / solve.accuracy) ** (1.0 / rate))
+        if wanted > _MAX_ELEMENTS:
+            raise SceneError(
+                f"solve.accuracy = {solve.accuracy:g}: needs {wanted:.3g} elements for {contacts} "
+                f'contacts; use method = "exact" or "dg" with fitted = true, or less accuracy'
+            )
+        return max(int(wanted), 40)
     aligned = _aligned_elements(exact)
+    if method.family == "dg":
+        reasons["elements"] = "between the lines of a fitted mesh few triangles do"
+        return _FITTED_ELEMENTS if fitting_pays(scene, exact) else DEFAULT_ELEMENTS
     reasons["elements"] = (
         "the least number from 40 on whose layers hold all impacts and releases"
         if aligned is not None
@@ -111,6 +119,18 @@ def on_its_own_mesh(scene: Scene, exact: ExactBar) -> bool:
     h = bar.length / elements
     courant = bar.wave_speed * solve.dt / h if solve.dt else solve.courant or 1.0
     return abs(courant - 1.0) <= _ON_LAYER and on_layers(exact, elements)
+
+
+def fitting_pays(scene: Scene, exact: ExactBar) -> bool:
+    """Whether a fitted mesh gives rounding errors at little cost, and nothing asks for layers.
+
+    With many contacts the lines of the mesh grow and their errors add up; initial states that are
+    not piecewise linear do not lie between a few lines.
+    """
+    solve = scene.solve
+    asked = (solve.elements, solve.courant, solve.dt, solve.window, solve.accuracy, solve.mesh)
+    layers = solve.method != "dg" and any(key is not None for key in asked)
+    return not layers and 1 <= len(exact.contacts) <= _FITTED_CONTACTS and not exact.sampled
 
 
 def on_layers(exact: ExactBar, elements: int) -> bool:

@@ -61,9 +61,10 @@ def solve(scene: Scene, *, progress: Progress | None = None, **settings: Any) ->
 def _as_used(scene: Scene, chosen: Plan) -> Scene:
     """The scene with the plan's choices filled in."""
     settings = scene.solve
-    filled = replace(settings, method=chosen.method)
+    filled = replace(settings, method=chosen.method, degree=chosen.degree, fitted=chosen.fitted)
     if settings.mesh is None:
-        filled = replace(filled, elements=chosen.elements)
+        if settings.accuracy is None or chosen.method == "dg":  # else the size follows from it
+            filled = replace(filled, elements=chosen.elements)
         if settings.dt is None:
             filled = replace(filled, courant=chosen.courant)
     return replace(scene, solve=filled)

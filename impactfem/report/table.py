@@ -21,6 +21,10 @@ def plan_table(plan: Plan) -> str:
         rows.append((name, "from the mesh file" if value is None else str(value)))
     if plan.dt is not None and plan.courant is not None:
         rows.append(("dt", f"{plan.dt:g} s (courant {plan.courant:g})"))
+    if plan.degree is not None:
+        rows.append(
+            ("mesh", f"P{plan.degree}, {'fitted to' if plan.fitted else 'not fitted to'} events")
+        )
     if plan.method != "exact":
         numbers = f"gamma {plan.gamma:g}, tolerance {plan.tolerance:g}"
         limit = f"at most {plan.max_iterations} iterations"

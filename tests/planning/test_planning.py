@@ -1,0 +1,100 @@
+"""What the plan chooses, and that it says why."""
+
+import numpy as np
+import pytest
+
+import impactfem
+from impactfem.shipped import shipped_scenes
+
+
+def scene(duration=5.0, gravity=0.0, solve=None, **bar):
+    keys = {"length": 1.0, "density": 1.0, "youngs_modulus": 1.0, "gap": 0.5, "velocity": -0.5}
+    return impactfem.Scene(
+        title="plan",
+        duration=duration,
+        gravity=gravity,
+        bodies=[impactfem.Bar(**{**keys, **bar})],
+        obstacles=[impactfem.Wall()],
+        solve=impactfem.Solve(**(solve or {})),
+    )
+
+
+@pytest.mark.parametrize(
+    ("case", "method"),
+    [
+        (scene(), "galerkin"),  # events on layers
+        (scene(gap=0.5123), "dg"),  # one contact between layers: a fitted mesh
+        (scene(gap=0.5123, solve={"elements": 30}), "conserving"),  # layers are asked for
+        (scene(solve={"courant": 0.5}), "conserving"),
+        (scene(duration=40.0, gravity=1.0, gap=0.4321), "conserving"),  # many contacts
+        (scene(velocity="-0.5 + 0.1*sin(3*x)"), "conserving"),  # not piecewise linear
+        (scene(solve={"accuracy": 1e-3}), "exact"),
+        (scene(solve={"active_set": "snes_vi"}), "monolithic"),
+        (scene(solve={"degree": 0}), "dg"),
+        (scene(solve={"mesh": "bar.msh"}), "dg"),
+        (scene(solve={"method": "newmark"}), "newmark"),
+    ],
+)
+def test_method_follows_from_the_scene(case, method):
+    plan = impactfem.plan(case)
+    assert plan.method == method
+    assert plan.reasons["method"]
+
+
+def test_elements_put_the_events_on_layers():
+    plan = impactfem.plan(scene(gap=0.5 * 41 / 43, duration=3.0))
+    assert plan.elements == 43
+    layer = 41 / 43 / plan.dt
+    assert layer == pytest.approx(round(layer), abs=1e-9)
+
+
+def test_beyond_the_stability_limit_is_refused_with_the_limit():
+    with pytest.raises(impactfem.SceneError, match=r"courant = 1\.5.*omega_max.*conserving"):
+        impactfem.plan(scene(solve={"method": "galerkin", "courant": 1.5}))
+    assert impactfem.plan(scene(solve={"courant": 1.5})).method == "conserving"
+
+
+def test_what_cannot_fit_in_memory_is_refused():
+    huge = scene(solve={"method": "monolithic", "elements": 900_000})
+    with pytest.raises(impactfem.SceneError, match="GiB"):
+        impactfem.plan(huge)
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_planned_runs_do_not_gain_energy(name):
+    shipped = impactfem.Scene.from_toml(shipped_scenes()[name])
+    result = impactfem.solve(shipped.with_settings({"duration": min(shipped.duration, 20.0)}))
+    assert result.summary["status"] == "completed"
+    assert not result.summary["energy"]["grows"]
+    assert result.summary["contact"]["max_penetration"] <= 1e-9
+
+
+@pytest.mark.parametrize("accuracy", [3e-2, 1e-2])
+def test_asked_accuracy_is_met(accuracy):
+    wanted = scene(gap=0.5123, solve={"method": "galerkin", "accuracy": accuracy})
+    assert impactfem.solve(wanted).summary["error"]["displacement_max"] <= accuracy
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_fitted_plan_is_exact_for_random_single_impacts(seed):
+    random = np.random.default_rng(seed)
+    gap, speed = random.uniform(0.05, 1.0, 2)
+    case = scene(
+        duration=gap / speed + 2.5, gap=gap, velocity=-speed, gravity=random.choice([0.0, 0.2])
+    )
+    plan = impactfem.plan(case)
+    if plan.method == "dg":
+        result = impactfem.solve(case)
+        assert result.summary["error"]["displacement_max"] <= 1e-9
+        assert result.summary["energy"]["max_relative_drift"] <= 1e-9
+    else:
+        assert plan.method in {"galerkin", "conserving"}
+
+
+def test_scene_as_used_reads_back_and_plans_the_same(tmp_path):
+    for solve in ({}, {"accuracy": 1e-2, "method": "galerkin"}, {"fitted": True}):
+        result = impactfem.solve(scene(gap=0.5123, solve=solve))
+        folder = result.save(tmp_path / str(len(solve)), pictures=False)
+        again = impactfem.plan(impactfem.Scene.from_toml(folder / "scene.toml"))
+        assert again.method == result.summary["method"]
+        assert again.elements == result.summary["plan"]["elements"]
