@@ -42,7 +42,9 @@ def summarise(
     """Figures of a run, as in ``summary.json``; None stands for numbers that are not finite."""
     t, force = history["time"].values, history["contact_force"].values
     energy = history["total_energy"].values
-    scale = abs(energy[0]) or float(np.abs(history["kinetic_energy"].values).max()) or 1.0
+    # Kinetic and elastic energy too: the potential may make the sum nearly vanish.
+    moving = history["kinetic_energy"].values + history["elastic_energy"].values
+    scale = max(abs(energy[0]), moving[0]) or moving.max() or 1.0
     growth = (energy - energy[0]) / scale
     status = "completed" if effort.converged else "not_converged"
     if effort.converged and not growth.max() <= GROWTH_LIMIT:

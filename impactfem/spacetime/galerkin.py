@@ -1,6 +1,6 @@
 """The founding method: Petrov-Galerkin in space-time with one primal-dual active set."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from impactfem.log import Progress
 from impactfem.mesh.spacetime import SpaceTimeMesh
 from impactfem.result.bar_motion import BarMotion, Effort
 from impactfem.scene import Bar, PiecewiseConstant
-from impactfem.spacetime.layers import motion_of_layers
+from impactfem.spacetime.layers import lumped_mass, motion_of_layers
 from impactfem.spacetime.numbering import Numbering, number
 from impactfem.spacetime.system import CoupledSystem, Equations, assemble, paired_load
 
@@ -100,19 +100,44 @@ def _equations(space: SpaceTimeMesh, bar: Bar, gravity: PiecewiseConstant) -> Eq
         velocity=bar.initial_velocity,
         velocity_scale=bar.transit_time,
         length=bar.length,
-        gravity=_cell_means(mesh, gravity, bar.transit_time),
+        gravity=_cell_means(mesh, gravity, bar.transit_time, layered=numbering.grid is not None),
     )
     x = bar.length * numbering.points[numbering.fixed, 1]
     given = bar.initial_displacement(x=x) + np.zeros_like(x)
-    return assemble(mesh.comm, forms, entity_maps, numbering, given, (nodes, multipliers))
+    equations = assemble(mesh.comm, forms, entity_maps, numbering, given, (nodes, multipliers))
+    times, positions = space.layout.times, space.layout.nodes
+    if numbering.grid is None or times is None or positions is None:
+        return equations
+    load = equations.load.copy()
+    load[numbering.grid[:-1]] -= _row_loads(times, positions, gravity, bar.transit_time)
+    return replace(equations, load=load)
 
 
-def _cell_means(mesh: Any, gravity: PiecewiseConstant, transit_time: float) -> Any:
-    """P (L/c)^2 averaged over each cell's span of time, as a P0 function.
+def _row_loads(
+    times: Floats, positions: Floats, gravity: PiecewiseConstant, transit_time: float
+) -> Floats:
+    """Loads p (L/c)^2 of the test nodes before t = T on layers, shape (layers, elements + 1).
 
-    A jump of p inside a layer is integrated without quadrature error this way.
+    Trapezoidal rule in x, exact means in time. The P1 hats of right triangles would give a node at
+    the wall 1/3 of one layer and 2/3 of the other, and at t = 0 a third too much or too little.
+    """
+    dt = np.diff(times)
+    means = gravity.integral(transit_time * times[:-1], transit_time * times[1:]) / dt
+    half = 0.5 * transit_time * dt * means
+    rows = half + np.concatenate([[0.0], half[:-1]])
+    return np.outer(rows, lumped_mass(positions))
+
+
+def _cell_means(
+    mesh: Any, gravity: PiecewiseConstant, transit_time: float, *, layered: bool
+) -> Any:
+    """P (L/c)^2 averaged over each cell's span of time, as a P0 function; 0 on layers.
+
+    A jump of p inside a cell is integrated without quadrature error this way.
     """
     means = dolfinx_fem.Function(dolfinx_fem.functionspace(mesh, ("DG", 0)))
+    if layered:
+        return means
     t = transit_time * mesh.geometry.x[fem.cell_nodes(mesh)][:, :, 0]
     first, last = t.min(axis=1), t.max(axis=1)
     values = transit_time**2 * gravity.integral(first, last) / (last - first)
