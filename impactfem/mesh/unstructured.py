@@ -137,7 +137,8 @@ def _build(gmsh: Any, duration: float, size: float, lines: Lines, algorithm: int
         gmsh.model.mesh.embed(1, list(inner), 2, surface)
     options = {
         "Mesh.Algorithm": algorithm,
-        "Mesh.MeshSizeExtendFromBoundary": 0,  # or strips between near lines fill with triangles
+        # Sizes taken from borders would fill the strips between near lines with tiny triangles.
+        "Mesh.MeshSizeExtendFromBoundary": 0 if inner else 1,
         "Mesh.MeshSizeMin": size,
         "Mesh.MeshSizeMax": size,
     }

@@ -1,6 +1,7 @@
 """The discontinuous Galerkin method: a bar on any triangulation of space-time."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,16 +12,15 @@ from impactfem.log import Progress
 from impactfem.mesh.fitted import time_lines
 from impactfem.mesh.spacetime import SpaceTimeMesh
 from impactfem.mesh.unstructured import Triangulation, gathered, triangulate
-from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
+from impactfem.result.bar_motion import BarMotion, Effort
 from impactfem.scene import Bar, PiecewiseConstant
+from impactfem.spacetime.adaptive import MAX_TRIANGLES, Level, refine_until, refined
 from impactfem.spacetime.fitting import fit
-from impactfem.spacetime.layers import initial_energies
+from impactfem.spacetime.motion import motion_of_waves
 from impactfem.spacetime.reflections import BarWaves
-from impactfem.spacetime.slices import slice_states
 
 Floats = NDArray[np.float64]
 
-_SAMPLES = 4096  # pieces on which the energies of the initial state are integrated
 _COARSE = 8  # elements of the meshes on which events are found
 
 
@@ -54,104 +54,11 @@ class DiscontinuousSettings:
     every: int = 1
 
 
-def first_mesh(
-    comm: Any, bar: Bar, gravity: PiecewiseConstant, duration: float,
-    settings: DiscontinuousSettings,
-) -> Triangulation:  # fmt: skip
-    """The user's mesh, or an unstructured one with the switches of gravity as lines."""
-    if settings.mesh is not None:
-        return gathered(settings.mesh)
-    end = duration / bar.transit_time
-    lines = time_lines(np.array(gravity.times) / bar.transit_time, end)
-    return triangulate(comm, end, 1.0 / settings.elements, lines)
-
-
-def solve_on(
-    mesh: Triangulation, bar: Bar, gravity: PiecewiseConstant, settings: DiscontinuousSettings
-) -> tuple[BarWaves, Effort]:
-    """Solve on one mesh."""
-    problem = BarWaves.of_bar(mesh, settings.degree, bar, gravity)
-    tolerance = settings.tolerance * problem.scale
-    if settings.window == "all":
-        result = problem.iterate(settings.gamma, tolerance, settings.max_iterations)
-    else:
-        result = problem.decide(tolerance)
-    unknowns = problem.arriving.values.size + problem.leaving.values.size
-    return problem, Effort(
-        unknowns, result.iterations, result.set_changes, result.converged, result.message
-    )
-
-
-def motion_of_waves(
-    problem: BarWaves,
-    effort: Effort,
-    bar: Bar,
-    gravity: PiecewiseConstant,
-    elements: int,
-    every: int,
-) -> BarMotion:
-    """Bring a solution to SI units, at the times of the wall's nodes and at uniform positions.
-
-    u(t, x) is the gap plus the integral of u_x along the slice; the energies are integrals along
-    slices. Both are exact for the discrete fields.
-    """
-    wall, transit, length = problem.wall, bar.transit_time, bar.length
-    layers = len(wall.cells)
-    kept = kept_levels(layers, every)
-    positions = np.linspace(0.0, 1.0, elements + 1)
-    slices = slice_states(
-        problem.field, problem.arriving.values, problem.leaving.values, wall.end, kept[1:] - 1,
-        positions,
-    )  # fmt: skip
-    times = transit * np.concatenate([[0.0], wall.end])
-    gap = np.concatenate([[problem.gap], problem.gaps])
-    x = length * positions
-    start = bar.initial_displacement(x=x) + np.zeros_like(x)
-    kinetic, elastic, velocity, mean_start = _start(bar)
-    mean = np.concatenate([[mean_start], problem.gaps + slices.mean_stretch])
-    load = gravity.integral(times[:-1], times[1:]) / np.diff(times)
-    work = np.concatenate([[0.0], np.cumsum(load * np.diff(mean))])
-    rate = length / transit**2  # [m^2] per rho A and dimensionless x -> [m^3/s^2]
-    return BarMotion(
-        times=times,
-        positions=x,
-        kept=kept,
-        displacement=np.concatenate([start[None], gap[kept[1:], None] + slices.stretch]),
-        velocity=np.concatenate(
-            [(bar.initial_velocity(x=x) + np.zeros_like(x))[None], slices.velocity / transit]
-        ),
-        gap=gap,
-        multiplier=problem.multiplier * bar.wave_speed**2 / length,
-        active=problem.active.copy(),
-        kinetic=np.concatenate([[kinetic], rate * slices.kinetic]),
-        elastic=np.concatenate([[elastic], rate * slices.elastic]),
-        potential=length * (float(gravity(0.0)) * mean_start + work),
-        mean_displacement=mean,
-        mean_velocity=np.concatenate([[velocity], slices.mean_velocity / transit]),
-        effort=effort,
-    )
-
-
-def _start(bar: Bar) -> tuple[float, float, float, float]:
-    """Kinetic and elastic energy per rho A, mean velocity and mean displacement at t = 0.
-
-    Extrapolated from two uniform divisions, so that smooth data have an error of fourth order.
-    """
-    values = []
-    for pieces in (_SAMPLES // 2, _SAMPLES):
-        x = np.linspace(0.0, bar.length, pieces + 1)
-        u = bar.initial_displacement(x=x) + np.zeros_like(x)
-        mean = float(np.trapezoid(u, x)) / bar.length
-        values.append(np.array([*initial_energies(bar, x), mean]))
-    kinetic, elastic, velocity, mean = (4.0 * values[1] - values[0]) / 3.0
-    return float(kinetic), float(elastic), float(velocity), float(mean)
-
-
 def solve_discontinuous(
     comm: Any, bar: Bar, gravity: PiecewiseConstant, duration: float,
     settings: DiscontinuousSettings, progress: Progress | None = None,
 ) -> tuple[BarMotion, dict[str, Any]]:  # fmt: skip
-    """Solve for a bar that may touch a wall at x = 0, on one mesh, fitted or refined.
+    """Solve for a bar that may touch a wall at x = 0, on one mesh, on fitted or on refined ones.
 
     Args:
         comm: MPI communicator; Gmsh runs on its rank 0, the rest on every rank alike.
@@ -162,20 +69,120 @@ def solve_discontinuous(
         progress: Told of every mesh.
 
     Returns:
-        The motion in SI units, the same on every rank, and figures about how it was found.
+        The motion in SI units, the same on every rank, and figures: "triangles"; if fitted "fits",
+        "events" (time [s] and kind), "event_shift" [s] and "characteristics"; if an accuracy is
+        asked for "estimated_error" and "levels".
 
     Raises:
         ImpactError: The mesh cannot be made, or the waves do not settle.
     """
-    progress = progress or Progress()
     _check(settings)
-    if settings.fitted:
-        return _fitted(comm, bar, gravity, duration, settings, progress)
-    progress.note("space-time mesh")
-    mesh = first_mesh(comm, bar, gravity, duration, settings)
-    problem, effort = solve_on(mesh, bar, gravity, settings)
+    run = _Run(comm, bar, gravity, duration / bar.transit_time, settings, progress or Progress())
+    levels: list[Level] = []
+    if settings.accuracy is None:
+        problem = next(run.problems())
+        reached = True
+    else:
+        problem, levels, reached = refine_until(
+            settings.accuracy, run.problems(), run.progress.note
+        )
+    effort = run.effort
+    if not reached:
+        effort = replace(
+            effort,
+            converged=False,
+            message=f"estimated error {levels[-1].estimate} on {levels[-1].triangles} triangles, "
+            f"above accuracy = {settings.accuracy:g}; use fitted = true or a larger accuracy",
+        )
     motion = motion_of_waves(problem, effort, bar, gravity, settings.elements, settings.every)
-    return motion, {"triangles": len(mesh.cells)}
+    figures: dict[str, Any] = {"triangles": len(problem.field.first), **run.figures}
+    if levels:
+        figures |= {
+            "estimated_error": levels[-1].estimate,
+            "levels": [asdict(level) for level in levels],
+        }
+    return motion, figures
+
+
+@dataclass
+class _Run:
+    """What all meshes of one solution have in common.
+
+    Attributes:
+        duration: Dimensionless.
+        effort: Of the last problem solved.
+        figures: Of the last fit.
+    """
+
+    comm: Any
+    bar: Bar
+    gravity: PiecewiseConstant
+    duration: float
+    settings: DiscontinuousSettings
+    progress: Progress
+    effort: Effort = field(default_factory=Effort)
+    figures: dict[str, Any] = field(default_factory=dict)
+
+    def solve(self, mesh: Triangulation) -> BarWaves:
+        """Solve on one mesh."""
+        settings = self.settings
+        problem = BarWaves.of_bar(mesh, settings.degree, self.bar, self.gravity)
+        tolerance = settings.tolerance * problem.scale
+        if settings.window == "all":
+            result = problem.iterate(settings.gamma, tolerance, settings.max_iterations)
+        else:
+            result = problem.decide(tolerance)
+        unknowns = problem.arriving.values.size + problem.leaving.values.size
+        self.effort = Effort(
+            unknowns, result.iterations, result.set_changes, result.converged, result.message
+        )
+        return problem
+
+    def problems(self) -> Iterator[BarWaves]:
+        """Solved problems on ever finer meshes, as far as these may be made."""
+        if self.settings.fitted:
+            elements, triangles = self.settings.elements, 0
+            while 4 * triangles <= MAX_TRIANGLES:
+                problem = self._fitted(elements)
+                triangles = len(problem.field.first)
+                elements *= 2
+                yield problem
+            return
+        self.progress.note("space-time mesh")
+        mesh = self._first_mesh()
+        while True:
+            problem = self.solve(mesh)
+            yield problem
+            if len(mesh.cells) > MAX_TRIANGLES:
+                return
+            mesh = refined(problem)
+
+    def _first_mesh(self) -> Triangulation:
+        """The user's mesh, or an unstructured one with the switches of gravity as lines."""
+        if self.settings.mesh is not None:
+            return gathered(self.settings.mesh)
+        lines = time_lines(self._switches, self.duration)
+        return triangulate(self.comm, self.duration, 1.0 / self.settings.elements, lines)
+
+    @property
+    def _switches(self) -> Floats:
+        """Dimensionless times at which gravity changes."""
+        return np.array(self.gravity.times[1:]) / self.bar.transit_time
+
+    def _fitted(self, elements: int) -> BarWaves:
+        """A problem on a mesh that is fitted to the events of its motion."""
+        sizes = (1.0 / _COARSE, 1.0 / elements) if elements > _COARSE else (1.0 / elements,)
+        found = fit(
+            self.comm, self.bar, self.gravity, self.duration, sizes, self.solve, self.progress.note
+        )
+        transit = self.bar.transit_time
+        self.figures = {
+            "fits": found.fits,
+            "events": [{"time": e.time * transit, "kind": e.kind} for e in found.events],
+            "event_shift": found.shift * transit,
+            "characteristics": len(found.fronts),
+        }
+        return found.problem
 
 
 def _check(settings: DiscontinuousSettings) -> None:
@@ -184,40 +191,12 @@ def _check(settings: DiscontinuousSettings) -> None:
         raise SceneError(f"solve.degree = {settings.degree}: choose 0, 1 or 2")
     if settings.window not in {1, "all"}:
         raise SceneError(
-            f'solve.window = {settings.window!r}: the method "dg" has 1 (contact is decided edge by '
+            f'solve.window = {settings.window!r}: the method "dg" has 1 (contact decided edge by '
             'edge) or "all" (one active set)'
         )
     if settings.fitted and settings.mesh is not None:
         raise SceneError(
             "solve.fitted = true makes its own meshes: leave out solve.mesh, or set fitted = false"
         )
-
-
-def _fitted(
-    comm: Any, bar: Bar, gravity: PiecewiseConstant, duration: float,
-    settings: DiscontinuousSettings, progress: Progress,
-) -> tuple[BarMotion, dict[str, Any]]:  # fmt: skip
-    """Fit the mesh to the events of the motion."""
-    efforts: list[Effort] = []
-
-    def solve(mesh: Triangulation) -> BarWaves:
-        problem, effort = solve_on(mesh, bar, gravity, settings)
-        efforts.append(effort)
-        return problem
-
-    coarse = min(settings.elements, _COARSE)
-    sizes = (1.0 / coarse, 1.0 / settings.elements)[coarse == settings.elements :]
-    found = fit(
-        comm, bar, gravity, duration / bar.transit_time, sizes, solve, progress.note
-    )  # fmt: skip
-    motion = motion_of_waves(
-        found.problem, efforts[-1], bar, gravity, settings.elements, settings.every
-    )
-    events = [{"time": event.time * bar.transit_time, "kind": event.kind} for event in found.events]
-    return motion, {
-        "triangles": len(found.mesh.cells),
-        "fits": found.fits,
-        "events": events,
-        "event_shift": found.shift * bar.transit_time,
-        "characteristics": len(found.fronts),
-    }
+    if settings.accuracy is not None and not settings.accuracy > 0.0:
+        raise SceneError(f"solve.accuracy = {settings.accuracy}: give a relative error > 0")

@@ -1,9 +1,11 @@
 """Impacts and releases at the wall, located to rounding from the wave that arrives there."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from impactfem.spacetime.reflections import BarWaves
 
@@ -11,7 +13,7 @@ Floats = NDArray[np.float64]
 
 # Relative size of gaps and waves that count as 0: rounding over long times stays below it.
 _ZERO = 1e-11
-_IMAGINARY = 1e-7  # of a root that is real but for rounding (double roots lose half the digits)
+_AT_NODE = 1e-2  # share of that: at the node of an event that the mesh is fitted to
 _MOST_PER_EDGE = 8
 
 
@@ -100,7 +102,7 @@ def _crossing(values: Floats, start: float, small: float) -> float | None:
     below[0] += small
     low = _at(values, start) < -small
     crossed = start if low else min((s for s in _roots(below) if start <= s <= 1.0), default=1.0)
-    if max(_at(values, s) for s in [*borders, crossed] if s <= crossed) <= small:
+    if max(_at(values, s) for s in [*borders, crossed] if s <= crossed) <= _AT_NODE * small:
         return start
     zeros = [s for s in _roots(values) if start <= s <= crossed]
     return max(zeros, default=start)
@@ -116,23 +118,21 @@ def _derivative(values: Floats) -> Floats:
 
 
 def _roots(values: Floats) -> list[float]:
-    """Real roots in order, sharpened by Newton steps."""
-    largest = np.abs(values).max(initial=0.0)
-    if largest == 0.0:
-        return []
-    significant = np.flatnonzero(np.abs(values) > 1e-15 * largest)
-    values = values[: significant[-1] + 1]
+    """Places in [0, 1] at which a polynomial changes sign or is 0, in order, to rounding.
+
+    Between its turning points it is monotone: bisection there is safe where the formulas for
+    roots lose digits, as for a straight line with a quadratic term of rounding.
+    """
     if len(values) < 2:
         return []
-    slope = _derivative(values)
+    borders = [0.0, *_roots(_derivative(values)), 1.0]
     found = []
-    for root in np.polynomial.polynomial.polyroots(values):
-        if abs(root.imag) > _IMAGINARY * max(1.0, abs(root)):
-            continue
-        s = float(root.real)
-        for _ in range(2):
-            rate = _at(slope, s)
-            step = _at(values, s) / rate if rate != 0.0 else 0.0
-            s -= step if abs(step) < 1e-3 else 0.0
-        found.append(s)
-    return sorted(found)
+    for a, b in pairwise(borders):
+        left, right = _at(values, a), _at(values, b)
+        if left == 0.0:
+            found.append(a)
+        elif left * right < 0.0:
+            found.append(float(brentq(lambda s: _at(values, s), a, b, xtol=1e-16, rtol=1e-15)))
+    if _at(values, 1.0) == 0.0:
+        found.append(1.0)
+    return found

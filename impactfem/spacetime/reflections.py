@@ -127,6 +127,23 @@ class BarWaves:
         reflected = np.where(self.active[:, None], 2.0 * speeds[:, None] - arriving, arriving)
         self.leaving.feed(wall, reflected, small)
 
+    def gap_at(self, times: Floats) -> Floats:
+        """Gap at any dimensionless times [m]: the integral of V* along the wall."""
+        wall = self.wall
+        edge = np.clip(np.searchsorted(wall.begin, times, side="right") - 1, 0, len(wall.cells) - 1)
+        start = np.concatenate([[self.gap], self.gaps[:-1]])[edge]
+        share = (times - wall.begin[edge]) / wall.widths[edge]
+        nodes = np.polynomial.legendre.leggauss(wall.places.shape[1])[0]
+        inverse = np.linalg.inv(np.polynomial.legendre.legvander(nodes, len(nodes) - 1))
+        waves = wall.trace(self.arriving.values)[edge] @ inverse.T
+        legendre = np.polynomial.legendre.legvander(2.0 * share - 1.0, len(nodes))
+        # The integral of P_n from -1 on is (P_{n+1} - P_{n-1}) / (2 n + 1), that of P_0 is 1 + s.
+        flight = waves[:, 0] * (1.0 + legendre[:, 1])
+        for n in range(1, len(nodes)):
+            flight += waves[:, n] * (legendre[:, n + 1] - legendre[:, n - 1]) / (2 * n + 1)
+        flight = start + 0.5 * wall.widths[edge] * flight
+        return np.asarray(np.where(self.active[edge], start * (1.0 - share), flight))
+
     def decide(self, tolerance: float) -> ActiveSetResult:
         """Decide contact edge by edge as the waves arrive: nothing is left to iterate."""
         marks = np.full(len(self.active), sweep.DECIDE, dtype=np.int8)

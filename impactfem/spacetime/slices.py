@@ -10,7 +10,7 @@ from impactfem.spacetime.waves import Field
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_ON_NODE = 1e-12  # a node this close to a slice (relative to its triangle) lies on it
+_ON_NODE = 16.0 * float(np.finfo(float).eps)  # share of the duration: nodes so near lie on a slice
 _CHUNK = 400_000  # pieces of slices that are treated together
 
 
@@ -79,7 +79,7 @@ def slice_states(
 
 def _rows(field: Field, times: Floats) -> tuple[Indices, Indices]:
     """Range of the times in (first, last] of each cell."""
-    near = _ON_NODE * (field.last - field.first)
+    near = _ON_NODE * field.duration
     first = np.searchsorted(times, field.first + near, side="right")
     last = np.searchsorted(times, field.last + near, side="right")
     return first, last
@@ -116,7 +116,7 @@ class _Pieces:
         time = times[row]
         corner = field.corners[cell]
         above = corner[:, :, 0] - time[:, None]
-        above[np.abs(above) <= _ON_NODE * (field.last - field.first)[cell, None]] = 0.0
+        above[np.abs(above) <= _ON_NODE * field.duration] = 0.0
         low, high = np.full(len(cell), np.inf), np.full(len(cell), -np.inf)
         for a, b in ((0, 1), (1, 2), (2, 0)):
             ta, tb, xa, xb = above[:, a], above[:, b], corner[:, a, 1], corner[:, b, 1]
@@ -133,6 +133,7 @@ class _Pieces:
             low = np.where(meets, np.minimum(low, x), low)
             high = np.where(meets, np.maximum(high, np.where(both, xb, x)), high)
         order = np.lexsort((high, low, row))
+        order = order[low[order] <= high[order]]  # but for rounding all are crossed
         return cls(row[order] - start, cell[order], time[order], low[order], high[order])
 
     def _values(
