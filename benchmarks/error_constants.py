@@ -2,7 +2,7 @@
 
     python benchmarks/error_constants.py [--scenes 300] [--out benchmarks/results]
 
-The largest C over all scenes is what `impactfem.report.hard_scenes.BOUNDS` must not fall below.
+The largest C over all scenes is what `error` of `impactfem.methods.METHODS` must not fall below.
 """
 
 import argparse

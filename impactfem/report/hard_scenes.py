@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from impactfem.errors import ConvergenceError
+from impactfem.methods import METHODS
 from impactfem.reference import exact_bar
 from impactfem.report.board import Case, Claim, Facts
 from impactfem.report.rounding import rounding_of_exact
@@ -19,17 +20,6 @@ SWEPT = ("galerkin", "stabilised", "conserving")
 LIMITED = frozenset({"galerkin", "monolithic"})
 OFF_GRID = 0.5 + 2**0.5 / 100  # [m] a gap that is no fraction of the length
 
-# Largest displacement error over contacts / elements^rate: measured in the standing studies and in
-# 60 random scenes with gravity (benchmarks/error_constants.py), up to 3.6 and 2.9. The second rate
-# is that of schemes of second order at a jump of velocity.
-BOUNDS = {
-    "galerkin": (4.0, 1.0),
-    "monolithic": (4.0, 1.0),
-    "dg": (3.0, 2.0 / 3.0),
-    "conserving": (3.0, 2.0 / 3.0),
-    "stabilised": (3.0, 2.0 / 3.0),
-    "newmark": (3.0, 2.0 / 3.0),
-}
 SIZES = {"dg": 16, "exact": 4, "monolithic": 20}
 
 GROWTH = Claim("growth", 1e-6, "a rigid wall does no work, so energy is bounded by its start")
@@ -56,9 +46,9 @@ def bar_scene(duration: float, *, gravity: float = 0.0, **bar: Any) -> Scene:
 
 def bound(method: str, elements: int, contacts: int, courant: float = 1.0) -> float:
     """Largest relative displacement error to expect of a method."""
-    constant, rate = BOUNDS[method]
+    constant, rate = METHODS[method].error
     if method in LIMITED and courant < 1.0 - 1e-9:
-        constant, rate = BOUNDS["stabilised"]  # dispersive, as the others
+        constant, rate = METHODS["conserving"].error  # dispersive, as the others
     return float(constant * max(1, contacts) / elements**rate * max(1.0, courant))
 
 
