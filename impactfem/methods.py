@@ -55,7 +55,9 @@ METHODS: Mapping[str, Method] = {
         "dg",
         "discontinuous P0, P1, P2 in space-time, upwind, on any triangles; diffuses jumps on "
         "unfitted meshes; with fitted = true the events and their characteristics become mesh "
-        "lines and the error falls to rounding",
+        "lines and the error falls to rounding for one contact and regular bounces; where many "
+        "irregular contacts cross, the fit may not settle (errors up to 1e-1, energy may grow and "
+        "is then reported)",
     ),
     "exact": Method(
         "exact",
