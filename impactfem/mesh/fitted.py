@@ -69,7 +69,7 @@ def fitted_lines(fronts: list[Front], times: Floats, end: float) -> Lines:
     Raises:
         MeshError: There are too many lines.
     """
-    straight = _straight(distinct(fronts), end)
+    straight = np.array(_straight(distinct(fronts), end)).reshape(-1, 4)
     cuts = np.unique(times[(times > MERGED) & (times < end - MERGED)])
     if len(straight) + len(cuts) > MAX_LINES:
         raise MeshError(
@@ -77,15 +77,13 @@ def fitted_lines(fronts: list[Front], times: Floats, end: float) -> Lines:
             f"are too many for a fitted mesh (limit {MAX_LINES}); shorten the duration, or use "
             "fitted = false or a layered method"
         )
-    places: list[Floats] = [_crossings(straight, cuts, k) for k in range(len(straight))]
+    places = [_crossings(straight, cuts, k) for k in range(len(straight))]
+    kind, offset, low, high = straight.T
     for cut in cuts:
-        x = [0.0, 1.0]
-        for kind, offset, low, high in straight:
-            at = kind * (cut - offset)
-            if low - MERGED <= at <= high + MERGED:
-                x.append(min(max(at, 0.0), 1.0))
-        x_sorted = np.unique(x)
-        places.append(np.stack([np.full(len(x_sorted), cut), x_sorted], axis=1))
+        at = kind * (cut - offset)
+        at = at[(at >= low - MERGED) & (at <= high + MERGED)]
+        x = np.unique(np.concatenate([[0.0, 1.0], np.clip(at, 0.0, 1.0)]))
+        places.append(np.stack([np.full(len(x), cut), x], axis=1))
     return _graph(places, end)
 
 
@@ -109,18 +107,17 @@ def _straight(fronts: list[Front], end: float) -> list[tuple[int, float, float, 
     return parts
 
 
-def _crossings(straight: list[tuple[int, float, float, float]], cuts: Floats, k: int) -> Floats:
+def _crossings(straight: Floats, cuts: Floats, k: int) -> Floats:
     """Points on one straight part: its ends and its crossings, in the order of x."""
     direction, offset, low, high = straight[k]
-    x = [low, high]
-    for other, offset2, low2, high2 in straight:
-        if other != direction:
-            at = direction * 0.5 * (offset2 - offset)
-            if max(low, low2) - MERGED <= at <= min(high, high2) + MERGED:
-                x.append(min(max(at, low), high))
+    other = straight[straight[:, 0] != direction]
+    at = direction * 0.5 * (other[:, 1] - offset)
+    meets = (at >= np.maximum(low, other[:, 2]) - MERGED) & (
+        at <= np.minimum(high, other[:, 3]) + MERGED
+    )
     at_cuts = direction * (cuts - offset)
-    x += list(at_cuts[(at_cuts > low) & (at_cuts < high)])
-    places = np.unique(x)
+    inside = at_cuts[(at_cuts > low) & (at_cuts < high)]
+    places = np.unique(np.concatenate([[low, high], np.clip(at[meets], low, high), inside]))
     return np.stack([offset + direction * places, places], axis=1)
 
 
@@ -132,8 +129,9 @@ def _graph(places: list[Floats], end: float) -> Lines:
     for axis, value in ((0, 0.0), (0, end), (1, 0.0), (1, 1.0)):
         points[np.abs(points[:, axis] - value) <= 2.0 * MERGED, axis] = value
     same = np.arange(len(points))
-    for a, b in sorted(map(tuple, cKDTree(points).query_pairs(4.0 * MERGED))):
-        same[max(a, b)] = min(same[a], same[b], same[max(a, b)])
+    pairs = np.sort(cKDTree(points).query_pairs(4.0 * MERGED, output_type="ndarray"), axis=1)
+    for a, b in pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]:
+        same[b] = min(same[a], same[b])
     for _ in range(4):
         same = same[same]
     used, number = np.unique(same, return_inverse=True)

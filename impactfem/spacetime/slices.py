@@ -58,7 +58,10 @@ def slice_states(
     wanted = np.full(len(times), -1)
     wanted[kept] = np.arange(len(kept))
     waves = np.stack([arriving, leaving])
-    first, last = _rows(field, times)
+    corners = _on_slices(field, times)
+    # Rows of the times in (earliest corner, latest corner] of each cell.
+    first = np.searchsorted(times, corners[:, :, 0].min(axis=1), side="right")
+    last = np.searchsorted(times, corners[:, :, 0].max(axis=1), side="right")
     crossed = np.cumsum(np.bincount(first, minlength=len(times) + 1)) - np.cumsum(
         np.bincount(last, minlength=len(times) + 1)
     )
@@ -67,7 +70,7 @@ def slice_states(
     while start < len(times):
         stop = int(np.searchsorted(bounds, bounds[start] + _CHUNK))
         stop = max(start + 1, min(stop, len(times)))
-        chunk = _Pieces.cut(field, times, first, last, start, stop)
+        chunk = _Pieces.cut(corners, times, first, last, start, stop)
         sums[:, start:stop] = chunk.integrals(field, waves, stop - start)
         rows = np.flatnonzero(wanted[start:stop] >= 0)
         if len(rows):
@@ -77,12 +80,18 @@ def slice_states(
     return Slices(stretch, velocity, sums[0], sums[1], sums[2], sums[3])
 
 
-def _rows(field: Field, times: Floats) -> tuple[Indices, Indices]:
-    """Range of the times in (first, last] of each cell."""
-    near = _ON_NODE * field.duration
-    first = np.searchsorted(times, field.first + near, side="right")
-    last = np.searchsorted(times, field.last + near, side="right")
-    return first, last
+def _on_slices(field: Field, times: Floats) -> Floats:
+    """Corners of the cells, those beside a slice put on it, shape (cells, 3, 2).
+
+    All cells that share a node then agree on which side of a slice it lies.
+    """
+    corners: Floats = field.corners.copy()
+    t = corners[:, :, 0]
+    after = np.searchsorted(times, t)
+    for slot in (np.maximum(after - 1, 0), np.minimum(after, len(times) - 1)):
+        near = np.abs(t - times[slot]) <= _ON_NODE * field.duration
+        t[near] = times[slot][near]
+    return corners
 
 
 @dataclass(frozen=True)
@@ -105,7 +114,7 @@ class _Pieces:
 
     @classmethod
     def cut(
-        cls, field: Field, times: Floats, first: Indices, last: Indices, start: int, stop: int
+        cls, corners: Floats, times: Floats, first: Indices, last: Indices, start: int, stop: int
     ) -> "_Pieces":
         """Cut the triangles at the times of some rows."""
         begin, end = np.maximum(first, start), np.minimum(last, stop)
@@ -114,9 +123,8 @@ class _Pieces:
         offset = np.arange(len(cell)) - np.repeat(np.cumsum(count) - count, count)
         row = begin[cell] + offset
         time = times[row]
-        corner = field.corners[cell]
+        corner = corners[cell]
         above = corner[:, :, 0] - time[:, None]
-        above[np.abs(above) <= _ON_NODE * field.duration] = 0.0
         low, high = np.full(len(cell), np.inf), np.full(len(cell), -np.inf)
         for a, b in ((0, 1), (1, 2), (2, 0)):
             ta, tb, xa, xb = above[:, a], above[:, b], corner[:, a, 1], corner[:, b, 1]
@@ -133,7 +141,6 @@ class _Pieces:
             low = np.where(meets, np.minimum(low, x), low)
             high = np.where(meets, np.maximum(high, np.where(both, xb, x)), high)
         order = np.lexsort((high, low, row))
-        order = order[low[order] <= high[order]]  # but for rounding all are crossed
         return cls(row[order] - start, cell[order], time[order], low[order], high[order])
 
     def _values(

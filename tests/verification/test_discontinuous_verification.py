@@ -192,3 +192,24 @@ def test_fitted_refinement_stops_at_once_where_it_is_exact():
     _, figures, errors = solve(K1, elements=8, fitted=True, accuracy=1e-9)
     assert len(figures["levels"]) == 2
     assert errors.displacement_max <= 1e-11
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_fitted_meshes_are_exact_for_random_data_over_decades(seed):
+    random = np.random.default_rng(seed)
+    length, c, density = 10 ** random.uniform([-3, 0, 0], [2, 3, 4])
+    transit = length / c
+    speed = 10 ** random.uniform(-3, 1)
+    gravity = speed / transit * 10 ** random.uniform(-2, 0.5)
+    scene = scene_of(
+        transit * random.uniform(5, 25),
+        gravity,
+        length=length,
+        density=density,
+        youngs_modulus=density * c**2,
+        gap=speed * transit * 10 ** random.uniform(-1, 1),
+        velocity=-speed,
+        far_end="clamped" if random.random() < 0.3 else "free",
+    )
+    _, _, errors = solve(scene, elements=8, fitted=True)
+    assert errors.displacement_max <= 1e-9
