@@ -17,7 +17,7 @@ from impactfem.report.study import conditions, markdown_table
 
 VARIANTS = (
     ("galerkin", 1.0, 1.0), ("galerkin", 0.5, 2 / 3), ("conserving", 0.5, 2 / 3),
-    ("conserving", 1.0, 2 / 3), ("conserving", 2.0, 2 / 3), ("stabilised", 1.0, 2 / 3),
+    ("conserving", 1.0, 2 / 3), ("conserving", 2.0, 2 / 3),
     ("dg", None, 2 / 3),
 )  # fmt: skip
 SIZES = (20, 80, 320)

@@ -18,7 +18,7 @@ from impactfem.report.study import conditions, markdown_table
 
 # Elements and layers: three decades of nodes, of one shape; the third is the one with 5 million.
 SIZES = ((141, 707), (447, 2237), (1000, 5000), (1414, 7071), (4472, 22360))
-METHODS = ("galerkin", "stabilised", "conserving")
+METHODS = ("galerkin", "conserving")
 
 _RUN = """
 import json, resource, statistics, sys, time

@@ -18,7 +18,7 @@ import impactfem
 from impactfem.report.study import Study, conditions, markdown_table
 from impactfem.shipped import find_scene
 
-OURS = ("galerkin", "conserving", "conserving@courant=0.5", "stabilised", "stabilised@courant=2")
+OURS = ("galerkin", "conserving", "conserving@courant=0.5", "conserving@courant=2")
 ERRORS = {"displacement_l2": "displacement L2", "force_l1": "force L1", "drift": "energy drift"}
 PEERS = (*BASELINES, "monolithic")
 

@@ -40,11 +40,6 @@ METHODS: Mapping[str, Method] = {
         stable="limited",
         error=(4.0, 1.0),
     ),
-    "stabilised": Method(
-        "marching",
-        "the same with the gradient averaged over the layer: stable at any courant number; waves "
-        "disperse and the contact force rings; energy never grew, each impact loses some",
-    ),
     "conserving": Method(
         "marching",
         "midpoint rule, massless contact node, discrete gradient of the contact energy: keeps "

@@ -188,7 +188,7 @@ def _choose_window(
             + ("3 linear solves" if impacts <= 1 else f"{several // impacts} to {2 * several}")
         )
         return "all", everything
-    if name not in {"galerkin", "stabilised", "dg"}:
+    if name not in {"galerkin", "dg"}:
         return 1, 1
     window = scene.solve.window or 1
     if window == 1:

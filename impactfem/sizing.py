@@ -65,7 +65,7 @@ def choose_grid(scene: Scene, method: Method, exact: ExactBar, reasons: dict[str
         raise SceneError(
             f"solve: courant = {courant:g} is beyond the stability limit 1 of P1 right triangles "
             f"(dt <= 2 / omega_max = h / c = {h / bar.wave_speed:g} s); use courant <= 1, or "
-            'method = "conserving", "stabilised", "dg" or "exact"'
+            'method = "conserving", "dg" or "exact"'
         )
     layers = max(1, math.ceil(scene.duration / dt - 1e-9))
     if layers * dt > scene.duration * (1 + 1e-9):

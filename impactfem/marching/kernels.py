@@ -51,24 +51,22 @@ def substitute(inverse, lower, x):
 
 @compiled
 def two_step(
-    mass, stiffness, beta, dt, clamped, velocity, loads,
+    mass, stiffness, dt, clamped, velocity, loads,
     now, step, push, first, last, marks,
     kept, displacement, rate, gap, multiplier, kinetic, elastic, mean,
 ):  # fmt: skip
     """March the layers first ... last - 1 of the Petrov-Galerkin recursion.
 
-        (M + beta dt^2 K) (u^{m+1} - 2 u^m + u^{m-1})
+        M (u^{m+1} - 2 u^m + u^{m-1})
             = dt^2 (f_m - K u^m) - dt^2 (lambda_m + lambda_{m+1}) / 2 e_0
 
-    beta = 0 is P1 on right triangles, 1/4 the gradient averaged over the layer (Steinbach, Zank).
-    The row of test node 0 has half of everything and dt M v0. In each layer lambda_{m+1} is the
-    one unknown of a scalar complementarity problem with u^{m+1}_0 (mark DECIDE), or the set is
-    given (mark 0 or 1). Deciding needs no tolerance: a multiplier of the size of rounding does not
-    matter.
+    which is P1 on right triangles with lumped mass. The row of test node 0 has half of everything
+    and dt M v0. In each layer lambda_{m+1} is the one unknown of a scalar complementarity problem
+    with u^{m+1}_0 (mark DECIDE), or the set is given (mark 0 or 1). Deciding needs no tolerance: a
+    multiplier of the size of rounding does not matter.
 
     Args:
         mass, stiffness: Of the chain.
-        beta: Weight of the layer above and below in K u.
         dt: Time step [s].
         clamped: Whether the last node is held.
         velocity: Initial velocity [m/s]; used if first = 0.
@@ -88,28 +86,9 @@ def two_step(
         lambda of the last layer.
     """
     n = len(mass)
-    force = np.empty(n)
     old = np.empty(n)
     total = mass.sum()
-    response = np.zeros(n)
-    inverse = np.empty(0)
-    lower = np.empty(0)
-    if beta > 0.0:
-        diagonal = mass.copy()
-        beside = np.empty(n - 1)
-        for j in range(n - 1):
-            weight = beta * dt * dt * stiffness[j]
-            diagonal[j] += weight
-            diagonal[j + 1] += weight
-            beside[j] = -weight
-        if clamped:
-            diagonal[n - 1] = 1.0
-            beside[n - 2] = 0.0
-        inverse, lower = factor(diagonal, beside)
-        response[0] = 0.5 * dt * dt
-        substitute(inverse, lower, response)
-    else:
-        response[0] = 0.5 * dt * dt / mass[0]
+    response = 0.5 * dt * dt / mass[0]  # of u_0 to -lambda
     slot = 0
     while slot < len(kept) and kept[slot] <= first:
         slot += 1
@@ -118,34 +97,23 @@ def two_step(
         pull = 0.0
         for j in range(n):
             ahead = stiffness[j] * (now[j + 1] - now[j]) if j < n - 1 else 0.0
-            force[j] = half * dt * dt * (ahead - pull - mass[j] * loads[m])
-            pull = ahead
-        if m == 0:
-            for j in range(n):
-                force[j] += dt * mass[j] * velocity[j]
-        if clamped:
-            force[n - 1] = 0.0
-        if beta > 0.0:
-            substitute(inverse, lower, force)
-        else:
-            for j in range(n):
-                force[j] /= mass[j]
-        for j in range(n):
+            change = half * dt * dt * ((ahead - pull) / mass[j] - loads[m])
+            if m == 0:
+                change += dt * velocity[j]
             old[j] = step[j]
-            step[j] = step[j] * ongoing + force[j] - push * response[j]
-        ahead = now[0] + step[0]
+            step[j] = step[j] * ongoing + change
+            pull = ahead
+        step[0] -= push * response
+        free = now[0] + step[0]
         mark = marks[m - first]
-        active = ahead < 0.0 if mark == DECIDE else mark == 1
+        active = free < 0.0 if mark == DECIDE else mark == 1
         push = 0.0
         if active:
-            push = ahead / response[0]
-            if beta > 0.0:
-                for j in range(n):
-                    step[j] -= push * response[j]
+            push = free / response
             step[0] = -now[0]
         if clamped:
             step[n - 1] = 0.0
-        # E = v (M + (beta - 1/4) dt^2 K) v / 2 + w K w / 2, v and w of the layer.
+        # E = v (M - dt^2 K / 4) v / 2 + w K w / 2, v and w of the layer.
         moving = 0.0
         strained = 0.0
         spread = 0.0
@@ -159,7 +127,7 @@ def two_step(
                 strained += stiffness[j] * w * w
                 spread += stiffness[j] * turn * turn
         moving /= dt * dt
-        kinetic[m + 1] = 0.5 * (moving + (beta - 0.25) * spread)
+        kinetic[m + 1] = 0.5 * (moving - 0.25 * spread)
         elastic[m + 1] = 0.5 * strained
         multiplier[m] = push
         mean[m + 1] = moment / total

@@ -8,7 +8,7 @@ from impactfem.scene.kinds import Choice, Choices, Integer, Kind, Line, Real, on
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import NotAllowedError, is_number, show
 
-METHODS = ("galerkin", "stabilised", "conserving", "dg", "exact", "monolithic", "newmark")
+METHODS = ("galerkin", "conserving", "dg", "exact", "monolithic", "newmark")
 ACTIVE_SETS = ("pdas", "snes_vi")
 FIELD_FORMATS = ("vtkhdf", "vtx", "pvd")
 
@@ -129,9 +129,9 @@ class Solve:
                 self._exclude("window", ("method",), 'dg knows 1 and "all"')
         if self.active_set == "snes_vi" and self.method not in {None, "monolithic"}:
             self._exclude("active_set", ("method",), 'it needs method = "monolithic"')
-        windowed = self.method in {None, "galerkin", "stabilised", "dg"}
+        windowed = self.method in {None, "galerkin", "dg"}
         if not windowed and self.window not in {None, "all"}:
-            self._exclude("window", ("method",), "only galerkin and stabilised have windows")
+            self._exclude("window", ("method",), "only galerkin has windows of layers")
 
     def _exclude(self, name: str, others: tuple[str, ...], why: str) -> None:
         """Refuse a key together with others."""

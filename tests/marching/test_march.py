@@ -56,13 +56,12 @@ def test_sweep_equals_the_assembled_system(name, courant, gravity):
         assert energy(swept)[1:] == pytest.approx(energy(whole)[1:], abs=1e-10)
 
 
-@pytest.mark.parametrize("method", ["galerkin", "stabilised"])
 @pytest.mark.parametrize("window", [3, 40, 200])
-def test_windows_do_not_change_the_answer(method, window):
+def test_windows_do_not_change_the_answer(window):
     body = bar(gap=0.47, velocity=-0.6)
     gravity = impactfem.PiecewiseConstant((0.0, 1.1), (0.7, 0.2))
-    single = run(body, gravity, method, 20, 200, 0.8, max_iterations=500)
-    windowed = run(body, gravity, method, 20, 200, 0.8, window=window, max_iterations=500)
+    single = run(body, gravity, "galerkin", 20, 200, 0.8, max_iterations=500)
+    windowed = run(body, gravity, "galerkin", 20, 200, 0.8, window=window, max_iterations=500)
     assert windowed.effort.converged
     assert windowed.displacement == pytest.approx(single.displacement, abs=1e-11)
     assert windowed.multiplier == pytest.approx(single.multiplier, abs=1e-8)
@@ -107,7 +106,6 @@ def test_conserving_method_keeps_energy_over_750_bounces(courant):
     ("method", "courant"),
     [
         *(("galerkin", c) for c in (0.1, 0.5, 0.999, 1.0)),
-        *(("stabilised", c) for c in (0.1, 0.5, 0.999, 1.0, 2.0)),
         *(("conserving", c) for c in (0.1, 0.5, 0.999, 1.0, 2.0)),
     ],
 )
@@ -128,7 +126,7 @@ def test_energy_never_grows(method, courant):
 @settings(max_examples=40, deadline=None)
 @given(
     st.floats(0.05, 1.0), st.floats(0.1, 3.0), st.floats(0.0, 2.0), st.floats(0.2, 3.0),
-    st.sampled_from(["galerkin", "stabilised", "conserving"]), st.floats(0.1, 1.0),
+    st.sampled_from(["galerkin", "conserving"]), st.floats(0.1, 1.0),
 )  # fmt: skip
 def test_signorini_conditions_hold_in_every_layer(gap, speed, pull, length, method, courant):
     body = bar(gap=gap, velocity=-speed, length=length)
@@ -190,7 +188,7 @@ def test_highest_frequency_of_equal_elements_is_two_c_over_h():
     assert chain.highest_frequency == pytest.approx(2 * 2.0 / 0.1, rel=1e-12)
     limit = SCHEMES["galerkin"].stable_dt(chain)
     assert limit == pytest.approx(0.1 / 2.0, rel=1e-12)
-    assert SCHEMES["stabilised"].stable_dt(chain) == np.inf
+    assert SCHEMES["conserving"].stable_dt(chain) == np.inf
 
 
 def test_graded_elements_march_stably_up_to_the_computed_limit():

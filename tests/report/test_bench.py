@@ -7,16 +7,16 @@ from impactfem.cli import BAD_INPUT, DONE, FAILED, main
 
 def test_study_is_printed_and_written(tmp_path, capsys):
     code = main([
-        "bench", "bar_impact", "--methods", "galerkin,stabilised@courant=2", "--sizes", "8,16",
+        "bench", "bar_impact", "--methods", "galerkin,conserving@courant=2", "--sizes", "8,16",
         "--repeats", "1", "--out", str(tmp_path),
     ])  # fmt: skip
     assert code == DONE
-    assert "stabilised@courant=2" in capsys.readouterr().out
+    assert "conserving@courant=2" in capsys.readouterr().out
     assert {path.name for path in tmp_path.iterdir()} == {"study.csv", "study.md", "study.png"}
 
 
 def test_board_of_one_method(tmp_path, capsys):
-    assert main(["bench", "--hard", "--methods", "stabilised", "--out", str(tmp_path)]) == DONE
+    assert main(["bench", "--hard", "--methods", "conserving", "--out", str(tmp_path)]) == DONE
     assert "0 fail" in capsys.readouterr().out
     assert (tmp_path / "hard_cases.md").exists()
 

@@ -93,7 +93,7 @@ CASES = {
     "bool for integer": ({"output.every": True}, ["output.every = true", "give an integer"]),
     "number for title": ({"title": 3}, ["title = 3", "text in quotes"]),
     "number for name": ({"body.0.name": 1}, ["body[0].name = 1", "text in quotes"]),
-    "number for method": ({"solve.method": 1}, ["solve.method = 1", '"galerkin" or "stabilised"']),
+    "number for method": ({"solve.method": 1}, ["solve.method = 1", '"galerkin" or "conserving"']),
     "one table": ({"body": dict(BAR)}, ["body = ", "[[body]] with two brackets"]),
     "bodies of numbers": ({"body": [3]}, ["body[0] = 3", "write [[body]]"]),
     "solve as text": ({"solve": "fast"}, ['solve = "fast"', "write [solve]"]),
@@ -136,7 +136,7 @@ CASES = {
     ),
     "window of conserving": (
         {"solve": {"method": "conserving", "window": 4}},
-        ["solve.window = 4", '"conserving"', "only galerkin and stabilised"],
+        ["solve.window = 4", '"conserving"', "only galerkin has windows"],
     ),
     "degree of galerkin": (
         {"solve": {"method": "galerkin", "degree": 1}},
