@@ -10,7 +10,6 @@ from impactfem.methods import METHODS
 from impactfem.report.board import Case, Claim
 from impactfem.report.hard_cases import CASES
 
-
 # Cells that fail, as the board shows: to be mended, and not to become more.
 KNOWN = {
     # Slices through unfitted triangles measure the energy of a field with jumps: 2e-5 at a graze.
