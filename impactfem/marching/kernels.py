@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.marching.compiled import compiled
+from impactfem.compiled import compiled
 
 Floats = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from impactfem.marching.compiled import compiled
+from impactfem.compiled import compiled
 from impactfem.marching.kernels import factor, measure, substitute
 
 

@@ -1,27 +1,19 @@
 """Compiled sweeps through the triangles, in the order in which a wave passes them."""
 
-from collections.abc import Callable
-from typing import Any, cast
-
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from impactfem.compiled import compiled
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
-
-def _compiled[F: Callable[..., Any]](function: F) -> F:
-    """Compile with Numba, which states no types."""
-    return cast("F", numba.njit(cache=True)(function))
-
-
 DECIDE = -1
 """Mark of a wall edge for which the sweep itself decides whether contact is active."""
 
 
-@_compiled
+@compiled
 def causal_order(upstream: Indices) -> Indices:
     """Order the cells so that each comes after those upstream of it (Kahn's algorithm).
 
@@ -63,7 +55,7 @@ def causal_order(upstream: Indices) -> Indices:
     return order[:found]
 
 
-@_compiled
+@compiled
 def sweep(  # noqa: C901  (a compiled loop is one function)
     order: Indices, upstream: Indices, transfer: Floats, load: Floats, first: Floats,
     horizon: float, tolerance: float, dirty: Booleans, changed: Booleans, wave: Floats,
@@ -108,7 +100,7 @@ def sweep(  # noqa: C901  (a compiled loop is one function)
             wave[cell, i] = new[i]
 
 
-@_compiled
+@compiled
 def contact(
     arriving: Floats, widths: Floats, gap: float, marks: NDArray[np.int8], tolerance: float,
     gaps: Floats, speeds: Floats, active: Booleans,
