@@ -15,13 +15,11 @@ class BoundResult:
 
     Attributes:
         iterations: Newton iterations.
-        residual_norms: Norm of the projected residual before each iteration and after the last.
         converged: Whether SNES met its tolerance.
         message: SNES's reason in words.
     """
 
     iterations: int
-    residual_norms: tuple[float, ...]
     converged: bool
     message: str
 
@@ -54,7 +52,6 @@ def solve_bounded(
     lower.setValues(own, np.zeros(len(own)))
     lower.assemble()
     residual = load.duplicate()
-    norms: list[float] = []
 
     def function(_: Any, x: Any, f: Any) -> None:
         matrix.mult(x, f)
@@ -69,7 +66,6 @@ def solve_bounded(
         snes.setVariableBounds(lower, upper)
         # The problem is piecewise linear: only the absolute tolerance has a meaning.
         snes.setTolerances(rtol=0.0, atol=tolerance, stol=0.0, max_it=max_iterations)
-        snes.setMonitor(lambda _s, _i, norm: norms.append(float(norm)))
         ksp = snes.getKSP()
         ksp.setType("preonly")
         ksp.getPC().setType("lu")
@@ -82,9 +78,7 @@ def solve_bounded(
         snes.setFromOptions()
         snes.solve(None, solution)
         reason = int(snes.getConvergedReason())
-        return BoundResult(
-            snes.getIterationNumber(), tuple(norms), reason > 0, f"SNES reason {reason}"
-        )
+        return BoundResult(snes.getIterationNumber(), reason > 0, f"SNES reason {reason}")
     finally:
         snes.destroy()
         for vector in (lower, upper, residual):
