@@ -17,6 +17,8 @@ from impactfem.shipped import find_scene, shipped_scenes
 from impactfem.signals import InterruptedRunError, held_back, listen
 
 if TYPE_CHECKING:
+    from impactfem.log import Progress
+    from impactfem.result import Result
     from impactfem.scene import Scene
 
 DONE, FAILED, BAD_INPUT, NOT_CONVERGED = 0, 1, 2, 3
@@ -40,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SystemExit as end:  # argparse has said why
         code = int(end.code or DONE)
     except InterruptedRunError as error:
-        reason = f"interrupted by {signal.Signals(error.number).name}; nothing was written"
+        reason = f"interrupted by {signal.Signals(error.number).name}; {error.kept}"
         code, patience = 128 + error.number, 1.0
     except ImpactError as error:
         code, reason = _code(error), str(error)
@@ -98,25 +100,34 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     def command(
-        name: str, action: Callable[[argparse.Namespace], int], text: str, *, scene: bool = False
+        name: str,
+        action: Callable[[argparse.Namespace], int],
+        text: str,
+        *,
+        scene: str | int | None = 0,
     ) -> argparse.ArgumentParser:
         sub = commands.add_parser(name, help=text, description=text)
         sub.set_defaults(action=action)
-        if scene:
+        if scene != 0:
             sub.add_argument(
-                "scene", metavar="SCENE", help="scene file, or name of a shipped scene"
-            )
+                "scene", metavar="SCENE", nargs=scene,
+                help="scene file, or name of a shipped scene",
+            )  # fmt: skip
             sub.add_argument(
                 "--set", dest="settings", metavar="KEY=VALUE", action="append", default=[],
                 help="replace a key of the scene, as solve.elements=80 (repeatable)",
             )  # fmt: skip
         return sub
 
-    run = command("run", _run, "solve a scene and write its result", scene=True)
+    run = command("run", _run, "solve a scene and write its result", scene="?")
     run.add_argument("--out", metavar="DIR", type=Path, help="result folder (default results/NAME)")
+    run.add_argument(
+        "--restart", metavar="DIR", type=Path,
+        help="continue the stopped run of a solid from its checkpoint in DIR (output.checkpoint)",
+    )  # fmt: skip
     run.add_argument("--quiet", action="store_true", help="no progress, no table")
-    command("plan", _plan, "say what would be modelled, why, and what it would cost", scene=True)
-    command("validate", _validate, "read a scene and say whether it is in order", scene=True)
+    command("plan", _plan, "say what would be modelled, why, and what it would cost", scene=None)
+    command("validate", _validate, "read a scene and say whether it is in order", scene=None)
     command("methods", _methods, "list the solution methods and their limits")
     command("scenes", _scenes, "list the shipped scenes")
     plot = command("plot", _plot, "draw the pictures of a result folder again")
@@ -129,7 +140,9 @@ def _parser() -> argparse.ArgumentParser:
     bench.add_argument(
         "--methods", metavar="A,B", help="methods, with settings as dg@degree=1,fitted=true"
     )
-    bench.add_argument("--sizes", metavar="N,M", default="20,40,80", help="numbers of elements")
+    bench.add_argument("--sizes", metavar="N,M",
+        help="numbers of elements along the body (default 20,40,80 for bars, 8,16 for solids)",
+    )  # fmt: skip
     bench.add_argument("--repeats", metavar="N", type=int, default=3, help="runs of each size")
     bench.add_argument("--out", metavar="DIR", type=Path, help="folder for tables and pictures")
     command("doctor", _doctor, "say what is installed, what works and what is missing")
@@ -151,31 +164,87 @@ def _run(given: argparse.Namespace) -> int:
     from impactfem.planning import plan  # noqa: PLC0415
     from impactfem.report.table import summary_table  # noqa: PLC0415
     from impactfem.result.store import check_writable  # noqa: PLC0415
-    from impactfem.solving import solve  # noqa: PLC0415
 
-    path, scene = _read(given)
-    folder = given.out or Path("results") / _name(path)
+    scene, folder = _to_run(given)
     progress = Progress(enabled=rank() == 0 and not given.quiet)
+    _prepare(scene)
     chosen = plan(scene)
     for warning in chosen.warnings:
         progress.message(f"warning: {warning}")
     if chosen.method != "exact":
         _load_finite_elements()
     on_root(lambda: check_writable(folder))
-    with progress.stages(4):
-        result = solve(scene, progress=progress)
+    with progress.stages(5 if _is_solid(scene) else 4):
+        result = _solved(scene, given.restart, folder, progress)
         progress.step("writing the result")
         on_root(lambda: result.save(folder))
+    if _is_solid(scene):
+        from impactfem.resuming import clear  # noqa: PLC0415
+
+        clear(given.restart or folder)
     if not given.quiet:
         _say(f"{summary_table(result.summary)}\n\nResult and pictures: {folder}")
     if result.summary["status"] != "completed":
+        remedy = (
+            'method = "massless" or "conserving", a smaller step or a shorter duration'
+            if _is_solid(scene)
+            else 'courant = 1, a layered mesh, a shorter duration or method = "exact"'
+        )
         complain(
             f"{result.summary['status']}: {result.summary['active_set']['message']}; the result "
-            f"is kept in {folder}. Remedy: courant = 1, a layered mesh, a shorter duration or "
-            'method = "exact"'
+            f"is kept in {folder}. Remedy: {remedy}"
         )
         return NOT_CONVERGED
     return DONE
+
+
+def _to_run(given: argparse.Namespace) -> "tuple[Scene, Path]":
+    """The scene and the folder of its result.
+
+    Raises:
+        SceneError: Neither a scene nor a checkpoint is given, or both.
+    """
+    if given.restart is None:
+        if given.scene is None:
+            raise SceneError("run: no scene is given; name one, or use --restart DIR")
+        path, scene = _read(given)
+        return scene, given.out or Path("results") / _name(path)
+    if given.scene is not None or given.settings:
+        raise SceneError(
+            f"run: --restart {given.restart} continues the scene of its checkpoint; leave SCENE "
+            "and --set out"
+        )
+    _load_finite_elements()
+    from impactfem.resuming import scene_to_continue  # noqa: PLC0415
+
+    return scene_to_continue(given.restart), given.out or given.restart
+
+
+def _solved(scene: "Scene", restart: Path | None, folder: Path, progress: "Progress") -> "Result":
+    """Solve a scene, with checkpoints if it asks for them."""
+    from impactfem.solving import solve  # noqa: PLC0415
+
+    if not scene.output.checkpoint:
+        return solve(scene, progress=progress)
+    from impactfem.resuming import make_place, what_is_kept  # noqa: PLC0415
+
+    place = restart or folder
+    make_place(place)
+    try:
+        return solve(scene, progress=progress, checkpoints=place, restart=restart)
+    except InterruptedRunError as error:
+        error.kept = what_is_kept(place)
+        raise
+
+
+def _is_solid(scene: "Scene") -> bool:
+    return scene.bodies[0].kind == "solid"
+
+
+def _prepare(scene: "Scene") -> None:
+    """Load what a plan needs: that of a solid is made of its mesh."""
+    if _is_solid(scene):
+        _load_finite_elements()
 
 
 def _load_finite_elements() -> None:
@@ -193,7 +262,9 @@ def _plan(given: argparse.Namespace) -> int:
     from impactfem.planning import plan  # noqa: PLC0415
     from impactfem.report.table import plan_table  # noqa: PLC0415
 
-    _say(plan_table(plan(_read(given)[1])))
+    _, scene = _read(given)
+    _prepare(scene)
+    _say(plan_table(plan(scene)))
     return DONE
 
 
@@ -201,13 +272,14 @@ def _validate(given: argparse.Namespace) -> int:
     from impactfem.planning import plan  # noqa: PLC0415
 
     path, scene = _read(given)
+    _prepare(scene)
     plan(scene)
-    if scene.mesh_path is not None:
+    if scene.mesh_path is not None and not _is_solid(scene):
         _load_finite_elements()
         from impactfem.fem import MPI  # noqa: PLC0415
         from impactfem.mesh.files import read_mesh  # noqa: PLC0415
 
-        bar = scene.bodies[0]
+        bar = scene.bar
         read_mesh(MPI.COMM_WORLD, scene.mesh_path, bar.length, scene.duration, bar.wave_speed)
     _say(f"{path}: in order ({scene.title})")
     return DONE
@@ -230,7 +302,7 @@ def _scenes(_: argparse.Namespace) -> int:
 
 
 def _plot(given: argparse.Namespace) -> int:
-    from impactfem.report.figures import draw_all, write_all  # noqa: PLC0415
+    from impactfem.report.figures import write_pictures  # noqa: PLC0415
     from impactfem.result import Result  # noqa: PLC0415
     from impactfem.result.store import replaced  # noqa: PLC0415
 
@@ -240,7 +312,7 @@ def _plot(given: argparse.Namespace) -> int:
         complain(str(error))
         return BAD_INPUT
     with replaced(given.folder) as stage:
-        names = [path.name for path in write_all(draw_all(result), stage)]
+        names = [path.name for path in write_pictures(result, stage)[1]]
     if result.fields is None:
         complain('no fields.vtkhdf: no pictures of the displacement; run with fields = ["vtkhdf"]')
     _say("\n".join(str(given.folder / name) for name in names))

@@ -1,10 +1,12 @@
-"""The solution methods of bars by name: what they are, and where their limits lie."""
+"""The solution methods by name: what they are, what they solve, and where their limits lie."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-Family = Literal["marching", "monolithic", "dg", "exact"]
+Family = Literal["marching", "monolithic", "dg", "exact", "solid"]
+
+BAR, SOLID, BOTH = frozenset({"bar"}), frozenset({"solid"}), frozenset({"bar", "solid"})
 
 
 @dataclass(frozen=True)
@@ -13,19 +15,23 @@ class Method:
 
     Attributes:
         family: Which solver runs it: "marching" (compiled layers), "monolithic" (one space-time
-            system), "dg" (discontinuous in space-time) or "exact".
+            system), "dg" (discontinuous in space-time), "exact", or "solid" (solids only). Solids
+            are always marched on DOLFINx, whatever the family says of bars.
         text: What it is and where its limits lie, in words.
         stable: Whether it is stable only up to courant 1 ("limited") or at any ("always").
         plannable: Whether the plan may choose it.
-        error: Constant and rate of the largest relative displacement error seen for events between
-            layers: error <= constant * contacts / elements^rate (benchmarks/error_constants.py).
-            The rate 2/3 is that of schemes of second order at a jump of velocity.
+        bodies: Kinds of bodies it solves: "bar", "solid".
+        error: For bars, constant and rate of the largest relative displacement error seen for
+            events between layers: error <= constant * contacts / elements^rate
+            (benchmarks/error_constants.py). The rate 2/3 is that of schemes of second order at a
+            jump of velocity.
     """
 
     family: Family
     text: str
     stable: Literal["limited", "always"] = "always"
     plannable: bool = True
+    bodies: frozenset[str] = BAR
     error: tuple[float, float] = (3.0, 2.0 / 3.0)
 
 
@@ -36,15 +42,19 @@ METHODS: Mapping[str, Method] = {
         "active set; exact at the nodes at courant 1 when impacts fall on layers; first order in h "
         "off this mesh, where an impact costs energy of order h and a release can give back more "
         "(up to 0.4 % with 17 elements in 1500 random bars); courant < 1 rings, courant > 1 is "
-        "refused",
+        "refused; solids: the same form layer by layer (beta 0, lumped mass) with mass on the "
+        "contact nodes, whose force rings",
         stable="limited",
+        bodies=BOTH,
         error=(4.0, 1.0),
     ),
     "conserving": Method(
         "marching",
-        "midpoint rule, massless contact node, discrete gradient of the contact energy: keeps "
+        "midpoint rule, massless contact nodes, discrete gradient of the contact energy: keeps "
         "energy to rounding over any horizon at any courant number; force free of growing "
-        "oscillations, peak at impact about 4/3 of the exact one, first order in the mean",
+        "oscillations, in bars its peak at impact about 4/3 of the exact one, first order in the "
+        "mean",
+        bodies=BOTH,
     ),
     "dg": Method(
         "dg",
@@ -68,8 +78,29 @@ METHODS: Mapping[str, Method] = {
     "newmark": Method(
         "marching",
         "NEGATIVE CONTROL: Newmark 1/4 with contact imposed on positions; energy grows at every "
-        "impact (190-fold in seven) and the force rings; never chosen by the plan",
+        "impact (of a bar 190-fold in seven) and the force rings; never chosen by the plan",
         plannable=False,
+        bodies=BOTH,
+    ),
+    "massless": Method(
+        "solid",
+        "Newmark 1/4 with the mass of contact nodes moved to their neighbours: the force follows "
+        "from the elastic state and does not ring; energy does not grow; stable at any courant "
+        "number",
+        bodies=SOLID,
+    ),
+    "explicit": Method(
+        "solid",
+        "central differences with lumped mass and massless contact nodes: no system to solve but "
+        "that of the contact; stable up to courant 1 only",
+        stable="limited",
+        bodies=SOLID,
+    ),
+    "moreau_jean": Method(
+        "solid",
+        "theta method 1/2 with impact on velocities (Moreau and Jean): energy never grows, "
+        "nodes penetrate by a fraction of a step's way, the force rings with the step",
+        bodies=SOLID,
     ),
 }
 """Methods by name."""

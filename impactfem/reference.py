@@ -30,7 +30,7 @@ def exact_bar(scene: Scene, duration: float | None = None) -> ExactBar:
     Raises:
         SceneError: The duration is too long to follow its waves.
     """
-    bar = scene.bodies[0]
+    bar = scene.bar
     transits = scene.duration / bar.transit_time
     if not transits <= MAX_TRANSITS:
         raise SceneError(
@@ -44,8 +44,8 @@ def exact_bar(scene: Scene, duration: float | None = None) -> ExactBar:
         duration=scene.duration if duration is None else duration,
         displacement=lambda x: bar.initial_displacement(x=x) + np.zeros_like(x),
         velocity=lambda x: bar.initial_velocity(x=x) + np.zeros_like(x),
-        gravity_times=scene.gravity.times,
-        gravity_values=scene.gravity.values,
+        gravity_times=scene.axial_gravity.times,
+        gravity_values=scene.axial_gravity.values,
         far_end="clamped" if bar.far_end == "clamped" else "free",
     )
 

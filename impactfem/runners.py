@@ -19,18 +19,18 @@ Floats = NDArray[np.float64]
 
 def _solve_exact(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
     progress.step("following the characteristics")
-    bar = scene.bodies[0]
+    bar = scene.bar
     times = np.linspace(0.0, scene.duration, (chosen.layers or 1) + 1)
     positions = np.linspace(0.0, bar.length, (chosen.elements or DEFAULT_ELEMENTS) + 1)
     exact = exact_bar(scene)
-    return exact_motion(exact, bar, scene.gravity, times, positions, scene.output.every)
+    return exact_motion(exact, bar, scene.axial_gravity, times, positions, scene.output.every)
 
 
 def _solve_marching(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
     progress.step("loading the time loops (compiled at their first use)")
     from impactfem.marching.march import SCHEMES, Marching, march  # noqa: PLC0415  (loads Numba)
 
-    bar, scheme = scene.bodies[0], SCHEMES[chosen.method]
+    bar, scheme = scene.bar, SCHEMES[chosen.method]
     if scene.mesh_path is not None:
         positions, dt, layers = _layers_of_mesh(scene, chosen.method)
     elif chosen.elements and chosen.layers and chosen.dt:
@@ -48,7 +48,7 @@ def _solve_marching(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion
         max_iterations=chosen.max_iterations,
         every=scene.output.every,
     )
-    return march(bar, scene.gravity, positions, scheme, numbers)
+    return march(bar, scene.axial_gravity, positions, scheme, numbers)
 
 
 def _layers_of_mesh(scene: Scene, method: str) -> tuple[Floats, float, int]:
@@ -62,7 +62,7 @@ def _layers_of_mesh(scene: Scene, method: str) -> tuple[Floats, float, int]:
     from impactfem.marching.march import SCHEMES  # noqa: PLC0415
     from impactfem.mesh.files import read_mesh  # noqa: PLC0415
 
-    bar, path = scene.bodies[0], scene.mesh_path
+    bar, path = scene.bar, scene.mesh_path
     if path is None:
         raise MeshError("solve.mesh: no mesh file is given")
     space = read_mesh(MPI.COMM_WORLD, path, bar.length, scene.duration, bar.wave_speed)
@@ -96,7 +96,7 @@ def _solve_monolithic(scene: Scene, chosen: Plan, progress: Progress) -> BarMoti
     from impactfem.spacetime.stability import refuse_growth  # noqa: PLC0415
 
     comm = MPI.COMM_WORLD
-    bar, path = scene.bodies[0], scene.mesh_path
+    bar, path = scene.bar, scene.mesh_path
     progress.step("building the space-time mesh")
     if path is not None:
         space = read_mesh(comm, path, bar.length, scene.duration, bar.wave_speed)
@@ -109,7 +109,7 @@ def _solve_monolithic(scene: Scene, chosen: Plan, progress: Progress) -> BarMoti
     settings = GalerkinSettings(
         chosen.active_set, chosen.gamma, chosen.tolerance, chosen.max_iterations
     )
-    return solve_galerkin(space, bar, scene.gravity, settings, progress, scene.output.every)
+    return solve_galerkin(space, bar, scene.axial_gravity, settings, progress, scene.output.every)
 
 
 def _solve_dg(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
@@ -120,7 +120,7 @@ def _solve_dg(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
         solve_discontinuous,
     )
 
-    bar, path, asked = scene.bodies[0], scene.mesh_path, scene.solve
+    bar, path, asked = scene.bar, scene.mesh_path, scene.solve
     progress.step("building the space-time mesh")
     mesh = None
     if path is not None:
@@ -139,7 +139,7 @@ def _solve_dg(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
     )
     progress.step("solving")
     motion, details = solve_discontinuous(
-        MPI.COMM_WORLD, bar, scene.gravity, scene.duration, settings, progress
+        MPI.COMM_WORLD, bar, scene.axial_gravity, scene.duration, settings, progress
     )
     return replace(motion, effort=replace(motion.effort, details=details))
 

@@ -10,11 +10,17 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class InterruptedRunError(BaseException):
-    """A signal asked the run to end; not an Exception, so that nothing swallows it."""
+    """A signal asked the run to end; not an Exception, so that nothing swallows it.
+
+    Attributes:
+        number: The signal.
+        kept: What the run leaves, in words.
+    """
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
         self.number = number
+        self.kept = "nothing was written"
 
 
 def listen() -> None:

@@ -42,7 +42,7 @@ def choose_grid(scene: Scene, method: Method, exact: ExactBar, reasons: dict[str
     Raises:
         SceneError: The time step is beyond the method's stability limit.
     """
-    bar, solve = scene.bodies[0], scene.solve
+    bar, solve = scene.bar, scene.solve
     if solve.mesh is not None:
         reasons["elements"] = f"the mesh file {solve.mesh} decides"
         return Grid()
@@ -112,7 +112,7 @@ def _choose_elements(scene: Scene, method: Method, exact: ExactBar, reasons: dic
 
 def on_its_own_mesh(scene: Scene, exact: ExactBar) -> bool:
     """Whether the galerkin method would be exact at the nodes with the scene's settings."""
-    bar, solve = scene.bodies[0], scene.solve
+    bar, solve = scene.bar, scene.solve
     elements = solve.elements or _aligned_elements(exact)
     if elements is None:
         return False

@@ -4,42 +4,65 @@ import resource
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+from impactfem.error_estimate import estimate_error
+from impactfem.errors import SceneError
 from impactfem.log import Progress
 from impactfem.methods import METHODS
-from impactfem.planning import Plan, plan
+from impactfem.planning import Plan, SolidPlan, plan
 from impactfem.reference import exact_bar, exact_curves, measure
 from impactfem.result import Result
 from impactfem.result.bar_motion import bar_fields, bar_history
+from impactfem.result.solid_motion import solid_history
 from impactfem.runners import RUNNERS
 from impactfem.scene import Scene
 from impactfem.summary import Cost, summarise
 
 
-def solve(scene: Scene, *, progress: Progress | None = None, **settings: Any) -> Result:
+def solve(
+    scene: Scene,
+    *,
+    progress: Progress | None = None,
+    checkpoints: Path | None = None,
+    restart: Path | None = None,
+    **settings: Any,
+) -> Result:
     """Solve a scene.
 
     Args:
         scene: What to model.
         progress: Told of the stages; silent if None.
+        checkpoints: Folder for checkpoints of a solid every ``output.checkpoint`` layers; it must
+            exist.
+        restart: Folder with the checkpoint from which a solid continues.
         **settings: Keys of the scene's ``[solve]`` table that replace its own, as
             ``solve(scene, elements=80)``.
 
     Returns:
-        The result, on every rank. If the active set did not settle, ``summary["status"]`` says so
-        and what was computed is kept.
+        The result, on every rank; the fields of a solid on rank 0 only. If the active set did not
+        settle, ``summary["status"]`` says so and what was computed is kept.
 
     Raises:
         SceneError: The scene or a setting cannot work.
-        MeshError: The mesh file has a fault.
-        ConvergenceError: A linear system could not be solved.
+        MeshError: The mesh file has a fault, or the mesh cannot be made.
+        ConvergenceError: A linear system could not be solved, or contact forces were not found.
+        OutputError: The checkpoint cannot be read or written.
         MissingDependencyError: DOLFINx or Gmsh is not installed.
     """
     if settings:
         scene = scene.with_settings({f"solve.{key}": value for key, value in settings.items()})
     progress = progress or Progress()
     chosen = plan(scene)
+    if isinstance(chosen, SolidPlan):
+        return _solve_solid(scene, chosen, progress, checkpoints, restart)
+    if checkpoints is not None or restart is not None:
+        raise SceneError(f"body {scene.bar.name}: bars are not checkpointed; leave that out")
+    return _solve_bar(scene, chosen, progress)
+
+
+def _solve_bar(scene: Scene, chosen: Plan, progress: Progress) -> Result:
     start = time.perf_counter()
     motion = RUNNERS[METHODS[chosen.method].family](scene, chosen, progress)
     wall_time = time.perf_counter() - start
@@ -47,10 +70,10 @@ def solve(scene: Scene, *, progress: Progress | None = None, **settings: Any) ->
     end = max(scene.duration, float(motion.times[-1]))
     exact = exact_bar(scene, end)
     errors = measure(motion, exact) if chosen.method != "exact" and motion.is_finite else None
-    bar = scene.bodies[0]
+    bar = scene.bar
     history = bar_history(motion, bar)
     return Result(
-        _as_used(scene, chosen),
+        _bar_as_used(scene, chosen),
         history,
         summarise(scene, chosen, history, motion.effort, errors, _cost(wall_time)),
         bar_fields(motion) if scene.output.fields else None,
@@ -58,7 +81,36 @@ def solve(scene: Scene, *, progress: Progress | None = None, **settings: Any) ->
     )
 
 
-def _as_used(scene: Scene, chosen: Plan) -> Scene:
+def _solve_solid(
+    scene: Scene,
+    chosen: SolidPlan,
+    progress: Progress,
+    checkpoints: Path | None,
+    restart: Path | None,
+) -> Result:
+    from impactfem.solid_runs import run_solid  # noqa: PLC0415  (loads DOLFINx)
+
+    start = time.perf_counter()
+    motion, fields = run_solid(scene, chosen, progress, checkpoints=checkpoints, restart=restart)
+    cost = _cost(time.perf_counter() - start)
+    errors, details = None, dict(motion.effort.details)
+    if chosen.estimate and motion.is_finite and motion.effort.converged:
+        progress.step("estimating the error on elements twice as large")
+        errors, note = estimate_error(scene, chosen, motion)
+        details["error_estimate"] = note
+    unknowns = max(1, motion.effort.num_unknowns)
+    details["memory_per_unknown_kib"] = cost.memory_mib * 1024 / unknowns
+    history = solid_history(motion, scene.solid.name)
+    effort = replace(motion.effort, details=details)
+    return Result(
+        _solid_as_used(scene, chosen),
+        history,
+        summarise(scene, chosen, history, effort, errors, cost),
+        fields,
+    )
+
+
+def _bar_as_used(scene: Scene, chosen: Plan) -> Scene:
     """The scene with the plan's choices filled in."""
     settings = scene.solve
     filled = replace(settings, method=chosen.method, degree=chosen.degree, fitted=chosen.fitted)
@@ -68,6 +120,20 @@ def _as_used(scene: Scene, chosen: Plan) -> Scene:
         if settings.dt is None:
             filled = replace(filled, courant=chosen.courant)
     return replace(scene, solve=filled)
+
+
+def _solid_as_used(scene: Scene, chosen: SolidPlan) -> Scene:
+    """The scene with the plan's choices filled in."""
+    settings = replace(
+        scene.solve,
+        method=chosen.method,
+        courant=chosen.courant if scene.solve.dt is None else None,
+        normals=chosen.normals,
+        estimate=chosen.estimate,
+        linear_solver=None if chosen.linear_solver == "none" else chosen.linear_solver,
+    )
+    body = replace(scene.solid, degree=chosen.degree)
+    return replace(scene, bodies=(body,), solve=settings)
 
 
 def _cost(wall_time: float) -> Cost:

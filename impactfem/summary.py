@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from impactfem.planning import Plan
+from impactfem.planning import AnyPlan
 from impactfem.reference import Errors
 from impactfem.result import Effort
 from impactfem.scene import Scene
@@ -18,6 +18,9 @@ Floats = NDArray[np.float64]
 # Share of the largest force that counts as none: displacements right to 1e-9 at an impact on a
 # layer can make a pair active one layer early, with about this force.
 _NO_FORCE = 1e-6
+
+# Share of the largest gap that counts as none.
+_SHUT = 1e-9
 
 GROWTH_NOTED = 1e-6
 """Relative growth of energy that a report points out; no method the plan may choose exceeds it."""
@@ -36,15 +39,17 @@ class Cost:
 
 
 def summarise(
-    scene: Scene, chosen: Plan, history: xr.Dataset, effort: Effort, errors: Errors | None,
+    scene: Scene, chosen: AnyPlan, history: xr.Dataset, effort: Effort, errors: Errors | None,
     cost: Cost,
 ) -> dict[str, Any]:  # fmt: skip
     """Figures of a run, as in ``summary.json``; None stands for numbers that are not finite."""
     t, force = history["time"].values, history["contact_force"].values
     energy = history["total_energy"].values
-    # Kinetic and elastic energy too: the potential may make the sum nearly vanish.
+    # Kinetic and elastic energy too: the potential may make the sum nearly vanish. And the work on
+    # a body that starts at rest.
     moving = history["kinetic_energy"].values + history["elastic_energy"].values
-    scale = max(abs(energy[0]), moving[0]) or moving.max() or 1.0
+    worked = history["potential_energy"].values - history["potential_energy"].values[0]
+    scale = max(abs(energy[0]), moving[0], np.abs(worked).max()) or moving.max() or 1.0
     growth = (energy - energy[0]) / scale
     status = "completed" if effort.converged else "not_converged"
     if effort.converged and not growth.max() <= GROWTH_LIMIT:
@@ -73,7 +78,7 @@ def summarise(
             "grows": bool(growth.max() > GROWTH_NOTED),
         },
         "contact": {
-            "intervals": contact_intervals(t, force),
+            "intervals": contact_intervals(t, force, history["gap"].values),
             "max_force": force.max(),
             "impulse": float(np.sum(force[1:] * np.diff(t))),
             "max_penetration": max(0.0, -float(history["gap"].min())),
@@ -86,23 +91,43 @@ def summarise(
     return plain
 
 
-def contact_intervals(times: Floats, force: Floats) -> list[list[float]]:
+def contact_intervals(times: Floats, force: Floats, gap: Floats) -> list[list[float]]:
     """Join the layers in which the obstacle pushes to intervals.
 
     A pair that is active without a force (gap and force both zero to rounding) does not count.
+    Where the gap is still open when the force sets in, or open again when it ends, contact begins
+    and ends inside layers: where the gap of the two levels beside would close, as in free flight.
 
     Args:
         times: Layer times [s], shape (rows,).
         force: Contact force during (t_{m-1}, t_m] [N], shape (rows,); row 0 is ignored.
+        gap: Gap at t_m [m], shape (rows,).
 
     Returns:
         Pairs [t_in, t_out] in seconds.
     """
     on = np.concatenate([[False], force[1:] > _NO_FORCE * force.max(), [False]])
     changes = np.flatnonzero(on[1:] != on[:-1])
-    return [
-        [float(times[i]), float(times[j])] for i, j in zip(changes[::2], changes[1::2], strict=True)
-    ]
+    shut = ~(gap > _SHUT * np.abs(gap).max())
+    found = []
+    for first, last in zip(changes[::2], changes[1::2], strict=True):
+        closed = first + np.flatnonzero(shut[first : last + 1])
+        begin, end = (closed[0], closed[-1]) if len(closed) else (first + 1, last - 1)
+        before, after = max(begin - 1, first), min(end + 1, last)
+        begins = _closing_time(times, gap, before - 1, before)
+        ends = _closing_time(times, gap, after + 1, after)
+        t_in = float(np.clip(begins, times[first], times[begin]))
+        t_out = float(np.clip(ends, times[end], times[last]))
+        found.append([t_in, max(t_in, t_out)])
+    return found
+
+
+def _closing_time(times: Floats, gap: Floats, far: int, near: int) -> float:
+    """When a gap that goes on changing as from one level to another closes [s]."""
+    if not 0 <= far < len(times) or not gap[far] > gap[near]:
+        return float(times[near])
+    way = gap[near] / (gap[far] - gap[near])
+    return float(times[near] + way * (times[near] - times[far]))
 
 
 def _plain(value: Any) -> Any:

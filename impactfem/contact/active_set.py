@@ -42,8 +42,9 @@ def primal_dual_active_set(
     tolerance: float,
     max_iterations: int,
     observe: Callable[[int, int], None] | None = None,
+    start: Booleans | None = None,
 ) -> ActiveSetResult:
-    """Find the active set by A = {gamma * multiplier + gap < 0}, from an empty set on.
+    """Find the active set by A = {gamma * multiplier + gap < 0}.
 
     For a fixed set the problem is linear: ``gap = 0`` on A and ``multiplier = 0`` elsewhere. The
     update is Newton's step for min(gap, -gamma * multiplier) = 0 (Hintermueller, Ito, Kunisch,
@@ -56,11 +57,12 @@ def primal_dual_active_set(
         tolerance: Rounding level of the gap [m], >= 0; an inactive pair stays so above its minus.
         max_iterations: Limit of linear solves.
         observe: Called after each solve with (iteration, set changes).
+        start: Set to begin with, shape (pairs,); empty if None.
 
     Returns:
         The last iterate. Whether it is a solution says ``converged``.
     """
-    active: Booleans = np.zeros(pairs, dtype=bool)
+    active: Booleans = np.zeros(pairs, dtype=bool) if start is None else start
     seen = {active.tobytes(): 0}
     changes: list[int] = []
     for iteration in range(1, max_iterations + 1):

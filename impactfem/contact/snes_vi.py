@@ -1,11 +1,13 @@
 """Bound-constrained linear problems by PETSc's reduced-space semismooth Newton method."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.errors import ConvergenceError
 from impactfem.fem import PETSc
 
 
@@ -83,3 +85,46 @@ def solve_bounded(
         snes.destroy()
         for vector in (lower, upper, residual):
             vector.destroy()
+
+
+def solve_by_snes_vi(
+    tolerance: float, max_iterations: int
+) -> Callable[[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]], Any]:
+    """Make a solver of complementarity problems for contact forces, an independent check of PDAS.
+
+    The bound is that of the forces, lambda >= 0: it holds for normals of any direction. (A bound of
+    displacements would need unknowns turned into the normals, and fails where these change.)
+
+    Args:
+        tolerance: Absolute tolerance of gaps [m].
+        max_iterations: Limit of Newton iterations.
+    """
+
+    def solver(
+        matrix: NDArray[np.float64], offset: NDArray[np.float64], start: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.float64], int]:
+        size = len(offset)
+        if not start.any() and offset.min(initial=0.0) >= -tolerance:
+            return np.zeros(size), 0
+        scale = float(np.abs(matrix).max())
+        rows = np.arange(size, dtype=np.int32)
+        dense = PETSc.Mat().createAIJ([size, size], nnz=size, comm=PETSc.COMM_SELF)
+        dense.setValues(rows, rows, (matrix / scale).ravel())
+        dense.assemble()
+        load, force = dense.createVecs()
+        load.setArray(-offset)
+        try:
+            found = solve_bounded(
+                dense, load, force, rows, tolerance=tolerance, max_iterations=max_iterations
+            )
+            if not found.converged:
+                raise ConvergenceError(
+                    f"contact: SNES VI failed for {size} pairs ({found.message}); use "
+                    'solve.active_set = "pdas", a larger solve.tolerance or a smaller solve.dt'
+                )
+            return np.maximum(force.getArray() / scale, 0.0), max(1, found.iterations)
+        finally:
+            for part in (dense, load, force):
+                part.destroy()
+
+    return solver

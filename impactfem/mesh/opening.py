@@ -1,18 +1,25 @@
 """A user's mesh file, opened in a process of its own: Gmsh can crash on a broken one."""
 
+import json
 import os
 import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from impactfem.errors import MeshError
 
 MAX_BYTES = 512 * 2**20
 """Largest mesh file that is read."""
+
+MAX_SCRIPT_BYTES = 16 * 2**20
+"""Largest script (.geo) that is read: Gmsh takes minutes for more."""
+
+_MOST_ALONG = 1e5  # elements along a body's largest extent; their square would fill any memory
 
 # Gmsh's script language can start programs, read and write files: a mesh needs none of it.
 _FORBIDDEN = re.compile(
@@ -24,75 +31,155 @@ _FORBIDDEN = re.compile(
 # Gmsh's strings know no escapes and may span lines; what looks like a comment in one is none.
 _TOKEN = re.compile(rb"\"[^\"]*\"|'[^']*'|//[^\n]*|/\*.*?\*/", re.DOTALL)
 
+# What only Gmsh knows is done here; the rest happens outside, where it can be tested.
 _PROGRAM = """
+import json
+import os
+import resource
 import sys
 import gmsh
 
-source, target = sys.argv[1:]
+# A mesh that is too fine must end this process, not the machine.
+memory = max(2**33, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
+_, hard = resource.getrlimit(resource.RLIMIT_AS)
+if hard == resource.RLIM_INFINITY or hard > memory:
+    resource.setrlimit(resource.RLIMIT_AS, (memory, hard))
+source, target, job = sys.argv[1:]
+job = json.loads(job)
+dim, degree = job["dim"], job["degree"]
 gmsh.initialize(readConfigFiles=False, interruptible=False)
 gmsh.option.setNumber("General.Terminal", 0)
+gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
 gmsh.logger.start()
+errors = []
+
+def label():
+    for side in (dim, dim - 1):
+        named = {}
+        for entity, tag in gmsh.model.getEntities(side):
+            name = gmsh.model.getEntityName(entity, tag).split("/")[-1]
+            fallback = "edge" if side == 1 else "face" if side == 2 else "solid"
+            named.setdefault(name or fallback + "_" + str(tag), []).append(tag)
+        for name, tags in named.items():
+            gmsh.model.addPhysicalGroup(side, tags, name=name)
+
+def grade():
+    field = gmsh.model.mesh.field
+    tags = []
+    for values in job["balls"]:
+        tags.append(field.add("Ball"))
+        for name, value in values.items():
+            field.setNumber(tags[-1], name, value)
+    if tags:
+        least = field.add("Min")
+        field.setNumbers(least, "FieldsList", tags)
+        field.setAsBackgroundMesh(least)
+
 try:
     gmsh.open(source)
-    if source.endswith(".geo"):
-        gmsh.model.mesh.generate(2)
+    step = source.endswith((".step", ".stp"))
+    if step:
+        label()
+    if step or source.endswith(".geo"):
+        box = gmsh.model.getBoundingBox(-1, -1)
+        extent = max(b - a for a, b in zip(box[:3], box[3:]))
+        along = [(extent, job["size"] or extent)]
+        along += [(min(extent, 2.0 * ball["Radius"]), ball["VIn"]) for ball in job["balls"]]
+        for length, size in along:
+            if length > job["most"] * size:
+                sys.exit(
+                    f"{length / size:.2g} elements of {job['unit'] * size:.2g} m would lie along "
+                    "the body or a ball of refine, which no memory holds; give larger sizes"
+                )
+        for name, value in job["options"].items():
+            gmsh.option.setNumber(name, value)
+        grade()
+        gmsh.model.mesh.generate(dim)
+    kinds = [int(kind) for kind in gmsh.model.mesh.getElementTypes(dim)]
+    if degree and kinds and not set(kinds) <= set(job["kinds"]):
+        gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 0)
+        gmsh.model.mesh.setOrder(degree)
     gmsh.model.mesh.renumberElements()
-    errors = [line for line in gmsh.logger.get() if line.startswith("Error")]
+    errors += [line for line in gmsh.logger.get() if line.startswith("Error")]
     for option, value in (("SaveAll", 1), ("MshFileVersion", 4.1), ("Binary", 1)):
         gmsh.option.setNumber("Mesh." + option, value)
     gmsh.write(target)
 except Exception as error:
-    errors = [str(error)]
+    errors.insert(0, str(error))
 sys.exit(errors[0] if errors else 0)
 """
 # Set by MPI launchers; a library of Gmsh that saw them would take itself for a rank.
 _LAUNCHER = re.compile(r"(PMI|MPI|OMPI|PRTE|HYDRA|SLURM)")
 
 
+@dataclass(frozen=True)
+class Job:
+    """What Gmsh shall do with a file.
+
+    Attributes:
+        key: Key of the scene that names the file.
+        surfaces: What an empty file lacks, for the message.
+        endings: Endings that are read.
+        dim: Dimension up to which geometry is meshed.
+        degree: Degree to which elements are brought; None leaves them.
+        kinds: Gmsh's numbers of the elements that have the degree already.
+        options: Gmsh's options for meshing geometry.
+        balls: Parameters of Gmsh's fields "Ball", of which the least is the mesh size.
+        unit: Length in the file [m], for messages.
+    """
+
+    key: str = "solve.mesh"
+    surfaces: str = "the physical curves start, end, wall, far"
+    endings: tuple[str, ...] = (".geo", ".msh")
+    dim: int = 2
+    degree: int | None = None
+    kinds: tuple[int, ...] = ()
+    options: Mapping[str, float] = field(default_factory=dict)
+    balls: tuple[Mapping[str, float], ...] = ()
+    unit: float = 1.0
+
+
+SPACE_TIME = Job()
+"""Triangles of a space-time mesh, as the file has them."""
+
+
 @contextmanager
-def opened(path: Path) -> Iterator[Path]:
-    """Check a ``.geo`` or ``.msh`` file and give it as a temporary ``.msh`` that Gmsh wrote itself.
+def opened(path: Path, job: Job = SPACE_TIME) -> Iterator[Path]:
+    """Check a file and give it as a temporary ``.msh`` that Gmsh wrote itself.
+
+    Args:
+        path: A ``.geo``, ``.msh``, ``.step`` or ``.stp`` file, as far as the job allows.
+        job: What is done with it. Lengths of STEP files come in millimetres.
 
     Raises:
         MeshError: The file cannot be read, is no mesh, or uses commands that reach beyond it.
     """
-    content = _content(path)
+    content = _content(path, job)
     with tempfile.TemporaryDirectory(prefix="impactfem-") as folder:
         source = Path(folder, f"source{path.suffix.lower()}")
         target = Path(folder, "mesh.msh")
         source.write_bytes(content)
-        _convert(path, source, target)
+        _convert(path, source, target, job)
         yield target
 
 
-def _content(path: Path) -> bytes:
+def _content(path: Path, job: Job) -> bytes:
     """Read the file and refuse what Gmsh must not see."""
     suffix = path.suffix.lower()
-    if suffix not in {".geo", ".msh"}:
-        raise MeshError(f"mesh file {path}: the ending {suffix!r} is not known; use .geo or .msh")
-    try:
-        if path.exists() and not path.is_file():
-            raise MeshError(f"mesh file {path}: not a file; check `solve.mesh`")
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise MeshError(
-                f"mesh file {path}: {size} bytes, more than the {MAX_BYTES} that are read; "
-                "use a coarser mesh"
-            )
-        content = path.read_bytes()
-    except OSError as error:
-        raise MeshError(
-            f"mesh file {path}: cannot be read ({error.strerror}); check `solve.mesh`, which is "
-            "relative to the scene file"
-        ) from error
-    if not content.strip():
-        raise MeshError(
-            f"mesh file {path}: empty; write a mesh with the physical curves start, end, wall, far"
-        )
+    if suffix not in job.endings:
+        known = f"{', '.join(job.endings[:-1])} or {job.endings[-1]}"
+        raise MeshError(f"mesh file {path}: the ending {suffix!r} is not known; use {known}")
+    content = _bytes(path, job)
     if suffix == ".msh":
         if not content.startswith(b"$MeshFormat"):  # Gmsh would take anything else for a script
             raise MeshError(
                 f"mesh file {path}: does not begin with $MeshFormat; save it as .msh (4.1)"
+            )
+        return content
+    if suffix in {".step", ".stp"}:
+        if not content.lstrip().startswith(b"ISO-10303-21"):
+            raise MeshError(
+                f"mesh file {path}: does not begin with ISO-10303-21; export it as STEP again"
             )
         return content
     command = _FORBIDDEN.search(_TOKEN.sub(_without_comment, content))
@@ -104,15 +191,44 @@ def _content(path: Path) -> bytes:
     return content + b"\n"  # Gmsh overlooks statements on a last line that does not end
 
 
+def _bytes(path: Path, job: Job) -> bytes:
+    """Read the file."""
+    try:
+        if path.exists() and not path.is_file():
+            raise MeshError(f"mesh file {path}: not a file; check `{job.key}`")
+        size = path.stat().st_size
+        is_script = path.suffix.lower() == ".geo"
+        most = MAX_SCRIPT_BYTES if is_script else MAX_BYTES
+        if size > most:
+            remedy = "save its mesh as .msh" if is_script else "use a coarser mesh"
+            raise MeshError(
+                f"mesh file {path}: {size} bytes, more than the {most} that are read; {remedy}"
+            )
+        content = path.read_bytes()
+    except OSError as error:
+        raise MeshError(
+            f"mesh file {path}: cannot be read ({error.strerror}); check `{job.key}`, which is "
+            "relative to the scene file"
+        ) from error
+    if not content.strip():
+        raise MeshError(f"mesh file {path}: empty; write a mesh with {job.surfaces}")
+    return content
+
+
 def _without_comment(token: re.Match[bytes]) -> bytes:
     return b" " if token[0].startswith(b"/") else token[0]
 
 
-def _convert(path: Path, source: Path, target: Path) -> None:
+def _convert(path: Path, source: Path, target: Path, job: Job) -> None:
     """Have another process read the source, mesh it if it is a script, and write the target."""
     environment = {name: value for name, value in os.environ.items() if not _LAUNCHER.match(name)}
+    orders = json.dumps({
+        "dim": job.dim, "degree": job.degree, "kinds": job.kinds, "options": dict(job.options),
+        "balls": [dict(ball) for ball in job.balls],
+        "size": job.options.get("Mesh.MeshSizeMax"), "most": _MOST_ALONG, "unit": job.unit,
+    })  # fmt: skip
     done = subprocess.run(  # noqa: S603  (our own program)
-        [sys.executable, "-P", "-c", _PROGRAM, str(source), str(target)],
+        [sys.executable, "-P", "-c", _PROGRAM, str(source), str(target), orders],
         env=environment, stdin=subprocess.DEVNULL, capture_output=True, check=False,
     )  # fmt: skip
     if done.returncode < 0:

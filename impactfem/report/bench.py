@@ -6,11 +6,16 @@ from pathlib import Path
 
 from impactfem.errors import SceneError
 from impactfem.report.hard_cases import hard_cases
-from impactfem.report.work_precision import Variant, work_precision
+from impactfem.report.variant import Variant
+from impactfem.report.work_precision import work_precision
 from impactfem.scene import Scene
 from impactfem.shipped import find_scene
 
-DEFAULT_METHODS = "galerkin,conserving,exact"
+DEFAULTS = {
+    "bar": ("galerkin,conserving,exact", "20,40,80"),
+    "solid": ("massless,conserving,explicit", "8,16"),
+}
+"""Methods and sizes by the kind of body."""
 
 
 def bench(given: argparse.Namespace, say: Callable[[str], None]) -> bool:
@@ -29,8 +34,10 @@ def bench(given: argparse.Namespace, say: Callable[[str], None]) -> bool:
     if given.scene is None:
         raise SceneError("bench: no scene is given; name one, or use --hard")
     scene = Scene.from_toml(find_scene(given.scene))
-    names = names or Variant.split(DEFAULT_METHODS)
-    study = work_precision(scene, names, _sizes(given.sizes), given.repeats, progress=say)
+    methods, sizes = DEFAULTS[scene.bodies[0].kind]
+    names = names or Variant.split(methods)
+    sizes = given.sizes or sizes
+    study = work_precision(scene, names, _sizes(sizes), given.repeats, progress=say)
     say("\n" + study.markdown())
     if given.out is not None:
         say("\n" + "\n".join(str(path) for path in study.save(given.out)))

@@ -17,6 +17,8 @@ type Facts = Mapping[str, float]
 
 Verdict = Literal["pass", "FAIL", "refused"]
 
+Body = Literal["bar", "solid"]
+
 
 @dataclass(frozen=True)
 class Claim:
@@ -49,6 +51,7 @@ class Case:
         methods: Methods that it is shown for.
         refusals: Methods that must refuse it with a message; they pass by doing so.
         quick: Whether it belongs to the quick part.
+        body: What it is about, which is how the board is parted.
     """
 
     name: str
@@ -57,6 +60,7 @@ class Case:
     methods: tuple[str, ...]
     refusals: frozenset[str] = frozenset()
     quick: bool = True
+    body: Body = "bar"
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,7 @@ class Cell:
         failed: Claims that do not hold.
         message: Of the refusal or failure.
         seconds: Time taken [s].
+        body: As of the case.
     """
 
     case: str
@@ -80,6 +85,7 @@ class Cell:
     failed: tuple[Claim, ...] = ()
     message: str = ""
     seconds: float = 0.0
+    body: Body = "bar"
 
     @property
     def passed(self) -> bool:
@@ -129,11 +135,9 @@ class Board:
 
     def markdown(self) -> str:
         """Overview, what must hold, figures and failures as Markdown."""
-        methods = tuple(dict.fromkeys(cell.method for cell in self.cells))
         cases = tuple(dict.fromkeys(cell.case for cell in self.cells))
-        verdicts = {(cell.case, cell.method): cell.verdict for cell in self.cells}
-        overview = [[case, *(verdicts.get((case, m), "") for m in methods)] for case in cases]
-        parts = [markdown_table(["case", *methods], overview), "\n## What must hold, and why\n"]
+        parts = [f"{self._overview(body)}\n" for body in dict.fromkeys(c.body for c in self.cells)]
+        parts.append("## What must hold, and why\n")
         parts.append(
             markdown_table(
                 ["case", "must hold"],
@@ -153,6 +157,17 @@ class Board:
             f"\n{conditions()}",
         ]
         return "\n".join(parts)
+
+    def _overview(self, body: Body) -> str:
+        """Verdicts of the cases of a kind of body by their methods."""
+        cells = [cell for cell in self.cells if cell.body == body]
+        methods = tuple(dict.fromkeys(cell.method for cell in cells))
+        verdicts = {(cell.case, cell.method): cell.verdict for cell in cells}
+        rows = [
+            [case, *(verdicts.get((case, m), "") for m in methods)]
+            for case in dict.fromkeys(cell.case for cell in cells)
+        ]
+        return markdown_table([f"case ({body})", *methods], rows)
 
     def csv(self) -> str:
         """One line per case, method and figure."""

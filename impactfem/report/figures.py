@@ -8,7 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from impactfem.result import Result
+from impactfem.report.animation import animate
+from impactfem.report.solid_figures import draw_solid
+from impactfem.result import Fields, Result
+from impactfem.scene import Solid
 
 _BLUE, _ORANGE, _GREEN, _GREY = "#0b559f", "#d95f02", "#1b7837", "0.45"
 _MAX_LINES = 400  # samples along an axis that a picture can show
@@ -21,12 +24,27 @@ def draw_all(result: Result) -> dict[str, Figure]:
         "contact_force": _draw(contact_force, result),
         "energy": _draw(energy, result),
     }
+    if isinstance(result.scene.bodies[0], Solid):
+        return figures | draw_solid(result)
     if result.fields is not None:
         figures["displacement"] = _draw(displacement, result)
         figures["position"] = _draw(position, result)
     if result.summary["active_set"]["set_changes"]:
         figures["active_set"] = _draw(active_set, result)
     return figures
+
+
+def write_pictures(result: Result, folder: Path) -> tuple[dict[str, Figure], list[Path]]:
+    """Draw everything that the result allows and write it, with a film of a solid's motion.
+
+    Returns:
+        The figures by name, and the paths of all files.
+    """
+    figures = draw_all(result)
+    paths = write_all(figures, folder)
+    if "body" in figures:
+        paths.append(animate(result, folder / "motion.gif"))
+    return figures, paths
 
 
 def write_all(figures: Mapping[str, Figure], folder: Path) -> list[Path]:
@@ -57,7 +75,7 @@ def _time_label(axes: Axes, result: Result) -> None:
 def displacement(axes: Axes, result: Result) -> None:
     """Displacement over time and position, with the contact line at the wall end."""
     fields = result.fields
-    if fields is None:
+    if not isinstance(fields, Fields):
         return
     t, x = _thin(len(fields.times)), _thin(len(fields.positions))
     values = fields.displacement[np.ix_(t, x)].T
@@ -77,7 +95,7 @@ def displacement(axes: Axes, result: Result) -> None:
 def position(axes: Axes, result: Result) -> None:
     """World lines of points of the bar, with the wall."""
     fields = result.fields
-    if fields is None:
+    if not isinstance(fields, Fields):
         return
     t = _thin(len(fields.times))
     nodes = np.unique(np.linspace(0, len(fields.positions) - 1, 11).astype(int))

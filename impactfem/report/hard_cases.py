@@ -6,11 +6,18 @@ from collections.abc import Callable, Sequence
 
 from impactfem.errors import ImpactError, SceneError
 from impactfem.methods import METHODS
-from impactfem.report.board import Board, Case, Cell, Claim, Verdict
+from impactfem.report.board import Board, Case, Cell, Claim, Facts, Verdict
 from impactfem.report.hard_scenes import CASES as SCENE_CASES
+from impactfem.report.hard_solid_special import CASES as SOLID_SPECIAL_CASES
+from impactfem.report.hard_solids import CASES as SOLID_CASES
 from impactfem.report.hard_special import CASES as SPECIAL_CASES
 
-CASES: tuple[Case, ...] = (*SCENE_CASES, *SPECIAL_CASES)
+CASES: tuple[Case, ...] = (
+    *SCENE_CASES,
+    *SPECIAL_CASES,
+    *SOLID_CASES,
+    *SOLID_SPECIAL_CASES,
+)
 """All hard cases."""
 
 __all__ = ["CASES", "Board", "hard_cases"]
@@ -57,20 +64,23 @@ def hard_cases(
 
 def _cell(case: Case, method: str) -> Cell:
     start = time.perf_counter()
+    facts: Facts = {}
+    failed: tuple[Claim, ...] = ()
+    right, message = method in case.refusals, ""
+    verdict: Verdict = "FAIL"
     try:
         facts = case.run(method)
     except ImpactError as error:
-        right = method in case.refusals
-        return Cell(
-            case.name, method, "refused" if right else "FAIL", {}, (), str(error),
-            time.perf_counter() - start,
-        )  # fmt: skip
+        verdict, message = "refused" if right else "FAIL", str(error)
+    else:
+        failed = tuple(claim for claim in case.claims(method) if not claim.holds(facts))
+        # A number that is no number fails even where nothing is claimed of it.
+        lost = [name for name, value in facts.items() if math.isnan(value)]
+        if right:
+            failed, message = (), "it should be refused"
+        elif lost:
+            message = f"not a number: {', '.join(lost)}"
+        elif not failed:
+            verdict = "pass"
     seconds = time.perf_counter() - start
-    if method in case.refusals:
-        return Cell(case.name, method, "FAIL", facts, (), "it should be refused", seconds)
-    failed = tuple(claim for claim in case.claims(method) if not claim.holds(facts))
-    # A number that is no number fails even where nothing is claimed of it.
-    lost = [name for name, value in facts.items() if math.isnan(value)]
-    message = f"not a number: {', '.join(lost)}" if lost else ""
-    verdict: Verdict = "FAIL" if failed or lost else "pass"
-    return Cell(case.name, method, verdict, facts, failed, message, seconds)
+    return Cell(case.name, method, verdict, facts, failed, message, seconds, case.body)

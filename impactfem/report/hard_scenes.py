@@ -11,7 +11,7 @@ from impactfem.methods import METHODS
 from impactfem.reference import exact_bar
 from impactfem.report.board import Case, Claim, Facts
 from impactfem.report.rounding import rounding_of_exact
-from impactfem.result import Result
+from impactfem.result import Fields, Result
 from impactfem.scene import Bar, Scene, Solve, Wall
 from impactfem.solving import solve
 
@@ -66,7 +66,7 @@ def solved(method: str, scene: Scene, **settings: Any) -> Result:
     elif method == "exact":
         keys["elements"] = SIZES["exact"]  # only samples it
     scene = scene.with_settings({f"solve.{key}": value for key, value in keys.items()})
-    bar = scene.bodies[0]
+    bar = scene.bar
     layers = scene.duration / bar.transit_time * keys.get("elements", 16) / keys.get("courant", 1)
     result = solve(scene.with_settings({"output.every": max(1, int(layers) // 400)}))
     if result.summary["status"] == "not_converged":
@@ -78,7 +78,7 @@ def facts_of(result: Result) -> dict[str, float]:
     """Figures of a run, dimensionless."""
     summary, history = result.summary, result.history
     errors, gap = summary["error"], history["gap"].values
-    moved = result.fields.displacement if result.fields else gap
+    moved = result.fields.displacement if isinstance(result.fields, Fields) else gap
     force = history["contact_force"].values
     peak = max(float(np.abs(force).max()), 1e-300)
     # The total may be next to zero: potentials have no natural origin.

@@ -76,7 +76,7 @@ def _graded(method: str) -> Facts:
     from impactfem.marching.chain import Chain  # noqa: PLC0415  (loads Numba)
     from impactfem.marching.march import SCHEMES, Marching, march  # noqa: PLC0415
 
-    bar, still = THROWN.bodies[0], PiecewiseConstant()
+    bar, still = THROWN.bar, PiecewiseConstant()
     worst = {"growth": 0.0, "penetration": 0.0, "pull": 0.0, "of bound": 0.0}
     sizes = np.geomspace(1e-3, 1.0, 80)
     for widths in (sizes, sizes[::-1]):
@@ -137,6 +137,11 @@ def _mesh_text(points: Floats, size: int, duration: float) -> str:
         line = there[np.argsort(nodes[there - 1, 1 - axis])]
         elements += [f"1 2 {tag} {tag} {i} {j}" for i, j in pairwise(line)]
         names.append(f'1 {tag} "{name}"')
+    return gmsh_text(names, nodes, elements)
+
+
+def gmsh_text(names: Sequence[str], nodes: Floats, elements: Sequence[str]) -> str:
+    """A plane mesh in Gmsh's format 2.2, from lines without the numbers that elements get."""
     parts = (
         ("MeshFormat", ["2.2 0 8"]),
         ("PhysicalNames", [str(len(names)), *names]),

@@ -15,7 +15,7 @@ def rounding_of_exact(scene: Scene) -> Errors:
     With other units all roundings differ, so the difference is the rounding level; that the
     solution itself is right is tested against closed forms.
     """
-    bar, (metre, second) = scene.bodies[0], _OTHER_UNITS
+    bar, (metre, second) = scene.bar, _OTHER_UNITS
     exact = exact_bar(scene)
     other = ExactBar.from_functions(
         length=metre * bar.length,
@@ -23,14 +23,14 @@ def rounding_of_exact(scene: Scene) -> Errors:
         duration=second * scene.duration,
         displacement=lambda x: metre * (bar.initial_displacement(x=x / metre) + np.zeros_like(x)),
         velocity=lambda x: metre / second * (bar.initial_velocity(x=x / metre) + np.zeros_like(x)),
-        gravity_times=second * np.array(scene.gravity.times),
-        gravity_values=metre / second**2 * np.array(scene.gravity.values),
+        gravity_times=second * np.array(scene.axial_gravity.times),
+        gravity_values=metre / second**2 * np.array(scene.axial_gravity.values),
         far_end=exact.far_end,
     )
     # Not on the grid of the events: a jump has two values.
     t = scene.duration * (np.arange(500) + 0.5123) / 501
     x = bar.length * np.linspace(0.0, 1.0, 41)
-    motion = exact_motion(exact, bar, scene.gravity, np.append(0.0, t), x, 1)
+    motion = exact_motion(exact, bar, scene.axial_gravity, np.append(0.0, t), x, 1)
     u = other.displacement(second * motion.times[:, None], metre * x[None, :]) / metre
     force = other.multiplier(second * t) * (second / metre) ** 2
     scale = np.abs(motion.displacement).max() or 1.0

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from impactfem.planning import Plan
+from impactfem.planning import AnyPlan, Plan, SolidPlan
 
 
 def table(rows: Sequence[tuple[str, str]], title: str = "") -> str:
@@ -13,8 +13,47 @@ def table(rows: Sequence[tuple[str, str]], title: str = "") -> str:
     return "\n".join(([title, "-" * len(title)] if title else []) + lines)
 
 
-def plan_table(plan: Plan) -> str:
+def plan_table(plan: AnyPlan) -> str:
     """The plan with its reasons."""
+    rows = _solid_rows(plan) if isinstance(plan, SolidPlan) else _bar_rows(plan)
+    for key, reason in plan.reasons.items():
+        rows.append((key if key.startswith("offer") else f"why {key}", reason))
+    rows += [("warning", warning) for warning in plan.warnings]
+    return table(rows, "Plan")
+
+
+def _solid_rows(plan: SolidPlan) -> list[tuple[str, str]]:
+    found_later = "as many as the stable step asks for, found when the run starts"
+    if plan.dt is None:
+        step = f"{plan.courant:g} of the stable step"
+    elif plan.courant is None:
+        step = f"{plan.dt:g} s"
+    else:
+        step = f"{plan.dt:g} s (courant {plan.courant:g})"
+    numbers = f"tolerance {plan.tolerance:g}, at most {plan.max_iterations} iterations"
+    return [
+        ("model", plan.model),
+        ("method", plan.method),
+        ("mesh size", f"{plan.mesh_size:g} m"),
+        ("layers", found_later if plan.layers is None else str(plan.layers)),
+        ("dt", step),
+        ("linear solver", plan.linear_solver),
+        ("normals", plan.normals),
+        ("active set", f"{plan.active_set}, {numbers}"),
+        ("unknowns", f"{plan.unknowns} ({plan.contact_pairs} contact pairs)"),
+        ("estimate", "the error, by a second run" if plan.estimate else "none"),
+        *_cost_rows(plan.memory_mib, plan.seconds),
+    ]
+
+
+def _cost_rows(memory_mib: float, seconds: float) -> list[tuple[str, str]]:
+    return [
+        ("memory", f"about {memory_mib:.0f} MiB"),
+        ("time", f"about {seconds:.2g} s on two cores"),
+    ]
+
+
+def _bar_rows(plan: Plan) -> list[tuple[str, str]]:
     rows = [("model", plan.model), ("method", plan.method)]
     for name in ("elements", "layers"):
         value = getattr(plan, name)
@@ -35,13 +74,8 @@ def plan_table(plan: Plan) -> str:
         if plan.unknowns is not None:
             rows.append(("unknowns", f"{plan.unknowns} ({plan.contact_pairs} contact pairs)"))
     if plan.memory_mib is not None and plan.seconds is not None:
-        rows += [
-            ("memory", f"about {plan.memory_mib:.0f} MiB"),
-            ("time", f"about {plan.seconds:.2g} s on two cores"),
-        ]
-    rows += [(f"why {key}", reason) for key, reason in plan.reasons.items()]
-    rows += [("warning", warning) for warning in plan.warnings]
-    return table(rows, "Plan")
+        rows += _cost_rows(plan.memory_mib, plan.seconds)
+    return rows
 
 
 def summary_table(summary: Mapping[str, Any]) -> str:
@@ -92,7 +126,7 @@ def _intervals(intervals: Sequence[Sequence[float]]) -> str:
 
 def _error(error: Mapping[str, Any] | None) -> str:
     if error is None:
-        return "none measured (exact or not finite)"
+        return "none measured (exact, not finite, or no estimate)"
     return (
         f"displacement max {_number(error['displacement_max'])}, L2 "
         f"{_number(error['displacement_l2'])}, force L1 {_number(error['force_l1'])} "

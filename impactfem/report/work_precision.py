@@ -4,7 +4,7 @@ import gc
 import statistics
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from impactfem.errors import ImpactError, SceneError
-from impactfem.methods import METHODS
 from impactfem.reference import exact_bar, measure
 from impactfem.report.rounding import rounding_of_exact
+from impactfem.report.solid_study import Attempt, attempts_at
 from impactfem.report.study import Row, Study
+from impactfem.report.variant import Variant
 from impactfem.result.bar_motion import BarMotion
-from impactfem.scene import Scene, parse_assignment
+from impactfem.scene import Scene, Solid
 from impactfem.solving import solve
 
 type Baseline = Callable[[Scene, int], tuple[BarMotion, float]]
@@ -25,45 +26,6 @@ type Baseline = Callable[[Scene, int], tuple[BarMotion, float]]
 
 _KEPT = 400  # levels at which displacement errors are measured
 _MANY, _SHORT = 20, 0.2  # runs that take less than so many seconds together are repeated more often
-
-
-@dataclass(frozen=True)
-class Variant:
-    """A method with settings.
-
-    Attributes:
-        name: As tables show it, as "galerkin@courant=0.5".
-        method: Name as in `impactfem methods`.
-        settings: Keys of ``[solve]``; with "elements" it is run at this size only.
-    """
-
-    name: str
-    method: str
-    settings: Mapping[str, Any] = field(default_factory=dict)
-
-    @classmethod
-    def parse(cls, text: str) -> "Variant":
-        """Read "galerkin" or "dg@degree=1,fitted=true".
-
-        Raises:
-            SceneError: The method is unknown or a setting is malformed.
-        """
-        method, _, rest = text.partition("@")
-        if method not in METHODS:
-            raise SceneError(f'method = "{method}" is unknown; choose from {", ".join(METHODS)}')
-        pairs = (parse_assignment(f"solve.{item}") for item in rest.split(",") if item)
-        return cls(text, method, {key.removeprefix("solve."): value for key, value in pairs})
-
-    @staticmethod
-    def split(text: str) -> list[str]:
-        """Split a list at its commas, but not at those between settings of one method."""
-        names: list[str] = []
-        for part in (part.strip() for part in text.split(",")):
-            if names and "=" in part and "@" not in part:
-                names[-1] += f",{part}"
-            elif part:
-                names.append(part)
-        return names
 
 
 def work_precision(
@@ -82,9 +44,10 @@ def work_precision(
     imports are not counted. A method that fails is a row that says why.
 
     Args:
-        scene: What to model.
+        scene: What to model. Solids are measured against method conserving on elements half as
+            large as the smallest of ``sizes``.
         methods: Methods, with settings after "@", as "galerkin@courant=0.5".
-        sizes: Numbers of elements.
+        sizes: Numbers of elements along the body.
         repeats: Runs of which the median time counts; short ones are run more often.
         baselines: Other solvers by name, run and measured in the same way.
         progress: Told of each row.
@@ -104,7 +67,12 @@ def work_precision(
         scene = scene.with_settings({f"solve.{key}": value for key, value in settings.items()})
     variants = [Variant.parse(name) for name in methods]
     ordered = sorted(set(sizes))
-    parts = [_rows_of(scene, variant, ordered, repeats) for variant in variants]
+    attempt: Attempt = _attempt
+    if isinstance(scene.bodies[0], Solid):
+        if baselines:
+            raise SceneError("baselines: studies of solids have none; leave them out")
+        attempt = attempts_at(scene, ordered)
+    parts = [_rows_of(scene, variant, ordered, repeats, attempt) for variant in variants]
     for name, solver in (baselines or {}).items():
         parts.append(_rows_of_baseline(scene, name, solver, ordered, repeats))
     rows = []
@@ -115,22 +83,24 @@ def work_precision(
     return Study(scene.title, tuple(rows), repeats, tuple(baselines or ()))
 
 
-def _rows_of(scene: Scene, variant: Variant, sizes: Sequence[int], repeats: int) -> Iterator[Row]:
+def _rows_of(
+    scene: Scene, variant: Variant, sizes: Sequence[int], repeats: int, attempt: Attempt
+) -> Iterator[Row]:
     fixed = variant.settings.get("elements")
     own = [int(fixed)] if fixed is not None else list(sizes)
-    _attempt(scene, variant, own[0])
+    attempt(scene, variant, own[0])
     for elements in own:
-        yield _row(scene, variant, elements, repeats)
+        yield _row(scene, variant, elements, repeats, attempt)
 
 
-def _row(scene: Scene, variant: Variant, elements: int, repeats: int) -> Row:
+def _row(scene: Scene, variant: Variant, elements: int, repeats: int, attempt: Attempt) -> Row:
     times: list[float] = []
     totals: list[float] = []
     memory = None
     while len(times) < repeats or (len(times) < _MANY and sum(totals) < _SHORT):
         before = None if times else _resident(reset=True)
         start = time.perf_counter()
-        result = _attempt(scene, variant, elements)
+        result = attempt(scene, variant, elements)
         totals.append(time.perf_counter() - start)
         if isinstance(result, ImpactError):
             return Row(variant.name, elements, "failed", note=str(result))
@@ -166,7 +136,7 @@ def _attempt(scene: Scene, variant: Variant, elements: int) -> Any:
     try:
         case = scene.with_settings({f"solve.{key}": value for key, value in keys.items()})
         courant = case.solve.courant or 1.0
-        bar = case.bodies[0]
+        bar = case.bar
         layers = case.duration / bar.transit_time * elements / courant
         every = max(1, int(layers) // _KEPT)
         return solve(case.with_settings({"output.every": every}))

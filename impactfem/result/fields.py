@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import OutputError
+from impactfem.result.dolfinx_files import write_functions
 
 _VTK_LINE = 3  # VTK's number of the two-node line
 
@@ -28,6 +29,11 @@ class Fields:
     positions: NDArray[np.float64]
     displacement: NDArray[np.float64]
     velocity: NDArray[np.float64]
+
+
+def foreign_file(path: Path, error: Exception) -> OutputError:
+    """The error of a file that is broken or not of this kind."""
+    return OutputError(f"{path}: not a field file of impactfem ({error}); run the scene again")
 
 
 def needed_bytes(fields: Fields, kind: str) -> int:
@@ -82,6 +88,19 @@ def write_vtkhdf(fields: Fields, path: Path) -> None:
             offsets[name] = nodes * np.arange(layers, dtype=np.int64)
 
 
+def is_bar_file(path: Path) -> bool:
+    """Whether a file holds cells of a bar, not of a solid.
+
+    Raises:
+        OutputError: It is no field file.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            return bool(file["VTKHDF/Types"][0] == _VTK_LINE)
+    except (OSError, KeyError, ValueError) as error:
+        raise foreign_file(path, error) from error
+
+
 def read_vtkhdf(path: Path) -> Fields:
     """Read back what `write_vtkhdf` wrote.
 
@@ -100,9 +119,7 @@ def read_vtkhdf(path: Path) -> Fields:
                 root["PointData/velocity"][:, 0].reshape(shape),
             )
     except (OSError, KeyError, ValueError) as error:
-        raise OutputError(
-            f"{path}: not a field file of impactfem ({error}); run the scene again"
-        ) from error
+        raise foreign_file(path, error) from error
 
 
 def write_with_dolfinx(fields: Fields, path: Path, kind: str) -> None:
@@ -113,14 +130,10 @@ def write_with_dolfinx(fields: Fields, path: Path, kind: str) -> None:
         path: Target; ``.bp`` or ``.pvd``.
         kind: "vtx" or "pvd".
     """
-    # Only when such output is wanted. Our module first: it loads MPI before DOLFINx.
+    # Only when such output is wanted. Our module: it loads MPI before DOLFINx.
     from impactfem.fem import MPI, dolfinx_fem, dolfinx_mesh  # noqa: PLC0415
 
-    # isort: split
-    from dolfinx.io import VTKFile, VTXWriter  # noqa: PLC0415
-
-    comm = MPI.COMM_SELF
-    mesh = dolfinx_mesh.create_interval(comm, len(fields.positions) - 1, [0.0, 1.0])
+    mesh = dolfinx_mesh.create_interval(MPI.COMM_SELF, len(fields.positions) - 1, [0.0, 1.0])
     # The interval is uniform and its nodes come in any order: put each where it belongs.
     node = np.rint(mesh.geometry.x[:, 0] * (len(fields.positions) - 1)).astype(int)
     mesh.geometry.x[:, 0] = fields.positions[node]
@@ -136,19 +149,4 @@ def write_with_dolfinx(fields: Fields, path: Path, kind: str) -> None:
         for function, values in zip(functions, (fields.displacement, fields.velocity), strict=True):
             function.x.array[0::3] = values[layer, dofs]
 
-    if kind == "vtx":
-        with VTXWriter(comm, path, functions) as vtx:
-            for layer, time in enumerate(fields.times):
-                fill(layer)
-                vtx.write(float(time))
-    else:
-        # One file per layer: they go into a folder of their own, the collection stays outside.
-        parts = path.with_name(f"{path.stem}_pvd")
-        parts.mkdir()
-        with VTKFile(comm, parts / path.name, "w") as vtk:
-            for layer, time in enumerate(fields.times):
-                fill(layer)
-                vtk.write_function(functions, float(time))
-        collection = (parts / path.name).read_text(encoding="utf-8")
-        path.write_text(collection.replace('file="', f'file="{parts.name}/'), encoding="utf-8")
-        (parts / path.name).unlink()
+    write_functions(path, kind, functions, fields.times, fill)

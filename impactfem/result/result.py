@@ -11,12 +11,16 @@ import xarray as xr
 from impactfem.errors import OutputError, SceneError
 from impactfem.result.fields import (
     Fields,
+    is_bar_file,
     needed_bytes,
     read_vtkhdf,
     write_vtkhdf,
     write_with_dolfinx,
 )
 from impactfem.result.history import read_netcdf, write_csv, write_netcdf
+from impactfem.result.solid_export import needed_bytes as needed_bytes_of_solid
+from impactfem.result.solid_export import write_solid
+from impactfem.result.solid_fields import SolidFields
 from impactfem.result.store import LAST, reserve, staged
 from impactfem.scene import Scene
 
@@ -35,33 +39,52 @@ class Result:
         scene: The scene as used.
         history: One row per layer; columns and units in `impactfem.result.history.COLUMNS`.
         summary: Figures of the run, as written to ``summary.json``.
-        fields: The body's motion at the layers asked for; None if none were.
+        fields: The body's motion at the layers asked for; None if none were. Those of a bar are
+            arrays, those of a solid are read from their file when asked for.
         exact: Exact contact force at the times of the history [N]; None if unknown.
     """
 
     scene: Scene
     history: xr.Dataset
     summary: Mapping[str, Any]
-    fields: Fields | None = None
+    fields: Fields | SolidFields | None = None
     exact: xr.Dataset | None = None
 
     def plot(self, folder: str | Path | None = None) -> "dict[str, Figure]":
         """Draw all figures that the result allows.
 
         Args:
-            folder: Where to write them as PNG files; None to only return them.
+            folder: Where to write them as PNG files, with a film of a solid's motion; None to
+                only return them.
 
         Returns:
             Matplotlib figures by name.
         """
         # A convenience door to the layer above, opened only on demand.
-        from impactfem.report.figures import draw_all, write_all  # noqa: PLC0415
+        from impactfem.report.figures import draw_all, write_pictures  # noqa: PLC0415
 
-        figures = draw_all(self)
-        if folder is not None:
-            Path(folder).mkdir(parents=True, exist_ok=True)
-            write_all(figures, Path(folder))
-        return figures
+        if folder is None:
+            return draw_all(self)
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        return write_pictures(self, Path(folder))[0]
+
+    def animate(self, path: str | Path, frames: int | None = None) -> Path:
+        """Write a film of a solid's motion with the contact force beside it.
+
+        Args:
+            path: Target; ``.gif``, or ``.mp4`` if imageio-ffmpeg is installed.
+            frames: Number of frames at most; at most 60, fewer for large meshes, if None.
+
+        Returns:
+            The path.
+
+        Raises:
+            OutputError: There are no fields of a solid, or the file cannot be written.
+            MissingDependencyError: MP4 is asked for without imageio-ffmpeg.
+        """
+        from impactfem.report.animation import animate  # noqa: PLC0415
+
+        return animate(self, path, frames)
 
     def save(self, folder: str | Path, *, pictures: bool = True) -> Path:
         """Write scene, histories, fields, pictures and summary into a folder.
@@ -95,6 +118,10 @@ class Result:
             return
         for kind in self.scene.output.fields:
             path = stage / FIELD_FILES[kind]
+            if isinstance(self.fields, SolidFields):
+                reserve(stage, needed_bytes_of_solid(self.fields, kind))
+                write_solid(self.fields, path, kind)
+                continue
             reserve(stage, needed_bytes(self.fields, kind))
             if kind == "vtkhdf":
                 write_vtkhdf(self.fields, path)
@@ -121,7 +148,9 @@ class Result:
                 f"{folder}: no complete result ({error}); run the scene with --out {folder}"
             ) from error
         path = folder / FIELD_FILES["vtkhdf"]
-        fields = read_vtkhdf(path) if path.exists() else None
+        fields: Fields | SolidFields | None = None
+        if path.exists():
+            fields = read_vtkhdf(path) if is_bar_file(path) else SolidFields(path)
         return cls(scene, history, summary, fields, reference)
 
     def __repr__(self) -> str:

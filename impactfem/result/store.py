@@ -19,6 +19,7 @@ _OWN = (
     "scene.toml", "history.csv", "history.nc", "exact.nc",
     "fields.vtkhdf", "fields.bp", "fields.pvd", "fields_pvd",
     "contact_force.png", "energy.png", "displacement.png", "position.png", "active_set.png",
+    "centre_of_mass.png", "body.png", "motion.gif",
     LAST,
 )  # fmt: skip
 

@@ -1,21 +1,47 @@
 """Scenes: what is modelled and how, read from TOML or made in Python; no finite elements."""
 
 from impactfem.scene.bodies import Bar
+from impactfem.scene.boundary import Pressure, Support, Traction
 from impactfem.scene.formula import Formula
-from impactfem.scene.loads import PiecewiseConstant
-from impactfem.scene.obstacles import Wall
+from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
+from impactfem.scene.obstacles import (
+    HalfSpace,
+    RigidBox,
+    RigidCylinder,
+    RigidPolyline,
+    RigidSphere,
+    Wall,
+)
 from impactfem.scene.scene import Scene
 from impactfem.scene.schema import describe
 from impactfem.scene.settings import Output, Solve
+from impactfem.scene.shapes import Block, Cylinder, Disc, Ring, Sphere
+from impactfem.scene.solids import Refinement, Solid
 from impactfem.scene.toml import parse_assignment
 
 __all__ = [
     "Bar",
+    "Block",
+    "Cylinder",
+    "Disc",
     "Formula",
+    "HalfSpace",
     "Output",
     "PiecewiseConstant",
+    "PiecewiseVector",
+    "Pressure",
+    "Refinement",
+    "RigidBox",
+    "RigidCylinder",
+    "RigidPolyline",
+    "RigidSphere",
+    "Ring",
     "Scene",
+    "Solid",
     "Solve",
+    "Sphere",
+    "Support",
+    "Traction",
     "Wall",
     "describe",
     "parse_assignment",

@@ -5,6 +5,7 @@ import unicodedata
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from difflib import get_close_matches
+from pathlib import PurePath
 from typing import Any, ClassVar, override
 
 import numpy as np
@@ -121,6 +122,49 @@ class Line(Kind):
             if unicodedata.category(character) in {"Cc", "Cs", "Zl", "Zp"}:
                 raise NotAllowedError(f"it holds the control character U+{ord(character):04X}")
         return text
+
+
+@dataclass(frozen=True)
+class FilePath(Line):
+    """The path of a file with one of several endings."""
+
+    max_length: int = 1000
+    endings: tuple[str, ...] = ()
+
+    @property
+    @override
+    def allowed(self) -> str:
+        return f"the path of a {self._endings} file, absolute or relative to the scene file"
+
+    @override
+    def read(self, value: object) -> str:
+        path = super().read(str(value) if isinstance(value, PurePath) else value)
+        if not path.lower().endswith(self.endings):
+            raise NotAllowedError(f"its name does not end in {self._endings}")
+        return path
+
+    @property
+    def _endings(self) -> str:
+        *first, last = self.endings
+        return f"{', '.join(first)} or {last}"
+
+
+@dataclass(frozen=True)
+class Switch(Kind):
+    """true or false."""
+
+    type_name: ClassVar[str] = "boolean"
+
+    @property
+    @override
+    def allowed(self) -> str:
+        return "true or false"
+
+    @override
+    def read(self, value: object) -> bool:
+        if not isinstance(value, bool):
+            raise NotAllowedError("it is not true or false")
+        return value
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Loads in time: gravity as a piecewise constant function."""
+"""Loads in time: gravity as a piecewise constant number or vector."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -61,6 +61,78 @@ class PiecewiseConstant:
         return total[()]
 
 
+@dataclass(frozen=True)
+class PiecewiseVector:
+    """A vector in time with the value ``values[k]`` from ``times[k]`` on.
+
+    Attributes:
+        times: [s], strictly increasing from 0. Before 0 the first value holds.
+        values: one vector of 2 or 3 numbers for each time, all of one length.
+
+    Raises:
+        SceneError: times or values are not as described.
+    """
+
+    times: tuple[float, ...] = (0.0,)
+    values: tuple[tuple[float, ...], ...] = ((0.0, 0.0),)
+
+    def __post_init__(self) -> None:
+        try:
+            times = _numbers(self.times)
+            vectors = tuple(_vector(entry) for entry in _entries(self.values))
+            if len(times) != len(vectors):
+                raise NotAllowedError(
+                    f"there are {len(times)} times and {len(vectors)} vectors, give as many of each"
+                )
+            _check_times(times)
+            if len({len(vector) for vector in vectors}) > 1:
+                raise NotAllowedError("its vectors have different numbers of entries")
+        except NotAllowedError as error:
+            raise SceneError(f"piecewise constant vector: {error}.") from None
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "values", vectors)
+
+    @property
+    def dim(self) -> int:
+        """Number of entries of each vector."""
+        return len(self.values[0])
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether the vector never changes."""
+        return len(set(self.values)) == 1
+
+    def at(self, t: ArrayLike) -> Any:  # array of floats
+        """Return the vectors (..., dim) at times t (...); at a jump, the one after it."""
+        index = np.searchsorted(self.times, np.asarray(t, dtype=float), side="right") - 1
+        return np.asarray(self.values)[np.maximum(index, 0)]
+
+    def mean(self, a: float, b: float) -> Any:  # array of floats
+        """Return the mean vector (dim,) from time a to time b; the one at a when b is a."""
+        if a == b:
+            return self.at(a)
+        shares = [
+            PiecewiseConstant(self.times, tuple(column)).integral(a, b) / (b - a)
+            for column in zip(*self.values, strict=True)
+        ]
+        return np.array(shares)
+
+
+def _entries(value: object) -> list[Any] | tuple[Any, ...]:
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if not isinstance(value, list | tuple):
+        raise NotAllowedError(f"{show(value)} is not a list, give one")
+    return value
+
+
+def _vector(value: object) -> tuple[float, ...]:
+    entries = _numbers(value)
+    if len(entries) not in {2, 3}:
+        raise NotAllowedError(f"{show(list(entries))} is no vector of 2 or 3 entries")
+    return entries
+
+
 def _numbers(entries: object) -> tuple[float, ...]:
     if isinstance(entries, np.ndarray):
         entries = entries.tolist()
@@ -87,37 +159,44 @@ def _check_times(times: tuple[float, ...]) -> None:
 
 @dataclass(frozen=True)
 class LoadKind(Kind):
-    """A number, or a table of times and values."""
+    """A number (bars) or vector (solids), or a table of times and these."""
 
-    type_name: ClassVar[str] = "number or table"
+    type_name: ClassVar[str] = "number, vector or table"
 
     @property
     @override
     def allowed(self) -> str:
-        return "a number or a table [[0.0, value], [time, value], ...]"
+        return "a number (bar), a vector (solid) or a table [[0.0, value], [time, value], ...]"
 
     @override
-    def read(self, value: object) -> PiecewiseConstant:
-        if isinstance(value, PiecewiseConstant):
+    def read(self, value: object) -> PiecewiseConstant | PiecewiseVector:
+        if isinstance(value, PiecewiseConstant | PiecewiseVector):
             return value
         if isinstance(value, np.ndarray):
             value = value.tolist()
         if not isinstance(value, list | tuple):
             return PiecewiseConstant((0.0,), (number(value),))
         if value and not any(isinstance(entry, list | tuple) for entry in value):
-            raise NotAllowedError(
-                "it is a vector, but a bar moves along one axis with gravity positive towards the "
-                "wall (gravity = 9.81)"
-            )
+            return PiecewiseVector((0.0,), (_vector(value),))
         for entry in value:
             if not isinstance(entry, list | tuple) or len(entry) != 2:
                 raise NotAllowedError(f"the entry {show(entry)} is not a pair [time, value]")
         times = _numbers([entry[0] for entry in value])
         _check_times(times)
-        return PiecewiseConstant(times, _numbers([entry[1] for entry in value]))
+        values = [entry[1] for entry in value]
+        if not any(isinstance(entry, list | tuple) for entry in values):
+            return PiecewiseConstant(times, _numbers(values))
+        vectors = tuple(_vector(entry) for entry in values)
+        if len({len(vector) for vector in vectors}) > 1:
+            raise NotAllowedError("its vectors have different numbers of entries")
+        return PiecewiseVector(times, vectors)
 
     @override
-    def write(self, value: PiecewiseConstant) -> float | list[list[float]]:
+    def write(self, value: PiecewiseConstant | PiecewiseVector) -> float | list[Any]:
+        if isinstance(value, PiecewiseVector):
+            if len(value.values) == 1:
+                return list(value.values[0])
+            return [[t, list(v)] for t, v in zip(value.times, value.values, strict=True)]
         if len(value.values) == 1:
             return value.values[0]
         return [[t, v] for t, v in zip(value.times, value.values, strict=True)]

@@ -8,13 +8,21 @@ from typing import TYPE_CHECKING, Any, Self
 
 from impactfem.errors import SceneError
 from impactfem.scene.bodies import Bar
+from impactfem.scene.crosschecks import check_scene
+from impactfem.scene.inline import plain
 from impactfem.scene.kinds import Line, Real
-from impactfem.scene.loads import LoadKind, PiecewiseConstant
-from impactfem.scene.obstacles import Wall
+from impactfem.scene.loads import LoadKind, PiecewiseConstant, PiecewiseVector
+from impactfem.scene.obstacles import (
+    HalfSpace,
+    RigidBox,
+    RigidCylinder,
+    RigidPolyline,
+    RigidSphere,
+    Wall,
+)
 from impactfem.scene.schema import (
     TOP,
     DataclassLike,
-    KeyedError,
     check_fields,
     check_keys,
     from_table,
@@ -23,12 +31,25 @@ from impactfem.scene.schema import (
     table,
 )
 from impactfem.scene.settings import Output, Solve
-from impactfem.scene.tables import ObjectsKind, SettingsKind, assign, read_objects
+from impactfem.scene.solids import Solid
+from impactfem.scene.tables import (
+    MAX_OBSTACLES,
+    ObjectsKind,
+    SettingsKind,
+    assign,
+    read_objects,
+)
 from impactfem.scene.toml import parse_assignment, read_toml, write_table
 from impactfem.scene.values import NotAllowedError, show
 
-BODIES: Mapping[str, type[Bar]] = {"bar": Bar}
-OBSTACLES: Mapping[str, type[Wall]] = {"wall": Wall}
+type Body = Bar | Solid
+type Rigid = HalfSpace | RigidSphere | RigidCylinder | RigidBox | RigidPolyline
+type Obstacle = Wall | Rigid
+
+BODIES: Mapping[str, type[Any]] = {cls.kind: cls for cls in (Bar, Solid)}
+OBSTACLES: Mapping[str, type[Any]] = {
+    cls.kind: cls for cls in (Wall, HalfSpace, RigidSphere, RigidCylinder, RigidBox, RigidPolyline)
+}
 
 
 @table(TOP)
@@ -36,9 +57,10 @@ OBSTACLES: Mapping[str, type[Wall]] = {"wall": Wall}
 class Scene:
     """What is modelled, for how long, and how: everything a run needs.
 
-    `bodies` and `obstacles` may be given as lists, `gravity` as a number or as a table
-    ``[[0.0, 1.0], [0.6, 0.0]]``. Relative mesh paths start at `folder`, where the scene file lies;
-    two scenes in different folders can be equal.
+    One bar meets one wall, one solid meets one or more rigid obstacles. `bodies` and `obstacles`
+    may be given as lists; `gravity` as a number or a table ``[[0.0, 1.0], [0.6, 0.0]]`` for bars,
+    as a vector or a table ``[[0.0, [0.0, -9.81]], [1.0, [0.0, 0.0]]]`` for solids. Relative mesh
+    paths start at `folder`, where the scene file lies; scenes in different folders can be equal.
 
     Raises:
         SceneError: a value is missing or not allowed, or the scene contradicts itself.
@@ -46,17 +68,19 @@ class Scene:
 
     title: str = key(Line(), "title of figures and reports")
     duration: float = key(Real(above=0), "time to simulate", unit="s")
-    gravity: PiecewiseConstant = key(  # noqa: RUF009  # a field
+    gravity: PiecewiseConstant | PiecewiseVector = key(  # noqa: RUF009  # a field
         LoadKind(),
-        "acceleration towards the wall; in a table, the value from each time on",
+        "acceleration, of bars towards the wall; in a table, the value from each time on",
         unit="m/s^2",
         default=0.0,
     )
-    bodies: tuple[Bar, ...] = key(
-        ObjectsKind(tuple(BODIES.values()), "[[body]]"), "what moves", name="body"
+    bodies: tuple[Body, ...] = key(
+        ObjectsKind(tuple(BODIES.values()), "[[body]]", 1), "what moves", name="body"
     )
-    obstacles: tuple[Wall, ...] = key(
-        ObjectsKind(tuple(OBSTACLES.values()), "[[obstacle]]"), "what it may hit", name="obstacle"
+    obstacles: tuple[Obstacle, ...] = key(
+        ObjectsKind(tuple(OBSTACLES.values()), "[[obstacle]]", MAX_OBSTACLES),
+        "what it may hit",
+        name="obstacle",
     )
     solve: Solve = key(  # noqa: RUF009  # a field
         SettingsKind(Solve, "[solve]"), "how to solve", default=Solve()
@@ -73,33 +97,82 @@ class Scene:
             *,
             title: str,
             duration: float,
-            bodies: Sequence[Bar],
-            obstacles: Sequence[Wall],
-            gravity: float | Sequence[Sequence[float]] | PiecewiseConstant = 0.0,
+            bodies: Sequence[Body],
+            obstacles: Sequence[Obstacle],
+            gravity: float | Sequence[Any] | PiecewiseConstant | PiecewiseVector = 0.0,
             solve: Solve = ...,
             output: Output = ...,
             folder: str | os.PathLike[str] | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
+        gravity: object = self.gravity  # as given, for messages
         check_fields(self, "")
         if self.folder is not None:  # absolute, so that a later change of folder does no harm
             object.__setattr__(self, "folder", _absolute(self.folder))
-        taken = {body.name for body in self.bodies}
-        for index, obstacle in enumerate(self.obstacles):
-            if obstacle.name in taken:
-                text = f" = {show(obstacle.name)} is the name of a body too: give another name."
-                raise KeyedError(f"obstacle[{index}]", "name", text)
-        if self.solve.dt is not None and self.solve.dt > self.duration:
-            text = f" = {self.solve.dt} exceeds duration = {self.duration}: give a smaller step."
-            raise KeyedError("solve", "dt", text)
+        check_scene(self, gravity)
+        solid = self.bodies[0]
+        if isinstance(solid, Solid) and not isinstance(self.gravity, PiecewiseVector):
+            object.__setattr__(self, "gravity", PiecewiseVector((0.0,), ((0.0,) * solid.dim,)))
+
+    @property
+    def bar(self) -> Bar:
+        """The bar of the scene.
+
+        Raises:
+            SceneError: the body is a solid.
+        """
+        return _only(self.bodies[0], Bar)
+
+    @property
+    def solid(self) -> Solid:
+        """The solid of the scene.
+
+        Raises:
+            SceneError: the body is a bar.
+        """
+        return _only(self.bodies[0], Solid)
+
+    @property
+    def axial_gravity(self) -> PiecewiseConstant:
+        """Gravity of a bar, towards the wall [m/s^2].
+
+        Raises:
+            SceneError: the body is a solid.
+        """
+        _only(self.bodies[0], Bar)
+        return _only(self.gravity, PiecewiseConstant)
+
+    @property
+    def vector_gravity(self) -> PiecewiseVector:
+        """Gravity of a solid, with as many entries as its model has coordinates [m/s^2].
+
+        Raises:
+            SceneError: the body is a bar.
+        """
+        _only(self.bodies[0], Solid)
+        return _only(self.gravity, PiecewiseVector)
+
+    @property
+    def rigid_obstacles(self) -> tuple[Rigid, ...]:
+        """Obstacles of a solid.
+
+        Raises:
+            SceneError: the body is a bar.
+        """
+        _only(self.bodies[0], Solid)
+        return tuple(entry for entry in self.obstacles if not isinstance(entry, Wall))
 
     @property
     def mesh_path(self) -> Path | None:
         """Absolute path of the mesh file, None when the mesh is generated."""
-        if self.solve.mesh is None:
-            return None
-        return _absolute(Path(self.folder or "", self.solve.mesh))
+        mesh = self._mesh
+        return None if mesh is None else _absolute(Path(self.folder or "", mesh))
+
+    @property
+    def _mesh(self) -> str | None:
+        body = self.bodies[0]
+        return body.mesh if isinstance(body, Solid) else self.solve.mesh
 
     @classmethod
     def from_toml(cls, path: str | os.PathLike[str]) -> Self:
@@ -129,9 +202,11 @@ class Scene:
         given = check_keys(data, list(fields), "")
         values: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
         if "body" in values:
-            values["body"] = read_objects(values["body"], "body", BODIES)
+            values["body"] = read_objects(values["body"], "body", BODIES, 1)
         if "obstacle" in values:
-            values["obstacle"] = read_objects(values["obstacle"], "obstacle", OBSTACLES)
+            values["obstacle"] = read_objects(
+                values["obstacle"], "obstacle", OBSTACLES, MAX_OBSTACLES
+            )
         if "solve" in values:
             values["solve"] = from_table(Solve, values["solve"], "solve")
         if "output" in values:
@@ -141,10 +216,10 @@ class Scene:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain tables with defaults filled in; keys left to the plan are absent."""
-        data = _plain(self)
+        data = plain(self)
         for name in ("body", "obstacle"):
-            data[name] = [{"kind": entry.kind, **_plain(entry)} for entry in data[name]]
-        return data | {"solve": _plain(self.solve), "output": _plain(self.output)}
+            data[name] = [{"kind": entry.kind, **plain(entry)} for entry in data[name]]
+        return data | {"solve": plain(self.solve), "output": plain(self.output)}
 
     def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
         """Return the text of a scene file with defaults filled in.
@@ -155,15 +230,12 @@ class Scene:
                 folder, absolute otherwise.
         """
         data = self.to_dict()
-        mesh = self.mesh_path
-        if (
-            folder is not None
-            and mesh is not None
-            and not Path(data["solve"]["mesh"]).is_absolute()
-        ):
+        given, mesh = self._mesh, self.mesh_path
+        if folder is not None and given and mesh and not Path(given).is_absolute():
             target = _absolute(folder)
             inside = mesh.is_relative_to(target)
-            data["solve"]["mesh"] = str(mesh.relative_to(target) if inside else mesh)
+            home = data["body"][0] if isinstance(self.bodies[0], Solid) else data["solve"]
+            home["mesh"] = str(mesh.relative_to(target) if inside else mesh)
         bodies, obstacles = data.pop("body"), data.pop("obstacle")
         solve, output = data.pop("solve"), data.pop("output")
         parts: list[tuple[str, type[DataclassLike], dict[str, Any]]] = [
@@ -211,10 +283,7 @@ def _absolute(path: str | os.PathLike[str]) -> Path:
     return Path(os.path.abspath(path))  # noqa: PTH100
 
 
-def _plain(instance: DataclassLike) -> dict[str, Any]:
-    """Return the keys and values of an instance as a scene file holds them."""
-    values = {
-        entry.name: (entry.kind, getattr(instance, name))
-        for name, entry in keys_of(type(instance)).items()
-    }
-    return {name: kind.write(value) for name, (kind, value) in values.items() if value is not None}
+def _only[T](value: object, cls: type[T]) -> T:
+    if not isinstance(value, cls):
+        raise SceneError(f"body[0] is {show(value)}: this needs a {cls.__name__}; give one.")
+    return value

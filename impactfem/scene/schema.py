@@ -13,7 +13,7 @@ TOP = "top level"
 
 # Keys that the language foresees but this version does not know, and why they may be left out.
 NOT_YET: Mapping[str, str] = {
-    "contact": "contact laws are not available yet, the bar meets the wall without friction",
+    "contact": "contact laws are not available yet, bodies meet obstacles without friction",
     "friction_coefficient": "friction is not available yet",
     "restitution": "restitution laws are not available yet",
 }
@@ -43,6 +43,11 @@ class KeyedError(SceneError):
         """Return the same error for a table that stands at another place."""
         return KeyedError(where, self.key, self.text)
 
+    def under(self, name: str, where: str = "") -> "KeyedError":
+        """Return the same error for a table that is the value of a key, or entry of a list."""
+        inner = join(self.where, self.key)
+        return KeyedError(where, name + inner if inner[:1] == "[" else join(name, inner), self.text)
+
 
 class DataclassLike(Protocol):
     """A dataclass whose fields were declared with `key`."""
@@ -59,6 +64,7 @@ class Key:
     doc: str
     unit: str
     default: object
+    absent: str = ""
 
     @property
     def wanted(self) -> str:
@@ -78,6 +84,8 @@ class Key:
             return None
         try:
             return self.kind.read(value)
+        except KeyedError as error:  # inside a table
+            raise error.under(self.name, where) from None
         except NotAllowedError as error:
             text = f" = {show(value)} is not allowed: {error}; give {self.wanted}."
             raise KeyedError(where, self.name, text) from None
@@ -87,7 +95,7 @@ class Key:
         if self.default is REQUIRED:
             default = "required"
         elif self.default is None:
-            default = "chosen by the plan"
+            default = self.absent or "chosen by the plan"
         else:
             default = self.kind.write_default(self.default)
         kind = self.kind
@@ -118,7 +126,13 @@ def join(where: str, key: str) -> str:
 
 
 def key(
-    kind: Kind, doc: str, *, unit: str = "", default: object = REQUIRED, name: str = ""
+    kind: Kind,
+    doc: str,
+    *,
+    unit: str = "",
+    default: object = REQUIRED,
+    name: str = "",
+    absent: str = "",
 ) -> Any:  # as dataclasses.field, to fit fields of any type
     """Declare a dataclass field as a key of the scene language.
 
@@ -126,10 +140,11 @@ def key(
         kind: what values are allowed and how they are stored.
         doc: meaning, a few words.
         unit: SI unit, empty for none.
-        default: value when absent; None means that the plan chooses.
+        default: value when absent; None means that the plan chooses, unless `absent` says more.
         name: name in scene files, when it is not the name of the field.
+        absent: what None means, for the scene reference.
     """
-    return field(default=default, metadata={"key": (kind, doc, unit, name)})
+    return field(default=default, metadata={"key": (kind, doc, unit, name, absent)})
 
 
 def keys_of(cls: type[DataclassLike]) -> dict[str, Key]:
@@ -137,8 +152,8 @@ def keys_of(cls: type[DataclassLike]) -> dict[str, Key]:
     found = {}
     for entry in fields(cls):
         if "key" in entry.metadata:
-            kind, doc, unit, name = entry.metadata["key"]
-            found[entry.name] = Key(name or entry.name, kind, doc, unit, entry.default)
+            kind, doc, unit, name, absent = entry.metadata["key"]
+            found[entry.name] = Key(name or entry.name, kind, doc, unit, entry.default, absent)
     return found
 
 
@@ -180,7 +195,7 @@ def _hint(name: str, known: list[str]) -> str:
     if TOP in homes:
         return "it belongs to the top of the file; move it before the first table."
     if homes:
-        return f"it belongs to {homes[0]}; move it there."
+        return f"it belongs to {' or '.join(homes[:2])}; move it there."
     if name in NOT_YET:
         return f"{NOT_YET[name]}; remove it."
     near = get_close_matches(name[:80].lower(), known, 1)
@@ -224,9 +239,15 @@ def table[T: type[DataclassLike]](heading: str) -> Callable[[T], T]:
 def describe() -> list[TableDoc]:
     """Return every table and key of the scene language, for the scene reference."""
     tables = []
-    for heading, cls in sorted(_TABLES.items(), key=lambda item: item[0] != TOP):
-        kind = getattr(cls, "kind", None)
+    for heading, cls in sorted(_TABLES.items(), key=lambda item: _rank(item[0])):
+        kind = None if "kind" in keys_of(cls) else getattr(cls, "kind", None)
         extra = [KeyDoc("kind", "text", "", "required", f"makes it a {kind}", show(kind))]
         rows = [entry.describe() for entry in keys_of(cls).values()]
         tables.append(TableDoc(heading, (extra if kind else []) + rows))
     return tables
+
+
+def _rank(heading: str) -> int:
+    """Return the place of a table in the reference: as in a scene file, inline tables last."""
+    order = (TOP, "[[body]]", "[[obstacle]]", "[solve]", "[output]")
+    return next((i for i, start in enumerate(order) if heading.startswith(start)), len(order))

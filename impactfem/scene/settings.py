@@ -1,15 +1,25 @@
 """Settings of a scene: how to solve it and which fields to write."""
 
 from dataclasses import dataclass
-from pathlib import PurePath
 from typing import ClassVar, override
 
-from impactfem.scene.kinds import Choice, Choices, Integer, Kind, Line, Real, one_of
+from impactfem.methods import METHODS
+from impactfem.scene.kinds import (
+    Choice,
+    Choices,
+    FilePath,
+    Integer,
+    Kind,
+    Real,
+    Switch,
+    one_of,
+)
 from impactfem.scene.schema import KeyedError, check_fields, key, table
-from impactfem.scene.values import NotAllowedError, is_number, show
+from impactfem.scene.values import is_number, show
 
-METHODS = ("galerkin", "conserving", "dg", "exact", "monolithic", "newmark")
 ACTIVE_SETS = ("pdas", "snes_vi")
+NORMALS = ("fixed", "updated")
+LINEAR_SOLVERS = ("mumps", "gamg")
 FIELD_FORMATS = ("vtkhdf", "vtx", "pvd")
 
 
@@ -31,43 +41,6 @@ class _Window(Kind):
         return one_of(value, ("all",))
 
 
-@dataclass(frozen=True)
-class _Switch(Kind):
-    """true or false."""
-
-    type_name: ClassVar[str] = "boolean"
-
-    @property
-    @override
-    def allowed(self) -> str:
-        return "true or false"
-
-    @override
-    def read(self, value: object) -> bool:
-        if not isinstance(value, bool):
-            raise NotAllowedError("it is not true or false")
-        return value
-
-
-@dataclass(frozen=True)
-class _MeshPath(Line):
-    """The path of a mesh file."""
-
-    max_length: int = 1000
-
-    @property
-    @override
-    def allowed(self) -> str:
-        return "the path of a .geo or .msh file, absolute or relative to the scene file"
-
-    @override
-    def read(self, value: object) -> str:
-        path = super().read(str(value) if isinstance(value, PurePath) else value)
-        if not path.lower().endswith((".geo", ".msh")):
-            raise NotAllowedError("its name does not end in .geo or .msh")
-        return path
-
-
 @table("[solve]")
 @dataclass(frozen=True, kw_only=True)
 class Solve:
@@ -77,7 +50,7 @@ class Solve:
         SceneError: a value is not allowed, or two keys contradict each other.
     """
 
-    method: str | None = key(Choice(METHODS), "solution method", default=None)
+    method: str | None = key(Choice(tuple(METHODS)), "solution method", default=None)
     elements: int | None = key(
         Integer(2, 1_000_000), "number of elements along the bar", default=None
     )
@@ -99,14 +72,29 @@ class Solve:
         Integer(1, 1_000_000), "largest number of active-set iterations", default=None
     )
     mesh: str | None = key(
-        _MeshPath(), "space-time mesh to use instead of a generated one", default=None
+        FilePath(endings=(".geo", ".msh")),
+        "space-time mesh to use instead of a generated one",
+        default=None,
     )
     accuracy: float | None = key(
         Real(above=0, below=1), "relative error wished; chooses method and size", default=None
     )
     degree: int | None = key(Integer(0, 2), "polynomial degree of method dg", default=None)
     fitted: bool | None = key(
-        _Switch(), "whether events and characteristics become mesh lines (method dg)", default=None
+        Switch(), "whether events and characteristics become mesh lines (method dg)", default=None
+    )
+    normals: str | None = key(
+        Choice(NORMALS),
+        "contact normals of the undeformed body, or updated in each layer (solid)",
+        default=None,
+    )
+    linear_solver: str | None = key(
+        Choice(LINEAR_SOLVERS), "factorised, or by multigrid (solid)", default=None
+    )
+    estimate: bool | None = key(
+        Switch(),
+        "whether the error is estimated by a second run on a mesh twice as coarse (solid)",
+        default=None,
     )
 
     def __post_init__(self) -> None:
@@ -127,8 +115,6 @@ class Solve:
             self._exclude("method", ("courant", "dt"), reason)
             if self.window not in {None, 1, "all"}:
                 self._exclude("window", ("method",), 'dg knows 1 and "all"')
-        if self.active_set == "snes_vi" and self.method not in {None, "monolithic"}:
-            self._exclude("active_set", ("method",), 'it needs method = "monolithic"')
         windowed = self.method in {None, "galerkin", "dg"}
         if not windowed and self.window not in {None, "all"}:
             self._exclude("window", ("method",), "only galerkin has windows of layers")
@@ -145,7 +131,7 @@ class Solve:
 @table("[output]")
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """Which field files to write.
+    """Which field files and checkpoints to write.
 
     Raises:
         SceneError: a value is not allowed.
@@ -155,6 +141,11 @@ class Output:
         Choices(FIELD_FORMATS), "formats of the field output", default=("vtkhdf",)
     )
     every: int = key(Integer(1, 1_000_000_000), "field output every so many time layers", default=1)
+    checkpoint: int = key(
+        Integer(0, 1_000_000_000),
+        "checkpoint every so many time layers (solid), 0 for none",
+        default=0,
+    )
 
     def __post_init__(self) -> None:
         check_fields(self, "output")

@@ -8,6 +8,8 @@ from impactfem.scene.kinds import Kind, one_of
 from impactfem.scene.schema import KeyedError, check_keys, from_table, keys_of
 from impactfem.scene.values import NotAllowedError, show, type_in_words
 
+MAX_OBSTACLES = 100
+
 
 @dataclass(frozen=True)
 class SettingsKind(Kind):
@@ -35,17 +37,18 @@ class SettingsKind(Kind):
 
 @dataclass(frozen=True)
 class ObjectsKind(Kind):
-    """A list of exactly one body or obstacle."""
+    """A list of bodies or obstacles."""
 
     type_name: ClassVar[str] = "list of tables"
     classes: tuple[type[Any], ...]
     heading: str
+    at_most: int
 
     @property
     @override
     def allowed(self) -> str:
         kinds = " or ".join(show(cls.kind) for cls in self.classes)
-        return f"exactly one {self.heading} of kind {kinds}"
+        return f"{counted(self.heading, self.at_most)} of kind {kinds}"
 
     @override
     def read(self, value: object) -> tuple[Any, ...]:
@@ -57,22 +60,32 @@ class ObjectsKind(Kind):
             if not isinstance(entry, self.classes):
                 names = " or ".join(cls.__name__ for cls in self.classes)
                 raise NotAllowedError(f"{show(entry)} is not a {names}")
-        check_count(value)
+        check_count(value, self.at_most)
         return tuple(value)
 
 
-def check_count(entries: list[Any] | tuple[Any, ...]) -> None:
-    """Refuse any other number of bodies or obstacles than one.
+def counted(heading: str, at_most: int) -> str:
+    """Return how many tables of a heading are allowed, in words."""
+    return f"exactly one {heading}" if at_most == 1 else f"one or more {heading}"
+
+
+def check_count(entries: list[Any] | tuple[Any, ...], at_most: int) -> None:
+    """Refuse no bodies or obstacles, or too many.
 
     Raises:
         NotAllowedError: with the number.
     """
-    if len(entries) != 1:
+    if not 1 <= len(entries) <= at_most:
         are = "is none" if not entries else f"are {len(entries)}"
-        raise NotAllowedError(f"there {are}, but this version models one bar and one wall")
+        raise NotAllowedError(
+            f"there {are}, but this version models one bar and one wall, or one solid and up to "
+            f"{MAX_OBSTACLES} obstacles"
+        )
 
 
-def read_objects(value: object, heading: str, classes: Mapping[str, type[Any]]) -> list[Any]:
+def read_objects(
+    value: object, heading: str, classes: Mapping[str, type[Any]], at_most: int
+) -> list[Any]:
     """Read the tables of ``[[body]]`` or ``[[obstacle]]``, each with the class of its kind.
 
     Raises:
@@ -82,16 +95,24 @@ def read_objects(value: object, heading: str, classes: Mapping[str, type[Any]]) 
         text = f" = {show(value)} is not a list: write [[{heading}]] with two brackets."
         raise KeyedError(heading, "", text)
     try:
-        check_count(value)  # first: a file may hold thousands
+        check_count(value, at_most)  # first: a file may hold thousands
     except NotAllowedError as error:
-        text = f" = {show(value)} is not allowed: {error}; give exactly one [[{heading}]]."
+        wanted = counted(f"[[{heading}]]", at_most)
+        text = f" = {show(value)} is not allowed: {error}; give {wanted}."
         raise KeyedError(heading, "", text) from None
-    return [_read_object(entry, f"{heading}[{i}]", classes) for i, entry in enumerate(value)]
+    return [read_object(entry, f"{heading}[{i}]", classes) for i, entry in enumerate(value)]
 
 
-def _read_object(
-    entry: object, where: str, classes: Mapping[str, type[Any]]
+def read_object(
+    entry: object, where: str, classes: Mapping[str, type[Any]] | type[Any]
 ) -> Any:  # of one of the classes
+    """Read a table with the class of its kind, or with the only class.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    if isinstance(classes, type):
+        return from_table(classes, entry, where)
     allowed = " or ".join(show(kind) for kind in classes)
     if not isinstance(entry, Mapping):
         heading = where.partition("[")[0]
@@ -137,11 +158,13 @@ def assign(data: dict[str, Any], path: str, value: object) -> None:
     place[parts[-1]] = _own(value)
 
 
-def _own(value: object) -> object:
-    """Return a copy of a table or list of tables: later assignments must not reach the caller's."""
-    if isinstance(value, list):
-        return [dict(entry) if isinstance(entry, dict) else entry for entry in value]
-    return dict(value) if isinstance(value, dict) else value
+def _own(value: object, depth: int = 5) -> object:
+    """Return a copy of tables and lists: later assignments must not reach the caller's."""
+    if depth and isinstance(value, list):
+        return [_own(entry, depth - 1) for entry in value]
+    if depth and isinstance(value, dict):
+        return {name: _own(entry, depth - 1) for name, entry in value.items()}
+    return value
 
 
 def _tables(data: dict[str, Any]) -> dict[str, Any]:

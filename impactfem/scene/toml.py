@@ -99,7 +99,7 @@ def parse_assignment(text: str) -> tuple[str, Any]:
 
 
 def write_value(value: object) -> str:
-    """Return a text, number, boolean or list as a TOML value."""
+    """Return a text, number, boolean, list or inline table as a TOML value."""
     match value:
         case bool():
             return "true" if value else "false"
@@ -108,7 +108,12 @@ def write_value(value: object) -> str:
         case str():
             return '"' + "".join(_escape(character) for character in value) + '"'
         case list() | tuple():
+            if value and all(isinstance(entry, dict) for entry in value):
+                return "[\n" + "".join(f"    {write_value(entry)},\n" for entry in value) + "]"
             return "[" + ", ".join(write_value(entry) for entry in value) + "]"
+        case dict():
+            inner = ", ".join(f"{name} = {write_value(entry)}" for name, entry in value.items())
+            return f"{{ {inner} }}"
     raise TypeError(f"{type(value).__name__} cannot be written as TOML")
 
 

@@ -84,7 +84,8 @@ GOOD = ("run", "bar_impact", "--set")
 LINES = {
     "no command": ((), ["required: COMMAND"]),
     "unknown command": (("solve", "bar_impact"), ["invalid choice", "run"]),
-    "no scene": (("run",), ["required: SCENE"]),
+    "no scene": (("run",), ["run: no scene is given; name one, or use --restart"]),
+    "no scene to plan": (("plan",), ["required: SCENE"]),
     "unknown scene": (("run", "bar_impct"), ["bar_impct: neither a file nor", "bar_impact"]),
     "missing file": (("run", "none.toml"), ["none.toml: there is no such file; check the path"]),
     "folder": (("run", "."), [".: this is a folder; give the scene file in it"]),

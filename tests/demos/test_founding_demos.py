@@ -67,6 +67,8 @@ def test_scene_of_a_demo_is_the_shipped_one(demo, scene):
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_shipped_scenes_make_contact(name):
     scene = shipped(name)
+    if scene.bodies[0].kind != "bar":
+        pytest.skip("solids have no exact solution: test_solid_demos.py")
     assert len(scene.title) > 10
     assert exact_bar(scene).contacts
 

@@ -239,9 +239,9 @@ def test_other_ending(write, name):
 
 
 def test_too_large(write, monkeypatch):
-    monkeypatch.setattr(opening, "MAX_BYTES", 100)
+    monkeypatch.setattr(opening, "MAX_SCRIPT_BYTES", 100)
     message = refused(write(GOOD))
-    assert f"{len(GOOD)} bytes, more than the 100 that are read; use a coarser mesh" in message
+    assert f"{len(GOOD)} bytes, more than the 100 that are read; save its mesh as .msh" in message
 
 
 @pytest.mark.parametrize("content", [GOOD, "\n$MeshFormat\n", " $MeshFormat\n", "\x89PNG", "MZ\0"])

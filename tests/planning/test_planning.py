@@ -64,6 +64,8 @@ def test_what_cannot_fit_in_memory_is_refused():
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_planned_runs_do_not_gain_energy(name):
     shipped = impactfem.Scene.from_toml(shipped_scenes()[name])
+    if shipped.bodies[0].kind != "bar":
+        pytest.skip("solids: tests/demos/test_solid_demos.py")
     result = impactfem.solve(shipped.with_settings({"duration": min(shipped.duration, 20.0)}))
     assert result.summary["status"] == "completed"
     assert not result.summary["energy"]["grows"]

@@ -1,20 +1,39 @@
 """The description of the language, from which the scene reference is made."""
 
+import ast
+import inspect
 from dataclasses import fields
 
-from impactfem.scene import Bar, Output, Scene, Solve, Wall, describe
+from impactfem import scene as language
+from impactfem.scene import Bar, Output, Scene, Solid, Solve, Support, describe
 from impactfem.scene.schema import TableDoc, keys_of
+
+TABLES = {
+    '[[body]] with kind = "bar"': Bar,
+    '[[body]] with kind = "solid"': Solid,
+    '[[obstacle]] with kind = "wall"': language.Wall,
+    '[[obstacle]] with kind = "half_space"': language.HalfSpace,
+    '[[obstacle]] with kind = "sphere"': language.RigidSphere,
+    '[[obstacle]] with kind = "cylinder"': language.RigidCylinder,
+    '[[obstacle]] with kind = "box"': language.RigidBox,
+    '[[obstacle]] with kind = "polyline"': language.RigidPolyline,
+    "[solve]": Solve,
+    "[output]": Output,
+    "supports = [{ ... }]": Support,
+    "tractions = [{ ... }]": language.Traction,
+    "pressures = [{ ... }]": language.Pressure,
+    'shape = { kind = "block" }': language.Block,
+    'shape = { kind = "disc" }': language.Disc,
+    'shape = { kind = "ring" }': language.Ring,
+    'shape = { kind = "cylinder" }': language.Cylinder,
+    'shape = { kind = "sphere" }': language.Sphere,
+    "refine = [{ ... }]": language.Refinement,
+}
 
 
 def test_every_table_and_key_is_described():
     tables = {table.name: [row.key for row in table.keys] for table in describe()}
-    assert list(tables) == [
-        "top level",
-        '[[body]] with kind = "bar"',
-        '[[obstacle]] with kind = "wall"',
-        "[solve]",
-        "[output]",
-    ]
+    assert list(tables) == ["top level", *TABLES]
     assert tables["top level"] == [
         "title",
         "duration",
@@ -24,8 +43,8 @@ def test_every_table_and_key_is_described():
         "solve",
         "output",
     ]
-    for heading, cls in zip(list(tables)[1:], (Bar, Wall, Solve, Output), strict=True):
-        expected = [field.name for field in fields(cls)]
+    for heading, cls in TABLES.items():
+        expected = [field.name for field in fields(cls) if field.name != "kind"]
         assert [key for key in tables[heading] if key != "kind"] == expected
     assert tables['[[body]] with kind = "bar"'][0] == "kind"
 
@@ -47,15 +66,24 @@ def test_some_rows():
     assert rows["[solve]", "tolerance"].allowed == "a number > 0 and < 1"
     assert rows["[output]", "fields"].default == '["vtkhdf"]'
     assert rows["top level", "gravity"].unit == "m/s^2"
+    solid = '[[body]] with kind = "solid"'
+    assert rows[solid, "contact_surfaces"].default == "every surface that can"
+    assert rows[solid, "supports"].type == "list of tables"
+    assert rows[solid, "supports"].default == "[]"
+    assert rows['shape = { kind = "disc" }', "center"].default == "origin"
+    assert rows["supports = [{ ... }]", "kind"].allowed == '"fixed" or "symmetry" or "motion"'
+
+
+def source(cls):
+    return inspect.getsource(cls)
 
 
 def test_signatures_for_type_checkers_agree_with_the_keys():
-    """`Bar` and `Scene` tell type checkers their arguments by hand; none may be forgotten."""
-    import ast
-    import inspect
-
-    for cls in (Bar, Scene):
-        tree = ast.parse(inspect.getsource(cls))
+    """Some classes tell type checkers their arguments by hand; none may be forgotten."""
+    by_hand_classes = [cls for cls in (Scene, *TABLES.values()) if "TYPE_CHECKING" in source(cls)]
+    assert {Bar, Scene, Solid, Support, language.HalfSpace} <= set(by_hand_classes)
+    for cls in by_hand_classes:
+        tree = ast.parse(source(cls))
         (init,) = [
             node
             for node in ast.walk(tree)

@@ -1,4 +1,4 @@
-"""The plan: the least model and method that a scene needs, with the reasons, before solving."""
+"""The plan of a bar: the least model and method that it needs, with the reasons."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -72,13 +72,13 @@ class Plan:
         return asdict(self) | {"warnings": list(self.warnings)}
 
 
-def plan(scene: Scene) -> Plan:
-    """Choose model, method and numbers for a scene; nothing is solved but the exact events.
+def plan_bar(scene: Scene) -> Plan:
+    """Choose method and numbers for the bar of a scene; nothing is solved but the exact events.
 
     Raises:
         SceneError: The settings cannot work, or need more memory than the machine has.
     """
-    bar, solve = scene.bodies[0], scene.solve
+    bar, solve = scene.bar, scene.solve
     exact = exact_bar(scene)
     reasons = {
         "model": "one homogeneous bar that moves along its axis: nothing in the scene bends it or "

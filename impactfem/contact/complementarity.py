@@ -1,0 +1,238 @@
+"""Contact of one time layer: a small complementarity problem, and the rule that decides its energy.
+
+With massless contact nodes the elastic energy, minimised over these nodes, is a convex potential of
+the gaps g that the body would have without contact forces:
+
+    V(g) = max over lambda >= 0 of  -lambda . D lambda / 2 - lambda . g,   lambda(g) = -grad V,
+
+where D is the static compliance of the contact nodes; gap = g + D lambda >= 0 is the true gap. In a
+layer from a to b the contact force is Lambda = (1 - theta) lambda_a + theta lambda_b and
+g_b = g_free + C Lambda. By convexity there is one theta in [0, 1] for which the work of Lambda is
+V(g_a) - V(g_b), so that energy is conserved exactly, and every larger theta dissipates:
+
+    theta = 1/2 + (lambda_a . gap_b - lambda_b . gap_a) / (2 R),
+    R = lambda_a . gap_b + lambda_b . gap_a + (lambda_b - lambda_a) . D (lambda_b - lambda_a).
+
+In flight and in lasting contact theta = 1/2. With D = 0 and theta = 1/2 this is the contact rule of
+the space-time Petrov-Galerkin form and of Newmark's scheme.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dposv
+
+from impactfem.contact.active_set import primal_dual_active_set
+from impactfem.errors import ConvergenceError
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+Rule = Literal["conserving", "dissipative", "middle"]
+"""theta as above, the larger of it and 1/2, or always 1/2."""
+
+Solver = Callable[[Floats, Floats, Booleans], tuple[Floats, int]]
+"""Solves a complementarity problem (matrix, offset, start) for lambda; also counts iterations."""
+
+_EXACT = 1e-14  # error of the energy that theta leaves, as a share of the contact energy
+_NARROW = 1e-15
+_MAX_THETA = 80  # evaluations; bisection alone needs 50
+
+
+@dataclass(frozen=True)
+class LayerContact:
+    """Contact in one layer.
+
+    Attributes:
+        force: Lambda, force of the layer [N], shape (pairs,), >= 0.
+        multiplier: lambda_b at the end of the layer [N], shape (pairs,), >= 0.
+        gap: True gap at the end [m], shape (pairs,), >= 0 to rounding.
+        theta: Weight of lambda_b.
+        iterations: Linear systems solved.
+    """
+
+    force: Floats
+    multiplier: Floats
+    gap: Floats
+    theta: float
+    iterations: int
+
+
+def solve_layer(
+    free: Floats,
+    response: Floats,
+    compliance: Floats,
+    before: tuple[Floats, Floats],
+    rule: Rule,
+    solver: Solver,
+) -> LayerContact:
+    """Find the contact forces of a layer.
+
+    Args:
+        free: Gaps at the end of the layer if Lambda were zero, massless nodes in equilibrium [m],
+            shape (pairs,).
+        response: C, change of these gaps per unit of Lambda [m/N], shape (pairs, pairs).
+        compliance: D [m/N], shape (pairs, pairs); zero where contact nodes have mass.
+        before: lambda_a [N] and true gaps gap_a [m] at the start.
+        rule: How theta is chosen.
+        solver: Solver of complementarity problems.
+
+    Raises:
+        ConvergenceError: The active set or theta was not found.
+    """
+    old, gap_a = before
+    total = 0
+    start = old > 0.0
+
+    def end(theta: float) -> tuple[Floats, Floats]:
+        nonlocal total, start
+        offset = free + response @ ((1.0 - theta) * old)
+        matrix = theta * response + compliance
+        new, iterations = solver(matrix, offset, start)
+        total += iterations
+        start = new > 0.0
+        return new, offset + matrix @ new
+
+    def excess(theta: float, new: Floats, gap: Floats) -> tuple[float, bool]:
+        """What theta should be more, and whether the energy hardly depends on that."""
+        released, pressed = float(old @ gap), float(new @ gap_a)
+        change = new - old
+        strained = compliance @ change
+        room = released + pressed + float(change @ strained)
+        wanted = 0.5 + 0.5 * (released - pressed) / room if room > 0.0 else 0.5
+        wanted = min(max(wanted, 0.5 if rule == "dissipative" else 0.0), 1.0)
+        stored = float(new @ (compliance @ new))
+        return wanted - theta, abs(wanted - theta) * room <= _EXACT * stored
+
+    theta = 0.5
+    new, gap = end(theta)
+    if rule != "middle":
+        theta, new, gap = _fixed_point(end, excess, theta, new, gap)
+    force = (1.0 - theta) * old + theta * new
+    return LayerContact(force, new, gap, theta, total)
+
+
+def _fixed_point(
+    end: Callable[[float], tuple[Floats, Floats]],
+    excess: Callable[[float, Floats, Floats], tuple[float, bool]],
+    theta: float,
+    new: Floats,
+    gap: Floats,
+) -> tuple[float, Floats, Floats]:
+    """Find theta in [0, 1] without excess, by secants kept inside a bracket."""
+    low, high = 0.0, 1.0  # the wanted theta lies in [0, 1]: the excess is >= 0 at 0, <= 0 at 1
+    more, exact = excess(theta, new, gap)
+    following = theta + more
+    for _ in range(_MAX_THETA):
+        if exact or more == 0.0 or high - low <= _NARROW:
+            return theta, new, gap
+        low, high = (theta, high) if more > 0.0 else (low, theta)
+        if not low < following < high:
+            following = 0.5 * (low + high)
+        last, last_more = theta, more
+        theta = following
+        new, gap = end(theta)
+        more, exact = excess(theta, new, gap)
+        slope = (more - last_more) / (theta - last) if theta != last else 0.0
+        following = theta - more / slope if slope != 0.0 else 0.5 * (low + high)
+    raise ConvergenceError(
+        f"contact: the weight theta of a layer was not found (excess {more:.1e} after "
+        f"{_MAX_THETA} evaluations); use a smaller solve.dt or solve.courant"
+    )
+
+
+def solve_by_active_set(tolerance: float, max_iterations: int) -> Solver:
+    """Make a solver that uses the primal-dual active set, and Murty's pivots should it cycle.
+
+    Args:
+        tolerance: Rounding level of gaps [m].
+        max_iterations: Limit of linear systems.
+    """
+
+    def solver(matrix: Floats, offset: Floats, start: Booleans) -> tuple[Floats, int]:
+        if not start.any() and offset.min(initial=0.0) >= -tolerance:
+            return np.zeros(len(offset)), 0
+        pairs = len(offset)
+        gamma = float(np.abs(matrix).max(initial=0.0))
+
+        def solve(active: Booleans) -> tuple[Floats, Floats]:
+            force = _forces(matrix, offset, active)
+            gap = offset + matrix @ force
+            gap[active] = 0.0
+            return gap, -force
+
+        found = primal_dual_active_set(
+            solve, pairs, gamma=gamma, tolerance=tolerance,
+            max_iterations=max_iterations, start=start,
+        )  # fmt: skip
+        if found.converged:
+            return np.maximum(-found.multiplier, 0.0), found.iterations
+        force, pivots = _murty(matrix, offset, found.active, tolerance)
+        return force, found.iterations + pivots
+
+    return solver
+
+
+def _forces(matrix: Floats, offset: Floats, active: Booleans) -> Floats:
+    """Forces that close the active gaps."""
+    force = np.zeros(len(offset))
+    rows = np.flatnonzero(active)
+    if len(rows) == 1:
+        force[rows] = -offset[rows] / matrix[rows[0], rows[0]]
+    elif len(rows):
+        block = matrix[rows[:, None], rows]
+        # LAPACK's Cholesky at once: SciPy's wrappers would cost more than a small system.
+        _, found, failed = dposv(block, -offset[rows], lower=True, overwrite_a=True)
+        if failed:  # singular by rounding
+            found = np.linalg.lstsq(matrix[rows[:, None], rows], -offset[rows])[0]
+        force[rows] = found
+    return force
+
+
+def _murty(
+    matrix: Floats, offset: Floats, active: Booleans, tolerance: float
+) -> tuple[Floats, int]:
+    """Flip the first pair that is wrong until none is; finite for positive definite matrices.
+
+    Source: Murty, Linear Algebra Appl. 7 (1974) 153-160.
+    """
+    active = active.copy()
+    for pivot in range(1, 50 * len(offset) + 1):
+        force = _forces(matrix, offset, active)
+        gap = offset + matrix @ force
+        wrong = np.where(active, force < 0.0, gap < -tolerance)
+        if not wrong.any():
+            return force, pivot
+        first = int(np.argmax(wrong))
+        active[first] = not active[first]
+    raise ConvergenceError(
+        f"contact: no active set was found for {len(offset)} pairs in {50 * len(offset)} pivots; "
+        "use a smaller solve.dt or solve.courant"
+    )
+
+
+def solve_velocity_layer(
+    free: Floats, speed: Floats, response: Floats, dt: float, solver: Solver
+) -> LayerContact:
+    """Stop nodes that would penetrate: 0 <= Lambda _|_ normal speed >= 0 at the end of the layer.
+
+    Moreau's and Jean's rule with restitution 0. It acts on speeds, so that gaps may stay negative.
+
+    Args:
+        free: Gaps at the end of the layer without contact [m], shape (pairs,).
+        speed: Normal speeds there [m/s].
+        response: C, change of the gaps per unit of Lambda [m/N]; that of the speeds is 2 C / dt.
+        dt: Time step [s].
+        solver: Solver of complementarity problems.
+    """
+    closed = np.flatnonzero(free <= 0.0)
+    force, gap = np.zeros(len(free)), free.copy()
+    iterations = 0
+    if len(closed):
+        matrix = (2.0 / dt) * response[np.ix_(closed, closed)]
+        start = np.zeros(len(closed), dtype=bool)
+        force[closed], iterations = solver(matrix, speed[closed], start)
+        gap += response @ force
+    return LayerContact(force, force, gap, 0.5, iterations)

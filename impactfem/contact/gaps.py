@@ -1,0 +1,88 @@
+"""Gaps and normals of contact nodes, by their initial place or by their present one."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.distance import nearest_obstacle, signed_distance, translation
+from impactfem.contact.surfaces import ContactNodes
+
+Floats = NDArray[np.float64]
+
+
+class Gaps:
+    """Distances of contact nodes from the obstacles; see `impactfem.contact.distance`."""
+
+    def __init__(
+        self, obstacles: Sequence[Any], contact: ContactNodes, initial: Floats, *, updated: bool
+    ) -> None:
+        """Take the obstacle of each node.
+
+        Args:
+            obstacles: Rigid obstacles.
+            contact: The contact nodes at t = 0.
+            initial: Their initial displacement [m], shape (count, dim).
+            updated: Whether distance and normal follow the nodes, which then are held off the
+                nearest obstacle; otherwise they are linearised at the place at t = 0.
+        """
+        self._obstacles, self.updated = obstacles, updated
+        self._positions, self._initial = contact.positions - initial, initial
+        self._nearest, self._gap, self._normal = contact.obstacle, contact.gap, contact.normal
+
+    @property
+    def normals(self) -> Floats | None:
+        """Normals that stay, shape (count, dim); None if they follow the nodes."""
+        return None if self.updated else self._normal
+
+    def at(
+        self, displacement: Floats, begin: Floats, last: Floats, time: float, back: float = 0.5
+    ) -> tuple[Floats, Floats]:
+        """Gaps (count,) and normals (count, dim) for displacements at a time.
+
+        Args:
+            displacement: Of the contact nodes without contact forces [m], shape (count, dim).
+            begin: The same one layer earlier.
+            last: With contact forces, one layer earlier.
+            time: [s].
+            back: Where on the way the forces act, from its end (0) to its start (1).
+        """
+        if not self.updated:
+            gap = self._gap + np.einsum("ij,ij->i", self._normal, displacement - self._initial)
+            for index, obstacle in enumerate(self._obstacles):
+                shift = translation(obstacle, time) - translation(obstacle, 0.0)
+                if np.any(shift):
+                    mine = self._nearest == index
+                    gap[mine] -= self._normal[mine] @ np.asarray(shift)
+            return gap, self._normal
+        # Distances where the node is bound to go, normals where the forces act on the way: amid it,
+        # their work is that of the change of distance, but for the cube of the way.
+        static = last - begin
+        there = self._positions + displacement + static
+        acting = there - back * (displacement - begin)
+        gap, normal = np.empty(len(last)), np.empty_like(last)
+        self._nearest = nearest_obstacle(self._obstacles, there, time)[0]
+        for index, obstacle in enumerate(self._obstacles):
+            mine = self._nearest == index
+            if mine.any():
+                gap[mine] = signed_distance(obstacle, there[mine], time)[0]
+                normal[mine] = signed_distance(obstacle, acting[mine], time)[1]
+        return gap - np.einsum("ij,ij->i", normal, static), normal
+
+    def advance(self, normals: Floats, time: float) -> Floats:
+        """How far each node's obstacle has moved towards it since t = 0 [m], shape (count,)."""
+        moved = np.zeros(len(normals))
+        for index, obstacle in enumerate(self._obstacles):
+            if obstacle.motion is not None:
+                mine = self._nearest == index
+                shift = np.asarray(translation(obstacle, time)) - translation(obstacle, 0.0)
+                moved[mine] = normals[mine] @ shift
+        return moved
+
+    def speed(self, normals: Floats, time: float, dt: float) -> Floats:
+        """Speed of each node's obstacle towards it [m/s], over a step about the time, (count,)."""
+        if all(obstacle.motion is None for obstacle in self._obstacles):
+            return np.zeros(len(normals))
+        later, earlier = (self.advance(normals, time + 0.5 * sign * dt) for sign in (1, -1))
+        return (later - earlier) / dt

@@ -1,0 +1,194 @@
+"""How the gaps of a layer answer to contact forces; found for each node when it first needs it."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.compiled import compiled
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+Columns = Callable[[Floats], tuple[Floats, Floats]]
+"""Maps several forces on the contact nodes (several, count, dim) to their displacements at the end
+of the layer with massless nodes in equilibrium, and to the static ones, of the same shape."""
+
+_TOGETHER = 64  # nodes whose columns are asked for at once: bounds the memory for them
+
+
+class Responses:
+    """Responses to unit forces on single contact nodes.
+
+    Few nodes are ever in contact: only for them columns are computed, and then kept. Where the
+    normals are fixed a node has one column, else one for each axis.
+    """
+
+    def __init__(
+        self,
+        count: int,
+        dim: int,
+        normals: Floats | None,
+        columns: Columns,
+        whole: int | None = None,
+    ) -> None:
+        """Begin without columns.
+
+        Args:
+            count: Number of contact nodes.
+            dim: Components of a node.
+            normals: Fixed normals (count, dim), or None if they change.
+            columns: Computes columns (collective).
+            whole: With fixed normals, for how many nodes all components are kept: sums of many
+                long columns cost more than to answer the summed forces. None: for all.
+        """
+        self._whole = count if whole is None or normals is None else whole
+        self._shape = (count, dim)
+        self._normals = normals
+        self._columns = columns
+        self._directions = dim if normals is None else 1
+        self._place = np.full(count, -1, dtype=np.int64)
+        self._layer = np.empty((0, self._directions, count, dim))
+        self._static = np.empty((0, self._directions, count, dim))
+        # With fixed normals also the normal parts, shape (columns, count): all that a layer needs.
+        self._normal_layer = np.empty((0, count))
+        self._normal_static = np.empty((0, count))
+        self._known = 0
+
+    @property
+    def known(self) -> Integers:
+        """Contact nodes with columns, in the order in which these were computed."""
+        order = np.empty(self._known, dtype=np.int64)
+        rows = np.flatnonzero(self._place >= 0)
+        order[self._place[rows]] = rows
+        return order
+
+    def require(self, rows: Integers) -> None:
+        """Compute what is missing for some contact nodes (collective)."""
+        missing = rows[self._place[rows] < 0]
+        for first in range(0, len(missing), _TOGETHER):
+            self._learn(missing[first : first + _TOGETHER])
+
+    def _learn(self, rows: Integers) -> None:
+        """Compute and keep the columns of some nodes."""
+        several = len(rows)
+        forces = np.zeros((several, self._directions, *self._shape))
+        for k, row in enumerate(rows):
+            forces[k, :, row] = (
+                np.eye(self._directions) if self._normals is None else self._normals[row]
+            )
+        found = self._columns(forces.reshape(-1, *self._shape))
+        layers, statics = (part.reshape(forces.shape) for part in found)
+        for row, layer, static in zip(rows, layers, statics, strict=True):
+            self._grow()
+            if self._known < self._whole:
+                self._layer[self._known] = layer
+                self._static[self._known] = static
+            if self._normals is not None:
+                self._normal_layer[self._known] = np.einsum("ij,ij->i", layer[0], self._normals)
+                self._normal_static[self._known] = np.einsum("ij,ij->i", static[0], self._normals)
+            self._place[row] = self._known
+            self._known += 1
+
+    def _grow(self) -> None:
+        count, dim = self._shape
+        if self._known == len(self._layer) and self._known < self._whole:
+            shape = (self._directions, count, dim)
+            self._layer = _longer(self._layer, shape)
+            self._static = _longer(self._static, shape)
+        if self._normals is not None and self._known == len(self._normal_layer):
+            self._normal_layer = _longer(self._normal_layer, (count,))
+            self._normal_static = _longer(self._normal_static, (count,))
+
+    def matrices(self, rows: Integers, normals: Floats) -> tuple[Floats, Floats]:
+        """Response C and compliance D of some nodes along their normals [m/N], (k, k) each.
+
+        Args:
+            rows: The nodes, known by `require`.
+            normals: Their normals, shape (k, dim).
+        """
+        place = self._place[rows]
+        if self._normals is not None:
+            return (
+                _symmetric_block(self._normal_layer, place, rows),
+                _symmetric_block(self._normal_static, place, rows),
+            )
+
+        def reduced(columns: Floats) -> Floats:
+            along = np.einsum("jdic,ic->jdi", columns[place][:, :, rows], normals)
+            return _symmetric(np.einsum("jd,jdi->ij", normals, along))
+
+        return reduced(self._layer), reduced(self._static)
+
+    def approach(
+        self, rows: Integers, normals: Floats, forces: Floats, multipliers: Floats
+    ) -> Floats:
+        """Changes of the gaps of all contact nodes by layer forces and static ones, (count,).
+
+        Args:
+            rows: The nodes on which forces act, known by `require`.
+            normals: Normals of all contact nodes, shape (count, dim).
+            forces: Layer forces, shape (k,).
+            multipliers: Static forces, shape (k,).
+        """
+        if self._normals is None:
+            layer = self.displacement(rows, normals[rows], forces)
+            static = self.static(rows, normals[rows], multipliers)
+            along: Floats = np.einsum("ij,ij->i", normals, layer + static)
+            return along
+        layer = self._summed(self._normal_layer, rows, forces)
+        return layer + self._summed(self._normal_static, rows, multipliers)
+
+    def are_whole(self, rows: Integers) -> bool:
+        """Whether `displacement` and `static` know all components for these nodes."""
+        return bool((self._place[rows] < self._whole).all())
+
+    def displacement(self, rows: Integers, normals: Floats, forces: Floats) -> Floats:
+        """Displacements of all contact nodes by layer forces on whole ones, (count, dim)."""
+        return self._displaced(self._layer, rows, normals, forces)
+
+    def static(self, rows: Integers, normals: Floats, multipliers: Floats) -> Floats:
+        """Displacements of all contact nodes by static forces on whole ones, (count, dim)."""
+        return self._displaced(self._static, rows, normals, multipliers)
+
+    def _displaced(
+        self, columns: Floats, rows: Integers, normals: Floats, values: Floats
+    ) -> Floats:
+        parts = values[:, None] * (1.0 if self._normals is not None else normals)
+        flat = columns.reshape(len(columns), self._directions, -1)
+        found = np.zeros(flat.shape[2])
+        for direction in range(self._directions):
+            found += self._summed(flat[:, direction], rows, parts[:, direction])
+        return found.reshape(self._shape)
+
+    def _summed(self, columns: Floats, rows: Integers, values: Floats) -> Floats:
+        """Sum of columns times values, without a copy of the columns."""
+        place = self._place[rows]
+        used = int(place.max(initial=-1)) + 1
+        weights = np.zeros(used)
+        weights[place] = values
+        found: Floats = weights @ columns[:used]
+        return found
+
+
+def _longer(columns: Floats, shape: tuple[int, ...]) -> Floats:
+    """Columns with room for as many again."""
+    return np.concatenate([columns, np.empty((max(16, len(columns)), *shape))])
+
+
+@compiled
+def _symmetric_block(columns, place, rows):
+    """Entries of some columns in some rows, without what rounding has made asymmetric."""
+    size = len(rows)
+    block = np.empty((size, size))
+    for i in range(size):
+        for j in range(i + 1):
+            mean = 0.5 * (columns[place[i], rows[j]] + columns[place[j], rows[i]])
+            block[i, j] = mean
+            block[j, i] = mean
+    return block
+
+
+def _symmetric(matrix: Floats) -> Floats:
+    """Remove what rounding has made asymmetric."""
+    return 0.5 * (matrix + matrix.T)

@@ -1,0 +1,180 @@
+"""Weak forms of linear elasticity: plane strain, plane stress, axisymmetric, 3D.
+
+Per unit of the reference measure ``weight`` dx, which is the thickness for plane models, 2 pi r for
+axisymmetric ones (x = r, y = axis; everything then holds for the whole circumference) and 1 in 3D:
+
+    rho u_tt - div sigma = b,   sigma = lambda tr(eps) I + 2 mu eps.
+
+Nearly incompressible bodies (Poisson's ratio above ``NEARLY_INCOMPRESSIBLE``) lock when every
+point of an element must keep its volume. Then only the mean dilatation of each element counts:
+tr(eps) in the lambda term is replaced by its projection P onto a small discontinuous space Q,
+which the assembly forms as G^T D^-1 G with
+
+    G_qu = int q tr(eps(u)) weight dx,   D_qp = int q p / lambda weight dx.
+
+Q is constant on an element for degree 1 and for simplices of degree 2, linear for quadrilaterals
+and hexahedra of degree 2. The integrals of a constant dilatation stay exact, hence patch tests do,
+also on curved and axisymmetric elements, where reduced quadrature would fail them. Linear
+simplices are beyond that cure: use degree 2. Sources: J. C. Nagtegaal, D. M. Parks, J. R. Rice,
+Comput. Methods Appl. Mech. Eng. 4 (1974) 153-177; T. J. R. Hughes, The Finite Element Method
+(Dover, 2000), sections 4.4 and 4.5.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from impactfem.fem import ufl
+
+NEARLY_INCOMPRESSIBLE = 0.45
+"""Poisson's ratio above which elements keep their volume in the mean only."""
+
+
+@dataclass(frozen=True)
+class ElasticForms:
+    """UFL forms of an elastic body.
+
+    The material's data may be numbers or UFL constants; the latter let bodies share compiled code.
+
+    Attributes:
+        space: Vector-valued Lagrange space of displacements.
+        model: "plane_strain", "plane_stress", "axisymmetric" or "3d".
+        simplex: Whether the cells are triangles or tetrahedra.
+        density: rho [kg/m^3].
+        first_lame: lambda [Pa]; for plane stress the reduced 2 lambda mu / (lambda + 2 mu).
+        shear_modulus: mu [Pa].
+        across: Strain across a plane-stress body over the trace of that in its plane,
+            -nu / (1 - nu); 0 for the others.
+        thickness: [m], of plane models.
+    """
+
+    space: Any
+    model: str
+    simplex: bool
+    density: Any
+    first_lame: Any
+    shear_modulus: Any
+    across: Any = 0.0
+    thickness: Any = 1.0
+
+    @property
+    def weight(self) -> Any:
+        """What one unit of the reference measure stands for [m], or [] in 3D."""
+        if self.model == "axisymmetric":
+            return 2.0 * math.pi * ufl.SpatialCoordinate(self.space.mesh)[0]
+        return 1.0 if self.model == "3d" else self.thickness
+
+    @property
+    def mass(self) -> Any:
+        """Bilinear form of the consistent mass."""
+        u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
+        return self.density * self.weight * ufl.inner(u, v) * self._dx(self._mass_degree)
+
+    def nodal_mass(self, direction: Any) -> Any:
+        """Linear form rho direction . v: row sums of the mass, and gravity per unit of it."""
+        v = ufl.TestFunction(self.space)
+        return self.density * self.weight * ufl.dot(direction, v) * self._dx(self._mass_degree)
+
+    @property
+    def stiffness(self) -> Any:
+        """Bilinear form of the stiffness."""
+        u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
+        volumetric = self.first_lame * self.dilatation(u) * self.dilatation(v)
+        return self.deviatoric_stiffness + volumetric * self.weight * self._dx(self._degree)
+
+    @property
+    def deviatoric_stiffness(self) -> Any:
+        """The stiffness without its lambda term, for bodies with a mean dilatation."""
+        u, v = ufl.TrialFunction(self.space), ufl.TestFunction(self.space)
+        density = 2.0 * self.shear_modulus * ufl.inner(self.strain(u), self.strain(v))
+        return density * self.weight * self._dx(self._degree)
+
+    def mean_dilatation(self, dilatations: Any) -> tuple[Any, Any]:
+        """Forms G and D of the dilatation in the mean (see the module).
+
+        Args:
+            dilatations: Scalar discontinuous space Q.
+        """
+        u, p, q = (
+            ufl.TrialFunction(self.space),
+            ufl.TrialFunction(dilatations),
+            ufl.TestFunction(dilatations),
+        )
+        dx = self._dx(self._degree)
+        return q * self.dilatation(u) * self.weight * dx, q * p / self.first_lame * self.weight * dx
+
+    def surface_load(self, values: Any, tags: Any, direction: Any = None) -> Any:
+        """Bilinear form of a load on the facets tagged 1, in the load's values [Pa].
+
+        Args:
+            values: Scalar discontinuous space of the values.
+            tags: Facet tags.
+            direction: Unit vector of the load; None for a pressure, which pushes inwards.
+        """
+        value, v = ufl.TrialFunction(values), ufl.TestFunction(self.space)
+        mesh = self.space.mesh
+        along = -ufl.FacetNormal(mesh) if direction is None else direction
+        degree = self._mass_degree + self._order
+        ds = ufl.Measure("ds", mesh, subdomain_data=tags, metadata={"quadrature_degree": degree})
+        return value * ufl.dot(along, v) * self.weight * ds(1)
+
+    def volume(self, cells: Any) -> Any:
+        """Linear form whose entries are the cells' volumes [m^3].
+
+        Args:
+            cells: Space of functions that are constant on each cell.
+        """
+        return self.weight * ufl.TestFunction(cells) * self._dx(self._mass_degree)
+
+    def mises_stress(self, displacement: Any, cells: Any) -> Any:
+        """Linear form whose entries are von Mises stress [Pa] times volume of the cells.
+
+        Args:
+            displacement: Function of the space.
+            cells: Space of functions that are constant on each cell.
+        """
+        strain = self.strain(displacement)
+        trace = self.dilatation(displacement)
+        # Squares of the full strain, whose direct component out of the plane needs its own term.
+        squares = ufl.inner(strain, strain)
+        if self.model == "plane_stress":
+            squares += (self.across * trace) ** 2
+            trace *= 1.0 + self.across
+        deviatoric = ufl.max_value(squares - trace**2 / 3.0, 0.0)
+        mises = self.shear_modulus * ufl.sqrt(6.0 * deviatoric)
+        return mises * self.weight * ufl.TestFunction(cells) * self._dx(self._degree)
+
+    def strain(self, u: Any) -> Any:
+        """Strain tensor; with the hoop strain u_r / r as third direct component if axisymmetric."""
+        strain = ufl.sym(ufl.grad(u))
+        if self.model != "axisymmetric":
+            return strain
+        hoop = u[0] / ufl.SpatialCoordinate(self.space.mesh)[0]
+        return ufl.as_tensor(
+            ((strain[0, 0], strain[0, 1], 0.0), (strain[1, 0], strain[1, 1], 0.0), (0.0, 0.0, hoop))
+        )
+
+    def dilatation(self, u: Any) -> Any:
+        """Trace of the strain; for plane stress of that in the plane."""
+        return ufl.tr(self.strain(u))
+
+    @property
+    def _order(self) -> int:
+        return int(self.space.ufl_element().degree)
+
+    @property
+    def _degree(self) -> int:
+        """Quadrature degree of the stiffness: full integration, also on curved elements."""
+        if self.simplex and self.model != "axisymmetric":
+            return 1 if self._order == 1 else 2 * self._order
+        return 2 * self._order + 1
+
+    @property
+    def _mass_degree(self) -> int:
+        """Quadrature degree of the mass: exact volumes, also of curved elements."""
+        order = self._order
+        curved = self.space.mesh.geometry.dim * (order - 1) if self.simplex else 1
+        return 2 * order + curved + (order if self.model == "axisymmetric" else 0)
+
+    def _dx(self, degree: int) -> Any:
+        return ufl.Measure("dx", self.space.mesh, metadata={"quadrature_degree": degree})

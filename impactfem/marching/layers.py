@@ -1,0 +1,92 @@
+"""What a time scheme does inside the body in one layer; contact forces are added by the loop."""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass
+class Sums:
+    """Sums over the dofs this rank owns, of one layer; the loop adds those of all ranks up.
+
+    Attributes:
+        kinetic: Kinetic energy [J].
+        elastic: Elastic energy [J], without that of contact for explicit schemes.
+        work: Work of tractions, pressures and supports in the layer [J].
+        momentum: [kg m/s], shape (dim,).
+        moment: Mass times displacement [kg m], shape (dim,).
+    """
+
+    kinetic: float
+    elastic: float
+    work: float
+    momentum: Floats
+    moment: Floats
+
+
+class Interior(Protocol):
+    """One layer of a scheme, in the order in which the loop calls it.
+
+    Attributes:
+        dt: Time step [s].
+        whole_columns: For how many contact nodes answers are worth keeping in full; None: for all.
+    """
+
+    dt: float
+    whole_columns: int | None
+
+    @property
+    def velocity(self) -> Floats:
+        """Velocity of the owned dofs [m/s]."""
+
+    @property
+    def surface_displacement(self) -> Floats:
+        """Of the contact nodes, massless ones without contact forces [m], (count, dim)."""
+
+    def surface_velocity(self) -> Floats:
+        """Velocity of the contact nodes [m/s], (count, dim) (collective)."""
+
+    def initial(self, static: Floats) -> Sums:
+        """Sums of the initial state; ``static`` as in `finish`."""
+
+    def share(self, layer: int) -> float:
+        """Part of a layer's contact force that acts."""
+
+    def gravity(self, layer: int) -> Floats:
+        """Gravity that the layer uses [m/s^2], shape (dim,)."""
+
+    def predict(self, layer: int) -> Floats:
+        """Move to the end of a layer without contact; displacements of contact nodes there."""
+
+    def columns(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Answers of the contact nodes to forces; see `impactfem.contact.responses`."""
+
+    def static(self, forces: Floats) -> Floats:
+        """Displacement of massless contact nodes by static forces on them, (count, dim) each."""
+
+    def push(self, forces: Floats, change: Floats | None) -> None:
+        """Add the effect of the layer's contact forces (count, dim) to all dofs.
+
+        Args:
+            forces: [N].
+            change: What they do to the contact nodes [m], if `Responses` knows.
+        """
+
+    def finish(self, layer: int, static: Floats) -> Sums:
+        """End the layer; ``static`` are displacements of contact nodes by the multipliers [m]."""
+
+    def placed(self, static: Floats) -> Floats:
+        """Displacement of the owned dofs with massless nodes where they are, as a new array."""
+
+    def state(self) -> dict[str, Any]:
+        """What the next layer needs, by name: arrays of owned dofs."""
+
+    def restore(self, state: dict[str, Any], surface: Floats) -> None:
+        """Continue from a state; ``surface`` was `surface_displacement`, to the last bit."""
+
+    def destroy(self) -> None:
+        """Free what PETSc holds."""

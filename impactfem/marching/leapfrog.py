@@ -1,0 +1,248 @@
+"""Explicit layers: lumped mass, central differences, massless contact nodes in equilibrium.
+
+    u_{m+1} = u_m + s_m,   s_m = s_{m-1} + dt^2 M^-1 (f_m - K u_m + contact forces),
+
+the space-time Petrov-Galerkin form with layer weight beta = 0. Without contact it conserves
+v M v / 2 + u_m K u_{m+1} / 2 with v = s_m / dt, which is positive while dt omega < 2.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.compiled import compiled
+from impactfem.marching.layers import Sums
+from impactfem.system.drive import Drive
+from impactfem.system.elastic import ElasticSystem
+from impactfem.system.massless import lumped_mass
+from impactfem.system.matrices import to_blocked
+from impactfem.system.surface import SurfaceNodes, SurfaceStatics
+
+Floats = NDArray[np.float64]
+
+_WHOLE_COLUMNS = 64  # sums of more columns cost more than two solves with the surface's stiffness
+
+
+@compiled
+def _advance(u, step, internal, load, inverse, gravity, keep, gain):
+    """Take a step of all dofs that have mass: step = keep step + gain a, u = u + step.
+
+    Args:
+        u, step, internal: Displacement, its last step and K u, shape (dofs,).
+        load: Forces besides gravity, shape (dofs,), or empty.
+        inverse: Inverse masses, 0 for what is held or massless.
+        gravity: Shape (dim,).
+        keep, gain: Weights of the last step and of the acceleration.
+    """
+    dim = len(gravity)
+    loaded = len(load) > 0
+    for i in range(len(u)):
+        if inverse[i] > 0.0:
+            force = -internal[i]
+            if loaded:
+                force += load[i]
+            step[i] = keep * step[i] + gain * (force * inverse[i] + gravity[i % dim])
+            u[i] += step[i]
+
+
+@compiled
+def _add_up(u, step, internal, mass, inverse, sums):
+    """Add up m s^2 / 2, u K u_m / 2, m s and m u; the last two by component.
+
+    Args:
+        u, step, internal, mass, inverse: As for `_advance`, with the lumped mass.
+        sums: Filled, shape (2 + 2 dim,).
+    """
+    dim = (len(sums) - 2) // 2
+    sums[:] = 0.0
+    for i in range(len(u)):
+        if inverse[i] > 0.0:
+            moment = mass[i] * step[i]
+            sums[0] += 0.5 * moment * step[i]
+            sums[1] += 0.5 * u[i] * internal[i]
+            sums[2 + i % dim] += moment
+            sums[2 + dim + i % dim] += mass[i] * u[i]
+
+
+class Leapfrog:
+    """Explicit interior; see `impactfem.marching.layers.Interior`."""
+
+    def __init__(
+        self,
+        system: ElasticSystem,
+        surface: SurfaceNodes,
+        statics: SurfaceStatics | None,
+        transfer: Any,
+        dt: float,
+    ) -> None:
+        """Prepare vectors; with ``statics`` and ``transfer`` the contact nodes are massless."""
+        self.dt = dt
+        self.whole_columns: int | None = None if statics is None else _WHOLE_COLUMNS
+        self._system, self._surface, self._statics = system, surface, statics
+        self._drive = Drive(system, transfer)
+        self._matrix = to_blocked(system.stiffness)  # its products are faster
+        self._now, self._internal = self._matrix.createVecs()
+        self.displacement: Floats = self._now.getArray()
+        self._forces: Floats = self._internal.getArray()
+        self.displacement[:] = system.displacement
+        self._step = dt * system.velocity
+        self._mass, self._inverse = lumped_mass(system, transfer, surface)
+        self._load = np.zeros(len(self._mass) if self._drive.is_active else 0)
+        self._loads = np.zeros_like(self._load)
+        self._reaction = np.zeros(len(self._drive.moved))
+        # Mass damping is taken in the middle of the step, stiffness damping at its start.
+        slow = 0.5 * system.rayleigh_mass * dt
+        self._keep, self._gain = (1.0 - slow) / (1.0 + slow), dt * dt / (1.0 + slow)
+        self._lag = system.rayleigh_stiffness / dt
+        self._sums = np.zeros(2 + 2 * system.dim)
+        self._share, self._work = 1.0, 0.0
+        self._contact = self._contact_at(0.0)
+
+    @property
+    def velocity(self) -> Floats:
+        """Velocity during the last layer [m/s]."""
+        return self._step / self.dt
+
+    @property
+    def surface_displacement(self) -> Floats:
+        """Displacement of the contact nodes, massless ones in equilibrium, (count, dim)."""
+        return self._contact
+
+    def surface_velocity(self) -> Floats:
+        """Velocity of the contact nodes [m/s], (count, dim) (collective)."""
+        return self._surface.gather(self.velocity)
+
+    def share(self, layer: int) -> float:
+        """Part of a layer's contact force that acts.
+
+        What acts at t = 0 acts for half a step. (Contact nodes with mass take half the forces of
+        two layers: the share is in the one that lies before t = 0 and is missing.)
+        """
+        return 0.5 if layer == 0 and self._statics is not None else 1.0
+
+    def gravity(self, layer: int) -> Floats:
+        """Gravity that acts at the start of a layer [m/s^2], shape (dim,)."""
+        time = layer * self.dt
+        return self._drive.gravity(max(0.0, time - 0.5 * self.dt), time + 0.5 * self.dt)
+
+    def _contact_at(self, time: float) -> Floats:
+        if self._statics is None:
+            return self._surface.gather(self.displacement)
+        load = self._surface.gather(self._drive.lift(time)) if self._drive.has_moved else None
+        found = self._statics.equilibrium(self.displacement, load)
+        self._surface.spread(found, self.displacement)
+        return found
+
+    def predict(self, layer: int) -> Floats:
+        """Take the step without contact forces."""
+        drive, time = self._drive, layer * self.dt
+        if self._lag and layer:
+            self.displacement += self._lag * self._step
+        self._matrix.mult(self._now, self._internal)
+        if self._lag and layer:
+            self.displacement -= self._lag * self._step
+        if drive.is_active:
+            self._loads = drive.load(time)
+            self._load[:] = self._loads + drive.lift(time)
+            self._reaction = drive.reaction(self.displacement)
+            self._work = self._half_work() if layer else 0.0
+        self._share = self.share(layer)
+        keep, gain = (self._keep, self._gain) if layer else (1.0, 0.5 * self._gain)
+        _advance(
+            self.displacement, self._step, self._forces, self._load, self._inverse,
+            self.gravity(layer), keep, gain,
+        )  # fmt: skip
+        if drive.has_moved:
+            place = self._system.supports.motion(time + self.dt)[0]
+            self._step[drive.moved] = place - self.displacement[drive.moved]
+            self.displacement[drive.moved] = place
+        self._before = self._contact
+        self._contact = self._contact_at(time + self.dt)
+        return self._contact
+
+    def columns(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Answers of the contact nodes to several forces in a layer that is not the first."""
+        if self._statics is not None:
+            near = self._statics.near
+            return self._statics.answers(forces, self._gain * self._inverse[near])
+        layer, answer = np.empty_like(forces), np.zeros_like(self.displacement)
+        for k, force in enumerate(forces):
+            self._surface.spread(force, answer)
+            layer[k] = self._surface.gather(self._gain * self._inverse * answer)
+        return layer, np.zeros_like(forces)
+
+    def static(self, forces: Floats) -> Floats:
+        """Displacement of massless contact nodes by static forces on them, (count, dim) each."""
+        return np.zeros_like(forces) if self._statics is None else self._statics.response(forces)
+
+    def push(self, forces: Floats, change: Floats | None) -> None:
+        """Add contact forces; ``change`` is the answer of the contact nodes, if known."""
+        if self._statics is None:
+            where = self._surface.dofs
+            values = forces.ravel()[self._surface.places]
+        else:
+            where = self._statics.near
+            values = -self._statics.pushed(self._statics.response(forces))
+        values = self._share * self._gain * self._inverse[where] * values
+        self._step[where] += values
+        self.displacement[where] += values
+        if change is None and self._statics is not None:
+            change = self._statics.equilibrium_of_near(values)
+        if change is not None:
+            self._contact = self._contact + change
+
+    def finish(self, layer: int, static: Floats) -> Sums:  # noqa: ARG002  (as the interface has it)
+        """End the layer and sum up."""
+        if self._statics is not None:
+            self._surface.spread(self._contact, self.displacement)
+            self._surface.spread(self._contact - self._before, self._step)
+        return self._summed(1.0)
+
+    def initial(self, static: Floats) -> Sums:  # noqa: ARG002  (as the interface has it)
+        """Sums of the initial state."""
+        self._matrix.mult(self._now, self._internal)
+        return self._summed(0.0)
+
+    def _half_work(self) -> float:
+        """Work of loads and moved supports at a level along half of the step before or after it."""
+        work = 0.5 * float(self._loads @ self._step)
+        return work + 0.5 * float(self._reaction @ self._step[self._drive.moved])
+
+    def _summed(self, back: float) -> Sums:
+        """Sums at the end of a layer; ``back`` is 0 at t = 0, where there is no step yet."""
+        dim, drive = self._system.dim, self._drive
+        _add_up(self.displacement, self._step, self._forces, self._mass, self._inverse, self._sums)
+        elastic, work = self._sums[1], 0.0
+        if drive.is_active:
+            work = self._work + self._half_work()
+            self._work = 0.0
+        if drive.has_moved:
+            before = self.displacement - back * self._step
+            elastic += drive.elastic(before, self.displacement)
+        return Sums(
+            self._sums[0] / self.dt**2, elastic, work,
+            self._sums[2 : 2 + dim] / self.dt, self._sums[2 + dim :].copy(),
+        )  # fmt: skip
+
+    def placed(self, static: Floats) -> Floats:
+        """Displacement of the owned dofs with massless nodes where they are, as a new array."""
+        found = self.displacement.copy()
+        self._surface.spread(self._contact + static, found)
+        return found
+
+    def state(self) -> dict[str, Any]:
+        """What the next layer needs."""
+        return {"displacement": self.displacement.copy(), "step": self._step.copy()}
+
+    def restore(self, state: dict[str, Any], surface: Floats) -> None:
+        """Continue from a state; ``surface`` was `surface_displacement`, to the last bit."""
+        self.displacement[:] = state["displacement"]
+        self._step[:] = state["step"]
+        self._contact = surface.copy()
+
+    def destroy(self) -> None:
+        """Free PETSc's vectors."""
+        self._now.destroy()
+        self._internal.destroy()
+        self._matrix.destroy()

@@ -1,0 +1,254 @@
+"""Implicit layers: the midpoint rule (layer weight beta = 1/4), with one factorisation.
+
+With w = u + b v in the middle of the layer (b: stiffness damping, a: mass damping, tau = 2 b / dt)
+
+    (K + mu M) w = f + M (mu u_a + 2 v_a / dt) + contact forces,
+    mu = 2 (2 / dt + a) / (dt (1 + tau)),
+    u_b = u_a + 2 (w - u_a) / (1 + tau),   v_b = 2 (u_b - u_a) / dt - v_a.
+
+Massless contact nodes have zero rows in M: there w is in equilibrium.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.fem import MPI, products_in_order
+from impactfem.marching.layers import Sums
+from impactfem.system.drive import Drive
+from impactfem.system.elastic import ElasticSystem
+from impactfem.system.linear import LinearSolver
+from impactfem.system.massless import transferred
+from impactfem.system.surface import SurfaceNodes, SurfaceStatics
+
+Floats = NDArray[np.float64]
+
+_COLUMN_BYTES = 2**28  # kept answers to unit forces; beyond this a layer solves once more
+
+
+class Midpoint:
+    """Implicit interior; see `impactfem.marching.layers.Interior`."""
+
+    def __init__(
+        self,
+        system: ElasticSystem,
+        surface: SurfaceNodes,
+        statics: SurfaceStatics | None,
+        transfer: Any,
+        dt: float,
+        linear_solver: str,
+    ) -> None:
+        """Factor once; with ``statics`` and ``transfer`` the contact nodes are massless.
+
+        Raises:
+            ConvergenceError: The matrix cannot be factored.
+        """
+        self.dt = dt
+        self.whole_columns: int | None = None
+        self._system, self._surface, self._statics = system, surface, statics
+        self._transfer, self._drive = transfer, Drive(system, transfer)
+        lag = 2.0 * system.rayleigh_stiffness / dt
+        self._mu = 2.0 * (2.0 / dt + system.rayleigh_mass) / (dt * (1.0 + lag))
+        self._advance = 2.0 / (1.0 + lag)
+        with products_in_order(system.comm):
+            self._mass = system.mass if transfer is None else system.mass.ptap(transfer)
+        matrix = system.stiffness.copy()
+        matrix.axpy(self._mu, self._mass)
+        self._solver = LinearSolver(matrix, linear_solver, system.stiffness.getNearNullSpace())
+        self._vectors = [system.stiffness.createVecRight() for _ in range(4)]
+        self._argument, self._right, self._middle, self._product = self._vectors
+        # Not the array of `_right`: PETSc keeps norms of vectors that are written behind its back.
+        self._sum = np.zeros(len(system.constrained))
+        self.displacement: Floats = system.displacement.copy()
+        self.velocity: Floats = system.velocity.copy()
+        self._still = system.constrained.copy()
+        if statics is not None:
+            self._still[surface.dofs] = True
+        weights = np.repeat(system.node_mass, system.dim)
+        self._weights = np.where(system.constrained, 0.0, transferred(transfer, weights))
+        self._columns = np.empty((0, len(self.displacement)))
+        self._units = np.empty((0, surface.count * surface.dim))
+        self._gather_columns = True
+        self._loads = np.zeros(0)
+        self._contact = self._contact_at(0.0)
+        if statics is not None:
+            surface.spread(self._contact, self.displacement)
+
+    @property
+    def surface_displacement(self) -> Floats:
+        """Displacement of the contact nodes, massless ones in equilibrium, (count, dim)."""
+        return self._contact
+
+    def share(self, layer: int) -> float:  # noqa: ARG002  (as the interface has it)
+        """Part of a layer's contact force that acts."""
+        return 1.0
+
+    def gravity(self, layer: int) -> Floats:
+        """Mean gravity of a layer [m/s^2], shape (dim,)."""
+        return self._drive.gravity(layer * self.dt, (layer + 1) * self.dt)
+
+    def _contact_at(self, time: float) -> Floats:
+        if self._statics is None:
+            return self._surface.gather(self.displacement)
+        load = self._surface.gather(self._drive.lift(time)) if self._drive.has_moved else None
+        return self._statics.equilibrium(self.displacement, load)
+
+    def _times_mass(self, values: Floats) -> Floats:
+        self._argument.setArray(values)
+        self._mass.mult(self._argument, self._product)
+        found: Floats = self._product.getArray()
+        return found
+
+    def predict(self, layer: int) -> Floats:
+        """Solve the layer without contact forces."""
+        system, drive, dt = self._system, self._drive, self.dt
+        begin, end = layer * dt, (layer + 1) * dt
+        gravity = self.gravity(layer)
+        motion = self._mu * self.displacement + (2.0 / dt) * self.velocity
+        right = self._sum
+        right[:] = self._times_mass(motion)
+        right.reshape(-1, system.dim)[:] += self._weights.reshape(-1, system.dim) * gravity
+        if drive.is_active:
+            self._loads = 0.5 * (drive.load(begin) + drive.load(end))
+            right += self._loads + 0.5 * (drive.lift(begin) + drive.lift(end))
+        right[system.constrained] = 0.0
+        if self._solver.is_iterative:  # from where the body would be without forces
+            guess = self.displacement + (0.5 * dt) * self.velocity
+            guess[system.constrained] = 0.0
+            self._middle.setArray(guess)
+        self._right.setArray(right)
+        self._solver.solve(self._right, self._middle)
+        self._before = self.displacement.copy()
+        change = self._advance * (self._middle.getArray() - self.displacement)
+        change[self._still] = 0.0
+        self.displacement += change
+        if drive.has_moved:
+            self.displacement[drive.moved] = system.supports.motion(end)[0]
+        self._contact_before = self._contact
+        self._contact = self._contact_at(end)
+        return self._contact
+
+    def columns(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Answers of the contact nodes to several forces in a layer."""
+        layer, static = np.empty_like(forces), np.empty_like(forces)
+        for k, force in enumerate(forces):
+            layer[k], static[k] = self._column(force)
+        return layer, static
+
+    def _column(self, forces: Floats) -> tuple[Floats, Floats]:
+        answer = self._answer(forces)
+        self._keep_column(forces, answer)
+        return self._answer_of_contact(answer), self.static(forces)
+
+    def static(self, forces: Floats) -> Floats:
+        """Displacement of massless contact nodes by static forces on them, (count, dim) each."""
+        return np.zeros_like(forces) if self._statics is None else self._statics.response(forces)
+
+    def _answer_of_contact(self, answer: Floats) -> Floats:
+        if self._statics is None:
+            return self._surface.gather(answer)
+        return self._statics.equilibrium(answer)
+
+    def _answer(self, forces: Floats) -> Floats:
+        """Change of all displacements at the end of the layer."""
+        right = self._sum
+        right[:] = 0.0
+        self._surface.spread(forces, right)
+        right[self._system.constrained] = 0.0
+        self._right.setArray(right)
+        # An answer must not depend on what was solved before: restarted runs are equal bit by bit.
+        self._middle.set(0.0)
+        self._solver.solve(self._right, self._middle)
+        answer: Floats = self._advance * self._middle.getArray()
+        answer[self._still] = 0.0
+        return answer
+
+    def _keep_column(self, forces: Floats, answer: Floats) -> None:
+        """Keep the answer to a unit force, as long as there is room."""
+        count = len(self._columns) + 1
+        largest = self._surface.comm.allreduce(len(answer), op=MPI.MAX)
+        if count * largest * 8 > _COLUMN_BYTES:
+            self._gather_columns = False
+        if self._gather_columns:
+            self._columns = np.vstack([self._columns, answer])
+            self._units = np.vstack([self._units, forces.ravel()])
+
+    def push(self, forces: Floats, change: Floats | None) -> None:
+        """Add contact forces; ``change`` is the answer of the contact nodes, if known."""
+        if self._gather_columns:
+            answer = (self._units @ forces.ravel()) @ self._columns
+        else:
+            answer = self._answer(forces)
+        self.displacement += answer
+        self._contact = self._contact + (
+            self._answer_of_contact(answer) if change is None else change
+        )
+
+    def finish(self, layer: int, static: Floats) -> Sums:  # noqa: ARG002  (as the interface has it)
+        """End the layer and sum up."""
+        system = self._system
+        moved = self.displacement - self._before
+        moved[self._still] = 0.0
+        self.velocity *= -1.0
+        self.velocity += (2.0 / self.dt) * moved
+        self.velocity[system.constrained] = 0.0
+        if self._statics is not None:
+            self._surface.spread(self._contact + static, self.displacement)
+            drift = (self._contact - self._contact_before) / self.dt
+            self._surface.spread(drift, self.velocity)
+        work = float(self._loads @ moved) if self._drive.is_active else 0.0
+        if self._drive.has_moved:
+            step = self.displacement - self._before
+            reaction = self._drive.reaction(self.displacement - 0.5 * step)
+            work += float(reaction @ step[self._drive.moved])
+        return self._summed(work)
+
+    def surface_velocity(self) -> Floats:
+        """Velocity of the contact nodes [m/s], (count, dim) (collective)."""
+        return self._surface.gather(self.velocity)
+
+    def initial(self, static: Floats) -> Sums:
+        """Sums of the initial state."""
+        if self._statics is not None:
+            self._surface.spread(self._contact + static, self.displacement)
+        return self._summed(0.0)
+
+    def _summed(self, work: float) -> Sums:
+        system, dim = self._system, self._system.dim
+        self._argument.setArray(self.displacement)
+        system.stiffness.mult(self._argument, self._product)
+        internal = self._product.getArray()
+        free = ~system.constrained
+        elastic = 0.5 * float(self.displacement[free] @ internal[free])
+        if self._drive.has_moved:
+            elastic += self._drive.elastic(self.displacement, self.displacement)
+        momentum = self._times_mass(self.velocity)
+        kinetic = 0.5 * float(self.velocity @ momentum)
+        moments = self._weights * self.displacement
+        return Sums(
+            kinetic, elastic, work,
+            momentum.reshape(-1, dim).sum(axis=0), moments.reshape(-1, dim).sum(axis=0),
+        )  # fmt: skip
+
+    def placed(self, static: Floats) -> Floats:  # noqa: ARG002  (as the interface has it)
+        """Displacement of the owned dofs with massless nodes where they are, as a new array."""
+        return self.displacement.copy()
+
+    def state(self) -> dict[str, Any]:
+        """What the next layer needs."""
+        return {"displacement": self.displacement.copy(), "velocity": self.velocity.copy()}
+
+    def restore(self, state: dict[str, Any], surface: Floats) -> None:
+        """Continue from a state; ``surface`` was `surface_displacement`, to the last bit."""
+        self.displacement[:] = state["displacement"]
+        self.velocity[:] = state["velocity"]
+        self._contact = surface.copy()
+
+    def destroy(self) -> None:
+        """Free PETSc's objects."""
+        self._solver.destroy()
+        for vector in self._vectors:
+            vector.destroy()
+        if self._transfer is not None:
+            self._mass.destroy()

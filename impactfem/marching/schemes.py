@@ -1,0 +1,40 @@
+"""Time schemes of solids as data."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from impactfem.contact.complementarity import Rule
+
+
+@dataclass(frozen=True)
+class SolidScheme:
+    """A time scheme: how the inside moves, which mass contact nodes have, and the contact rule.
+
+    Attributes:
+        interior: "midpoint" is the space-time form with layer weight beta = 1/4 (implicit),
+            "leapfrog" with beta = 0 (explicit, lumped mass).
+        massless: Whether contact nodes give their mass to their neighbours.
+        contact: Rule for theta (`impactfem.contact.complementarity`), or "velocity": impulses that
+            stop approaching nodes once their gap would close.
+    """
+
+    interior: Literal["midpoint", "leapfrog"]
+    massless: bool
+    contact: Rule | Literal["velocity"]
+
+    @property
+    def shares_forces(self) -> bool:
+        """Whether a level takes half the force of each neighbouring layer, as the bar does."""
+        return self.interior == "leapfrog" and not self.massless
+
+
+SOLID_SCHEMES: Mapping[str, SolidScheme] = {
+    "massless": SolidScheme("midpoint", massless=True, contact="dissipative"),
+    "conserving": SolidScheme("midpoint", massless=True, contact="conserving"),
+    "explicit": SolidScheme("leapfrog", massless=True, contact="conserving"),
+    "galerkin": SolidScheme("leapfrog", massless=False, contact="middle"),
+    "moreau_jean": SolidScheme("midpoint", massless=False, contact="velocity"),
+    "newmark": SolidScheme("midpoint", massless=False, contact="middle"),
+}
+"""Schemes by the name of their method."""

@@ -1,0 +1,351 @@
+"""The time loop of solids: predict a layer, find its contact forces, end it, keep what is asked."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.complementarity import (
+    LayerContact,
+    Solver,
+    solve_layer,
+    solve_velocity_layer,
+)
+from impactfem.contact.gaps import Gaps
+from impactfem.contact.responses import Responses
+from impactfem.errors import ConvergenceError
+from impactfem.fem import MPI
+from impactfem.marching.layers import Interior, Sums
+from impactfem.marching.schemes import SolidScheme
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_CHECKED = 32  # layers between checks that all numbers are finite
+
+
+class Level:
+    """State at the end of a layer, as observers see it.
+
+    Attributes:
+        layer: Number of layers done.
+        time: [s].
+        force: Normal force of each contact node during the layer [N], shape (count,).
+        gap: True gap of each contact node [m], shape (count,).
+    """
+
+    def __init__(
+        self, interior: Interior, layer: int, static: Floats, force: Floats, gap: Floats
+    ) -> None:
+        """Show a level of an interior.
+
+        Args:
+            interior: At the end of a layer.
+            layer: Number of layers done.
+            static: Displacement of massless nodes by the multipliers [m], (count, dim).
+            force: See above.
+            gap: See above.
+        """
+        self._interior, self._static = interior, static
+        self.layer, self.time = layer, layer * interior.dt
+        self.force, self.gap = force, gap
+
+    @cached_property
+    def displacement(self) -> Floats:
+        """Displacement of the dofs this rank owns, contact included [m]."""
+        return self._interior.placed(self._static)
+
+    @property
+    def velocity(self) -> Floats:
+        """Velocity of the dofs this rank owns [m/s]."""
+        return self._interior.velocity
+
+
+@dataclass
+class Rows:
+    """What each layer leaves in the history; row 0 is the initial state.
+
+    Attributes:
+        sums: Kinetic, elastic, work of loads, momentum and moment of this rank, (rows, 3 + 2 dim).
+        gap, force, contact_energy, obstacle_work: Of all ranks, (rows,).
+        active, iterations: Of all ranks, (rows,).
+    """
+
+    sums: Floats
+    gap: Floats
+    force: Floats
+    contact_energy: Floats
+    obstacle_work: Floats
+    active: Integers
+    iterations: Integers
+
+    @classmethod
+    def empty(cls, rows: int, dim: int) -> "Rows":
+        """Rows of zeros."""
+        sums = np.zeros((rows, 3 + 2 * dim))
+        gap, force, contact_energy, obstacle_work = np.zeros((4, rows))
+        active, iterations = np.zeros((2, rows), dtype=np.int64)
+        return cls(sums, gap, force, contact_energy, obstacle_work, active, iterations)
+
+    def first(self, count: int) -> "Rows":
+        """The first so many rows."""
+        return Rows(*(getattr(self, entry.name)[:count] for entry in fields(self)))
+
+    def put(self, row: int, sums: Sums) -> None:
+        """Store the sums of a row."""
+        self.sums[row] = [sums.kinetic, sums.elastic, sums.work, *sums.momentum, *sums.moment]
+
+
+@dataclass
+class ContactState:
+    """Multipliers and true gaps of all contact nodes at the last level and the one before.
+
+    Attributes:
+        multiplier, gap: At the last level [N], [m].
+        older_multiplier, older_gap: One level earlier.
+        advance, older_advance: How far the obstacles have come [m].
+        static: Displacement of massless nodes by the multipliers [m], (count, dim).
+    """
+
+    multiplier: Floats
+    gap: Floats
+    older_multiplier: Floats
+    older_gap: Floats
+    advance: Floats
+    older_advance: Floats
+    static: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+
+
+class SolidMarch:
+    """A march through the layers, which can be stopped and continued between any two."""
+
+    def __init__(
+        self,
+        comm: Any,
+        interior: Interior,
+        scheme: SolidScheme,
+        gaps: Gaps,
+        solver: Solver,
+        layers: int,
+        tolerance: float,
+    ) -> None:
+        """Find the contact forces of the initial state.
+
+        Args:
+            comm: MPI communicator.
+            interior: What the scheme does inside the body.
+            scheme: The scheme as data.
+            gaps: Distances from the obstacles.
+            solver: Of complementarity problems.
+            layers: Number of layers.
+            tolerance: Rounding level of gaps [m].
+        """
+        self._comm, self._scheme, self._gaps = comm, scheme, gaps
+        self.interior = interior
+        self._solver, self.layers, self._tolerance = solver, layers, tolerance
+        free = interior.surface_displacement
+        count, dim = free.shape
+        self.rows = Rows.empty(layers + 1, dim)
+        self.layer = 0
+        self.failure = ""  # why the march ended early
+        self._responses = Responses(
+            count, dim, gaps.normals, interior.columns, interior.whole_columns
+        )
+        # An explicit step spans two layers: what it conserves pairs each level with the one after
+        # the next, and contact nodes that have mass take the forces of neighbouring layers.
+        self._skips = scheme.interior == "leapfrog" and scheme.massless
+        gap, normals = gaps.at(free, free, free, 0.0)
+        self._normals = normals
+        multiplier, static = self._initial_contact(gap, normals)
+        true = gap + np.einsum("ij,ij->i", normals, static)
+        advance = gaps.advance(normals, 0.0)
+        self.contact = ContactState(multiplier, true, multiplier, true, advance, advance, static)
+        self.rows.put(0, interior.initial(static))
+        self.speed = interior.surface_velocity()
+        self._speed_without_contact = np.zeros(count)  # of nodes away from obstacles [m/s]
+        self._close_row(0, np.zeros(count), 0)
+
+    def _initial_contact(self, gap: Floats, normals: Floats) -> tuple[Floats, Floats]:
+        """Forces that keep massless nodes out of the obstacle at t = 0."""
+        multiplier, static = np.zeros(len(gap)), np.zeros_like(normals)
+        if not self._scheme.massless or not (gap < -self._tolerance).any():
+            return multiplier, static
+        rows = np.flatnonzero(gap < -self._tolerance)
+        while True:
+            self._responses.require(rows)
+            _, compliance = self._responses.matrices(rows, normals[rows])
+            found, _ = self._solver(compliance, gap[rows], np.zeros(len(rows), dtype=bool))
+            change = self._responses.approach(rows, normals, np.zeros(len(rows)), found)
+            missed = gap + change < -self._tolerance
+            missed[rows] = False
+            if not missed.any():
+                multiplier[rows] = found
+                return multiplier, self._pressed(rows, normals, multiplier)
+            rows = np.union1d(rows, np.flatnonzero(missed))
+
+    @property
+    def asked(self) -> Integers:
+        """Contact nodes whose answers to forces are known, in the order of their finding."""
+        return self._responses.known
+
+    def restore(self, state: dict[str, Any], surface: Floats, asked: Integers, layer: int) -> None:
+        """Continue after ``layer`` layers; contact and rows are set (collective).
+
+        Args:
+            state: Of the interior.
+            surface: Its `surface_displacement`.
+            asked: As the property was: sums of answers then round as they would have.
+            layer: Number of layers done.
+        """
+        self.interior.restore(state, surface)
+        self._responses.require(asked)
+        self.layer = layer
+
+    def run(self, observers: Sequence[Callable[[Level], None]] = ()) -> None:
+        """March to the end; observers see every level, the initial one included.
+
+        Raises:
+            ConvergenceError: Contact forces were not found, or the numbers are no longer finite.
+        """
+        if self.layer == 0:
+            self._check_finite()
+            self._observe(observers, np.zeros(len(self.contact.gap)))
+        while self.layer < self.layers:
+            force = self._advance()
+            if self.layer % _CHECKED == 0 or self.layer == self.layers:
+                self._check_finite()
+            self._observe(observers, force)
+
+    def _advance(self) -> Floats:
+        """One layer; returns the contact forces [N], shape (count,)."""
+        layer, interior, state = self.layer, self.interior, self.contact
+        time = (layer + 1) * interior.dt
+        begin = interior.surface_displacement
+        last = begin + state.static
+        free = interior.predict(layer)
+        # Forces of explicit layers act at their start, amid two steps.
+        explicit = self._scheme.interior == "leapfrog"
+        gap, normals = self._gaps.at(free, begin, last, time, back=1.0 if explicit else 0.5)
+        advance = self._gaps.advance(normals, time)
+        if self._scheme.contact == "velocity":
+            end = 2.0 / interior.dt * (free - last) - self.speed
+            self._speed_without_contact = np.einsum("ij,ij->i", normals, end) - self._gaps.speed(
+                normals, time, interior.dt
+            )
+        force, multiplier, static, iterations = self._contact_forces(gap, normals)
+        self.layer = layer + 1
+        self.rows.put(self.layer, interior.finish(layer, static))
+        self.speed = 2.0 / interior.dt * (interior.surface_displacement - last) - self.speed
+        true = self._true_gap
+        older = state.older_advance if explicit else state.advance
+        half = 0.5 if explicit else 1.0
+        self.rows.obstacle_work[self.layer] = half * float(force @ (advance - older))
+        self.contact = ContactState(
+            multiplier, true, state.multiplier, state.gap, advance, state.advance, static
+        )
+        self._normals = normals
+        if self._scheme.shares_forces:
+            # What acts at a level is the mean of the forces of its two layers.
+            force = multiplier
+        self._close_row(self.layer, force, iterations)
+        return force
+
+    def _contact_forces(self, gap: Floats, normals: Floats) -> tuple[Floats, Floats, Floats, int]:
+        """Forces of the layer, multipliers at its end and what they do, for free gaps.
+
+        Only nodes that push or would penetrate take part; if the others come to penetrate by the
+        forces found, they join and the layer is solved again.
+        """
+        interior, state = self.interior, self.contact
+        count = len(gap)
+        force, multiplier, static = np.zeros(count), np.zeros(count), np.zeros_like(normals)
+        old, old_gap = (
+            (state.older_multiplier, state.older_gap) if self._skips
+            else (state.multiplier, state.gap)
+        )  # fmt: skip
+        taking_part = (old > 0.0) | (state.multiplier > 0.0) | (gap < -self._tolerance)
+        self._true_gap = gap
+        if not taking_part.any():
+            return force, multiplier, static, 0
+        share, iterations = interior.share(self.layer), 0
+        while True:
+            rows = np.flatnonzero(taking_part)
+            self._responses.require(rows)
+            response, compliance = self._responses.matrices(rows, normals[rows])
+            found = self._solve(
+                gap[rows], share * response, compliance, old[rows], old_gap[rows], rows
+            )
+            iterations += found.iterations
+            acting = share * found.force
+            true = gap + self._responses.approach(rows, normals, acting, found.multiplier)
+            true[rows] = found.gap
+            missed = true < -self._tolerance
+            missed[rows] = False
+            if not missed.any() or self._scheme.contact == "velocity":
+                break
+            taking_part |= missed
+        force[rows], multiplier[rows] = found.force, found.multiplier
+        if found.force.any():
+            change = None
+            if self._responses.are_whole(rows):
+                change = self._responses.displacement(rows, normals[rows], acting)
+            interior.push(force[:, None] * normals, change)
+        if self._scheme.massless:
+            static = self._pressed(rows, normals, multiplier)
+        self._true_gap = true
+        return force, multiplier, static, iterations
+
+    def _pressed(self, rows: Integers, normals: Floats, multiplier: Floats) -> Floats:
+        """Displacement of massless nodes by the multipliers [m], (count, dim)."""
+        if self._responses.are_whole(rows):
+            return self._responses.static(rows, normals[rows], multiplier[rows])
+        return self.interior.static(multiplier[:, None] * normals)
+
+    def _solve(
+        self, gap: Floats, response: Floats, compliance: Floats, old: Floats, old_gap: Floats,
+        rows: Integers,
+    ) -> LayerContact:  # fmt: skip
+        if self._scheme.contact != "velocity":
+            return solve_layer(
+                gap, response, compliance, (old, old_gap), self._scheme.contact, self._solver
+            )
+        return solve_velocity_layer(
+            gap, self._speed_without_contact[rows], response, self.interior.dt, self._solver
+        )
+
+    def _observe(self, observers: Sequence[Callable[[Level], None]], force: Floats) -> None:
+        if not observers:
+            return
+        state = self.contact
+        level = Level(self.interior, self.layer, state.static, force, state.gap)
+        for observer in observers:
+            observer(level)
+
+    def _close_row(self, row: int, force: Floats, iterations: int) -> None:
+        """Store what is the same on all ranks."""
+        rows, state = self.rows, self.contact
+        rows.gap[row] = state.gap.min(initial=np.inf)
+        rows.force[row] = force.sum()
+        rows.active[row] = np.count_nonzero(force > 0.0)
+        rows.iterations[row] = iterations
+        if self._skips:
+            # gap = g + D lambda and lambda gap = 0: lambda D lambda = lambda . (gap - g).
+            pressed = float(state.multiplier @ np.einsum("ij,ij->i", self._normals, state.static))
+            rows.contact_energy[row] = 0.5 * pressed
+
+    def _check_finite(self) -> None:
+        """Stop all ranks if the numbers of one are not finite."""
+        fine = bool(np.isfinite(self.rows.sums[self.layer]).all())
+        if not self._comm.allreduce(fine, op=MPI.LAND):
+            if self.layer == 0:
+                raise ConvergenceError(
+                    "the energy or momentum at t = 0 is not finite: the body's velocity, "
+                    "displacement or material data are too large; give SI units"
+                )
+            raise ConvergenceError(
+                f"the motion is no longer finite at t = {self.layer * self.interior.dt:g} s; use "
+                "a smaller solve.dt or solve.courant, or check the loads of the scene"
+            )

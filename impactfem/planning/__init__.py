@@ -1,0 +1,20 @@
+"""The plan: the least model and method that a scene needs, with the reasons, before solving."""
+
+from impactfem.planning.bars import Plan, plan_bar
+from impactfem.planning.solids import SolidPlan, plan_solid
+from impactfem.scene import Scene
+from impactfem.scene.solids import Solid
+
+__all__ = ["AnyPlan", "Plan", "SolidPlan", "plan", "plan_bar", "plan_solid"]
+
+type AnyPlan = Plan | SolidPlan
+
+
+def plan(scene: Scene) -> AnyPlan:
+    """Choose model, method and numbers for a scene (collective for solids, which are meshed).
+
+    Raises:
+        SceneError: The settings cannot work, or need more memory than the machine has.
+        MeshError: The mesh cannot be made.
+    """
+    return plan_solid(scene) if isinstance(scene.bodies[0], Solid) else plan_bar(scene)

@@ -1,0 +1,338 @@
+"""Choices for a solid: degree, method, time step, linear solver; each with its reason."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from impactfem.errors import SceneError
+from impactfem.planning.solid_costs import (
+    NEARLY_INCOMPRESSIBLE,
+    Size,
+    count_layers,
+    explicit_work,
+    implicit_work,
+    keeps_volume,
+    leading_speed,
+)
+from impactfem.scene import Scene
+from impactfem.scene.shapes import Block, Cylinder, Ring
+from impactfem.scene.solids import Solid
+
+EXPLICIT = frozenset({"explicit", "galerkin"})
+"""Methods with a lumped mass and a stability limit."""
+
+COURANT = 0.5
+"""c_p dt / h of implicit methods where nothing else is asked for."""
+
+_SHARE = {"explicit": 0.9, "galerkin": 1.0}  # of the stable step
+_SLENDER = 10.0
+_RINGING = 5.0  # p waves over s waves from which the noise of the mesh shows in the force
+_LONG = 100.0  # transits of a wave from which energy must be kept to rounding
+_DIRECT = {2: 1_000_000, 3: 200_000}  # unknowns up to which a factorisation is cheapest
+_ACROSS = 3.0  # elements across the body that a coarser mesh must keep
+
+_WARNINGS: Mapping[str, str] = {
+    "newmark": (
+        "newmark is a negative control: its energy grows at every impact and its force rings; "
+        'method = "massless" does neither'
+    ),
+    "moreau_jean": (
+        "moreau_jean: the contact force is a row of impulses that depends on the step, and nodes "
+        'penetrate; method = "massless" gives a smooth force'
+    ),
+    "galerkin": (
+        'galerkin: method = "explicit" costs the same and its force does not ring; this one rings '
+        "unless the mesh is structured and courant is 1"
+    ),
+}
+
+
+_STEPS_OF_BENDING = 2000  # large bounces of the MEMS switch: 1 % to half of this step
+_WORTH_OFFERING = 3.0
+
+
+@dataclass(frozen=True)
+class Steps:
+    """The time step as far as it is known before the run; see `SolidPlan`."""
+
+    dt: float | None
+    courant: float | None
+    layers: int | None
+
+
+def choose_degree(scene: Scene, reasons: dict[str, str], warnings: list[str]) -> int:
+    """Degree of the elements.
+
+    Raises:
+        SceneError: The method asked for has no elements of the degree asked for.
+    """
+    solid, method = scene.solid, scene.solve.method
+    stiff = _stiff(solid)
+    if method in EXPLICIT:
+        if solid.degree == 2:
+            raise SceneError(
+                f'body.degree = 2 contradicts solve.method = "{method}": its mass is lumped, which '
+                'elements of degree 2 do not allow; use degree = 1, or method = "massless"'
+            )
+        if solid.degree is None:
+            reasons["degree"] = f"{method} lumps the mass, which needs degree 1"
+        if stiff:
+            warnings.append(f'{stiff}: degree = 2 with method = "massless" would be more accurate')
+    if solid.degree is not None:
+        reasons["degree"] = "as asked"
+        if solid.degree == 1 and stiff and method not in EXPLICIT:
+            warnings.append(f"{stiff}: degree = 2 would be more accurate")
+        return solid.degree
+    if method in EXPLICIT:
+        return 1
+    if stiff:
+        reasons["degree"] = stiff
+        return 2
+    if keeps_volume(solid):
+        reasons["degree"] = (
+            f"poisson_ratio = {solid.poisson_ratio:g}: quadrilaterals and hexahedra of degree 1 "
+            "keep their volume in the mean only, so that they do not lock"
+        )
+        return 1
+    reasons["degree"] = "waves with jumps gain nothing from more, and degree 1 can march explicitly"
+    return 1
+
+
+def _stiff(solid: Solid) -> str:
+    """Why linear elements are too stiff for a body, or nothing."""
+    if keeps_volume(solid) and solid.cells == "simplex":
+        return (
+            f"poisson_ratio = {solid.poisson_ratio:g} is above {NEARLY_INCOMPRESSIBLE:g}: nearly "
+            "incompressible, linear simplices lock"
+        )
+    ratio = slenderness(solid)
+    if ratio is not None and ratio >= _SLENDER:
+        return f"the body is {ratio:.3g} times as long as thick: it bends, linear elements lock"
+    return ""
+
+
+def slenderness(solid: Solid) -> float | None:
+    """Largest over smallest size of the shape; None with a mesh file."""
+    shape = solid.shape
+    if shape is None:
+        return None
+    sizes = [1.0, 1.0]
+    if isinstance(shape, Block):
+        sizes = list(shape.size)
+    elif isinstance(shape, Cylinder):
+        sizes = [2.0 * shape.radius, shape.height]
+    elif isinstance(shape, Ring):
+        sizes = [2.0 * shape.radius, shape.radius - shape.inner_radius]
+    return max(sizes) / min(sizes)
+
+
+def extents(solid: Solid) -> tuple[float, ...] | None:
+    """Edges of the box around what is modelled [m]; None with a mesh file."""
+    if solid.shape is None:
+        return None
+    lower, upper = solid.shape.bounds(axisymmetric=solid.is_axisymmetric)
+    return tuple(b - a for a, b in zip(lower, upper, strict=True))
+
+
+def choose_method(scene: Scene, size: Size, largest: float, reasons: dict[str, str]) -> str:
+    """As asked, else the cheapest that keeps what the duration asks for.
+
+    Args:
+        scene: The scene.
+        size: How large the discretised body is.
+        largest: Largest extent of the body [m].
+        reasons: Gets the reason.
+    """
+    if scene.solve.method is not None:
+        reasons["method"] = "as asked"
+        return scene.solve.method
+    solid, duration = scene.solid, scene.duration
+    transits = duration * leading_speed(solid) / largest
+    if transits > _LONG:
+        reasons["method"] = (
+            f"{transits:.3g} transits of a wave: over so many contacts energy must be kept to "
+            "rounding"
+        )
+        return "conserving"
+    if size.degree == 2:
+        reasons["method"] = "elements of degree 2 have no lumped mass, so an implicit method"
+        return "massless"
+    explicit = explicit_work(solid, size, duration)
+    implicit = implicit_work(solid, size, duration, scene.solve.courant or COURANT)
+    costs = (
+        f"about {explicit:.2g} products with the stiffness, against {implicit:.2g} implicitly "
+        f"(its factorisation included)"
+    )
+    if scene.solve.dt is not None or (scene.solve.courant or 0.0) > 1.0:
+        key = "dt" if scene.solve.dt is not None else "courant"
+        reasons["method"] = f"solve.{key} is given: stable at any step"
+        return "massless"
+    if explicit <= implicit:
+        reasons["method"] = f"explicit steps are cheaper: {costs}"
+        return "explicit"
+    small = "" if size.least > 0.5 * size.mesh_size else ", for the smallest elements set its step"
+    reasons["method"] = f"explicit steps would take {costs}{small}"
+    return "massless"
+
+
+def choose_steps(scene: Scene, method: str, size: Size, reasons: dict[str, str]) -> Steps:
+    """Time step and number of layers.
+
+    Raises:
+        SceneError: The step is beyond the stability limit.
+    """
+    solve, speed = scene.solve, scene.solid.p_wave_speed
+    if solve.dt is not None:
+        reasons["dt"] = "as asked"
+        dt = solve.dt
+    elif method in EXPLICIT:
+        share = solve.courant or _SHARE[method]
+        if share > 1.0 + 1e-9:
+            raise SceneError(
+                f"solve.courant = {share:g} is beyond the stability limit of {method}, where "
+                "courant is the share of the stable step 2 / omega_max; use courant <= 1, or "
+                'method = "massless", which is stable at any'
+            )
+        how = "courant as asked" if solve.courant else f"{share:g}"
+        reasons["dt"] = f"{how}: share of the stable step 2 / omega_max, found when the run starts"
+        return Steps(None, share, None)
+    else:
+        dt = solve.courant * size.mesh_size / speed if solve.courant else _step(scene.solid, size)
+        if solve.courant:
+            reasons["dt"] = "courant as asked"
+        elif keeps_volume(scene.solid):
+            reasons["dt"] = (
+                "waves of shear cross an element in two steps; those of pressure are not followed "
+                "one by one: if they matter (flat faces that strike), use solve.courant = .5"
+            )
+        else:
+            reasons["dt"] = (
+                "courant = .5: the fastest waves cross an element in two steps, accurate without "
+                "cost of stability"
+            )
+    if solve.dt is None:
+        dt = min(dt, scene.duration)
+    layers = count_layers(scene.duration, dt)
+    if solve.dt is None and solve.courant is None:
+        _offer_bending_step(scene, layers, reasons)
+    if layers * dt > scene.duration * (1.0 + 1e-9):
+        reasons["layers"] = (
+            f"the last layer ends at {layers * dt:g} s, the first end past the duration"
+        )
+    return Steps(dt, None if method in EXPLICIT else speed * dt / size.mesh_size, layers)
+
+
+def _offer_bending_step(scene: Scene, layers: int, reasons: dict[str, str]) -> None:
+    """Offer a larger step to slender blocks, whose bending is far slower than their waves.
+
+    The first bending frequency of a beam is (beta L)^2 sqrt(E I / (rho A L^4)) with beta L = 1.8751
+    clamped at one end and 4.7300 free.
+    """
+    solid, ratio = scene.solid, slenderness(scene.solid)
+    if ratio is None or ratio < _SLENDER or not isinstance(solid.shape, Block):
+        return
+    length, thickness = max(solid.shape.size), min(solid.shape.size)
+    stiffness = math.sqrt(solid.youngs_modulus / (12.0 * solid.density)) * thickness / length**2
+    period = 2.0 * math.pi / ((1.8751 if solid.supports else 4.7300) ** 2 * stiffness)
+    dt = period / _STEPS_OF_BENDING
+    if dt * layers > _WORTH_OFFERING * scene.duration:
+        reasons["offer dt"] = (
+            f"if it bends more than it is struck end-on: dt = {dt:.2g} is 1/{_STEPS_OF_BENDING} of "
+            f"the first bending period {period:.3g} s and takes {scene.duration / dt:.3g} layers "
+            f"instead of {layers}; waves through the thickness are then not followed"
+        )
+
+
+def _step(solid: Solid, size: Size) -> float:
+    """Time step of implicit methods where nothing is asked for [s]."""
+    return COURANT * size.mesh_size / leading_speed(solid)
+
+
+def ringing_warnings(solid: Solid, method: str, size: Size) -> list[str]:
+    """What nearly incompressible bodies need for a smooth force.
+
+    Each node that lands sends out a wave of pressure as strong as its element is large. Nothing
+    in the body damps it; the faster it is, the larger its force.
+    """
+    ratio = solid.p_wave_speed / solid.s_wave_speed
+    damped = solid.rayleigh_stiffness > 0.0
+    if not keeps_volume(solid) or ratio < _RINGING or damped or method in EXPLICIT:
+        return []
+    damping = size.mesh_size / solid.p_wave_speed
+    return [
+        (
+            f"pressure waves are {ratio:.3g} times as fast as shear waves, nothing damps them, and "
+            "those that the elements excite ring in the contact force; body.rayleigh_stiffness = "
+            f"{damping:.1g} damps waves as short as an element and leaves slower motion as it is"
+        )
+    ]
+
+
+def choose_linear_solver(scene: Scene, method: str, size: Size, reasons: dict[str, str]) -> str:
+    """A factorisation as long as it is cheap; none where there is no system to solve."""
+    asked = scene.solve.linear_solver
+    if method in EXPLICIT:
+        reasons["linear_solver"] = f"{method} solves no system" + (
+            "; solve.linear_solver is not used" if asked else ""
+        )
+        return "none"
+    if asked is not None:
+        reasons["linear_solver"] = "as asked"
+        return asked
+    limit = _DIRECT[size.dim]
+    if size.unknowns <= limit:
+        reasons["linear_solver"] = (
+            f"one factorisation serves all layers: {size.unknowns} unknowns are at most {limit:.3g}"
+        )
+        return "mumps"
+    reasons["linear_solver"] = (
+        f"{size.unknowns} unknowns are more than the {limit:.3g} up to which factors are small"
+    )
+    return "gamg"
+
+
+def choose_estimate(scene: Scene, smallest: float | None, reasons: dict[str, str]) -> bool:
+    """Whether a second run on a mesh twice as coarse can tell the error.
+
+    Args:
+        scene: The scene.
+        smallest: Smallest extent of the shape [m]; None with a mesh file.
+        reasons: Gets the reason.
+
+    Raises:
+        SceneError: It is asked for, but the mesh cannot be made coarser.
+    """
+    asked, solid = scene.solve.estimate, scene.solid
+    if asked is False:
+        reasons["estimate"] = "as asked"
+        return False
+    if solid.mesh_size is None:
+        if asked:
+            raise SceneError(
+                f"solve.estimate = true: the elements of {solid.mesh} cannot be made coarser; give "
+                "a shape, a STEP file or a .geo file with mesh_size, or run two meshes yourself"
+            )
+        reasons["estimate"] = "no: the elements of a mesh file cannot be made coarser"
+        return False
+    if asked:
+        reasons["estimate"] = "as asked"
+        return True
+    if smallest is None:
+        reasons["estimate"] = "no: with a geometry file only if asked for"
+        return False
+    if smallest < _ACROSS * 2.0 * solid.mesh_size:
+        reasons["estimate"] = (
+            f"no: elements twice as large would leave fewer than {_ACROSS:.0f} across the body"
+        )
+        return False
+    reasons["estimate"] = "a second run on elements twice as large costs a fraction of the first"
+    return True
+
+
+def method_warnings(method: str, courant: float | None) -> list[str]:
+    """What the user should know of a method before trusting its answer."""
+    text = _WARNINGS.get(method)
+    if text is None:
+        return []
+    below = method == "galerkin" and courant is not None and courant < 1.0 - 1e-9
+    return [f"{text} (here courant = {courant:g})" if below else text]

@@ -1,0 +1,181 @@
+"""What a run of a solid costs, before it starts: steps, products, memory, time."""
+
+import math
+import os
+from dataclasses import dataclass
+
+from impactfem.errors import SceneError
+from impactfem.scene.solids import Solid
+
+NEARLY_INCOMPRESSIBLE = 0.45
+"""Poisson's ratio from which pressure waves are much faster than all that deforms the body."""
+
+NATURAL_STEP = 0.35
+"""c_p dt / h_min of the default explicit step, .9 of the stable one, on meshes of fair quality."""
+
+# Nodes that share an element with a node, itself included; by (dim, degree, cells).
+_NEIGHBOURS = {
+    (2, 1, "simplex"): 7.0, (2, 2, "simplex"): 11.5, (2, 1, "hexahedron"): 9.0,
+    (2, 2, "hexahedron"): 16.0, (3, 1, "simplex"): 15.0, (3, 2, "simplex"): 28.0,
+    (3, 1, "hexahedron"): 27.0, (3, 2, "hexahedron"): 64.0,
+}  # fmt: skip
+
+# Costs on a 2-core machine, one rank, fitted to discs and balls with 800 to 73 000 unknowns.
+_SOLVE = {2: 20.0, 3: 60.0}  # a solution with the factors, in products with the stiffness
+_MULTIGRID = 110.0  # the same with multigrid: iterations and cycles
+_MULT_SECONDS = 1.5e-9  # of an entry of the stiffness in a product
+_STEP_SECONDS = 1e-3  # of a step in contact, whatever its size
+_CONTACT_SECONDS = 5e-6  # of a contact node in a step
+_TOUCHED = {2: 0.3, 3: 0.1}  # share of the contact nodes that do touch: each answers once
+_START_SECONDS, _MESH_SECONDS = 1.0, 3e-5  # of forms and numbering, and of an unknown of the mesh
+_BASE_MIB = 280.0  # of the process with DOLFINx and Gmsh
+_NODE_KIB = 1.2  # of a node in Gmsh, when the mesh is made
+_ENTRY_BYTES = 45.0  # of an entry of the stiffness: matrices, vectors and assembly
+_FILL = {2: 3.0, 3: 6.0}  # entries of the factors per entry of the stiffness and log2 / third root
+_ROW_BYTES = 500.0  # of a layer in the history: rows of the march, columns, their writing
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large a discretised body is.
+
+    Attributes:
+        nodes: Number of nodes.
+        dim: Number of coordinates.
+        degree: Degree of the elements.
+        cells: "simplex" or "hexahedron".
+        mesh_size: Typical length of an edge [m].
+        least: Shortest edge [m].
+    """
+
+    nodes: int
+    dim: int
+    degree: int
+    cells: str
+    mesh_size: float
+    least: float
+
+    @property
+    def unknowns(self) -> int:
+        """Number of displacement components."""
+        return self.nodes * self.dim
+
+    @property
+    def entries(self) -> float:
+        """Entries of the stiffness."""
+        neighbours = _NEIGHBOURS[self.dim, self.degree, self.cells]
+        return self.unknowns * self.dim * neighbours
+
+
+def keeps_volume(solid: Solid) -> bool:
+    """Whether the body is nearly incompressible; in plane stress it gives way across."""
+    return solid.poisson_ratio > NEARLY_INCOMPRESSIBLE and solid.model != "plane_stress"
+
+
+def leading_speed(solid: Solid) -> float:
+    """Speed of the waves that implicit steps resolve [m/s].
+
+    Those of pressure are the fastest. In nearly incompressible bodies they level out the pressure
+    long before anything has moved: then those of shear count.
+    """
+    return solid.s_wave_speed if keeps_volume(solid) else solid.p_wave_speed
+
+
+def explicit_work(solid: Solid, size: Size, duration: float) -> float:
+    """Products with the stiffness that central differences take."""
+    return duration * solid.p_wave_speed / (NATURAL_STEP * size.least)
+
+
+def implicit_work(solid: Solid, size: Size, duration: float, courant: float) -> float:
+    """The same of an implicit scheme, its factorisation included."""
+    steps = duration * leading_speed(solid) / (courant * size.mesh_size)
+    return steps * _SOLVE[size.dim] + factorisation_work(size)
+
+
+def factorisation_work(size: Size) -> float:
+    """Products with the stiffness that last as long as its factorisation by nested dissection."""
+    # Work n^(3/2) in 2D, n^2 in 3D; a product takes n.
+    n = float(size.unknowns)
+    return 100.0 + (2.0 * math.sqrt(n) if size.dim == 2 else 0.03 * n)
+
+
+def factor_mib(size: Size) -> float:
+    """Memory of the factors [MiB]."""
+    growth = math.log2(size.unknowns + 2) / 8.0 if size.dim == 2 else size.unknowns ** (1 / 3) / 12
+    return 12.0 * size.entries * _FILL[size.dim] * growth / 2**20
+
+
+def memory_mib(size: Size, linear_solver: str) -> float:
+    """Estimated peak memory of all ranks together [MiB].
+
+    Raises:
+        SceneError: The machine has less.
+    """
+    own = size.nodes * _NODE_KIB / 1024 + _ENTRY_BYTES * size.entries / 2**20
+    more = {"none": 0.0, "mumps": factor_mib(size), "gamg": 0.6 * own}[linear_solver]
+    total = _BASE_MIB + own + more
+    _check(total, size.unknowns)
+    return total
+
+
+def seconds(size: Size, steps: float, contact: int, linear_solver: str, ranks: int) -> float:
+    """Estimated time [s]: mesh, assembly, factorisation, steps and answers of contact nodes."""
+    product = size.entries * _MULT_SECONDS / ranks
+    each = {"none": 1.5, "mumps": _SOLVE[size.dim], "gamg": _MULTIGRID}[linear_solver]
+    once = 300.0 + (factorisation_work(size) if linear_solver == "mumps" else 0.0)
+    if linear_solver != "none":  # answers of explicit contact nodes are local
+        once += each * size.dim * contact * _TOUCHED[size.dim]
+    start = _START_SECONDS + _MESH_SECONDS * size.unknowns
+    step = _STEP_SECONDS + _CONTACT_SECONDS * contact + each * product
+    return start + once * product + steps * step
+
+
+def check_before_meshing(solid: Solid, degree: int) -> None:
+    """Refuse a mesh that no machine like this one could hold, before Gmsh tries.
+
+    Raises:
+        SceneError: The machine has too little memory for the nodes alone.
+    """
+    shape, h = solid.shape, solid.mesh_size
+    if shape is None or h is None:
+        return
+    # Equilateral triangles and tetrahedra have about so many nodes in the square and cube of h.
+    nodes = {2: 1.15, 3: 1.4}[solid.dim] * degree**solid.dim
+    count = nodes * shape.volume / h**solid.dim
+    for ball in solid.refine:
+        whole = math.pi * ball.radius**2 * (1.0 if solid.dim == 2 else 4 / 3 * ball.radius)
+        count += nodes * min(whole, shape.volume) / ball.size**solid.dim
+    needed = _BASE_MIB + count * _NODE_KIB / 1024
+    _check(needed, count * solid.dim)
+
+
+def count_layers(duration: float, dt: float) -> int:
+    """Number of layers of ``dt`` [s] in a duration [s]; one less for rounding.
+
+    Raises:
+        SceneError: Their history would not fit into the machine's memory.
+    """
+    count = duration / dt * (1.0 - 1e-9)
+    needed = count * _ROW_BYTES / 2**20
+    if not needed <= _physical_mib():
+        raise SceneError(
+            f"duration = {duration:g} s is {count:.3g} layers of {dt:.3g} s, whose history needs "
+            f"about {needed / 1024:.3g} GiB, and this machine has {_physical_mib() / 1024:.3g}; "
+            "give a shorter duration, larger elements or a larger solve.dt (check the units)"
+        )
+    return max(1, math.ceil(count))
+
+
+def _physical_mib() -> float:
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**20
+
+
+def _check(needed: float, unknowns: float) -> None:
+    """Refuse what cannot fit."""
+    physical = _physical_mib()
+    if needed > physical:
+        raise SceneError(
+            f"body.mesh_size: {unknowns:.3g} unknowns need about {needed / 1024:.3g} GiB, this "
+            f"machine has {physical / 1024:.3g}; use larger elements, a symmetry of the shape, "
+            'degree = 1, or solve.method = "explicit", which factorises nothing'
+        )

@@ -1,0 +1,189 @@
+"""The plan of a solid: degree, method, step and solver, with the reasons, and cheaper models."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from impactfem.planning.normals import choose_normals, rotation_warnings
+from impactfem.planning.offers import offers
+from impactfem.planning.solid_choices import (
+    choose_degree,
+    choose_estimate,
+    choose_linear_solver,
+    choose_method,
+    choose_steps,
+    extents,
+    method_warnings,
+    ringing_warnings,
+)
+from impactfem.planning.solid_costs import (
+    NATURAL_STEP,
+    Size,
+    check_before_meshing,
+    memory_mib,
+    seconds,
+)
+from impactfem.scene import Scene
+from impactfem.scene.solids import Solid
+
+_WARNING = "warning: "
+_MODELS = {
+    "plane_strain": "in plane strain",
+    "plane_stress": "in plane stress",
+    "axisymmetric": "axisymmetric",
+    "3d": "in 3D",
+}
+_CELLS = {
+    (2, "simplex"): "triangles", (3, "simplex"): "tetrahedra",
+    (2, "hexahedron"): "quadrilaterals", (3, "hexahedron"): "hexahedra",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SolidPlan:
+    """What will be modelled and how, for a solid.
+
+    Attributes:
+        method: Name as in `impactfem methods`.
+        model: The model in words.
+        degree: Degree of the elements.
+        cells: "simplex" or "hexahedron".
+        mesh_size: Size of the elements [m], the mean one with a mesh file.
+        dt: Time step [s]; None if it is a share of the stable step, which is found at run time.
+        courant: c_p dt / h of implicit methods; for explicit ones the share of the stable step, or
+            None if dt is given.
+        layers: Time layers; None as for dt.
+        linear_solver: "mumps", "gamg" or "none".
+        normals: "fixed" or "updated".
+        active_set: Solver of the contact conditions.
+        tolerance: Rounding level of gaps, relative to the size of the body.
+        max_iterations: Limit of linear solves of one active-set loop.
+        contact_pairs: Nodes that can touch an obstacle.
+        unknowns: Displacement components.
+        memory_mib: Estimated peak memory [MiB].
+        seconds: Estimated time [s], output excluded.
+        estimate: Whether the error is estimated by a second run.
+        reasons: Why each choice was made, by key; "offer ..." are cheaper models of the scene.
+        warnings: What the user should know before trusting the answer.
+    """
+
+    method: str
+    model: str
+    degree: int
+    cells: str
+    mesh_size: float
+    dt: float | None
+    courant: float | None
+    layers: int | None
+    linear_solver: str
+    normals: str
+    active_set: str
+    tolerance: float
+    max_iterations: int
+    contact_pairs: int
+    unknowns: int
+    memory_mib: float
+    seconds: float
+    estimate: bool
+    reasons: dict[str, str]
+    warnings: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data for ``summary.json``."""
+        return asdict(self) | {"warnings": list(self.warnings)}
+
+
+def plan_solid(scene: Scene) -> SolidPlan:
+    """Choose method and numbers for the solid of a scene (collective: its mesh is made).
+
+    Raises:
+        SceneError: The settings cannot work, or need more memory than the machine has.
+        MeshError: The mesh cannot be made.
+    """
+    from impactfem.solid_model import solid_model  # noqa: PLC0415  (loads DOLFINx)
+
+    solid, solve = scene.solid, scene.solve
+    reasons: dict[str, str] = {}
+    warnings: list[str] = []
+    degree = choose_degree(scene, reasons, warnings)
+    check_before_meshing(solid, degree)
+    model = solid_model(scene, degree)
+    size, extent = _measured(solid, model.mesh, degree)
+    sizes = extents(solid)
+    method = choose_method(scene, size, extent, reasons)
+    steps = choose_steps(scene, method, size, reasons)
+    linear_solver = choose_linear_solver(scene, method, size, reasons)
+    normals = choose_normals(scene, model.contact.gap, model.contact.normal, reasons)
+    warnings += rotation_warnings(scene) + ringing_warnings(solid, method, size)
+    estimate = choose_estimate(scene, None if sizes is None else min(sizes), reasons)
+    for number, text in enumerate(model.contact.why, 1):
+        if text.startswith(_WARNING):
+            warnings.append(text.removeprefix(_WARNING))
+        else:
+            reasons[f"contact {number}"] = text
+    reasons |= {f"offer {name}": text for name, text in offers(scene).items()}
+    warnings += method_warnings(method, steps.courant)
+    count = steps.layers or scene.duration * solid.p_wave_speed / (
+        (steps.courant or 1.0) / 0.9 * NATURAL_STEP * size.least
+    )
+    time = seconds(size, count, model.contact.count, linear_solver, model.comm.size)
+    return SolidPlan(
+        method=method,
+        model=_in_words(solid, size),
+        degree=degree,
+        cells=size.cells,
+        mesh_size=size.mesh_size,
+        dt=steps.dt,
+        courant=steps.courant,
+        layers=steps.layers,
+        linear_solver=linear_solver,
+        normals=normals,
+        active_set=solve.active_set or "pdas",
+        tolerance=solve.tolerance or 1e-13,
+        max_iterations=solve.max_iterations or 200,
+        contact_pairs=model.contact.count,
+        unknowns=size.unknowns,
+        memory_mib=memory_mib(size, linear_solver),
+        seconds=time * (1.0 + 0.5 ** (solid.dim + 1) * estimate),
+        estimate=estimate,
+        reasons=reasons,
+        warnings=tuple(warnings),
+    )
+
+
+def _measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, float]:
+    """Size of the discretised body and its largest extent [m] (collective)."""
+    from impactfem.fem import MPI, cell_nodes  # noqa: PLC0415
+
+    mesh, dim = body_mesh.mesh, body_mesh.gdim
+    corners = {"triangle": 3, "tetrahedron": 4, "quadrilateral": 4, "hexahedron": 8}[body_mesh.cell]
+    points = mesh.geometry.x[:, :dim]
+    own = mesh.topology.index_map(mesh.topology.dim).size_local
+    cells = cell_nodes(mesh)[:own, :corners]
+    first, second = np.triu_indices(corners, 1)
+    lengths = np.linalg.norm(points[cells[:, first]] - points[cells[:, second]], axis=2)
+    least = mesh.comm.allreduce(lengths.min(initial=np.inf), op=MPI.MIN)
+    total = mesh.comm.allreduce(lengths.min(axis=1).sum() if len(cells) else 0.0)
+    mean = total / body_mesh.num_cells
+    low = np.array([mesh.comm.allreduce(v, op=MPI.MIN) for v in points.min(axis=0, initial=np.inf)])
+    high = np.array(
+        [mesh.comm.allreduce(v, op=MPI.MAX) for v in points.max(axis=0, initial=-np.inf)]
+    )
+    kind = "simplex" if body_mesh.cell in {"triangle", "tetrahedron"} else "hexahedron"
+    # Rounded, since sums depend on the number of ranks and the time step follows from the size.
+    mesh_size = solid.mesh_size or float(f"{mean:.6g}")
+    size = Size(body_mesh.num_nodes, dim, degree, kind, mesh_size, float(least))
+    return size, float((high - low).max())
+
+
+def _in_words(solid: Solid, size: Size) -> str:
+    what = "body of a mesh file" if solid.shape is None else solid.shape.kind
+    letter = "P" if size.cells == "simplex" else "Q"
+    kind = _CELLS[size.dim, size.cells]
+    parts = [f"{what} {_MODELS[solid.model]}", f"{letter}{size.degree} {kind}"]
+    cuts = () if solid.shape is None else solid.shape.symmetry
+    if cuts:
+        fraction = {1: "half", 2: "quarter", 3: "eighth"}[len(cuts)]
+        parts[0] = f"{fraction} of a {parts[0]}"
+    return ", ".join([*parts, "linear elastic, rigid obstacles without friction"])

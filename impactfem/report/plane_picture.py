@@ -1,0 +1,134 @@
+"""Pictures of a solid in the plane: stress in colours, obstacles in grey, contact pressure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.tri import Triangulation
+from numpy.typing import NDArray
+
+from impactfem.contact.distance import nearest_obstacle, signed_distance
+from impactfem.report.skin import Skin, Snapshot, union
+
+Floats = NDArray[np.float64]
+
+PRESSURE = "#d95f02"
+"""Colour of the contact pressure."""
+
+_OBSTACLE, _EDGE = "0.80", "0.25"
+_SAMPLES = 240  # of the obstacles' outline along each axis
+_LONGEST = 0.2  # share of the body's size that the largest contact pressure is drawn at
+_THICK = 3.0  # of a slender body the size is at most so many times its thickness
+
+
+@dataclass(frozen=True)
+class PlanePainter:
+    """Draws a plane or axisymmetric solid at true scale.
+
+    Attributes:
+        skin: Skin of the solid.
+        obstacles: Obstacles of the scene.
+        axisymmetric: Whether x is the radius.
+        stress: Largest von Mises stress of the colours [Pa].
+        pressure: Largest contact pressure of all pictures [Pa].
+    """
+
+    skin: Skin
+    obstacles: Sequence[Any]
+    axisymmetric: bool
+    stress: float = 1.0
+    pressure: float = 0.0
+
+    def extent(self, snapshot: Snapshot) -> Floats:
+        """Range of x and y of the body, shape (2, 2): rows are directions."""
+        place = snapshot.place[self.skin.nodes, :2]
+        return np.stack([place.min(axis=0), place.max(axis=0)], axis=1)
+
+    def window(self, extents: Sequence[Floats]) -> Floats:
+        """Range of x and y that shows the body and its pressure in some snapshots, (2, 2)."""
+        room = 0.06 * self.skin.size + (1.1 * self._longest if self.pressure > 0.0 else 0.0)
+        window = union(extents, room)
+        if self.axisymmetric:
+            window[0, 0] = -0.06 * self.skin.size
+        return window
+
+    def prepare(self, axes: Axes, window: Floats, time: float) -> list[Artist]:
+        """Draw what stays: axes, and obstacles that do not move; nothing lies above the body."""
+        axes.set_aspect("equal")
+        axes.set_xlim(*window[0])
+        axes.set_ylim(*window[1])
+        axes.set_xlabel("radius x [m]" if self.axisymmetric else "x [m]")
+        axes.set_ylabel("y [m]")
+        axes.locator_params(nbins=5)
+        axes.ticklabel_format(scilimits=(-3, 4))
+        if self.axisymmetric:
+            axes.axvline(0.0, color="0.5", linewidth=0.8, linestyle="-.", zorder=0.5)
+        if not self._moves:
+            self._draw_obstacles(axes, time)
+        return []
+
+    def draw(self, axes: Axes, snapshot: Snapshot) -> list[Artist]:
+        """Draw what belongs to one time; returns the artists from the back to the front."""
+        artists = self._draw_obstacles(axes, snapshot.time) if self._moves else []
+        mesh = Triangulation(snapshot.place[:, 0], snapshot.place[:, 1], self.skin.triangles)
+        colours = axes.tripcolor(
+            mesh, snapshot.von_mises, shading="gouraud", cmap="viridis",
+            vmin=0.0, vmax=self.stress, rasterized=True,
+        )  # fmt: skip
+        ends = snapshot.place[self.skin.segments][:, :, :2]
+        outline = LineCollection(list(ends), colors="black", linewidths=0.5)
+        axes.add_collection(outline, autolim=False)
+        artists += [colours, outline]
+        if self.pressure > 0.0:
+            pressures = self._pressure(snapshot, ends)
+            axes.add_collection(pressures, autolim=False)
+            artists.append(pressures)
+        return artists
+
+    @property
+    def _longest(self) -> float:
+        """Length at which the largest contact pressure is drawn [m]."""
+        extents = np.ptp(self.skin.points[self.skin.nodes, :2], axis=0)
+        return _LONGEST * min(self.skin.size, _THICK * float(extents.min()))
+
+    @property
+    def _moves(self) -> bool:
+        return any(obstacle.motion is not None for obstacle in self.obstacles)
+
+    def _draw_obstacles(self, axes: Axes, time: float) -> list[Artist]:
+        """Fill where the signed distance that the solver uses is negative."""
+        x, y = (np.linspace(*limits, _SAMPLES) for limits in (axes.get_xlim(), axes.get_ylim()))
+        places = np.stack([part.ravel() for part in np.meshgrid(x, y)], axis=1)
+        gaps = [signed_distance(obstacle, places, time)[0] for obstacle in self.obstacles]
+        gap = np.min(gaps, axis=0).reshape(len(y), len(x))
+        if gap.min() > 0.0:
+            return []
+        filled = axes.contourf(
+            x, y, gap, levels=[gap.min() - 1.0, 0.0], colors=[_OBSTACLE], zorder=0.3
+        )
+        edge = axes.contour(x, y, gap, levels=[0.0], colors=[_EDGE], linewidths=1.0, zorder=0.4)
+        return [filled, edge]
+
+    def _pressure(self, snapshot: Snapshot, ends: Floats) -> PolyCollection:
+        """The pressure as an area beyond the contact face, drawn into the obstacle."""
+        loaded = snapshot.pressure > 0.0
+        into = np.zeros((len(snapshot.place), 2))
+        if loaded.any():
+            places = snapshot.place[loaded, :2]
+            into[loaded] = -nearest_obstacle(self.obstacles, places, snapshot.time)[2]
+        scale = self._longest / self.pressure
+        tops = ends + (scale * snapshot.pressure[:, None] * into)[self.skin.segments]
+        along = ends[:, 1] - ends[:, 0]
+        outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
+        # Edges that end at a loaded corner but turn away carry nothing themselves.
+        facing = np.einsum("ij,ij->i", outward, into[self.skin.segments].sum(axis=1))
+        shown = snapshot.may_touch[self.skin.segments].all(axis=1)
+        shown &= facing > 0.3 * np.hypot(*outward.T)
+        areas = np.concatenate([ends, tops[:, ::-1]], axis=1)[shown]
+        return PolyCollection(
+            list(areas), facecolors=PRESSURE, edgecolors=PRESSURE, linewidths=0.3, zorder=3
+        )

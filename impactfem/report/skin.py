@@ -1,0 +1,139 @@
+"""What is seen of a solid: triangles to colour, its outline, and where it carries pressure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.result import SolidFields
+from impactfem.result.cell_kinds import BY_VTK_TYPE, boundary_facets, face_triangles
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The solid at one time.
+
+    Attributes:
+        time: [s].
+        place: Where the nodes are [m], shape (nodes, 3).
+        von_mises: [Pa], shape (nodes,).
+        pressure: Contact pressure [Pa], 0 where there is none, shape (nodes,).
+        may_touch: Whether a node may touch an obstacle, shape (nodes,).
+    """
+
+    time: float
+    place: Floats
+    von_mises: Floats
+    pressure: Floats
+    may_touch: NDArray[np.bool_]
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether it can be drawn."""
+        return bool(np.isfinite(self.place).all() and np.isfinite(self.von_mises).all())
+
+
+@dataclass(frozen=True)
+class Skin:
+    """Parts of the mesh that pictures show.
+
+    Attributes:
+        fields: Fields of the solid.
+        points: Undeformed nodes [m], shape (nodes, 3).
+        dim: Dimension of the cells, 2 or 3.
+        triangles: All cells of a plane solid, or the surface of a solid in space with its normals
+            outward, split at all nodes; shape (triangles, 3).
+        facets: Facets of the boundary, nodes as in `CellKind.facets`.
+        segments: Boundary of a plane solid with the body on the left, shape (segments, 2); empty
+            in space.
+    """
+
+    fields: SolidFields
+    points: Floats
+    dim: int
+    triangles: Integers
+    facets: Integers
+    segments: Integers
+
+    @classmethod
+    def of(cls, fields: SolidFields) -> "Skin":
+        """Take the skin of a solid."""
+        kind = BY_VTK_TYPE[fields.vtk_cell_type]
+        points, cells = fields.points, fields.cells
+        facets, owners = boundary_facets(cells, kind)
+        outward = points[facets].mean(axis=1) - points[cells[owners]].mean(axis=1)
+        if kind.dim == 2:
+            ends = points[facets[:, 1]] - points[facets[:, 0]]
+            turned = ends[:, 1] * outward[:, 0] - ends[:, 0] * outward[:, 1] < 0.0
+            facets[turned, :2] = facets[turned, 1::-1]
+            chain = facets if facets.shape[1] == 2 else facets[:, [0, 2, 1]]
+            pairs = [chain[:, k : k + 2] for k in range(chain.shape[1] - 1)]
+            triangles, segments = face_triangles(cells), np.concatenate(pairs)
+        else:
+            triangles = face_triangles(facets)
+            segments = np.empty((0, 2), dtype=np.int64)
+            beyond = np.repeat(outward, len(triangles) // len(facets), axis=0)
+            turned = np.einsum("ij,ij->i", normals(points, triangles), beyond) < 0.0
+            triangles[turned] = triangles[turned, ::-1]
+        return cls(fields, points, kind.dim, triangles, facets, segments)
+
+    @cached_property
+    def nodes(self) -> Integers:
+        """Nodes that are seen."""
+        return np.unique(self.triangles)
+
+    @cached_property
+    def size(self) -> float:
+        """Largest extent of the undeformed body [m]."""
+        return float(np.ptp(self.points, axis=0).max())
+
+    def snapshot(self, layer: int) -> Snapshot:
+        """Read a layer."""
+        values = self.fields.read(layer, "displacement", "von_mises", "contact_pressure", "gap")
+        touching = np.isfinite(values["gap"])
+        pressure = np.where(touching, np.nan_to_num(values["contact_pressure"]), 0.0)
+        self._fill_middles(pressure, touching)
+        return Snapshot(
+            float(self.fields.times[layer]),
+            self.points + values["displacement"],
+            values["von_mises"],
+            pressure,
+            touching,
+        )
+
+    def _fill_middles(self, pressure: Floats, touching: NDArray[np.bool_]) -> None:
+        """Interpolate where corners carry contact and the nodes between them do not."""
+        width = self.facets.shape[1]
+        between: list[tuple[int, tuple[int, ...]]]
+        if self.dim == 2:
+            between = [(2, (0, 1))] if width == 3 else []
+        else:
+            corners = {3: 3, 4: 4, 6: 3, 9: 4}[width]
+            between = [
+                (corners + k, (k, (k + 1) % corners)) for k in range(min(corners, width - corners))
+            ]
+            between += [(8, (0, 1, 2, 3))] if width == 9 else []
+        had = touching.copy()
+        for middle, ends in between:
+            node, around = self.facets[:, middle], self.facets[:, list(ends)]
+            missing = ~had[node] & had[around].all(axis=1)
+            pressure[node[missing]] = pressure[around[missing]].mean(axis=1)
+            touching[node[missing]] = True
+
+
+def normals(points: Floats, triangles: Integers) -> Floats:
+    """Normals of triangles, as long as twice their areas; shape (triangles, 3)."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def union(extents: Sequence[Floats], room: float) -> Floats:
+    """Smallest window around others and some room, shape (2, 2): rows are directions."""
+    all_of_them = np.stack(extents)
+    low, high = all_of_them[:, :, 0].min(axis=0), all_of_them[:, :, 1].max(axis=0)
+    return np.stack([low - room, high + room], axis=1)

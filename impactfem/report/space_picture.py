@@ -1,0 +1,201 @@
+"""Pictures of a solid in space, projected and shaded here: no display and no VTK is needed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import Normalize
+from numpy.typing import NDArray
+
+from impactfem.contact.distance import translation
+from impactfem.report.obstacle_faces import faces_of, grid_of_plane, spacing
+from impactfem.report.skin import Skin, Snapshot, normals, union
+
+Floats = NDArray[np.float64]
+
+_ELEVATION = np.radians(14.0)
+_AZIMUTHS = np.radians([55.0, 125.0, 235.0, 305.0])
+_GREY = np.array([0.72, 0.72, 0.72, 1.0])
+_ARROW = {"arrowstyle": "->", "shrinkA": 0.0, "shrinkB": 0.0}
+_FLOOR, _GRID = "0.90", "0.70"
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A parallel projection.
+
+    Attributes:
+        right: Unit vector that points right in the picture, shape (3,).
+        up: Unit vector that points up in it.
+        towards: Unit vector towards the viewer.
+    """
+
+    right: Floats
+    up: Floats
+    towards: Floats
+
+    @classmethod
+    def facing(cls, vertical: Floats, planes: Sequence[Floats]) -> "Camera":
+        """Look down a little, from where most planes (by their normals) show their front."""
+        first = np.eye(3)[int(np.argmin(np.abs(vertical)))]
+        if abs(vertical[1]) > 0.9:
+            first = np.eye(3)[0]
+        first -= (first @ vertical) * vertical
+        first /= np.linalg.norm(first)
+        second = np.cross(first, vertical)  # with y up: x right and z towards the viewer
+        views = [
+            np.cos(_ELEVATION) * (np.cos(a) * first + np.sin(a) * second)
+            + np.sin(_ELEVATION) * vertical
+            for a in _AZIMUTHS
+        ]
+        towards = max(views, key=lambda view: sum(bool(view @ n > 1e-9) for n in planes))
+        right = np.cross(vertical, towards)
+        right /= np.linalg.norm(right)
+        return cls(right, np.cross(towards, right), towards)
+
+    def flat(self, places: Floats) -> Floats:
+        """Where places appear, shape (..., 2)."""
+        return np.stack([places @ self.right, places @ self.up], axis=-1)
+
+
+@dataclass(frozen=True)
+class SpacePainter:
+    """Draws a solid in space at true scale.
+
+    Attributes:
+        skin: Skin of the solid.
+        obstacles: Obstacles of the scene.
+        vertical: Unit vector that shall point up, shape (3,).
+        stress: Largest von Mises stress of the colours [Pa].
+        pressure: Largest contact pressure of all pictures [Pa].
+        cuts: Outward normals of cuts through the body, which show its inside, shape (3,) each.
+    """
+
+    skin: Skin
+    obstacles: Sequence[Any]
+    vertical: Floats
+    stress: float = 1.0
+    pressure: float = 0.0
+    cuts: tuple[Floats, ...] = ()
+
+    @cached_property
+    def camera(self) -> Camera:
+        """Where it is looked from."""
+        planes = [np.array(o.unit_normal) for o in self.obstacles if o.kind == "half_space"]
+        return Camera.facing(self.vertical, [*planes, *self.cuts])
+
+    def extent(self, snapshot: Snapshot) -> Floats:
+        """Range of the body in the picture, shape (2, 2): rows are directions."""
+        flat = self.camera.flat(snapshot.place[self.skin.nodes])
+        return np.stack([flat.min(axis=0), flat.max(axis=0)], axis=1)
+
+    def window(self, extents: Sequence[Floats]) -> Floats:
+        """Range of the picture that shows the body in some snapshots, shape (2, 2)."""
+        return union(extents, 0.15 * self.skin.size)
+
+    def prepare(self, axes: Axes, window: Floats, time: float) -> list[Artist]:
+        """Set the frame; returns what lies above the body: directions and scale."""
+        del time
+        axes.set_aspect("equal")
+        axes.set_xlim(*window[0])
+        axes.set_ylim(*window[1])
+        axes.set_xticks([])
+        axes.set_yticks([])
+        above = self._draw_directions(axes, window)
+        if any(obstacle.kind == "half_space" for obstacle in self.obstacles):
+            scale = axes.text(
+                0.97, 0.02, f"lines every {spacing(self._reach):g} m", fontsize=8, ha="right",
+                va="bottom", transform=axes.transAxes, zorder=4,
+            )  # fmt: skip
+            above.append(scale)
+        return above
+
+    def draw(self, axes: Axes, snapshot: Snapshot) -> list[Artist]:
+        """Draw what belongs to one time; returns the artists from the back to the front."""
+        artists: list[Artist] = []
+        faces, colours = [snapshot.place[self.skin.triangles]], [self._colours(snapshot)]
+        centre = 0.5 * (snapshot.place.min(axis=0) + snapshot.place.max(axis=0))
+        for obstacle in self.obstacles:
+            shift = np.zeros(3) + translation(obstacle, snapshot.time)
+            if obstacle.kind == "half_space":
+                artists += self._plane(axes, obstacle, shift, centre)
+                continue
+            patches = faces_of(obstacle, centre - shift, 2.0 * self.skin.size) + shift
+            faces.append(patches)
+            shade = 0.6 + 0.4 * np.abs(_unit_normals(patches) @ self._light)
+            colours.append(
+                np.concatenate([shade[:, None] * _GREY[:3], np.ones((len(shade), 1))], 1)
+            )
+        shown, tint = np.concatenate(faces), np.concatenate(colours)
+        front = _unit_normals(shown) @ self.camera.towards > 0.0
+        shown, tint = shown[front], tint[front]
+        order = np.argsort(shown.mean(axis=1) @ self.camera.towards, kind="stable")
+        body = PolyCollection(
+            list(self.camera.flat(shown[order])), facecolors=tint[order], edgecolors="face",
+            linewidths=0.5, zorder=2, rasterized=True,
+        )  # fmt: skip
+        axes.add_collection(body, autolim=False)
+        return [*artists, body]
+
+    @cached_property
+    def _light(self) -> Floats:
+        light = self.camera.towards + 0.5 * self.camera.up - 0.4 * self.camera.right
+        return np.asarray(light / np.linalg.norm(light))
+
+    @property
+    def _reach(self) -> float:
+        return 1.6 * self.skin.size
+
+    def _colours(self, snapshot: Snapshot) -> Floats:
+        """Stress as a colour, a little darker where the surface turns away."""
+        stress = snapshot.von_mises[self.skin.triangles].mean(axis=1)
+        colours = np.array(colormaps["viridis"](Normalize(0.0, self.stress)(stress)))
+        normal = _unit_normals(snapshot.place[self.skin.triangles])
+        colours[:, :3] *= (0.8 + 0.2 * np.clip(normal @ self._light, 0.0, 1.0))[:, None]
+        return colours
+
+    def _plane(self, axes: Axes, obstacle: Any, shift: Floats, centre: Floats) -> list[Artist]:
+        """A part of the plane below the body; what shows its front lies behind all bodies."""
+        corners, lines = grid_of_plane(obstacle, shift, centre, self._reach)
+        front = float(np.array(obstacle.unit_normal) @ self.camera.towards) > 0.0
+        plane = PolyCollection(
+            [self.camera.flat(corners)], facecolors=_FLOOR if front else "none",
+            edgecolors=_GRID, linewidths=0.8, zorder=0.5,
+        )  # fmt: skip
+        grid = LineCollection(
+            list(self.camera.flat(lines)), colors=_GRID, linewidths=0.5, zorder=0.6
+        )
+        for collection in (plane, grid):
+            axes.add_collection(collection, autolim=False)
+        return [plane, grid] if front else [plane]
+
+    def _draw_directions(self, axes: Axes, window: Floats) -> list[Artist]:
+        drawn: list[Artist] = []
+        size = 0.09 * float(np.ptp(window, axis=1).min())
+        start = window[:, 0] + 1.6 * size
+        for axis, name in zip(np.eye(3), "xyz", strict=True):
+            step = size * self.camera.flat(axis)
+            tip, place = start + step, start + 1.35 * step
+            arrow = axes.annotate(
+                "", (tip[0], tip[1]), (start[0], start[1]), arrowprops=_ARROW, zorder=4,
+                annotation_clip=False,
+            )  # fmt: skip
+            letter = axes.text(
+                place[0], place[1], name, ha="center", va="center", fontsize=8, zorder=4
+            )
+            drawn += [arrow, letter]
+        return drawn
+
+
+def _unit_normals(faces: Floats) -> Floats:
+    """Unit normals of faces given by their corners, shape (faces, 3)."""
+    count = len(faces)
+    corners = faces[:, :3].reshape(-1, 3)
+    normal = normals(corners, np.arange(3 * count).reshape(-1, 3))
+    return normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]

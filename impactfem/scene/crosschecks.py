@@ -1,0 +1,163 @@
+"""Checks across the tables of a scene: body against obstacles, gravity, settings and output."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from impactfem.methods import METHODS
+from impactfem.scene.bodies import Bar
+from impactfem.scene.formula import Formula
+from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
+from impactfem.scene.obstacles import Wall
+from impactfem.scene.schema import KeyedError
+from impactfem.scene.solids import Solid
+from impactfem.scene.values import show
+
+if TYPE_CHECKING:
+    from impactfem.scene.scene import Scene
+
+_SAMPLES = 1001
+
+# Keys of [solve] that only one kind of body knows, and what to do instead.
+_BAR_ONLY: Mapping[str, str] = {
+    "elements": "set body.mesh_size",
+    "window": "remove it, a solid is solved layer by layer",
+    "degree": "set body.degree",
+    "fitted": "remove it, it belongs to method dg of bars",
+    "accuracy": "set body.mesh_size, and estimate = true to learn the error",
+    "mesh": "set body.mesh",
+}
+_SOLID_ONLY = ("normals", "linear_solver", "estimate")
+
+
+def check_scene(scene: "Scene", gravity: object) -> None:
+    """Refuse a scene whose tables contradict each other.
+
+    Args:
+        scene: the scene, its fields checked one by one.
+        gravity: as given, for messages.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    _check_names(scene)
+    body = scene.bodies[0]
+    if isinstance(body, Bar):
+        _check_bar(scene, gravity)
+    else:
+        _check_solid(scene, body, gravity)
+    _check_settings(scene, body)
+    if scene.solve.dt is not None and scene.solve.dt > scene.duration:
+        text = f" = {scene.solve.dt} exceeds duration = {scene.duration}: give a smaller step."
+        raise KeyedError("solve", "dt", text)
+
+
+def _check_names(scene: "Scene") -> None:
+    taken = {body.name: "a body" for body in scene.bodies}
+    for index, obstacle in enumerate(scene.obstacles):
+        if isinstance(scene.bodies[0], Bar) and index:
+            break  # too many anyhow
+        if obstacle.name in taken:
+            what = taken[obstacle.name]
+            text = f" = {show(obstacle.name)} is the name of {what} too: give another name."
+            raise KeyedError(f"obstacle[{index}]", "name", text)
+        taken[obstacle.name] = f"obstacle[{index}]"
+
+
+def _check_bar(scene: "Scene", gravity: object) -> None:
+    if len(scene.obstacles) != 1:
+        shown, count = show(list(scene.obstacles)), len(scene.obstacles)
+        why = f"there are {count}, but a bar meets one wall; give exactly one [[obstacle]]"
+        raise KeyedError("obstacle", "", f" = {shown} is not allowed: {why}.")
+    obstacle = scene.obstacles[0]
+    if not isinstance(obstacle, Wall):
+        text = f' = {show(obstacle.kind)} is for solids: a bar meets kind = "wall"; give it.'
+        raise KeyedError("obstacle[0]", "kind", text)
+    if not isinstance(scene.gravity, PiecewiseConstant):
+        why = (
+            "it is a vector, but a bar moves along one axis with gravity positive towards the wall "
+            "(gravity = 9.81); give a number or a table of numbers"
+        )
+        raise KeyedError("", "gravity", f" = {show(gravity)} is not allowed: {why}.")
+    if scene.output.checkpoint:
+        text = f" = {scene.output.checkpoint}: bars are not checkpointed; remove it."
+        raise KeyedError("output", "checkpoint", text)
+
+
+def _check_solid(scene: "Scene", solid: Solid, gravity: object) -> None:
+    for index, obstacle in enumerate(scene.obstacles):
+        where = f"obstacle[{index}]"
+        if isinstance(obstacle, Wall):
+            why = 'is for bars: a solid meets kind = "half_space" (point, normal) or another one'
+            raise KeyedError(where, "kind", f' = "wall" {why}; give it.')
+        try:
+            obstacle.check_dimension(solid.dim)
+        except KeyedError as error:
+            raise error.moved(where) from None
+        if obstacle.motion is not None:
+            _check_times(scene, where, "motion", obstacle.motion)
+    for index, support in enumerate(solid.supports):
+        _check_times(scene, "body[0]", f"supports[{index}].value", support.value or ())
+    _check_gravity(scene, solid, gravity)
+
+
+def _check_gravity(scene: "Scene", solid: Solid, given: object) -> None:
+    gravity, dim = scene.gravity, solid.dim
+    example = ", ".join(["0.0", "-9.81", "0.0"][:dim])
+    if isinstance(gravity, PiecewiseConstant):
+        if gravity.is_constant and gravity.values[0] == 0.0:
+            return
+        why = f"it is a number, but a solid moves in space; give a vector [{example}]"
+    elif gravity.dim != dim:
+        why = f'it has {gravity.dim} entries, but model = "{solid.model}" has {dim} coordinates'
+        why += f"; give a vector [{example}]"
+    elif solid.is_axisymmetric and any(value[0] != 0.0 for value in gravity.values):
+        why = "it has a radial part, which is not axisymmetric; give [0.0, g]"
+    else:
+        return
+    raise KeyedError("", "gravity", f" = {show(_shown(given))} is not allowed: {why}.")
+
+
+def _shown(given: object) -> object:
+    if isinstance(given, PiecewiseConstant | PiecewiseVector) and len(given.values) == 1:
+        value = given.values[0]
+        return list(value) if isinstance(value, tuple) else value
+    return given
+
+
+def _check_times(scene: "Scene", where: str, name: str, formulas: Sequence[Formula | None]) -> None:
+    """Refuse motions that are not finite within the duration."""
+    times = np.linspace(0.0, scene.duration, _SAMPLES)
+    for formula in formulas:
+        if formula is None:
+            continue
+        bad = np.flatnonzero(~np.isfinite(formula(t=times)))
+        if bad.size:
+            when = f"at t = {times[bad[0]]:.6g}"
+            text = f" = {show(formula.text)} has no finite value {when}"
+            raise KeyedError(where, name, f"{text}: give one for 0 <= t <= {scene.duration:g}.")
+
+
+def _check_settings(scene: "Scene", body: Bar | Solid) -> None:
+    """Refuse settings that belong to the other kind of body."""
+    solve, method = scene.solve, scene.solve.method
+    if method is not None and body.kind not in METHODS[method].bodies:
+        fitting = " or ".join(show(n) for n, entry in METHODS.items() if body.kind in entry.bodies)
+        text = f" = {show(method)} does not solve a {body.kind}: give {fitting}."
+        raise KeyedError("solve", "method", text)
+    if isinstance(body, Bar):
+        for name in _SOLID_ONLY:
+            value = getattr(solve, name)
+            if value is not None:
+                text = f" = {show(value)} belongs to solids, the body is a bar: remove it."
+                raise KeyedError("solve", name, text)
+        if solve.active_set == "snes_vi" and method not in {None, "monolithic"}:
+            text = f' = "snes_vi" contradicts method = {show(method)}: it needs '
+            raise KeyedError("solve", "active_set", f'{text}method = "monolithic".')
+        return
+    for name, remedy in _BAR_ONLY.items():
+        value = getattr(solve, name)
+        if value is not None:
+            text = f" = {show(value)} belongs to bars, the body is a solid: {remedy}."
+            raise KeyedError("solve", name, text)

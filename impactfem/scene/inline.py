@@ -1,0 +1,207 @@
+"""Kinds of values with inner structure: vectors, formulas, inline tables and lists of these."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, override
+
+import numpy as np
+
+from impactfem.scene.formula import Formula
+from impactfem.scene.kinds import FormulaOf, Kind
+from impactfem.scene.schema import KeyedError, keys_of
+from impactfem.scene.tables import read_object
+from impactfem.scene.values import NotAllowedError, is_number, number, show, type_in_words
+
+MAX_ENTRIES = 10_000
+
+
+@dataclass(frozen=True)
+class Vector(Kind):
+    """A list of numbers, stored as a tuple."""
+
+    type_name: ClassVar[str] = "list of numbers"
+    lengths: tuple[int, ...] = (2, 3)
+    positive: bool = False
+    nonzero: bool = False
+
+    @property
+    @override
+    def allowed(self) -> str:
+        bound = " > 0" * self.positive + ", not all 0" * self.nonzero
+        return f"a list of {_counts(self.lengths)} numbers{bound}"
+
+    @override
+    def read(self, value: object) -> tuple[float, ...]:
+        result = tuple(_number(entry) for entry in entries_of(value, self.lengths))
+        if self.positive and not all(entry > 0 for entry in result):
+            raise NotAllowedError("its entries must be > 0")
+        if self.nonzero and not any(result):
+            raise NotAllowedError("its entries are all 0")
+        return result
+
+    @override
+    def write(self, value: tuple[float, ...]) -> list[float]:
+        return list(value)
+
+
+@dataclass(frozen=True)
+class NumberOrVector(Kind):
+    """A number, or a list of three."""
+
+    type_name: ClassVar[str] = "number or list of numbers"
+
+    @property
+    @override
+    def allowed(self) -> str:
+        return "a number in 2D, a list of 3 numbers in 3D"
+
+    @override
+    def read(self, value: object) -> float | tuple[float, ...]:
+        return number(value) if is_number(value) else Vector((3,)).read(value)
+
+    @override
+    def write(self, value: float | tuple[float, ...]) -> float | list[float]:
+        return list(value) if isinstance(value, tuple) else value
+
+
+@dataclass(frozen=True)
+class Formulas(Kind):
+    """A list of numbers or formulas, one for each direction; None where an empty text stands."""
+
+    type_name: ClassVar[str] = "list of formulas"
+    variables: tuple[str, ...]
+    blank: bool = False
+
+    @property
+    @override
+    def allowed(self) -> str:
+        free = ', "" for a free one' * self.blank
+        return f"a list of 2 or 3 numbers or formulas in {', '.join(self.variables)}{free}"
+
+    @override
+    def read(self, value: object) -> tuple[Formula | None, ...]:
+        return tuple(self._entry(entry) for entry in entries_of(value, (2, 3)))
+
+    def _entry(self, value: object) -> Formula | None:
+        empty = value is None or (isinstance(value, str) and not value.strip())
+        if self.blank and empty:
+            return None
+        try:
+            formula: Formula = FormulaOf(self.variables).read(value)
+        except NotAllowedError as error:
+            raise NotAllowedError(f"the entry {show(value)} is not allowed, {error}") from None
+        return formula
+
+    @override
+    def write(self, value: tuple[Formula | None, ...]) -> list[float | str]:
+        return ["" if entry is None else entry.plain for entry in value]
+
+
+@dataclass(frozen=True)
+class InlineTable(Kind):
+    """A table in one line; several classes are told apart by their key ``kind``."""
+
+    type_name: ClassVar[str] = "table"
+    classes: tuple[type[Any], ...]
+
+    @property
+    def _kinds(self) -> Mapping[str, type[Any]]:
+        return {cls.kind: cls for cls in self.classes} if len(self.classes) > 1 else {}
+
+    @property
+    @override
+    def allowed(self) -> str:
+        if self._kinds:
+            return f"a table {{ kind = {' or '.join(show(kind) for kind in self._kinds)}, ... }}"
+        names = ", ".join(entry.name for entry in keys_of(self.classes[0]).values())
+        return f"a table {{ ... }} with the keys {names}"
+
+    @override
+    def read(self, value: object) -> Any:
+        if isinstance(value, self.classes):
+            return value
+        if not isinstance(value, Mapping):
+            raise NotAllowedError(f"it is {type_in_words(value)}, not a table")
+        return read_object(value, "", self._kinds or self.classes[0])
+
+    @override
+    def write(self, value: Any) -> dict[str, Any]:
+        kind = {"kind": value.kind} if self._kinds else {}
+        return kind | plain(value)
+
+
+@dataclass(frozen=True)
+class ListOf(Kind):
+    """A list of values of one kind, stored as a tuple."""
+
+    inner: Kind
+    at_least: int = 0
+    different: bool = False
+
+    @property
+    def type_name(self) -> str:  # type: ignore[override]  # follows from the inner kind
+        """Word for the scene reference."""
+        return f"list of {self.inner.type_name}s"
+
+    @property
+    @override
+    def allowed(self) -> str:
+        least = f" of at least {self.at_least}" * (self.at_least > 0)
+        return f"a list{least}, each {self.inner.allowed}"
+
+    @override
+    def read(self, value: object) -> tuple[Any, ...]:
+        found: list[Any] = []
+        for index, entry in enumerate(entries_of(value)):
+            try:
+                found.append(self.inner.read(entry))
+            except KeyedError as error:
+                raise error.under(f"[{index}]") from None
+            except NotAllowedError as error:
+                raise NotAllowedError(f"the entry {show(entry)} is not allowed, {error}") from None
+            if self.different and found[-1] in found[:-1]:
+                raise NotAllowedError(f"{show(entry)} is given twice, remove one")
+        if len(found) < self.at_least:
+            raise NotAllowedError(f"it has {len(found)} entries")
+        return tuple(found)
+
+    @override
+    def write(self, value: tuple[Any, ...]) -> list[Any]:
+        return [self.inner.write(entry) for entry in value]
+
+
+def entries_of(value: object, lengths: tuple[int, ...] = ()) -> list[Any]:
+    """Return the entries of a list, of one of the lengths if any are given.
+
+    Raises:
+        NotAllowedError: it is no list, or has another length.
+    """
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if not isinstance(value, list | tuple):
+        raise NotAllowedError(f"it is {type_in_words(value)}, not a list")
+    if lengths and len(value) not in lengths:
+        raise NotAllowedError(f"it has {len(value)} entries, not {_counts(lengths)}")
+    if len(value) > MAX_ENTRIES:
+        raise NotAllowedError(f"it has {len(value)} entries, more than {MAX_ENTRIES}")
+    return list(value)
+
+
+def _counts(lengths: tuple[int, ...]) -> str:
+    return " or ".join(str(length) for length in lengths)
+
+
+def _number(value: object) -> float:
+    try:
+        return number(value)
+    except NotAllowedError as error:
+        raise NotAllowedError(f"the entry {show(value)} is not allowed, {error}") from None
+
+
+def plain(instance: Any) -> dict[str, Any]:  # any dataclass with keys
+    """Return the keys and values of an instance as a scene file holds them."""
+    values = {
+        entry.name: (entry.kind, getattr(instance, name))
+        for name, entry in keys_of(type(instance)).items()
+    }
+    return {name: kind.write(value) for name, (kind, value) in values.items() if value is not None}

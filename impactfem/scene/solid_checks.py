@@ -1,0 +1,199 @@
+"""Checks across the keys of a solid: what is drawn, dimensions, surfaces, scales."""
+
+import contextlib
+import math
+from typing import TYPE_CHECKING, Any
+
+from impactfem.scene.boundary import SPACE
+from impactfem.scene.kinds import FormulaOf
+from impactfem.scene.schema import KeyedError
+from impactfem.scene.values import NotAllowedError, show
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from impactfem.scene.formula import Formula
+    from impactfem.scene.solids import Solid
+
+
+def check_solid(solid: "Solid") -> None:
+    """Refuse a solid whose keys contradict each other.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    _check_source(solid)
+    _check_mesh_file(solid)
+    _check_sizes(solid)
+    _check_lengths(solid)
+    _check_plane(solid)
+    _check_rotation(solid)
+    _check_surface_names(solid)
+    _check_supports(solid)
+    _check_scales(solid)
+
+
+def _fail(solid: "Solid", name: str, text: str) -> KeyedError:
+    return KeyedError(solid.kind, name, text)
+
+
+def _check_source(solid: "Solid") -> None:
+    """Refuse a body that cannot be drawn, or that is given twice."""
+    shape, mesh = solid.shape, solid.mesh
+    if shape is None and mesh is None:
+        raise _fail(solid, "shape", " is missing: give shape = { kind = ... }, or mesh = a file.")
+    if shape is not None and mesh is not None:
+        why = "contradicts the shape: each draws the body; remove one of them"
+        raise _fail(solid, "mesh", f" = {show(mesh)} {why}.")
+    if shape is not None:
+        try:
+            shape.check_model(solid.model)
+        except KeyedError as error:
+            raise error.moved("").under("shape", solid.kind) from None
+
+
+def _check_mesh_file(solid: "Solid") -> None:
+    """Refuse sizes that a file holds already, and a geometry without a size."""
+    mesh = "" if solid.mesh is None else solid.mesh.lower()
+    if not mesh.endswith((".msh", ".geo")) and solid.mesh_size is None:
+        what = "a STEP file" if mesh else "a shape"
+        raise _fail(solid, "mesh_size", f" is missing: {what} needs it; give it in m.")
+    if not mesh.endswith(".msh"):
+        return
+    given = (
+        ("mesh_size", solid.mesh_size is not None, solid.mesh_size),
+        ("refine", bool(solid.refine), "[...]"),
+        ("cells", solid.cells != "simplex", solid.cells),
+    )
+    for name, is_given, value in given:
+        if is_given:
+            why = f"the file {show(solid.mesh)} holds its elements; remove it"
+            raise _fail(solid, name, f" = {value}: {why}.")
+
+
+def _check_sizes(solid: "Solid") -> None:
+    """Refuse elements larger than the body, and refinements that coarsen."""
+    if solid.mesh_size is None:
+        return
+    if solid.shape is not None:
+        lower, upper = solid.shape.bounds(axisymmetric=solid.is_axisymmetric)
+        extent = max(b - a for a, b in zip(lower, upper, strict=True))
+        if solid.mesh_size > extent:
+            text = f" = {solid.mesh_size} exceeds the largest extent {extent:.6g} of the shape"
+            raise _fail(solid, "mesh_size", f"{text}: give a smaller one in m.")
+    for index, ball in enumerate(solid.refine):
+        if ball.size > solid.mesh_size:
+            text = f" = {ball.size} exceeds mesh_size = {solid.mesh_size}: give a smaller one."
+            raise _fail(solid, f"refine[{index}].size", text)
+
+
+def _check_lengths(solid: "Solid") -> None:
+    """Refuse vectors of another dimension than the model's."""
+    found: list[tuple[str, Sequence[Any] | None]] = [
+        ("velocity", solid.velocity),
+        ("displacement", solid.displacement),
+        *((f"refine[{i}].point", ball.point) for i, ball in enumerate(solid.refine)),
+        *((f"supports[{i}].value", entry.value) for i, entry in enumerate(solid.supports)),
+        *((f"tractions[{i}].value", entry.value) for i, entry in enumerate(solid.tractions)),
+    ]
+    for name, value in found:
+        if value is not None and len(value) != solid.dim:
+            text = f' has {len(value)} entries, but model = "{solid.model}" has {solid.dim}'
+            raise _fail(solid, name, f"{text} coordinates: give {solid.dim}.")
+    if isinstance(solid.angular_velocity, tuple) != (solid.dim == 3):
+        form = "a number" if solid.dim == 2 else "a list of 3 numbers"
+        text = f' = {_plain(solid.angular_velocity)} does not fit model = "{solid.model}"'
+        raise _fail(solid, "angular_velocity", f"{text}: give {form}.")
+
+
+def _check_plane(solid: "Solid") -> None:
+    """Refuse a thickness where there is none, and z in formulas of 2D models."""
+    if not solid.is_plane and solid.thickness != 1.0:
+        text = f' = {solid.thickness} does not fit model = "{solid.model}": remove it.'
+        raise _fail(solid, "thickness", text)
+    if solid.dim == 3:
+        return
+    found: list[tuple[str, Sequence[Formula], tuple[str, ...]]] = [
+        ("velocity", solid.velocity, ()),
+        ("displacement", solid.displacement, ()),
+        *((f"tractions[{i}].value", e.value, ("t",)) for i, e in enumerate(solid.tractions)),
+        *((f"pressures[{i}].value", [e.value], ("t",)) for i, e in enumerate(solid.pressures)),
+    ]
+    for name, formulas, more in found:
+        for formula in formulas:
+            try:
+                FormulaOf((*SPACE[:2], *more)).read(formula.text)
+            except NotAllowedError as error:
+                text = f' = {show(formula.text)} does not fit model = "{solid.model}": {error}.'
+                raise _fail(solid, name, text) from None
+
+
+def _check_rotation(solid: "Solid") -> None:
+    """Refuse a rotation that an axisymmetric or a cut body cannot have."""
+    spin = solid.angular_velocity
+    vector = spin if isinstance(spin, tuple) else (0.0, 0.0, spin)
+    cuts = () if solid.shape is None else solid.shape.symmetry
+    turned = [axis for axis, rate in zip(SPACE, vector, strict=True) if rate != 0.0]
+    if solid.is_axisymmetric and turned:
+        why = "an axisymmetric body can turn about no other line than its axis; remove it"
+        raise _fail(solid, "angular_velocity", f" = {_plain(spin)}: {why}.")
+    for cut in cuts:
+        if any(axis != cut for axis in turned):
+            why = f'contradicts symmetry "{cut}" of the shape: remove one of them'
+            raise _fail(solid, "angular_velocity", f" = {_plain(spin)} {why}.")
+
+
+def _check_surface_names(solid: "Solid") -> None:
+    """Refuse surfaces that the shape does not have."""
+    known = solid.surface_names
+    if known is None:
+        return
+    named = [
+        (f"{key}[{index}].surface", entry.surface)
+        for key in ("supports", "tractions", "pressures")
+        for index, entry in enumerate(getattr(solid, key))
+    ]
+    named += [
+        (f"contact_surfaces[{index}]", name)
+        for index, name in enumerate(solid.contact_surfaces or ())
+    ]
+    for name, surface in named:
+        if surface not in known:
+            text = f" = {show(surface)} is not a surface of this shape: give {' or '.join(known)}."
+            raise _fail(solid, name, text)
+
+
+def _check_supports(solid: "Solid") -> None:
+    """Refuse two supports on one surface, and one where the model holds it already."""
+    cuts = () if solid.shape is None else solid.shape.symmetry
+    by_model = {f"symmetry_{axis}" for axis in cuts} | (
+        {"axis"} if solid.is_axisymmetric else set()
+    )
+    held: set[str] = set()
+    for index, support in enumerate(solid.supports):
+        if support.surface in by_model | held:
+            how = "by the model" if support.surface in by_model else "by another support"
+            text = f" = {show(support.surface)} is held {how} already: remove this support."
+            raise _fail(solid, f"supports[{index}].surface", text)
+        held.add(support.surface)
+
+
+def _check_scales(solid: "Solid") -> None:
+    """Refuse values, each fine alone, whose wave speed or mass overflows."""
+    slow, fast, mass = math.nan, math.nan, math.nan
+    with contextlib.suppress(OverflowError, ValueError, ZeroDivisionError):
+        slow, fast = solid.s_wave_speed, solid.p_wave_speed
+    if not (0 < slow < math.inf and 0 < fast < math.inf):
+        text = f" = {solid.youngs_modulus} with density = {solid.density} gives no usable wave"
+        raise _fail(solid, "youngs_modulus", f"{text} speed: give SI units.")
+    if solid.shape is None:
+        return
+    with contextlib.suppress(OverflowError):
+        mass = solid.mass or 0.0
+    if not 0 < mass < math.inf:
+        text = f" = {solid.density} gives no usable mass with this shape: give SI units."
+        raise _fail(solid, "density", text)
+
+
+def _plain(value: float | tuple[float, ...]) -> str:
+    return show(list(value) if isinstance(value, tuple) else value)

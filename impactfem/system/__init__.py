@@ -1,0 +1,1 @@
+"""What time schemes see of a body: mass, stiffness, loads, supports."""

@@ -1,0 +1,99 @@
+"""What drives a body besides its inertia: gravity, loads and moved supports, for time schemes."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.fem import MPI
+from impactfem.system.elastic import ElasticSystem
+from impactfem.system.massless import transferred
+
+Floats = NDArray[np.float64]
+
+
+class Drive:
+    """Forces on the free dofs of this rank, those of massless nodes moved to their neighbours.
+
+    Attributes:
+        is_active: Whether there is anything but gravity, on any rank.
+        moved: Owned dofs that supports move, shape (moved,).
+        has_moved: Whether supports move any dof, on any rank.
+    """
+
+    def __init__(self, system: ElasticSystem, transfer: Any) -> None:
+        """Look what there is (collective)."""
+        self._system, self._transfer = system, transfer
+        self._none = np.zeros(system.dim)
+        self._load = np.zeros(len(system.constrained))
+        self.moved = system.supports.moved
+        self.has_moved = bool(system.supports.formulas)
+        loads = system.loads
+        steady = loads.is_steady and not loads.at(0.0, self._load, self._none).any()
+        self._has_loads = bool(system.comm.allreduce(not steady, op=MPI.LOR))
+        self.is_active = self._has_loads or self.has_moved
+
+    def gravity(self, start: float, end: float) -> Floats:
+        """Mean gravity between two times [m/s^2], shape (dim,)."""
+        return self._system.loads.mean_gravity(start, end)
+
+    def load(self, time: float) -> Floats:
+        """Tractions and pressures [N], shape (owned dofs,): a new array (collective)."""
+        if not self._has_loads:
+            return np.zeros(len(self._load))
+        self._system.loads.at(time, self._load, self._none)
+        self._load[self._system.constrained] = 0.0
+        return transferred(self._transfer, self._load)
+
+    def lift(self, time: float) -> Floats:
+        """Elastic and damping forces of moved supports on the rest [N], (owned dofs,)."""
+        matrix = self._system.matrices.moved_stiffness
+        if matrix is None:
+            return np.zeros(len(self._load))
+        place, speed, _ = self._system.supports.motion(time)
+        source, image = matrix.createVecs()
+        source.setArray(place + self._system.rayleigh_stiffness * speed)
+        matrix.mult(source, image)
+        found: Floats = -image.getArray()
+        found[self._system.constrained] = 0.0
+        source.destroy()
+        image.destroy()
+        return found
+
+    def elastic(self, displacement: Floats, other: Floats) -> float:
+        """Elastic energy that moved supports add to u K u / 2 of the free dofs, on this rank [J].
+
+        Args:
+            displacement: One factor u [m], shape (owned dofs,).
+            other: The other one.
+        """
+        matrix = self._system.matrices.moved_stiffness
+        if matrix is None:
+            return 0.0
+        source, image = matrix.createVecs()
+        found = 0.0
+        for first, second in ((displacement, other), (other, displacement)):
+            source.setArray(second[self.moved])
+            matrix.mult(source, image)
+            shares = np.where(self._system.constrained, 0.5 * first, first)
+            found += 0.5 * float(shares @ image.getArray())
+        source.destroy()
+        image.destroy()
+        return found
+
+    def reaction(self, displacement: Floats) -> Floats:
+        """Elastic forces of the body on moved supports, reversed, on this rank [N], (moved,).
+
+        Args:
+            displacement: Shape (owned dofs,).
+        """
+        matrix = self._system.matrices.moved_stiffness
+        if matrix is None:
+            return np.zeros(len(self.moved))
+        source, image = matrix.createVecs()
+        image.setArray(displacement)
+        matrix.multTranspose(image, source)
+        found: Floats = source.getArray().copy()
+        source.destroy()
+        image.destroy()
+        return found

@@ -1,0 +1,230 @@
+"""Loads of a body: gravity, and tractions and pressures given by formulas."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem import fem
+from impactfem.errors import SceneError
+from impactfem.fem import MPI, PETSc, dolfinx_fem
+from impactfem.forms.elasticity import ElasticForms
+from impactfem.scene import Formula
+from impactfem.system.nodes import Floats, Nodes
+from impactfem.system.supports import surface_facets
+
+_AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class SurfaceLoad:
+    """One formula on one surface; its nodal forces are linear in its values at some points.
+
+    The formula is interpolated on each facet by polynomials one degree above the displacements'.
+
+    Attributes:
+        formula: In x, y, z and t [Pa].
+        label: What it is, for messages.
+        matrix: PETSc matrix from values to forces, (owned dofs, owned points).
+        points: Places of the values by variable [m], arrays of shape (owned points,).
+        values: PETSc vector of the values [Pa].
+        forces: PETSc vector of the forces [N].
+    """
+
+    formula: Formula
+    label: str
+    matrix: Any
+    points: Mapping[str, Floats]
+    values: Any
+    forces: Any
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether the formula does not use t."""
+        return not _uses_time(self.formula)
+
+    def at(self, t: float) -> Floats:
+        """Nodal forces [N] at time t, shape (owned dofs,): a view that the next call changes.
+
+        Raises:
+            SceneError: The formula has no finite value somewhere; on all ranks.
+        """
+        values = self.values.array_w
+        values[:] = self.formula(t=t, **self.points)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if self.matrix.comm.tompi4py().allreduce(bad.size, op=MPI.SUM):
+            error = None
+            if bad.size:
+                place = ", ".join(f"{x[bad[0]]:g}" for x in self.points.values())
+                error = SceneError(
+                    f"the {self.label} = {self.formula.text!r} has no finite value at ({place}), "
+                    f"t = {t:g} s; give a formula that is finite on the whole surface"
+                )
+            fem.raise_together(self.matrix.comm.tompi4py(), error)
+        self.matrix.mult(self.values, self.forces)
+        forces: Floats = self.forces.array_r
+        return forces
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        for thing in (self.matrix, self.values, self.forces):
+            thing.destroy()
+
+
+class Loads:
+    """All loads of a body, without supports.
+
+    Attributes:
+        body_forces: Nodal forces per unit of gravity along each direction [kg], shape
+            (dim, owned dofs): rows sum up to the mass.
+    """
+
+    def __init__(
+        self,
+        nodes: Nodes,
+        forms: ElasticForms,
+        surfaces: Mapping[str, NDArray[np.int32]],
+        solid: Any,
+        gravity: Any,
+    ) -> None:
+        """Assemble what does not change in time (collective).
+
+        Args:
+            nodes: Nodes of the body.
+            forms: Its weak forms.
+            surfaces: Local facets of each named surface.
+            solid: With ``tractions`` and ``pressures`` as in `impactfem.scene`.
+            gravity: `PiecewiseVector` [m/s^2].
+
+        Raises:
+            MeshError: A load names an unknown surface.
+            SceneError: A formula has no finite value somewhere.
+        """
+        self.body_forces = unit_forces(nodes, forms)
+        self._gravity = gravity
+        self._constant_gravity = np.asarray(gravity.at(0.0))
+        self._steady = np.zeros(self.body_forces.shape[1])
+        self._varying: list[SurfaceLoad] = []
+        self._changing = np.zeros_like(self._steady)
+        self._time: float | None = None
+        for load in _surface_loads(nodes, forms, surfaces, solid):
+            if load.is_steady:
+                self._steady += load.at(0.0)
+                load.destroy()
+            else:
+                self._varying.append(load)
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether nothing but gravity can change in time."""
+        return not self._varying
+
+    def at(self, t: float, out: Floats, gravity: Floats | None = None) -> Floats:
+        """Put nodal forces [N] at time t into ``out``, shape (owned dofs,), and return it.
+
+        Args:
+            t: Time [s].
+            out: Array for the forces.
+            gravity: Taken instead of that at time t [m/s^2], shape (dim,).
+
+        Raises:
+            SceneError: A formula has no finite value somewhere.
+        """
+        acceleration = self._gravity.at(t) if gravity is None else gravity
+        np.copyto(out, self._steady)
+        for g, forces in zip(acceleration, self.body_forces, strict=True):
+            if g != 0.0:
+                out += g * forces
+        if self._varying:
+            self._update(t)
+            out += self._changing
+        return out
+
+    def _update(self, t: float) -> None:
+        """Evaluate the loads that change in time, unless this was their last time."""
+        if t == self._time:
+            return
+        self._time = None  # an error below must not leave a mixture for the next call
+        self._changing[:] = 0.0
+        for load in self._varying:
+            self._changing += load.at(t)
+        self._time = t
+
+    def mean_gravity(self, start: float, end: float) -> Floats:
+        """Mean gravity [m/s^2] from one time to another, shape (dim,)."""
+        if self._gravity.is_constant:  # asked for in every layer
+            return self._constant_gravity
+        return np.asarray(self._gravity.mean(start, end))
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        for load in self._varying:
+            load.destroy()
+
+
+def unit_forces(nodes: Nodes, forms: ElasticForms) -> Floats:
+    """Row sums of the mass along each direction [kg], shape (dim, owned dofs)."""
+    direction = dolfinx_fem.Constant(nodes.space.mesh, np.zeros(nodes.dim))
+    form = fem.compile_form(forms.nodal_mass(direction))
+    rows = []
+    for axis in np.eye(nodes.dim):
+        direction.value[:] = axis
+        rows.append(fem.assemble_vector(form))
+    return np.array(rows)
+
+
+def _surface_loads(
+    nodes: Nodes, forms: ElasticForms, surfaces: Mapping[str, NDArray[np.int32]], solid: Any
+) -> list[SurfaceLoad]:
+    if not solid.tractions and not solid.pressures:
+        return []
+    mesh = nodes.space.mesh
+    degree = int(nodes.space.ufl_element().degree) + 1
+    space = dolfinx_fem.functionspace(mesh, ("Discontinuous Lagrange", degree))
+    loads = []
+    for traction in solid.tractions:
+        facets = surface_facets(surfaces, traction.surface, "traction")
+        for axis, formula in enumerate(traction.value):
+            if not (formula.is_constant and formula() == 0.0):
+                label = f"{_AXES[axis]} traction on {traction.surface!r}"
+                along = dolfinx_fem.Constant(mesh, np.eye(nodes.dim)[axis])
+                form = forms.surface_load(space, fem.tag_facets(mesh, facets), along)
+                loads.append(_surface_load(nodes, space, facets, form, formula, label))
+    for pressure in solid.pressures:
+        facets = surface_facets(surfaces, pressure.surface, "pressure")
+        label = f"pressure on {pressure.surface!r}"
+        form = forms.surface_load(space, fem.tag_facets(mesh, facets))
+        loads.append(_surface_load(nodes, space, facets, form, pressure.value, label))
+    return loads
+
+
+def _surface_load(
+    nodes: Nodes, space: Any, facets: NDArray[np.int32], form: Any, formula: Formula, label: str
+) -> SurfaceLoad:
+    """Assemble the matrix of a load, with columns for cells at its surface only (collective)."""
+    whole = fem.assemble_petsc(fem.compile_form(form))
+    mesh = nodes.space.mesh
+    owned_cells = mesh.topology.index_map(mesh.topology.dim).size_local
+    cells = np.unique(nodes.cells_of(facets)[0])
+    used = np.unique(space.dofmap.list[cells[cells < owned_cells]].ravel())
+    first, last = whole.getOwnershipRange()
+    first_column = whole.getOwnershipRangeColumn()[0]
+    rows = PETSc.IS().createStride(last - first, first, 1, comm=whole.comm)
+    columns = PETSc.IS().createGeneral((used + first_column).astype(PETSc.IntType), whole.comm)
+    matrix = whole.createSubMatrix(rows, columns)
+    for thing in (whole, rows, columns):
+        thing.destroy()
+    values, forces = matrix.createVecs()
+    places = space.tabulate_dof_coordinates()[used]
+    variables = {name: places[:, axis].copy() for axis, name in enumerate(_AXES[: nodes.dim])}
+    return SurfaceLoad(formula, label, matrix, variables, values, forces)
+
+
+def _uses_time(formula: Formula) -> bool:
+    try:
+        Formula(formula.text, tuple(name for name in formula.variables if name != "t"))
+    except SceneError:
+        return True
+    return False

@@ -1,0 +1,197 @@
+"""Supports: which degrees of freedom are held or moved, and how."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem import fem
+from impactfem.errors import MeshError, SceneError
+from impactfem.scene import Formula
+from impactfem.system.motion import motion_at
+from impactfem.system.nodes import Floats, Integers, Nodes
+
+_AXES = "xyz"
+_FREE = -1
+_ZERO = Formula("0", ("t",))
+
+
+@dataclass(frozen=True)
+class Supports:
+    """Constrained degrees of freedom of this rank.
+
+    Attributes:
+        constrained: Whether each owned degree of freedom is held or moved, shape (owned dofs,).
+        moved: Owned degrees of freedom that follow a formula, shape (moved,).
+        which: Index of the formula of each of ``moved``, shape (moved,).
+        formulas: Displacements [m] in t, the same on all ranks.
+    """
+
+    constrained: NDArray[np.bool_]
+    moved: Integers
+    which: Integers
+    formulas: tuple[Formula, ...]
+
+    def motion(self, t: float, *, inertia: bool = False) -> tuple[Floats, Floats, Floats]:
+        """Displacement [m], velocity [m/s] and acceleration [m/s^2] of ``moved`` at time t.
+
+        Args:
+            t: Time [s].
+            inertia: Whether the acceleration must be finite, which that of t**1.5 at 0 is not.
+
+        Raises:
+            SceneError: One of them is not finite at that time; on all ranks.
+        """
+        jets = [motion_at(formula, t) for formula in self.formulas]
+        for formula, jet in zip(self.formulas, jets, strict=True):
+            if not np.isfinite(jet.value + jet.rate + (jet.second if inertia else 0.0)):
+                raise SceneError(
+                    f"the motion {formula.text!r} of a support is not finite at t = {t:g} s: "
+                    f"{jet.value:g} m, {jet.rate:g} m/s, {jet.second:g} m/s^2; give a formula that "
+                    "is smooth there"
+                )
+        table = np.array([(jet.value, jet.rate, jet.second) for jet in jets]).reshape(-1, 3)
+        values = table[self.which]
+        return values[:, 0], values[:, 1], values[:, 2]
+
+
+def find_supports(
+    nodes: Nodes,
+    surfaces: Mapping[str, NDArray[np.int32]],
+    supports: Sequence[Any],
+    *,
+    axisymmetric: bool = False,
+) -> Supports:
+    """Find what supports hold (collective).
+
+    Args:
+        nodes: Nodes of the body.
+        surfaces: Local facets of each named surface.
+        supports: With attributes ``surface``, ``kind`` ("fixed", "symmetry" or "motion") and
+            ``value`` (formula in t or None for each direction).
+        axisymmetric: Whether nodes at x = 0 lie on the axis, which they cannot leave.
+
+    Raises:
+        MeshError: An unknown surface, a symmetry surface that is no plane along the axes, or an
+            axisymmetric body that reaches beyond the axis.
+        SceneError: Two supports contradict each other at a node.
+    """
+    formulas: list[Formula] = [_ZERO]
+    holder = [
+        [(direction, _index(formulas, formula)) for direction, formula in enumerate(values)]
+        for values in (_values(support, nodes.dim) for support in supports)
+    ]
+    state = np.full(nodes.owned * nodes.dim, _FREE, dtype=np.int64)
+    by = np.full(nodes.owned * nodes.dim, _FREE, dtype=np.int64)
+    labels = [f"{support.kind} support of {support.surface!r}" for support in supports]
+    if axisymmetric:
+        _check_axis(nodes)
+        labels.append("axis of symmetry")
+        on_axis = np.flatnonzero(np.abs(nodes.positions[: nodes.owned, 0]) <= nodes.same)
+        _hold(nodes, state, by, nodes.dofs(on_axis, 0), 0, len(supports), labels, formulas)
+    for k, support in enumerate(supports):
+        facets = surface_facets(surfaces, support.surface, "support")
+        if support.kind == "symmetry":
+            for direction, part in enumerate(_plane_facets(nodes, facets, support.surface)):
+                dofs = nodes.dofs(nodes.on_facets(part), direction)
+                _hold(nodes, state, by, dofs, 0, k, labels, formulas)
+            continue
+        found = nodes.on_facets(facets)
+        for direction, index in holder[k]:
+            if index != _FREE:
+                dofs = nodes.dofs(found, direction)
+                _hold(nodes, state, by, dofs, index, k, labels, formulas)
+    moved = np.flatnonzero(state > 0)
+    return Supports(state != _FREE, moved, state[moved] - 1, tuple(formulas[1:]))
+
+
+def surface_facets(
+    surfaces: Mapping[str, NDArray[np.int32]], name: str, what: str
+) -> NDArray[np.int32]:
+    """Facets of a surface.
+
+    Raises:
+        MeshError: There is no such surface.
+    """
+    if name not in surfaces:
+        known = ", ".join(surfaces) or "no named surface"
+        raise MeshError(f"the surface {name!r} of a {what} is not in the mesh, which has {known}")
+    return surfaces[name]
+
+
+def _values(support: Any, dim: int) -> Sequence[Formula | None]:
+    return support.value if support.kind == "motion" else (_ZERO,) * dim
+
+
+def _index(formulas: list[Formula], formula: Formula | None) -> int:
+    """Index of a formula in the list, to which it is added when new; 0 for what never moves."""
+    if formula is None:
+        return _FREE
+    for k, known in enumerate(formulas):
+        both = formula.is_constant and known.is_constant
+        if known.text == formula.text or (both and known(t=0.0) == formula(t=0.0)):
+            return k
+    formulas.append(formula)
+    return len(formulas) - 1
+
+
+def _hold(
+    nodes: Nodes,
+    state: Integers,
+    by: Integers,
+    dofs: Integers,
+    index: int,
+    support: int,
+    labels: list[str],
+    formulas: list[Formula],
+) -> None:
+    """Let a formula govern degrees of freedom, unless another one does (collective)."""
+    clash = dofs[(state[dofs] != _FREE) & (state[dofs] != index)]
+    error = None
+    if clash.size:
+        dof = int(clash[0])
+        place = ", ".join(f"{x:g}" for x in nodes.positions[dof // nodes.dim])
+        error = SceneError(
+            f"two supports give the node at ({place}) different displacements along "
+            f"{_AXES[dof % nodes.dim]}: {formulas[state[dof]].text!r} by the "
+            f"{labels[by[dof]]}, {formulas[index].text!r} by the {labels[support]}; give both the "
+            'same formula, or leave that direction free in one of them with ""'
+        )
+    fem.raise_together(nodes.comm, error)
+    state[dofs] = index
+    by[dofs] = support
+
+
+def _check_axis(nodes: Nodes) -> None:
+    x = nodes.positions[:, 0]
+    error = None
+    if x.size and x.min() < -nodes.same:
+        error = MeshError(
+            f"an axisymmetric body reaches x = {x.min():g} m, but x is the distance from the axis; "
+            "draw the half with x >= 0 only"
+        )
+    fem.raise_together(nodes.comm, error)
+
+
+def _plane_facets(nodes: Nodes, facets: NDArray[np.int32], name: str) -> list[NDArray[np.int32]]:
+    """Split facets by the axis along which they are flat (collective).
+
+    Raises:
+        MeshError: A facet is not flat along an axis.
+    """
+    points = nodes.positions[nodes.of_facets(facets)]
+    span = np.ptp(points, axis=1)
+    axis = np.argmin(span, axis=1)
+    bent = np.flatnonzero(np.min(span, axis=1) > nodes.same)
+    error = None
+    if bent.size:
+        place = ", ".join(f"{x:g}" for x in points[bent[0]].mean(axis=0))
+        error = MeshError(
+            f"the symmetry surface {name!r} is inclined or curved near ({place}), but a symmetry "
+            "plane must be normal to x, y or z; turn the body so that it is, or use "
+            'kind = "motion" or "fixed"'
+        )
+    fem.raise_together(nodes.comm, error)
+    return [facets[axis == direction] for direction in range(nodes.dim)]

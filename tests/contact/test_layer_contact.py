@@ -1,0 +1,114 @@
+"""Contact of one layer: complementarity, no pulling force, and the energy that theta decides."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from impactfem.contact.complementarity import (
+    _murty,
+    solve_by_active_set,
+    solve_layer,
+    solve_velocity_layer,
+)
+from impactfem.contact.snes_vi import solve_by_snes_vi
+
+_TOLERANCE = 1e-14
+
+
+def _spd(rng, size, rank=None):
+    root = rng.standard_normal((size, rank or size + 2))
+    return root @ root.T / size
+
+
+def _potential(gap, compliance):
+    """V(g) and its multipliers, by the active-set solver."""
+    found, _ = solve_by_active_set(_TOLERANCE, 200)(compliance, gap, np.zeros(len(gap), dtype=bool))
+    return 0.5 * found @ compliance @ found, found
+
+
+def _layer(seed, size, rule, solver=None):
+    rng = np.random.default_rng(seed)
+    compliance, response = _spd(rng, size), _spd(rng, size)
+    gap_a = rng.standard_normal(size)
+    before, old = _potential(gap_a, compliance)
+    true_a = np.maximum(gap_a + compliance @ old, 0.0)
+    free = gap_a + rng.standard_normal(size)
+    solver = solver or solve_by_active_set(_TOLERANCE, 200)
+    found = solve_layer(free, response, compliance, (old, true_a), rule, solver)
+    gap_b = free + response @ found.force
+    after, _ = _potential(gap_b, compliance)
+    work = found.force @ (gap_b - gap_a)
+    return found, gap_b + compliance @ found.multiplier, work, before - after
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(0, 2**32), st.integers(1, 12))
+def test_conserving_rule_does_exactly_the_work_of_the_potential(seed, size):
+    found, gap, work, released = _layer(seed, size, "conserving")
+    assert 0.0 <= found.theta <= 1.0
+    assert found.force.min() >= 0.0
+    assert found.multiplier.min() >= 0.0
+    scale = 1.0 + np.abs(gap).max() + np.abs(found.multiplier).max()
+    assert gap.min() >= -1e-11 * scale
+    assert np.abs(gap * found.multiplier).max() <= 1e-10 * scale**2
+    assert gap == pytest.approx(found.gap, abs=1e-10 * scale)
+    assert work == pytest.approx(released, abs=1e-11 * scale**2)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(0, 2**32), st.integers(1, 12))
+def test_dissipative_rule_never_gives_energy(seed, size):
+    found, _, work, released = _layer(seed, size, "dissipative")
+    assert found.theta >= 0.5
+    assert work <= released + 1e-11 * (1.0 + abs(work))
+
+
+def test_middle_rule_can_give_energy():
+    """The negative control of the two rules above: theta = 1/2 gains at releases."""
+    gains = [work - released for _, _, work, released in (
+        _layer(seed, 3, "middle") for seed in range(60)
+    )]  # fmt: skip
+    assert max(gains) > 1e-3
+
+
+def test_flight_and_lasting_contact_have_theta_one_half():
+    compliance = np.array([[2.0, 0.5], [0.5, 1.0]])
+    response = np.eye(2)
+    solver = solve_by_active_set(_TOLERANCE, 200)
+    pressed = np.linalg.solve(compliance, [1.0, 1.0])
+    for free, old, gap in (
+        (np.array([1.0, 2.0]), np.zeros(2), np.ones(2)),
+        (np.array([-1.5, -1.4]), pressed, np.zeros(2)),
+    ):
+        found = solve_layer(free, response, compliance, (old, gap), "conserving", solver)
+        assert found.theta == 0.5
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32), st.integers(1, 8))
+def test_snes_vi_finds_the_same_forces(seed, size):
+    rng = np.random.default_rng(seed)
+    matrix, offset = _spd(rng, size), rng.standard_normal(size)
+    nobody = np.zeros(size, dtype=bool)
+    one, _ = solve_by_active_set(_TOLERANCE, 200)(matrix, offset, nobody)
+    other, _ = solve_by_snes_vi(1e-12, 200)(matrix, offset, nobody)
+    assert other == pytest.approx(one, abs=1e-7 * (1.0 + np.abs(one).max()))
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32), st.integers(1, 10))
+def test_murty_pivots_agree_with_the_active_set_from_any_start(seed, size):
+    rng = np.random.default_rng(seed)
+    matrix, offset = _spd(rng, size), rng.standard_normal(size)
+    one, _ = solve_by_active_set(_TOLERANCE, 200)(matrix, offset, np.zeros(size, dtype=bool))
+    other, _ = _murty(matrix, offset, rng.random(size) < 0.5, _TOLERANCE)
+    assert other == pytest.approx(one, abs=1e-9 * (1.0 + np.abs(one).max()))
+
+
+def test_velocity_rule_stops_the_nodes_that_would_penetrate():
+    response = np.diag([2.0, 1.0, 1.0])
+    free, speed = np.array([-0.1, 0.2, -0.1]), np.array([-1.0, -1.0, 0.5])
+    found = solve_velocity_layer(free, speed, response, 0.1, solve_by_active_set(_TOLERANCE, 200))
+    assert found.force == pytest.approx([1.0 / 40.0, 0.0, 0.0])
+    assert found.gap == pytest.approx([-0.05, 0.2, -0.1])

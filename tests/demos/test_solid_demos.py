@@ -1,0 +1,119 @@
+"""The demos of solids: their scenes are the shipped ones and do what their pages say."""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import impactfem
+from impactfem.shipped import shipped_scenes
+
+TOP = Path(__file__).resolve().parents[2]
+DEMOS = TOP / "demos"
+SCENES = {
+    "dropped_disc/scene": "dropped_disc",
+    "elastic_sphere/scene": "elastic_sphere",
+    "elastic_sphere/scene_3d": "elastic_sphere_3d",
+    "mems_switch/scene": "mems_switch",
+    "block_on_sphere/scene": "block_on_sphere",
+}
+SCRIPTS = {
+    "dropped_disc": "bounces.png", "elastic_sphere": "force.png",
+    "mems_switch": "bounces.png", "block_on_sphere": "force.png",
+}  # fmt: skip
+
+
+def solved(name, **settings):
+    scene = impactfem.Scene.from_toml(shipped_scenes()[name])
+    return impactfem.solve(scene.with_settings({"output.fields": [], **settings}), estimate=False)
+
+
+@pytest.mark.parametrize(("demo", "scene"), SCENES.items())
+def test_scene_of_a_demo_is_the_shipped_one(demo, scene):
+    mine = (DEMOS / f"{demo}.toml").read_text(encoding="utf-8")
+    assert mine == shipped_scenes()[scene].read_text(encoding="utf-8")
+
+
+def test_disc_falls_freely_and_keeps_its_energy_without_damping():
+    undamped = {"body.disc.rayleigh_stiffness": 0.0, "solve.method": "conserving"}
+    result = solved("dropped_disc", duration=0.1, **undamped)
+    ((start, end),) = result.summary["contact"]["intervals"]
+    layer = result.summary["details"]["dt"]
+    assert start == pytest.approx(np.sqrt(2 * 0.02 / 9.81), abs=layer)
+    assert 0.010 < end - start < 0.012
+    assert result.summary["energy"]["max_relative_drift"] < 1e-10
+
+
+def test_damped_disc_only_loses_energy():
+    energy = solved("dropped_disc", duration=0.1, **{"solve.method": "conserving"})
+    total = energy.history["total_energy"].values
+    assert np.diff(total).max() < 1e-10 * total[0]
+    assert total[-1] < 0.9 * total[0]
+
+
+def cells(row):
+    """Numbers of a row of the page's table."""
+    page = (DEMOS / "elastic_sphere" / "README.md").read_text(encoding="utf-8")
+    line = re.search(rf"(?m)^\| {re.escape(row)}.*\|$", page)[0]
+    return [float(cell.split()[0]) for cell in line.strip("|").split("|")[1:]]
+
+
+@pytest.mark.parametrize(
+    ("name", "row", "parts"),
+    [("elastic_sphere", "axisymmetric", 1), ("elastic_sphere_3d", "four quarters", 4)],
+)
+def test_ball_is_as_its_page_says(name, row, parts):
+    result = solved(name)
+    force, duration, rebound = cells(row)
+    ((start, end),) = result.summary["contact"]["intervals"]
+    assert parts * result.summary["contact"]["max_force"] == pytest.approx(force, rel=2e-3)
+    assert 1e3 * (end - start) == pytest.approx(duration, rel=5e-3)
+    assert float(result.history["ball.vy"][-1]) / 0.5 == pytest.approx(rebound, abs=2e-4)
+    assert force == pytest.approx(cells("Hertz")[0], rel=0.1)
+    assert not result.summary["energy"]["grows"]
+
+
+def test_switch_touches_when_its_page_says():
+    result = solved("mems_switch", duration=4e-6, **{"solve.dt": 1e-8})
+    assert result.summary["contact"]["intervals"][0][0] == pytest.approx(2.26e-6, abs=2e-8)
+    assert result.summary["plan"]["degree"] == 2
+    assert result.summary["plan"]["normals"] == "updated"
+    free = result.history.sel(time=slice(0.0, 2.2e-6))
+    assert float(free["gap"].min()) > 0.0
+
+
+def test_block_makes_one_smooth_pulse():
+    result = solved("block_on_sphere", duration=5e-3)
+    force = result.history["contact_force"].values
+    assert len(result.summary["contact"]["intervals"]) == 1
+    assert np.abs(np.diff(force)).sum() == pytest.approx(2.0 * force.max(), rel=0.01)
+    assert result.summary["energy"]["max_relative_drift"] < 1e-10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("demo", "picture"), SCRIPTS.items())
+def test_script_draws_its_picture(demo, picture, tmp_path):
+    # Not as a rank: the MPI of this process may have left its marks in the environment.
+    marks = ("PMI_", "PMIX_", "OMPI_COMM_")
+    clean = {key: value for key, value in os.environ.items() if not key.startswith(marks)}
+    command = [sys.executable, str(DEMOS / demo / "script.py"), str(tmp_path)]
+    said = subprocess.run(
+        command, capture_output=True, text=True, check=True, timeout=300, env=clean
+    ).stdout
+    assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
+    assert picture in said
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/solids_guide.md", "docs/scene.md"])
+def test_scenes_of_the_pages_can_be_read(page):
+    text = (TOP / page).read_text(encoding="utf-8")
+    scenes = [block for block in re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+              if "[[body]]" in block]  # fmt: skip
+    assert scenes
+    for block in scenes:
+        assert impactfem.Scene.from_dict(tomllib.loads(block)).bodies[0].kind == "solid"

@@ -1,0 +1,147 @@
+"""Small scenes with solids that use everything a checkpoint or several ranks may get wrong."""
+
+import contextlib
+from types import SimpleNamespace
+
+import numpy as np
+
+import impactfem
+import impactfem.solid_model
+
+METHODS = ("explicit", "massless", "conserving", "galerkin", "moreau_jean", "newmark")
+FLOOR = {"kind": "half_space", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+BALL = {"kind": "sphere", "center": [0.0, -2.0], "radius": 2.0}
+DISC = {"kind": "disc", "radius": 0.5, "center": [0.0, 0.51]}
+
+
+def scene(body, obstacles, duration, gravity, solve, output):
+    """A scene with one solid of plane strain, unless the body says otherwise."""
+    keys = {
+        "name": "body", "kind": "solid", "model": "plane_strain", "density": 1.0,
+        "youngs_modulus": 0.75, "poisson_ratio": 0.3,
+    }  # fmt: skip
+    return impactfem.Scene.from_dict(
+        {
+            "title": "moving",
+            "duration": duration,
+            "gravity": gravity,
+            "body": [keys | body],
+            "obstacle": [{"name": f"o{i}"} | table for i, table in enumerate(obstacles)],
+            "solve": {"estimate": False} | solve,
+            "output": {"fields": ["vtkhdf"], "every": 3, "checkpoint": 5} | output,
+        }
+    )
+
+
+def driven(method, duration=2.2, **solve):
+    """A damped block with moving support, changing loads and gravity, on a moving round floor."""
+    body = {
+        "shape": {"kind": "block", "size": [1.0, 0.5], "corner": [0.0, 0.01]},
+        "mesh_size": 0.125,
+        "velocity": [0.02, -0.2],
+        "rayleigh_mass": 0.05,
+        "rayleigh_stiffness": 0.002,
+        "supports": [
+            {"surface": "left", "kind": "motion", "value": ["0.01*sin(2*t)", "-0.05*sin(t)"]}
+        ],
+        "tractions": [{"surface": "top", "value": ["0", "-0.1*t*x"]}],
+        "pressures": [{"surface": "right", "value": "0.05*sin(3*t)"}],
+    }
+    round_floor = BALL | {"center": [0.8, -2.0], "motion": ["0", "0.02*sin(3*t)"]}
+    gravity = [[0.0, [0.0, -0.2]], [1.0, [0.1, -0.1]]]
+    settings = {"method": method, "normals": "updated"} | solve
+    return scene(body, [round_floor], duration, gravity, settings, {})
+
+
+def rolling(method, duration=4.0, **solve):
+    """A disc that slides and turns down a ball until it meets a slope that comes nearer."""
+    body = {"shape": DISC, "mesh_size": 0.125, "velocity": [0.15, -0.1], "angular_velocity": -0.3}
+    slope = FLOOR | {"point": [0.6, 0.0], "normal": [-0.6, 0.8], "motion": ["-0.02*t", "0"]}
+    settings = {"method": method, "normals": "updated"} | solve
+    return scene(body, [BALL, slope], duration, [0.0, -0.05], settings, {})
+
+
+def sliding(method, duration=3.0, **solve):
+    """A long block that slides over a ball: contact runs along its bottom, from rank to rank."""
+    body = {
+        "shape": {"kind": "block", "size": [2.0, 0.3], "corner": [-1.5, 0.005]},
+        "mesh_size": 0.15,
+        "velocity": [0.4, -0.05],
+    }
+    settings = {"method": method, "normals": "updated"} | solve
+    return scene(body, [BALL], duration, [0.0, -0.1], settings, {})
+
+
+def block_on_sphere(method, cells="simplex", degree=1, size=0.2, **solve):
+    """A block that slides obliquely over a sphere, in space."""
+    body = {
+        "model": "3d",
+        "shape": {"kind": "block", "size": [1.0, 0.4, 0.6], "corner": [-0.45, 0.01, -0.28]},
+        "mesh_size": size,
+        "cells": cells,
+        "degree": degree,
+        "velocity": [0.2, -0.2, 0.1],
+    }
+    sphere = {"kind": "sphere", "center": [0.0, -1.0, 0.0], "radius": 1.0}
+    settings = {"method": method, "normals": "updated"} | solve
+    return scene(body, [sphere], 1.5, None, settings, {})
+
+
+class Stopped(BaseException):
+    """What ends a march between two layers in a test."""
+
+
+@contextlib.contextmanager
+def stopping(monkeypatch, layer):
+    """Have marches end before a layer, as a killed process does."""
+    from impactfem.marching.solids import SolidMarch
+
+    advance = SolidMarch._advance
+
+    def stopped(self):
+        if self.layer == layer:
+            raise Stopped
+        return advance(self)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(SolidMarch, "_advance", stopped)
+        try:
+            yield
+        except Stopped:
+            return
+    raise AssertionError("the march was not stopped")
+
+
+@contextlib.contextmanager
+def alone(monkeypatch):
+    """Have every rank run the whole body by itself."""
+    from impactfem.fem import MPI
+
+    own = SimpleNamespace(COMM_WORLD=MPI.COMM_SELF, MAX=MPI.MAX)
+    with monkeypatch.context() as patch:
+        patch.setattr(impactfem.solid_model, "MPI", own)
+        impactfem.solid_model._model.cache_clear()
+        yield
+    impactfem.solid_model._model.cache_clear()
+
+
+def differences(one, other):
+    """Largest difference of each column of the histories and of each field, if there is any."""
+    found = {}
+
+    def note(name, a, b):
+        a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+        if a.shape != b.shape:
+            found[name] = f"shapes {a.shape} and {b.shape}"
+        elif not np.array_equal(a, b, equal_nan=True):
+            found[name] = float(np.nanmax(np.abs(a - b)))
+
+    for name in one.history.data_vars:
+        note(name, one.history[name].values, other.history[name].values)
+    if one.fields is not None and other.fields is not None:
+        note("times", one.fields.times, other.fields.times)
+        for layer in range(min(len(one.fields), len(other.fields))):
+            a, b = one.fields.read(layer), other.fields.read(layer)
+            for name in a:
+                note(f"{name} {layer}", a[name], b[name])
+    return found

@@ -1,0 +1,193 @@
+"""Solids on several ranks: the same as on one, also when contact moves from rank to rank."""
+
+import numpy as np
+import pytest
+from moving_scenes import (
+    METHODS,
+    alone,
+    block_on_sphere,
+    differences,
+    driven,
+    rolling,
+    sliding,
+    stopping,
+)
+from pytest_mpi import parallel_assert
+
+import impactfem
+
+RANKS = [2, 3, 4]
+AGREED = 1e-10
+
+
+def comm():
+    from impactfem.fem import MPI
+
+    return MPI.COMM_WORLD
+
+
+def check(one, other, within=AGREED):
+    """Histories on all ranks, and the last fields on rank 0, differ by rounding at most."""
+    bad = {}
+    for name in one.history.data_vars:
+        a, b = one.history[name].values, other.history[name].values
+        # What vanishes by symmetry is compared with speeds and ways of the body, which are .1.
+        scale = max(np.nanmax(np.abs(a)), 0.1)
+        apart = np.nanmax(np.abs(a - b)) if a.shape == b.shape else np.inf
+        if not apart <= within * scale:
+            bad[name] = apart / scale
+    if comm().rank == 0:
+        a, b = one.fields.read(-1), other.fields.read(-1)
+        for name in ("displacement", "velocity", "von_mises"):
+            apart = np.abs(a[name] - b[name]).max() / np.abs(a[name]).max()
+            if not apart <= 10.0 * within:  # single nodes, not sums
+                bad[name] = apart
+    parallel_assert(not bad, participating=True, msg=str(bad))
+
+
+def compare(case, monkeypatch):
+    with alone(monkeypatch):
+        one = impactfem.solve(case)
+    several = impactfem.solve(case)
+    parallel_assert(one.summary["contact"]["max_force"] > 0.0)
+    check(one, several)
+
+
+# Rounding grows in negative controls: with their energy.
+STABLE = [name for name in METHODS if name != "newmark"]
+
+
+@pytest.mark.parallel(RANKS)
+@pytest.mark.parametrize("method", STABLE)
+def test_contact_that_moves_over_ranks_agrees(method, monkeypatch):
+    case = sliding(method)
+    compare(case, monkeypatch)
+    # The case is what it is meant to be: nodes of several ranks carried contact, one after another.
+    touched = contact_ranks(case, monkeypatch)
+    parallel_assert(len(touched) > 1, msg=str(touched))
+
+
+def contact_ranks(case, monkeypatch):
+    """Ranks whose nodes were pushed at some time."""
+    from impactfem.marching.solids import SolidMarch
+
+    found = set()
+    advance = SolidMarch._advance
+
+    def watched(self):
+        force = advance(self)
+        own = np.zeros(len(force), dtype=bool)
+        own[self.interior._surface.rows] = True
+        if (force[own] > 0.0).any():
+            found.add(comm().rank)
+        return force
+
+    with monkeypatch.context() as patch:
+        patch.setattr(SolidMarch, "_advance", watched)
+        impactfem.solve(case)
+    return set().union(*comm().allgather(found))
+
+
+@pytest.mark.parallel(RANKS)
+@pytest.mark.parametrize("method", ["explicit", "massless"])
+def test_driven_bodies_agree(method, monkeypatch):
+    compare(driven(method), monkeypatch)
+
+
+@pytest.mark.parallel(RANKS)
+def test_multigrid_agrees(monkeypatch):
+    compare(rolling("massless", linear_solver="gamg"), monkeypatch)
+
+
+@pytest.mark.parallel(RANKS)
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"method": "explicit"},
+        {"method": "massless", "linear_solver": "gamg"},
+        {"method": "explicit", "cells": "hexahedron"},
+        {"method": "massless", "degree": 2, "size": 0.3},
+        {"method": "conserving", "degree": 2, "cells": "hexahedron", "size": 0.3},
+    ],
+    ids=["explicit", "multigrid", "hexahedra", "P2", "Q2"],
+)
+def test_a_block_sliding_over_a_sphere_agrees(settings, monkeypatch):
+    compare(block_on_sphere(**settings), monkeypatch)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return comm().bcast(tmp_path, root=0)
+
+
+@pytest.mark.parallel([2, 4])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"method": "explicit"},
+        {"method": "conserving"},
+        {"method": "moreau_jean"},
+        {"method": "massless", "linear_solver": "gamg"},
+    ],
+    ids=["explicit", "conserving", "moreau_jean", "gamg"],
+)
+def test_a_continued_run_equals_the_whole_one_on_as_many_ranks(settings, folder, monkeypatch):
+    case = driven(**settings)
+    whole = impactfem.solve(case)
+    stop = int(0.6 * whole.summary["num_steps"])
+    with stopping(monkeypatch, stop):
+        impactfem.solve(case, checkpoints=folder)
+    impactfem.solid_model._model.cache_clear()  # as in a new process
+    again = impactfem.solve(case, checkpoints=folder, restart=folder)
+    found = differences(whole, again)
+    parallel_assert(found == {}, msg=str(found))
+
+
+@pytest.mark.parallel([2, 4])
+@pytest.mark.parametrize("method", ["explicit", "massless"])
+def test_a_run_goes_on_on_another_number_of_ranks(method, folder, tmp_path, monkeypatch):
+    case = rolling(method)
+    with alone(monkeypatch):
+        whole = impactfem.solve(case)
+        stop = int(0.6 * whole.summary["num_steps"])
+        with stopping(monkeypatch, stop):
+            impactfem.solve(case, checkpoints=tmp_path)
+    with stopping(monkeypatch, stop):
+        impactfem.solve(case, checkpoints=made(folder / "of all"))
+    # From one rank to all; what rank 0 wrote by itself lies in its folder.
+    check(whole, impactfem.solve(case, restart=folder))
+    # From all ranks to one.
+    with alone(monkeypatch):
+        again = impactfem.solve(case, restart=copied(folder / "of all", tmp_path / "own"))
+    check(whole, again)
+
+
+def made(path):
+    """A folder that all ranks see."""
+    path.mkdir(exist_ok=True)
+    comm().barrier()
+    return path
+
+
+def copied(source, target):
+    """A copy of a folder for this rank."""
+    import shutil
+
+    shutil.copytree(source, target)
+    return target
+
+
+@pytest.mark.parallel([2, 4])
+def test_a_broken_checkpoint_is_an_error_on_every_rank(folder):
+    from impactfem.errors import OutputError
+    from impactfem.marching.checkpoint import FILE
+
+    if comm().rank == 0:
+        (folder / FILE).write_bytes(b"broken")
+    comm().barrier()
+    message = ""
+    try:
+        impactfem.solve(driven("explicit"), restart=folder)
+    except OutputError as error:
+        message = str(error)
+    parallel_assert("no checkpoint that can be read" in message)

@@ -1,0 +1,227 @@
+"""What the plan chooses for solids, and that it says why."""
+
+import math
+
+import pytest
+from solid_scenes import FLOOR, solid_scene
+
+import impactfem
+from impactfem.planning import SolidPlan
+from impactfem.planning.solid_choices import slenderness
+
+LONG_BLOCK = {"kind": "block", "size": [1.0, 0.1], "corner": [0.0, 0.1]}
+BALL = {"kind": "sphere", "center": [0.0, -0.4], "radius": 0.4}
+STAIRS = {"kind": "polyline", "points": [[-2, 0], [0, 0], [0, -0.2], [2, -0.2]]}
+FINE_SPOT = [{"point": [0.0, 0.02], "radius": 0.02, "size": 0.0008}]
+
+
+@pytest.mark.parametrize(
+    ("keys", "method", "degree", "reason"),
+    [
+        ({}, "explicit", 1, "cheaper"),
+        ({"poisson_ratio": 0.49}, "massless", 2, "no lumped mass"),
+        ({"poisson_ratio": 0.4999, "duration": 8.0}, "massless", 2, "no lumped mass"),
+        ({"poisson_ratio": 0.4999, "cells": "hexahedron"}, "massless", 1, "explicit steps would"),
+        ({"poisson_ratio": 0.4999, "model": "plane_stress"}, "explicit", 1, "cheaper"),
+        ({"shape": LONG_BLOCK, "mesh_size": 0.05}, "massless", 2, "no lumped mass"),
+        ({"degree": 2}, "massless", 2, "no lumped mass"),
+        ({"refine": FINE_SPOT}, "massless", 1, "smallest elements"),
+        ({"duration": 400.0}, "conserving", 1, "energy must be kept"),
+        ({"solve": {"dt": 0.05}}, "massless", 1, "stable at any step"),
+        ({"solve": {"courant": 2.0}}, "massless", 1, "stable at any step"),
+        ({"solve": {"method": "newmark"}}, "newmark", 1, "as asked"),
+        ({"solve": {"method": "explicit"}, "poisson_ratio": 0.49}, "explicit", 1, "as asked"),
+    ],
+)
+def test_method_and_degree_follow_from_the_scene(keys, method, degree, reason):
+    plan = impactfem.plan(solid_scene(**keys))
+    assert isinstance(plan, SolidPlan)
+    assert (plan.method, plan.degree) == (method, degree)
+    assert reason in plan.reasons["method"]
+    assert plan.reasons["degree"]
+
+
+def test_degree_names_what_is_stiff():
+    assert "0.49" in impactfem.plan(solid_scene(poisson_ratio=0.49)).reasons["degree"]
+    bending = impactfem.plan(solid_scene(shape=LONG_BLOCK, mesh_size=0.05))
+    assert "10 times as long" in bending.reasons["degree"]
+    asked = solid_scene(poisson_ratio=0.49, solve={"method": "explicit"})
+    assert any("lock" in text for text in impactfem.plan(asked).warnings)
+
+
+def test_slenderness_of_a_ring_is_that_of_its_wall():
+    ring = {"kind": "ring", "inner_radius": 0.9, "radius": 1.0, "center": [0.0, 1.5]}
+    assert slenderness(solid_scene(shape=ring).solid) == pytest.approx(20.0)
+
+
+def test_nearly_incompressible_bodies_march_with_waves_of_shear():
+    plan = impactfem.plan(solid_scene(poisson_ratio=0.4999))
+    assert plan.dt == pytest.approx(0.5 * 0.125 / math.sqrt(0.75 / 2.9998), rel=1e-12)
+    assert "courant = .5" in plan.reasons["dt"]
+    (text,) = (text for text in plan.warnings if "rayleigh_stiffness = " in text)
+    damping = float(text.split("rayleigh_stiffness = ")[1].split()[0])
+    damped = impactfem.plan(solid_scene(poisson_ratio=0.4999, rayleigh_stiffness=damping))
+    assert not any("rayleigh" in text for text in damped.warnings)
+    asked = impactfem.plan(solid_scene(poisson_ratio=0.4999, solve={"courant": 0.5}))
+    assert asked.courant == pytest.approx(0.5)
+
+
+def test_implicit_step_is_half_an_element_of_the_fastest_wave():
+    scene = solid_scene(solve={"method": "massless"})
+    plan = impactfem.plan(scene)
+    # lambda + 2 mu = E (1 - nu) / ((1 + nu) (1 - 2 nu)), rho = 1.
+    speed = math.sqrt(0.75 * 0.7 / (1.3 * 0.4))
+    assert plan.courant == pytest.approx(0.5)
+    assert plan.dt == pytest.approx(0.5 * 0.125 / speed, rel=1e-12)
+    assert plan.layers == math.ceil(4.0 / plan.dt)
+
+
+def test_explicit_step_is_a_share_of_the_stable_one_found_later():
+    plan = impactfem.plan(solid_scene(solve={"method": "explicit"}))
+    assert (plan.dt, plan.layers, plan.courant, plan.linear_solver) == (None, None, 0.9, "none")
+    assert impactfem.plan(solid_scene(solve={"method": "galerkin"})).courant == 1.0
+
+
+@pytest.mark.parametrize("method", ["explicit", "galerkin"])
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"degree": 2}, 'degree = 2 .*method = "massless"'),
+        ({"courant": 1.5}, "courant = 1.5 .*stability limit.*massless"),
+    ],
+)
+def test_what_explicit_methods_cannot_do_is_refused_with_the_remedy(method, keys, message):
+    solve = {"method": method} | {k: v for k, v in keys.items() if k == "courant"}
+    body = {k: v for k, v in keys.items() if k == "degree"}
+    with pytest.raises(impactfem.SceneError, match=message):
+        impactfem.plan(solid_scene(solve=solve, **body))
+
+
+def test_elements_that_no_memory_holds_are_refused_before_they_are_made():
+    with pytest.raises(impactfem.SceneError, match=r"mesh_size.*GiB"):
+        impactfem.plan(solid_scene(mesh_size=1e-6))
+
+
+@pytest.mark.parametrize("method", ["newmark", "moreau_jean", "galerkin"])
+def test_methods_that_ring_say_so(method):
+    warnings = impactfem.plan(solid_scene(solve={"method": method})).warnings
+    assert any(text.startswith(method) for text in warnings)
+    assert not impactfem.plan(solid_scene()).warnings
+
+
+def test_nodes_left_out_of_contact_are_counted():
+    plan = impactfem.plan(solid_scene())
+    said = [text for key, text in plan.reasons.items() if key.startswith("contact")]
+    assert any("face away" in text for text in said)
+    assert 0 < plan.contact_pairs < plan.unknowns // 2
+
+
+def test_a_body_that_meets_nothing_is_warned_of():
+    plan = impactfem.plan(solid_scene(velocity=[0.1, 0.0], duration=0.01))
+    assert plan.contact_pairs == 0
+    assert any("flies freely" in text for text in plan.warnings)
+
+
+def test_a_turning_body_is_warned_of():
+    plan = impactfem.plan(solid_scene(angular_velocity=1.0))
+    assert any("small rotations" in text for text in plan.warnings)
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "keys", "normals"),
+    [
+        (FLOOR, {"velocity": [5.0, -0.1]}, "fixed"),  # a plane has one normal
+        (BALL, {}, "fixed"),
+        (BALL, {"velocity": [0.1, -0.1]}, "updated"),  # .4 m along it, ten times the limit
+        (BALL, {"gravity": [0.1, 0.0]}, "updated"),
+        (BALL | {"motion": ["0.1*t", "0"]}, {}, "updated"),
+        (BALL | {"center": [0.0, -0.6]}, {}, "updated"),  # .22 m away
+        (BALL | {"radius": 40.0, "center": [0.0, -40.0]}, {"velocity": [0.1, -0.1]}, "fixed"),
+        (STAIRS, {"velocity": [0.1, -0.1]}, "updated"),
+    ],
+)
+def test_normals_follow_the_way_along_curved_obstacles(obstacle, keys, normals):
+    plan = impactfem.plan(solid_scene(obstacles=(obstacle,), **keys))
+    assert plan.normals == normals
+    assert normals in plan.reasons["normals"]
+
+
+def test_estimate_needs_elements_that_can_be_made_coarser():
+    assert impactfem.plan(solid_scene()).estimate
+    coarse = impactfem.plan(solid_scene(mesh_size=0.25))
+    assert not coarse.estimate
+    assert "fewer than 3" in coarse.reasons["estimate"]
+    assert not impactfem.plan(solid_scene(solve={"estimate": False})).estimate
+    assert impactfem.plan(solid_scene(mesh_size=0.25, solve={"estimate": True})).estimate
+
+
+def test_linear_solver_follows_from_the_size_or_as_asked(monkeypatch):
+    massless = {"method": "massless"}
+    assert impactfem.plan(solid_scene(solve=massless)).linear_solver == "mumps"
+    gamg = impactfem.plan(solid_scene(solve=massless | {"linear_solver": "gamg"}))
+    assert gamg.linear_solver == "gamg"
+    monkeypatch.setattr("impactfem.planning.solid_choices._DIRECT", {2: 100, 3: 100})
+    assert impactfem.plan(solid_scene(solve=massless)).linear_solver == "gamg"
+
+
+def test_planned_runs_keep_their_energy_and_tell_their_error():
+    summary = impactfem.solve(solid_scene()).summary
+    assert summary["status"] == "completed"
+    assert not summary["energy"]["grows"]
+    assert summary["details"]["contact_nodes"] == summary["plan"]["contact_pairs"]
+    assert summary["error"]["reference"].startswith("same scene on elements twice as large")
+    assert summary["error"]["displacement_max"] < summary["error"]["force_l1"] < 0.3
+
+
+def test_estimated_error_bounds_that_against_a_finer_mesh():
+    estimate = impactfem.solve(solid_scene(mesh_size=0.1)).summary["error"]
+    study = impactfem.work_precision(solid_scene(), ["explicit"], [10], 1)
+    true = study.rows[0]
+    assert true.displacement_max <= estimate["displacement_max"]
+    assert true.force_l1 <= estimate["force_l1"]
+
+
+def test_negative_control_ends_as_unstable():
+    summary = impactfem.solve(solid_scene(solve={"method": "newmark"}), estimate=False).summary
+    assert summary["status"] == "unstable"
+    assert summary["energy"]["grows"]
+
+
+def test_scene_as_used_plans_the_same():
+    for solve in ({}, {"method": "massless", "dt": 0.05}, {"method": "conserving"}):
+        scene = solid_scene(solve=solve | {"estimate": False})
+        result = impactfem.solve(scene)
+        again = impactfem.plan(result.scene)
+        assert again.method == result.summary["method"]
+        assert (again.dt, again.courant) == pytest.approx(
+            (result.summary["plan"]["dt"], result.summary["plan"]["courant"])
+        )
+
+
+@pytest.mark.parallel([2, 4])
+def test_all_ranks_plan_the_same():
+    from mpi4py import MPI
+    from pytest_mpi import parallel_assert
+
+    plans = MPI.COMM_WORLD.allgather(impactfem.plan(solid_scene()).as_dict())
+    parallel_assert(all(plan == plans[0] for plan in plans))
+
+
+def test_stray_obstacles_do_not_hide_that_one_floor_is_enough():
+    far = FLOOR | {"name": "ceiling", "point": [0.0, 9.0], "normal": [0.0, -1.0]}
+    both = impactfem.plan(solid_scene(obstacles=(FLOOR, far)))
+    assert both.contact_pairs == impactfem.plan(solid_scene()).contact_pairs
+
+
+def test_slender_blocks_are_offered_the_step_of_their_bending():
+    """A clamped steel strip: first frequency 1.8751^2 / (2 pi) sqrt(E t^2 / (12 rho L^4))."""
+    keys = {
+        "shape": {"kind": "block", "size": [0.1, 0.002], "corner": [0.0, 0.001]},
+        "mesh_size": 0.001, "density": 7800.0, "youngs_modulus": 2e11,
+        "supports": [{"surface": "left", "kind": "fixed"}], "velocity": [0.0, -1.0],
+    }  # fmt: skip
+    frequency = 1.8751**2 / (2 * math.pi) * math.sqrt(2e11 * 0.002**2 / (12 * 7800.0 * 0.1**4))
+    reasons = impactfem.plan(solid_scene(**keys)).reasons
+    assert f"bending period {1 / frequency:.3g} s" in reasons["offer dt"]
+    assert "offer dt" not in impactfem.plan(solid_scene(**keys, solve={"dt": 1e-6})).reasons
+    assert "offer dt" not in impactfem.plan(solid_scene()).reasons
