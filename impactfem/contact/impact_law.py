@@ -1,0 +1,145 @@
+"""Impacts and lasting contact of systems with few degrees of freedom, in the metric of M.
+
+With W = J M^-1 J^T of the closed constraints and normal velocities w = J v - b', an impact changes
+v by M^-1 J^T p with impulses p >= 0. The laws:
+
+- "simultaneous": 0 <= p _|_ w_after + e w_before >= 0, one complementarity problem for all closed
+  constraints. For e = 0 this is Moreau's projection of v on the tangent cone; for one e it is
+  v_after = -e v_before + (1 + e) P_T(v_before), the law of the position-level scheme.
+- "sequential": two-body impacts one after the other, the fastest approach first, until none
+  approaches.
+
+Both agree for one constraint. For several they differ, and no law is right for all bodies: Newton's
+cradle is the known example. Source: Moreau, Unilateral contact and dry friction in finite freedom
+dynamics (1988); Brogliato, Nonsmooth Mechanics (2016), chapter 6.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve
+
+from impactfem.contact.complementarity import solve_by_active_set
+from impactfem.errors import ConvergenceError
+
+Floats = NDArray[np.float64]
+Law = Literal["simultaneous", "sequential"]
+
+_MAX_BINARY = 100_000
+_AT_REST = 1e-13  # share of the largest normal velocity that counts as none
+
+
+@dataclass(frozen=True)
+class Impact:
+    """What an impact does.
+
+    Attributes:
+        velocity: v after the impact, shape (d,).
+        impulse: p [N s], >= 0, shape (closed constraints,).
+        before: Normal velocities before, < 0 approaching, shape (closed constraints,).
+        after: Normal velocities after, shape (closed constraints,).
+    """
+
+    velocity: Floats
+    impulse: Floats
+    before: Floats
+    after: Floats
+
+
+def complementarity(matrix: Floats, offset: Floats, scale: float | None = None) -> Floats:
+    """Solve 0 <= x _|_ matrix x + offset >= 0 by the primal-dual active set.
+
+    Args:
+        matrix: Symmetric positive semidefinite, positive diagonal, shape (n, n).
+        offset: Shape (n,).
+        scale: Size of offsets; values below 1e-14 of it count as rounding. The largest if None.
+
+    Returns:
+        x >= 0, shape (n,).
+
+    Raises:
+        ConvergenceError: No active set was found.
+    """
+    if not len(offset):
+        return np.zeros(0)
+    # Rows scaled to a unit diagonal: mass ratios of 1e6 would spoil the choice of the set.
+    root = 1.0 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    scaled = offset * root
+    size = float(np.abs(scaled).max()) if scale is None else scale * float(root.max())
+    if size == 0.0:
+        return np.zeros(len(offset))
+    solver = solve_by_active_set(1e-14 * size, 50 + 10 * len(offset))
+    found, _ = solver(root[:, None] * matrix * root, scaled, scaled < 0.0)
+    return found * root
+
+
+def delassus(factor: Floats, jacobian: Floats) -> tuple[Floats, Floats]:
+    """W = J M^-1 J^T (n, n) and M^-1 J^T (d, n), from the lower Cholesky factor of M."""
+    answers: Floats = cho_solve((factor, True), jacobian.T)
+    return jacobian @ answers, answers
+
+
+def resolve_impact(
+    factor: Floats,
+    jacobian: Floats,
+    velocity: Floats,
+    rate: Floats,
+    restitution: Floats,
+    law: Law = "simultaneous",
+) -> Impact:
+    """Apply an impact law to the closed constraints.
+
+    Args:
+        factor: Lower Cholesky factor of M, shape (d, d).
+        jacobian: Rows of the closed constraints, shape (n, d).
+        velocity: v before, shape (d,).
+        rate: b' of the closed constraints, shape (n,).
+        restitution: e of the closed constraints, shape (n,).
+        law: How several constraints share the impact.
+
+    Raises:
+        ConvergenceError: The complementarity problem was not solved, or two-body impacts did not
+            come to an end.
+    """
+    before = jacobian @ velocity - rate
+    matrix, answers = delassus(factor, jacobian)
+    if law == "sequential" and len(before) > 1:
+        impulse = _sequential(matrix, before, restitution)
+    else:
+        impulse = complementarity(matrix, (1.0 + restitution) * before)
+    after = velocity + answers @ impulse
+    return Impact(after, impulse, before, jacobian @ after - rate)
+
+
+def _sequential(matrix: Floats, before: Floats, restitution: Floats) -> Floats:
+    """Impulses of two-body impacts, the fastest approach first."""
+    speed, total = before.copy(), np.zeros(len(before))
+    size = float(np.abs(before).max())
+    for _ in range(_MAX_BINARY):
+        worst = int(np.argmin(speed))
+        if speed[worst] >= -_AT_REST * size:
+            return total
+        impulse = -(1.0 + restitution[worst]) * speed[worst] / matrix[worst, worst]
+        total[worst] += impulse
+        speed += impulse * matrix[:, worst]
+    raise ConvergenceError(
+        f"contact: {_MAX_BINARY} two-body impacts at one instant did not separate "
+        f"{len(before)} constraints; use the simultaneous law"
+    )
+
+
+def resting_forces(
+    factor: Floats, jacobian: Floats, acceleration: Floats, curvature: Floats
+) -> Floats:
+    """Contact forces of lasting contact: 0 <= lambda _|_ J a + curvature >= 0 [N], shape (n,).
+
+    Args:
+        factor: Lower Cholesky factor of M, shape (d, d).
+        jacobian: Rows of the constraints that are closed and do not move, shape (n, d).
+        acceleration: M^-1 f without contact [m/s^2], shape (d,).
+        curvature: (dJ/dt) v - b'' of these constraints, shape (n,).
+    """
+    matrix, _ = delassus(factor, jacobian)
+    return complementarity(matrix, jacobian @ acceleration + curvature)

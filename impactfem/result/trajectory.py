@@ -1,0 +1,93 @@
+"""The motion of a system with few degrees of freedom, as every method returns it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from impactfem.result.bar_motion import Effort
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Impacts:
+    """Impacts one by one, in the order of time; several constraints hit at once have equal times.
+
+    Attributes:
+        time: [s], shape (impacts,).
+        constraint: Index of the constraint, shape (impacts,).
+        before: Normal velocity before, <= 0, shape (impacts,).
+        after: Normal velocity after, shape (impacts,).
+        impulse: [N s], >= 0, shape (impacts,).
+    """
+
+    time: Floats
+    constraint: Integers
+    before: Floats
+    after: Floats
+    impulse: Floats
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @classmethod
+    def of_rows(cls, rows: "list[tuple[float, int, float, float, float]]") -> "Impacts":
+        """Impacts from rows (time, constraint, before, after, impulse)."""
+        table = np.array(rows, dtype=float).reshape(-1, 5)
+        return cls(table[:, 0], table[:, 1].astype(np.int64), *table[:, 2:].T)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Motion of a system in generalised coordinates.
+
+    Attributes:
+        times: t_m [s], shape (rows,).
+        position: u at t_m, shape (rows, d).
+        velocity: u' just after t_m, shape (rows, d). Of the position-level scheme the difference
+            (u_{m+1} - u_{m-1}) / 2h inside, (u_{m+1} - u_m) / h at the start.
+        gap: phi_j(u) - b_j(t) at t_m, shape (rows, J).
+        contact_force: Mean force of each constraint during (t_{m-1}, t_m], impulses of impacts
+            divided by its length included [N], shape (rows, J); row 0 is 0.
+        kinetic: Kinetic energy at t_m [J], shape (rows,).
+        potential: Potential energy at t_m [J], shape (rows,); 0 if unknown.
+        impacts: Impacts one by one, as far as the method resolves them; None if it does not.
+        effort: How the method got there.
+    """
+
+    times: Floats
+    position: Floats
+    velocity: Floats
+    gap: Floats
+    contact_force: Floats
+    kinetic: Floats
+    potential: Floats
+    impacts: Impacts | None = None
+    effort: Effort = field(default_factory=Effort)
+
+    @property
+    def total(self) -> Floats:
+        """Kinetic plus potential energy [J], shape (rows,)."""
+        return self.kinetic + self.potential
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether positions and velocities are finite."""
+        return bool(np.isfinite(self.position).all() and np.isfinite(self.velocity).all())
+
+    def to_xarray(self) -> xr.Dataset:
+        """The motion as a data set over ``time``, with coordinates ``dof`` and ``constraint``."""
+        return xr.Dataset(
+            {
+                "position": (("time", "dof"), self.position),
+                "velocity": (("time", "dof"), self.velocity),
+                "gap": (("time", "constraint"), self.gap),
+                "contact_force": (("time", "constraint"), self.contact_force, {"units": "N"}),
+                "kinetic_energy": ("time", self.kinetic, {"units": "J"}),
+                "potential_energy": ("time", self.potential, {"units": "J"}),
+            },
+            coords={"time": ("time", self.times, {"units": "s"})},
+        )

@@ -1,0 +1,400 @@
+"""Systems of few degrees of freedom with unilateral constraints: M(u) u'' = f + J(u)^T lambda.
+
+The constraints are phi_j(u) - b_j(t) >= 0, with multipliers 0 <= lambda _|_ phi - b >= 0 and
+Newton's law of restitution in the metric of M(u). Source: Paoli and Schatzman, Ill-posedness in
+vibro-impact and its numerical consequences (2000), equations (1) to (5); there f is a function of
+t, u and p = M(u) u', here of t, u and v = u'.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import LinAlgError, cholesky
+
+from impactfem.errors import SceneError
+from impactfem.scene.signal import Signal
+
+Floats = NDArray[np.float64]
+Mass = Callable[[Floats], ArrayLike]
+Force = Callable[[float, Floats, Floats], ArrayLike]
+Constraints = Callable[[Floats], ArrayLike] | Sequence[Callable[[Floats], Any]]
+
+_COMPLEX_STEP = 1e-30
+_REAL_STEP = 6e-6  # about eps^(1/3): the error of central differences is 1e-10 of the curvature
+_SAME_JACOBIAN = 1e-5  # share of the largest entry by which a given Jacobian may differ
+
+
+class GeneralizedSystem:
+    """A mechanical system in generalised coordinates u with unilateral constraints.
+
+    Args:
+        mass: M(u) as a function u (d,) -> (d, d), or a constant: (d, d), (d,) for a diagonal, or
+            a number. Symmetric positive definite.
+        force: f(t, u, v) -> (d,): applied forces, with the inertial ones that depend on v.
+        constraints: phi(u) -> (J,), or J functions phi_j(u) -> number; >= 0 where allowed.
+        restitution: Newton's e in [0, 1]: a number, or one a constraint.
+        jacobian: d phi / d u as a function u -> (J, d); None for complex steps, or central
+            differences where phi takes no complex numbers.
+        motion: b(t), one `Signal` a constraint that moves it to phi(u) - b(t) >= 0; None for none.
+        potential: Potential energy (t, u) -> number [J] for the history; None if unknown.
+        dofs: Number d of coordinates; needed only if no constant mass matrix tells it.
+        names: Names of the coordinates, for messages.
+
+    Raises:
+        SceneError: A value has the wrong shape, or e lies outside [0, 1].
+    """
+
+    def __init__(
+        self,
+        *,
+        mass: Mass | ArrayLike,
+        force: Force,
+        constraints: Constraints,
+        restitution: float | Sequence[float] = 0.0,
+        jacobian: Callable[[Floats], ArrayLike] | None = None,
+        motion: Sequence[Signal] | None = None,
+        potential: Callable[[float, Floats], float] | None = None,
+        dofs: int | None = None,
+        names: Sequence[str] | None = None,
+    ) -> None:
+        self._mass = None if callable(mass) else _constant_mass(mass)
+        self._mass_function: Mass | None = mass if callable(mass) else None
+        if self._mass is None and dofs is None:
+            raise SceneError("GeneralizedSystem: mass is a function; give dofs, the length of u")
+        self.dofs: int = len(self._mass) if self._mass is not None else int(dofs or 0)
+        self._force = force
+        self._phi = _as_function(constraints)
+        self._given_jacobian = jacobian
+        self.names = tuple(names or (f"u[{i}]" for i in range(self.dofs)))
+        count = len(self._constraints_at(np.zeros(self.dofs)))
+        self.restitution: Floats = _restitution(restitution, count)
+        self.motion = tuple(motion) if motion is not None else (Signal(),) * count
+        if len(self.motion) != count:
+            raise SceneError(
+                f"GeneralizedSystem: motion has {len(self.motion)} entries for {count} constraints"
+            )
+        self.moves = any(not signal.is_zero for signal in self.motion)
+        self.potential = potential
+
+    @property
+    def num_constraints(self) -> int:
+        """Number J of constraints."""
+        return len(self.restitution)
+
+    @property
+    def constant_mass(self) -> Floats | None:
+        """M (d, d) if it does not depend on u, else None."""
+        return self._mass
+
+    def mass(self, u: Floats) -> Floats:
+        """Mass matrix M(u), shape (d, d)."""
+        if self._mass is not None:
+            return self._mass
+        given = self._mass_function
+        matrix = np.asarray(given(u) if given else None, dtype=float)
+        return np.diag(matrix) if matrix.ndim == 1 else np.atleast_2d(matrix)
+
+    def force(self, t: float, u: Floats, v: Floats) -> Floats:
+        """Forces f(t, u, v), shape (d,)."""
+        return np.atleast_1d(np.asarray(self._force(t, u, v), dtype=float))
+
+    def gap(self, t: float, u: Floats) -> Floats:
+        """phi(u) - b(t), shape (J,)."""
+        return self._constraints_at(u) - self.motion_at(t)
+
+    def motion_at(self, t: float) -> Floats:
+        """b(t), shape (J,)."""
+        if not self.moves:
+            return np.zeros(self.num_constraints)
+        return np.array([float(signal(t)) for signal in self.motion])
+
+    def motion_rate(self, t: float) -> Floats:
+        """Rate of b(t), shape (J,)."""
+        if not self.moves:
+            return np.zeros(self.num_constraints)
+        return np.array([float(signal.rate(t)) for signal in self.motion])
+
+    def motion_curvature(self, t: float) -> Floats:
+        """Second derivative of b(t), shape (J,)."""
+        if not self.moves:
+            return np.zeros(self.num_constraints)
+        return np.array([float(signal.curvature(t)) for signal in self.motion])
+
+    def jacobian(self, u: Floats) -> Floats:
+        """Jacobian d phi / d u, shape (J, d)."""
+        if self._given_jacobian is not None:
+            return np.atleast_2d(np.asarray(self._given_jacobian(u), dtype=float))
+        return differentiate(self._phi, np.asarray(u, dtype=float))
+
+    def gap_rate(self, t: float, u: Floats, v: Floats) -> Floats:
+        """Normal velocities J v - b'(t), shape (J,)."""
+        return self.jacobian(u) @ v - self.motion_rate(t)
+
+    def gap_curvature(self, t: float, u: Floats, v: Floats) -> Floats:
+        """Part (dJ/dt) v - b''(t) of the second rate of the gaps, shape (J,)."""
+        speed = float(np.abs(v).max(initial=0.0))
+        bend = np.zeros(self.num_constraints)
+        if speed > 0.0:
+            h = 1e-6 * max(1.0, float(np.abs(u).max(initial=0.0))) / speed
+            bend = (self.jacobian(u + h * v) - self.jacobian(u - h * v)) @ v / (2.0 * h)
+        return bend - self.motion_curvature(t)
+
+    def kinetic_energy(self, u: Floats, v: Floats) -> float:
+        """Kinetic energy v . M(u) v / 2 [J]."""
+        return 0.5 * float(v @ (self.mass(u) @ v))
+
+    def _constraints_at(self, u: Floats) -> Floats:
+        return np.atleast_1d(np.asarray(self._phi(u), dtype=float))
+
+
+class LinearSystem(GeneralizedSystem):
+    """A system whose free motion is linear: M u'' + C u' + K u = p(t), with flat constraints.
+
+    The constraints are G u + c - b(t) >= 0. Such systems are compiled, and flown exactly where the
+    loads p and the motions b are `Signal.is_exact`.
+
+    Args:
+        mass: M (d, d), (d,) for a diagonal, or a number.
+        stiffness: K (d, d), symmetric or not; None for 0.
+        damping: C (d, d); None for 0.
+        load: p(t): numbers or `Signal`, shape (d,); None for 0.
+        normals: G (J, d); rows need not have length 1.
+        offsets: c (J,).
+        restitution: As for `GeneralizedSystem`.
+        motion: As for `GeneralizedSystem`.
+        potential: As for `GeneralizedSystem`; that of K and constant loads if None.
+        names: Names of the coordinates, for messages.
+
+    Raises:
+        SceneError: A value has the wrong shape, or e lies outside [0, 1].
+    """
+
+    def __init__(
+        self,
+        *,
+        mass: ArrayLike,
+        normals: ArrayLike,
+        offsets: ArrayLike,
+        stiffness: ArrayLike | None = None,
+        damping: ArrayLike | None = None,
+        load: Sequence[Signal | float] | None = None,
+        restitution: float | Sequence[float] = 0.0,
+        motion: Sequence[Signal] | None = None,
+        potential: Callable[[float, Floats], float] | None = None,
+        names: Sequence[str] | None = None,
+    ) -> None:
+        matrix = _constant_mass(mass)
+        d = len(matrix)
+        self.normals: Floats = np.atleast_2d(np.asarray(normals, dtype=float))
+        self.offsets: Floats = np.atleast_1d(np.asarray(offsets, dtype=float))
+        self.stiffness = _square("stiffness", stiffness, d)
+        self.damping = _square("damping", damping, d)
+        if self.normals.shape != (len(self.offsets), d):
+            raise SceneError(
+                f"LinearSystem: normals has shape {self.normals.shape}, offsets "
+                f"{self.offsets.shape}; give shapes (J, {d}) and (J,)"
+            )
+        entries = [0.0] * d if load is None else list(load)
+        if len(entries) != d:
+            raise SceneError(f"LinearSystem: load has {len(entries)} entries; give {d}")
+        self.load = tuple(e if isinstance(e, Signal) else Signal(float(e)) for e in entries)
+        super().__init__(
+            mass=matrix,
+            force=self._linear_force,
+            constraints=lambda u: self.normals @ u + self.offsets,
+            restitution=restitution,
+            jacobian=lambda _: self.normals,
+            motion=motion,
+            potential=potential or self._linear_potential,
+            names=names,
+        )
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether loads and motions have a form that can be followed exactly."""
+        return all(signal.is_exact for signal in (*self.load, *self.motion))
+
+    def load_at(self, t: ArrayLike) -> Floats:
+        """p(t): shape (d,) for a number t, (times, d) for an array."""
+        times = np.asarray(t, dtype=float)
+        return np.stack([signal(times) + 0.0 * times for signal in self.load], axis=-1)
+
+    def gap_curvature(self, t: float, u: Floats, v: Floats) -> Floats:  # noqa: ARG002  # flat
+        """-b''(t), shape (J,)."""
+        return -self.motion_curvature(t)
+
+    def _linear_force(self, t: float, u: Floats, v: Floats) -> Floats:
+        return self.load_at(t) - self.stiffness @ u - self.damping @ v
+
+    def _linear_potential(self, _: float, u: Floats) -> float:
+        constant = np.array([signal.constant for signal in self.load])
+        return float(0.5 * u @ (self.stiffness @ u) - constant @ u)
+
+
+def differentiate(phi: Callable[[Any], Any], u: Floats) -> Floats:
+    """Jacobian of phi (d,) -> (J,) at u, shape (J, d).
+
+    By complex steps, exact to rounding, if phi takes complex numbers and its answers agree with
+    differences; else by central differences.
+    """
+    real = np.stack(
+        [
+            (np.atleast_1d(phi(u + h)) - np.atleast_1d(phi(u - h))) / (2.0 * h.max())
+            for h in _steps(u)
+        ],
+        axis=1,
+    ).astype(float)
+    try:
+        columns = [
+            np.imag(np.atleast_1d(phi(u + 1j * _COMPLEX_STEP * row))) / _COMPLEX_STEP
+            for row in np.eye(len(u))
+        ]
+    except TypeError:
+        return real
+    complex_one = np.stack(columns, axis=1).astype(float)
+    size = max(1.0, float(np.abs(real).max(initial=0.0)))
+    # abs, min and max drop the imaginary part: then the complex step is wrong, not inaccurate.
+    return complex_one if np.abs(complex_one - real).max(initial=0.0) <= 1e-5 * size else real
+
+
+def check_start(system: GeneralizedSystem, u: Floats, v: Floats, t: float = 0.0) -> None:
+    """Refuse a system that cannot be started from a state.
+
+    Raises:
+        SceneError: Wrong shapes, a mass matrix that is not symmetric positive definite, forces
+            that are not finite, a Jacobian that contradicts differences, a gradient that vanishes
+            where its constraint is closed, or a state outside the constraints.
+    """
+    for name, value in (("position", u), ("velocity", v)):
+        if value.shape != (system.dofs,) or not np.isfinite(value).all():
+            raise SceneError(
+                f"{name} = {value.tolist()}: give {system.dofs} finite numbers, one for each of "
+                f"{', '.join(system.names)}"
+            )
+    factor_mass(system, u)
+    force = system.force(t, u, v)
+    if force.shape != (system.dofs,) or not np.isfinite(force).all():
+        raise SceneError(
+            f"force at t = {t:g} is {force.tolist()}: it must give {system.dofs} finite numbers"
+        )
+    _check_gradients(system, u, t)
+    gap = system.gap(t, u)
+    length = max(1e-300, float(np.abs(u).max(initial=0.0)), float(np.abs(gap).max(initial=0.0)))
+    worst = int(np.argmin(gap)) if len(gap) else 0
+    if len(gap) and gap[worst] < -1e-12 * length:
+        raise SceneError(
+            f"position = {u.tolist()} lies outside constraint {worst}: its gap is {gap[worst]:.6g} "
+            "< 0; start where every constraint is >= 0"
+        )
+
+
+def _check_gradients(system: GeneralizedSystem, u: Floats, t: float) -> None:
+    jacobian = system.jacobian(u)
+    shape = (system.num_constraints, system.dofs)
+    if jacobian.shape != shape:
+        raise SceneError(f"jacobian has shape {jacobian.shape}; it must be {shape}")
+    found = differentiate(system._constraints_at, u)  # noqa: SLF001  # of this module
+    size = max(float(np.abs(found).max(initial=0.0)), 1e-300)
+    wrong = np.abs(jacobian - found) > _SAME_JACOBIAN * size
+    if wrong.any():
+        j, i = (int(index) for index in np.argwhere(wrong)[0])
+        raise SceneError(
+            f"jacobian[{j}, {i}] = {jacobian[j, i]:.9g} at u = {u.tolist()}, but differences of "
+            f"constraint {j} along {system.names[i]} give {found[j, i]:.9g}; correct it, or leave "
+            "jacobian out to have it computed"
+        )
+    norms = np.linalg.norm(jacobian, axis=1)
+    gap = system.gap(t, u)
+    flat = np.flatnonzero((norms <= 1e-12 * size) & (np.abs(gap) <= 1e-9))
+    if len(flat):
+        raise SceneError(
+            f"the gradient of constraint {flat[0]} vanishes at u = {u.tolist()}, where it is "
+            "closed: it gives no normal; write it so that its gradient is not zero on its boundary "
+            "(a distance instead of its square)"
+        )
+
+
+def factor_mass(system: GeneralizedSystem, u: Floats, t: float | None = None) -> Floats:
+    """Lower Cholesky factor of M(u), shape (d, d).
+
+    Raises:
+        SceneError: M(u) is not symmetric positive definite.
+    """
+    matrix = system.mass(u)
+    when = "" if t is None else f" at t = {t:g}"
+    if matrix.shape != (system.dofs, system.dofs) or not np.isfinite(matrix).all():
+        raise SceneError(
+            f"mass{when} has shape {matrix.shape} with entries {matrix.tolist()}: it must be "
+            f"({system.dofs}, {system.dofs}) and finite"
+        )
+    size = float(np.abs(matrix).max())
+    if np.abs(matrix - matrix.T).max() > 1e-10 * size:
+        raise SceneError(
+            f"mass{when} at u = {u.tolist()} is not symmetric: {matrix.tolist()}; give a symmetric "
+            "positive definite matrix"
+        )
+    try:
+        factor: Floats = cholesky(matrix, lower=True)
+    except LinAlgError:
+        least = float(np.linalg.eigvalsh(matrix)[0])
+        raise SceneError(
+            f"mass{when} at u = {u.tolist()} is not positive definite: its least eigenvalue is "
+            f"{least:.6g}; give a symmetric positive definite matrix"
+        ) from None
+    return factor
+
+
+def _constant_mass(mass: ArrayLike) -> Floats:
+    matrix = np.asarray(mass, dtype=float)
+    if matrix.ndim == 0:
+        matrix = matrix.reshape(1, 1)
+    if matrix.ndim == 1:
+        matrix = np.diag(matrix)
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not len(matrix):
+        raise SceneError(f"mass has shape {matrix.shape}; give (d, d), (d,) or a number")
+    return matrix
+
+
+def _square(name: str, matrix: ArrayLike | None, d: int) -> Floats:
+    if matrix is None:
+        return np.zeros((d, d))
+    found = np.asarray(matrix, dtype=float)
+    if found.ndim == 0:
+        found = found.reshape(1, 1)
+    if found.ndim == 1:
+        found = np.diag(found)
+    if found.shape != (d, d):
+        raise SceneError(f"LinearSystem: {name} has shape {found.shape}; give ({d}, {d})")
+    return found
+
+
+def _as_function(constraints: Constraints) -> Callable[[Any], Any]:
+    if callable(constraints):
+        return constraints
+    functions = tuple(constraints)
+    if not functions or not all(callable(entry) for entry in functions):
+        raise SceneError(
+            f"constraints = {constraints!r}: give a function u -> (J,), or a list of functions"
+        )
+    return lambda u: np.array([entry(u) for entry in functions])
+
+
+def _restitution(given: float | Sequence[float], count: int) -> Floats:
+    values = np.asarray(given, dtype=float)
+    if values.ndim == 0:
+        values = np.full(count, float(values))
+    if values.shape != (count,):
+        raise SceneError(f"restitution has {values.size} entries for {count} constraints")
+    bad = np.flatnonzero(~((values >= 0.0) & (values <= 1.0)))
+    if len(bad):
+        raise SceneError(
+            f"restitution = {values[bad[0]]:g} of constraint {bad[0]} is not allowed: give a "
+            "number from 0 (no rebound) to 1 (no loss)"
+        )
+    return values
+
+
+def _steps(u: Floats) -> Floats:
+    return np.diag(_REAL_STEP * np.maximum(1.0, np.abs(u)))
