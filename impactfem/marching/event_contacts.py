@@ -1,0 +1,199 @@
+"""What happens at an event: impacts of all closed constraints, sticking, release.
+
+A constraint sticks if its normal speed is at most the threshold and the complementarity problem of
+lasting contact leaves it without acceleration away from the other side.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve
+
+from impactfem.contact.impact_law import Law, delassus, resolve_impact, resting_forces
+from impactfem.errors import ConvergenceError
+from impactfem.system.generalized import GeneralizedSystem, factor_mass
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+DEFAULT_STICK = 1e-8
+"""Share of the largest impact speed so far at or below which a rebound counts as none."""
+
+_EPS = 2.0**-52
+_MAX_REPEATS = 100  # impacts at one instant until nothing approaches
+
+
+@dataclass
+class Contacts:
+    """Closed constraints during a run, and what was dropped to close them.
+
+    Attributes:
+        system: The system.
+        law: Impact law of several constraints.
+        stick_speed: Threshold [m/s]; None: `DEFAULT_STICK` of the largest impact speed so far.
+        closed: Linearly independent constraints that are closed.
+        implied: Constraints that stay closed because those do.
+        order: Multiplicity of the root of each gap just after the event, shape (J,).
+        fastest: Largest impact speed so far.
+        spells: Lasting contacts [constraint, start, end], the end NaN as long as they last.
+        dropped_speed: Largest normal speed set to 0 by sticking.
+        dropped_energy: Energy [J] lost by that.
+    """
+
+    system: GeneralizedSystem
+    law: Law
+    stick_speed: float | None
+    closed: tuple[int, ...] = ()
+    implied: tuple[int, ...] = ()
+    order: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    fastest: float = 0.0
+    spells: list[list[float]] = field(default_factory=list)
+    dropped_speed: float = 0.0
+    dropped_energy: float = 0.0
+
+    @property
+    def threshold(self) -> float:
+        """Normal speed [m/s] at or below which a rebound counts as none."""
+        given = self.stick_speed
+        return DEFAULT_STICK * self.fastest if given is None else given
+
+    def settle(
+        self, t: float, u: Floats, v: Floats, near: Floats, released: int | None = None
+    ) -> tuple[Floats, Floats, list[tuple[float, int, float, float, float]]]:
+        """Treat an event.
+
+        Args:
+            t: Time [s].
+            u: Position, shape (d,).
+            v: Velocity just before, shape (d,).
+            near: Which constraints are closed to rounding, shape (J,) of bool.
+            released: Constraint whose contact force has just vanished.
+
+        Returns:
+            Position and velocity just after, and rows (time, constraint, before, after, impulse)
+            of the impacts.
+        """
+        system = self.system
+        near = near.copy()
+        near[list(self.closed + self.implied)] = True
+        rows = np.flatnonzero(near)
+        self.order = np.zeros(system.num_constraints, dtype=np.int64)
+        before_spell = set(self.closed)
+        if not len(rows):
+            self._enter((), (), t, before_spell, {})
+            return u, v, []
+        factor = factor_mass(system, u, t)
+        jacobian = system.jacobian(u)
+        rate = system.motion_rate(t)
+        noise = 64.0 * _EPS * (np.abs(jacobian) @ np.abs(v) + np.abs(rate))
+        v, impacts = self._strike(t, factor, jacobian, v, rate, rows, noise)
+        speed = jacobian @ v - rate
+        slow = rows[np.abs(speed[rows]) <= np.maximum(noise[rows], self.threshold)]
+        applied = cho_solve((factor, True), system.force(t, u, v))
+        curvature = system.gap_curvature(t, u, v)
+        lasting, acceleration = _lasting(
+            factor, jacobian, applied, curvature, slow[slow != released]
+        )
+        if released is not None and released in slow:
+            wanted = jacobian[released] @ acceleration + curvature[released]
+            size = np.abs(jacobian[released]) @ np.abs(applied) + abs(curvature[released])
+            if wanted < -1e-10 * size:  # another constraint presses it after all
+                lasting, acceleration = _lasting(factor, jacobian, applied, curvature, slow)
+        closed, implied = _independent(factor, jacobian, lasting)
+        tails = {j: self._tail(j, speed[j], jacobian[j] @ applied + curvature[j]) for j in closed}
+        u, v = self._close(t, factor, jacobian, u, v, speed, closed)
+        for j in rows:
+            self.order[j] = 1 if speed[j] > noise[j] else 2 if j in slow else 0
+        self._enter(closed, implied, t, before_spell, tails)
+        return u, v, impacts
+
+    def _strike(
+        self, t: float, factor: Floats, jacobian: Floats, v: Floats, rate: Floats,
+        rows: Integers, noise: Floats,
+    ) -> tuple[Floats, list[tuple[float, int, float, float, float]]]:  # fmt: skip
+        """Impacts until no closed constraint approaches."""
+        impacts = []
+        for _ in range(_MAX_REPEATS):
+            before = jacobian[rows] @ v - rate[rows]
+            if (before >= -noise[rows]).all():
+                return v, impacts
+            self.fastest = max(self.fastest, -float(before.min()))
+            restitution = self.system.restitution[rows]
+            hit = resolve_impact(factor, jacobian[rows], v, rate[rows], restitution, self.law)
+            v = hit.velocity
+            impacts += [
+                (t, int(j), float(hit.before[i]), float(hit.after[i]), float(hit.impulse[i]))
+                for i, j in enumerate(rows)
+                if hit.impulse[i] > 0.0
+            ]
+        raise ConvergenceError(
+            f"events: {_MAX_REPEATS} impacts at t = {t:.9g} did not separate constraints "
+            f"{rows.tolist()}; choose the other impact law"
+        )
+
+    def _tail(self, j: int, speed: float, acceleration: float) -> float:
+        """Time that the dropped rebounds would still take, 2 v / (a (1 - e)) [s]."""
+        e = float(self.system.restitution[j])
+        if speed <= 0.0 or acceleration >= 0.0 or e >= 1.0:
+            return 0.0
+        return 2.0 * speed / (-acceleration * (1.0 - e))
+
+    def _close(
+        self, t: float, factor: Floats, jacobian: Floats, u: Floats, v: Floats,
+        speed: Floats, closed: tuple[int, ...],
+    ) -> tuple[Floats, Floats]:  # fmt: skip
+        """Take the normal speeds and the gaps of the closed constraints away."""
+        if not closed:
+            return u, v
+        rows = list(closed)
+        matrix, answers = delassus(factor, jacobian[rows])
+        impulse = np.linalg.solve(matrix, speed[rows])
+        self.dropped_speed = max(self.dropped_speed, float(np.abs(speed[rows]).max()))
+        self.dropped_energy += 0.5 * float(impulse @ speed[rows])
+        gap = self.system.gap(t, u)[rows]
+        return u - answers @ np.linalg.solve(matrix, gap), v - answers @ impulse
+
+    def _enter(
+        self, closed: tuple[int, ...], implied: tuple[int, ...], t: float,
+        before: set[int], tails: dict[int, float],
+    ) -> None:  # fmt: skip
+        for spell in self.spells:
+            if math.isnan(spell[2]) and int(spell[0]) not in closed:
+                spell[2] = max(t, spell[1])
+        for j in closed:
+            if j not in before:
+                self.spells.append([float(j), t + tails.get(j, 0.0), math.nan])
+        self.closed, self.implied = closed, implied
+
+
+def _lasting(
+    factor: Floats, jacobian: Floats, applied: Floats, curvature: Floats, rows: Integers
+) -> tuple[list[tuple[float, int]], Floats]:
+    """Constraints that stay closed, as (force, index), and the acceleration (d,)."""
+    if not len(rows):
+        return [], applied
+    normals = jacobian[rows]
+    force = resting_forces(factor, normals, applied, curvature[rows])
+    matrix, answers = delassus(factor, normals)
+    acceleration = applied + answers @ force
+    size = np.abs(normals) @ np.abs(applied) + np.abs(curvature[rows]) + np.abs(matrix) @ force
+    away = normals @ acceleration + curvature[rows]
+    stays = (force > 0.0) | (away <= 1e-12 * size)
+    return [(float(force[i]), int(j)) for i, j in enumerate(rows) if stays[i]], acceleration
+
+
+def _independent(
+    factor: Floats, jacobian: Floats, lasting: list[tuple[float, int]]
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Linearly independent constraints, those with the largest forces first, and the others."""
+    chosen: list[int] = []
+    left: list[int] = []
+    for _, j in sorted(lasting, reverse=True):
+        matrix, _ = delassus(factor, jacobian[[*chosen, j]])
+        root = 1.0 / np.sqrt(np.diag(matrix))
+        scaled = root[:, None] * matrix * root
+        independent = float(np.linalg.eigvalsh(scaled)[0]) > 1e-10
+        (chosen if independent else left).append(j)
+    return tuple(sorted(chosen)), tuple(sorted(left))

@@ -1,0 +1,168 @@
+"""The event-driven method: flights up to each impact, which is located to rounding.
+
+Linear systems with known signals fly exactly (`flights`); all others by a library integrator with
+dense output (`event_general`). Accumulating impacts end in lasting contact below a normal speed.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impactfem.contact.impact_law import Law
+from impactfem.errors import ConvergenceError, SceneError
+from impactfem.marching.event_contacts import Contacts
+from impactfem.marching.event_record import Record
+from impactfem.marching.flight_kernels import BROKEN, DONE, FULL, fly
+from impactfem.marching.flights import Flights
+from impactfem.result.trajectory import Trajectory
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
+
+Floats = NDArray[np.float64]
+
+_MAX_STALL = 1000  # events at one instant
+_TABLE = 65_536
+
+
+@dataclass(frozen=True)
+class EventSettings:
+    """How events are followed.
+
+    Attributes:
+        rows: Intervals of the uniform output grid; there are rows + 1 rows, 0 and the end included.
+        stick_speed: Normal speed [m/s] at or below which a rebound that is pressed back ends in
+            lasting contact; None: 1e-8 of the largest impact speed so far.
+        law: How several constraints share an impact.
+        rtol: Relative tolerance of flights that are not exact.
+        atol: Absolute tolerance of these.
+        max_impacts: Limit of the number of impacts.
+        keep_impacts: Number of impacts, the last ones, that are kept one by one; None for all.
+
+    Raises:
+        SceneError: A value is out of range.
+    """
+
+    rows: int = 1000
+    stick_speed: float | None = None
+    law: Law = "simultaneous"
+    rtol: float = 1e-10
+    atol: float = 1e-12
+    max_impacts: int = 10_000_000
+    keep_impacts: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.rows < 1:
+            raise SceneError(f"rows = {self.rows}: give at least 1")
+        if self.law not in {"simultaneous", "sequential"}:
+            raise SceneError(f'law = "{self.law}": give "simultaneous" or "sequential"')
+        if self.stick_speed is not None and not 0.0 <= self.stick_speed < math.inf:
+            raise SceneError(f"stick_speed = {self.stick_speed}: give a speed >= 0, or None")
+        for name in ("rtol", "atol"):
+            if not 0.0 < getattr(self, name) < 1.0:
+                raise SceneError(f"{name} = {getattr(self, name)}: give a number between 0 and 1")
+        if self.max_impacts < 1:
+            raise SceneError(f"max_impacts = {self.max_impacts}: give at least 1")
+        if self.keep_impacts is not None and self.keep_impacts < 0:
+            raise SceneError(f"keep_impacts = {self.keep_impacts}: give a number >= 0, or None")
+
+
+def integrate_events(
+    system: GeneralizedSystem,
+    position: ArrayLike,
+    velocity: ArrayLike,
+    duration: float,
+    settings: EventSettings | None = None,
+) -> Trajectory:
+    """Follow a system from impact to impact.
+
+    Args:
+        system: The system; a `LinearSystem` with exact signals is flown exactly.
+        position: u at t = 0, shape (d,).
+        velocity: u' at t = 0, shape (d,).
+        duration: End T > 0 [s].
+        settings: `EventSettings`; its defaults if None.
+
+    Returns:
+        Rows at uniform times. ``effort.details`` tells impacts, stick_speed (the threshold at the
+        end), sticking (at most 100 entries [start, end, constraint]), stuck_at_speed (largest
+        speed dropped by sticking) and energy_dropped [J].
+
+    Raises:
+        SceneError: The system cannot be started from this state, or the duration is not positive.
+        ConvergenceError: Too many impacts, events that do not move on, or a motion that is not
+            finite.
+    """
+    settings = settings or EventSettings()
+    u = np.atleast_1d(np.array(position, dtype=float))
+    v = np.atleast_1d(np.array(velocity, dtype=float))
+    if not 0.0 < duration < math.inf:
+        raise SceneError(f"duration = {duration}: give a time > 0")
+    check_start(system, u, v)
+    record = Record(system, duration, settings.rows, settings.max_impacts, settings.keep_impacts)
+    contacts = Contacts(system, settings.law, settings.stick_speed)
+    if isinstance(system, LinearSystem) and system.is_exact:
+        _fly_linear(system, u, v, duration, contacts, record)
+    else:
+        from impactfem.marching.event_general import fly_general
+
+        fly_general(system, u, v, duration, contacts, record, (settings.rtol, settings.atol))
+    return record.trajectory(contacts)
+
+
+def _fly_linear(
+    system: LinearSystem, u: Floats, v: Floats, duration: float, contacts: Contacts, record: Record
+) -> None:
+    flights = Flights(system, duration)
+    d = system.dofs
+    z = np.zeros(flights.size)
+    clock, counts = np.zeros(2), np.zeros(3, dtype=np.int64)
+    who = np.full(1, -1, dtype=np.int64)
+    table = np.empty((_TABLE, 5))
+    stick = contacts.stick_speed
+    given, share = (0.0, 1e-8) if stick is None else (stick, 0.0)
+    stalled, last = 0, -1.0
+    released: int | None = None
+    status = DONE  # the start is an event: constraints may be closed
+    watched: int | None = None
+    while True:
+        if status != FULL:
+            near = record.near(clock[0], u)
+            if watched is not None:
+                near[watched] = True
+            u, v, impacts = contacts.settle(float(clock[0]), u, v, near, released)
+            record.add(impacts, int(counts[0]))
+        z[:d], z[d : 2 * d] = u, v
+        clock[1] = contacts.fastest
+        flight = flights.flight(contacts.closed)
+        ignored = np.zeros(system.num_constraints, dtype=np.bool_)
+        ignored[list(contacts.closed + contacts.implied)] = True
+        status = fly(
+            flight.powers, flight.gaps, flights.rate_rows, flight.forces, flight.step,
+            flights.waves, flight.closed, ignored, contacts.order,
+            flights.answers, flights.response, system.restitution, given, share,
+            z, clock, counts, duration, record.times, record.position, record.velocity,
+            record.impulse, table, who,
+        )  # fmt: skip
+        record.extend(table[: counts[1]])
+        counts[1] = 0
+        contacts.fastest = float(clock[1])
+        record.steps = int(counts[2])
+        u, v = z[:d].copy(), z[d : 2 * d].copy()
+        if status == BROKEN:
+            raise ConvergenceError(
+                f"events: the motion is not finite at t = {clock[0]:.6g}; check stiffness, damping "
+                "and loads for an instability"
+            )
+        if status == DONE:
+            return
+        event = int(who[0])
+        released = int(flight.closed[-1 - event]) if event < 0 and status != FULL else None
+        watched = event if event >= 0 and status != FULL else None
+        stalled = stalled + 1 if clock[0] == last else 0
+        last = float(clock[0])
+        if stalled > _MAX_STALL:
+            raise ConvergenceError(
+                f"events: {_MAX_STALL} events at t = {last:.9g} without moving on; give a larger "
+                "stick_speed"
+            )

@@ -1,0 +1,130 @@
+"""What a run from event to event leaves behind: rows, impacts, effort."""
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import ConvergenceError
+from impactfem.marching.event_contacts import Contacts
+from impactfem.result.bar_motion import Effort
+from impactfem.result.trajectory import Impacts, Trajectory
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+
+Floats = NDArray[np.float64]
+Row = tuple[float, int, float, float, float]
+
+_EPS = 2.0**-52
+_MAX_SPELLS = 100
+
+
+class Record:
+    """Output of a run.
+
+    Args:
+        system: The system.
+        duration: End [s].
+        rows: Intervals of the uniform output grid.
+        max_impacts: Limit of the number of impacts.
+        keep: Number of impacts that are kept, the last ones; None for all.
+
+    Attributes:
+        times: t_m [s], shape (rows + 1,).
+        position: u at t_m, shape (rows + 1, d).
+        velocity: u' just after t_m, shape (rows + 1, d).
+        impulse: Impulses and integrals of the contact forces since t_{m-1} [N s], (rows + 1, J).
+        count: Impacts so far.
+        steps: Substeps so far.
+    """
+
+    def __init__(
+        self, system: GeneralizedSystem, duration: float, rows: int, max_impacts: int,
+        keep: int | None,
+    ) -> None:  # fmt: skip
+        self.system = system
+        self.times: Floats = np.linspace(0.0, duration, rows + 1)
+        self.position: Floats = np.zeros((rows + 1, system.dofs))
+        self.velocity: Floats = np.zeros((rows + 1, system.dofs))
+        self.impulse: Floats = np.zeros((rows + 1, system.num_constraints))
+        self.count = 0
+        self.steps = 0
+        self._max, self._keep = max_impacts, keep
+        self._tables: deque[Floats] = deque()
+        self._held = 0
+
+    def near(self, t: float, u: Floats) -> NDArray[np.bool_]:
+        """Constraints that are closed to rounding, shape (J,)."""
+        size = np.abs(self.system.jacobian(u)) @ np.abs(u) + np.abs(self.system.motion_at(t))
+        if isinstance(self.system, LinearSystem):
+            size = size + np.abs(self.system.offsets)
+        found: NDArray[np.bool_] = self.system.gap(t, u) <= 64.0 * _EPS * size
+        return found
+
+    def add(self, impacts: list[Row], row: int) -> None:
+        """Add impacts that happen in the interval which ends at a row."""
+        if not impacts:
+            return
+        table = np.array(impacts, dtype=float)
+        np.add.at(self.impulse[min(row, len(self.times) - 1)], table[:, 1].astype(int), table[:, 4])
+        self.extend(table)
+
+    def extend(self, table: Floats) -> None:
+        """Add rows (time, constraint, before, after, impulse); the impulses are added already.
+
+        Raises:
+            ConvergenceError: There are more impacts than allowed.
+        """
+        if not len(table):
+            return
+        self.count += len(table)
+        if self.count > self._max:
+            raise ConvergenceError(
+                f"events: more than {self._max} impacts before t = {table[-1, 0]:.6g}; give a "
+                "larger stick_speed or max_impacts, or a restitution < 1 so that the motion sticks"
+            )
+        if self._keep == 0:
+            return
+        self._tables.append(table.copy())
+        self._held += len(table)
+        while self._keep is not None and self._held - len(self._tables[0]) >= self._keep:
+            self._held -= len(self._tables.popleft())
+
+    def trajectory(self, contacts: Contacts) -> Trajectory:
+        """The trajectory of the run."""
+        system, times = self.system, self.times
+        force = np.zeros_like(self.impulse)
+        force[1:] = self.impulse[1:] / np.diff(times)[:, None]
+        force[1] += self.impulse[0] / (times[1] - times[0])  # impacts at the start
+        states = list(zip(times, self.position, self.velocity, strict=True))
+        table = np.concatenate([np.empty((0, 5)), *self._tables])
+        if self._keep is not None:
+            table = table[max(0, len(table) - self._keep) :]
+        return Trajectory(
+            times=times,
+            position=self.position,
+            velocity=self.velocity,
+            gap=np.array([system.gap(t, u) for t, u, _ in states]),
+            contact_force=force,
+            kinetic=np.array([system.kinetic_energy(u, v) for _, u, v in states]),
+            potential=np.array([
+                system.potential(t, u) if system.potential else 0.0 for t, u, _ in states
+            ]),
+            impacts=Impacts(table[:, 0], table[:, 1].astype(np.int64), *table[:, 2:].T),
+            effort=Effort(iterations=self.steps, details=self._details(contacts)),
+        )
+
+    def _details(self, contacts: Contacts) -> dict[str, Any]:
+        end = float(self.times[-1])
+        spells = [
+            [start, min(stop, end) if stop == stop else end, int(j)]  # noqa: PLR0124  # NaN: lasts
+            for j, start, stop in contacts.spells[:_MAX_SPELLS]
+        ]
+        return {
+            "impacts": self.count,
+            "stick_speed": contacts.threshold,
+            "sticking": spells,
+            "spells": len(contacts.spells),
+            "stuck_at_speed": contacts.dropped_speed,
+            "energy_dropped": contacts.dropped_energy,
+        }
