@@ -295,7 +295,7 @@ def _check_gradients(system: GeneralizedSystem, u: Floats, t: float) -> None:
     shape = (system.num_constraints, system.dofs)
     if jacobian.shape != shape:
         raise SceneError(f"jacobian has shape {jacobian.shape}; it must be {shape}")
-    found = differentiate(system._constraints_at, u)  # noqa: SLF001  # of this module
+    found = differentiate(system._phi, u)  # noqa: SLF001  # of this module
     size = max(float(np.abs(found).max(initial=0.0)), 1e-300)
     wrong = np.abs(jacobian - found) > _SAME_JACOBIAN * size
     if wrong.any():
