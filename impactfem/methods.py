@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-Family = Literal["marching", "monolithic", "dg", "exact", "solid"]
+Family = Literal["marching", "monolithic", "dg", "exact", "solid", "vibro"]
 
 BAR, SOLID, BOTH = frozenset({"bar"}), frozenset({"solid"}), frozenset({"bar", "solid"})
+VIBRO = frozenset({"point", "rod", "beam"})
 
 
 @dataclass(frozen=True)
@@ -15,12 +16,13 @@ class Method:
 
     Attributes:
         family: Which solver runs it: "marching" (compiled layers), "monolithic" (one space-time
-            system), "dg" (discontinuous in space-time), "exact", or "solid" (solids only). Solids
-            are always marched on DOLFINx, whatever the family says of bars.
+            system), "dg" (discontinuous in space-time), "exact", "solid" (solids only) or "vibro"
+            (points, rods, beams only). Solids are always marched on DOLFINx, and the others by the
+            velocity-level scheme of that name, whatever the family says of bars.
         text: What it is and where its limits lie, in words.
         stable: Whether it is stable only up to courant 1 ("limited") or at any ("always").
         plannable: Whether the plan may choose it.
-        bodies: Kinds of bodies it solves: "bar", "solid".
+        bodies: Kinds of bodies it solves: "bar", "solid", "point", "rod", "beam".
         error: For bars, constant and rate of the largest relative displacement error seen for
             events between layers: error <= constant * contacts / elements^rate
             (benchmarks/error_constants.py). The rate 2/3 is that of schemes of second order at a
@@ -99,8 +101,30 @@ METHODS: Mapping[str, Method] = {
     "moreau_jean": Method(
         "solid",
         "theta method 1/2 with impact on velocities (Moreau and Jean): energy never grows, "
-        "nodes penetrate by a fraction of a step's way, the force rings with the step",
-        bodies=SOLID,
+        "nodes penetrate by a fraction of a step's way; in solids the force rings with the step; "
+        "points, rods and beams: any restitution, first order in dt, impacts are not located",
+        bodies=SOLID | VIBRO,
+    ),
+    "event_driven": Method(
+        "vibro",
+        "flights between impacts that are located one by one: exact to rounding where the free "
+        "motion is linear, by an integrator of order 8 elsewhere; lasting contact by "
+        "complementarity; cost grows with the number of impacts",
+        bodies=VIBRO,
+    ),
+    "paoli_schatzman": Method(
+        "vibro",
+        "position-level scheme: one projection a step, restitution built in, needs no detection "
+        "and passes accumulations of impacts; first order in dt",
+        bodies=VIBRO,
+    ),
+    "penalty": Method(
+        "vibro",
+        "stiff springs and dampers behind the constraints, by a library integrator; of order "
+        "1 / sqrt(k), costly, wrong where constraints meet: for comparison, never chosen by the "
+        "plan",
+        plannable=False,
+        bodies=VIBRO,
     ),
 }
 """Methods by name."""

@@ -2,6 +2,7 @@
 
 from impactfem.scene.bodies import Bar
 from impactfem.scene.boundary import Pressure, Support, Traction
+from impactfem.scene.contacts import Contact
 from impactfem.scene.formula import Formula
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
 from impactfem.scene.obstacles import (
@@ -12,6 +13,7 @@ from impactfem.scene.obstacles import (
     RigidSphere,
     Wall,
 )
+from impactfem.scene.points import Point, Spring
 from impactfem.scene.scene import Scene
 from impactfem.scene.schema import describe
 from impactfem.scene.settings import Output, Solve
@@ -22,6 +24,7 @@ from impactfem.scene.toml import parse_assignment
 __all__ = [
     "Bar",
     "Block",
+    "Contact",
     "Cylinder",
     "Disc",
     "Formula",
@@ -29,6 +32,7 @@ __all__ = [
     "Output",
     "PiecewiseConstant",
     "PiecewiseVector",
+    "Point",
     "Pressure",
     "Refinement",
     "RigidBox",
@@ -40,6 +44,7 @@ __all__ = [
     "Solid",
     "Solve",
     "Sphere",
+    "Spring",
     "Support",
     "Traction",
     "Wall",

@@ -12,10 +12,12 @@ from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
 from impactfem.scene.obstacles import Wall
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.solids import Solid
+from impactfem.scene.tables import MODELLED
 from impactfem.scene.values import show
+from impactfem.scene.vibro_checks import FAMILY, check_vibro
 
 if TYPE_CHECKING:
-    from impactfem.scene.scene import Scene
+    from impactfem.scene.scene import Body, Scene
 
 _SAMPLES = 1001
 
@@ -29,6 +31,10 @@ _BAR_ONLY: Mapping[str, str] = {
     "mesh": "set body.mesh",
 }
 _SOLID_ONLY = ("normals", "linear_solver", "estimate")
+_ELASTIC_ONLY = ("courant", "active_set", "gamma", "max_iterations")
+_VIBRO_ONLY = (
+    "impact_law", "stick_speed", "penalty_stiffness", "penalty_damping", "penalty_integrator",
+)  # fmt: skip
 
 
 def check_scene(scene: "Scene", gravity: object) -> None:
@@ -42,11 +48,17 @@ def check_scene(scene: "Scene", gravity: object) -> None:
         KeyedError: naming the key.
     """
     _check_names(scene)
+    _check_counts(scene)
     body = scene.bodies[0]
     if isinstance(body, Bar):
         _check_bar(scene, gravity)
-    else:
+    elif isinstance(body, Solid):
         _check_solid(scene, body, gravity)
+    else:
+        check_vibro(scene, gravity)
+        for index, obstacle in enumerate(scene.rigid_obstacles):
+            if obstacle.motion is not None:
+                _check_times(scene, f"obstacle[{index}]", "motion", obstacle.motion)
     _check_settings(scene, body)
     if scene.solve.dt is not None and scene.solve.dt > scene.duration:
         text = f" = {scene.solve.dt} exceeds duration = {scene.duration}: give a smaller step."
@@ -54,7 +66,12 @@ def check_scene(scene: "Scene", gravity: object) -> None:
 
 
 def _check_names(scene: "Scene") -> None:
-    taken = {body.name: "a body" for body in scene.bodies}
+    taken: dict[str, str] = {}
+    for index, body in enumerate(scene.bodies):
+        if body.name in taken:
+            text = f" = {show(body.name)} is the name of {taken[body.name]} too: give another name."
+            raise KeyedError(f"body[{index}]", "name", text)
+        taken[body.name] = "a body"
     for index, obstacle in enumerate(scene.obstacles):
         if isinstance(scene.bodies[0], Bar) and index:
             break  # too many anyhow
@@ -63,6 +80,31 @@ def _check_names(scene: "Scene") -> None:
             text = f" = {show(obstacle.name)} is the name of {what} too: give another name."
             raise KeyedError(f"obstacle[{index}]", "name", text)
         taken[obstacle.name] = f"obstacle[{index}]"
+
+
+def _check_counts(scene: "Scene") -> None:
+    """Refuse bodies of different kinds, several that are no points, and laws without use."""
+    first, count = scene.bodies[0], len(scene.bodies)
+    kinds = {body.kind for body in scene.bodies}
+    if count > 1 and kinds != {"point"}:
+        shown = show(list(scene.bodies))
+        why = f"there are {count}, but this version models {MODELLED}"
+        raise KeyedError(
+            "body", "", f" = {shown} is not allowed: {why}; give exactly one [[body]]."
+        )
+    if not isinstance(first, Bar | Solid):
+        return
+    if not scene.obstacles:
+        kind = "wall" if isinstance(first, Bar) else "half_space"
+        text = " is missing: there is none (obstacle = []); give one or more [[obstacle]], as "
+        text += f"kind = {show(kind)}."
+        raise KeyedError("obstacle", "", text)
+    if scene.contacts:
+        text = (
+            f" = {show(scene.contacts[0])} is for points, rods and beams: a {first.kind} rebounds "
+        )
+        text += "by its own elasticity, without friction; remove [[contact]]."
+        raise KeyedError("contact[0]", "", text)
 
 
 def _check_bar(scene: "Scene", gravity: object) -> None:
@@ -139,19 +181,21 @@ def _check_times(scene: "Scene", where: str, name: str, formulas: Sequence[Formu
             raise KeyedError(where, name, f"{text}: give one for 0 <= t <= {scene.duration:g}.")
 
 
-def _check_settings(scene: "Scene", body: Bar | Solid) -> None:
-    """Refuse settings that belong to the other kind of body."""
+def _check_settings(scene: "Scene", body: "Body") -> None:
+    """Refuse settings that belong to another kind of body."""
     solve, method = scene.solve, scene.solve.method
     if method is not None and body.kind not in METHODS[method].bodies:
         fitting = " or ".join(show(n) for n, entry in METHODS.items() if body.kind in entry.bodies)
         text = f" = {show(method)} does not solve a {body.kind}: give {fitting}."
         raise KeyedError("solve", "method", text)
+    if isinstance(body, Bar | Solid):
+        _refuse(scene, _VIBRO_ONLY, FAMILY, body)
+    if not isinstance(body, Solid):
+        _refuse(scene, _SOLID_ONLY[:2] if scene.is_vibro else _SOLID_ONLY, "solids", body)
+    if scene.is_vibro:
+        _refuse(scene, (*_BAR_ONLY, *_ELASTIC_ONLY), "bars and solids", body)
+        return
     if isinstance(body, Bar):
-        for name in _SOLID_ONLY:
-            value = getattr(solve, name)
-            if value is not None:
-                text = f" = {show(value)} belongs to solids, the body is a bar: remove it."
-                raise KeyedError("solve", name, text)
         if solve.active_set == "snes_vi" and method not in {None, "monolithic"}:
             text = f' = "snes_vi" contradicts method = {show(method)}: it needs '
             raise KeyedError("solve", "active_set", f'{text}method = "monolithic".')
@@ -160,4 +204,13 @@ def _check_settings(scene: "Scene", body: Bar | Solid) -> None:
         value = getattr(solve, name)
         if value is not None:
             text = f" = {show(value)} belongs to bars, the body is a solid: {remedy}."
+            raise KeyedError("solve", name, text)
+
+
+def _refuse(scene: "Scene", names: Sequence[str], owners: str, body: "Body") -> None:
+    """Refuse settings that belong to other bodies."""
+    for name in names:
+        value = getattr(scene.solve, name)
+        if value is not None:
+            text = f" = {show(value)} belongs to {owners}, the body is a {body.kind}: remove it."
             raise KeyedError("solve", name, text)

@@ -58,6 +58,24 @@ class Formula:
         return isinstance(self._tree, float)
 
     @property
+    def used(self) -> frozenset[str]:
+        """Variables that occur in it."""
+
+        def walk(node: Node) -> frozenset[str]:
+            match node:
+                case ("variable", name):
+                    return frozenset((name,))
+                case ("negative", operand):
+                    return walk(operand)
+                case ("chain", first, steps):
+                    return walk(first).union(*(walk(operand) for _, operand in steps))
+                case ("call", _, args):
+                    return frozenset().union(*map(walk, args))
+            return frozenset()
+
+        return walk(self._tree)
+
+    @property
     def plain(self) -> float | str:
         """What a scene file holds: a number when the text is just a number, otherwise the text."""
         try:

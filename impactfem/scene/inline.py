@@ -71,16 +71,18 @@ class Formulas(Kind):
     type_name: ClassVar[str] = "list of formulas"
     variables: tuple[str, ...]
     blank: bool = False
+    lengths: tuple[int, ...] = (2, 3)
 
     @property
     @override
     def allowed(self) -> str:
         free = ', "" for a free one' * self.blank
-        return f"a list of 2 or 3 numbers or formulas in {', '.join(self.variables)}{free}"
+        counts = _counts(self.lengths)
+        return f"a list of {counts} numbers or formulas in {', '.join(self.variables)}{free}"
 
     @override
     def read(self, value: object) -> tuple[Formula | None, ...]:
-        return tuple(self._entry(entry) for entry in entries_of(value, (2, 3)))
+        return tuple(self._entry(entry) for entry in entries_of(value, self.lengths))
 
     def _entry(self, value: object) -> Formula | None:
         empty = value is None or (isinstance(value, str) and not value.strip())

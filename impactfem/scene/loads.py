@@ -67,7 +67,7 @@ class PiecewiseVector:
 
     Attributes:
         times: [s], strictly increasing from 0. Before 0 the first value holds.
-        values: one vector of 2 or 3 numbers for each time, all of one length.
+        values: one vector of 1 to 3 numbers for each time, all of one length.
 
     Raises:
         SceneError: times or values are not as described.
@@ -128,8 +128,8 @@ def _entries(value: object) -> list[Any] | tuple[Any, ...]:
 
 def _vector(value: object) -> tuple[float, ...]:
     entries = _numbers(value)
-    if len(entries) not in {2, 3}:
-        raise NotAllowedError(f"{show(list(entries))} is no vector of 2 or 3 entries")
+    if len(entries) not in {1, 2, 3}:
+        raise NotAllowedError(f"{show(list(entries))} is no vector of 1, 2 or 3 entries")
     return entries
 
 
@@ -159,14 +159,14 @@ def _check_times(times: tuple[float, ...]) -> None:
 
 @dataclass(frozen=True)
 class LoadKind(Kind):
-    """A number (bars) or vector (solids), or a table of times and these."""
+    """A number (bars) or vector (other bodies), or a table of times and these."""
 
     type_name: ClassVar[str] = "number, vector or table"
 
     @property
     @override
     def allowed(self) -> str:
-        return "a number (bar), a vector (solid) or a table [[0.0, value], [time, value], ...]"
+        return "a number (bar), a vector (others) or a table [[0.0, value], [time, value], ...]"
 
     @override
     def read(self, value: object) -> PiecewiseConstant | PiecewiseVector:

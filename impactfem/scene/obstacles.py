@@ -77,7 +77,7 @@ class RigidObstacle:
 @table('[[obstacle]] with kind = "half_space"')
 @dataclass(frozen=True, kw_only=True)
 class HalfSpace(RigidObstacle):
-    """Everything behind a plane (a line in 2D); the body is on the side the normal points to.
+    """Everything behind a plane, or a line in 2D; the body is on the side the normal points to.
 
     Raises:
         SceneError: a value is not allowed.
@@ -87,12 +87,12 @@ class HalfSpace(RigidObstacle):
     _vectors: ClassVar[tuple[str, ...]] = ("point", "normal")
 
     name: str = key(Name(), _NAME, default="half_space")
-    point: Sequence[float] = key(Vector(), "a point of the plane", unit="m")
+    point: Sequence[float] = key(Vector((1, 2, 3)), "a point of the plane", unit="m")
     normal: Sequence[float] = key(
-        Vector(nonzero=True), "direction from the plane to the body, of any length"
+        Vector((1, 2, 3), nonzero=True), "direction from the plane to the body, of any length"
     )
     motion: tuple[Formula, ...] | None = key(
-        _MOTION_KIND, _MOTION, unit="m", default=None, absent="at rest"
+        Formulas(("t",), lengths=(1, 2, 3)), _MOTION, unit="m", default=None, absent="at rest"
     )
 
     if TYPE_CHECKING:  # type checkers learn that numbers and texts may be given for formulas

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from impactfem.errors import SceneError
 from impactfem.scene.bodies import Bar
+from impactfem.scene.contacts import Contact
 from impactfem.scene.crosschecks import check_scene
 from impactfem.scene.inline import plain
 from impactfem.scene.kinds import Line, Real
@@ -20,6 +21,7 @@ from impactfem.scene.obstacles import (
     RigidSphere,
     Wall,
 )
+from impactfem.scene.points import Point
 from impactfem.scene.schema import (
     TOP,
     DataclassLike,
@@ -33,6 +35,7 @@ from impactfem.scene.schema import (
 from impactfem.scene.settings import Output, Solve
 from impactfem.scene.solids import Solid
 from impactfem.scene.tables import (
+    MAX_BODIES,
     MAX_OBSTACLES,
     ObjectsKind,
     SettingsKind,
@@ -42,11 +45,12 @@ from impactfem.scene.tables import (
 from impactfem.scene.toml import parse_assignment, read_toml, write_table
 from impactfem.scene.values import NotAllowedError, show
 
-type Body = Bar | Solid
+type Body = Bar | Solid | Point
 type Rigid = HalfSpace | RigidSphere | RigidCylinder | RigidBox | RigidPolyline
 type Obstacle = Wall | Rigid
 
-BODIES: Mapping[str, type[Any]] = {cls.kind: cls for cls in (Bar, Solid)}
+BODIES: Mapping[str, type[Any]] = {cls.kind: cls for cls in (Bar, Solid, Point)}
+MAX_CONTACTS = 10_000
 OBSTACLES: Mapping[str, type[Any]] = {
     cls.kind: cls for cls in (Wall, HalfSpace, RigidSphere, RigidCylinder, RigidBox, RigidPolyline)
 }
@@ -57,10 +61,11 @@ OBSTACLES: Mapping[str, type[Any]] = {
 class Scene:
     """What is modelled, for how long, and how: everything a run needs.
 
-    One bar meets one wall, one solid meets one or more rigid obstacles. `bodies` and `obstacles`
-    may be given as lists; `gravity` as a number or a table ``[[0.0, 1.0], [0.6, 0.0]]`` for bars,
-    as a vector or a table ``[[0.0, [0.0, -9.81]], [1.0, [0.0, 0.0]]]`` for solids. Relative mesh
-    paths start at `folder`, where the scene file lies; scenes in different folders can be equal.
+    One bar meets one wall; one solid, rod or beam meets one or more rigid obstacles; points meet
+    obstacles and each other. `bodies`, `obstacles` and `contacts` may be given as lists; `gravity`
+    as a number or a table ``[[0.0, 1.0], [0.6, 0.0]]`` for bars, as a vector or a table
+    ``[[0.0, [0.0, -9.81]], [1.0, [0.0, 0.0]]]`` for others. Relative mesh paths start at `folder`,
+    where the scene file lies; scenes in different folders can be equal.
 
     Raises:
         SceneError: a value is missing or not allowed, or the scene contradicts itself.
@@ -75,12 +80,19 @@ class Scene:
         default=0.0,
     )
     bodies: tuple[Body, ...] = key(
-        ObjectsKind(tuple(BODIES.values()), "[[body]]", 1), "what moves", name="body"
+        ObjectsKind(tuple(BODIES.values()), "[[body]]", MAX_BODIES), "what moves", name="body"
     )
     obstacles: tuple[Obstacle, ...] = key(
-        ObjectsKind(tuple(OBSTACLES.values()), "[[obstacle]]", MAX_OBSTACLES),
-        "what it may hit",
+        ObjectsKind(tuple(OBSTACLES.values()), "[[obstacle]]", MAX_OBSTACLES, 0),
+        "what it may hit; only points may do without",
         name="obstacle",
+        default=(),
+    )
+    contacts: tuple[Contact, ...] = key(
+        ObjectsKind((Contact,), "[[contact]]", MAX_CONTACTS, 0),
+        "which pairs meet, of points, rods and beams; every body and obstacle if there are none",
+        name="contact",
+        default=(),
     )
     solve: Solve = key(  # noqa: RUF009  # a field
         SettingsKind(Solve, "[solve]"), "how to solve", default=Solve()
@@ -98,7 +110,8 @@ class Scene:
             title: str,
             duration: float,
             bodies: Sequence[Body],
-            obstacles: Sequence[Obstacle],
+            obstacles: Sequence[Obstacle] = (),
+            contacts: Sequence[Contact] = (),
             gravity: float | Sequence[Any] | PiecewiseConstant | PiecewiseVector = 0.0,
             solve: Solve = ...,
             output: Output = ...,
@@ -111,16 +124,16 @@ class Scene:
         if self.folder is not None:  # absolute, so that a later change of folder does no harm
             object.__setattr__(self, "folder", _absolute(self.folder))
         check_scene(self, gravity)
-        solid = self.bodies[0]
-        if isinstance(solid, Solid) and not isinstance(self.gravity, PiecewiseVector):
-            object.__setattr__(self, "gravity", PiecewiseVector((0.0,), ((0.0,) * solid.dim,)))
+        body = self.bodies[0]
+        if not isinstance(body, Bar) and not isinstance(self.gravity, PiecewiseVector):
+            object.__setattr__(self, "gravity", PiecewiseVector((0.0,), ((0.0,) * body.dim,)))
 
     @property
     def bar(self) -> Bar:
         """The bar of the scene.
 
         Raises:
-            SceneError: the body is a solid.
+            SceneError: the body is another one.
         """
         return _only(self.bodies[0], Bar)
 
@@ -129,38 +142,49 @@ class Scene:
         """The solid of the scene.
 
         Raises:
-            SceneError: the body is a bar.
+            SceneError: the body is another one.
         """
         return _only(self.bodies[0], Solid)
+
+    @property
+    def dim(self) -> int:
+        """Number of coordinates."""
+        body = self.bodies[0]
+        return 1 if isinstance(body, Bar) else body.dim
+
+    @property
+    def is_vibro(self) -> bool:
+        """Whether it has few degrees of freedom: points, a rod or a beam."""
+        return not isinstance(self.bodies[0], Bar | Solid)
 
     @property
     def axial_gravity(self) -> PiecewiseConstant:
         """Gravity of a bar, towards the wall [m/s^2].
 
         Raises:
-            SceneError: the body is a solid.
+            SceneError: the body is none.
         """
         _only(self.bodies[0], Bar)
         return _only(self.gravity, PiecewiseConstant)
 
     @property
     def vector_gravity(self) -> PiecewiseVector:
-        """Gravity of a solid, with as many entries as its model has coordinates [m/s^2].
+        """Gravity of all bodies but bars, with as many entries as they have coordinates [m/s^2].
 
         Raises:
             SceneError: the body is a bar.
         """
-        _only(self.bodies[0], Solid)
+        self._refuse_bar()
         return _only(self.gravity, PiecewiseVector)
 
     @property
     def rigid_obstacles(self) -> tuple[Rigid, ...]:
-        """Obstacles of a solid.
+        """Obstacles of all bodies but bars.
 
         Raises:
             SceneError: the body is a bar.
         """
-        _only(self.bodies[0], Solid)
+        self._refuse_bar()
         return tuple(entry for entry in self.obstacles if not isinstance(entry, Wall))
 
     @property
@@ -168,6 +192,12 @@ class Scene:
         """Absolute path of the mesh file, None when the mesh is generated."""
         mesh = self._mesh
         return None if mesh is None else _absolute(Path(self.folder or "", mesh))
+
+    def _refuse_bar(self) -> None:
+        if isinstance(self.bodies[0], Bar):
+            raise SceneError(
+                f"body[0] is {show(self.bodies[0])}: this needs one that moves in space; give one."
+            )
 
     @property
     def _mesh(self) -> str | None:
@@ -192,7 +222,7 @@ class Scene:
         """Make a scene from tables as TOML has them; keys with the value None count as absent.
 
         Args:
-            data: keys ``title, duration, gravity, body, obstacle, solve, output``.
+            data: keys ``title, duration, gravity, body, obstacle, contact, solve, output``.
             base: folder where relative mesh paths start.
 
         Raises:
@@ -202,11 +232,13 @@ class Scene:
         given = check_keys(data, list(fields), "")
         values: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
         if "body" in values:
-            values["body"] = read_objects(values["body"], "body", BODIES, 1)
+            values["body"] = read_objects(values["body"], "body", BODIES, MAX_BODIES)
         if "obstacle" in values:
             values["obstacle"] = read_objects(
-                values["obstacle"], "obstacle", OBSTACLES, MAX_OBSTACLES
+                values["obstacle"], "obstacle", OBSTACLES, MAX_OBSTACLES, 0
             )
+        if "contact" in values:
+            values["contact"] = read_objects(values["contact"], "contact", Contact, MAX_CONTACTS, 0)
         if "solve" in values:
             values["solve"] = from_table(Solve, values["solve"], "solve")
         if "output" in values:
@@ -219,6 +251,7 @@ class Scene:
         data = plain(self)
         for name in ("body", "obstacle"):
             data[name] = [{"kind": entry.kind, **plain(entry)} for entry in data[name]]
+        data["contact"] = [plain(entry) for entry in data["contact"]]
         return data | {"solve": plain(self.solve), "output": plain(self.output)}
 
     def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
@@ -236,12 +269,13 @@ class Scene:
             inside = mesh.is_relative_to(target)
             home = data["body"][0] if isinstance(self.bodies[0], Solid) else data["solve"]
             home["mesh"] = str(mesh.relative_to(target) if inside else mesh)
-        bodies, obstacles = data.pop("body"), data.pop("obstacle")
+        bodies, obstacles, contacts = (data.pop(name) for name in ("body", "obstacle", "contact"))
         solve, output = data.pop("solve"), data.pop("output")
         parts: list[tuple[str, type[DataclassLike], dict[str, Any]]] = [
             ("", type(self), data),
             *(("[[body]]", BODIES[entry["kind"]], entry) for entry in bodies),
             *(("[[obstacle]]", OBSTACLES[entry["kind"]], entry) for entry in obstacles),
+            *(("[[contact]]", Contact, entry) for entry in contacts),
             ("[solve]", Solve, solve),
             ("[output]", Output, output),
         ]

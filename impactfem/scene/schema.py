@@ -11,13 +11,6 @@ from impactfem.scene.values import NotAllowedError, show
 
 TOP = "top level"
 
-# Keys that the language foresees but this version does not know, and why they may be left out.
-NOT_YET: Mapping[str, str] = {
-    "contact": "contact laws are not available yet, bodies meet obstacles without friction",
-    "friction_coefficient": "friction is not available yet",
-    "restitution": "restitution laws are not available yet",
-}
-
 
 class _Required:
     """Default of a key that must be given."""
@@ -196,8 +189,6 @@ def _hint(name: str, known: list[str]) -> str:
         return "it belongs to the top of the file; move it before the first table."
     if homes:
         return f"it belongs to {' or '.join(homes[:2])}; move it there."
-    if name in NOT_YET:
-        return f"{NOT_YET[name]}; remove it."
     near = get_close_matches(name[:80].lower(), known, 1)
     return f'did you mean "{near[0]}"?' if near else "remove it."
 
@@ -249,5 +240,7 @@ def describe() -> list[TableDoc]:
 
 def _rank(heading: str) -> int:
     """Return the place of a table in the reference: as in a scene file, inline tables last."""
-    order = (TOP, "[[body]]", "[[obstacle]]", "[solve]", "[output]")
+    bodies = (f'[[body]] with kind = "{kind}"' for kind in ("bar", "solid", "point", "rod", "beam"))
+    inline = ("supports", "tractions", "pressures", "shape", "refine", "springs")
+    order = (TOP, *bodies, "[[obstacle]]", "[[contact]]", "[solve]", "[output]", *inline)
     return next((i for i, start in enumerate(order) if heading.startswith(start)), len(order))

@@ -20,6 +20,8 @@ from impactfem.scene.values import is_number, show
 ACTIVE_SETS = ("pdas", "snes_vi")
 NORMALS = ("fixed", "updated")
 LINEAR_SOLVERS = ("mumps", "gamg")
+IMPACT_LAWS = ("simultaneous", "sequential")
+PENALTY_INTEGRATORS = ("radau", "bdf", "lsoda", "dop853")
 FIELD_FORMATS = ("vtkhdf", "vtx", "pvd")
 
 
@@ -93,8 +95,33 @@ class Solve:
     )
     estimate: bool | None = key(
         Switch(),
-        "whether the error is estimated by a second run on a mesh twice as coarse (solid)",
+        "whether the error is estimated by a second run: on a mesh twice as coarse (solid), by "
+        "another method or step (point, rod, beam)",
         default=None,
+    )
+
+    impact_law: str | None = key(
+        Choice(IMPACT_LAWS),
+        "how constraints that close together share an impact (point, rod, beam)",
+        default=None,
+    )
+    stick_speed: float | None = key(
+        Real(at_least=0),
+        "normal speed from which on a contact lasts (event_driven)",
+        unit="m/s",
+        default=None,
+    )
+    penalty_stiffness: float | None = key(
+        Real(above=0), "k per unit of mass (penalty)", unit="1/s^2", default=None
+    )
+    penalty_damping: float | None = key(
+        Real(at_least=0),
+        "alpha (penalty)",
+        default=None,
+        absent="that of the restitution",
+    )
+    penalty_integrator: str | None = key(
+        Choice(PENALTY_INTEGRATORS), "library integrator (penalty)", default=None
     )
 
     def __post_init__(self) -> None:

@@ -9,6 +9,12 @@ from impactfem.scene.schema import KeyedError, check_keys, from_table, keys_of
 from impactfem.scene.values import NotAllowedError, show, type_in_words
 
 MAX_OBSTACLES = 100
+MAX_BODIES = 100
+MODELLED = (
+    "one bar and one wall, one solid, rod or beam and up to "
+    f"{MAX_OBSTACLES} obstacles, or up to {MAX_BODIES} points"
+)
+"""What a scene may hold, in words."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +49,15 @@ class ObjectsKind(Kind):
     classes: tuple[type[Any], ...]
     heading: str
     at_most: int
+    at_least: int = 1
 
     @property
     @override
     def allowed(self) -> str:
+        if len(self.classes) == 1:
+            return counted(self.heading)
         kinds = " or ".join(show(cls.kind) for cls in self.classes)
-        return f"{counted(self.heading, self.at_most)} of kind {kinds}"
+        return f"{counted(self.heading)} of kind {kinds}"
 
     @override
     def read(self, value: object) -> tuple[Any, ...]:
@@ -60,33 +69,38 @@ class ObjectsKind(Kind):
             if not isinstance(entry, self.classes):
                 names = " or ".join(cls.__name__ for cls in self.classes)
                 raise NotAllowedError(f"{show(entry)} is not a {names}")
-        check_count(value, self.at_most)
+        check_count(value, self.at_most, self.at_least)
         return tuple(value)
 
+    @override
+    def write_default(self, default: object) -> str:
+        return "none"
 
-def counted(heading: str, at_most: int) -> str:
+
+def counted(heading: str) -> str:
     """Return how many tables of a heading are allowed, in words."""
-    return f"exactly one {heading}" if at_most == 1 else f"one or more {heading}"
+    return f"one or more {heading}"
 
 
-def check_count(entries: list[Any] | tuple[Any, ...], at_most: int) -> None:
+def check_count(entries: list[Any] | tuple[Any, ...], at_most: int, at_least: int = 1) -> None:
     """Refuse no bodies or obstacles, or too many.
 
     Raises:
         NotAllowedError: with the number.
     """
-    if not 1 <= len(entries) <= at_most:
+    if not at_least <= len(entries) <= at_most:
         are = "is none" if not entries else f"are {len(entries)}"
-        raise NotAllowedError(
-            f"there {are}, but this version models one bar and one wall, or one solid and up to "
-            f"{MAX_OBSTACLES} obstacles"
-        )
+        raise NotAllowedError(f"there {are}, but this version models {MODELLED}")
 
 
 def read_objects(
-    value: object, heading: str, classes: Mapping[str, type[Any]], at_most: int
+    value: object,
+    heading: str,
+    classes: Mapping[str, type[Any]] | type[Any],
+    at_most: int,
+    at_least: int = 1,
 ) -> list[Any]:
-    """Read the tables of ``[[body]]`` or ``[[obstacle]]``, each with the class of its kind.
+    """Read the tables of a heading such as ``[[body]]``, each with the class of its kind.
 
     Raises:
         KeyedError: naming the key, e.g. ``body[0].kind``.
@@ -95,9 +109,9 @@ def read_objects(
         text = f" = {show(value)} is not a list: write [[{heading}]] with two brackets."
         raise KeyedError(heading, "", text)
     try:
-        check_count(value, at_most)  # first: a file may hold thousands
+        check_count(value, at_most, at_least)  # first: a file may hold thousands
     except NotAllowedError as error:
-        wanted = counted(f"[[{heading}]]", at_most)
+        wanted = counted(f"[[{heading}]]")
         text = f" = {show(value)} is not allowed: {error}; give {wanted}."
         raise KeyedError(heading, "", text) from None
     return [read_object(entry, f"{heading}[{i}]", classes) for i, entry in enumerate(value)]

@@ -52,7 +52,7 @@ CASES = {
     # missing
     "no title": ({"title": ABSENT}, ["title is missing", "give a text"]),
     "no duration": ({"duration": ABSENT}, ["duration is missing", "a number > 0 [s]"]),
-    "no body": ({"body": ABSENT}, ["body is missing", "exactly one [[body]]"]),
+    "no body": ({"body": ABSENT}, ["body is missing", "one or more [[body]]"]),
     "no obstacle": ({"obstacle": ABSENT}, ["obstacle is missing", "[[obstacle]]", '"wall"']),
     "no length": ({"body.0.length": ABSENT}, ["body[0].length is missing", "a number > 0 [m]"]),
     "no density": ({"body.0.density": ABSENT}, ["body[0].density is missing", "give a number"]),
@@ -75,7 +75,7 @@ CASES = {
     "misspelt in solve": ({"solve.elments": 7}, ["solve.elments = 7", '"elements"?']),
     "misspelt in output": ({"output.evry": 7}, ["output.evry = 7", '"every"?']),
     "extra": ({"body.0.colour": "red"}, ['body[0].colour = "red"', "remove it", "Known keys"]),
-    "contact": ({"contact": [{}]}, ["contact = ", "not available yet", "remove it"]),
+    "contact": ({"contact": [{}]}, ["contact[0].between is missing", "two points"]),
     "wrong table": ({"elements": 10}, ["elements = 10", "belongs to [solve]", "move it"]),
     "top key in table": (
         {"body.0.duration": 3},
@@ -169,7 +169,7 @@ CASES = {
         {"body": [BAR, {**BAR, "name": "other"}]},
         ["body = [", "there are 2", "one bar and one wall", "exactly one [[body]]"],
     ),
-    "no bars": ({"body": []}, ["body = []", "there is none", "exactly one [[body]]"]),
+    "no bars": ({"body": []}, ["body = []", "there is none", "one or more [[body]]"]),
     "two walls": ({"obstacle": [{"kind": "wall"}] * 2}, ["obstacle = ", "are 2", "exactly one"]),
     "same names": (
         {"obstacle.0.name": "bar"},
@@ -353,7 +353,7 @@ def test_python_objects_are_checked_alike(make, parts):
 @pytest.mark.parametrize(
     ("changes", "parts"),
     [
-        ({"bodies": []}, ["body = []", "there is none", "exactly one [[body]]"]),
+        ({"bodies": []}, ["body = []", "there is none", "one or more [[body]]"]),
         ({"bodies": 3}, ["body = 3", "a number, not a list"]),
         ({"obstacles": Wall()}, ['obstacle = wall "wall"', "write [ ] around it"]),
         ({"obstacles": [Wall(name="a"), Wall(name="b")]}, ['[wall "a", wall "b"]', "are 2"]),

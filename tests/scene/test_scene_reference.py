@@ -11,12 +11,14 @@ from impactfem.scene.schema import TableDoc, keys_of
 TABLES = {
     '[[body]] with kind = "bar"': Bar,
     '[[body]] with kind = "solid"': Solid,
+    '[[body]] with kind = "point"': language.Point,
     '[[obstacle]] with kind = "wall"': language.Wall,
     '[[obstacle]] with kind = "half_space"': language.HalfSpace,
     '[[obstacle]] with kind = "sphere"': language.RigidSphere,
     '[[obstacle]] with kind = "cylinder"': language.RigidCylinder,
     '[[obstacle]] with kind = "box"': language.RigidBox,
     '[[obstacle]] with kind = "polyline"': language.RigidPolyline,
+    "[[contact]]": language.Contact,
     "[solve]": Solve,
     "[output]": Output,
     "supports = [{ ... }]": Support,
@@ -28,6 +30,7 @@ TABLES = {
     'shape = { kind = "cylinder" }': language.Cylinder,
     'shape = { kind = "sphere" }': language.Sphere,
     "refine = [{ ... }]": language.Refinement,
+    "springs = [{ ... }]": language.Spring,
 }
 
 
@@ -40,6 +43,7 @@ def test_every_table_and_key_is_described():
         "gravity",
         "body",
         "obstacle",
+        "contact",
         "solve",
         "output",
     ]

@@ -190,7 +190,7 @@ class TestPiecewiseVector:
         [
             ((0,), ((1, 2), (3, 4)), "1 times and 2 vectors"),
             ((0, 1), ((1, 2), (3, 4, 5)), "different numbers of entries"),
-            ((0,), ((1,),), "no vector of 2 or 3 entries"),
+            ((0,), ((1, 2, 3, 4),), "no vector of 1, 2 or 3 entries"),
             ((0,), 3, "is not a list"),
             ((1,), ((1, 2),), "must be 0.0"),
         ],
@@ -248,8 +248,10 @@ def test_bars_and_solids_are_asked_for_by_name():
     of_bar = Scene(title="t", duration=1, bodies=[bar], obstacles=[Wall()], gravity=2)
     assert of_bar.bar == bar
     assert of_bar.axial_gravity(0.0) == 2
-    for name in ("solid", "vector_gravity", "rigid_obstacles"):
-        with pytest.raises(SceneError, match="needs a Solid"):
+    with pytest.raises(SceneError, match="needs a Solid"):
+        _ = of_bar.solid
+    for name in ("vector_gravity", "rigid_obstacles"):
+        with pytest.raises(SceneError, match="moves in space"):
             getattr(of_bar, name)
     for name in ("bar", "axial_gravity"):
         with pytest.raises(SceneError, match="needs a Bar"):

@@ -92,8 +92,8 @@ CASES = {
         {**OF_BAR, "body.0.mesh_size": 0.1},
         ["body[0].mesh_size", 'belongs to [[body]] with kind = "solid"'],
     ),
-    "friction": ({"obstacle.0.friction_coefficient": 0.3}, ["not available yet", "remove it"]),
-    "restitution": ({"obstacle.0.restitution": 0.3}, ["not available yet", "remove it"]),
+    "friction": ({"obstacle.0.friction_coefficient": 0.3}, ["belongs to [[contact]]", "move it"]),
+    "restitution": ({"obstacle.0.restitution": 0.3}, ["belongs to [[contact]]", "move it"]),
     # bounds
     "ratio": ({"body.0.poisson_ratio": 0.5}, ["poisson_ratio = 0.5", "must be < 0.5"]),
     "negative ratio": ({"body.0.poisson_ratio": -1}, ["poisson_ratio = -1", "must be > -1"]),

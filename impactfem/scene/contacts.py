@@ -1,0 +1,47 @@
+"""Contact laws of a scene: which bodies meet, and what an impact leaves of their speed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from impactfem.scene.inline import ListOf
+from impactfem.scene.kinds import Name, Real
+from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.values import show
+
+
+@table("[[contact]]")
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """A pair that may meet: a point, rod or beam and an obstacle, or two points.
+
+    Raises:
+        SceneError: a value is missing or not allowed.
+    """
+
+    heading: ClassVar[str] = "contact"
+
+    between: Sequence[str] = key(
+        ListOf(Name(), at_least=2, different=True), "names of a body and an obstacle, or two points"
+    )
+    restitution: float = key(
+        Real(at_least=0), "Newton's coefficient of restitution, 0 to 1", default=0.0
+    )
+    friction_coefficient: float = key(
+        Real(at_least=0), "Coulomb's coefficient; only 0 so far", default=0.0
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.heading)
+        if len(self.between) != 2:
+            text = f" = {show(list(self.between))} has {len(self.between)} names: give two."
+            raise KeyedError(self.heading, "between", text)
+        if self.restitution > 1.0:
+            text = f" = {show(self.restitution)} is not allowed: an impact would gain energy; "
+            text += "give a number from 0 (no rebound) to 1 (no loss)."
+            raise KeyedError(self.heading, "restitution", text)
+        if self.friction_coefficient > 0.0:
+            text = (
+                f" = {show(self.friction_coefficient)}: friction is not available yet; remove it."
+            )
+            raise KeyedError(self.heading, "friction_coefficient", text)

@@ -1,0 +1,142 @@
+"""Point masses, alone or as small balls, with springs, dampers and forces by formula."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from impactfem.scene.formula import Formula
+from impactfem.scene.inline import Formulas, InlineTable, ListOf, Vector
+from impactfem.scene.kinds import Name, Real
+from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.values import show
+
+COORDINATES = ("x", "y", "z")
+STATE = ("t", *COORDINATES, "vx", "vy", "vz")
+"""Variables of a force, as far as the point has such coordinates."""
+
+
+@table("springs = [{ ... }]")
+@dataclass(frozen=True, kw_only=True)
+class Spring:
+    """A spring, with a damper beside it, from a point to a place or to another point.
+
+    With `rest_length` 0 force and damping act in all directions alike, -k (x - a) - c x'. Otherwise
+    they act along the line between the ends, k (l - rest_length) + c l'.
+
+    Raises:
+        SceneError: a value is not allowed, or not just one other end is given.
+    """
+
+    anchor: Sequence[float] | None = key(
+        Vector((1, 2, 3)), "place of the other end", unit="m", default=None, absent="none"
+    )
+    to: str | None = key(
+        Name(), "point at the other end, instead of anchor", default=None, absent="none"
+    )
+    stiffness: float = key(Real(at_least=0), "stiffness k", unit="N/m", default=0.0)
+    rest_length: float = key(Real(at_least=0), "length without force", unit="m", default=0.0)
+    damping: float = key(Real(at_least=0), "damping c", unit="N s/m", default=0.0)
+
+    def __post_init__(self) -> None:
+        check_fields(self, "spring")
+        if (self.anchor is None) == (self.to is None):
+            given = "neither is" if self.anchor is None else "both are"
+            text = f": {given} given; give anchor, a place, or to, the name of a point."
+            raise KeyedError("spring", "anchor", text)
+
+
+@table('[[body]] with kind = "point"')
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """A point mass, or a ball of some radius that does not rotate, in 1 to 3 dimensions.
+
+    Raises:
+        SceneError: a value is missing or not allowed, or two have different numbers of entries.
+    """
+
+    kind: ClassVar[str] = "point"
+
+    name: str = key(Name(), "name of the point in histories", default="point")
+    mass: float = key(Real(above=0), "mass", unit="kg")
+    position: Sequence[float] = key(
+        Vector((1, 2, 3)), "position at t = 0, as many entries as the scene has dimensions",
+        unit="m",
+    )  # fmt: skip
+    velocity: Sequence[float] | None = key(
+        Vector((1, 2, 3)), "velocity at t = 0", unit="m/s", default=None, absent="at rest"
+    )
+    radius: float = key(Real(at_least=0), "radius of the ball", unit="m", default=0.0)
+    force: tuple[Formula, ...] | None = key(
+        Formulas(STATE, lengths=(1, 2, 3)),
+        "applied force besides gravity and springs",
+        unit="N",
+        default=None,
+        absent="none",
+    )
+    springs: tuple[Spring, ...] = key(
+        ListOf(InlineTable((Spring,))), "springs and dampers", default=()
+    )
+
+    if TYPE_CHECKING:  # type checkers learn that texts and tables may be given
+
+        def __init__(
+            self,
+            *,
+            mass: float,
+            position: Sequence[float],
+            velocity: Sequence[float] | None = None,
+            name: str = "point",
+            radius: float = 0.0,
+            force: Sequence[float | str | Formula] | None = None,
+            springs: Sequence[Spring | Mapping[str, Any]] = (),
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.kind)
+        if self.velocity is None:
+            object.__setattr__(self, "velocity", (0.0,) * self.dim)
+        for name in ("velocity", "force"):
+            value = getattr(self, name)
+            if value is not None and len(value) != self.dim:
+                shown = show([e.plain for e in value] if name == "force" else list(value))
+                raise KeyedError(
+                    self.kind, name,
+                    f" = {shown} has {len(value)} entries, but position = "
+                    f"{show(list(self.position))} has {self.dim}: give {self.dim}.",
+                )  # fmt: skip
+        self._check_force()
+        for index, spring in enumerate(self.springs):
+            if spring.anchor is not None and len(spring.anchor) != self.dim:
+                raise KeyedError(
+                    self.kind, f"springs[{index}].anchor",
+                    f" = {show(list(spring.anchor))} has {len(spring.anchor)} entries, but "
+                    f"position has {self.dim}: give {self.dim}.",
+                )  # fmt: skip
+
+    @property
+    def dim(self) -> int:
+        """Number of coordinates."""
+        return len(self.position)
+
+    @property
+    def state(self) -> tuple[str, ...]:
+        """Names of coordinates and velocities, e.g. ``("x", "y", "vx", "vy")``."""
+        names = COORDINATES[: self.dim]
+        return (*names, *(f"v{name}" for name in names))
+
+    def _check_force(self) -> None:
+        """Refuse a force that needs other coordinates, or has no finite value at the start."""
+        velocity = self.velocity or ()
+        values = dict(zip(self.state, (*self.position, *velocity), strict=True)) | {"t": 0.0}
+        for index, formula in enumerate(self.force or ()):
+            where = f"force[{index}]"
+            missing = sorted(formula.used.difference(values))
+            if missing:
+                text = f" = {show(formula.text)} uses {', '.join(missing)}, but position has "
+                text += f"{self.dim} entries: use {', '.join(values)}."
+                raise KeyedError(self.kind, where, text)
+            if not np.isfinite(formula(**values)):
+                text = f" = {show(formula.text)} has no finite value at the start: rewrite it."
+                raise KeyedError(self.kind, where, text)

@@ -1,0 +1,117 @@
+"""Checks of scenes with few degrees of freedom: points, rods and beams."""
+
+from typing import TYPE_CHECKING, Any
+
+from impactfem.scene.contacts import Contact
+from impactfem.scene.loads import PiecewiseConstant
+from impactfem.scene.obstacles import HalfSpace, RigidCylinder, RigidSphere, Wall
+from impactfem.scene.points import Point
+from impactfem.scene.schema import KeyedError
+from impactfem.scene.values import show
+
+if TYPE_CHECKING:
+    from impactfem.scene.scene import Scene
+
+FAMILY = "points, rods and beams"
+
+
+def check_vibro(scene: "Scene", gravity: object) -> None:
+    """Refuse a scene of points, a rod or a beam that contradicts itself.
+
+    Args:
+        scene: the scene, its fields checked one by one.
+        gravity: as given, for messages.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    dim = scene.dim
+    _check_bodies(scene, dim)
+    _check_obstacles(scene, dim)
+    _check_gravity(scene, dim, gravity)
+    names = {body.name: body for body in scene.bodies} | {o.name: o for o in scene.obstacles}
+    for index, contact in enumerate(scene.contacts):
+        _check_contact(names, contact, index, scene.contacts[:index])
+    if not scene.obstacles and not scene.contacts:
+        text = (
+            " is missing: nothing can be hit; add an [[obstacle]], or a [[contact]] of two points."
+        )
+        raise KeyedError("obstacle", "", text)
+    if scene.output.checkpoint:
+        text = f" = {scene.output.checkpoint}: {FAMILY} are not checkpointed; remove it."
+        raise KeyedError("output", "checkpoint", text)
+
+
+def _check_bodies(scene: "Scene", dim: int) -> None:
+    points = {body.name for body in scene.bodies if isinstance(body, Point)}
+    for index, body in enumerate(scene.bodies):
+        if not isinstance(body, Point):
+            continue
+        if body.dim != dim:
+            text = f" = {show(list(body.position))} has {body.dim} entries, but that of "
+            text += f"{scene.bodies[0].name} has {dim}: give {dim}."
+            raise KeyedError(f"body[{index}]", "position", text)
+        for number, spring in enumerate(body.springs):
+            if spring.to is not None and (spring.to not in points or spring.to == body.name):
+                others = " or ".join(show(name) for name in sorted(points - {body.name}))
+                text = f" = {show(spring.to)} is no other point: give "
+                text += f"{others or 'anchor, a place'}."
+                raise KeyedError(f"body[{index}].springs[{number}]", "to", text)
+
+
+def _check_obstacles(scene: "Scene", dim: int) -> None:
+    body = scene.bodies[0]
+    smooth = (HalfSpace, RigidSphere, RigidCylinder)
+    for index, obstacle in enumerate(scene.obstacles):
+        where = f"obstacle[{index}]"
+        if isinstance(obstacle, Wall):
+            text = f' = "wall" is for bars: a {body.kind} meets kind = "half_space" (point, '
+            raise KeyedError(where, "kind", f"{text}normal) or another one; give it.")
+        try:
+            obstacle.check_dimension(dim)
+        except KeyedError as error:
+            raise error.moved(where) from None
+        if not isinstance(body, Point) and not isinstance(obstacle, HalfSpace):
+            text = f' = {show(obstacle.kind)}: a {body.kind} meets kind = "half_space"; give it.'
+            raise KeyedError(where, "kind", text)
+        if not isinstance(obstacle, smooth):
+            text = f" = {show(obstacle.kind)} has corners: {FAMILY} meet smooth obstacles; "
+            text += 'give one kind = "half_space" for each side.'
+            raise KeyedError(where, "kind", text)
+        if obstacle.motion is not None and not isinstance(obstacle, HalfSpace):
+            text = f" of a {obstacle.kind}: only half-spaces move here; remove it."
+            raise KeyedError(where, "motion", text)
+
+
+def _check_gravity(scene: "Scene", dim: int, given: object) -> None:
+    gravity = scene.gravity
+    example = ", ".join(["0.0"] * (dim - 1) + ["-9.81"])
+    if isinstance(gravity, PiecewiseConstant):
+        if gravity.is_constant and gravity.values[0] == 0.0:
+            return
+        why = f"it is a number, but the bodies move in space; give a vector [{example}]"
+    elif gravity.dim != dim:
+        why = f"it has {gravity.dim} entries, but the bodies have {dim} coordinates; give a "
+        why += f"vector [{example}]"
+    else:
+        return
+    raise KeyedError("", "gravity", f" = {show(given)} is not allowed: {why}.")
+
+
+def _check_contact(
+    names: dict[str, Any], contact: Contact, index: int, earlier: tuple[Contact, ...]
+) -> None:
+    where = f"contact[{index}]"
+    shown = show(list(contact.between))
+    for name in contact.between:
+        if name not in names:
+            text = f" = {shown}: there is no {show(name)}; the scene has {', '.join(names)}."
+            raise KeyedError(where, "between", text)
+    bodies = [name for name in contact.between if hasattr(names[name], "mass")]
+    if not bodies:
+        raise KeyedError(where, "between", f" = {shown} are two obstacles: name a body and one.")
+    if len(bodies) == 2 and not all(isinstance(names[name], Point) for name in bodies):
+        text = f" = {shown} are two bodies: only points meet each other; name an obstacle."
+        raise KeyedError(where, "between", text)
+    if any(set(entry.between) == set(contact.between) for entry in earlier):
+        raise KeyedError(where, "between", f" = {shown} is given twice: remove one.")
