@@ -1,0 +1,100 @@
+"""The position-level scheme of systems with any mass matrix, forces and constraints, in Python."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve
+
+from impactfem.errors import ConvergenceError
+from impactfem.marching.position_kernels import note
+from impactfem.marching.position_start import start_positions
+from impactfem.marching.projection import project
+from impactfem.marching.vibro_rows import empty_rows, trajectory, unfinished
+from impactfem.result.bar_motion import Effort, kept_levels
+from impactfem.result.trajectory import Trajectory
+from impactfem.system.generalized import GeneralizedSystem, factor_mass
+
+Floats = NDArray[np.float64]
+
+_MAX_FIXED_POINT = 100
+
+
+def march_general(
+    system: GeneralizedSystem, u: Floats, v: Floats, steps: int, h: float, every: int
+) -> Trajectory:
+    """March over equal steps h; see `position_level`."""
+    first = start_positions(system, u, v, h, system.mass(u))
+    u, s, gap, before = first.position.copy(), first.change, first.gap, first.before
+    e, count = system.restitution, system.num_constraints
+    rows = empty_rows(system, steps, every)
+    episodes, total, worst = np.zeros((count, 5)), np.zeros(count), 0.0
+    room = np.zeros((count, 5))
+    impacts: list[tuple[float, ...]] = []
+    factor = factor_mass(system, u)
+    wall_old, wall = system.gap(0.0, u - s) - before, system.motion_at(0.0)
+    wall_old = wall_old + wall
+    linearisations = 0
+    for m in range(steps + 1):
+        t = m * h
+        if system.constant_mass is None:
+            factor = factor_mass(system, u, t)
+        wall_new = system.motion_at(t + h)
+        mean = (wall_new + e * wall_old) / (1.0 + e)
+        new, impulse, solved = _step(system, factor, t, h, u, s, mean)
+        linearisations = max(linearisations, solved)
+        following = system.gap(t + h, u + new)
+        if m % every == 0 or m == steps:
+            row = -(-m // every)
+            rows[0][row], rows[1][row] = u, 0.5 * (s + new) / h
+            rows[2][row], rows[3][row] = gap, total + 0.5 * impulse / h
+        total += impulse / h
+        worst = min(worst, float(gap.min(initial=0.0)))
+        written = 0
+        for c in range(count):
+            speed, after = (gap[c] - before[c]) / h, (following[c] - gap[c]) / h
+            when = t + (min(max(gap[c] / -speed, -h), h) if speed < 0.0 else 0.0)
+            if impulse[c] == 0.0 and episodes[c, 4]:
+                episodes[c, 3] = after
+            written = note(c, impulse[c] / h, when, speed, after, episodes, room, written)
+        impacts.extend(map(tuple, room[:written]))
+        u, s, gap, before = u + new, new, following, gap
+        wall_old, wall = wall, wall_new
+    impacts.extend(unfinished(episodes))
+    details = {
+        "dt": h, "implicit": False, "max_penetration": max(0.0, -worst),
+        "max_linearisations": linearisations,
+    }  # fmt: skip
+    effort = Effort(num_unknowns=system.dofs, details=details)
+    return trajectory(system, h * kept_levels(steps, every), rows, impacts, effort)
+
+
+def _step(
+    system: GeneralizedSystem,
+    factor: Floats,
+    t: float,
+    h: float,
+    u: Floats,
+    s: Floats,
+    wall: Floats,
+) -> tuple[Floats, Floats, int]:
+    """U^{m+1} - U^m, P and the linearisations; velocities in f by fixed point."""
+    old = u - s
+    velocity = s / h
+    force = system.force(t, u, velocity)
+    for _ in range(_MAX_FIXED_POINT):
+        free = s + h * h * cho_solve((factor, True), force)
+        found = project(system, factor, u + free, old, wall)
+        new = free + found.change
+        following = system.force(t, u, 0.5 * (s + new) / h)
+        if not np.isfinite(following).all():
+            raise ConvergenceError(
+                f"force at t = {t:.6g} s is {following.tolist()}: the motion or the formula broke "
+                "down; use a smaller dt"
+            )
+        moved = h * h * float(np.abs(cho_solve((factor, True), following - force)).max())
+        if moved <= 1e-14 * float(np.abs(new).max()) + 1e-300:
+            return new, found.impulse, found.linearisations
+        force = following
+    raise ConvergenceError(
+        f"the forces that depend on velocity did not settle in {_MAX_FIXED_POINT} iterations at "
+        f"t = {t:.6g} s (last change {moved:.1e}); use a smaller dt"
+    )

@@ -1,0 +1,84 @@
+"""The start of the schemes with time steps: impacts and lasting contact at t = 0, and frequencies."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve, eigvals
+
+from impactfem.contact.impact_law import delassus, resolve_impact, resting_forces
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem, factor_mass
+
+Floats = NDArray[np.float64]
+
+_CLOSED = 1e-12  # share of the largest coordinate below which a gap counts as closed
+_AT_REST = 1e-12  # share of the largest velocity that counts as none
+
+
+@dataclass(frozen=True)
+class Start:
+    """What the first step needs: U^0, U^0 - U^{-1} and the gaps at both.
+
+    U^{-1} = u0 - h v0 + h^2 a0 / 2 is the free motion backwards, so that U^1 is
+    u0 + h v0 + h^2 a0 / 2 wherever nothing is hit in the first step, and what is hit there is hit with restitution. v0 is
+    taken after the impact of constraints that are closed and approach; a0 contains the forces of
+    those that rest.
+    """
+
+    position: Floats
+    change: Floats
+    gap: Floats
+    before: Floats
+
+
+def start_positions(
+    system: GeneralizedSystem, u: Floats, v: Floats, h: float, weight: Floats
+) -> Start:
+    """The start of the scheme.
+
+    Args:
+        system: The system.
+        u: u0, shape (d,).
+        v: v0, shape (d,).
+        h: Time step [s].
+        weight: M + beta h^2 K, shape (d, d).
+    """
+    gap = system.gap(0.0, u)
+    closed = np.flatnonzero(gap <= _CLOSED * max(float(np.abs(u).max()), 1e-300))
+    jacobian = system.jacobian(u)[closed]
+    rate = system.motion_rate(0.0)[closed]
+    if len(closed) and ((jacobian @ v - rate) < 0.0).any():
+        e = system.restitution[closed]
+        v = resolve_impact(factor_mass(system, u), jacobian, v, rate, e).velocity
+    factor: Floats = np.linalg.cholesky(weight)
+    acceleration = cho_solve((factor, True), system.force(0.0, u, v))
+    speed = jacobian @ v - rate
+    size = float(np.abs(v).max(initial=0.0))
+    rests = speed <= _AT_REST * size
+    if rests.any():
+        curvature = system.gap_curvature(0.0, u, v)[closed][rests]
+        force = resting_forces(factor, jacobian[rests], acceleration, curvature)
+        acceleration += delassus(factor, jacobian[rests])[1] @ force
+    change = h * v - 0.5 * h * h * acceleration
+    wall = system.motion_at(-h)
+    if not np.isfinite(wall).all():  # a motion that is not known before t = 0
+        wall = 2.0 * system.motion_at(0.0) - system.motion_at(h)
+    before = system.gap(0.0, u - change) + system.motion_at(0.0) - wall
+    return Start(u, change, gap, before)
+
+
+def highest_frequency(system: GeneralizedSystem, u: Floats, v: Floats) -> float:
+    """omega_max of M^-1 K [rad/s], K = -df/du by differences where the system is not linear."""
+    if isinstance(system, LinearSystem):
+        stiffness = system.stiffness
+    else:
+        steps = 6e-6 * np.maximum(1.0, np.abs(u))
+        stiffness = -np.stack(
+            [
+                (system.force(0.0, u + row, v) - system.force(0.0, u - row, v)) / (2.0 * row.sum())
+                for row in np.diag(steps)
+            ],
+            axis=1,
+        )
+    squares = eigvals(stiffness, system.mass(u))
+    return float(np.sqrt(max(0.0, float(np.real(squares).max()))))

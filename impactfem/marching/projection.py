@@ -1,0 +1,94 @@
+"""The projection of a step on the constraints, in the metric of M, where they may be curved.
+
+For one restitution e the step of Paoli and Schatzman keeps Z = (U_new + e U_old) / (1 + e) in
+K = {phi >= b}: U_new = U_free + (1 + e) M^-1 J(Z)^T mu is the condition that Z is the projection
+of (U_free + e U_old) / (1 + e) in the metric of M. Several e_j have a point Z_j each, and
+0 <= P_j _|_ phi_j(Z_j) - b_j >= 0 with U_new = U_free + M^-1 sum J_j(Z_j)^T P_j; near flat parts
+this is 0 <= P _|_ w_new + e w_old >= 0, the law of simultaneous impacts.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.impact_law import complementarity, delassus
+from impactfem.errors import ConvergenceError
+from impactfem.system.generalized import GeneralizedSystem
+
+Floats = NDArray[np.float64]
+
+_MAX_LINEARISATIONS = 60
+_EPS = np.finfo(float).eps
+
+
+@dataclass(frozen=True)
+class Projected:
+    """A projection.
+
+    Attributes:
+        change: U_new - U_free, shape (d,).
+        impulse: P = h^2 lambda, >= 0, shape (J,).
+        linearisations: Complementarity problems solved.
+    """
+
+    change: Floats
+    impulse: Floats
+    linearisations: int
+
+
+def project(
+    system: GeneralizedSystem, factor: Floats, free: Floats, old: Floats, wall: Floats
+) -> Projected:
+    """Move U_free so that the points Z_j obey their constraints, by successive linearisation.
+
+    The error falls by a factor of the order of curvature times penetration, O(h), at each.
+
+    Args:
+        system: The constraints and their restitution.
+        factor: Lower Cholesky factor of M, shape (d, d).
+        free: U_new without contact, shape (d,).
+        old: U_old, shape (d,).
+        wall: (b_new + e b_old) / (1 + e), shape (J,).
+
+    Raises:
+        ConvergenceError: The linearisations do not settle.
+    """
+    e = system.restitution
+    change, impulse = np.zeros_like(free), np.zeros(len(e))
+    length = float(np.abs(free).max(initial=0.0))
+    settled = 1e-13 * float(np.abs(free - old).max(initial=0.0)) + 8.0 * _EPS * length
+    for done in range(_MAX_LINEARISATIONS):
+        gap, jacobian = _at_points(system, free + change, old, wall, need=bool(done))
+        if jacobian is None:
+            return Projected(change, impulse, 0)
+        offset = (1.0 + e) * gap - jacobian @ change  # at U_free, in the linearised constraints
+        coupling, answers = delassus(factor, jacobian)
+        impulse = complementarity(coupling, offset)
+        following = answers @ impulse
+        moved = float(np.abs(following - change).max(initial=0.0))
+        change = following
+        if moved <= settled:
+            return Projected(change, impulse, done + 1)
+    raise ConvergenceError(
+        f"contact: the projection on the constraints did not settle in {_MAX_LINEARISATIONS} "
+        f"linearisations (last change {moved:.1e}); use a smaller dt"
+    )
+
+
+def _at_points(
+    system: GeneralizedSystem, new: Floats, old: Floats, wall: Floats, *, need: bool
+) -> tuple[Floats, Floats | None]:
+    """phi_j(Z_j) - b_j (J,) and J_j(Z_j) (J, d); None if all are >= 0 and it is not needed."""
+    e = system.restitution
+    groups = [(float(value), np.flatnonzero(e == value)) for value in np.unique(e)]
+    points = [(new + value * old) / (1.0 + value) for value, _ in groups]
+    gap = -wall
+    for (_, rows), point in zip(groups, points, strict=True):
+        gap[rows] += system.gap(0.0, point)[rows] + system.motion_at(0.0)[rows]
+    if not need and not (gap < 0.0).any():
+        return gap, None
+    jacobian = np.zeros((len(e), len(new)))
+    for (_, rows), point in zip(groups, points, strict=True):
+        jacobian[rows] = system.jacobian(point)[rows]
+    return gap, jacobian
