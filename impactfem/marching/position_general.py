@@ -28,7 +28,7 @@ def march_general(
     rows = empty_rows(system, steps, every)
     episodes, total, worst = np.zeros((count, 5)), np.zeros(count), 0.0
     room = np.zeros((count, 5))
-    impacts: list[tuple[float, ...]] = []
+    impacts: list[tuple[float, ...]] = list(map(tuple, first.impacts))
     factor = factor_mass(system, u)
     wall_old, wall = system.gap(0.0, u - s) - before, system.motion_at(0.0)
     wall_old = wall_old + wall

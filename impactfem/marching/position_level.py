@@ -3,11 +3,11 @@
     U^{m+1} = -e U^{m-1} + (1 + e) P_K[(2 U^m - (1 - e) U^{m-1} + h^2 F^m) / (1 + e)],
 
 P_K the projection on K = {phi >= b} in the metric of M(U^m). In words: without contact the central
-difference scheme, and of it the point Z = (U^{m+1} + e U^{m-1}) / (1 + e) is kept in K, with b
-taken as (b(t_{m+1}) + e b(t_{m-1})) / (1 + e), which is the scheme in the frame of a translating wall.
+difference scheme, and Z = (U^{m+1} + e U^{m-1}) / (1 + e) is kept in K. Where walls move, b is
+(b(t_{m+1}) + e b(t_{m-1})) / (1 + e): this is the scheme in the frame of a translating wall.
 
-For a `LinearSystem` F contains the unknown: with velocities (U^{m+1} - U^{m-1}) / 2h and stiffness
-forces K (beta U^{m+1} + (1 - 2 beta) U^m + beta U^{m-1}) the step reads
+For a `LinearSystem` F contains the unknown: with velocities (U^{m+1} - U^{m-1}) / 2h and forces
+K (beta U^{m+1} + (1 - 2 beta) U^m + beta U^{m-1}) of the stiffness the step reads
 
     A (U^{m+1} - 2 U^m + U^{m-1}) = h^2 (p^m - K U^m) - h C (U^m - U^{m-1}) + J^T P,
     A = M + h C / 2 + beta h^2 K,      0 <= P _|_ gap^{m+1} + e gap^{m-1} >= 0,
@@ -22,6 +22,7 @@ order 1, and penetrate by no more than 2 e h v. Source: Paoli and Schatzman, Ill
 vibro-impact and its numerical consequences (2000), equations (23) to (27).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,8 +65,8 @@ class PositionSettings:
 
 def integrate_positions(
     system: GeneralizedSystem,
-    position: Floats,
-    velocity: Floats,
+    position: Sequence[float] | Floats,
+    velocity: Sequence[float] | Floats,
     duration: float,
     settings: PositionSettings,
 ) -> Trajectory:
@@ -119,7 +120,8 @@ def choose_implicit(
         remedy = "or implicit = true" if linear else "or the event-driven method"
         raise SceneError(
             f"dt = {h:.6g} s is too large for the stiffness: with explicit forces the scheme is "
-            f"stable for dt < {_LIMIT * h / number:.6g} s = 2 / omega_max; use a smaller dt, {remedy}"
+            f"stable for dt < {_LIMIT * h / number:.6g} s = 2 / omega_max; use a smaller dt, "
+            f"{remedy}"
         )
     return implicit
 
@@ -166,7 +168,7 @@ def _linear(
         lambda begin, end: tabulate(system, loads, h, begin, end), tuple(matrices),
         (first.position, first.change, first.gap, first.before), rows,
     )  # fmt: skip
-    impacts = march.run()
+    impacts = np.concatenate([first.impacts, march.run()])
     details = {
         "dt": h, "implicit": implicit, "max_penetration": max(0.0, -float(march.worst[0])),
         "handed_back": march.handed_back,

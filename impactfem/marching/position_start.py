@@ -1,4 +1,4 @@
-"""The start of the schemes with time steps: impacts and lasting contact at t = 0, and frequencies."""
+"""The start of schemes with time steps: impacts and lasting contact at t = 0, and frequencies."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ _AT_REST = 1e-12  # share of the largest velocity that counts as none
 
 @dataclass(frozen=True)
 class Start:
-    """What the first step needs: U^0, U^0 - U^{-1} and the gaps at both.
+    """What the first step needs: U^0, U^0 - U^{-1} the gaps at both, and impacts at t = 0 (n, 5).
 
     U^{-1} = u0 - h v0 + h^2 a0 / 2 is the free motion backwards, so that U^1 is
     u0 + h v0 + h^2 a0 / 2 wherever nothing is hit in the first step, and what is hit there is hit with restitution. v0 is
@@ -29,6 +29,7 @@ class Start:
     change: Floats
     gap: Floats
     before: Floats
+    impacts: Floats
 
 
 def start_positions(
@@ -47,9 +48,13 @@ def start_positions(
     closed = np.flatnonzero(gap <= _CLOSED * max(float(np.abs(u).max()), 1e-300))
     jacobian = system.jacobian(u)[closed]
     rate = system.motion_rate(0.0)[closed]
+    impacts = np.zeros((0, 5))
     if len(closed) and ((jacobian @ v - rate) < 0.0).any():
         e = system.restitution[closed]
-        v = resolve_impact(factor_mass(system, u), jacobian, v, rate, e).velocity
+        hit = resolve_impact(factor_mass(system, u), jacobian, v, rate, e)
+        v = hit.velocity
+        table = np.stack([0.0 * rate, closed, hit.before, hit.after, hit.impulse], axis=1)
+        impacts = table[hit.impulse > 0.0]
     factor: Floats = np.linalg.cholesky(weight)
     acceleration = cho_solve((factor, True), system.force(0.0, u, v))
     speed = jacobian @ v - rate
@@ -64,7 +69,7 @@ def start_positions(
     if not np.isfinite(wall).all():  # a motion that is not known before t = 0
         wall = 2.0 * system.motion_at(0.0) - system.motion_at(h)
     before = system.gap(0.0, u - change) + system.motion_at(0.0) - wall
-    return Start(u, change, gap, before)
+    return Start(u, change, gap, before, impacts)
 
 
 def highest_frequency(system: GeneralizedSystem, u: Floats, v: Floats) -> float:

@@ -1,0 +1,235 @@
+"""Moreau's and Jean's scheme: impacts and contact forces as impulses on velocities.
+
+With f the forces without contact and v_t = (1 - theta) v^m + theta v^{m+1} the step is
+
+    M (v^{m+1} - v^m) = h f + J^T P,      u^{m+1} = u^m + h v_t,
+    0 <= P _|_ w^{m+1} + e w^m >= 0   where the gap at t_m + h/2, u^m + h v^m / 2 is <= 0,
+
+w = J v - b'. For a `LinearSystem` f = p_t - C v_t - K (u^m + theta h v_t), which with
+
+    A = M + theta h C + theta^2 h^2 K,
+    A (v^{m+1} - v^m) = h p_t - h K u^m - (h C + theta h^2 K) v^m + J^T P
+
+is solved at once; stable for any h from theta = 1/2 on. Other systems take M, J and f at the
+midpoint, u^m + h v^m / 2. Friction joins where normal impulses are found: in `_impulses`.
+
+An impact takes one step and leaves with e w^m; positions have order 1 and penetrate O(h).
+Source: Jean and Moreau, Unilaterality and dry friction in the dynamics of rigid body collections
+(1992); Jean, Comput. Methods Appl. Mech. Engrg. 177 (1999) 235-257.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_solve, lu_factor, lu_solve
+
+from impactfem.contact.impact_law import Law, delassus
+from impactfem.errors import ConvergenceError, SceneError
+from impactfem.marching.position_kernels import march_velocities, note
+from impactfem.marching.position_start import highest_frequency
+from impactfem.marching.vibro_rows import (
+    LinearMarch,
+    count_steps,
+    empty_rows,
+    solve_impulses,
+    trajectory,
+    unfinished,
+)
+from impactfem.result.bar_motion import Effort, kept_levels
+from impactfem.result.trajectory import Trajectory
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start, factor_mass
+
+Floats = NDArray[np.float64]
+
+_LIMIT = 2.0  # h omega_max up to which forces at the midpoint are stable
+_MAX_FIXED_POINT = 100
+
+
+@dataclass(frozen=True)
+class VelocitySettings:
+    """Settings of the velocity-level scheme.
+
+    Attributes:
+        dt: Longest time step h [s]; the one used divides the duration.
+        theta: Weight of the end of the step, in [1/2, 1]; 1/2 keeps the energy of free motion.
+        every: Steps between two rows of the trajectory.
+        law: Only "simultaneous".
+    """
+
+    dt: float
+    theta: float = 0.5
+    every: int = 1
+    law: Law = "simultaneous"
+
+
+def integrate_velocities(
+    system: GeneralizedSystem,
+    position: Sequence[float] | Floats,
+    velocity: Sequence[float] | Floats,
+    duration: float,
+    settings: VelocitySettings,
+) -> Trajectory:
+    """Integrate by the velocity-level scheme.
+
+    Impacts are the intervals in which a constraint acts, dated by the line of approach; a lasting
+    contact is one with a long impulse.
+
+    Args:
+        system: The system.
+        position: u0, shape (d,).
+        velocity: v0, shape (d,).
+        duration: [s].
+        settings: Step and choices.
+
+    Raises:
+        SceneError: Bad input, or dt too large for the stiffness.
+        ConvergenceError: Contact or forces that depend on velocity were not solved.
+    """
+    u = np.array(position, dtype=float).reshape(-1)
+    v = np.array(velocity, dtype=float).reshape(-1)
+    steps, h = count_steps(duration, settings.dt, settings.every, settings.law)
+    if not 0.5 <= settings.theta <= 1.0:
+        raise SceneError(f"theta = {settings.theta!r}: give a number from 1/2 to 1")
+    check_start(system, u, v)
+    if isinstance(system, LinearSystem):
+        return _linear(system, u, v, steps, h, settings)
+    number = h * highest_frequency(system, u, v)
+    if number >= _LIMIT:
+        raise SceneError(
+            f"dt = {h:.6g} s is too large for the stiffness: with forces at the midpoint the "
+            f"scheme is stable for dt < {_LIMIT * h / number:.6g} s = 2 / omega_max; use a smaller "
+            "dt, or the event-driven method"
+        )
+    return _general(system, u, v, steps, h, settings)
+
+
+def step_matrices(system: LinearSystem, h: float, theta: float) -> tuple[Floats, ...]:
+    """A^-1 h (d, d), then stiff, damp, response, coupling, normals, offsets, restitution."""
+    c, k = system.damping, system.stiffness
+    whole = system.mass(np.zeros(system.dofs)) + theta * h * c + (theta * h) ** 2 * k
+    inverse = lu_solve(lu_factor(whole), np.eye(system.dofs))
+    response = inverse @ system.normals.T
+    return (
+        h * inverse,
+        h * (inverse @ k),
+        inverse @ (h * c + theta * h * h * k),
+        np.ascontiguousarray(response),
+        system.normals @ response,
+        system.normals,
+        system.offsets,
+        system.restitution,
+    )
+
+
+def tabulate(
+    system: LinearSystem, loads: Floats, h: float, theta: float, begin: int, end: int
+) -> tuple[Floats, Floats]:
+    """h A^-1 p_t (steps, d) and b, b at the midpoint, b' before and after (steps, 4 J)."""
+    times = h * np.arange(begin, end + 1)
+    p = system.load_at(times)
+    forces = ((1.0 - theta) * p[:-1] + theta * p[1:]) @ loads.T
+    at, middle = times[:-1], times[:-1] + 0.5 * h
+    places = [signal(at) + 0.0 * at for signal in system.motion]
+    halves = [signal(middle) + 0.0 * at for signal in system.motion]
+    rates = [signal.rate(times) + 0.0 * times for signal in system.motion]
+    columns = [*places, *halves, *(rate[:-1] for rate in rates), *(rate[1:] for rate in rates)]
+    return np.ascontiguousarray(forces), np.stack(columns, axis=1)
+
+
+def _linear(
+    system: LinearSystem, u: Floats, v: Floats, steps: int, h: float, settings: VelocitySettings
+) -> Trajectory:
+    theta = settings.theta
+    loads, *matrices = step_matrices(system, h, theta)
+    rows = empty_rows(system, steps, settings.every)
+    march = LinearMarch(
+        march_velocities, steps, h, settings.every,
+        lambda begin, end: tabulate(system, loads, h, theta, begin, end), tuple(matrices),
+        (u, v, system.gap(0.0, u), np.zeros(system.num_constraints)), rows, (theta,),
+    )  # fmt: skip
+    impacts = march.run()
+    details = {
+        "dt": h, "theta": theta, "max_penetration": max(0.0, -float(march.worst[0])),
+        "handed_back": march.handed_back,
+    }  # fmt: skip
+    effort = Effort(num_unknowns=system.dofs, details=details)
+    return trajectory(system, h * kept_levels(steps, settings.every), rows, impacts, effort)
+
+
+def _general(
+    system: GeneralizedSystem,
+    u: Floats,
+    v: Floats,
+    steps: int,
+    h: float,
+    settings: VelocitySettings,
+) -> Trajectory:
+    theta, every, count = settings.theta, settings.every, system.num_constraints
+    rows = empty_rows(system, steps, every)
+    episodes, total, worst = np.zeros((count, 5)), np.zeros(count), 0.0
+    room = np.zeros((count, 5))
+    impacts: list[tuple[float, ...]] = []
+    for m in range(steps + 1):
+        t = m * h
+        gap = system.gap(t, u)
+        worst = min(worst, float(gap.min(initial=0.0)))
+        if m % every == 0 or m == steps:
+            row = -(-m // every)
+            rows[0][row], rows[1][row], rows[2][row], rows[3][row] = u, v, gap, total
+        new, impulse, speed, after = _step(system, t, h, u, v)
+        total += impulse
+        written = 0
+        for c in range(count):
+            when = t + (min(max(gap[c] / -speed[c], 0.0), h) if speed[c] < 0.0 else 0.0)
+            written = note(c, impulse[c], when, speed[c], after[c], episodes, room, written)
+        impacts.extend(map(tuple, room[:written]))
+        u, v = u + h * (v + theta * (new - v)), new
+    impacts.extend(unfinished(episodes))
+    details = {"dt": h, "theta": theta, "max_penetration": max(0.0, -worst)}
+    effort = Effort(num_unknowns=system.dofs, details=details)
+    return trajectory(system, h * kept_levels(steps, every), rows, impacts, effort)
+
+
+def _step(
+    system: GeneralizedSystem, t: float, h: float, u: Floats, v: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """v^{m+1}, P, and normal velocities before and after; velocities in f by fixed point."""
+    middle = u + 0.5 * h * v
+    factor = factor_mass(system, middle, t)
+    closed = np.flatnonzero(system.gap(t + 0.5 * h, middle) <= 0.0)
+    count = system.num_constraints
+    impulse, speed, after = np.zeros(count), np.zeros(count), np.zeros(count)
+    jacobian, answers, coupling = np.zeros((0, len(u))), np.zeros((len(u), 0)), np.zeros((0, 0))
+    if len(closed):
+        jacobian = system.jacobian(middle)[closed]
+        coupling, answers = delassus(factor, jacobian)
+        speed[closed] = jacobian @ v - system.motion_rate(t)[closed]
+    rate = system.motion_rate(t + h)[closed]
+    force = system.force(t + 0.5 * h, middle, v)
+    for _ in range(_MAX_FIXED_POINT):
+        free = v + h * cho_solve((factor, True), force)
+        offset = jacobian @ free - rate + system.restitution[closed] * speed[closed]
+        impulse[closed] = _impulses(coupling, offset)
+        new = free + answers @ impulse[closed]
+        following = system.force(t + 0.5 * h, middle, 0.5 * (v + new))
+        if not np.isfinite(following).all():
+            raise ConvergenceError(
+                f"force at t = {t:.6g} s is {following.tolist()}: the motion or the formula broke "
+                "down; use a smaller dt"
+            )
+        moved = h * float(np.abs(cho_solve((factor, True), following - force)).max())
+        if moved <= 1e-14 * float(np.abs(new).max()) + 1e-300:
+            after[closed] = jacobian @ new - rate
+            return new, impulse, speed, after
+        force = following
+    raise ConvergenceError(
+        f"the forces that depend on velocity did not settle in {_MAX_FIXED_POINT} iterations at "
+        f"t = {t:.6g} s (last change {moved:.1e}); use a smaller dt"
+    )
+
+
+def _impulses(coupling: Floats, offset: Floats) -> Floats:
+    """Normal impulses of the closed constraints: 0 <= P _|_ offset + coupling P >= 0."""
+    return solve_impulses(coupling, offset)
