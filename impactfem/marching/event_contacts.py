@@ -13,6 +13,7 @@ from scipy.linalg import cho_solve
 
 from impactfem.contact.impact_law import Law, delassus, resolve_impact, resting_forces
 from impactfem.errors import ConvergenceError
+from impactfem.marching.event_constrained import constrained
 from impactfem.system.generalized import GeneralizedSystem, factor_mass
 
 Floats = NDArray[np.float64]
@@ -91,19 +92,19 @@ class Contacts:
         v, impacts = self._strike(t, factor, jacobian, v, rate, rows, noise)
         speed = jacobian @ v - rate
         slow = rows[np.abs(speed[rows]) <= np.maximum(noise[rows], self.threshold)]
-        applied = cho_solve((factor, True), system.force(t, u, v))
+        mass, load = system.mass(u), system.force(t, u, v)
+        applied = cho_solve((factor, True), load)
         curvature = system.gap_curvature(t, u, v)
-        lasting, acceleration = _lasting(
-            factor, jacobian, applied, curvature, slow[slow != released]
-        )
+        state = mass, factor, jacobian, load, applied, curvature
+        lasting, acceleration = _lasting(state, slow[slow != released])
         if released is not None and released in slow:
             wanted = jacobian[released] @ acceleration + curvature[released]
             size = np.abs(jacobian[released]) @ np.abs(applied) + abs(curvature[released])
             if wanted < -1e-10 * size:  # another constraint presses it after all
-                lasting, acceleration = _lasting(factor, jacobian, applied, curvature, slow)
-        closed, implied = _independent(factor, jacobian, lasting)
+                lasting, acceleration = _lasting(state, slow)
+        closed, implied = _independent(jacobian, lasting)
         tails = {j: self._tail(j, speed[j], jacobian[j] @ applied + curvature[j]) for j in closed}
-        u, v = self._close(t, factor, jacobian, u, v, speed, closed)
+        u, v = self._close(t, mass, jacobian, u, v, speed, closed)
         for j in rows:
             self.order[j] = 1 if speed[j] > noise[j] else 2 if j in slow else 0
         self._enter(closed, implied, t, before_spell, tails)
@@ -141,19 +142,18 @@ class Contacts:
         return 2.0 * speed / (-acceleration * (1.0 - e))
 
     def _close(
-        self, t: float, factor: Floats, jacobian: Floats, u: Floats, v: Floats,
+        self, t: float, mass: Floats, jacobian: Floats, u: Floats, v: Floats,
         speed: Floats, closed: tuple[int, ...],
     ) -> tuple[Floats, Floats]:  # fmt: skip
         """Take the normal speeds and the gaps of the closed constraints away."""
         if not closed:
             return u, v
         rows = list(closed)
-        matrix, answers = delassus(factor, jacobian[rows])
-        impulse = np.linalg.solve(matrix, speed[rows])
+        wrong = np.stack([self.system.gap(t, u)[rows], speed[rows]], axis=1)
+        change, impulse = constrained(mass, jacobian[rows], np.zeros((len(u), 2)), wrong)
         self.dropped_speed = max(self.dropped_speed, float(np.abs(speed[rows]).max()))
-        self.dropped_energy += 0.5 * float(impulse @ speed[rows])
-        gap = self.system.gap(t, u)[rows]
-        return u - answers @ np.linalg.solve(matrix, gap), v - answers @ impulse
+        self.dropped_energy -= 0.5 * float(impulse[:, 1] @ speed[rows])
+        return u + change[:, 0], v + change[:, 1]
 
     def _enter(
         self, closed: tuple[int, ...], implied: tuple[int, ...], t: float,
@@ -169,31 +169,42 @@ class Contacts:
 
 
 def _lasting(
-    factor: Floats, jacobian: Floats, applied: Floats, curvature: Floats, rows: Integers
+    state: tuple[Floats, Floats, Floats, Floats, Floats, Floats], rows: Integers
 ) -> tuple[list[tuple[float, int]], Floats]:
     """Constraints that stay closed, as (force, index), and the acceleration (d,)."""
+    mass, factor, jacobian, load, applied, curvature = state
     if not len(rows):
         return [], applied
-    normals = jacobian[rows]
-    force = resting_forces(factor, normals, applied, curvature[rows])
+    normals, bend = jacobian[rows], curvature[rows]
+    if _rank(normals) == len(rows):
+        # Mostly all stay closed: then this is exact, and good for any ratio of masses.
+        together, pressed = constrained(mass, normals, load[:, None], bend[:, None])
+        if (pressed > 0.0).all():
+            return [(float(pressed[i, 0]), int(j)) for i, j in enumerate(rows)], together[:, 0]
+    force = resting_forces(factor, normals, applied, bend)
     matrix, answers = delassus(factor, normals)
     acceleration = applied + answers @ force
-    size = np.abs(normals) @ np.abs(applied) + np.abs(curvature[rows]) + np.abs(matrix) @ force
-    away = normals @ acceleration + curvature[rows]
+    size = np.abs(normals) @ np.abs(applied) + np.abs(bend) + np.abs(matrix) @ force
+    away = normals @ acceleration + bend
     stays = (force > 0.0) | (away <= 1e-12 * size)
     return [(float(force[i]), int(j)) for i, j in enumerate(rows) if stays[i]], acceleration
 
 
 def _independent(
-    factor: Floats, jacobian: Floats, lasting: list[tuple[float, int]]
+    jacobian: Floats, lasting: list[tuple[float, int]]
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
     """Linearly independent constraints, those with the largest forces first, and the others."""
     chosen: list[int] = []
     left: list[int] = []
     for _, j in sorted(lasting, reverse=True):
-        matrix, _ = delassus(factor, jacobian[[*chosen, j]])
-        root = 1.0 / np.sqrt(np.diag(matrix))
-        scaled = root[:, None] * matrix * root
-        independent = float(np.linalg.eigvalsh(scaled)[0]) > 1e-10
-        (chosen if independent else left).append(j)
+        both = [*chosen, j]
+        (chosen if _rank(jacobian[both]) == len(both) else left).append(j)
     return tuple(sorted(chosen)), tuple(sorted(left))
+
+
+def _rank(normals: Floats) -> int:
+    """Rank of rows, whatever their lengths."""
+    if len(normals) == 1:
+        return 1
+    unit = normals / np.linalg.norm(normals, axis=1)[:, None]
+    return int(np.linalg.matrix_rank(unit, tol=1e-9))

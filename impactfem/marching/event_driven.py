@@ -127,7 +127,7 @@ def _fly_linear(
     watched: int | None = None
     while True:
         if status != FULL:
-            near = record.near(clock[0], u)
+            near = record.near(float(clock[0]), u, v)
             if watched is not None:
                 near[watched] = True
             u, v, impacts = contacts.settle(float(clock[0]), u, v, near, released)
@@ -138,7 +138,7 @@ def _fly_linear(
         ignored = np.zeros(system.num_constraints, dtype=np.bool_)
         ignored[list(contacts.closed + contacts.implied)] = True
         status = fly(
-            flight.powers, flight.gaps, flights.rate_rows, flight.forces, flight.step,
+            flight.powers, flight.gaps, flights.rate_rows, flight.forces, flight.doubt, flight.step,
             flights.waves, flight.closed, ignored, contacts.order,
             flights.answers, flights.response, system.restitution, given, share,
             z, clock, counts, duration, record.times, record.position, record.velocity,

@@ -53,12 +53,15 @@ class Record:
         self._tables: deque[Floats] = deque()
         self._held = 0
 
-    def near(self, t: float, u: Floats) -> NDArray[np.bool_]:
-        """Constraints that are closed to rounding, shape (J,)."""
-        size = np.abs(self.system.jacobian(u)) @ np.abs(u) + np.abs(self.system.motion_at(t))
-        if isinstance(self.system, LinearSystem):
-            size = size + np.abs(self.system.offsets)
-        found: NDArray[np.bool_] = self.system.gap(t, u) <= 64.0 * _EPS * size
+    def near(self, t: float, u: Floats, v: Floats) -> NDArray[np.bool_]:
+        """Constraints that are closed to rounding of the state and of the time, shape (J,)."""
+        system = self.system
+        jacobian = np.abs(system.jacobian(u))
+        size = jacobian @ np.abs(u) + np.abs(system.motion_at(t))
+        if isinstance(system, LinearSystem):
+            size = size + np.abs(system.offsets)
+        speed = jacobian @ np.abs(v) + np.abs(system.motion_rate(t))
+        found: NDArray[np.bool_] = system.gap(t, u) <= _EPS * (64.0 * size + 4.0 * t * speed)
         return found
 
     def add(self, impacts: list[Row], row: int) -> None:

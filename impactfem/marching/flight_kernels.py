@@ -105,7 +105,7 @@ def integrate_forces(c, closed, start, end, h, force):
 
 @compiled
 def fly(
-    powers, gaps, rates, forces, h, waves, closed, ignored, order,
+    powers, gaps, rates, forces, doubt, h, waves, closed, ignored, order,
     answers, response, restitution, stick, relative,
     z, clock, counts, duration, times, position, velocity, impulse, table, who,
 ):  # fmt: skip
@@ -114,7 +114,8 @@ def fly(
     Args:
         powers, gaps, rates: T_k (terms, n, n); rows of the gaps (terms, J, n) times T_k; rows of
             the normal velocities (J, n).
-        forces: Rows of the contact forces of the closed constraints times T_k (terms, S, n).
+        forces, doubt: Rows of the contact forces of the closed constraints times T_k
+            (terms, S, n); rows of the size of their rounding, for |z| (S, n).
         h, waves: Substep [s]; frequencies w_k.
         closed, ignored: Closed constraints (S,); which constraints are not watched (J,).
         order: Multiplicity of the root of each gap at the present time (J,); changed.
@@ -168,17 +169,17 @@ def fly(
             if s >= 0.0 and (s < best or event < 0):
                 best, event = s, j
         for i in range(len(closed)):
-            size = 0.0
-            for m in range(n):
-                size += abs(forces[0, i, m] * z[m])
             for k in range(terms):
                 value = 0.0
                 for m in range(n):
                     value += forces[k, i, m] * z[m]
                 fc[i, k] = value
                 c[k] = value
-            c[0] += 1e-13 * size
-            s = first_root(c, 0, size, best) if best > 0.0 else -1.0
+            size = 0.0
+            for m in range(n):
+                size += doubt[i, m] * abs(z[m])
+            c[0] += size
+            s = first_root(c, 0, 0.0, best) if best > 0.0 and size > 0.0 else -1.0
             if s >= 0.0 and (s < best or event < 0):
                 best, event, pressed = s, 0, i
         now = t + best * h
@@ -225,12 +226,12 @@ def fly(
             value, size = 0.0, 0.0
             for m in range(n):
                 value += gaps[0, j, m] * z[m]
-                size += abs(gaps[0, j, m] * z[m])
+                size += 16.0 * abs(gaps[0, j, m] * z[m]) + now * abs(rates[j, m] * z[m])
             if j == event:
                 gap = value
                 for m in range(n):
                     speed += rates[j, m] * z[m]
-            elif value <= 64.0 * EPS * size:
+            elif value <= 4.0 * EPS * size:  # rounding of the state and of the time
                 return EVENT
         fastest = max(clock[1], -speed)
         after = -restitution[event] * speed

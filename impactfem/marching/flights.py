@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve, matrix_balance
 
 from impactfem.errors import SceneError
+from impactfem.marching.event_constrained import constrained
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import LinearSystem, factor_mass
 
@@ -20,6 +21,8 @@ Integers = NDArray[np.int64]
 
 TERMS = 21
 """Terms of the series: with |A| h <= 1 the first one left out is 1/21! = 2e-20."""
+
+_DOUBT = 1e-13  # contact forces that are as small a share of what they add up to count as none
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,7 @@ class Flight:
         powers: T_k = (A h)^k / k!, shape (TERMS, n, n).
         gaps: Rows of the gaps times T_k, shape (TERMS, J, n).
         forces: Rows of the contact forces times T_k, shape (TERMS, S, n).
+        doubt: Rows of the rounding of the contact forces, for |z|, shape (S, n).
         closed: Closed constraints, shape (S,).
     """
 
@@ -38,6 +42,7 @@ class Flight:
     powers: Floats
     gaps: Floats
     forces: Floats
+    doubt: Floats
     closed: Integers
 
 
@@ -67,7 +72,8 @@ class Flights:
         loads = np.array([self.row(one) for one in system.load])
         inner = np.zeros((d, self.size))
         inner[:, :d], inner[:, d : 2 * d] = -system.stiffness, -system.damping
-        self._acceleration: Floats = cho_solve((self.factor, True), inner + loads)
+        self._applied: Floats = inner + loads
+        self._acceleration: Floats = cho_solve((self.factor, True), self._applied)
         self.answers: Floats = cho_solve((self.factor, True), system.normals.T)
         self.response: Floats = np.einsum("ji,ij->j", system.normals, self.answers)
         matrix = np.zeros((self.size, self.size))
@@ -99,13 +105,17 @@ class Flights:
         return self._kept[closed]
 
     def _build(self, closed: tuple[int, ...]) -> Flight:
-        d, rows = self.dofs, list(closed)
+        system, d, rows = self.system, self.dofs, list(closed)
         matrix = self._frame.copy()
         matrix[d : 2 * d] = self._acceleration
-        curvature = self.rate_rows[rows] @ matrix
-        answers = self.answers[:, rows]
-        force = -np.linalg.solve(self.system.normals[rows] @ answers, curvature)
-        matrix[d : 2 * d] += answers @ force
+        force = doubt = np.zeros((len(rows), self.size))
+        if rows:
+            normals, mass = system.normals[rows], system.mass(np.zeros(d))
+            matrix[d : 2 * d] = 0.0
+            rest = self.rate_rows[rows] @ matrix  # -b''
+            matrix[d : 2 * d], force = constrained(mass, normals, self._applied, rest)
+            sizes = np.abs(normals) @ np.abs(self._acceleration) + np.abs(rest)
+            doubt = _DOUBT * np.abs(np.linalg.inv(normals @ self.answers[:, rows])) @ sizes
         step = substep(matrix, self.longest)
         powers = np.empty((TERMS, self.size, self.size))
         powers[0] = np.eye(self.size)
@@ -118,6 +128,7 @@ class Flights:
             powers,
             np.ascontiguousarray(np.einsum("ji,kim->kjm", self.gap_rows, powers)),
             np.ascontiguousarray(np.einsum("ji,kim->kjm", force, powers)),
+            np.ascontiguousarray(doubt),
             np.array(rows, dtype=np.int64),
         )
 
