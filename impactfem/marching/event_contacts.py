@@ -19,9 +19,6 @@ from impactfem.system.generalized import GeneralizedSystem, factor_mass
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-DEFAULT_STICK = 1e-8
-"""Share of the largest impact speed so far at or below which a rebound counts as none."""
-
 _EPS = 2.0**-52
 _MAX_REPEATS = 100  # impacts at one instant until nothing approaches
 
@@ -33,7 +30,8 @@ class Contacts:
     Attributes:
         system: The system.
         law: Impact law of several constraints.
-        stick_speed: Threshold [m/s]; None: `DEFAULT_STICK` of the largest impact speed so far.
+        stick_speed: Threshold [m/s]; None: a share of the largest impact speed so far.
+        share: That share.
         closed: Linearly independent constraints that are closed.
         implied: Constraints that stay closed because those do.
         order: Multiplicity of the root of each gap just after the event, shape (J,).
@@ -46,6 +44,7 @@ class Contacts:
     system: GeneralizedSystem
     law: Law
     stick_speed: float | None
+    share: float
     closed: tuple[int, ...] = ()
     implied: tuple[int, ...] = ()
     order: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
@@ -58,7 +57,7 @@ class Contacts:
     def threshold(self) -> float:
         """Normal speed [m/s] at or below which a rebound counts as none."""
         given = self.stick_speed
-        return DEFAULT_STICK * self.fastest if given is None else given
+        return self.share * self.fastest if given is None else given
 
     def settle(
         self, t: float, u: Floats, v: Floats, near: Floats, released: int | None = None
@@ -86,13 +85,15 @@ class Contacts:
             self._enter((), (), t, before_spell, {})
             return u, v, []
         factor = factor_mass(system, u, t)
-        jacobian = system.jacobian(u)
+        jacobian, mass = system.jacobian(u), system.mass(u)
         rate = system.motion_rate(t)
+        drift = jacobian @ v - rate
+        u, v, _ = self._close(t, mass, jacobian, u, v, drift, self.closed)
         noise = 64.0 * _EPS * (np.abs(jacobian) @ np.abs(v) + np.abs(rate))
         v, impacts = self._strike(t, factor, jacobian, v, rate, rows, noise)
         speed = jacobian @ v - rate
         slow = rows[np.abs(speed[rows]) <= np.maximum(noise[rows], self.threshold)]
-        mass, load = system.mass(u), system.force(t, u, v)
+        load = system.force(t, u, v)
         applied = cho_solve((factor, True), load)
         curvature = system.gap_curvature(t, u, v)
         state = mass, factor, jacobian, load, applied, curvature
@@ -104,7 +105,9 @@ class Contacts:
                 lasting, acceleration = _lasting(state, slow)
         closed, implied = _independent(jacobian, lasting)
         tails = {j: self._tail(j, speed[j], jacobian[j] @ applied + curvature[j]) for j in closed}
-        u, v = self._close(t, mass, jacobian, u, v, speed, closed)
+        u, v, lost = self._close(t, mass, jacobian, u, v, speed, closed)
+        self.dropped_energy += lost
+        self.dropped_speed = max(self.dropped_speed, *(abs(float(speed[j])) for j in closed), 0.0)
         for j in rows:
             self.order[j] = 1 if speed[j] > noise[j] else 2 if j in slow else 0
         self._enter(closed, implied, t, before_spell, tails)
@@ -144,16 +147,14 @@ class Contacts:
     def _close(
         self, t: float, mass: Floats, jacobian: Floats, u: Floats, v: Floats,
         speed: Floats, closed: tuple[int, ...],
-    ) -> tuple[Floats, Floats]:  # fmt: skip
-        """Take the normal speeds and the gaps of the closed constraints away."""
+    ) -> tuple[Floats, Floats, float]:  # fmt: skip
+        """Take the normal speeds and the gaps of the closed constraints away; the energy lost."""
         if not closed:
-            return u, v
+            return u, v, 0.0
         rows = list(closed)
         wrong = np.stack([self.system.gap(t, u)[rows], speed[rows]], axis=1)
         change, impulse = constrained(mass, jacobian[rows], np.zeros((len(u), 2)), wrong)
-        self.dropped_speed = max(self.dropped_speed, float(np.abs(speed[rows]).max()))
-        self.dropped_energy -= 0.5 * float(impulse[:, 1] @ speed[rows])
-        return u + change[:, 0], v + change[:, 1]
+        return u + change[:, 0], v + change[:, 1], -0.5 * float(impulse[:, 1] @ speed[rows])
 
     def _enter(
         self, closed: tuple[int, ...], implied: tuple[int, ...], t: float,

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from impactfem.contact.impact_law import Law
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.marching.event_contacts import Contacts
+from impactfem.marching.event_general import fly_general
 from impactfem.marching.event_record import Record
 from impactfem.marching.flight_kernels import BROKEN, DONE, FULL, fly
 from impactfem.marching.flights import Flights
@@ -20,6 +21,12 @@ from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
 
 Floats = NDArray[np.float64]
+
+EXACT_SHARE = 1e-8
+"""Share of the largest impact speed so far at or below which a rebound counts as none."""
+
+GENERAL_SHARE = 1e-7
+"""The same for flights by the library integrator: lower rebounds are lost in rounding."""
 
 _MAX_STALL = 1000  # events at one instant
 _TABLE = 65_536
@@ -32,7 +39,8 @@ class EventSettings:
     Attributes:
         rows: Intervals of the uniform output grid; there are rows + 1 rows, 0 and the end included.
         stick_speed: Normal speed [m/s] at or below which a rebound that is pressed back ends in
-            lasting contact; None: 1e-8 of the largest impact speed so far.
+            lasting contact; None: `EXACT_SHARE` or `GENERAL_SHARE` of
+            the largest impact speed so far.
         law: How several constraints share an impact.
         rtol: Relative tolerance of flights that are not exact.
         atol: Absolute tolerance of these.
@@ -100,12 +108,12 @@ def integrate_events(
         raise SceneError(f"duration = {duration}: give a time > 0")
     check_start(system, u, v)
     record = Record(system, duration, settings.rows, settings.max_impacts, settings.keep_impacts)
-    contacts = Contacts(system, settings.law, settings.stick_speed)
+    exact = isinstance(system, LinearSystem) and system.is_exact
+    share = EXACT_SHARE if exact else GENERAL_SHARE
+    contacts = Contacts(system, settings.law, settings.stick_speed, share)
     if isinstance(system, LinearSystem) and system.is_exact:
         _fly_linear(system, u, v, duration, contacts, record)
     else:
-        from impactfem.marching.event_general import fly_general
-
         fly_general(system, u, v, duration, contacts, record, (settings.rtol, settings.atol))
     return record.trajectory(contacts)
 
@@ -120,7 +128,7 @@ def _fly_linear(
     who = np.full(1, -1, dtype=np.int64)
     table = np.empty((_TABLE, 5))
     stick = contacts.stick_speed
-    given, share = (0.0, 1e-8) if stick is None else (stick, 0.0)
+    given, share = (0.0, contacts.share) if stick is None else (stick, 0.0)
     stalled, last = 0, -1.0
     released: int | None = None
     status = DONE  # the start is an event: constraints may be closed

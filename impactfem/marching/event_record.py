@@ -64,6 +64,11 @@ class Record:
         found: NDArray[np.bool_] = system.gap(t, u) <= _EPS * (64.0 * size + 4.0 * t * speed)
         return found
 
+    def fill(self, row: int, u: Floats, v: Floats) -> None:
+        """Set an output row."""
+        if row < len(self.times):
+            self.position[row], self.velocity[row] = u, v
+
     def add(self, impacts: list[Row], row: int) -> None:
         """Add impacts that happen in the interval which ends at a row."""
         if not impacts:
