@@ -1,0 +1,211 @@
+"""Flights of any system by a library integrator with dense output, and their events.
+
+Each step of SciPy's DOP853 is looked through at samples: a gap that changes sign, or has a minimum
+between two samples and is negative there, gives a bracket in which the event is located to
+rounding. A gap that closes and opens between samples without a minimum seen by them is missed;
+the steps of the integrator, which resolve the motion, make that unlikely.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import DOP853
+from scipy.optimize import brentq
+
+from impactfem.errors import ConvergenceError
+from impactfem.marching.event_constrained import constrained
+from impactfem.marching.event_contacts import Contacts
+from impactfem.marching.event_record import Record
+from impactfem.system.generalized import GeneralizedSystem
+
+Floats = NDArray[np.float64]
+Curve = Callable[[float], float]
+
+_SAMPLES = 8
+_EPS = 2.0**-52
+_LOOSE = 1e-12  # share of the normal forces that counts as no contact force
+_DRIFT = 1e-9  # gap of closed constraints, as a share of the lengths, that is taken away
+_MAX_STALL = 1000
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Equations of motion with given closed constraints; y = (u, v, integrals of the forces)."""
+
+    system: GeneralizedSystem
+    closed: tuple[int, ...]
+
+    def forces(self, t: float, u: Floats, v: Floats) -> tuple[Floats, Floats, float]:
+        """Acceleration (d,), contact forces (S,) [N], and the size of their rounding."""
+        system, rows = self.system, list(self.closed)
+        mass, load = system.mass(u), system.force(t, u, v)
+        if not rows:
+            return np.linalg.solve(mass, load), np.zeros(0), 0.0
+        normals = system.jacobian(u)[rows]
+        bend = system.gap_curvature(t, u, v)[rows]
+        found, pressed = constrained(mass, normals, load[:, None], bend[:, None])
+        size = float(np.abs(load).max()) + float(np.abs(pressed).max())
+        return found[:, 0], pressed[:, 0], _LOOSE * size
+
+    def __call__(self, t: float, y: Floats) -> Floats:
+        d = self.system.dofs
+        acceleration, pressed, _ = self.forces(t, y[:d], y[d : 2 * d])
+        return np.concatenate([y[d : 2 * d], acceleration, pressed])
+
+
+def fly_general(
+    system: GeneralizedSystem, u: Floats, v: Floats, duration: float, contacts: Contacts,
+    record: Record, tolerances: tuple[float, float],
+) -> None:  # fmt: skip
+    """Follow a system by the library integrator; fills the record.
+
+    Raises:
+        ConvergenceError: The integrator failed, or events do not move on.
+    """
+    t, row, d = 0.0, 0, system.dofs
+    stalled = 0
+    released, watched = None, -1
+    step: float | None = None
+    while True:
+        near = record.near(t, u, v)
+        if watched >= 0:
+            near[watched] = True
+        u, v, impacts = contacts.settle(t, u, v, near, released)
+        record.add(impacts, row)
+        if t >= duration:
+            record.fill(row, u, v)
+            return
+        motion = _Motion(system, contacts.closed)
+        start = t
+        t, y, row, watched, step = _flight(
+            motion, t, np.concatenate([u, v, np.zeros(len(motion.closed))]), duration, contacts,
+            record, row, tolerances, step,
+        )  # fmt: skip
+        u, v = y[:d].copy(), y[d : 2 * d].copy()
+        released = motion.closed[-2 - watched] if watched <= -2 else None
+        stalled = stalled + 1 if t == start else 0
+        if stalled > _MAX_STALL:
+            raise ConvergenceError(
+                f"events: {_MAX_STALL} events at t = {t:.9g} without moving on; give a larger "
+                "stick_speed"
+            )
+
+
+def _flight(
+    motion: _Motion, t: float, y: Floats, duration: float, contacts: Contacts, record: Record,
+    row: int, tolerances: tuple[float, float], step: float | None,
+) -> tuple[float, Floats, int, int, float]:  # fmt: skip
+    """One flight up to the next event.
+
+    Returns:
+        Time, state, next row, event (constraint, -2 - place of a closed one that is released, or
+        -1 for the end or a drift to be taken away), and the length of the last step.
+    """
+    system, d = motion.system, motion.system.dofs
+    rtol, atol = tolerances
+    first = min(step, duration - t) if step else None
+    solver = DOP853(motion, t, y, duration, rtol=rtol, atol=atol, first_step=first)
+    held = np.zeros(len(motion.closed))
+    fresh = t
+    while True:
+        before = solver.t
+        solver.step()
+        record.steps += 1
+        if solver.status == "failed" or not np.isfinite(solver.y).all():
+            raise ConvergenceError(
+                f"events: the integrator failed at t = {solver.t:.6g} (state "
+                f"{solver.y[: 2 * d].tolist()}); check the forces for a singularity"
+            )
+        dense = solver.dense_output()
+        now, event = _first_event(motion, contacts, dense, before, solver.t, fresh)
+        while row < len(record.times) and record.times[row] < now:
+            at = dense(record.times[row])
+            record.fill(row, at[:d], at[d : 2 * d])
+            record.impulse[row, list(motion.closed)] += at[2 * d :] - held
+            held = at[2 * d :]
+            row += 1
+        end = dense(now) if event != -1 else solver.y
+        drift = float(np.abs(system.gap(now, end[:d])[list(motion.closed)]).max(initial=0.0))
+        drifted = drift > _DRIFT * max(1e-300, float(np.abs(end[:d]).max()))
+        if event != -1 or solver.status == "finished" or drifted:
+            record.impulse[min(row, len(record.times) - 1), list(motion.closed)] += (
+                end[2 * d :] - held
+            )
+            return now, end, row, event, solver.step_size or step or 0.0
+
+
+def _first_event(
+    motion: _Motion, contacts: Contacts, dense: Callable[[float], Floats],
+    start: float, end: float, fresh: float,
+) -> tuple[float, int]:  # fmt: skip
+    """Time and event of the first event in a step; the end and -1 if there is none."""
+    system, d = motion.system, motion.system.dofs
+    samples = np.linspace(start, end, _SAMPLES + 1)
+    states = [dense(s) for s in samples]
+    states = [(y[:d], y[d : 2 * d]) for y in states]
+    gaps = np.array([system.gap(s, u) for s, (u, _) in zip(samples, states, strict=True)])
+    rates = np.array([system.gap_rate(s, u, v) for s, (u, v) in zip(samples, states, strict=True)])
+    best, event = end, -1
+    for j in range(system.num_constraints):
+        if j in contacts.closed or j in contacts.implied:
+            continue
+
+        def gap(s: float, j: int = j) -> float:
+            return float(system.gap(s, dense(s)[:d])[j])
+
+        def rate(s: float, j: int = j) -> float:
+            y = dense(s)
+            return float(system.gap_rate(s, y[:d], y[d : 2 * d])[j])
+
+        order = int(contacts.order[j]) if start == fresh else 0
+        at = _first_closing(gap, rate, samples, gaps[:, j], rates[:, j], order)
+        if at is not None and (at < best or event == -1):
+            best, event = at, j
+    for i in range(len(motion.closed)):
+
+        def force(s: float, i: int = i) -> float:
+            y = dense(s)
+            _, pressed, loose = motion.forces(s, y[:d], y[d : 2 * d])
+            return float(pressed[i]) + loose
+
+        values = [force(s) for s in samples]
+        falls = [k for k in range(_SAMPLES + 1) if values[k] < 0.0]
+        if falls:
+            k = falls[0]
+            at = samples[0] if k == 0 else _root(force, samples[k - 1], samples[k])
+            if at < best or event == -1:
+                best, event = at, -2 - i
+    return float(best), event
+
+
+def _first_closing(
+    gap: Curve, rate: Curve, samples: Floats, gaps: Floats, rates: Floats, order: int
+) -> float | None:
+    """First time at which a gap falls through 0; order tells how it leaves 0 at the start."""
+    if order:
+        start = samples[0]
+        low = start + 1e-3 * (samples[1] - start)
+        if gaps[1] < 0.0:
+            # Left and came back: the root at the start is divided out.
+            while gap(low) <= 0.0 and low - start > 4.0 * _EPS * abs(start):
+                low = start + 0.5 * (low - start)
+            return _root(gap, low, samples[1]) if gap(low) > 0.0 else float(samples[1])
+    for k in range(_SAMPLES):
+        a, b = samples[k], samples[k + 1]
+        if gaps[k] <= 0.0 and not (k == 0 and order):
+            if rates[k] < 0.0:
+                return float(a)
+            continue
+        if gaps[k + 1] < 0.0:
+            return _root(gap, a, b)
+        if rates[k] < 0.0 < rates[k + 1] and not (k == 0 and order):
+            lowest = _root(rate, a, b)
+            if gap(lowest) < 0.0:
+                return _root(gap, a, lowest)
+    return None
+
+
+def _root(curve: Curve, a: float, b: float) -> float:
+    return float(brentq(curve, a, b, xtol=4.0 * _EPS * max(abs(b), 1e-300), rtol=4.0 * _EPS))
