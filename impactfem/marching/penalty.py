@@ -1,0 +1,215 @@
+"""The penalty method: rigid constraints replaced by stiff springs and dampers.
+
+    u'' + 2 alpha sqrt(k) G(u, u') + k (u - P_K u) = M(u)^-1 f(t, u, u')
+
+Source: Paoli and Schatzman, Ill-posedness in vibro-impact and its numerical consequences (2000),
+equation (10); projection P_K and damping G are in `penalty_projection`. For one constraint and no
+other force the restitution is exp(-pi alpha / sqrt(1 - alpha^2)), and 0 from alpha = 1 on. With
+forces it is reached as k grows, with an error of order k^-1/2: the contact lasts pi / sqrt(k).
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import integrate
+
+from impactfem.errors import SceneError
+from impactfem.marching.penalty_legs import Legs, Record
+from impactfem.marching.penalty_plain import integrate_plainly
+from impactfem.marching.penalty_projection import Projector
+from impactfem.result.bar_motion import Effort
+from impactfem.result.trajectory import Impacts, Trajectory
+from impactfem.system.generalized import GeneralizedSystem, check_start
+
+Floats = NDArray[np.float64]
+Integrator = Literal["radau", "bdf", "lsoda", "dop853", "rk45"]
+
+_SOLVERS: Mapping[str, Any] = {
+    "radau": integrate.Radau,
+    "bdf": integrate.BDF,
+    "lsoda": integrate.LSODA,
+    "dop853": integrate.DOP853,
+    "rk45": integrate.RK45,
+}
+_KEPT_RATIOS = 1000
+
+
+@dataclass(frozen=True)
+class PenaltySettings:
+    """How the penalty method runs.
+
+    Attributes:
+        stiffness: k > 0 [1/s^2], of the acceleration: the spring of a mass m has stiffness k m.
+        dt: Longest output step [s], the one used divides the duration; in the accurate mode also
+            the longest step of the integrator.
+        damping: alpha >= 0; that of the system's restitution if None.
+        integrator: SciPy's. LSODA is the cheapest of the stiff ones here; "paper" mode always
+            uses it.
+        rtol: Relative tolerance; 1e-9, or 1e-5 in "paper" mode, if None.
+        atol: Absolute tolerance of velocities; positions have atol / sqrt(k) in the accurate mode.
+            1e-11, or 1e-7 in "paper" mode, if None.
+        mode: "accurate" restarts the integrator where the active set changes, and integrates the
+            displacement of each leg, so that tolerances refer to penetrations. "paper" calls LSODA
+            with the defaults of Scilab's ``ode``, which knows nothing of the switch.
+        restarted: Start LSODA anew at every output time ("paper" mode only).
+    """
+
+    stiffness: float
+    dt: float
+    damping: float | None = None
+    integrator: Integrator = "lsoda"
+    rtol: float | None = None
+    atol: float | None = None
+    mode: Literal["accurate", "paper"] = "accurate"
+    restarted: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse values that make no sense."""
+        for name, value in (("stiffness", self.stiffness), ("dt", self.dt)):
+            if not (value > 0.0 and math.isfinite(value)):
+                raise SceneError(f"penalty: {name} = {value:g} is not allowed; give a number > 0")
+        if self.damping is not None and not (self.damping >= 0.0 and math.isfinite(self.damping)):
+            raise SceneError(
+                f"penalty: damping = {self.damping:g} is not allowed; give alpha >= 0, or None for "
+                "that of the restitution"
+            )
+        if self.integrator not in _SOLVERS:
+            raise SceneError(
+                f"penalty: integrator = {self.integrator!r} is unknown; choose one of "
+                f"{', '.join(_SOLVERS)}"
+            )
+        if self.mode not in {"accurate", "paper"}:
+            raise SceneError(f"penalty: mode = {self.mode!r} is unknown; use accurate or paper")
+
+
+def damping_of(restitution: float) -> float:
+    """alpha(e) = -ln e / sqrt(pi^2 + ln^2 e); 1 for e = 0, 0 for e = 1."""
+    if restitution == 0.0:
+        return 1.0
+    loss = -math.log(restitution)
+    return loss / math.hypot(math.pi, loss)
+
+
+def integrate_penalty(
+    system: GeneralizedSystem,
+    position: ArrayLike,
+    velocity: ArrayLike,
+    duration: float,
+    settings: PenaltySettings,
+) -> Trajectory:
+    """Integrate the penalised motion.
+
+    The potential energy includes that of the springs, k |u - P_K u|_M^2 / 2. `Trajectory.impacts`
+    lists contacts with their start, normal velocities in and out, and impulse; of several
+    constraints each has its own. Details of the effort: "restitution" {count, min, mean, max,
+    ratios}, speed out over speed in of each finished contact (the first 1000 in ratios);
+    "max_penetration" [m]; "stiffness"; "damping"; "steps"; "evaluations".
+
+    Args:
+        system: The system.
+        position: u at t = 0, shape (d,), in K.
+        velocity: u' at t = 0, shape (d,).
+        duration: End of the motion [s], > 0.
+        settings: Stiffness, damping, integrator and tolerances.
+
+    Raises:
+        SceneError: The start is not allowed, or constraints of different restitution have no alpha
+            given.
+        ConvergenceError: The integrator or the projection failed.
+    """
+    u, v = (np.atleast_1d(np.asarray(x, dtype=float)) for x in (position, velocity))
+    check_start(system, u, v)
+    if not (duration > 0.0 and math.isfinite(duration)):
+        raise SceneError(f"penalty: duration = {duration:g} is not allowed; give a number > 0")
+    damping = _damping(system, settings)
+    projector = Projector(system, settings.stiffness, damping)
+    rows = math.ceil(duration / settings.dt - 1e-9) + 1
+    times = np.linspace(0.0, duration, rows)
+    d, count = system.dofs, system.num_constraints
+    record = Record(times, np.zeros((rows, d)), np.zeros((rows, d)), np.zeros((rows, count)))
+    record.fill(0.0, lambda _: (u, v, np.zeros(count)))
+    if settings.mode == "paper":
+        tolerances = (settings.rtol or 1e-5, settings.atol or 1e-7)
+        integrate_plainly(projector, record, u, v, tolerances, restarted=settings.restarted)
+    else:
+        Legs(projector, record, _solver(system, u, duration, settings)).run(u, v, duration)
+    return _trajectory(projector, record)
+
+
+def _damping(system: GeneralizedSystem, settings: PenaltySettings) -> float:
+    if settings.damping is not None:
+        return settings.damping
+    values = np.unique(system.restitution)
+    if len(values) > 1:
+        raise SceneError(
+            f"penalty: the constraints have restitutions {values.tolist()}, but one damping acts "
+            "along u - P_K u; give damping"
+        )
+    return damping_of(float(values[0])) if len(values) else 0.0
+
+
+def _solver(
+    system: GeneralizedSystem, u: Floats, duration: float, settings: PenaltySettings
+) -> Any:  # a maker of solvers
+    """Makes an integrator of a leg from (fun, t, y)."""
+    atol = settings.atol or 1e-11
+    mass = float(np.trace(system.mass(u))) / system.dofs
+    scales = np.concatenate([
+        np.full(system.dofs, 1.0 / math.sqrt(settings.stiffness)),
+        np.ones(system.dofs),
+        np.full(system.num_constraints, mass),
+    ])  # fmt: skip
+    kind = _SOLVERS[settings.integrator]
+    implicit = settings.integrator in {"radau", "bdf"}
+    steps = 1e-7 * scales[: 2 * system.dofs] * max(1.0, float(np.abs(u).max()))
+
+    def make(fun: Any, t: float, y: Floats) -> Any:
+        def jacobian(t: float, y: Floats) -> Floats:  # nothing depends on the impulses
+            columns = np.zeros((len(y), len(y)))
+            for i, step in enumerate(steps):
+                ahead = y.copy()
+                ahead[i] += step
+                columns[:, i] = (fun(t, ahead) - fun(t, y)) / (ahead[i] - y[i])
+            return columns
+
+        return kind(
+            fun, t, y, duration, max_step=settings.dt, rtol=settings.rtol or 1e-9,
+            atol=atol * scales, **({"jac": jacobian} if implicit else {}),
+        )  # fmt: skip
+
+    return make
+
+
+def _trajectory(projector: Projector, record: Record) -> Trajectory:
+    system, times = projector.system, record.times
+    rows = range(len(times))
+    place, speed = record.position, record.velocity
+    gap = np.array([system.gap(times[m], place[m]) for m in rows])
+    spring = [0.5 * projector.stiffness * projector.project(times[m], place[m]).squared_distance
+              for m in rows]  # fmt: skip
+    potential = np.array(spring)
+    if system.potential is not None:
+        potential += np.array([system.potential(times[m], place[m]) for m in rows])
+    force = np.zeros_like(gap)
+    force[1:] = np.diff(record.impulse, axis=0) / np.diff(times)[:, None]
+    ratios = [out / -come for _, _, come, out, _ in record.episodes if come < 0.0]
+    summary = {"count": len(ratios), "ratios": ratios[:_KEPT_RATIOS]}
+    if ratios:
+        summary |= {"min": min(ratios), "mean": sum(ratios) / len(ratios), "max": max(ratios)}
+    details = {
+        "restitution": summary,
+        "max_penetration": max(record.penetration, -float(gap.min(initial=0.0))),
+        "stiffness": projector.stiffness,
+        "damping": projector.damping,
+        "steps": record.steps,
+        "evaluations": record.evaluations,
+    }
+    return Trajectory(
+        times, place, speed, gap, force,
+        np.array([system.kinetic_energy(place[m], speed[m]) for m in rows]), potential,
+        Impacts.of_rows(sorted(record.episodes)), Effort(details=details),
+    )  # fmt: skip
