@@ -8,8 +8,8 @@ from impactfem.errors import ConvergenceError
 from impactfem.marching.position_kernels import note
 from impactfem.marching.position_start import start_positions
 from impactfem.marching.projection import project
-from impactfem.marching.vibro_rows import empty_rows, trajectory, unfinished
-from impactfem.result.bar_motion import Effort, kept_levels
+from impactfem.marching.vibro_rows import empty_rows, row_levels, trajectory, unfinished
+from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem, factor_mass
 
@@ -64,7 +64,7 @@ def march_general(
         "max_linearisations": linearisations,
     }  # fmt: skip
     effort = Effort(num_unknowns=system.dofs, details=details)
-    return trajectory(system, h * kept_levels(steps, every), rows, impacts, effort)
+    return trajectory(system, h * row_levels(steps, every), rows, impacts, effort)
 
 
 def _step(

@@ -228,3 +228,43 @@ def march_velocities(
             s[i] = new[i]
         m += 1
     return m, written, False
+
+
+@compiled
+def march_members(
+    kernel, begins, span, dt, tables, matrices, states, logs, handing, rows, extra,
+):  # fmt: skip
+    """Take the members of an ensemble through the steps of the tables, one after the other.
+
+    Args:
+        kernel: One of the loops above.
+        begins: (member, m): where to go on.
+        span: (begin, end, last, every), as above.
+        dt: Time step.
+        tables: loads, walls.
+        matrices: stiff, damp, response, coupling, normals, offsets, restitution.
+        states: u, s (n, d), gap, before (n, J).
+        logs: episodes (n, J, 5), total (n, J), worst (n, 1).
+        handing: given, offset (J,).
+        rows: (positions, velocities (n, rows, d), gaps, impulses (n, rows, J)).
+        extra: Further arguments of the loop.
+
+    Returns:
+        The member and the step that wait for the solver; n if all are done.
+    """
+    member, m = begins
+    begin, end, last, every = span
+    nothing = np.empty((0, 5))
+    while member < len(states[0]):
+        m, _, waits = kernel(
+            (m, begin, end, last, every), dt, *tables, *matrices,
+            states[0][member], states[1][member], states[2][member], states[3][member],
+            logs[0][member], logs[1][member], logs[2][member], *handing,
+            (rows[0][member], rows[1][member], rows[2][member], rows[3][member]),
+            nothing, *extra,
+        )  # fmt: skip
+        if waits:
+            return member, m
+        member += 1
+        m = begin
+    return member, m

@@ -12,7 +12,7 @@ K (beta U^{m+1} + (1 - 2 beta) U^m + beta U^{m-1}) of the stiffness the step rea
     A (U^{m+1} - 2 U^m + U^{m-1}) = h^2 (p^m - K U^m) - h C (U^m - U^{m-1}) + J^T P,
     A = M + h C / 2 + beta h^2 K,      0 <= P _|_ gap^{m+1} + e gap^{m-1} >= 0,
 
-and P = h^2 lambda^m. Elimination of U^{m+1} leaves J A^-1 J^T P: the projection is one in the metric
+and P = h^2 lambda^m. Eliminating U^{m+1} leaves J A^-1 J^T P: a projection in the metric
 of A. beta is 0 (the founding scheme, stable for h omega_max < 2) or 1/4 (stable without contact for
 any h). The condition of contact is stated for each constraint with its own e; for equal ones it is
 the projection, and always the law of simultaneous impacts.
@@ -34,8 +34,14 @@ from impactfem.errors import SceneError
 from impactfem.marching.position_general import march_general
 from impactfem.marching.position_kernels import march_positions
 from impactfem.marching.position_start import highest_frequency, start_positions
-from impactfem.marching.vibro_rows import LinearMarch, count_steps, empty_rows, trajectory
-from impactfem.result.bar_motion import Effort, kept_levels
+from impactfem.marching.vibro_rows import (
+    LinearMarch,
+    count_steps,
+    empty_rows,
+    row_levels,
+    trajectory,
+)
+from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
 
@@ -145,10 +151,18 @@ def step_matrices(system: LinearSystem, h: float, *, implicit: bool) -> tuple[Fl
     )
 
 
+def start_weight(system: LinearSystem, h: float, *, implicit: bool) -> Floats:
+    """Symmetric part of M + beta h^2 K, shape (d, d)."""
+    weight = system.mass(np.zeros(system.dofs))
+    if implicit:
+        weight = weight + 0.125 * h * h * (system.stiffness + system.stiffness.T)
+    return weight
+
+
 def tabulate(
     system: LinearSystem, loads: Floats, h: float, begin: int, end: int
 ) -> tuple[Floats, Floats]:
-    """h^2 A^-1 p(t_m) (steps, d) and b(t_{m+1}) (steps, J) of the steps begin to end."""
+    """Tables: h^2 A^-1 p(t_m) (steps, d) and b(t_{m+1}) (steps, J) of the steps begin to end."""
     levels = np.arange(begin, end)
     forces = system.load_at(h * levels) @ loads.T
     ahead = h * (levels + 1.0)
@@ -160,8 +174,7 @@ def _linear(
     system: LinearSystem, u: Floats, v: Floats, steps: int, h: float, every: int, *, implicit: bool
 ) -> Trajectory:
     loads, *matrices = step_matrices(system, h, implicit=implicit)
-    weight = system.mass(u) + (0.25 * h * h * system.stiffness if implicit else 0.0)
-    first = start_positions(system, u, v, h, 0.5 * (weight + weight.T))
+    first = start_positions(system, u, v, h, start_weight(system, h, implicit=implicit))
     rows = empty_rows(system, steps, every)
     march = LinearMarch(
         march_positions, steps, h, every,
@@ -173,6 +186,6 @@ def _linear(
         "dt": h, "implicit": implicit, "max_penetration": max(0.0, -float(march.worst[0])),
         "handed_back": march.handed_back,
     }  # fmt: skip
-    times = h * kept_levels(steps, every)
+    times = h * row_levels(steps, every)
     effort = Effort(num_unknowns=system.dofs, details=details)
     return trajectory(system, times, rows, impacts, effort)

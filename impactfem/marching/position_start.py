@@ -17,12 +17,12 @@ _AT_REST = 1e-12  # share of the largest velocity that counts as none
 
 @dataclass(frozen=True)
 class Start:
-    """What the first step needs: U^0, U^0 - U^{-1} the gaps at both, and impacts at t = 0 (n, 5).
+    """What the first step needs: U^0, U^0 - U^{-1}, the gaps at both, and impacts at t = 0 (n, 5).
 
-    U^{-1} = u0 - h v0 + h^2 a0 / 2 is the free motion backwards, so that U^1 is
-    u0 + h v0 + h^2 a0 / 2 wherever nothing is hit in the first step, and what is hit there is hit with restitution. v0 is
-    taken after the impact of constraints that are closed and approach; a0 contains the forces of
-    those that rest.
+    U^{-1} = u0 - h v0 + h^2 a0 / 2 is the free motion back, so that U^1 = u0 + h v0 + h^2 a0 / 2
+    unless something is hit in the first step; then it is hit with restitution. v0 is taken after
+    the impact of constraints that are closed and approach; a0 contains the forces of those that
+    rest.
     """
 
     position: Floats

@@ -33,11 +33,12 @@ from impactfem.marching.vibro_rows import (
     LinearMarch,
     count_steps,
     empty_rows,
+    row_levels,
     solve_impulses,
     trajectory,
     unfinished,
 )
-from impactfem.result.bar_motion import Effort, kept_levels
+from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start, factor_mass
 
@@ -90,8 +91,7 @@ def integrate_velocities(
     u = np.array(position, dtype=float).reshape(-1)
     v = np.array(velocity, dtype=float).reshape(-1)
     steps, h = count_steps(duration, settings.dt, settings.every, settings.law)
-    if not 0.5 <= settings.theta <= 1.0:
-        raise SceneError(f"theta = {settings.theta!r}: give a number from 1/2 to 1")
+    check_theta(settings.theta)
     check_start(system, u, v)
     if isinstance(system, LinearSystem):
         return _linear(system, u, v, steps, h, settings)
@@ -103,6 +103,17 @@ def integrate_velocities(
             "dt, or the event-driven method"
         )
     return _general(system, u, v, steps, h, settings)
+
+
+def check_theta(theta: float) -> float:
+    """theta, if it is allowed.
+
+    Raises:
+        SceneError: It is not.
+    """
+    if not 0.5 <= theta <= 1.0:
+        raise SceneError(f"theta = {theta!r}: give a number from 1/2 to 1")
+    return theta
 
 
 def step_matrices(system: LinearSystem, h: float, theta: float) -> tuple[Floats, ...]:
@@ -126,7 +137,7 @@ def step_matrices(system: LinearSystem, h: float, theta: float) -> tuple[Floats,
 def tabulate(
     system: LinearSystem, loads: Floats, h: float, theta: float, begin: int, end: int
 ) -> tuple[Floats, Floats]:
-    """h A^-1 p_t (steps, d) and b, b at the midpoint, b' before and after (steps, 4 J)."""
+    """Tables: h A^-1 p_t (steps, d) and b, b at the midpoint, b' before and after (steps, 4 J)."""
     times = h * np.arange(begin, end + 1)
     p = system.load_at(times)
     forces = ((1.0 - theta) * p[:-1] + theta * p[1:]) @ loads.T
@@ -155,7 +166,7 @@ def _linear(
         "handed_back": march.handed_back,
     }  # fmt: skip
     effort = Effort(num_unknowns=system.dofs, details=details)
-    return trajectory(system, h * kept_levels(steps, settings.every), rows, impacts, effort)
+    return trajectory(system, h * row_levels(steps, settings.every), rows, impacts, effort)
 
 
 def _general(
@@ -189,7 +200,7 @@ def _general(
     impacts.extend(unfinished(episodes))
     details = {"dt": h, "theta": theta, "max_penetration": max(0.0, -worst)}
     effort = Effort(num_unknowns=system.dofs, details=details)
-    return trajectory(system, h * kept_levels(steps, every), rows, impacts, effort)
+    return trajectory(system, h * row_levels(steps, every), rows, impacts, effort)
 
 
 def _step(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from impactfem.contact.impact_law import Law, complementarity
 from impactfem.errors import ConvergenceError, SceneError
-from impactfem.result.bar_motion import Effort, kept_levels
+from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Impacts, Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 
@@ -47,9 +47,16 @@ def count_steps(duration: float, dt: float, every: int, law: Law) -> tuple[int, 
     return steps, duration / steps
 
 
+def row_levels(steps: int, every: int) -> NDArray[np.int64]:
+    """Levels of the rows: every ``every``-th from 0 on, and the last one."""
+    levels = np.arange(0, steps + every, every)
+    levels[-1] = min(levels[-1], steps)
+    return levels
+
+
 def empty_rows(system: GeneralizedSystem, steps: int, every: int) -> Arrays:
     """Room for the rows."""
-    rows = len(kept_levels(steps, every))
+    rows = len(row_levels(steps, every))
     d, constraints = system.dofs, system.num_constraints
     return (
         np.zeros((rows, d)),
