@@ -22,14 +22,19 @@ if TYPE_CHECKING:
         SceneError,
     )
     from impactfem.exact import ExactBar
-    from impactfem.planning import Plan, plan
+    from impactfem.integrating import integrate
+    from impactfem.marching.ensemble import integrate_ensemble
+    from impactfem.planning import Plan, SolidPlan, VibroPlan, plan
     from impactfem.report.hard_cases import Board, hard_cases
     from impactfem.report.study import Study
     from impactfem.report.work_precision import work_precision
     from impactfem.result import Result
+    from impactfem.result.trajectory import Trajectory
     from impactfem.scene import (
         Bar,
+        Beam,
         Block,
+        Contact,
         Cylinder,
         Disc,
         Formula,
@@ -37,6 +42,7 @@ if TYPE_CHECKING:
         Output,
         PiecewiseConstant,
         PiecewiseVector,
+        Point,
         Pressure,
         Refinement,
         RigidBox,
@@ -44,30 +50,38 @@ if TYPE_CHECKING:
         RigidPolyline,
         RigidSphere,
         Ring,
+        Rod,
         Scene,
         Solid,
         Solve,
         Sphere,
+        Spring,
         Support,
         Traction,
         Wall,
     )
+    from impactfem.scene.signal import Signal
     from impactfem.solving import solve
+    from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 
 __version__ = "0.1.0"
 
 # Public names and where they live; loaded when first used, so that `import impactfem` is fast.
 _HOMES = {
     "Bar": "impactfem.scene",
+    "Beam": "impactfem.scene",
     "Block": "impactfem.scene",
     "Board": "impactfem.report.hard_cases",
+    "Contact": "impactfem.scene",
     "ConvergenceError": "impactfem.errors",
     "Cylinder": "impactfem.scene",
     "Disc": "impactfem.scene",
     "ExactBar": "impactfem.exact",
     "Formula": "impactfem.scene",
+    "GeneralizedSystem": "impactfem.system.generalized",
     "HalfSpace": "impactfem.scene",
     "ImpactError": "impactfem.errors",
+    "LinearSystem": "impactfem.system.generalized",
     "MeshError": "impactfem.errors",
     "MissingDependencyError": "impactfem.errors",
     "Output": "impactfem.scene",
@@ -75,6 +89,7 @@ _HOMES = {
     "PiecewiseConstant": "impactfem.scene",
     "PiecewiseVector": "impactfem.scene",
     "Plan": "impactfem.planning",
+    "Point": "impactfem.scene",
     "Pressure": "impactfem.scene",
     "Refinement": "impactfem.scene",
     "Result": "impactfem.result",
@@ -83,16 +98,24 @@ _HOMES = {
     "RigidPolyline": "impactfem.scene",
     "RigidSphere": "impactfem.scene",
     "Ring": "impactfem.scene",
+    "Rod": "impactfem.scene",
     "Scene": "impactfem.scene",
     "SceneError": "impactfem.errors",
+    "Signal": "impactfem.scene.signal",
     "Solid": "impactfem.scene",
+    "SolidPlan": "impactfem.planning",
     "Solve": "impactfem.scene",
     "Sphere": "impactfem.scene",
+    "Spring": "impactfem.scene",
     "Study": "impactfem.report.study",
     "Support": "impactfem.scene",
     "Traction": "impactfem.scene",
+    "Trajectory": "impactfem.result.trajectory",
+    "VibroPlan": "impactfem.planning",
     "Wall": "impactfem.scene",
     "hard_cases": "impactfem.report.hard_cases",
+    "integrate": "impactfem.integrating",
+    "integrate_ensemble": "impactfem.marching.ensemble",
     "plan": "impactfem.planning",
     "solve": "impactfem.solving",
     "work_precision": "impactfem.report.work_precision",
@@ -100,15 +123,19 @@ _HOMES = {
 
 __all__ = [
     "Bar",
+    "Beam",
     "Block",
     "Board",
+    "Contact",
     "ConvergenceError",
     "Cylinder",
     "Disc",
     "ExactBar",
     "Formula",
+    "GeneralizedSystem",
     "HalfSpace",
     "ImpactError",
+    "LinearSystem",
     "MeshError",
     "MissingDependencyError",
     "Output",
@@ -116,6 +143,7 @@ __all__ = [
     "PiecewiseConstant",
     "PiecewiseVector",
     "Plan",
+    "Point",
     "Pressure",
     "Refinement",
     "Result",
@@ -124,17 +152,25 @@ __all__ = [
     "RigidPolyline",
     "RigidSphere",
     "Ring",
+    "Rod",
     "Scene",
     "SceneError",
+    "Signal",
     "Solid",
+    "SolidPlan",
     "Solve",
     "Sphere",
+    "Spring",
     "Study",
     "Support",
     "Traction",
+    "Trajectory",
+    "VibroPlan",
     "Wall",
     "__version__",
     "hard_cases",
+    "integrate",
+    "integrate_ensemble",
     "plan",
     "solve",
     "work_precision",

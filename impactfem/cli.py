@@ -22,6 +22,13 @@ if TYPE_CHECKING:
     from impactfem.scene import Scene
 
 DONE, FAILED, BAD_INPUT, NOT_CONVERGED = 0, 1, 2, 3
+
+# What to do about a run that did not complete, by the body.
+_REMEDIES = {
+    "bar": 'courant = 1, a layered mesh, a shorter duration or method = "exact"',
+    "solid": 'method = "massless" or "conserving", a smaller step or a shorter duration',
+    "vibro": "a smaller dt, a larger stick_speed or another method",
+}
 """Exit codes; an interrupted run ends with 128 + the signal's number."""
 
 
@@ -171,10 +178,10 @@ def _run(given: argparse.Namespace) -> int:
     chosen = plan(scene)
     for warning in chosen.warnings:
         progress.message(f"warning: {warning}")
-    if chosen.method != "exact":
+    if chosen.method != "exact" and not scene.is_vibro:
         _load_finite_elements()
     on_root(lambda: check_writable(folder))
-    with progress.stages(5 if _is_solid(scene) else 4):
+    with progress.stages(4 if scene.bodies[0].kind == "bar" else 5):
         result = _solved(scene, given.restart, folder, progress)
         progress.step("writing the result")
         on_root(lambda: result.save(folder))
@@ -185,11 +192,7 @@ def _run(given: argparse.Namespace) -> int:
     if not given.quiet:
         _say(f"{summary_table(result.summary)}\n\nResult and pictures: {folder}")
     if result.summary["status"] != "completed":
-        remedy = (
-            'method = "massless" or "conserving", a smaller step or a shorter duration'
-            if _is_solid(scene)
-            else 'courant = 1, a layered mesh, a shorter duration or method = "exact"'
-        )
+        remedy = _REMEDIES["vibro" if scene.is_vibro else scene.bodies[0].kind]
         complain(
             f"{result.summary['status']}: {result.summary['active_set']['message']}; the result "
             f"is kept in {folder}. Remedy: {remedy}"
@@ -243,7 +246,8 @@ def _is_solid(scene: "Scene") -> bool:
 
 def _prepare(scene: "Scene") -> None:
     """Load what a plan needs: that of a solid is made of its mesh."""
-    if _is_solid(scene):
+    body = scene.bodies[0]
+    if body.kind == "solid" or getattr(body, "theory", "") == "timoshenko":
         _load_finite_elements()
 
 
@@ -313,7 +317,7 @@ def _plot(given: argparse.Namespace) -> int:
         return BAD_INPUT
     with replaced(given.folder) as stage:
         names = [path.name for path in write_pictures(result, stage)[1]]
-    if result.fields is None:
+    if result.fields is None and not result.scene.is_vibro:
         complain('no fields.vtkhdf: no pictures of the displacement; run with fields = ["vtkhdf"]')
     _say("\n".join(str(given.folder / name) for name in names))
     return DONE

@@ -11,7 +11,7 @@ from impactfem.error_estimate import estimate_error
 from impactfem.errors import SceneError
 from impactfem.log import Progress
 from impactfem.methods import METHODS
-from impactfem.planning import Plan, SolidPlan, plan
+from impactfem.planning import Plan, SolidPlan, VibroPlan, plan
 from impactfem.reference import exact_bar, exact_curves, measure
 from impactfem.result import Result
 from impactfem.result.bar_motion import bar_fields, bar_history
@@ -58,7 +58,10 @@ def solve(
     if isinstance(chosen, SolidPlan):
         return _solve_solid(scene, chosen, progress, checkpoints, restart)
     if checkpoints is not None or restart is not None:
-        raise SceneError(f"body {scene.bar.name}: bars are not checkpointed; leave that out")
+        body = scene.bodies[0]
+        raise SceneError(f"body {body.name}: a {body.kind} is not checkpointed; leave that out")
+    if isinstance(chosen, VibroPlan):
+        return _solve_vibro(scene, chosen, progress)
     return _solve_bar(scene, chosen, progress)
 
 
@@ -108,6 +111,33 @@ def _solve_solid(
         summarise(scene, chosen, history, effort, errors, cost),
         fields,
     )
+
+
+def _solve_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> Result:
+    from impactfem.vibro_runs import run_vibro  # noqa: PLC0415  (loads Numba)
+
+    start = time.perf_counter()
+    run = run_vibro(scene, chosen, progress)
+    cost = _cost(time.perf_counter() - start)
+    for warning in run.warnings:
+        progress.message(f"warning: {warning}")
+    summary = summarise(
+        scene, chosen, run.history, run.motion.effort, run.errors, cost,
+        driven=not run.model.conservative,
+    )  # fmt: skip
+    summary["contact"]["intervals"] = run.intervals
+    summary["warnings"] = list(run.warnings)
+    settings = replace(
+        scene.solve,
+        method=chosen.method,
+        dt=chosen.dt,
+        impact_law=chosen.impact_law,
+        estimate=chosen.estimate,
+        penalty_stiffness=chosen.penalty_stiffness,
+        penalty_integrator=chosen.penalty_integrator,
+    )
+    used = replace(scene, solve=settings)
+    return Result(used, run.history, summary, impacts=run.motion.impacts)
 
 
 def _bar_as_used(scene: Scene, chosen: Plan) -> Scene:

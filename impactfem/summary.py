@@ -40,9 +40,19 @@ class Cost:
 
 def summarise(
     scene: Scene, chosen: AnyPlan, history: xr.Dataset, effort: Effort, errors: Errors | None,
-    cost: Cost,
+    cost: Cost, *, driven: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
-    """Figures of a run, as in ``summary.json``; None stands for numbers that are not finite."""
+    """Figures of a run, as in ``summary.json``; None stands for numbers that are not finite.
+
+    Args:
+        scene: What was modelled.
+        chosen: The plan.
+        history: History of the run.
+        effort: How the method got there.
+        errors: Errors against a reference, None if not measured.
+        cost: What the run took.
+        driven: Whether loads do work that the history does not hold: then energy may grow.
+    """
     t, force = history["time"].values, history["contact_force"].values
     energy = history["total_energy"].values
     # Kinetic and elastic energy too: the potential may make the sum nearly vanish. And the work on
@@ -52,7 +62,11 @@ def summarise(
     scale = max(abs(energy[0]), moving[0], np.abs(worked).max()) or moving.max() or 1.0
     growth = (energy - energy[0]) / scale
     status = "completed" if effort.converged else "not_converged"
-    if effort.converged and not growth.max() <= GROWTH_LIMIT:
+    if (
+        effort.converged
+        and not (driven and np.isfinite(growth).all())
+        and (not growth.max() <= GROWTH_LIMIT)
+    ):
         status = "unstable"
     summary = {
         "title": scene.title,
@@ -75,7 +89,8 @@ def summarise(
             "max_relative_drift": np.abs(growth).max(),
             "final_relative_drift": growth[-1],
             "max_relative_growth": max(0.0, growth.max()),
-            "grows": bool(growth.max() > GROWTH_NOTED),
+            "grows": bool(growth.max() > GROWTH_NOTED) and not driven,
+            "driven": driven,
         },
         "contact": {
             "intervals": contact_intervals(t, force, history["gap"].values),

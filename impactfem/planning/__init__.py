@@ -2,12 +2,22 @@
 
 from impactfem.planning.bars import Plan, plan_bar
 from impactfem.planning.solids import SolidPlan, plan_solid
+from impactfem.planning.vibro import VibroPlan, plan_vibro
 from impactfem.scene import Scene
 from impactfem.scene.solids import Solid
 
-__all__ = ["AnyPlan", "Plan", "SolidPlan", "plan", "plan_bar", "plan_solid"]
+__all__ = [
+    "AnyPlan",
+    "Plan",
+    "SolidPlan",
+    "VibroPlan",
+    "plan",
+    "plan_bar",
+    "plan_solid",
+    "plan_vibro",
+]
 
-type AnyPlan = Plan | SolidPlan
+type AnyPlan = Plan | SolidPlan | VibroPlan
 
 
 def plan(scene: Scene) -> AnyPlan:
@@ -17,4 +27,6 @@ def plan(scene: Scene) -> AnyPlan:
         SceneError: The settings cannot work, or need more memory than the machine has.
         MeshError: The mesh cannot be made.
     """
+    if scene.is_vibro:
+        return plan_vibro(scene)
     return plan_solid(scene) if isinstance(scene.bodies[0], Solid) else plan_bar(scene)

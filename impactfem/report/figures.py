@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from impactfem.report.animation import animate
 from impactfem.report.solid_figures import draw_solid
+from impactfem.report.vibro_figures import draw_vibro
 from impactfem.result import Fields, Result
 from impactfem.scene import Solid
 
@@ -26,6 +27,8 @@ def draw_all(result: Result) -> dict[str, Figure]:
     }
     if isinstance(result.scene.bodies[0], Solid):
         return figures | draw_solid(result)
+    if result.scene.is_vibro:
+        return figures | draw_vibro(result)
     if result.fields is not None:
         figures["displacement"] = _draw(displacement, result)
         figures["position"] = _draw(position, result)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from impactfem.planning import AnyPlan, Plan, SolidPlan
+from impactfem.planning import AnyPlan, Plan, SolidPlan, VibroPlan
 
 
 def table(rows: Sequence[tuple[str, str]], title: str = "") -> str:
@@ -15,7 +15,10 @@ def table(rows: Sequence[tuple[str, str]], title: str = "") -> str:
 
 def plan_table(plan: AnyPlan) -> str:
     """The plan with its reasons."""
-    rows = _solid_rows(plan) if isinstance(plan, SolidPlan) else _bar_rows(plan)
+    if isinstance(plan, SolidPlan):
+        rows = _solid_rows(plan)
+    else:
+        rows = _vibro_rows(plan) if isinstance(plan, VibroPlan) else _bar_rows(plan)
     for key, reason in plan.reasons.items():
         rows.append((key if key.startswith("offer") else f"why {key}", reason))
     rows += [("warning", warning) for warning in plan.warnings]
@@ -44,6 +47,27 @@ def _solid_rows(plan: SolidPlan) -> list[tuple[str, str]]:
         ("estimate", "the error, by a second run" if plan.estimate else "none"),
         *_cost_rows(plan.memory_mib, plan.seconds),
     ]
+
+
+def _vibro_rows(plan: VibroPlan) -> list[tuple[str, str]]:
+    rows = [
+        ("model", plan.model),
+        ("method", plan.method),
+        ("dt", f"{plan.dt:g} s{' of the output' * (plan.method == 'event_driven')}"),
+        ("steps", str(plan.steps)),
+        ("unknowns", f"{plan.unknowns} ({plan.contact_pairs} constraints)"),
+        ("impact law", plan.impact_law),
+    ]
+    if plan.penalty_stiffness is not None:
+        damping = (
+            "that of the restitution" if plan.penalty_damping is None else plan.penalty_damping
+        )
+        rows.append(("penalty", f"k = {plan.penalty_stiffness:g} 1/s^2, alpha: {damping}"))
+    rows.append(("estimate", "the error, by a second run" if plan.estimate else "none"))
+    rows.append(("memory", f"about {plan.memory_mib:.2g} MiB"))
+    unknown = "depends on the number of impacts"
+    rows.append(("time", unknown if plan.seconds is None else f"about {plan.seconds:.2g} s"))
+    return rows
 
 
 def _cost_rows(memory_mib: float, seconds: float) -> list[tuple[str, str]]:
@@ -93,6 +117,8 @@ def summary_table(summary: Mapping[str, Any]) -> str:
     if energy["grows"]:
         energies += f"; IT GROWS by {_number(energy['max_relative_growth'])}: do not trust this run"
     ranks = f"{summary['ranks']} rank{'s' if summary['ranks'] != 1 else ''}"
+    if energy.get("driven"):
+        energies += " (loads or moving obstacles do work)"
     rows = [
         ("status", summary["status"]),
         ("method", summary["method"]),
@@ -104,7 +130,18 @@ def summary_table(summary: Mapping[str, Any]) -> str:
         ("error", _error(summary["error"])),
         ("cost", f"{summary['wall_time']:.2f} s, {summary['peak_memory_mib']:.0f} MiB on {ranks}"),
     ]
+    if "impact_law" in summary["plan"]:
+        rows[3] = ("impacts", _impacts(summary))
     return table(rows, summary["title"])
+
+
+def _impacts(summary: Mapping[str, Any]) -> str:
+    details = summary["details"]
+    text = str(details["impacts"]) if "impacts" in details else "not located one by one"
+    spells = details.get("sticking", [])
+    if spells:
+        text += f", then lasting contact {len(spells)} times, first from {spells[0][0]:.6g} s"
+    return text
 
 
 def _number(value: float | None) -> str:

@@ -22,11 +22,13 @@ from impactfem.result.solid_export import needed_bytes as needed_bytes_of_solid
 from impactfem.result.solid_export import write_solid
 from impactfem.result.solid_fields import SolidFields
 from impactfem.result.store import LAST, reserve, staged
+from impactfem.result.trajectory import Impacts
 from impactfem.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+IMPACTS = "impacts.csv"
 FIELD_FILES = {"vtkhdf": "fields.vtkhdf", "vtx": "fields.bp", "pvd": "fields.pvd"}
 """File of each field format."""
 
@@ -42,6 +44,7 @@ class Result:
         fields: The body's motion at the layers asked for; None if none were. Those of a bar are
             arrays, those of a solid are read from their file when asked for.
         exact: Exact contact force at the times of the history [N]; None if unknown.
+        impacts: Impacts of points, rods and beams one by one; None if the method tells none.
     """
 
     scene: Scene
@@ -49,6 +52,7 @@ class Result:
     summary: Mapping[str, Any]
     fields: Fields | SolidFields | None = None
     exact: xr.Dataset | None = None
+    impacts: Impacts | None = None
 
     def plot(self, folder: str | Path | None = None) -> "dict[str, Figure]":
         """Draw all figures that the result allows.
@@ -106,6 +110,8 @@ class Result:
             write_netcdf(self.history, stage / "history.nc")
             if self.exact is not None:
                 write_netcdf(self.exact, stage / "exact.nc")
+            if self.impacts is not None:
+                self.impacts.write_csv(stage / IMPACTS)
             self._write_fields(stage)
             if pictures:
                 self.plot(stage)
@@ -142,6 +148,8 @@ class Result:
             scene = Scene.from_toml(folder / "scene.toml")
             exact = folder / "exact.nc"
             reference = read_netcdf(exact) if exact.exists() else None
+            listed = folder / IMPACTS
+            impacts = Impacts.read_csv(listed) if listed.exists() else None
         # xarray and SciPy meet noise with TypeError, KeyError and IndexError.
         except (OSError, ValueError, TypeError, LookupError, SceneError) as error:
             raise OutputError(
@@ -151,7 +159,7 @@ class Result:
         fields: Fields | SolidFields | None = None
         if path.exists():
             fields = read_vtkhdf(path) if is_bar_file(path) else SolidFields(path)
-        return cls(scene, history, summary, fields, reference)
+        return cls(scene, history, summary, fields, reference, impacts)
 
     def __repr__(self) -> str:
         return (

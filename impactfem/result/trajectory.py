@@ -1,6 +1,7 @@
 """The motion of a system with few degrees of freedom, as every method returns it."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -32,6 +33,31 @@ class Impacts:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def write_csv(self, path: Path) -> None:
+        """Write one line an impact, with 17 digits."""
+        columns = (self.time, self.constraint, self.before, self.after, self.impulse)
+        np.savetxt(
+            path,
+            np.column_stack(columns),
+            delimiter=",",
+            fmt=["%.17g", "%d", "%.17g", "%.17g", "%.17g"],
+            header="time,constraint,before,after,impulse",
+            comments="",
+        )
+
+    @classmethod
+    def read_csv(cls, path: Path) -> "Impacts":
+        """Read what `write_csv` has written.
+
+        Raises:
+            ValueError: The file holds something else.
+        """
+        text = path.read_text(encoding="utf-8").splitlines()[1:]
+        rows = [tuple(float(entry) for entry in line.split(",")) for line in text]
+        if any(len(row) != 5 for row in rows):
+            raise ValueError(f"{path}: not five numbers a line")
+        return cls.of_rows([(t, int(j), b, a, p) for t, j, b, a, p in rows])
 
     @classmethod
     def of_rows(cls, rows: "list[tuple[float, int, float, float, float]]") -> "Impacts":

@@ -1,5 +1,6 @@
 """Scenes: what is modelled and how, read from TOML or made in Python; no finite elements."""
 
+from impactfem.scene.beams import Beam, Rod
 from impactfem.scene.bodies import Bar
 from impactfem.scene.boundary import Pressure, Support, Traction
 from impactfem.scene.contacts import Contact
@@ -23,6 +24,7 @@ from impactfem.scene.toml import parse_assignment
 
 __all__ = [
     "Bar",
+    "Beam",
     "Block",
     "Contact",
     "Cylinder",
@@ -40,6 +42,7 @@ __all__ = [
     "RigidPolyline",
     "RigidSphere",
     "Ring",
+    "Rod",
     "Scene",
     "Solid",
     "Solve",

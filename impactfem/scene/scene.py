@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from impactfem.errors import SceneError
+from impactfem.scene.beams import Beam, Rod
 from impactfem.scene.bodies import Bar
 from impactfem.scene.contacts import Contact
 from impactfem.scene.crosschecks import check_scene
@@ -45,11 +46,11 @@ from impactfem.scene.tables import (
 from impactfem.scene.toml import parse_assignment, read_toml, write_table
 from impactfem.scene.values import NotAllowedError, show
 
-type Body = Bar | Solid | Point
+type Body = Bar | Solid | Point | Rod | Beam
 type Rigid = HalfSpace | RigidSphere | RigidCylinder | RigidBox | RigidPolyline
 type Obstacle = Wall | Rigid
 
-BODIES: Mapping[str, type[Any]] = {cls.kind: cls for cls in (Bar, Solid, Point)}
+BODIES: Mapping[str, type[Any]] = {cls.kind: cls for cls in (Bar, Solid, Point, Rod, Beam)}
 MAX_CONTACTS = 10_000
 OBSTACLES: Mapping[str, type[Any]] = {
     cls.kind: cls for cls in (Wall, HalfSpace, RigidSphere, RigidCylinder, RigidBox, RigidPolyline)
@@ -126,7 +127,7 @@ class Scene:
         check_scene(self, gravity)
         body = self.bodies[0]
         if not isinstance(body, Bar) and not isinstance(self.gravity, PiecewiseVector):
-            object.__setattr__(self, "gravity", PiecewiseVector((0.0,), ((0.0,) * body.dim,)))
+            object.__setattr__(self, "gravity", PiecewiseVector((0.0,), ((0.0,) * self.dim,)))
 
     @property
     def bar(self) -> Bar:
@@ -150,7 +151,9 @@ class Scene:
     def dim(self) -> int:
         """Number of coordinates."""
         body = self.bodies[0]
-        return 1 if isinstance(body, Bar) else body.dim
+        if isinstance(body, Bar):
+            return 1
+        return 2 if isinstance(body, Rod | Beam) else body.dim
 
     @property
     def is_vibro(self) -> bool:

@@ -188,7 +188,7 @@ def _hint(name: str, known: list[str]) -> str:
     if TOP in homes:
         return "it belongs to the top of the file; move it before the first table."
     if homes:
-        return f"it belongs to {' or '.join(homes[:2])}; move it there."
+        return f"it belongs to {' or '.join(homes[:3])}; move it there."
     near = get_close_matches(name[:80].lower(), known, 1)
     return f'did you mean "{near[0]}"?' if near else "remove it."
 

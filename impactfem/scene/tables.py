@@ -134,7 +134,9 @@ def read_object(
         raise KeyedError(where, "", text)
     given = entry.get("kind")
     if given is None:
-        known = [key.name for cls in classes.values() for key in keys_of(cls).values()]
+        known = list(
+            dict.fromkeys(key.name for cls in classes.values() for key in keys_of(cls).values())
+        )
         check_keys(entry, ["kind", *known], where)  # "kind" may be there, but misspelt
         raise KeyedError(where, "kind", f" is missing: add kind = {allowed}.")
     try:

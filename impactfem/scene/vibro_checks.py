@@ -78,8 +78,13 @@ def _check_obstacles(scene: "Scene", dim: int) -> None:
             text = f" = {show(obstacle.kind)} has corners: {FAMILY} meet smooth obstacles; "
             text += 'give one kind = "half_space" for each side.'
             raise KeyedError(where, "kind", text)
-        if obstacle.motion is not None and not isinstance(obstacle, HalfSpace):
+        if obstacle.motion is None:
+            continue
+        if not isinstance(obstacle, HalfSpace):
             text = f" of a {obstacle.kind}: only half-spaces move here; remove it."
+            raise KeyedError(where, "motion", text)
+        if not isinstance(body, Point):
+            text = f" of a half_space that a {body.kind} meets is not available: remove it."
             raise KeyedError(where, "motion", text)
 
 

@@ -1,0 +1,76 @@
+"""Integrate a system of few degrees of freedom by the method of a name."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from impactfem.errors import SceneError
+from impactfem.marching.event_driven import EventSettings, integrate_events
+from impactfem.marching.penalty import PenaltySettings, integrate_penalty
+from impactfem.marching.position_level import PositionSettings, integrate_positions
+from impactfem.marching.velocity_level import VelocitySettings, integrate_velocities
+from impactfem.result.trajectory import Trajectory
+from impactfem.system.generalized import GeneralizedSystem
+
+
+class _Entry(NamedTuple):
+    settings: type[Any]
+    integrate: Callable[..., Trajectory]
+
+
+INTEGRATORS: Mapping[str, _Entry] = {
+    "event_driven": _Entry(EventSettings, integrate_events),
+    "paoli_schatzman": _Entry(PositionSettings, integrate_positions),
+    "moreau_jean": _Entry(VelocitySettings, integrate_velocities),
+    "penalty": _Entry(PenaltySettings, integrate_penalty),
+}
+"""Settings and function of each method."""
+
+
+def integrate(
+    system: GeneralizedSystem,
+    position: ArrayLike,
+    velocity: ArrayLike,
+    duration: float,
+    *,
+    method: str = "event_driven",
+    **settings: Any,
+) -> Trajectory:
+    """Integrate a system with unilateral constraints.
+
+    Args:
+        system: A `GeneralizedSystem` or `LinearSystem`.
+        position: u at t = 0, shape (d,).
+        velocity: u' at t = 0, shape (d,).
+        duration: [s].
+        method: "event_driven", "paoli_schatzman", "moreau_jean" or "penalty".
+        **settings: Those of the method: see `EventSettings`, `PositionSettings`,
+            `VelocitySettings` and `PenaltySettings`. All but the first need ``dt``.
+
+    Returns:
+        The motion; where two constraints act together, ``effort.details["together"]`` says so.
+
+    Raises:
+        SceneError: The system or a setting cannot work.
+        ConvergenceError: A step or an event could not be solved.
+    """
+    if method not in INTEGRATORS:
+        raise SceneError(f'method = "{method}" is not known: give {" or ".join(INTEGRATORS)}')
+    if not (np.isfinite(duration) and duration > 0.0):
+        raise SceneError(f"duration = {duration} is not allowed: give a finite number > 0")
+    entry = INTEGRATORS[method]
+    known = [field.name for field in fields(entry.settings)]
+    for name in settings:
+        if name not in known:
+            raise SceneError(
+                f'{name} is no setting of method = "{method}": give {", ".join(known)}'
+            )
+    needed = [name for name in ("dt", "stiffness") if name in known and name not in settings]
+    if needed:
+        raise SceneError(f'method = "{method}" needs {" and ".join(needed)}: give them')
+    chosen = entry.settings(**settings)
+    u, v = (np.atleast_1d(np.asarray(value, dtype=float)) for value in (position, velocity))
+    return entry.integrate(system, u, v, float(duration), chosen)

@@ -1,0 +1,225 @@
+"""The plan of points, rods and beams: method and step, with the reasons."""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from impactfem.errors import SceneError
+from impactfem.methods import METHODS
+from impactfem.scene import Scene
+from impactfem.scene.values import show
+from impactfem.vibro_model import VibroModel, vibro_model
+
+_ROWS = 1000
+_MOST_STEPS = 200_000_000
+_PER_RADIAN = 20.0  # steps of a radian of the fastest vibration
+_BEAM_PERIOD = 200.0  # steps of the first bending period
+_BYTES = 8.0 * 24.0
+
+
+@dataclass(frozen=True)
+class VibroPlan:
+    """What will be modelled and how, for few degrees of freedom.
+
+    Attributes:
+        method: Name as in `impactfem methods`.
+        model: The model in words.
+        dt: Time step, of "event_driven" that of the output [s].
+        steps: Steps of that length.
+        unknowns: Degrees of freedom.
+        contact_pairs: Constraints.
+        impact_law: "simultaneous" or "sequential".
+        stick_speed: Given normal speed from which on contact lasts [m/s]; None for the default.
+        penalty_stiffness: k of method "penalty" [1/s^2]; None for others.
+        penalty_damping: Given alpha; None for that of the restitution.
+        penalty_integrator: SciPy's integrator; None for others.
+        estimate: Whether the error is estimated by a second run.
+        memory_mib: Estimated memory of the history [MiB].
+        seconds: Estimated time [s]; None for "event_driven", whose impacts are not known before.
+        reasons: Why each choice was made, by key.
+        warnings: What the user should know before trusting the answer.
+    """
+
+    method: str
+    model: str
+    dt: float
+    steps: int
+    unknowns: int
+    contact_pairs: int
+    impact_law: str
+    stick_speed: float | None
+    penalty_stiffness: float | None
+    penalty_damping: float | None
+    penalty_integrator: str | None
+    estimate: bool
+    memory_mib: float
+    seconds: float | None
+    reasons: dict[str, str]
+    warnings: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data for ``summary.json``."""
+        return asdict(self) | {"warnings": list(self.warnings)}
+
+
+def plan_vibro(scene: Scene, model: VibroModel | None = None) -> VibroPlan:
+    """Choose method and numbers for points, a rod or a beam.
+
+    Raises:
+        SceneError: The start or the settings cannot work.
+    """
+    model = model or vibro_model(scene)
+    solve = scene.solve
+    reasons: dict[str, str] = {}
+    method = solve.method or _choose_method(model, reasons)
+    if solve.method is not None:
+        reasons["method"] = "as given"
+    _check_settings(scene, method)
+    dt = solve.dt or _choose_step(scene, model, method, reasons)
+    steps = max(1, round(scene.duration / dt))
+    if steps > _MOST_STEPS:
+        raise SceneError(
+            f"solve.dt = {dt:g} s makes {steps:.3g} steps of duration = {scene.duration:g} s, more "
+            f"than {_MOST_STEPS:g}: give a larger dt or a shorter duration"
+        )
+    memory = _memory(scene, steps)
+    stiffness = None
+    if method == "penalty":
+        stiffness = solve.penalty_stiffness or _choose_stiffness(scene, reasons)
+    estimate = _choose_estimate(scene, method, steps, reasons)
+    return VibroPlan(
+        method=method,
+        model=model.words,
+        dt=scene.duration / steps,
+        steps=steps,
+        unknowns=model.system.dofs,
+        contact_pairs=model.system.num_constraints,
+        impact_law=solve.impact_law or "simultaneous",
+        stick_speed=solve.stick_speed,
+        penalty_stiffness=stiffness,
+        penalty_damping=solve.penalty_damping,
+        penalty_integrator=(solve.penalty_integrator or "radau") if stiffness else None,
+        estimate=estimate,
+        memory_mib=memory,
+        seconds=_seconds(model, method, steps),
+        reasons=reasons,
+        warnings=tuple(_warnings(scene, model, method)),
+    )
+
+
+def _choose_method(model: VibroModel, reasons: dict[str, str]) -> str:
+    if model.beam is not None:
+        reasons["method"] = (
+            "a beam strikes in many micro-impacts: the position-level scheme passes them without "
+            "detection, its stiff forces averaged"
+        )
+        return "paoli_schatzman"
+    if model.is_exact:
+        reasons["method"] = "flights are linear, so that they and the impacts are exact to rounding"
+    else:
+        reasons["method"] = "few degrees of freedom: impacts are located by an adaptive integrator"
+    return "event_driven"
+
+
+def _choose_step(scene: Scene, model: VibroModel, method: str, reasons: dict[str, str]) -> float:
+    even = scene.duration / _ROWS
+    if method == "event_driven":
+        reasons["dt"] = f"{_ROWS} rows of output; flights and impacts do not depend on it"
+        return even
+    if model.beam is not None:
+        period = 2.0 * math.pi / model.beam.beam.first_frequency
+        reasons["dt"] = f"{_BEAM_PERIOD:g} steps in the first bending period of {period:.3g} s"
+        return min(even, period / _BEAM_PERIOD)
+    from impactfem.marching.position_start import highest_frequency  # noqa: PLC0415  (SciPy)
+
+    frequency = highest_frequency(model.system, model.position, model.velocity)
+    drive = max((w for s in _signals(model) for w, _, _ in s.harmonics), default=0.0)
+    fastest = max(frequency, drive)
+    reasons["dt"] = f"{_ROWS} steps, and {_PER_RADIAN:g} in a radian of the fastest vibration"
+    return min(even, 1.0 / (_PER_RADIAN * fastest)) if fastest > 0.0 else even
+
+
+def _signals(model: VibroModel) -> list[Any]:
+    return [*getattr(model.system, "load", ()), *model.system.motion]
+
+
+def _choose_stiffness(scene: Scene, reasons: dict[str, str]) -> float:
+    reasons["penalty_stiffness"] = "a contact of about 1/1000 of the duration, pi / sqrt(k)"
+    return (1000.0 * math.pi / scene.duration) ** 2
+
+
+def _choose_estimate(scene: Scene, method: str, steps: int, reasons: dict[str, str]) -> bool:
+    if scene.solve.estimate is not None:
+        return scene.solve.estimate
+    if method != "event_driven" and steps > 1_000_000:
+        reasons["estimate"] = "left out: many steps; set estimate = true to have it"
+        return False
+    reasons["estimate"] = (
+        "by a second run from a start changed by 1e-9, or with tolerances 100 times as large"
+        if method == "event_driven"
+        else "against a run of the event-driven method, or with half the step"
+    )
+    return True
+
+
+def _check_settings(scene: Scene, method: str) -> None:
+    """Refuse settings of other methods."""
+    solve = scene.solve
+    owners = {
+        "stick_speed": "event_driven",
+        "penalty_stiffness": "penalty",
+        "penalty_damping": "penalty",
+        "penalty_integrator": "penalty",
+    }
+    for name, owner in owners.items():
+        value = getattr(solve, name)
+        if value is not None and method != owner:
+            raise SceneError(
+                f'solve.{name} = {show(value)} belongs to method = "{owner}", not to "{method}": '
+                "remove it"
+            )
+    if solve.impact_law == "sequential" and method != "event_driven":
+        raise SceneError(
+            f'solve.impact_law = "sequential" needs method = "event_driven", not "{method}": the '
+            "others share an impact between all constraints at once; remove it"
+        )
+
+
+def _memory(scene: Scene, steps: int) -> float:
+    memory = _BYTES * (steps / scene.output.every) * max(1, len(scene.bodies)) / 2**20
+    if memory > 8192.0:
+        raise SceneError(
+            f"output.every = {scene.output.every} keeps {steps // scene.output.every} rows, about "
+            f"{memory:.0f} MiB: give a larger one"
+        )
+    return memory
+
+
+def _seconds(model: VibroModel, method: str, steps: int) -> float | None:
+    """Time of the run; micro-seconds a step as measured in benchmarks/vibro_speed.py."""
+    if method == "event_driven":
+        return None
+    if method == "penalty":
+        return 2e-3 * steps
+    d = model.system.dofs
+    return steps * (1e-7 * d * d + 1e-6 if hasattr(model.system, "stiffness") else 2e-4)
+
+
+def _warnings(scene: Scene, model: VibroModel, method: str) -> list[str]:
+    found = []
+    if not scene.contacts:
+        found.append(
+            "no [[contact]] gives a restitution: 0 is taken, nothing rebounds; add [[contact]] "
+            "with between and restitution"
+        )
+    if not METHODS[method].plannable:
+        found.append(f"method {method} is for comparison: {METHODS[method].text}")
+    pairs = model.system.num_constraints
+    if model.beam is None and pairs > 1 and np.unique(model.system.restitution).size > 1:
+        found.append(
+            "the constraints have different restitution: no law of impact is settled for several "
+            "of them at once"
+        )
+    return found

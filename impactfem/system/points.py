@@ -1,0 +1,204 @@
+"""Points of a scene as one system: linear where forces are affine and obstacles flat."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impactfem.errors import SceneError
+from impactfem.scene import PiecewiseVector, Point, Scene, Spring
+from impactfem.scene.affine import affine_parts
+from impactfem.scene.points import COORDINATES
+from impactfem.scene.signal import Signal
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.system.point_gaps import Gap, make_gap
+from impactfem.system.point_springs import SpringForce
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PointsSystem:
+    """Points as a system.
+
+    Attributes:
+        system: Coordinates: x, y, z of the first point, of the second, ...
+        labels: Names of the constraints, as "ball on floor".
+        elastic: Energy of the springs as a function of u [J].
+        conservative: Whether a potential is known: no force depends on time or on other than
+            linear functions of positions, and no obstacle moves. Dampers are allowed.
+    """
+
+    system: GeneralizedSystem
+    labels: tuple[str, ...]
+    elastic: Callable[[Floats], float]
+    conservative: bool
+
+
+def points_system(scene: Scene) -> PointsSystem:
+    """Make the system of the points of a scene.
+
+    Raises:
+        SceneError: A point starts inside an obstacle or another point.
+    """
+    points = [body for body in scene.bodies if isinstance(body, Point)]
+    names = [f"{p.name}.{letter}" for p in points for letter in COORDINATES[: scene.dim]]
+    pairs = contact_pairs(scene)
+    gaps = [make_gap(points, scene, pair) for pair, _ in pairs]
+    labels = tuple(f"{one} on {two}" for (one, two), _ in pairs)
+    _check_gaps(points, gaps, labels)
+    restitution = [e for _, e in pairs]
+    springs = _springs(points)
+    loads = _Loads(points, scene.vector_gravity)
+    mass = np.repeat([p.mass for p in points], scene.dim)
+    flat = all(gap.normal is not None for gap in gaps)
+    straight = all(spring.is_linear for spring in springs)
+    motion = [gap.motion for gap in gaps]
+    still = all(signal.is_zero for signal in motion) and loads.is_conservative
+
+    def elastic(u: Floats) -> float:
+        return sum(spring.energy(u) for spring in springs)
+
+    def potential(_: float, u: Floats) -> float:
+        return elastic(u) + (loads.potential(u) if still else 0.0)
+
+    if flat and straight and loads.is_affine:
+        stiffness, damping = loads.stiffness.copy(), loads.damping.copy()
+        pull = np.zeros(len(mass))
+        for spring in springs:
+            spring.add_to(stiffness, damping, pull)
+        system: GeneralizedSystem = LinearSystem(
+            mass=mass,
+            stiffness=stiffness,
+            damping=damping,
+            load=[s.plus(Signal(float(p))) for s, p in zip(loads.signals, pull, strict=True)],
+            normals=np.array([gap.normal for gap in gaps]),
+            offsets=np.array([gap.offset for gap in gaps]),
+            restitution=restitution,
+            motion=motion,
+            potential=potential,
+            names=names,
+        )
+        return PointsSystem(system, labels, elastic, still)
+
+    def force(t: float, u: Floats, v: Floats) -> Floats:
+        total = loads.at(t, u, v)
+        for spring in springs:
+            spring.push(total, u, v)
+        return total
+
+    system = GeneralizedSystem(
+        mass=mass,
+        force=force,
+        constraints=lambda u: np.array([gap.distance(np.asarray(u)) for gap in gaps]),
+        jacobian=lambda u: np.array([gap.gradient(u) for gap in gaps]),
+        restitution=restitution,
+        motion=motion,
+        potential=potential,
+        names=names,
+    )
+    return PointsSystem(system, labels, elastic, still)
+
+
+def contact_pairs(scene: Scene) -> list[tuple[tuple[str, str], float]]:
+    """Pairs of names, a body first, and their restitution; all with all obstacles if none given."""
+    bodies = {body.name for body in scene.bodies}
+    if scene.contacts:
+        pairs = []
+        for contact in scene.contacts:
+            one, two = contact.between
+            pairs.append(((one, two) if one in bodies else (two, one), contact.restitution))
+        return pairs
+    return [((b.name, o.name), 0.0) for b in scene.bodies for o in scene.obstacles]
+
+
+def start_state(scene: Scene) -> tuple[Floats, Floats]:
+    """Positions [m] and velocities [m/s] of the points at t = 0, each (points * dim,)."""
+    points = [body for body in scene.bodies if isinstance(body, Point)]
+    position = np.concatenate([p.position for p in points]).astype(float)
+    return position, np.concatenate([p.velocity or () for p in points]).astype(float)
+
+
+def _springs(points: Sequence[Point]) -> list[SpringForce]:
+    place = {p.name: index for index, p in enumerate(points)}
+    found = []
+    for index, point in enumerate(points):
+        for spring in point.springs:
+            other = None if spring.to is None else place[spring.to]
+            _check_spring(point, spring, None if other is None else points[other])
+            found.append(SpringForce(spring, index, other, points))
+    return found
+
+
+def _check_spring(point: Point, spring: Spring, other: Point | None) -> None:
+    end = spring.anchor if other is None else other.position
+    if spring.rest_length > 0.0 and np.array_equal(point.position, end or ()):
+        raise SceneError(
+            f"body {point.name}: a spring of rest_length = {spring.rest_length:g} has both ends at "
+            f"{list(point.position)}, so that it has no direction; move an end or set rest_length 0"
+        )
+
+
+def _check_gaps(points: Sequence[Point], gaps: Sequence[Gap], labels: Sequence[str]) -> None:
+    start = np.concatenate([p.position for p in points]).astype(float)
+    for gap, label in zip(gaps, labels, strict=True):
+        depth = gap.distance(start) - float(gap.motion(0.0))
+        if depth < -1e-12 * max(1.0, float(np.abs(start).max())):
+            raise SceneError(
+                f"{label}: they overlap by {-depth:.6g} m at t = 0; move one of them, or make the "
+                "radius smaller"
+            )
+
+
+class _Loads:
+    """Gravity and forces by formula."""
+
+    def __init__(self, points: Sequence[Point], gravity: PiecewiseVector) -> None:
+        self._points, self._gravity = points, gravity
+        dim = points[0].dim
+        size = dim * len(points)
+        self.stiffness, self.damping = np.zeros((size, size)), np.zeros((size, size))
+        self.signals = [
+            _gravity_signal(gravity, axis).times(p.mass) for p in points for axis in range(dim)
+        ]
+        self.is_affine = True
+        for index, point in enumerate(points):
+            for axis, formula in enumerate(point.force or ()):
+                row = index * dim + axis
+                parts = affine_parts(formula, point.state)
+                if parts is None:
+                    self.is_affine = False
+                    continue
+                columns = slice(index * dim, (index + 1) * dim)
+                self.stiffness[row, columns] -= parts[0][:dim]
+                self.damping[row, columns] -= parts[0][dim:]
+                self.signals[row] = self.signals[row].plus(parts[1])
+        symmetric = np.array_equal(self.stiffness, self.stiffness.T)
+        constant = all(signal.is_constant for signal in self.signals)
+        self.is_conservative = self.is_affine and symmetric and constant
+
+    def potential(self, u: Floats) -> float:
+        """Potential energy [J] of conservative loads."""
+        constant = np.array([signal.constant for signal in self.signals])
+        return float(0.5 * u @ (self.stiffness @ u) - constant @ u)
+
+    def at(self, t: float, u: Floats, v: Floats) -> Floats:
+        """Forces [N], shape (d,)."""
+        dim = self._points[0].dim
+        pull = np.asarray(self._gravity.at(t), dtype=float)
+        total = np.concatenate([p.mass * pull for p in self._points])
+        for index, point in enumerate(self._points):
+            if point.force is None:
+                continue
+            own = slice(index * dim, (index + 1) * dim)
+            values: dict[str, ArrayLike] = dict(zip(point.state, (*u[own], *v[own]), strict=True))
+            for axis, formula in enumerate(point.force):
+                total[index * dim + axis] += formula(t=t, **values)
+        return total
+
+
+def _gravity_signal(gravity: PiecewiseVector, axis: int) -> Signal:
+    if gravity.is_constant:
+        return Signal(gravity.values[0][axis])
+    return Signal(rest=lambda t: np.asarray(gravity.at(t))[..., axis])
