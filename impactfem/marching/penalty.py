@@ -136,7 +136,8 @@ def integrate_penalty(
         tolerances = (settings.rtol or 1e-5, settings.atol or 1e-7)
         integrate_plainly(projector, record, u, v, tolerances, restarted=settings.restarted)
     else:
-        Legs(projector, record, _solver(system, u, duration, settings)).run(u, v, duration)
+        slack = (settings.atol or 1e-11) / math.sqrt(settings.stiffness)
+        Legs(projector, record, _solver(system, u, settings), slack).run(u, v, duration)
     return _trajectory(projector, record)
 
 
@@ -153,9 +154,9 @@ def _damping(system: GeneralizedSystem, settings: PenaltySettings) -> float:
 
 
 def _solver(
-    system: GeneralizedSystem, u: Floats, duration: float, settings: PenaltySettings
+    system: GeneralizedSystem, u: Floats, settings: PenaltySettings
 ) -> Any:  # a maker of solvers
-    """Makes an integrator of a leg from (fun, t, y)."""
+    """Makes an integrator of a leg from (fun, t, y, end)."""
     atol = settings.atol or 1e-11
     mass = float(np.trace(system.mass(u))) / system.dofs
     scales = np.concatenate([
@@ -167,7 +168,7 @@ def _solver(
     implicit = settings.integrator in {"radau", "bdf"}
     steps = 1e-7 * scales[: 2 * system.dofs] * max(1.0, float(np.abs(u).max()))
 
-    def make(fun: Any, t: float, y: Floats) -> Any:
+    def make(fun: Any, t: float, y: Floats, end: float) -> Any:
         def jacobian(t: float, y: Floats) -> Floats:  # nothing depends on the impulses
             columns = np.zeros((len(y), len(y)))
             for i, step in enumerate(steps):
@@ -177,7 +178,7 @@ def _solver(
             return columns
 
         return kind(
-            fun, t, y, duration, max_step=settings.dt, rtol=settings.rtol or 1e-9,
+            fun, t, y, end, max_step=settings.dt, rtol=settings.rtol or 1e-9,
             atol=atol * scales, **({"jac": jacobian} if implicit else {}),
         )  # fmt: skip
 

@@ -3,7 +3,7 @@
 The penalty force has kinks, and jumps if damped, where the active set changes. In a leg the set is
 kept, so that the right hand side is smooth and the integrator keeps its order; the leg ends at the
 first root of the margin of the set (multipliers of the constraints that act, gaps of the others),
-which is located on the dense output to rounding.
+which is located on the dense output to the tolerance of positions.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,8 @@ Dense = Callable[[float], Floats]
 
 _SAMPLES = 4  # of a step of the integrator, at which margins are looked at
 _SHORTEST = 1e-9  # leg, as a share of the interval between samples
-_MAX_TOGGLES = 40  # changes of the active set at one instant
+_MAX_TOGGLES = 8  # changes of the active set at one instant
+_BLIND = 0.01  # shortest leg without a set, in units of 1 / sqrt(k)
 
 
 @dataclass
@@ -79,14 +80,21 @@ class Legs:
     Args:
         projector: Penalty forces.
         record: Where rows and episodes go.
-        solver: Makes a SciPy `OdeSolver` from (fun, t, y); y holds the displacement since the
+        solver: Makes a SciPy `OdeSolver` from (fun, t, y, end); y holds the displacement since the
             start of the leg, the velocity, and the impulse of the constraints.
+        slack: Depth to which a margin may be negative [m]: the tolerance of positions. It keeps
+            bodies at rest on the boundary from switching with every rounding error.
     """
 
     def __init__(
-        self, projector: Projector, record: Record, solver: Callable[[Any, float, Floats], Any]
+        self,
+        projector: Projector,
+        record: Record,
+        solver: Callable[[Any, float, Floats, float], Any],
+        slack: float,
     ) -> None:
         self._projector, self._record, self._solver = projector, record, solver
+        self._slack = slack
         self._system = projector.system
         self._d = projector.system.dofs
 
@@ -94,33 +102,40 @@ class Legs:
         """March from t = 0 to the end, leg by leg.
 
         Raises:
-            ConvergenceError: The integrator failed, or the set changed without end at one instant.
+            ConvergenceError: The integrator failed.
         """
         t, q = 0.0, np.zeros(self._system.num_constraints)
         active = self._first_set(u, v)
-        for j in np.flatnonzero(active):
-            self._begin(t, int(j), u, v, q)
-        toggles = 0
+        self._switch(t, u, v, q, np.zeros_like(active), active)
+        toggles, shortest = 0, _BLIND / np.sqrt(self._projector.stiffness)
+        blind = shortest
         while t < duration:
-            start = t
-            t, u, v, q, change = self._leg(t, u, v, q, active, duration)
-            toggles = toggles + 1 if t <= start else 0
+            start, before = t, active
             if toggles > _MAX_TOGGLES:
-                raise ConvergenceError(
-                    f"penalty: the active set keeps changing at t = {t:.9g}; use another offset of "
-                    "the start or another stiffness"
-                )
-            if change is not None:
-                active = active.copy()
-                active[change] = not active[change]
-                rate = float(self._system.gap_rate(t, u, v)[change])
-                if active[change]:
-                    self._record.begin(t, change, rate, float(q[change]))
-                else:
-                    self._record.finish(change, rate, float(q[change]))
+                # Within rounding of a vertex no set is right for long: march on without one.
+                t, u, v, q, _ = self._leg(t, u, v, q, None, min(t + blind, duration))
+                active = self._projector.project(t, u).multiplier > 0.0
+                toggles, blind = 0, 2.0 * blind
+            else:
+                t, u, v, q, change = self._leg(t, u, v, q, active, duration)
+                toggles = toggles + 1 if t - start <= 1e-6 * shortest else 0
+                blind = blind if t - start <= blind else shortest
+                if change is not None:
+                    active = active.copy()
+                    active[change] = not active[change]
+            self._switch(t, u, v, q, before, active)
 
-    def _begin(self, t: float, j: int, u: Floats, v: Floats, q: Floats) -> None:
-        self._record.begin(t, j, float(self._system.gap_rate(t, u, v)[j]), float(q[j]))
+    def _switch(
+        self, t: float, u: Floats, v: Floats, q: Floats, before: Booleans, after: Booleans
+    ) -> None:
+        """Note the constraints that start and stop acting."""
+        changed = np.flatnonzero(before != after)
+        rate = self._system.gap_rate(t, u, v) if len(changed) else q
+        for j in (int(j) for j in changed):
+            if after[j]:
+                self._record.begin(t, j, float(rate[j]), float(q[j]))
+            else:
+                self._record.finish(j, float(rate[j]), float(q[j]))
 
     def _first_set(self, u: Floats, v: Floats) -> Booleans:
         """The constraints that act just after the start: closed ones that the motion presses."""
@@ -143,7 +158,7 @@ class Legs:
         return active
 
     def _leg(
-        self, start: float, u: Floats, v: Floats, q: Floats, active: Booleans, end: float
+        self, start: float, u: Floats, v: Floats, q: Floats, active: Booleans | None, end: float
     ) -> tuple[float, Floats, Floats, Floats, int | None]:
         """One leg; returns time, u, v, q at its end, and the constraint that changed."""
         d, projector, record = self._d, self._projector, self._record
@@ -152,7 +167,7 @@ class Legs:
             a, force = projector.acceleration(t, u + y[:d], y[d : 2 * d], active)
             return np.concatenate([y[d : 2 * d], a, force])
 
-        solver = self._solver(fun, start, np.concatenate([np.zeros(d), v, q]))
+        solver = self._solver(fun, start, np.concatenate([np.zeros(d), v, q]), end)
 
         def split(y: Floats) -> tuple[Floats, Floats, Floats]:
             return u + y[:d], y[d : 2 * d], y[2 * d :]
@@ -165,7 +180,9 @@ class Legs:
                 )
             record.steps += 1
             dense = solver.dense_output()
-            event = self._first_root(dense, solver.t_old, solver.t, u, active)
+            event = None
+            if active is not None:
+                event = self._first_root(dense, solver.t_old, solver.t, u, active)
             if event is not None:
                 at, constraint = event
                 record.evaluations += solver.nfev
@@ -183,7 +200,7 @@ class Legs:
 
         def margin(t: float) -> Floats:
             place = u + dense(t)[:d]
-            return self._projector.project(t, place, active).margin(active)
+            return self._projector.project(t, place, active).margin(active) + self._slack
 
         def rate(t: float) -> Floats:
             y = dense(t)
