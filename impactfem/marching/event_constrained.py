@@ -24,6 +24,8 @@ def constrained(
         rest: c (S, columns).
     """
     d, n = mass.shape[0], len(normals)
+    if n == 1:
+        return _one(mass, normals, applied, rest)
     # Powers of two, so that scaling itself does not round.
     root = np.exp2(-np.round(0.5 * np.log2(np.diag(mass))))
     row = np.exp2(-np.round(np.log2(np.linalg.norm(normals * root, axis=1))))
@@ -36,3 +38,16 @@ def constrained(
         left = right - matrix @ found
         found += scale[:, None] * lu_solve(factors, scale[:, None] * left)
     return found[:d], found[d:]
+
+
+def _one(mass: Floats, normals: Floats, applied: Floats, rest: Floats) -> tuple[Floats, Floats]:
+    """The same for one constraint, by its scalar Schur complement."""
+    found = np.linalg.solve(mass, np.concatenate([applied, normals.T], axis=1))
+    acceleration, answer = found[:, :-1], found[:, -1:]
+    response = float(normals[0] @ answer[:, 0])
+    force = np.zeros((1, applied.shape[1]))
+    for _ in range(2):
+        change = -(normals @ acceleration + rest) / response
+        force += change
+        acceleration = acceleration + answer @ change
+    return acceleration, force

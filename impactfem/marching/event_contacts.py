@@ -19,6 +19,8 @@ from impactfem.system.generalized import GeneralizedSystem, factor_mass
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+MAX_SPELLS = 100
+
 _EPS = 2.0**-52
 _MAX_REPEATS = 100  # impacts at one instant until nothing approaches
 
@@ -36,7 +38,8 @@ class Contacts:
         implied: Constraints that stay closed because those do.
         order: Multiplicity of the root of each gap just after the event, shape (J,).
         fastest: Largest impact speed so far.
-        spells: Lasting contacts [constraint, start, end], the end NaN as long as they last.
+        spells: The first lasting contacts [constraint, start, end], the end NaN as long as they last.
+        spell_count: Number of lasting contacts.
         dropped_speed: Largest normal speed set to 0 by sticking.
         dropped_energy: Energy [J] lost by that.
     """
@@ -50,8 +53,10 @@ class Contacts:
     order: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     fastest: float = 0.0
     spells: list[list[float]] = field(default_factory=list)
+    spell_count: int = 0
     dropped_speed: float = 0.0
     dropped_energy: float = 0.0
+    _lasting: dict[int, list[float]] = field(default_factory=dict)
 
     @property
     def threshold(self) -> float:
@@ -160,12 +165,15 @@ class Contacts:
         self, closed: tuple[int, ...], implied: tuple[int, ...], t: float,
         before: set[int], tails: dict[int, float],
     ) -> None:  # fmt: skip
-        for spell in self.spells:
-            if math.isnan(spell[2]) and int(spell[0]) not in closed:
-                spell[2] = max(t, spell[1])
+        for j in before - set(closed):
+            spell = self._lasting.pop(j)
+            spell[2] = max(t, spell[1])
         for j in closed:
             if j not in before:
-                self.spells.append([float(j), t + tails.get(j, 0.0), math.nan])
+                spell = self._lasting[j] = [float(j), t + tails.get(j, 0.0), math.nan]
+                self.spell_count += 1
+                if len(self.spells) < MAX_SPELLS:
+                    self.spells.append(spell)
         self.closed, self.implied = closed, implied
 
 

@@ -1,6 +1,6 @@
 """The event-driven method: flights up to each impact, which is located to rounding.
 
-Linear systems with known signals fly exactly (`flights`); all others by a library integrator with
+Linear systems with known signals fly exactly (`event_linear`); all others by a library integrator with
 dense output (`event_general`). Accumulating impacts end in lasting contact below a normal speed.
 """
 
@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impactfem.contact.impact_law import Law
-from impactfem.errors import ConvergenceError, SceneError
+from impactfem.errors import SceneError
 from impactfem.marching.event_contacts import Contacts
 from impactfem.marching.event_general import fly_general
+from impactfem.marching.event_linear import fly_linear
 from impactfem.marching.event_record import Record
-from impactfem.marching.flight_kernels import BROKEN, DONE, FULL, fly
-from impactfem.marching.flights import Flights
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
 
@@ -27,9 +26,6 @@ EXACT_SHARE = 1e-8
 
 GENERAL_SHARE = 1e-7
 """The same for flights by the library integrator: lower rebounds are lost in rounding."""
-
-_MAX_STALL = 1000  # events at one instant
-_TABLE = 65_536
 
 
 @dataclass(frozen=True)
@@ -112,65 +108,7 @@ def integrate_events(
     share = EXACT_SHARE if exact else GENERAL_SHARE
     contacts = Contacts(system, settings.law, settings.stick_speed, share)
     if isinstance(system, LinearSystem) and system.is_exact:
-        _fly_linear(system, u, v, duration, contacts, record)
+        fly_linear(system, u, v, duration, contacts, record)
     else:
         fly_general(system, u, v, duration, contacts, record, (settings.rtol, settings.atol))
     return record.trajectory(contacts)
-
-
-def _fly_linear(
-    system: LinearSystem, u: Floats, v: Floats, duration: float, contacts: Contacts, record: Record
-) -> None:
-    flights = Flights(system, duration)
-    d = system.dofs
-    z = np.zeros(flights.size)
-    clock, counts = np.zeros(2), np.zeros(3, dtype=np.int64)
-    who = np.full(1, -1, dtype=np.int64)
-    table = np.empty((_TABLE, 5))
-    stick = contacts.stick_speed
-    given, share = (0.0, contacts.share) if stick is None else (stick, 0.0)
-    stalled, last = 0, -1.0
-    released: int | None = None
-    status = DONE  # the start is an event: constraints may be closed
-    watched: int | None = None
-    while True:
-        if status != FULL:
-            near = record.near(float(clock[0]), u, v)
-            if watched is not None:
-                near[watched] = True
-            u, v, impacts = contacts.settle(float(clock[0]), u, v, near, released)
-            record.add(impacts, int(counts[0]))
-        z[:d], z[d : 2 * d] = u, v
-        clock[1] = contacts.fastest
-        flight = flights.flight(contacts.closed)
-        ignored = np.zeros(system.num_constraints, dtype=np.bool_)
-        ignored[list(contacts.closed + contacts.implied)] = True
-        status = fly(
-            flight.powers, flight.gaps, flights.rate_rows, flight.forces, flight.doubt, flight.step,
-            flights.waves, flight.closed, ignored, contacts.order,
-            flights.answers, flights.response, system.restitution, given, share,
-            z, clock, counts, duration, record.times, record.position, record.velocity,
-            record.impulse, table, who,
-        )  # fmt: skip
-        record.extend(table[: counts[1]])
-        counts[1] = 0
-        contacts.fastest = float(clock[1])
-        record.steps = int(counts[2])
-        u, v = z[:d].copy(), z[d : 2 * d].copy()
-        if status == BROKEN:
-            raise ConvergenceError(
-                f"events: the motion is not finite at t = {clock[0]:.6g}; check stiffness, damping "
-                "and loads for an instability"
-            )
-        if status == DONE:
-            return
-        event = int(who[0])
-        released = int(flight.closed[-1 - event]) if event < 0 and status != FULL else None
-        watched = event if event >= 0 and status != FULL else None
-        stalled = stalled + 1 if clock[0] == last else 0
-        last = float(clock[0])
-        if stalled > _MAX_STALL:
-            raise ConvergenceError(
-                f"events: {_MAX_STALL} events at t = {last:.9g} without moving on; give a larger "
-                "stick_speed"
-            )

@@ -1,5 +1,6 @@
 """What a run from event to event leaves behind: rows, impacts, effort."""
 
+import math
 from collections import deque
 from typing import Any
 
@@ -16,7 +17,6 @@ Floats = NDArray[np.float64]
 Row = tuple[float, int, float, float, float]
 
 _EPS = 2.0**-52
-_MAX_SPELLS = 100
 
 
 class Record:
@@ -115,9 +115,9 @@ class Record:
             gap=np.array([system.gap(t, u) for t, u, _ in states]),
             contact_force=force,
             kinetic=np.array([system.kinetic_energy(u, v) for _, u, v in states]),
-            potential=np.array([
-                system.potential(t, u) if system.potential else 0.0 for t, u, _ in states
-            ]),
+            potential=np.array(
+                [system.potential(t, u) if system.potential else 0.0 for t, u, _ in states]
+            ),
             impacts=Impacts(table[:, 0], table[:, 1].astype(np.int64), *table[:, 2:].T),
             effort=Effort(iterations=self.steps, details=self._details(contacts)),
         )
@@ -125,14 +125,14 @@ class Record:
     def _details(self, contacts: Contacts) -> dict[str, Any]:
         end = float(self.times[-1])
         spells = [
-            [start, min(stop, end) if stop == stop else end, int(j)]  # noqa: PLR0124  # NaN: lasts
-            for j, start, stop in contacts.spells[:_MAX_SPELLS]
+            [float(start), end if math.isnan(stop) else min(stop, end), int(j)]
+            for j, start, stop in contacts.spells
         ]
         return {
             "impacts": self.count,
             "stick_speed": contacts.threshold,
             "sticking": spells,
-            "spells": len(contacts.spells),
+            "spells": contacts.spell_count,
             "stuck_at_speed": contacts.dropped_speed,
             "energy_dropped": contacts.dropped_energy,
         }

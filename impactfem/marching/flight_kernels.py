@@ -238,6 +238,7 @@ def fly(
         if after <= max(stick, relative * fastest):
             return EVENT
         if counts[1] >= len(table):
+            order[:] = 0
             return FULL
         clock[1] = fastest
         push = (after - speed) / response[event]
