@@ -4,8 +4,9 @@
 
 Source: Paoli and Schatzman, Ill-posedness in vibro-impact and its numerical consequences (2000),
 equation (10); projection P_K and damping G are in `penalty_projection`. For one constraint and no
-other force the restitution is exp(-pi alpha / sqrt(1 - alpha^2)), and 0 from alpha = 1 on. With
-forces it is reached as k grows, with an error of order k^-1/2: the contact lasts pi / sqrt(k).
+other force the restitution is e = exp(-pi alpha / sqrt(1 - alpha^2)), and 0 from alpha = 1 on. An
+acceleration g towards the constraint changes it to e - 2 alpha (1 + e) g / (sqrt(k) v) at the
+impact speed v: the error falls as k^-1/2.
 """
 
 import math
