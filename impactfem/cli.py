@@ -148,7 +148,8 @@ def _parser() -> argparse.ArgumentParser:
         "--methods", metavar="A,B", help="methods, with settings as dg@degree=1,fitted=true"
     )
     bench.add_argument("--sizes", metavar="N,M",
-        help="numbers of elements along the body (default 20,40,80 for bars, 8,16 for solids)",
+        help="numbers of elements along the body, of steps for points, rods and beams (default "
+        "20,40,80 for bars, 8,16 for solids, 1000,4000,16000 steps)",
     )  # fmt: skip
     bench.add_argument("--repeats", metavar="N", type=int, default=3, help="runs of each size")
     bench.add_argument("--out", metavar="DIR", type=Path, help="folder for tables and pictures")

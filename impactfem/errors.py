@@ -23,3 +23,7 @@ class MissingDependencyError(ImpactError):
 
 class OutputError(ImpactError):
     """A result cannot be written or read back."""
+
+
+class ImpactWarning(UserWarning):
+    """A result is correct but must be read with care, as an impact without a unique outcome."""

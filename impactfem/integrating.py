@@ -1,16 +1,18 @@
 """Integrate a system of few degrees of freedom by the method of a name."""
 
+import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import asdict, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from impactfem.errors import SceneError
+from impactfem.errors import ImpactWarning, SceneError
 from impactfem.marching.event_driven import EventSettings, integrate_events
 from impactfem.marching.penalty import PenaltySettings, integrate_penalty
 from impactfem.marching.position_level import PositionSettings, integrate_positions
+from impactfem.marching.together import find_together, resolution
 from impactfem.marching.velocity_level import VelocitySettings, integrate_velocities
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem
@@ -51,7 +53,8 @@ def integrate(
             `VelocitySettings` and `PenaltySettings`. All but the first need ``dt``.
 
     Returns:
-        The motion; where two constraints act together, ``effort.details["together"]`` says so.
+        The motion. Where coupled constraints are hit within the resolution of the method, an
+        `ImpactWarning` says what that means, and ``effort.details["together"]`` where it was.
 
     Raises:
         SceneError: The system or a setting cannot work.
@@ -73,4 +76,10 @@ def integrate(
         raise SceneError(f'method = "{method}" needs {" and ".join(needed)}: give them')
     chosen = entry.settings(**settings)
     u, v = (np.atleast_1d(np.asarray(value, dtype=float)) for value in (position, velocity))
-    return entry.integrate(system, u, v, float(duration), chosen)
+    motion = entry.integrate(system, u, v, float(duration), chosen)
+    together = find_together(system, motion, resolution(method, duration, chosen))
+    if together is None:
+        return motion
+    warnings.warn(together.text(), ImpactWarning, stacklevel=2)
+    details = {**motion.effort.details, "together": asdict(together)}
+    return replace(motion, effort=replace(motion.effort, details=details))

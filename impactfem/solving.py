@@ -116,9 +116,8 @@ def _solve_solid(
 def _solve_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> Result:
     from impactfem.vibro_runs import run_vibro  # noqa: PLC0415  (loads Numba)
 
-    start = time.perf_counter()
     run = run_vibro(scene, chosen, progress)
-    cost = _cost(time.perf_counter() - start)
+    cost = _cost(run.seconds)
     for warning in run.warnings:
         progress.message(f"warning: {warning}")
     summary = summarise(

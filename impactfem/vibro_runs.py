@@ -1,5 +1,6 @@
 """Run points, rods and beams as the plan says: motion, history, error."""
 
+import time
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.integrating import INTEGRATORS
 from impactfem.log import Progress
-from impactfem.marching.together import find_together
+from impactfem.marching.together import find_together, resolution
 from impactfem.planning.vibro import VibroPlan
 from impactfem.reference import Errors
 from impactfem.result.history import Columns, make_history
@@ -39,6 +40,7 @@ class VibroRun:
         errors: Errors against a second run; None if none was made.
         warnings: What showed up during the run.
         intervals: Contacts [start, end] [s], impacts have length 0.
+        seconds: Time of the run itself, without that for the error [s].
     """
 
     motion: Trajectory
@@ -47,6 +49,7 @@ class VibroRun:
     errors: Errors | None
     warnings: tuple[str, ...]
     intervals: list[list[float]]
+    seconds: float
 
 
 def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
@@ -56,12 +59,16 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
         SceneError: The start or the settings cannot work.
         ConvergenceError: A step or an event could not be solved.
     """
+    begin = time.perf_counter()
     progress.step("building the system")
     model = vibro_model(scene)
     progress.step("integrating")
+    settings = _settings(scene, chosen)
     motion = _integrate(scene, chosen, model)
+    seconds = time.perf_counter() - begin
     warnings = []
-    together = find_together(model.system, motion, _resolution(scene, chosen))
+    within = resolution(chosen.method, scene.duration, settings)
+    together = find_together(model.system, motion, within)
     if together is not None:
         warnings.append(together.text(model.labels))
     if model.beam is not None and (turned := model.beam.angle(motion.position)) > 0.05:
@@ -86,22 +93,11 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
     effort = replace(motion.effort, num_unknowns=model.system.dofs, details=details)
     motion = replace(motion, effort=effort)
     history = vibro_history(motion, model)
-    return VibroRun(motion, history, model, errors, tuple(warnings), _intervals(motion))
+    return VibroRun(motion, history, model, errors, tuple(warnings), _intervals(motion), seconds)
 
 
-def _resolution(scene: Scene, chosen: VibroPlan) -> float:
-    """Times closer than this are one impact to the method [s]."""
-    if chosen.method == "event_driven":
-        return 1e-9 * scene.duration
-    if chosen.method == "penalty" and chosen.penalty_stiffness:
-        return float(np.pi / np.sqrt(chosen.penalty_stiffness))
-    return 2.0 * chosen.dt
-
-
-def _integrate(
-    scene: Scene, chosen: VibroPlan, model: VibroModel, start: Floats | None = None
-) -> Trajectory:
-    entry = INTEGRATORS[chosen.method]
+def _settings(scene: Scene, chosen: VibroPlan) -> Any:
+    """Settings of the method as the plan says."""
     settings: dict[str, Any] = {}
     if chosen.method == "event_driven":
         settings = {
@@ -120,9 +116,16 @@ def _integrate(
         }
     else:
         settings = {"dt": chosen.dt, "every": scene.output.every}
+    return INTEGRATORS[chosen.method].settings(**settings)
+
+
+def _integrate(
+    scene: Scene, chosen: VibroPlan, model: VibroModel, start: Floats | None = None
+) -> Trajectory:
+    entry = INTEGRATORS[chosen.method]
     begin = model.position if start is None else start
     motion: Trajectory = entry.integrate(
-        model.system, begin, model.velocity, scene.duration, entry.settings(**settings)
+        model.system, begin, model.velocity, scene.duration, _settings(scene, chosen)
     )
     return motion
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,9 +57,22 @@ class Together:
         )
 
 
-def find_together(
-    system: GeneralizedSystem, motion: Trajectory, resolution: float
-) -> Together | None:
+def resolution(method: str, duration: float, settings: Any) -> float:
+    """Impacts closer in time than this are one to a method [s].
+
+    Args:
+        method: Name of the method.
+        duration: [s].
+        settings: Its settings.
+    """
+    if method == "event_driven":
+        return 1e-9 * duration
+    if method == "penalty":
+        return math.pi / math.sqrt(settings.stiffness)
+    return 2.0 * float(settings.dt)
+
+
+def find_together(system: GeneralizedSystem, motion: Trajectory, within: float) -> Together | None:
     """Find impacts of different constraints that are coupled by M and closer than a resolution.
 
     An impact on a constraint while another one is in lasting contact counts too.
@@ -66,7 +80,7 @@ def find_together(
     Args:
         system: The system.
         motion: Its motion, with impacts.
-        resolution: [s].
+        within: The resolution [s].
 
     Returns:
         The first, and their number; None if there is none, or impacts are not known.
@@ -75,7 +89,7 @@ def find_together(
     if impacts is None or not len(impacts):
         return None
     time, which = impacts.time, impacts.constraint
-    near = (np.diff(time) <= resolution) & (which[1:] != which[:-1])
+    near = (np.diff(time) <= within) & (which[1:] != which[:-1])
     pairs = [(float(time[k]), int(which[k]), int(which[k + 1])) for k in np.flatnonzero(near)]
     pairs = pairs[:_LOOKED_AT] + _onto_lasting(motion)
     found, first = 0, None
@@ -85,7 +99,7 @@ def find_together(
         if angle is not None:
             found += 1
             first = first or (when, (i, j), angle)
-    return None if first is None else Together(found, *first, resolution)
+    return None if first is None else Together(found, *first, within)
 
 
 def _onto_lasting(motion: Trajectory) -> list[tuple[float, int, int]]:

@@ -13,6 +13,9 @@ from impactfem.shipped import find_scene
 
 DEFAULTS = {
     "bar": ("galerkin,conserving,exact", "20,40,80"),
+    **dict.fromkeys(
+        ("point", "rod", "beam"), ("paoli_schatzman,moreau_jean,event_driven", "1000,4000,16000")
+    ),
     "solid": ("massless,conserving,explicit", "8,16"),
 }
 """Methods and sizes by the kind of body."""

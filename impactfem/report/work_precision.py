@@ -17,6 +17,7 @@ from impactfem.report.rounding import rounding_of_exact
 from impactfem.report.solid_study import Attempt, attempts_at
 from impactfem.report.study import Row, Study
 from impactfem.report.variant import Variant
+from impactfem.report.vibro_study import attempt_steps
 from impactfem.result.bar_motion import BarMotion
 from impactfem.scene import Scene, Solid
 from impactfem.solving import solve
@@ -45,9 +46,9 @@ def work_precision(
 
     Args:
         scene: What to model. Solids are measured against method conserving on elements half as
-            large as the smallest of ``sizes``.
+            large as the smallest of ``sizes``; points, rods and beams as `solve` does it.
         methods: Methods, with settings after "@", as "galerkin@courant=0.5".
-        sizes: Numbers of elements along the body.
+        sizes: Numbers of elements along the body; of steps for points, rods and beams.
         repeats: Runs of which the median time counts; short ones are run more often.
         baselines: Other solvers by name, run and measured in the same way.
         progress: Told of each row.
@@ -72,6 +73,10 @@ def work_precision(
         if baselines:
             raise SceneError("baselines: studies of solids have none; leave them out")
         attempt = attempts_at(scene, ordered)
+    if scene.is_vibro:
+        if baselines:
+            raise SceneError("baselines: studies of points have none; leave them out")
+        attempt = attempt_steps
     parts = [_rows_of(scene, variant, ordered, repeats, attempt) for variant in variants]
     for name, solver in (baselines or {}).items():
         parts.append(_rows_of_baseline(scene, name, solver, ordered, repeats))
@@ -79,7 +84,7 @@ def work_precision(
     for row in chain.from_iterable(parts):
         rows.append(row)
         if progress:
-            progress(row.text)
+            progress(row.text if not scene.is_vibro else row.text.replace(" elements:", " steps:"))
     return Study(scene.title, tuple(rows), repeats, tuple(baselines or ()))
 
 
