@@ -18,6 +18,8 @@ from impactfem.system.generalized import GeneralizedSystem, factor_mass
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
+Row = tuple[float, int, float, float, float]
 
 MAX_SPELLS = 100
 
@@ -38,7 +40,7 @@ class Contacts:
         implied: Constraints that stay closed because those do.
         order: Multiplicity of the root of each gap just after the event, shape (J,).
         fastest: Largest impact speed so far.
-        spells: The first lasting contacts [constraint, start, end], the end NaN as long as they last.
+        spells: The first lasting contacts [constraint, start, end], NaN if it still lasts.
         spell_count: Number of lasting contacts.
         dropped_speed: Largest normal speed set to 0 by sticking.
         dropped_energy: Energy [J] lost by that.
@@ -65,8 +67,8 @@ class Contacts:
         return self.share * self.fastest if given is None else given
 
     def settle(
-        self, t: float, u: Floats, v: Floats, near: Floats, released: int | None = None
-    ) -> tuple[Floats, Floats, list[tuple[float, int, float, float, float]]]:
+        self, t: float, u: Floats, v: Floats, near: Booleans, released: int | None = None
+    ) -> tuple[Floats, Floats, list[Row], Floats]:
         """Treat an event.
 
         Args:
@@ -78,7 +80,8 @@ class Contacts:
 
         Returns:
             Position and velocity just after, and rows (time, constraint, before, after, impulse)
-            of the impacts.
+            of the impacts, and the impulses of all constraints, shape (J,), in which the
+            rebounds that sticking drops do not count.
         """
         system = self.system
         near = near.copy()
@@ -88,12 +91,12 @@ class Contacts:
         before_spell = set(self.closed)
         if not len(rows):
             self._enter((), (), t, before_spell, {})
-            return u, v, []
+            return u, v, [], np.zeros(system.num_constraints)
         factor = factor_mass(system, u, t)
         jacobian, mass = system.jacobian(u), system.mass(u)
         rate = system.motion_rate(t)
         drift = jacobian @ v - rate
-        u, v, _ = self._close(t, mass, jacobian, u, v, drift, self.closed)
+        u, v, _, _ = self._close(t, mass, jacobian, u, v, drift, self.closed)
         noise = 64.0 * _EPS * (np.abs(jacobian) @ np.abs(v) + np.abs(rate))
         v, impacts = self._strike(t, factor, jacobian, v, rate, rows, noise)
         speed = jacobian @ v - rate
@@ -110,27 +113,37 @@ class Contacts:
                 lasting, acceleration = _lasting(state, slow)
         closed, implied = _independent(jacobian, lasting)
         tails = {j: self._tail(j, speed[j], jacobian[j] @ applied + curvature[j]) for j in closed}
-        u, v, lost = self._close(t, mass, jacobian, u, v, speed, closed)
+        u, v, dropped, lost = self._close(t, mass, jacobian, u, v, speed, closed)
         self.dropped_energy += lost
         self.dropped_speed = max(self.dropped_speed, *(abs(float(speed[j])) for j in closed), 0.0)
-        for j in rows:
+        for j in rows.tolist():
             self.order[j] = 1 if speed[j] > noise[j] else 2 if j in slow else 0
         self._enter(closed, implied, t, before_spell, tails)
-        return u, v, impacts
+        total = np.zeros(system.num_constraints)
+        for _, j, _, _, impulse in impacts:
+            total[j] += impulse
+        total[list(closed)] = np.maximum(total[list(closed)] + dropped, 0.0)
+        return u, v, impacts, total
 
     def _strike(
         self, t: float, factor: Floats, jacobian: Floats, v: Floats, rate: Floats,
         rows: Integers, noise: Floats,
-    ) -> tuple[Floats, list[tuple[float, int, float, float, float]]]:  # fmt: skip
+    ) -> tuple[Floats, list[Row]]:  # fmt: skip
         """Impacts until no closed constraint approaches."""
-        impacts = []
+        impacts: list[Row] = []
         for _ in range(_MAX_REPEATS):
             before = jacobian[rows] @ v - rate[rows]
             if (before >= -noise[rows]).all():
                 return v, impacts
             self.fastest = max(self.fastest, -float(before.min()))
             restitution = self.system.restitution[rows]
-            hit = resolve_impact(factor, jacobian[rows], v, rate[rows], restitution, self.law)
+            try:
+                hit = resolve_impact(factor, jacobian[rows], v, rate[rows], restitution, self.law)
+            except ConvergenceError as error:
+                raise ConvergenceError(
+                    f"events: the impact on constraints {rows.tolist()} at t = {t:.9g} has no "
+                    f"solution: do they leave room, and move apart? ({error})"
+                ) from error
             v = hit.velocity
             impacts += [
                 (t, int(j), float(hit.before[i]), float(hit.after[i]), float(hit.impulse[i]))
@@ -152,14 +165,15 @@ class Contacts:
     def _close(
         self, t: float, mass: Floats, jacobian: Floats, u: Floats, v: Floats,
         speed: Floats, closed: tuple[int, ...],
-    ) -> tuple[Floats, Floats, float]:  # fmt: skip
-        """Take the normal speeds and the gaps of the closed constraints away; the energy lost."""
+    ) -> tuple[Floats, Floats, Floats, float]:  # fmt: skip
+        """Take normal speeds and gaps of closed constraints away; the impulses and energy of it."""
         if not closed:
-            return u, v, 0.0
+            return u, v, np.zeros(0), 0.0
         rows = list(closed)
         wrong = np.stack([self.system.gap(t, u)[rows], speed[rows]], axis=1)
         change, impulse = constrained(mass, jacobian[rows], np.zeros((len(u), 2)), wrong)
-        return u + change[:, 0], v + change[:, 1], -0.5 * float(impulse[:, 1] @ speed[rows])
+        push = impulse[:, 1]
+        return u + change[:, 0], v + change[:, 1], push, -0.5 * float(push @ speed[rows])
 
     def _enter(
         self, closed: tuple[int, ...], implied: tuple[int, ...], t: float,

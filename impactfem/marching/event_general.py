@@ -72,8 +72,8 @@ def fly_general(
         near = record.near(t, u, v)
         if watched >= 0:
             near[watched] = True
-        u, v, impacts = contacts.settle(t, u, v, near, released)
-        record.add(impacts, row)
+        u, v, impacts, impulses = contacts.settle(t, u, v, near, released)
+        record.add(impacts, impulses, row)
         if t >= duration:
             record.fill(row, u, v)
             return
@@ -143,8 +143,7 @@ def _first_event(
     """Time and event of the first event in a step; the end and -1 if there is none."""
     system, d = motion.system, motion.system.dofs
     samples = np.linspace(start, end, _SAMPLES + 1)
-    states = [dense(s) for s in samples]
-    states = [(y[:d], y[d : 2 * d]) for y in states]
+    states = [(y[:d], y[d : 2 * d]) for y in map(dense, samples)]
     gaps = np.array([system.gap(s, u) for s, (u, _) in zip(samples, states, strict=True)])
     rates = np.array([system.gap_rate(s, u, v) for s, (u, v) in zip(samples, states, strict=True)])
     best, event = end, -1

@@ -63,8 +63,8 @@ class _Run:
         near = self.record.near(self.time, u, v)
         if event is not None:
             near[event] = True
-        u, v, impacts = self.contacts.settle(self.time, u, v, near, released)
-        self.record.add(impacts, int(self.counts[0]))
+        u, v, impacts, impulses = self.contacts.settle(self.time, u, v, near, released)
+        self.record.add(impacts, impulses, int(self.counts[0]))
         self.put(u, v)
         self.clock[1] = self.contacts.fastest
 

@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError
-from impactfem.marching.event_contacts import Contacts
+from impactfem.marching.event_contacts import Contacts, Row
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Impacts, Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 
 Floats = NDArray[np.float64]
-Row = tuple[float, int, float, float, float]
 
 _EPS = 2.0**-52
 
@@ -69,13 +68,11 @@ class Record:
         if row < len(self.times):
             self.position[row], self.velocity[row] = u, v
 
-    def add(self, impacts: list[Row], row: int) -> None:
-        """Add impacts that happen in the interval which ends at a row."""
-        if not impacts:
-            return
-        table = np.array(impacts, dtype=float)
-        np.add.at(self.impulse[min(row, len(self.times) - 1)], table[:, 1].astype(int), table[:, 4])
-        self.extend(table)
+    def add(self, impacts: list[Row], impulses: Floats, row: int) -> None:
+        """Add impacts and their impulses (J,) in the interval that ends at a row."""
+        self.impulse[min(row, len(self.times) - 1)] += impulses
+        if impacts:
+            self.extend(np.array(impacts, dtype=float))
 
     def extend(self, table: Floats) -> None:
         """Add rows (time, constraint, before, after, impulse); the impulses are added already.

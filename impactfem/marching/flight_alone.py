@@ -104,6 +104,8 @@ def fly_alone(
         if slow and pull <= 1e-12 * size:
             for i in range(d):
                 z[d + i] -= answers[i, 0] * after / response[0]
+            if after > 0.0 and speed < -noise and counts[0] < len(times):
+                impulse[counts[0], 0] -= after / response[0]  # the last rebound does not happen
             drops[0] = max(drops[0], abs(after))
             drops[1] += 0.5 * after * after / response[0]
             drops[2] += 1.0

@@ -215,11 +215,8 @@ def fly(
                 order[:] = 0
             continue
         refresh(z, 2 * d, now, waves)
-        if pressed >= 0:
-            who[0] = -1 - pressed
-            return EVENT
-        who[0] = event
-        if len(closed):
+        who[0] = -1 - pressed if pressed >= 0 else event
+        if pressed >= 0 or len(closed):
             return EVENT
         gap, speed = 0.0, 0.0
         for j in range(num):

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve, matrix_balance
+from scipy.linalg import cho_solve
+from scipy.linalg.lapack import dgebal
 
 from impactfem.errors import SceneError
 from impactfem.marching.event_constrained import constrained
@@ -139,7 +140,7 @@ def substep(matrix: Floats, longest: float) -> float:
     The norm is that of the balanced matrix, which does not depend on units. Nilpotent motions,
     such as free fall, have no limit but ``longest``.
     """
-    balanced, _ = matrix_balance(matrix, permute=False)
+    balanced = dgebal(matrix, scale=True, permute=False)[0]
     size = float(np.abs(balanced).sum(axis=0).max())
     if size == 0.0:
         return longest
