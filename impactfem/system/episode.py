@@ -64,8 +64,9 @@ def contact_episode(
 
     Args:
         body: The beam.
-        system: Its system.
-        motion: Every step of the motion: rows at a stride shorter than the pause.
+        system: Its system, without tips.
+        motion: Motion of the system, or of it with tips (`with_tips`), with rows at a stride that
+            is short against the pause.
         pause: Time without force that parts two micro-impacts [s]; `PAUSE` periods if None.
     """
     period = 2.0 * math.pi / body.beam.first_frequency
@@ -75,7 +76,8 @@ def contact_episode(
     first = int(np.argmax(force[touched[0]])) if len(touched) else int(np.argmin(motion.gap[0]))
     others = np.flatnonzero(np.delete(force, first, axis=1).any(axis=1))
     stop = int(others[0]) - 1 if len(others) else len(times) - 1
-    rigid = body.rigid_part(motion.velocity[[0, stop]])
+    own = slice(None, system.dofs)
+    rigid = body.rigid_part(motion.velocity[[0, stop], own])
     before, after = rigid @ (system.normals[first] @ body.rigid_modes)
     acting = np.flatnonzero(force[: stop + 1, first] > 0.0)
     ends = times[acting]
@@ -92,5 +94,5 @@ def contact_episode(
         impulse=float(force[1 : stop + 1, first] @ np.diff(times[: stop + 1])),
         vibration=float((total[stop] - kinetic[1]) / total[0]),
         lost=float(1.0 - total[stop] / total[0]),
-        angle=body.angle(motion.position[: stop + 1]),
+        angle=body.angle(motion.position[: stop + 1, own]),
     )
