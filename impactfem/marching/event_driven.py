@@ -1,7 +1,8 @@
 """The event-driven method: flights up to each impact, which is located to rounding.
 
 Linear systems with known signals fly exactly (`event_linear`), all others by a library integrator
-with dense output (`event_general`). Accumulating impacts end in lasting contact below a normal speed.
+with dense output (`event_general`). Accumulating impacts end in lasting contact below a normal
+speed.
 """
 
 import math

@@ -114,8 +114,8 @@ def _several(run: _Run) -> None:
         ignored = np.zeros(run.system.num_constraints, dtype=np.bool_)
         ignored[list(contacts.closed + contacts.implied)] = True
         status = fly(
-            flight.powers, flight.gaps, flights.rate_rows, flight.forces, flight.doubt,
-            flight.step, flights.waves, flight.closed, ignored, contacts.order,
+            flight.powers, flight.whole, flight.gaps, flights.rate_rows,
+            flight.forces, flight.doubt, flight.step, flights.waves, flight.closed, ignored, contacts.order,
             *run.law, *run.output,
         )  # fmt: skip
         run.collect(status)
@@ -145,8 +145,8 @@ def _alone(run: _Run) -> None:
     status = FULL
     while status != DONE:
         status = fly_alone(
-            free.powers, free.gaps, free.step,
-            held.powers, held.gaps, held.step, held.forces, held.doubt,
+            free.powers, free.whole, free.gaps, free.step,
+            held.powers, held.whole, held.gaps, held.step, held.forces, held.doubt,
             flights.rate_rows, flights.waves, free.closed, held.closed,
             np.zeros(1, dtype=np.bool_), np.ones(1, dtype=np.bool_), contacts.order,
             *run.law, *run.output, mode, spells, drops,

@@ -17,7 +17,8 @@ _MAX_STALL = 1000
 
 @compiled
 def fly_alone(
-    free_powers, free_gaps, free_h, held_powers, held_gaps, held_h, forces, doubt,
+    free_powers, free_whole, free_gaps, free_h,
+    held_powers, held_whole, held_gaps, held_h, forces, doubt,
     rates, waves, none, one, watched, unwatched, order,
     answers, response, restitution, stick, relative,
     z, clock, counts, duration, times, position, velocity, impulse, table, who,
@@ -26,8 +27,8 @@ def fly_alone(
     """Fly, hit, rest and be released until the end.
 
     Args:
-        free_powers, free_gaps, free_h: The free flight: see `fly`.
-        held_powers, held_gaps, held_h, forces, doubt: The flight along the constraint.
+        free_powers, free_whole, free_gaps, free_h: The free flight: see `fly`.
+        held_powers, held_whole, held_gaps, held_h, forces, doubt: That along the constraint.
         rates, waves, answers, response, restitution, stick, relative: See `fly`.
         none, one, watched, unwatched: Empty (0,), [0] and [False], [True] (1,): constants.
         order, z, clock, counts, duration, times, position, velocity, impulse, table, who: See
@@ -45,13 +46,13 @@ def fly_alone(
     while True:
         if mode[0] == 0:
             status = fly(
-                free_powers, free_gaps, rates, forces[:, :0], doubt[:0], free_h, waves, none,
-                watched, order, answers, response, restitution, stick, relative, z, clock, counts,
+                free_powers, free_whole, free_gaps, rates, forces[:, :0], doubt[:0], free_h,
+                waves, none, watched, order, answers, response, restitution, stick, relative, z, clock, counts,
                 duration, times, position, velocity, impulse, table, who,
             )  # fmt: skip
         else:
             status = fly(
-                held_powers, held_gaps, rates, forces, doubt, held_h, waves, one,
+                held_powers, held_whole, held_gaps, rates, forces, doubt, held_h, waves, one,
                 unwatched, order, answers, response, restitution, stick, relative, z, clock,
                 counts, duration, times, position, velocity, impulse, table, who,
             )  # fmt: skip

@@ -15,6 +15,7 @@ DONE, EVENT, FULL, BROKEN = 0, 1, 2, 3
 """The end is reached; an event to be treated outside; the table of impacts is full; not finite."""
 
 EPS = 2.0**-52
+_SMALL = 4  # from more coordinates on, whole substeps use the summed series
 _MAX_STEPS = 400  # safe steps to a root; a double root needs about 60
 
 
@@ -84,6 +85,16 @@ def taylor(powers, z, s, rows, out):
 
 
 @compiled
+def apply(matrix, z, rows, out):
+    """First rows of matrix z."""
+    for i in range(rows):
+        value = 0.0
+        for m in range(len(z)):
+            value += matrix[i, m] * z[m]
+        out[i] = value
+
+
+@compiled
 def refresh(z, first, time, waves):
     """Set the entries 1, t, cos w t, sin w t of z, which begin at ``first``."""
     z[first] = 1.0
@@ -105,15 +116,15 @@ def integrate_forces(c, closed, start, end, h, force):
 
 @compiled
 def fly(
-    powers, gaps, rates, forces, doubt, h, waves, closed, ignored, order,
+    powers, whole, gaps, rates, forces, doubt, h, waves, closed, ignored, order,
     answers, response, restitution, stick, relative,
     z, clock, counts, duration, times, position, velocity, impulse, table, who,
 ):  # fmt: skip
     """Fly until the end or an event that is not the impact of one constraint alone.
 
     Args:
-        powers, gaps, rates: T_k (terms, n, n); rows of the gaps (terms, J, n) times T_k; rows of
-            the normal velocities (J, n).
+        powers, whole: T_k (terms, n, n); the first 2d rows of their sum (2d, n).
+        gaps, rates: Rows of the gaps times T_k (terms, J, n); of the normal velocities (J, n).
         forces, doubt: Rows of the contact forces of the closed constraints times T_k
             (terms, S, n); rows of the size of their rounding, for |z| (S, n).
         h, waves: Substep [s]; frequencies w_k.
@@ -199,7 +210,10 @@ def fly(
         counts[0] = row
         if row < rows:
             integrate_forces(fc, closed, start, best, h, impulse[row])
-        taylor(powers, z, best, 2 * d, new)
+        if best == 1.0 and d > _SMALL:
+            apply(whole, z, 2 * d, new)
+        else:
+            taylor(powers, z, best, 2 * d, new)
         size = 0.0
         for i in range(2 * d):
             z[i] = new[i]

@@ -32,7 +32,8 @@ class Flight:
 
     Attributes:
         step: Length h of a substep [s].
-        powers: T_k = (A h)^k / k!, shape (TERMS, n, n).
+        powers: T_k = (A h)^k / k!, shape (TERMS, n, n); fewer where A is nilpotent.
+        whole: First rows of their sum, shape (2d, n).
         gaps: Rows of the gaps times T_k, shape (TERMS, J, n).
         forces: Rows of the contact forces times T_k, shape (TERMS, S, n).
         doubt: Rows of the rounding of the contact forces, for |z|, shape (S, n).
@@ -41,6 +42,7 @@ class Flight:
 
     step: float
     powers: Floats
+    whole: Floats
     gaps: Floats
     forces: Floats
     doubt: Floats
@@ -127,6 +129,7 @@ class Flights:
         return Flight(
             step,
             powers,
+            np.ascontiguousarray(powers[::-1].sum(axis=0)[: 2 * d]),
             np.ascontiguousarray(np.einsum("ji,kim->kjm", self.gap_rows, powers)),
             np.ascontiguousarray(np.einsum("ji,kim->kjm", force, powers)),
             np.ascontiguousarray(doubt),
