@@ -14,6 +14,7 @@ cradle is the known example. Source: Moreau, Unilateral contact and dry friction
 dynamics (1988); Brogliato, Nonsmooth Mechanics (2016), chapter 6.
 """
 
+import contextlib
 from dataclasses import dataclass
 from typing import Literal
 
@@ -28,6 +29,8 @@ Floats = NDArray[np.float64]
 Law = Literal["simultaneous", "sequential"]
 
 _MAX_BINARY = 100_000
+_WRONG = 1e-10  # share of the largest offset by which a solution may miss
+_COMPLIANCE = 1e-12  # of constraints with unit diagonal
 _AT_REST = 1e-13  # share of the largest normal velocity that counts as none
 
 
@@ -70,8 +73,17 @@ def complementarity(matrix: Floats, offset: Floats, scale: float | None = None) 
     size = float(np.abs(scaled).max()) if scale is None else scale * float(root.max())
     if size == 0.0:
         return np.zeros(len(offset))
-    solver = solve_by_active_set(1e-14 * size, 50 + 10 * len(offset))
-    found, _ = solver(root[:, None] * matrix * root, scaled, scaled < 0.0)
+    limit = 50 + 10 * len(offset)
+    even = root[:, None] * matrix * root
+    found: Floats | None = None
+    with contextlib.suppress(ConvergenceError):
+        found, _ = solve_by_active_set(1e-14 * size, limit)(even, scaled, scaled < 0.0)
+    if found is None or (even @ found + scaled).min() < -_WRONG * size:
+        # More constraints than directions: active sets are singular, and the least squares of an
+        # inconsistent one may pass for a solution. A little compliance gives each set one answer.
+        even[np.diag_indices_from(even)] += _COMPLIANCE
+        solver = solve_by_active_set(_WRONG * size, limit)
+        found, _ = solver(even, scaled, np.zeros(len(scaled), dtype=bool))
     return found * root
 
 

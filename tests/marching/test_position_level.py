@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from impactfem.contact.impact_law import complementarity
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.marching import position_level, vibro_rows
 from impactfem.marching.position_level import PositionSettings, integrate_positions
@@ -290,3 +291,30 @@ def test_bad_systems_are_named():
     )
     with pytest.raises(ConvergenceError, match="smaller dt"):
         integrate_positions(damped, [0.1], [1.0], 1.0, PositionSettings(0.01))
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+def test_parallel_walls_act_as_the_nearest_one(e):
+    walls = LinearSystem(
+        mass=1.0, normals=[[1.0], [2.0], [-1.0]], offsets=[0.0, 1e-3, 1.0], restitution=e
+    )
+    one = LinearSystem(mass=1.0, normals=[[1.0], [-1.0]], offsets=[0.0, 1.0], restitution=e)
+    start = ([0.5], [-1.0], 1.2, PositionSettings(0.01))
+    several, single = integrate_positions(walls, *start), integrate_positions(one, *start)
+    assert several.effort.details["handed_back"] > 0
+    assert several.position == pytest.approx(single.position, abs=1e-10)
+
+
+@settings(max_examples=100, deadline=None)
+@given(seed=st.integers(0, 100_000))
+def test_complementarity_holds_with_more_constraints_than_directions(seed):
+    rng = np.random.default_rng(seed)
+    d, count = rng.integers(1, 4), rng.integers(2, 7)
+    normals = rng.normal(size=(count, d))
+    matrix = normals @ normals.T
+    offset = normals @ rng.normal(size=d) + rng.random(count)  # a point obeys all constraints
+    found = complementarity(matrix, offset)
+    gap = matrix @ found + offset
+    assert found.min() >= 0.0
+    assert gap.min() >= -1e-8
+    assert np.abs(gap * found).max() <= 1e-7 * max(1.0, np.abs(found).max())
