@@ -135,13 +135,15 @@ class Projector:
         """Contact forces lambda [N], shape (J,), from the velocity and the projection."""
         mu = projection.multiplier
         if self.damping == 0.0:
-            return self.stiffness * mu
+            elastic: Floats = self.stiffness * mu
+            return elastic
         viscosity = 2.0 * self.damping * np.sqrt(self.stiffness)
         rate = projection.jacobian @ v - self.system.motion_rate(t)
         square = projection.squared_distance
         if square > np.finfo(float).tiny:
-            return (self.stiffness - viscosity * float(mu @ rate) / square) * mu
-        return self.stiffness * mu
+            mu = (1.0 - viscosity / self.stiffness * float(mu @ rate) / square) * mu
+        force: Floats = self.stiffness * mu
+        return force
 
     def forces_of_set(
         self, t: float, v: Floats, projection: Projection, active: Booleans
@@ -178,7 +180,7 @@ def _multiplier(matrix: Floats, gap: Floats, active: Booleans | None) -> Floats:
         if gap.min(initial=0.0) >= 0.0:
             return np.zeros(len(gap))
         if len(gap) == 1:
-            return -gap / matrix[0, 0]
+            return np.array([-gap[0] / matrix[0, 0]])
         return complementarity(matrix, gap)
     found = np.zeros(len(gap))
     rows = np.flatnonzero(active)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from impactfem.errors import SceneError
+from impactfem.marching.event_driven import EventSettings, integrate_events
 from impactfem.marching.penalty import PenaltySettings, damping_of, integrate_penalty
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
@@ -173,6 +174,28 @@ def test_a_mass_matrix_that_depends_on_position_gives_the_motion_of_other_coordi
     # The projection is in the metric of M(u), frozen: they differ by O(penetration) at most.
     assert worst[0] < 1.0 / math.sqrt(1e4)
     assert worst[1] < worst[0] / 5.0
+
+
+def test_the_oscillator_of_the_paper_has_two_motions_and_a_soft_penalty_takes_the_other_one():
+    period = 2 * math.pi / 50
+    system = LinearSystem(
+        mass=1.0, damping=1.0, stiffness=1.0, load=[Signal(harmonics=((50.0, 1.0, 0.0),))],
+        normals=[[1.0]], offsets=[-0.8], restitution=0.5,
+    )  # fmt: skip
+
+    def residual(found):
+        return np.ptp(found.position[found.times > found.times[-1] - 4 * period, 0])
+
+    events = EventSettings(rows=4000)
+    small = residual(integrate_events(system, [0.8], [0.1], 2.5, events))
+    large = residual(integrate_events(system, [0.8], [0.11], 4.0, events))
+    soft, stiff = (
+        residual(integrate_penalty(system, [0.8], [0.1], 2.5, PenaltySettings(k, 0.005)))
+        for k in (1e4, 1e6)
+    )
+    assert large > 25.0 * small  # of the rigid system itself
+    assert soft > 25.0 * small  # the paper's figure: more than 25
+    assert stiff < 1.3 * small
 
 
 def test_a_short_contact_between_two_steps_is_not_missed():
