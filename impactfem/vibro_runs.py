@@ -1,8 +1,8 @@
 """Run points, rods and beams as the plan says: motion, history, error."""
 
 import time
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import asdict, dataclass, replace
+from typing import Any, cast
 
 import numpy as np
 import xarray as xr
@@ -17,6 +17,8 @@ from impactfem.reference import Errors
 from impactfem.result.history import Columns, make_history
 from impactfem.result.trajectory import Trajectory
 from impactfem.scene import Scene
+from impactfem.system.episode import contact_episode
+from impactfem.system.generalized import LinearSystem
 from impactfem.vibro_model import VibroModel, vibro_model
 
 Floats = NDArray[np.float64]
@@ -90,10 +92,21 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
             "constraints": [model.labels[k] for k in together.constraints],
             "angle": together.angle,
         }
+    details |= _episode(scene, model, motion)
     effort = replace(motion.effort, num_unknowns=model.system.dofs, details=details)
     motion = replace(motion, effort=effort)
     history = vibro_history(motion, model)
     return VibroRun(motion, history, model, errors, tuple(warnings), _intervals(motion), seconds)
+
+
+def _episode(scene: Scene, model: VibroModel, motion: Trajectory) -> dict[str, Any]:
+    """Apparent restitution and micro-impacts of a beam that falls without gravity."""
+    touched = bool((motion.contact_force > 0.0).any())
+    still = isinstance(model.system, LinearSystem) and not any(scene.vector_gravity.values[0])
+    if model.beam is None or not still or not touched:
+        return {}
+    found = contact_episode(model.beam, cast("LinearSystem", model.system), motion)
+    return {"episode": asdict(found) | {"is_over": found.is_over}}
 
 
 def _settings(scene: Scene, chosen: VibroPlan) -> Any:

@@ -1,10 +1,11 @@
 """Drop an elastic beam at 30 degrees and look at its micro-impacts.
 
-python demos/dropped_beam/script.py [degrees] [picture.png]
+python demos/dropped_beam/script.py [FOLDER] [--degrees 30]     # results/dropped_beam/axis.png
 """
 
+import argparse
 import math
-import sys
+from pathlib import Path
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -16,8 +17,12 @@ from impactfem.scene.obstacles import HalfSpace
 from impactfem.system.beam import free_beam
 from impactfem.system.episode import contact_episode
 
-degrees = float(sys.argv[1]) if len(sys.argv) > 1 else 30.0
-picture = sys.argv[2] if len(sys.argv) > 2 else "dropped_beam.png"
+arguments = argparse.ArgumentParser(description="Drop an elastic beam at an angle.")
+arguments.add_argument("folder", nargs="?", type=Path, default=Path("results/dropped_beam"))
+arguments.add_argument("--degrees", type=float, default=30.0)
+given = arguments.parse_args()
+folder, degrees = given.folder, given.degrees
+folder.mkdir(parents=True, exist_ok=True)
 
 # A steel bar of 200 mm, 12.7 mm square, just above the floor, at 1 m/s.
 angle, length = math.radians(degrees), 0.2
@@ -58,4 +63,5 @@ axes.set(
 )
 axes.set_aspect("equal")
 axes.legend(frameon=False, fontsize=8)
-figure.savefig(picture, dpi=130)
+figure.savefig(folder / "axis.png", dpi=130)
+print(folder / "axis.png")

@@ -44,8 +44,8 @@ class Together:
         whole = abs(parts - round(parts)) < 1e-6 * parts
         angle = f"{math.degrees(self.angle):.4g} degrees"
         meaning = (
-            f"at {angle} = pi/{round(parts)} lossless motion depends on the start without a jump, "
-            "with losses the law decides"
+            f"at {angle} = pi/{round(parts)} lossless two-body impacts give one outcome in any "
+            "order, the simultaneous law another, and with losses the law decides"
             if whole
             else f"at {angle}, no part pi/n, the motion after it depends on which comes first and "
             "jumps with the start"

@@ -132,6 +132,10 @@ def summary_table(summary: Mapping[str, Any]) -> str:
     ]
     if "impact_law" in summary["plan"]:
         rows[3] = ("impacts", _impacts(summary))
+    if episode := summary["details"].get("episode"):
+        text = f"apparent restitution {episode['restitution']:.4g}, {episode['micro_impacts']} "
+        text += f"micro-impacts, {episode['vibration']:.2%} of the energy left in vibrations"
+        rows.insert(4, ("rebound", text))
     return table(rows, summary["title"])
 
 

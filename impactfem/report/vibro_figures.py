@@ -127,8 +127,9 @@ def gaps(axes: Axes, result: Result) -> None:
     """Gaps of the constraints over time, those that come closest first."""
     names = [str(n) for n in result.history.data_vars if str(n).startswith("gap.")] or ["gap"]
     nearest = sorted(names, key=lambda n: float(result.history[n].min()))
-    least, span = float(result.history[nearest[0]].min()), float(result.history["gap"].max())
-    close = [n for n in nearest if float(result.history[n].min()) <= least + 0.5 * span]
+    least = float(result.history[nearest[0]].min())
+    span = max(float(result.history[n].max()) for n in names) - least
+    close = [n for n in nearest if float(result.history[n].min()) <= least + 0.2 * span]
     for k, name in enumerate(n for n in names if n in close[:_MAX_CURVES]):
         column = result.history[name]
         axes.plot(result.history["time"], column, color=_COLOURS[k % len(_COLOURS)], linewidth=1.2,
@@ -151,7 +152,7 @@ def impacts(axes: Axes, result: Result) -> None:
         own = kept[found.constraint[kept] == index]
         label = labels[index] if index < len(labels) else f"constraint {index}"
         axes.plot(found.time[own], -found.before[own], ".", color=_COLOURS[k % len(_COLOURS)],
-                  markersize=4, label=label)  # fmt: skip
+                  markersize=4 if len(kept) > 50 else 9, label=label)  # fmt: skip
     speeds = -found.before
     axes.set_ylim(bottom=min(0.0, float(speeds.min())))
     if speeds.min() > 0.0 and speeds.max() > 1e3 * speeds.min():

@@ -12,6 +12,8 @@ from impactfem.shipped import shipped_scenes
 SHORT = {
     "oscillator": ("--set", "duration=0.5"),
     "corner": (),
+    "bouncing_ball": (),
+    "cradle": (),
     "vibrating_table": ("--set", "duration=0.5"),
     "dropped_beam": ("--set", "duration=0.001"),
 }
