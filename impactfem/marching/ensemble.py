@@ -14,7 +14,7 @@ from impactfem.marching.position_kernels import march_members, march_positions, 
 from impactfem.marching.position_level import PositionSettings, choose_implicit
 from impactfem.marching.position_start import start_positions
 from impactfem.marching.velocity_level import VelocitySettings
-from impactfem.marching.vibro_rows import count_steps, row_levels, solve_impulses
+from impactfem.marching.vibro_rows import count_steps, row_levels, row_times, solve_impulses
 from impactfem.system.generalized import LinearSystem, check_start
 
 Floats = NDArray[np.float64]
@@ -76,11 +76,13 @@ def integrate_ensemble(
         )
     steps, h = count_steps(duration, settings.dt, every or 1, settings.law)
     _check_members(system, u, v)
-    march = _positions if isinstance(settings, PositionSettings) else _velocities
-    kernel, loads, matrices, states, extra = march(system, u, v, h, settings)
+    if isinstance(settings, PositionSettings):
+        kernel, loads, matrices, states, extra = _positions(system, u, v, h, settings)
+    else:
+        kernel, loads, matrices, states, extra = _velocities(system, u, v, h, settings)
     levels = row_levels(steps, every or steps)
     n, count = len(u), system.num_constraints
-    rows = tuple(np.zeros((n, len(levels), width)) for width in (u.shape[1],) * 2 + (count,) * 2)
+    rows = (*np.zeros((2, n, len(levels), system.dofs)), *np.zeros((2, n, len(levels), count)))
     logs = (np.zeros((n, count, 5)), np.zeros((n, count)), np.zeros((n, 1)))
     given, offset = np.full(count, np.nan), np.zeros(count)
     handed_back = 0
@@ -99,7 +101,9 @@ def integrate_ensemble(
     if len(bad):
         raise ConvergenceError(f"member {bad[0]}: the motion is not finite; use a smaller dt")
     details = {"dt": h, "handed_back": handed_back}
-    return EnsembleResult(h * levels, *rows, np.maximum(0.0, -logs[2][:, 0]), details)
+    deepest = np.maximum(0.0, -logs[2][:, 0])
+    times = row_times(levels, h)
+    return EnsembleResult(times, rows[0], rows[1], rows[2], rows[3], deepest, details)
 
 
 def _check_members(system: LinearSystem, u: Floats, v: Floats) -> None:

@@ -8,7 +8,7 @@ from impactfem.errors import ConvergenceError
 from impactfem.marching.position_kernels import note
 from impactfem.marching.position_start import start_positions
 from impactfem.marching.projection import project
-from impactfem.marching.vibro_rows import empty_rows, row_levels, trajectory, unfinished
+from impactfem.marching.vibro_rows import empty_rows, row_levels, row_times, trajectory, unfinished
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem, factor_mass
@@ -30,6 +30,7 @@ def march_general(
     room = np.zeros((count, 5))
     impacts: list[tuple[float, ...]] = list(map(tuple, first.impacts))
     factor = factor_mass(system, u)
+    inverse = cho_solve((factor, True), np.eye(system.dofs))
     wall_old, wall = system.gap(0.0, u - s) - before, system.motion_at(0.0)
     wall_old = wall_old + wall
     linearisations = 0
@@ -37,9 +38,10 @@ def march_general(
         t = m * h
         if system.constant_mass is None:
             factor = factor_mass(system, u, t)
+            inverse = cho_solve((factor, True), np.eye(system.dofs))
         wall_new = system.motion_at(t + h)
         mean = (wall_new + e * wall_old) / (1.0 + e)
-        new, impulse, solved = _step(system, factor, t, h, u, s, mean)
+        new, impulse, solved = _step(system, (factor, inverse), t, h, u, s, mean)
         linearisations = max(linearisations, solved)
         following = system.gap(t + h, u + new)
         if m % every == 0 or m == steps:
@@ -64,24 +66,28 @@ def march_general(
         "max_linearisations": linearisations,
     }  # fmt: skip
     effort = Effort(num_unknowns=system.dofs, details=details)
-    return trajectory(system, h * row_levels(steps, every), rows, impacts, effort)
+    return trajectory(system, row_times(row_levels(steps, every), h), rows, impacts, effort)
 
 
 def _step(
     system: GeneralizedSystem,
-    factor: Floats,
+    mass: tuple[Floats, Floats],
     t: float,
     h: float,
     u: Floats,
     s: Floats,
     wall: Floats,
 ) -> tuple[Floats, Floats, int]:
-    """U^{m+1} - U^m, P and the linearisations; velocities in f by fixed point."""
+    """U^{m+1} - U^m, P and the linearisations; velocities in f by fixed point.
+
+    ``mass`` is the Cholesky factor of M(U^m) and its inverse.
+    """
+    factor, inverse = mass
     old = u - s
     velocity = s / h
     force = system.force(t, u, velocity)
     for _ in range(_MAX_FIXED_POINT):
-        free = s + h * h * cho_solve((factor, True), force)
+        free = s + h * h * (inverse @ force)
         found = project(system, factor, u + free, old, wall)
         new = free + found.change
         following = system.force(t, u, 0.5 * (s + new) / h)
@@ -90,8 +96,8 @@ def _step(
                 f"force at t = {t:.6g} s is {following.tolist()}: the motion or the formula broke "
                 "down; use a smaller dt"
             )
-        moved = h * h * float(np.abs(cho_solve((factor, True), following - force)).max())
-        if moved <= 1e-14 * float(np.abs(new).max()) + 1e-300:
+        moved = h * h * float(np.abs(inverse @ (following - force)).max())
+        if moved <= 1e-13 * float(np.abs(new).max()) + 1e-300:
             return new, found.impulse, found.linearisations
         force = following
     raise ConvergenceError(

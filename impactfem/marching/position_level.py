@@ -39,6 +39,7 @@ from impactfem.marching.vibro_rows import (
     count_steps,
     empty_rows,
     row_levels,
+    row_times,
     trajectory,
 )
 from impactfem.result.bar_motion import Effort
@@ -186,6 +187,6 @@ def _linear(
         "dt": h, "implicit": implicit, "max_penetration": max(0.0, -float(march.worst[0])),
         "handed_back": march.handed_back,
     }  # fmt: skip
-    times = h * row_levels(steps, every)
+    times = row_times(row_levels(steps, every), h)
     effort = Effort(num_unknowns=system.dofs, details=details)
     return trajectory(system, times, rows, impacts, effort)

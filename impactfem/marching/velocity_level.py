@@ -34,6 +34,7 @@ from impactfem.marching.vibro_rows import (
     count_steps,
     empty_rows,
     row_levels,
+    row_times,
     solve_impulses,
     trajectory,
     unfinished,
@@ -166,7 +167,9 @@ def _linear(
         "handed_back": march.handed_back,
     }  # fmt: skip
     effort = Effort(num_unknowns=system.dofs, details=details)
-    return trajectory(system, h * row_levels(steps, settings.every), rows, impacts, effort)
+    return trajectory(
+        system, row_times(row_levels(steps, settings.every), h), rows, impacts, effort
+    )
 
 
 def _general(
@@ -200,7 +203,7 @@ def _general(
     impacts.extend(unfinished(episodes))
     details = {"dt": h, "theta": theta, "max_penetration": max(0.0, -worst)}
     effort = Effort(num_unknowns=system.dofs, details=details)
-    return trajectory(system, h * row_levels(steps, every), rows, impacts, effort)
+    return trajectory(system, row_times(row_levels(steps, every), h), rows, impacts, effort)
 
 
 def _step(
@@ -218,9 +221,10 @@ def _step(
         coupling, answers = delassus(factor, jacobian)
         speed[closed] = jacobian @ v - system.motion_rate(t)[closed]
     rate = system.motion_rate(t + h)[closed]
+    inverse = cho_solve((factor, True), np.eye(len(u)))
     force = system.force(t + 0.5 * h, middle, v)
     for _ in range(_MAX_FIXED_POINT):
-        free = v + h * cho_solve((factor, True), force)
+        free = v + h * (inverse @ force)
         offset = jacobian @ free - rate + system.restitution[closed] * speed[closed]
         impulse[closed] = _impulses(coupling, offset)
         new = free + answers @ impulse[closed]
@@ -230,8 +234,8 @@ def _step(
                 f"force at t = {t:.6g} s is {following.tolist()}: the motion or the formula broke "
                 "down; use a smaller dt"
             )
-        moved = h * float(np.abs(cho_solve((factor, True), following - force)).max())
-        if moved <= 1e-14 * float(np.abs(new).max()) + 1e-300:
+        moved = h * float(np.abs(inverse @ (following - force)).max())
+        if moved <= 1e-13 * float(np.abs(new).max()) + 1e-300:
             after[closed] = jacobian @ new - rate
             return new, impulse, speed, after
         force = following

@@ -54,6 +54,12 @@ def row_levels(steps: int, every: int) -> NDArray[np.int64]:
     return levels
 
 
+def row_times(levels: NDArray[np.int64], dt: float) -> Floats:
+    """Times of levels [s]."""
+    times: Floats = levels * np.float64(dt)
+    return times
+
+
 def empty_rows(system: GeneralizedSystem, steps: int, every: int) -> Arrays:
     """Room for the rows."""
     rows = len(row_levels(steps, every))
