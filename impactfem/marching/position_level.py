@@ -18,8 +18,10 @@ any h). The condition of contact is stated for each constraint with its own e; f
 the projection, and always the law of simultaneous impacts.
 
 An impact takes two steps, leaves with the speed e v exactly, and 2 h late; positions thus have
-order 1, and penetrate by no more than 2 e h v / (1 + e). Source: Paoli and Schatzman, Ill-posedness in
-vibro-impact and its numerical consequences (2000), equations (23) to (27).
+order 1, and penetrate by no more than 2 e h v / (1 + e).
+
+Source: Paoli and Schatzman, Ill-posedness in vibro-impact and its numerical consequences (2000),
+equations (23) to (27).
 """
 
 from collections.abc import Sequence
