@@ -41,7 +41,7 @@ figure = Figure(figsize=(8.0, 4.6), layout="constrained")
 FigureCanvasAgg(figure)
 axes = figure.add_subplot()
 axes.plot(points, speeds, ".", color="black", markersize=1.5)
-for value, name in ((1.25664, "one flight a period exists"), (3.81302, "and flips")):
+for value, name in ((1.25664, "one flight a period exists"), (3.85501, "and flips")):
     axes.axvline(value, color="C1", linewidth=0.8)
     axes.annotate(name, (value, axes.get_ylim()[1]), rotation=90, va="top", ha="right", fontsize=8)
 axes.set(xlabel="gamma = 2 w^2 (1 + e) A / g", ylabel="impact speed [m/s]",

@@ -68,15 +68,10 @@ def work_precision(
         scene = scene.with_settings({f"solve.{key}": value for key, value in settings.items()})
     variants = [Variant.parse(name) for name in methods]
     ordered = sorted(set(sizes))
-    attempt: Attempt = _attempt
-    if isinstance(scene.bodies[0], Solid):
-        if baselines:
-            raise SceneError("baselines: studies of solids have none; leave them out")
-        attempt = attempts_at(scene, ordered)
-    if scene.is_vibro:
-        if baselines:
-            raise SceneError("baselines: studies of points have none; leave them out")
-        attempt = attempt_steps
+    attempt = _how(scene, ordered)
+    if baselines and attempt is not _attempt:
+        kind = scene.bodies[0].kind
+        raise SceneError(f"baselines: studies of a {kind} have none; leave them out")
     parts = [_rows_of(scene, variant, ordered, repeats, attempt) for variant in variants]
     for name, solver in (baselines or {}).items():
         parts.append(_rows_of_baseline(scene, name, solver, ordered, repeats))
@@ -86,6 +81,13 @@ def work_precision(
         if progress:
             progress(row.text if not scene.is_vibro else row.text.replace(" elements:", " steps:"))
     return Study(scene.title, tuple(rows), repeats, tuple(baselines or ()))
+
+
+def _how(scene: Scene, sizes: Sequence[int]) -> Attempt:
+    """How a scene is solved at one of the sizes."""
+    if scene.is_vibro:
+        return attempt_steps
+    return attempts_at(scene, sizes) if isinstance(scene.bodies[0], Solid) else _attempt
 
 
 def _rows_of(
