@@ -1,5 +1,9 @@
 """What happens at an event: impacts of all closed constraints, sticking, release.
 
+Impacts by turns on several constraints may accumulate, as in an acute corner, so that their times
+can no longer be told apart while the speeds are not small. They go on one after the other at one
+place then, whatever the law for impacts that are simultaneous from the start.
+
 A constraint sticks if its normal speed is at most the threshold and the complementarity problem of
 lasting contact leaves it without acceleration away from the other side.
 """
@@ -11,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
-from impactfem.contact.impact_law import Law, delassus, resolve_impact, resting_forces
+from impactfem.contact.impact_law import Impact, Law, delassus, resolve_impact, resting_forces
 from impactfem.errors import ConvergenceError
 from impactfem.marching.event_constrained import constrained
+from impactfem.marching.flight_kernels import by_turns
 from impactfem.system.generalized import GeneralizedSystem, factor_mass
 
 Floats = NDArray[np.float64]
@@ -24,6 +29,8 @@ Row = tuple[float, int, float, float, float]
 MAX_SPELLS = 100
 
 _EPS = 2.0**-52
+_SAME_PLACE = 1e-10  # share of the lengths within which impacts by turns are continued
+_MAX_TURNS = 100_000
 _MAX_REPEATS = 100  # impacts at one instant until nothing approaches
 
 
@@ -40,6 +47,7 @@ class Contacts:
         implied: Constraints that stay closed because those do.
         order: Multiplicity of the root of each gap just after the event, shape (J,).
         fastest: Largest impact speed so far.
+        last_impact: Time of the last impact [s].
         spells: The first lasting contacts [constraint, start, end], NaN if it still lasts.
         spell_count: Number of lasting contacts.
         dropped_speed: Largest normal speed set to 0 by sticking.
@@ -54,6 +62,7 @@ class Contacts:
     implied: tuple[int, ...] = ()
     order: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     fastest: float = 0.0
+    last_impact: float = -math.inf
     spells: list[list[float]] = field(default_factory=list)
     spell_count: int = 0
     dropped_speed: float = 0.0
@@ -98,7 +107,11 @@ class Contacts:
         drift = jacobian @ v - rate
         u, v, _, _ = self._close(t, mass, jacobian, u, v, drift, self.closed)
         noise = 64.0 * _EPS * (np.abs(jacobian) @ np.abs(v) + np.abs(rate))
-        v, impacts = self._strike(t, factor, jacobian, v, rate, rows, noise)
+        # Impacts that follow each other within some thousand times the rounding of places.
+        place = float(np.max(np.abs(jacobian[rows]) @ (np.abs(u) + t * np.abs(v))))
+        approach = -float((jacobian @ v - rate)[rows].min())
+        again = (t - self.last_impact) * approach <= _SAME_PLACE * place
+        v, impacts = self._strike(t, mass, factor, jacobian, v, rate, rows, noise, again=again)
         speed = jacobian @ v - rate
         slow = rows[np.abs(speed[rows]) <= np.maximum(noise[rows], self.threshold)]
         load = system.force(t, u, v)
@@ -126,8 +139,8 @@ class Contacts:
         return u, v, impacts, total
 
     def _strike(
-        self, t: float, factor: Floats, jacobian: Floats, v: Floats, rate: Floats,
-        rows: Integers, noise: Floats,
+        self, t: float, mass: Floats, factor: Floats, jacobian: Floats, v: Floats, rate: Floats,
+        rows: Integers, noise: Floats, *, again: bool,
     ) -> tuple[Floats, list[Row]]:  # fmt: skip
         """Impacts until no closed constraint approaches."""
         impacts: list[Row] = []
@@ -136,13 +149,15 @@ class Contacts:
             if (before >= -noise[rows]).all():
                 return v, impacts
             self.fastest = max(self.fastest, -float(before.min()))
+            self.last_impact = t
             restitution = self.system.restitution[rows]
+            state = factor, jacobian[rows], v, rate[rows], restitution
             try:
-                hit = resolve_impact(factor, jacobian[rows], v, rate[rows], restitution, self.law)
+                hit = _accumulate(mass, *state) if again else resolve_impact(*state, self.law)
             except ConvergenceError as error:
                 raise ConvergenceError(
                     f"events: the impact on constraints {rows.tolist()} at t = {t:.9g} has no "
-                    f"solution: do they leave room, and move apart? ({error})"
+                    f"solution: do they leave room? ({error})"
                 ) from error
             v = hit.velocity
             impacts += [
@@ -152,7 +167,7 @@ class Contacts:
             ]
         raise ConvergenceError(
             f"events: {_MAX_REPEATS} impacts at t = {t:.9g} did not separate constraints "
-            f"{rows.tolist()}; choose the other impact law"
+            f"{rows.tolist()}: do they leave room? If so, choose the other impact law"
         )
 
     def _tail(self, j: int, speed: float, acceleration: float) -> float:
@@ -189,6 +204,27 @@ class Contacts:
                 if len(self.spells) < MAX_SPELLS:
                     self.spells.append(spell)
         self.closed, self.implied = closed, implied
+
+
+def _accumulate(
+    mass: Floats, factor: Floats, jacobian: Floats, v: Floats, rate: Floats, restitution: Floats
+) -> Impact:
+    """The outcome of infinitely many impacts by turns at one place.
+
+    They come to an end, or all constraints that are hit for ever lose their normal speeds: then
+    impulses p >= 0 only where the speed after is 0, which is the impact without restitution.
+    """
+    before = jacobian @ v - rate
+    matrix, answers = delassus(factor, jacobian)
+    impulse, ended = by_turns(matrix, before.copy(), restitution, _MAX_TURNS)
+    if not ended:
+        if _rank(jacobian) == len(rate):
+            together, push = constrained(mass, jacobian, (mass @ v)[:, None], -rate[:, None])
+            if (push >= 0.0).all():
+                return Impact(together[:, 0], push[:, 0], before, np.zeros(len(rate)))
+        return resolve_impact(factor, jacobian, v, rate, np.zeros(len(rate)))
+    after = v + answers @ impulse
+    return Impact(after, impulse, before, jacobian @ after - rate)
 
 
 def _lasting(

@@ -70,6 +70,8 @@ class _Run:
 
     def collect(self, status: int) -> None:
         """Take the impacts over; refuse what is not finite or does not move on."""
+        if self.counts[1]:
+            self.contacts.last_impact = float(self.table[self.counts[1] - 1, 0])
         self.record.extend(self.table[: self.counts[1]])
         self.counts[1] = 0
         self.record.steps = int(self.counts[2])
@@ -115,8 +117,8 @@ def _several(run: _Run) -> None:
         ignored[list(contacts.closed + contacts.implied)] = True
         status = fly(
             flight.powers, flight.whole, flight.gaps, flights.rate_rows,
-            flight.forces, flight.doubt, flight.step, flights.waves, flight.closed, ignored, contacts.order,
-            *run.law, *run.output,
+            flight.forces, flight.doubt, flight.step, flights.waves,
+            flight.closed, ignored, contacts.order, *run.law, *run.output,
         )  # fmt: skip
         run.collect(status)
         if status == DONE:

@@ -47,8 +47,8 @@ def fly_alone(
         if mode[0] == 0:
             status = fly(
                 free_powers, free_whole, free_gaps, rates, forces[:, :0], doubt[:0], free_h,
-                waves, none, watched, order, answers, response, restitution, stick, relative, z, clock, counts,
-                duration, times, position, velocity, impulse, table, who,
+                waves, none, watched, order, answers, response, restitution, stick, relative, z,
+                clock, counts, duration, times, position, velocity, impulse, table, who,
             )  # fmt: skip
         else:
             status = fly(

@@ -115,6 +115,32 @@ def integrate_forces(c, closed, start, end, h, force):
 
 
 @compiled
+def by_turns(matrix, speed, restitution, limit):
+    """Impacts one after the other, the fastest approach first, until none approaches.
+
+    Args:
+        matrix: G M^-1 G^T (n, n).
+        speed: Normal speeds (n,); changed.
+        restitution: e (n,).
+        limit: Number of impacts.
+
+    Returns:
+        Impulses (n,), and whether the impacts came to an end.
+    """
+    total = np.zeros(len(speed))
+    rest = -1e-13 * np.abs(speed).max()
+    for _ in range(limit):
+        worst = np.argmin(speed)
+        if speed[worst] >= rest:
+            return total, True
+        impulse = -(1.0 + restitution[worst]) * speed[worst] / matrix[worst, worst]
+        total[worst] += impulse
+        for i in range(len(speed)):
+            speed[i] += impulse * matrix[i, worst]
+    return total, False
+
+
+@compiled
 def fly(
     powers, whole, gaps, rates, forces, doubt, h, waves, closed, ignored, order,
     answers, response, restitution, stick, relative,

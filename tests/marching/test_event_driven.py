@@ -172,6 +172,27 @@ def test_stack_of_unequal_masses(k, heavy_step):
 
 
 @pytest.mark.parametrize("general", [False, True])
+def test_impacts_that_accumulate_in_a_corner_end_at_one_place(general):
+    # In a narrow corner with e = 0.1 the impacts by turns never end, but their times converge, and
+    # with them the normal speeds: the point sits in the vertex, pressed by its weight.
+    angle, e = 0.15, 0.1
+    normals = np.array([[0.0, 1.0], [math.sin(angle), -math.cos(angle)]])
+    corner = LinearSystem(
+        mass=[1.0, 1.0], normals=normals, offsets=[0.0, 0.0], load=[-1.0, 0.0], restitution=e
+    )
+    if general:
+        corner = GeneralizedSystem(
+            mass=[1.0, 1.0], force=corner.force, constraints=lambda u: normals @ u, restitution=e
+        )
+    start = [math.cos(0.4 * angle), math.sin(0.4 * angle)]
+    run = integrate_events(corner, start, [-1.0, -0.3], 3.0, EventSettings(rows=30))
+    assert np.abs(run.position[-1]).max() <= 1e-7
+    assert np.abs(run.velocity[-1]).max() <= 1e-7
+    assert run.contact_force[-1] @ normals == pytest.approx([1.0, 0.0], rel=1e-9, abs=1e-9)
+    assert run.gap.min() >= -1e-12
+
+
+@pytest.mark.parametrize("general", [False, True])
 def test_ball_leaves_a_table_that_falls_away(general):
     amplitude, w = 0.3, 2.0 * math.pi
     table = [Signal(harmonics=((w, 0.0, amplitude),))]
@@ -283,7 +304,7 @@ def test_limits_and_errors_are_named():
     press = LinearSystem(
         mass=1.0, normals=[[1.0], [-1.0]], offsets=[0.0, 1.0], motion=[Signal(), Signal(slope=1.0)]
     )
-    with pytest.raises(ConvergenceError, match=r"\[0, 1\] at t = 1 has no solution: do they leave"):
+    with pytest.raises(ConvergenceError, match=r"at t = 1 .* do they leave room"):
         integrate_events(press, [0.5], [-0.1], 10.0)
     with pytest.raises(SceneError, match="duration = -1"):
         integrate_events(ball(1.0), [1.0], [0.0], -1.0)
