@@ -17,7 +17,7 @@ Arguments shared by both loops:
 - total (J,): impulse of all steps so far; worst (1,): least gap so far.
 - given (J,): impulses of step m from the solver, given[0] = nan for none; offset (J,): see above.
 - rows: (positions, velocities, gaps, impulses): filled at every ``every``-th level and the last.
-- events (n, 5): room for [time, constraint, speed before, speed after, impulse]; none kept if n = 0.
+- events (n, 5): room for [time, constraint, speed before, after, impulse]; none kept if n = 0.
 
 Both return the step they stopped before, the number of events written, and whether that step waits
 for the solver.
@@ -160,11 +160,12 @@ def march_positions(
 @compiled
 def march_velocities(
     span, dt, loads, walls, stiff, damp, response, coupling, normals, offsets, restitution,
-    u, s, gap, before, episodes, total, worst, given, offset, rows, events, theta,
+    u, s, gap, before, episodes, total, worst, given, offset, rows, events, theta,  # noqa: ARG001  # both loops take the same
 ):  # fmt: skip
     """Moreau's and Jean's scheme, s = v: the impulses P act on velocities.
 
-        v_new = v + loads_m - stiff u - damp v + response P,   u_new = u + h v + h theta (v_new - v),
+        v_new = v + loads_m - stiff u - damp v + response P,
+        u_new = u + h v + h theta (v_new - v),
         0 <= P _|_ w_new + e w >= 0 where the gap at u + h v / 2 is <= 0,   w = J v - b'.
 
     The columns of walls are b(t_m), b(t_m + h/2), b'(t_m) and b'(t_{m+1}); ``before`` is not used.
