@@ -27,6 +27,9 @@ import numpy as np
 
 from impactfem.compiled import compiled
 
+ROUNDING = 1e-12
+"""Share of the terms of a gap below which it is no distance."""
+
 
 @compiled
 def single_impulse(offset, coupling, impulse):
@@ -168,7 +171,8 @@ def march_velocities(
         u_new = u + h v + h theta (v_new - v),
         0 <= P _|_ w_new + e w >= 0 where the gap at u + h v / 2 is <= 0,   w = J v - b'.
 
-    The columns of walls are b(t_m), b(t_m + h/2), b'(t_m) and b'(t_{m+1}); ``before`` is not used.
+    Gaps up to `ROUNDING` of their terms count as 0. The columns of walls are b(t_m), b(t_m + h/2),
+    b'(t_m) and b'(t_{m+1}); ``before`` is not used.
     """  # fmt: skip
     m, begin, end, last, every = span
     d, count = len(u), len(gap)
@@ -187,15 +191,17 @@ def march_velocities(
                 value -= stiff[i, j] * u[j] + damp[i, j] * s[j]
             new[i] = value
         for c in range(count):
-            place, along, along_new = offsets[c], 0.0, 0.0
+            place, along, along_new, size = offsets[c], 0.0, 0.0, abs(offsets[c])
             for i in range(d):
                 place += normals[c, i] * u[i]
+                size += abs(normals[c, i] * u[i])
                 along += normals[c, i] * s[i]
                 along_new += normals[c, i] * new[i]
             gap[c] = place - walls[k, c]
             speed[c] = along - walls[k, 2 * count + c]
             following[c] = along_new - walls[k, 3 * count + c]
-            closed = place + 0.5 * dt * along - walls[k, count + c] <= 0.0
+            # What lies on a constraint stays closed, whatever rounding does to its place.
+            closed = place + 0.5 * dt * along - walls[k, count + c] <= ROUNDING * size
             offset[c] = following[c] + restitution[c] * speed[c] if closed else np.inf
         if not np.isnan(given[0]):
             for c in range(count):

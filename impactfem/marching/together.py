@@ -89,7 +89,9 @@ def find_together(system: GeneralizedSystem, motion: Trajectory, within: float) 
     if impacts is None or not len(impacts):
         return None
     time, which = impacts.time, impacts.constraint
+    strikes = -impacts.before > _least_speed(motion)
     near = (np.diff(time) <= within) & (which[1:] != which[:-1])
+    near &= strikes[1:] | strikes[:-1]  # else both just rest
     pairs = [(float(time[k]), int(which[k]), int(which[k + 1])) for k in np.flatnonzero(near)]
     pairs = pairs[:_LOOKED_AT] + _onto_lasting(motion)
     found, first = 0, None
@@ -102,6 +104,12 @@ def find_together(system: GeneralizedSystem, motion: Trajectory, within: float) 
     return None if first is None else Together(found, *first, within)
 
 
+def _least_speed(motion: Trajectory) -> float:
+    """Normal speed below which nothing strikes [m/s]."""
+    slow = float(np.abs(motion.position).max()) / float(motion.times[-1])
+    return _CLOSED * max(slow, float(np.abs(motion.velocity).max()))
+
+
 def _onto_lasting(motion: Trajectory) -> list[tuple[float, int, int]]:
     """Impacts (time, constraint, other) while the other is closed before and after."""
     impacts = motion.impacts
@@ -111,6 +119,7 @@ def _onto_lasting(motion: Trajectory) -> list[tuple[float, int, int]]:
     shut = np.abs(motion.gap) <= _CLOSED * np.abs(motion.gap).max(axis=0, initial=1e-300)
     lasting = shut[rows] & shut[rows - 1] & (motion.contact_force[rows - 1] > 0.0)
     lasting[np.arange(len(rows)), impacts.constraint] = False
+    lasting[-impacts.before <= _least_speed(motion)] = False
     hits = np.argwhere(lasting)[:_LOOKED_AT]
     return [(float(impacts.time[k]), int(impacts.constraint[k]), int(j)) for k, j in hits]
 

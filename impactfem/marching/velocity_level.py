@@ -27,7 +27,7 @@ from scipy.linalg import cho_solve, lu_factor, lu_solve
 
 from impactfem.contact.impact_law import Law, delassus
 from impactfem.errors import ConvergenceError, SceneError
-from impactfem.marching.position_kernels import march_velocities, note
+from impactfem.marching.position_kernels import ROUNDING, march_velocities, note
 from impactfem.marching.position_start import highest_frequency
 from impactfem.marching.vibro_rows import (
     LinearMarch,
@@ -212,7 +212,8 @@ def _step(
     """v^{m+1}, P, and normal velocities before and after; velocities in f by fixed point."""
     middle = u + 0.5 * h * v
     factor = factor_mass(system, middle, t)
-    closed = np.flatnonzero(system.gap(t + 0.5 * h, middle) <= 0.0)
+    tolerance = ROUNDING * float(np.abs(middle).max())
+    closed = np.flatnonzero(system.gap(t + 0.5 * h, middle) <= tolerance)
     count = system.num_constraints
     impulse, speed, after = np.zeros(count), np.zeros(count), np.zeros(count)
     jacobian, answers, coupling = np.zeros((0, len(u))), np.zeros((len(u), 0)), np.zeros((0, 0))

@@ -74,7 +74,7 @@ class Trajectory:
         times: t_m [s], shape (rows,).
         position: u at t_m, shape (rows, d).
         velocity: u' just after t_m, shape (rows, d). Of the position-level scheme the difference
-            (u_{m+1} - u_{m-1}) / 2h inside, (u_{m+1} - u_m) / h at the start.
+            (u_{m+1} - u_{m-1}) / 2h, also at both ends.
         gap: phi_j(u) - b_j(t) at t_m, shape (rows, J).
         contact_force: Mean force of each constraint during (t_{m-1}, t_m], impulses of impacts
             divided by its length included [N], shape (rows, J); row 0 is 0.
