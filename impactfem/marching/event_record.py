@@ -122,7 +122,7 @@ class Record:
     def _details(self, contacts: Contacts) -> dict[str, Any]:
         end = float(self.times[-1])
         spells = [
-            [float(start), end if math.isnan(stop) else min(stop, end), int(j)]
+            [float(start), end if math.isnan(stop) else float(min(stop, end)), int(j)]
             for j, start, stop in contacts.spells
         ]
         return {

@@ -214,14 +214,14 @@ def test_ball_leaves_a_table_that_falls_away(general):
 def test_period_one_on_the_table_is_stable_up_to_its_exact_flip():
     e, w = 0.8, 10.0
     flip = vibro.table_flip(e)
-    for gamma, stable in ((0.97 * flip, True), (1.03 * flip, False)):
+    for gamma, stable in ((0.999 * flip, True), (1.001 * flip, False)):
         amplitude = 0.5 * gamma * G / (w * w * (1.0 + e))
         phase = math.acos(vibro.table_existence(e) / gamma)
         table = [Signal(harmonics=((w, amplitude * math.sin(phase), amplitude * math.cos(phase)),))]
         speed = G * math.pi / w * (1.0 + 1e-3)
         start = [amplitude * math.sin(phase)]
         run = integrate_events(
-            ball(e, motion=table), start, [speed], 2000.0 / w, EventSettings(rows=1)
+            ball(e, motion=table), start, [speed], 1e5 / w, EventSettings(rows=1)
         )
         flights = np.diff(run.impacts.time[-20:]) * w / (2.0 * math.pi)
         assert (np.abs(flights - 1.0).max() < 1e-6) is np.bool_(stable)
