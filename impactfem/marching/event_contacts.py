@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
-from impactfem.contact.impact_law import Impact, Law, delassus, resolve_impact, resting_forces
+from impactfem.contact.impact_law import Law, resolve_impact
 from impactfem.errors import ConvergenceError
+from impactfem.marching.event_choice import accumulate, independent, lasting
 from impactfem.marching.event_constrained import constrained
-from impactfem.marching.flight_kernels import by_turns
 from impactfem.system.generalized import GeneralizedSystem, factor_mass
 
 Floats = NDArray[np.float64]
@@ -30,7 +30,6 @@ MAX_SPELLS = 100
 
 _EPS = 2.0**-52
 _SAME_PLACE = 1e-10  # share of the lengths within which impacts by turns are continued
-_MAX_TURNS = 100_000
 _MAX_REPEATS = 100  # impacts at one instant until nothing approaches
 
 
@@ -118,13 +117,13 @@ class Contacts:
         applied = cho_solve((factor, True), load)
         curvature = system.gap_curvature(t, u, v)
         state = mass, factor, jacobian, load, applied, curvature
-        lasting, acceleration = _lasting(state, slow[slow != released])
+        staying, acceleration = lasting(state, slow[slow != released])
         if released is not None and released in slow:
             wanted = jacobian[released] @ acceleration + curvature[released]
             size = np.abs(jacobian[released]) @ np.abs(applied) + abs(curvature[released])
             if wanted < -1e-10 * size:  # another constraint presses it after all
-                lasting, acceleration = _lasting(state, slow)
-        closed, implied = _independent(jacobian, lasting)
+                staying, acceleration = lasting(state, slow)
+        closed, implied = independent(jacobian, staying)
         tails = {j: self._tail(j, speed[j], jacobian[j] @ applied + curvature[j]) for j in closed}
         u, v, dropped, lost = self._close(t, mass, jacobian, u, v, speed, closed)
         self.dropped_energy += lost
@@ -153,7 +152,7 @@ class Contacts:
             restitution = self.system.restitution[rows]
             state = factor, jacobian[rows], v, rate[rows], restitution
             try:
-                hit = _accumulate(mass, *state) if again else resolve_impact(*state, self.law)
+                hit = accumulate(mass, *state) if again else resolve_impact(*state, self.law)
             except ConvergenceError as error:
                 raise ConvergenceError(
                     f"events: the impact on constraints {rows.tolist()} at t = {t:.9g} has no "
@@ -204,66 +203,3 @@ class Contacts:
                 if len(self.spells) < MAX_SPELLS:
                     self.spells.append(spell)
         self.closed, self.implied = closed, implied
-
-
-def _accumulate(
-    mass: Floats, factor: Floats, jacobian: Floats, v: Floats, rate: Floats, restitution: Floats
-) -> Impact:
-    """The outcome of infinitely many impacts by turns at one place.
-
-    They come to an end, or all constraints that are hit for ever lose their normal speeds: then
-    impulses p >= 0 only where the speed after is 0, which is the impact without restitution.
-    """
-    before = jacobian @ v - rate
-    matrix, answers = delassus(factor, jacobian)
-    impulse, ended = by_turns(matrix, before.copy(), restitution, _MAX_TURNS)
-    if not ended:
-        if _rank(jacobian) == len(rate):
-            together, push = constrained(mass, jacobian, (mass @ v)[:, None], -rate[:, None])
-            if (push >= 0.0).all():
-                return Impact(together[:, 0], push[:, 0], before, np.zeros(len(rate)))
-        return resolve_impact(factor, jacobian, v, rate, np.zeros(len(rate)))
-    after = v + answers @ impulse
-    return Impact(after, impulse, before, jacobian @ after - rate)
-
-
-def _lasting(
-    state: tuple[Floats, Floats, Floats, Floats, Floats, Floats], rows: Integers
-) -> tuple[list[tuple[float, int]], Floats]:
-    """Constraints that stay closed, as (force, index), and the acceleration (d,)."""
-    mass, factor, jacobian, load, applied, curvature = state
-    if not len(rows):
-        return [], applied
-    normals, bend = jacobian[rows], curvature[rows]
-    if _rank(normals) == len(rows):
-        # Mostly all stay closed: then this is exact, and good for any ratio of masses.
-        together, pressed = constrained(mass, normals, load[:, None], bend[:, None])
-        if (pressed > 0.0).all():
-            return [(float(pressed[i, 0]), int(j)) for i, j in enumerate(rows)], together[:, 0]
-    force = resting_forces(factor, normals, applied, bend)
-    matrix, answers = delassus(factor, normals)
-    acceleration = applied + answers @ force
-    size = np.abs(normals) @ np.abs(applied) + np.abs(bend) + np.abs(matrix) @ force
-    away = normals @ acceleration + bend
-    stays = (force > 0.0) | (away <= 1e-12 * size)
-    return [(float(force[i]), int(j)) for i, j in enumerate(rows) if stays[i]], acceleration
-
-
-def _independent(
-    jacobian: Floats, lasting: list[tuple[float, int]]
-) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Linearly independent constraints, those with the largest forces first, and the others."""
-    chosen: list[int] = []
-    left: list[int] = []
-    for _, j in sorted(lasting, reverse=True):
-        both = [*chosen, j]
-        (chosen if _rank(jacobian[both]) == len(both) else left).append(j)
-    return tuple(sorted(chosen)), tuple(sorted(left))
-
-
-def _rank(normals: Floats) -> int:
-    """Rank of rows, whatever their lengths."""
-    if len(normals) == 1:
-        return 1
-    unit = normals / np.linalg.norm(normals, axis=1)[:, None]
-    return int(np.linalg.matrix_rank(unit, tol=1e-9))
