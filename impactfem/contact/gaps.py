@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.distance import nearest_obstacle, signed_distance, translation
+from impactfem.contact.responses import Columns, Responses
 from impactfem.contact.surfaces import ContactNodes
 
 Floats = NDArray[np.float64]
@@ -35,6 +36,24 @@ class Gaps:
     def normals(self) -> Floats | None:
         """Normals that stay, shape (count, dim); None if they follow the nodes."""
         return None if self.updated else self._normal
+
+    def responses(self, columns: Columns, whole: int | None) -> Responses:
+        """How the gaps answer to contact forces.
+
+        Args:
+            columns: Answers of the contact nodes.
+            whole: For how many nodes answers are worth keeping in full; None: for all.
+        """
+        count, dim = self._normal.shape
+        return Responses(count, dim, self.normals, columns, whole)
+
+    def relative(self, values: Floats) -> Floats:
+        """What values of the contact nodes (count, dim) make for the gaps: here the same."""
+        return values
+
+    def spread(self, forces: Floats) -> Floats:
+        """Forces on the contact nodes by those in the gaps (count, dim): here the same."""
+        return forces
 
     def at(
         self, displacement: Floats, begin: Floats, last: Floats, time: float, back: float = 0.5

@@ -15,7 +15,6 @@ from impactfem.contact.complementarity import (
     solve_velocity_layer,
 )
 from impactfem.contact.gaps import Gaps
-from impactfem.contact.responses import Responses
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI
 from impactfem.marching.layers import Interior, Sums
@@ -147,20 +146,19 @@ class SolidMarch:
         self.interior = interior
         self._solver, self.layers, self._tolerance = solver, layers, tolerance
         free = interior.surface_displacement
-        count, dim = free.shape
+        dim = free.shape[1]
         self.rows = Rows.empty(layers + 1, dim)
         self.layer = 0
         self.failure = ""  # why the march ended early
-        self._responses = Responses(
-            count, dim, gaps.normals, interior.columns, interior.whole_columns
-        )
+        self._responses = gaps.responses(interior.columns, interior.whole_columns)
         # An explicit step spans two layers: what it conserves pairs each level with the one after
         # the next, and contact nodes that have mass take the forces of neighbouring layers.
         self._skips = scheme.interior == "leapfrog" and scheme.massless
         gap, normals = gaps.at(free, free, free, 0.0)
+        count = len(gap)
         self._normals = normals
         multiplier, static = self._initial_contact(gap, normals)
-        true = gap + np.einsum("ij,ij->i", normals, static)
+        true = gap + np.einsum("ij,ij->i", normals, gaps.relative(static))
         advance = gaps.advance(normals, 0.0)
         self.contact = ContactState(multiplier, true, multiplier, true, advance, advance, static)
         self.rows.put(0, interior.initial(static))
@@ -170,7 +168,8 @@ class SolidMarch:
 
     def _initial_contact(self, gap: Floats, normals: Floats) -> tuple[Floats, Floats]:
         """Forces that keep massless nodes out of the obstacle at t = 0."""
-        multiplier, static = np.zeros(len(gap)), np.zeros_like(normals)
+        multiplier = np.zeros(len(gap))
+        static = np.zeros_like(self.interior.surface_displacement)
         if not self._scheme.massless or not (gap < -self._tolerance).any():
             return multiplier, static
         rows = np.flatnonzero(gap < -self._tolerance)
@@ -231,7 +230,7 @@ class SolidMarch:
         gap, normals = self._gaps.at(free, begin, last, time, back=1.0 if explicit else 0.5)
         advance = self._gaps.advance(normals, time)
         if self._scheme.contact == "velocity":
-            end = 2.0 / interior.dt * (free - last) - self.speed
+            end = self._gaps.relative(2.0 / interior.dt * (free - last) - self.speed)
             self._speed_without_contact = np.einsum("ij,ij->i", normals, end) - self._gaps.speed(
                 normals, time, interior.dt
             )
@@ -261,7 +260,8 @@ class SolidMarch:
         """
         interior, state = self.interior, self.contact
         count = len(gap)
-        force, multiplier, static = np.zeros(count), np.zeros(count), np.zeros_like(normals)
+        force, multiplier = np.zeros(count), np.zeros(count)
+        static = np.zeros_like(interior.surface_displacement)
         old, old_gap = (
             (state.older_multiplier, state.older_gap) if self._skips
             else (state.multiplier, state.gap)
@@ -292,7 +292,7 @@ class SolidMarch:
             change = None
             if self._responses.are_whole(rows):
                 change = self._responses.displacement(rows, normals[rows], acting)
-            interior.push(force[:, None] * normals, change)
+            interior.push(self._gaps.spread(force[:, None] * normals), change)
         if self._scheme.massless:
             static = self._pressed(rows, normals, multiplier)
         self._true_gap = true
@@ -302,7 +302,7 @@ class SolidMarch:
         """Displacement of massless nodes by the multipliers [m], (count, dim)."""
         if self._responses.are_whole(rows):
             return self._responses.static(rows, normals[rows], multiplier[rows])
-        return self.interior.static(multiplier[:, None] * normals)
+        return self.interior.static(self._gaps.spread(multiplier[:, None] * normals))
 
     def _solve(
         self, gap: Floats, response: Floats, compliance: Floats, old: Floats, old_gap: Floats,
@@ -333,7 +333,8 @@ class SolidMarch:
         rows.iterations[row] = iterations
         if self._skips:
             # gap = g + D lambda and lambda gap = 0: lambda D lambda = lambda . (gap - g).
-            pressed = float(state.multiplier @ np.einsum("ij,ij->i", self._normals, state.static))
+            way = np.einsum("ij,ij->i", self._normals, self._gaps.relative(state.static))
+            pressed = float(state.multiplier @ way)
             rows.contact_energy[row] = 0.5 * pressed
 
     def _check_finite(self) -> None:
