@@ -106,9 +106,10 @@ def integrate_penalty(
 
     The potential energy includes that of the springs, k |u - P_K u|_M^2 / 2. `Trajectory.impacts`
     lists contacts with their start, normal velocities in and out, and impulse; of several
-    constraints each has its own. Details of the effort: "restitution" {count, min, mean, max,
-    ratios}, speed out over speed in of each finished contact (the first 1000 in ratios);
-    "max_penetration" [m]; "stiffness"; "damping"; "steps"; "evaluations".
+    constraints each has its own, and one that lasts to the end is given as it is then. Details of
+    the effort: "restitution" {count, min, mean, max, ratios}, speed out over speed in of each
+    finished contact (the first 1000 in ratios); "max_penetration" [m]; "stiffness"; "damping";
+    "steps"; "evaluations".
 
     Args:
         system: The system.
@@ -210,8 +211,11 @@ def _trajectory(projector: Projector, record: Record) -> Trajectory:
         "steps": record.steps,
         "evaluations": record.evaluations,
     }
+    last = system.gap_rate(times[-1], place[-1], speed[-1])
+    lasting = [(start, j, come, float(last[j]), float(record.impulse[-1, j]) - earlier)
+               for j, (start, come, earlier) in record.open.items()]  # fmt: skip
     return Trajectory(
         times, place, speed, gap, force,
         np.array([system.kinetic_energy(place[m], speed[m]) for m in rows]), potential,
-        Impacts.of_rows(sorted(record.episodes)), Effort(details=details),
+        Impacts.of_rows(sorted(record.episodes + lasting)), Effort(details=details),
     )  # fmt: skip
