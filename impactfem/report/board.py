@@ -17,7 +17,7 @@ type Facts = Mapping[str, float]
 
 Verdict = Literal["pass", "FAIL", "refused"]
 
-Body = Literal["bar", "solid"]
+Body = Literal["bar", "solid", "point"]
 
 
 @dataclass(frozen=True)

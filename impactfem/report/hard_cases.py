@@ -11,12 +11,14 @@ from impactfem.report.hard_scenes import CASES as SCENE_CASES
 from impactfem.report.hard_solid_special import CASES as SOLID_SPECIAL_CASES
 from impactfem.report.hard_solids import CASES as SOLID_CASES
 from impactfem.report.hard_special import CASES as SPECIAL_CASES
+from impactfem.report.hard_vibro import CASES as VIBRO_CASES
 
 CASES: tuple[Case, ...] = (
     *SCENE_CASES,
     *SPECIAL_CASES,
     *SOLID_CASES,
     *SOLID_SPECIAL_CASES,
+    *VIBRO_CASES,
 )
 """All hard cases."""
 

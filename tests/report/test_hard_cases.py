@@ -33,7 +33,8 @@ KNOWN = {
 
 @pytest.fixture(scope="module")
 def board():
-    return impactfem.hard_cases(quick=True)
+    # Points have a module of their own.
+    return impactfem.hard_cases(quick=True, cases=[c for c in CASES if c.body != "point"])
 
 
 def test_methods_that_the_plan_may_choose_hold_every_claim(board):
