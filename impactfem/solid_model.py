@@ -83,10 +83,10 @@ def solid_model(scene: Scene, degree: int) -> SolidModel:
         MeshError: The mesh cannot be made, or does not fit the scene.
         MissingDependencyError: DOLFINx or Gmsh is not installed.
     """
-    return _model(_Key(scene), degree)
+    return _model(Key(scene), degree)
 
 
-class _Key:
+class Key:
     """A scene by what shapes its model: solver and output settings may change."""
 
     def __init__(self, scene: Scene) -> None:
@@ -98,14 +98,14 @@ class _Key:
         return hash(self._text)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and self._text == other._text
+        return isinstance(other, Key) and self._text == other._text
 
 
 _NOT_MODEL = {"title", "solve", "output"}
 
 
 @lru_cache(maxsize=1)
-def _model(key: _Key, degree: int) -> SolidModel:
+def _model(key: Key, degree: int) -> SolidModel:
     scene = key.scene
     mesh = build_body_mesh(MPI.COMM_WORLD, scene.solid, degree, scene.folder or Path())
     return SolidModel(MPI.COMM_WORLD, scene, degree, mesh)

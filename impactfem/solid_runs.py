@@ -3,7 +3,7 @@
 import math
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,10 @@ from impactfem.planning.solid_costs import count_layers
 from impactfem.result.cell_kinds import KINDS
 from impactfem.result.solid_fields import FieldSpool, SolidFields
 from impactfem.result.solid_motion import SolidMotion
-from impactfem.scene import Scene
+from impactfem.scene import Scene, Solid
 from impactfem.solid_model import SolidModel, solid_model
 from impactfem.solid_rows import solid_motion
+from impactfem.system.elastic import ElasticSystem
 from impactfem.system.massless import lumped_mass, mass_transfer
 from impactfem.system.spectrum import largest_eigenvalue
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
@@ -123,7 +124,7 @@ def _time_step(
     """
     duration, limit = model.scene.duration, None
     if scheme.interior == "leapfrog":
-        limit = _stable_step(model, surface, transfer)
+        limit = stable_step(model, surface, transfer)
         dt = plan.dt if plan.dt is not None else (plan.courant or SHARE_OF_STABLE) * limit
         if dt > limit * (1 + 1e-9):
             asked = "dt" if plan.dt is not None else "courant"
@@ -147,7 +148,19 @@ def _down(value: float) -> float:
     return math.floor(value / step) * step
 
 
-def _stable_step(model: SolidModel, surface: SurfaceNodes, transfer: Any) -> float:
+class Discretised(Protocol):
+    """A solid with its matrices."""
+
+    @property
+    def solid(self) -> Solid:
+        """The body."""
+
+    @property
+    def system(self) -> ElasticSystem:
+        """Mass, stiffness, supports and loads."""
+
+
+def stable_step(model: "Discretised", surface: SurfaceNodes, transfer: Any) -> float:
     """2 / omega_max without contact, less with damping [s]."""
     system = model.system
     _, inverse = lumped_mass(system, transfer, surface)

@@ -17,7 +17,7 @@ from impactfem.result import Result
 from impactfem.result.bar_motion import bar_fields, bar_history
 from impactfem.result.solid_motion import solid_history
 from impactfem.runners import RUNNERS
-from impactfem.scene import Scene
+from impactfem.scene import Scene, Solid
 from impactfem.summary import Cost, summarise
 
 
@@ -55,6 +55,10 @@ def solve(
         scene = scene.with_settings({f"solve.{key}": value for key, value in settings.items()})
     progress = progress or Progress()
     chosen = plan(scene)
+    if isinstance(chosen, SolidPlan) and len(scene.bodies) > 1:
+        if checkpoints is not None or restart is not None:
+            raise SceneError("several solids are not checkpointed; leave output.checkpoint out")
+        return _solve_bodies(scene, chosen, progress)
     if isinstance(chosen, SolidPlan):
         return _solve_solid(scene, chosen, progress, checkpoints, restart)
     if checkpoints is not None or restart is not None:
@@ -82,6 +86,29 @@ def _solve_bar(scene: Scene, chosen: Plan, progress: Progress) -> Result:
         bar_fields(motion) if scene.output.fields else None,
         exact_curves(exact, bar, end),
     )
+
+
+def _solve_bodies(scene: Scene, chosen: SolidPlan, progress: Progress) -> Result:
+    from impactfem.bodies_runs import run_bodies  # noqa: PLC0415  (loads DOLFINx)
+    from impactfem.planning.bodies import degrees  # noqa: PLC0415
+
+    start = time.perf_counter()
+    motion, fields = run_bodies(scene, chosen, progress)
+    cost = _cost(time.perf_counter() - start)
+    settings = replace(
+        scene.solve,
+        method=chosen.method,
+        courant=chosen.courant if scene.solve.dt is None else None,
+        normals=chosen.normals,
+        linear_solver=None if chosen.linear_solver == "none" else chosen.linear_solver,
+    )
+    solids = [body for body in scene.bodies if isinstance(body, Solid)]
+    bodies = tuple(
+        replace(body, degree=degree) for body, degree in zip(solids, degrees(scene), strict=True)
+    )
+    used = replace(scene, bodies=bodies, solve=settings)
+    summary = summarise(scene, chosen, motion.history, motion.effort, None, cost)
+    return Result(used, motion.history, summary, fields)
 
 
 def _solve_solid(

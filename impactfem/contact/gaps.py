@@ -31,6 +31,12 @@ class Gaps:
         self._obstacles, self.updated = obstacles, updated
         self._positions, self._initial = contact.positions - initial, initial
         self._nearest, self._gap, self._normal = contact.obstacle, contact.gap, contact.normal
+        self._area = contact.area
+
+    @property
+    def area(self) -> Floats:
+        """Areas of the contact nodes [m^2], shape (count,)."""
+        return self._area
 
     @property
     def normals(self) -> Floats | None:

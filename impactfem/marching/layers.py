@@ -6,7 +6,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.responses import Columns
+
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 
 @dataclass
@@ -90,3 +93,55 @@ class Interior(Protocol):
 
     def destroy(self) -> None:
         """Free what PETSc holds."""
+
+
+class Answers(Protocol):
+    """How gaps answer to contact forces; see `impactfem.contact.responses.Responses`."""
+
+    @property
+    def known(self) -> Integers:
+        """What has been asked for, in the order of the asking."""
+
+    def require(self, rows: Integers) -> None:
+        """Compute what is missing for some gaps (collective)."""
+
+    def matrices(self, rows: Integers, normals: Floats) -> tuple[Floats, Floats]:
+        """Response C and compliance D of some gaps [m/N], (k, k) each."""
+
+    def approach(
+        self, rows: Integers, normals: Floats, forces: Floats, multipliers: Floats
+    ) -> Floats:
+        """Changes of all gaps by layer forces and static ones on some, (pairs,)."""
+
+    def are_whole(self, rows: Integers) -> bool:
+        """Whether `displacement` and `static` know all components for these gaps."""
+
+    def displacement(self, rows: Integers, normals: Floats, forces: Floats) -> Floats:
+        """Displacements of the contact nodes by layer forces on whole ones, (nodes, dim)."""
+
+    def static(self, rows: Integers, normals: Floats, multipliers: Floats) -> Floats:
+        """Displacements of the contact nodes by static forces on whole ones, (nodes, dim)."""
+
+
+class ContactGaps(Protocol):
+    """Gaps of contact nodes: to obstacles (`contact.gaps`), or between bodies (`contact.pairs`)."""
+
+    def responses(self, columns: Columns, whole: int | None) -> Answers:
+        """How the gaps answer to contact forces."""
+
+    def relative(self, values: Floats) -> Floats:
+        """What values of the contact nodes (nodes, dim) make for the gaps, (pairs, dim)."""
+
+    def spread(self, forces: Floats) -> Floats:
+        """Forces on the contact nodes (nodes, dim) by those in the gaps (pairs, dim)."""
+
+    def at(
+        self, displacement: Floats, begin: Floats, last: Floats, time: float, back: float = 0.5
+    ) -> tuple[Floats, Floats]:
+        """Gaps (pairs,) and normals (pairs, dim) for displacements at a time."""
+
+    def advance(self, normals: Floats, time: float) -> Floats:
+        """How far obstacles have moved towards the nodes since t = 0 [m], (pairs,)."""
+
+    def speed(self, normals: Floats, time: float, dt: float) -> Floats:
+        """Speed of obstacles towards the nodes [m/s], (pairs,)."""

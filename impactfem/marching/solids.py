@@ -14,10 +14,9 @@ from impactfem.contact.complementarity import (
     solve_layer,
     solve_velocity_layer,
 )
-from impactfem.contact.gaps import Gaps
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI
-from impactfem.marching.layers import Interior, Sums
+from impactfem.marching.layers import ContactGaps, Interior, Sums
 from impactfem.marching.schemes import SolidScheme
 
 Floats = NDArray[np.float64]
@@ -126,7 +125,7 @@ class SolidMarch:
         comm: Any,
         interior: Interior,
         scheme: SolidScheme,
-        gaps: Gaps,
+        gaps: ContactGaps,
         solver: Solver,
         layers: int,
         tolerance: float,

@@ -1,6 +1,7 @@
 """The plan: the least model and method that a scene needs, with the reasons, before solving."""
 
 from impactfem.planning.bars import Plan, plan_bar
+from impactfem.planning.bodies import plan_bodies
 from impactfem.planning.solids import SolidPlan, plan_solid
 from impactfem.planning.vibro import VibroPlan, plan_vibro
 from impactfem.scene import Scene
@@ -29,4 +30,6 @@ def plan(scene: Scene) -> AnyPlan:
     """
     if scene.is_vibro:
         return plan_vibro(scene)
-    return plan_solid(scene) if isinstance(scene.bodies[0], Solid) else plan_bar(scene)
+    if not isinstance(scene.bodies[0], Solid):
+        return plan_bar(scene)
+    return plan_solid(scene) if len(scene.bodies) == 1 else plan_bodies(scene)

@@ -67,7 +67,7 @@ def choose_degree(scene: Scene, reasons: dict[str, str], warnings: list[str]) ->
         SceneError: The method asked for has no elements of the degree asked for.
     """
     solid, method = scene.solid, scene.solve.method
-    stiff = _stiff(solid)
+    stiff = stiff_elements(solid)
     if method in EXPLICIT:
         if solid.degree == 2:
             raise SceneError(
@@ -98,7 +98,7 @@ def choose_degree(scene: Scene, reasons: dict[str, str], warnings: list[str]) ->
     return 1
 
 
-def _stiff(solid: Solid) -> str:
+def stiff_elements(solid: Solid) -> str:
     """Why linear elements are too stiff for a body, or nothing."""
     if keeps_volume(solid) and solid.cells == "simplex":
         return (

@@ -109,7 +109,7 @@ def plan_solid(scene: Scene) -> SolidPlan:
     degree = choose_degree(scene, reasons, warnings)
     check_before_meshing(solid, degree)
     model = solid_model(scene, degree)
-    size, extent = _measured(solid, model.mesh, degree)
+    size, extent = measured(solid, model.mesh, degree)
     sizes = extents(solid)
     method = choose_method(scene, size, extent, reasons)
     steps = choose_steps(scene, method, size, reasons)
@@ -130,7 +130,7 @@ def plan_solid(scene: Scene) -> SolidPlan:
     time = seconds(size, count, model.contact.count, linear_solver, model.comm.size)
     return SolidPlan(
         method=method,
-        model=_in_words(solid, size),
+        model=in_words(solid, size),
         degree=degree,
         cells=size.cells,
         mesh_size=size.mesh_size,
@@ -152,7 +152,7 @@ def plan_solid(scene: Scene) -> SolidPlan:
     )
 
 
-def _measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, float]:
+def measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, float]:
     """Size of the discretised body and its largest extent [m] (collective)."""
     from impactfem.fem import MPI, cell_nodes  # noqa: PLC0415
 
@@ -177,7 +177,8 @@ def _measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, float]:
     return size, float((high - low).max())
 
 
-def _in_words(solid: Solid, size: Size) -> str:
+def in_words(solid: Solid, size: Size) -> str:
+    """What a body is, in words."""
     what = "body of a mesh file" if solid.shape is None else solid.shape.kind
     letter = "P" if size.cells == "simplex" else "Q"
     kind = _CELLS[size.dim, size.cells]

@@ -101,6 +101,8 @@ class PlanePainter:
 
     def _draw_obstacles(self, axes: Axes, time: float) -> list[Artist]:
         """Fill where the signed distance that the solver uses is negative."""
+        if not self.obstacles:
+            return []
         x, y = (np.linspace(*limits, _SAMPLES) for limits in (axes.get_xlim(), axes.get_ylim()))
         places = np.stack([part.ravel() for part in np.meshgrid(x, y)], axis=1)
         gaps = [signed_distance(obstacle, places, time)[0] for obstacle in self.obstacles]
@@ -117,13 +119,18 @@ class PlanePainter:
         """The pressure as an area beyond the contact face, drawn into the obstacle."""
         loaded = snapshot.pressure > 0.0
         into = np.zeros((len(snapshot.place), 2))
-        if loaded.any():
-            places = snapshot.place[loaded, :2]
-            into[loaded] = -nearest_obstacle(self.obstacles, places, snapshot.time)[2]
-        scale = self._longest / self.pressure
-        tops = ends + (scale * snapshot.pressure[:, None] * into)[self.skin.segments]
         along = ends[:, 1] - ends[:, 0]
         outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
+        if loaded.any() and self.obstacles:
+            places = snapshot.place[loaded, :2]
+            into[loaded] = -nearest_obstacle(self.obstacles, places, snapshot.time)[2]
+        elif loaded.any():  # into another body: away from its own
+            for end in (0, 1):
+                np.add.at(into, self.skin.segments[:, end], outward)
+            into /= np.maximum(np.hypot(*into.T), np.finfo(float).tiny)[:, None]
+            into[~loaded] = 0.0
+        scale = self._longest / self.pressure
+        tops = ends + (scale * snapshot.pressure[:, None] * into)[self.skin.segments]
         # Edges that end at a loaded corner but turn away carry nothing themselves.
         facing = np.einsum("ij,ij->i", outward, into[self.skin.segments].sum(axis=1))
         shown = snapshot.may_touch[self.skin.segments].all(axis=1)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from impactfem.scene.inline import ListOf
-from impactfem.scene.kinds import Name, Real
+from impactfem.scene.kinds import Real, SideName
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
 
@@ -13,7 +13,7 @@ from impactfem.scene.values import show
 @table("[[contact]]")
 @dataclass(frozen=True, kw_only=True)
 class Contact:
-    """A pair that may meet: a point, rod or beam and an obstacle, or two points.
+    """A pair that may meet: a body and an obstacle, two points, or two solids.
 
     Raises:
         SceneError: a value is missing or not allowed.
@@ -22,10 +22,14 @@ class Contact:
     heading: ClassVar[str] = "contact"
 
     between: Sequence[str] = key(
-        ListOf(Name(), at_least=2, different=True), "names of a body and an obstacle, or two points"
+        ListOf(SideName(), at_least=2, different=True),
+        "names of a body and an obstacle, of two points, or of two solids or their surfaces as "
+        "ball/skin",
     )
     restitution: float = key(
-        Real(at_least=0), "Newton's coefficient of restitution, 0 to 1", default=0.0
+        Real(at_least=0),
+        "Newton's coefficient of restitution, 0 to 1 (point, rod, beam)",
+        default=0.0,
     )
     friction_coefficient: float = key(
         Real(at_least=0), "Coulomb's coefficient; only 0 so far", default=0.0

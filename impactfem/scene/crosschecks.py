@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from impactfem.methods import METHODS
+from impactfem.scene.bar_row_checks import check_bar_row
 from impactfem.scene.bodies import Bar
 from impactfem.scene.formula import Formula
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
 from impactfem.scene.obstacles import Wall
+from impactfem.scene.pair_checks import check_pairs
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.solids import Solid
 from impactfem.scene.tables import MODELLED
@@ -50,10 +52,16 @@ def check_scene(scene: "Scene", gravity: object) -> None:
     _check_names(scene)
     _check_counts(scene)
     body = scene.bodies[0]
-    if isinstance(body, Bar):
+    if isinstance(body, Bar) and len(scene.bodies) > 1:
+        check_bar_row(scene)
+    elif isinstance(body, Bar):
         _check_bar(scene, gravity)
     elif isinstance(body, Solid):
-        _check_solid(scene, body, gravity)
+        for index, solid in enumerate(scene.bodies):
+            if isinstance(solid, Solid):
+                _check_solid(scene, solid, gravity, f"body[{index}]")
+        if len(scene.bodies) > 1:
+            check_pairs(scene)
     else:
         check_vibro(scene, gravity)
         for index, obstacle in enumerate(scene.rigid_obstacles):
@@ -86,13 +94,15 @@ def _check_counts(scene: "Scene") -> None:
     """Refuse bodies of different kinds, several that are no points, and laws without use."""
     first, count = scene.bodies[0], len(scene.bodies)
     kinds = {body.kind for body in scene.bodies}
-    if count > 1 and kinds != {"point"}:
+    if count > 1 and kinds not in ({"point"}, {"solid"}, {"bar"}):
         shown = show(list(scene.bodies))
         why = f"there are {count}, but this version models {MODELLED}"
         raise KeyedError(
             "body", "", f" = {shown} is not allowed: {why}; give exactly one [[body]]."
         )
     if not isinstance(first, Bar | Solid):
+        return
+    if count > 1:
         return
     if not scene.obstacles:
         kind = "wall" if isinstance(first, Bar) else "half_space"
@@ -127,7 +137,7 @@ def _check_bar(scene: "Scene", gravity: object) -> None:
         raise KeyedError("output", "checkpoint", text)
 
 
-def _check_solid(scene: "Scene", solid: Solid, gravity: object) -> None:
+def _check_solid(scene: "Scene", solid: Solid, gravity: object, place: str) -> None:
     for index, obstacle in enumerate(scene.obstacles):
         where = f"obstacle[{index}]"
         if isinstance(obstacle, Wall):
@@ -140,7 +150,7 @@ def _check_solid(scene: "Scene", solid: Solid, gravity: object) -> None:
         if obstacle.motion is not None:
             _check_times(scene, where, "motion", obstacle.motion)
     for index, support in enumerate(solid.supports):
-        _check_times(scene, "body[0]", f"supports[{index}].value", support.value or ())
+        _check_times(scene, place, f"supports[{index}].value", support.value or ())
     _check_gravity(scene, solid, gravity)
 
 

@@ -187,6 +187,25 @@ class Name(Kind):
 
 
 @dataclass(frozen=True)
+class SideName(Kind):
+    """A name, or the names of a body and one of its surfaces with a slash between."""
+
+    type_name: ClassVar[str] = "text"
+
+    @property
+    @override
+    def allowed(self) -> str:
+        return "a name, or body/surface"
+
+    @override
+    def read(self, value: object) -> str:
+        text = _text(value)
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,39}(/[^/\s]{1,80})?", text):
+            raise NotAllowedError("it is neither a name nor body/surface")
+        return text
+
+
+@dataclass(frozen=True)
 class Choice(Kind):
     """One of several words."""
 

@@ -62,8 +62,8 @@ OBSTACLES: Mapping[str, type[Any]] = {
 class Scene:
     """What is modelled, for how long, and how: everything a run needs.
 
-    One bar meets one wall; one solid, rod or beam meets one or more rigid obstacles; points meet
-    obstacles and each other. `bodies`, `obstacles` and `contacts` may be given as lists; `gravity`
+    One bar meets one wall; bars in a row meet their neighbours, the first one perhaps a wall; one
+    solid, rod or beam meets one or more rigid obstacles; points meet obstacles and each other. `bodies`, `obstacles` and `contacts` may be given as lists; `gravity`
     as a number or a table ``[[0.0, 1.0], [0.6, 0.0]]`` for bars, as a vector or a table
     ``[[0.0, [0.0, -9.81]], [1.0, [0.0, 0.0]]]`` for others. Relative mesh paths start at `folder`,
     where the scene file lies; scenes in different folders can be equal.
@@ -85,13 +85,13 @@ class Scene:
     )
     obstacles: tuple[Obstacle, ...] = key(
         ObjectsKind(tuple(OBSTACLES.values()), "[[obstacle]]", MAX_OBSTACLES, 0),
-        "what it may hit; only points may do without",
+        "what it may hit; only points and rows of bars may do without",
         name="obstacle",
         default=(),
     )
     contacts: tuple[Contact, ...] = key(
         ObjectsKind((Contact,), "[[contact]]", MAX_CONTACTS, 0),
-        "which pairs meet, of points, rods and beams; every body and obstacle if there are none",
+        "which pairs meet; every body and obstacle, and every two solids, if there are none",
         name="contact",
         default=(),
     )
@@ -134,9 +134,22 @@ class Scene:
         """The bar of the scene.
 
         Raises:
-            SceneError: the body is another one.
+            SceneError: the body is another one, or there are several.
         """
+        if self.is_bar_row:
+            names = ", ".join(bar.name for bar in self.bars)
+            raise SceneError(f"body: this needs a single bar, the scene has {names}; give one.")
         return _only(self.bodies[0], Bar)
+
+    @property
+    def bars(self) -> tuple[Bar, ...]:
+        """The bars of the scene in the order of their axis; none if its bodies are others."""
+        return tuple(body for body in self.bodies if isinstance(body, Bar))
+
+    @property
+    def is_bar_row(self) -> bool:
+        """Whether several bars meet each other."""
+        return len(self.bars) > 1
 
     @property
     def solid(self) -> Solid:

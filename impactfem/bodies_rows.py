@@ -1,0 +1,138 @@
+"""The motions of several solids from the rows that their march has left."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from impactfem.bodies_model import BodiesModel
+from impactfem.marching.collect import total
+from impactfem.marching.composite import Composite
+from impactfem.marching.schemes import SolidScheme
+from impactfem.marching.solids import SolidMarch
+from impactfem.result.bar_motion import Effort
+from impactfem.result.history import BodyMotion, Columns, make_history
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BodiesMotion:
+    """Motions of several solids at their time levels.
+
+    Attributes:
+        history: In the columns of the contract.
+        effort: How the scheme got there.
+        is_finite: Whether forces, energies and motions are finite.
+    """
+
+    history: xr.Dataset
+    effort: Effort
+    is_finite: bool
+
+
+def bodies_motion(
+    model: BodiesModel,
+    scheme: SolidScheme,
+    march: SolidMarch,
+    interior: Composite,
+    limit: float | None,
+) -> BodiesMotion:
+    """Make the motions of the rows of all ranks (collective).
+
+    Args:
+        model: The solids.
+        scheme: What marched them.
+        march: At its end, or where it failed.
+        interior: Of the solids, with the sums of each.
+        limit: Least stable time step [s] of an explicit scheme.
+    """
+    dim = model.parts[0].solid.dim
+    each = total(model.comm, interior.rows)
+    bad = ~np.isfinite(each).all(axis=(0, 2))
+    done = min(march.layer + 1, int(np.argmax(bad)) if bad.any() else each.shape[1])
+    rows, each = march.rows.first(done), each[:, :done]
+    sums = each.sum(axis=0)
+    times: Floats = march.interior.dt * np.arange(done, dtype=np.float64)
+    explicit = scheme.interior == "leapfrog"
+    elastic, force = sums[:, 1].copy(), rows.force.copy()
+    if scheme.massless and explicit:
+        contact = rows.contact_energy
+        elastic[1:] += 0.5 * (contact[1:] + contact[:-1])
+        elastic[0] += contact[0]
+        # The force found for a layer acts at its start: a layer has the mean of both its ends.
+        force[1:-1] = 0.5 * (rows.force[1:-1] + rows.force[2:])
+    bodies = {}
+    for k, part in enumerate(model.parts):
+        mass, centre = part.system.total_mass, part.system.center_of_mass
+        position, velocity = np.zeros((done, 3)), np.zeros((done, 3))
+        position[:, :dim] = centre + each[k, :, 3 + dim :] / mass
+        velocity[:, :dim] = each[k, :, 3 : 3 + dim] / mass
+        bodies[part.solid.name] = BodyMotion(position, velocity)
+    direction = _direction(model)
+    history = make_history(
+        Columns(
+            time=times,
+            gap=np.where(np.isfinite(rows.gap), rows.gap, np.nan),
+            contact_force=force + 0.0,
+            kinetic_energy=sums[:, 0],
+            elastic_energy=elastic,
+            potential_energy=-_work(march, sums, explicit=explicit),
+            momentum=sums[:, 3 : 3 + dim] @ direction[:dim],
+            active=rows.active,
+            bodies=bodies,
+        )
+    )
+    history["momentum"].attrs["direction"] = direction
+    history["momentum"].attrs["long_name"] = (
+        f"linear momentum of all bodies along ({', '.join(f'{c:.6g}' for c in direction)})"
+    )
+    history["contact_force"].attrs["long_name"] = (
+        "sum of the normal forces of all contacts during (t_{m-1}, t_m]"
+    )
+    history["potential_energy"].attrs["long_name"] = "minus the work of gravity and other loads"
+    changes = np.abs(np.diff(rows.active))
+    effort = Effort(
+        num_unknowns=model.unknowns + model.contact_count,
+        iterations=int(rows.iterations.max(initial=0)),
+        set_changes=(int(changes.max(initial=0)),),
+        converged=not march.failure,
+        message=march.failure or "every layer settled",
+        details={
+            "dt": march.interior.dt,
+            "layers": march.layers,
+            "stable_dt": limit,
+            "contact_pairs": model.contact_count,
+            "contact_nodes": sum(len(numbers) for numbers in model.numbers),
+            "carriers": {" and ".join(p.names): p.names[0] for p in model.pairs},
+            "cells": sum(part.mesh.num_cells for part in model.parts),
+            "nodes": sum(part.mesh.num_nodes for part in model.parts),
+        },
+    )
+    finite = bool(np.isfinite(sums).all() and np.isfinite(force).all())
+    return BodiesMotion(history, effort, finite)
+
+
+def _direction(model: BodiesModel) -> Floats:
+    """Unit vector from the first body to the second, or of the first pair's normal."""
+    dim = model.parts[0].solid.dim
+    centres = [part.system.center_of_mass for part in model.parts[:2]]
+    way = np.zeros(3)
+    way[:dim] = centres[0] - centres[1]
+    length = float(np.linalg.norm(way))
+    return way / length if length > 0.0 else np.eye(3)[0]
+
+
+def _work(march: SolidMarch, sums: Floats, *, explicit: bool) -> Floats:
+    """Work of gravity, loads and moved obstacles up to each layer [J], as the scheme does it."""
+    dim = (sums.shape[1] - 3) // 2
+    step = np.diff(sums[:, 3 + dim :], axis=0)
+    layers = range(len(sums) - 1)
+    gravity = np.array([march.interior.gravity(layer) for layer in layers]).reshape(step.shape)
+    if explicit:  # energies belong to the middle of layers: half of each neighbouring step
+        step = 0.5 * (step + np.vstack([np.zeros_like(step[:1]), step[:-1]]))
+    pulled = np.einsum("ij,ij->i", gravity, step)
+    done = np.zeros(len(sums))
+    done[1:] = np.cumsum(pulled + sums[1:, 2] + march.rows.obstacle_work[1 : len(sums)])
+    return done

@@ -1,0 +1,190 @@
+"""Run the time loop of several solids as planned: from the scene to their motions and fields."""
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.bodies_model import BodiesModel, BodyPart, bodies_model
+from impactfem.bodies_rows import BodiesMotion, bodies_motion
+from impactfem.contact.complementarity import solve_by_active_set
+from impactfem.contact.gaps import Gaps
+from impactfem.contact.pairs import PairGaps
+from impactfem.errors import ConvergenceError, SceneError
+from impactfem.fem import gather
+from impactfem.log import Progress
+from impactfem.marching.bodies_output import BodiesOutput
+from impactfem.marching.composite import Composite
+from impactfem.marching.leapfrog import Leapfrog
+from impactfem.marching.midpoint import Midpoint
+from impactfem.marching.schemes import SOLID_SCHEMES, SolidScheme
+from impactfem.marching.solids import SolidMarch
+from impactfem.planning.bodies import degrees
+from impactfem.planning.solid_costs import count_layers
+from impactfem.result.solid_fields import SolidFields
+from impactfem.scene import Scene
+from impactfem.scene.pairing import obstacles_of
+from impactfem.solid_runs import SHARE_OF_STABLE, stable_step
+from impactfem.system.massless import mass_transfer
+from impactfem.system.surface import SurfaceNodes, SurfaceStatics
+
+if TYPE_CHECKING:
+    from impactfem.marching.layers import Interior
+    from impactfem.planning import SolidPlan
+
+Floats = NDArray[np.float64]
+
+
+@np.errstate(over="ignore", invalid="ignore")  # the loop looks itself whether numbers are finite
+def run_bodies(
+    scene: Scene, plan: "SolidPlan", progress: Progress
+) -> tuple[BodiesMotion, SolidFields | None]:
+    """March several solids through the duration of their scene (collective).
+
+    Args:
+        scene: The scene.
+        plan: What to do.
+        progress: Told of the stages.
+
+    Returns:
+        The motions, on every rank, and the fields on rank 0 (None elsewhere, or if none are asked).
+
+    Raises:
+        SceneError: The time step is beyond the stable one, or bodies overlap.
+        MeshError: A mesh does not fit.
+        ConvergenceError: The first layer was not found. A later failure ends the motion.
+    """
+    progress.step("meshing and assembling")
+    model = bodies_model(scene, degrees(scene), updated=plan.normals == "updated")
+    scheme = SOLID_SCHEMES[plan.method]
+    surfaces = [model.surface(k) for k in range(len(model.parts))]
+    transfers = [
+        mass_transfer(part.system, surface, part.mesh)
+        if scheme.massless and surface.count
+        else None
+        for part, surface in zip(model.parts, surfaces, strict=True)
+    ]
+    dt, layers, limit = _time_step(model, plan, scheme, surfaces, transfers)
+    progress.step("preparing the layers")
+    interiors = [
+        _interior(part, scheme, surface, transfer, dt, plan.linear_solver)
+        for part, surface, transfer in zip(model.parts, surfaces, transfers, strict=True)
+    ]
+    interior = Composite(interiors, layers)
+    size = max(
+        float(np.ptp(gather(model.comm, part.system.positions), axis=0).max())
+        for part in model.parts
+    )
+    gaps = _gaps(model, surfaces, interior)
+    tolerance = plan.tolerance * size
+    solver = solve_by_active_set(tolerance, plan.max_iterations)
+    march = SolidMarch(model.comm, interior, scheme, gaps, solver, layers, tolerance)
+    progress.step("marching")
+    try:
+        fields = _march(scene, model, march, gaps)
+        motion = bodies_motion(model, scheme, march, interior, limit)
+    finally:
+        interior.destroy()
+        for transfer in transfers:
+            if transfer is not None:
+                transfer.destroy()
+    return motion, fields
+
+
+def _interior(
+    part: BodyPart,
+    scheme: SolidScheme,
+    surface: SurfaceNodes,
+    transfer: object,
+    dt: float,
+    linear_solver: str,
+) -> "Interior":
+    statics = None if transfer is None else SurfaceStatics(part.system.stiffness, surface)
+    if scheme.interior == "leapfrog":
+        return Leapfrog(part.system, surface, statics, transfer, dt)
+    return Midpoint(part.system, surface, statics, transfer, dt, linear_solver)
+
+
+def _time_step(
+    model: BodiesModel,
+    plan: "SolidPlan",
+    scheme: SolidScheme,
+    surfaces: list[SurfaceNodes],
+    transfers: list[object],
+) -> tuple[float, int, float | None]:
+    """Time step [s], number of layers, and the least stable step [s] of explicit schemes.
+
+    Raises:
+        SceneError: The step asked for is beyond the stable one.
+    """
+    duration, limit = model.scene.duration, None
+    if scheme.interior == "leapfrog":
+        each = [
+            stable_step(part, surface, transfer)
+            for part, surface, transfer in zip(model.parts, surfaces, transfers, strict=True)
+        ]
+        limit = min(each)
+        dt = plan.dt if plan.dt is not None else (plan.courant or SHARE_OF_STABLE) * limit
+        if dt > limit * (1 + 1e-9):
+            slowest = model.parts[int(np.argmin(each))].solid.name
+            raise SceneError(
+                f"the time step {dt:g} s is beyond the stability limit {limit:g} s of method "
+                f"{plan.method} on the mesh of body {slowest}; use a smaller solve.dt, or method = "
+                '"massless"'
+            )
+    elif plan.dt is not None:
+        dt = plan.dt
+    else:
+        raise SceneError("solve.dt: the plan has no time step; give solve.dt")
+    layers = count_layers(duration, dt)
+    return (dt if model.scene.solve.dt is not None else duration / layers), layers, limit
+
+
+def _gaps(model: BodiesModel, surfaces: list[SurfaceNodes], interior: Composite) -> PairGaps:
+    """Gaps to obstacles and between bodies."""
+    places, initial, obstacles = [], [], []
+    for k, (part, surface) in enumerate(zip(model.parts, surfaces, strict=True)):
+        moved = surface.gather(part.system.displacement)
+        places.append(surface.gather(part.system.positions.ravel()))
+        initial.append(moved)
+        if part.obstacle is None or not part.obstacle.count:
+            continue
+        chosen = np.searchsorted(model.numbers[k], part.obstacle.numbers)
+        bodies_obstacles = obstacles_of(model.scene, part.solid.name)
+        gaps = Gaps(bodies_obstacles, part.obstacle, moved[chosen], updated=model.updated)
+        obstacles.append((interior.own(k), chosen.astype(np.int64), gaps))
+    meetings = [
+        pair.meeting(
+            [np.searchsorted(model.numbers[b], model.parts[b].outside.numbers[pair.nodes[side]])
+             + interior.offsets[b] for side, b in enumerate(pair.bodies)],
+            interior.offsets[-1],
+        )
+        for pair in model.pairs
+    ]  # fmt: skip
+    return PairGaps(
+        np.concatenate(places), np.concatenate(initial), obstacles, meetings, updated=model.updated
+    )
+
+
+def _march(
+    scene: Scene, model: BodiesModel, march: SolidMarch, gaps: PairGaps
+) -> SolidFields | None:
+    """Run the loop with what keeps the fields."""
+    output, place, passing = None, None, None
+    if scene.output.fields:
+        if model.comm.rank == 0:
+            passing = Path(tempfile.mkdtemp(prefix="impactfem-"))
+            place = passing / "fields.vtkhdf"
+        output = BodiesOutput(model, place, scene.output.every, march.layers, gaps)
+    try:
+        march.run([] if output is None else [output])
+    except ConvergenceError as error:
+        if march.layer == 0:
+            raise
+        march.failure = str(error)  # what was computed is kept
+    finally:
+        if output is not None:
+            output.close()
+    return None if place is None else SolidFields(place, passing=passing)

@@ -1,0 +1,199 @@
+"""Two surfaces that may strike each other: their faces, who carries the multipliers, their gaps."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from impactfem.contact.boundary import Boundary
+from impactfem.contact.mortar import MortarPairs, mortar
+from impactfem.contact.mortar_surface import Kind, Surface, surface
+from impactfem.contact.pairs import Meet, Meeting
+from impactfem.errors import SceneError
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
+
+FAR = 1e30
+"""Gap of a multiplier whose part of the surface has nothing before it [m]."""
+
+_ROUNDING = 1e-9  # share of the bodies' size by which they may overlap at t = 0
+_KINDS: dict[tuple[int, int], Kind] = {
+    (2, 2): "interval", (2, 3): "interval", (3, 3): "triangle", (3, 6): "triangle",
+    (3, 4): "quadrilateral", (3, 9): "quadrilateral",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Side:
+    """Part of the outside of a body that may strike another one.
+
+    Attributes:
+        nodes: Its nodes among those of the outside, increasing, shape (nodes,).
+        surface: Its faces, nodes numbered in that order, at t = 0.
+    """
+
+    nodes: Integers
+    surface: Surface
+
+    @classmethod
+    def of(cls, outside: Boundary, places: Floats, faces: Booleans) -> "Side":
+        """Take some faces of an outside, with its nodes at some places (nodes, dim)."""
+        own = outside.faces[faces]
+        nodes = np.unique(own)
+        kind = _KINDS[places.shape[1], own.shape[1]]
+        found = surface(places[nodes], np.searchsorted(nodes, own), kind, outside.normals[faces])
+        return cls(nodes, found)
+
+
+@dataclass(frozen=True)
+class SurfacePair:
+    """Two surfaces that may strike each other; the first carries the multipliers.
+
+    Attributes:
+        bodies: Places of the bodies in the scene.
+        names: Their names.
+        sides: Their faces.
+        count: Number of multipliers.
+        why: Why the first carries them, in words.
+        reach: Distance from which faces are looked at [m].
+        updated: Whether the pair follows the bodies.
+        thickness: Of plane bodies [m].
+        axisymmetric: Whether the first coordinate is the radius.
+    """
+
+    bodies: tuple[int, int]
+    names: tuple[str, str]
+    sides: tuple[Side, Side]
+    count: int
+    why: str
+    reach: float
+    updated: bool
+    thickness: float
+    axisymmetric: bool
+
+    @property
+    def nodes(self) -> tuple[Integers, Integers]:
+        """Nodes of both among those of the outsides of their bodies."""
+        return self.sides[0].nodes, self.sides[1].nodes
+
+    def met(self, points: Sequence[Floats]) -> MortarPairs:
+        """Weighted gaps with the nodes of both sides at some places, (nodes, dim) each."""
+        carrier, other = (
+            side.surface.moved(place) for side, place in zip(self.sides, points, strict=True)
+        )
+        return mortar(
+            carrier, other, reach=self.reach, thickness=self.thickness,
+            axisymmetric=self.axisymmetric,
+        )  # fmt: skip
+
+    def meeting(self, rows: Sequence[Integers], total: int) -> Meet:
+        """How the pair meets, in terms of all contact nodes.
+
+        Args:
+            rows: Places of both sides' nodes among all contact nodes.
+            total: Number of these.
+        """
+        corners = np.unique(self.sides[0].surface.corners)
+
+        def meet(places: Floats) -> Meeting:
+            found = self.met([places[own] for own in rows])
+            weights = _spread(found.carrier_weights, rows[0], total)
+            weights = weights - _spread(found.other_weights, rows[1], total)
+            if not self.updated:
+                return Meeting(csr_matrix(weights), found.gap, found.normal, found.area)
+            # A fixed number of gaps: one for each corner, open where nothing is opposite.
+            at = np.searchsorted(corners, found.nodes)
+            choose = csr_matrix(
+                (np.ones(len(at)), (at, np.arange(len(at)))), shape=(len(corners), len(at))
+            )
+            gap, area = np.full(len(corners), FAR), np.zeros(len(corners))
+            normal = np.zeros((len(corners), places.shape[1]))
+            normal[:, -1] = 1.0
+            gap[at], normal[at], area[at] = found.gap, found.normal, found.area
+            return Meeting(csr_matrix(choose @ weights), gap, normal, area)
+
+        return meet
+
+
+def make_pair(
+    bodies: tuple[int, int],
+    faces: Sequence[tuple[Boundary, Floats, Booleans]],
+    names: tuple[str, str],
+    reach: float,
+    *,
+    updated: bool,
+    thickness: float = 1.0,
+    axisymmetric: bool = False,
+) -> SurfacePair | None:
+    """Pair the surfaces of two bodies; None if no face can meet another.
+
+    The body with the smaller faces carries the multipliers: each of its nodes then is held off the
+    other surface, and no node of the larger faces can hide between them.
+
+    Args:
+        bodies: Places of the bodies in the scene.
+        faces: Of each the outside, places of its nodes at t = 0 [m], and which faces may strike.
+        names: Names of the bodies.
+        reach: Largest distance that can close within the duration [m].
+        updated: Whether the pair follows the bodies.
+        thickness: Of plane bodies [m].
+        axisymmetric: Whether the first coordinate is the radius.
+
+    Raises:
+        SceneError: The bodies overlap at t = 0.
+    """
+    sizes = [
+        float(outside.areas[asked].sum()) / (np.count_nonzero(asked) or 1)
+        for outside, _, asked in faces
+    ]
+    order = [0, 1] if sizes[0] <= sizes[1] else [1, 0]
+    sides = [Side.of(*faces[k]) for k in order]
+    name = names[order[0]], names[order[1]]
+    extent = max(float(np.ptp(side.surface.points, axis=0).max()) for side in sides)
+    found = mortar(
+        sides[0].surface, sides[1].surface, reach=min(reach, 1e3 * extent), thickness=thickness,
+        axisymmetric=axisymmetric,
+    )  # fmt: skip
+    if not len(found.gap):
+        return None
+    worst = int(np.argmin(found.gap))
+    if found.gap[worst] < -_ROUNDING * extent:
+        place = sides[0].surface.points[found.nodes[worst]]
+        raise SceneError(
+            f"bodies {name[0]} and {name[1]} overlap by {-found.gap[worst]:.4g} m at t = 0 near "
+            f"({', '.join(f'{x:.4g}' for x in place)}): move one of them"
+        )
+    if not updated:
+        # Only faces with a node that carries weight can take part.
+        used = [np.unique(w.indices) for w in (found.carrier_weights, found.other_weights)]
+        sides = [
+            _part(side, faces[k], nodes) for side, k, nodes in zip(sides, order, used, strict=True)
+        ]
+    why = f"{name[0]} carries the multipliers: its faces are the smaller ones"
+    pair = SurfacePair(
+        (bodies[order[0]], bodies[order[1]]), name, (sides[0], sides[1]), 0, why,
+        min(reach, 1e3 * extent), updated, thickness, axisymmetric,
+    )  # fmt: skip
+    count = len(np.unique(sides[0].surface.corners))
+    if not updated:
+        count = len(pair.met([side.surface.points for side in sides]).gap)
+    return SurfacePair(**{**vars(pair), "count": count})
+
+
+def _part(side: Side, faces: tuple[Boundary, Floats, Booleans], used: Integers) -> Side:
+    """The faces of a side that have a node among some."""
+    outside, places, asked = faces
+    marked = np.zeros(len(outside.numbers), dtype=bool)
+    marked[side.nodes[used]] = True
+    return Side.of(outside, places, asked & marked[outside.faces].all(axis=1))
+
+
+def _spread(weights: csr_matrix, rows: Integers, total: int) -> csr_matrix:
+    """Weights of a side's nodes as weights of all contact nodes."""
+    return csr_matrix(
+        (weights.data, rows[weights.indices], weights.indptr), shape=(weights.shape[0], total)
+    )

@@ -1,0 +1,110 @@
+"""How gaps between bodies answer to contact forces, from answers of single nodes."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from impactfem.contact.responses import Columns
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_TOGETHER = 64  # nodes whose columns are asked for at once: bounds the memory for them
+
+
+class PairResponses:
+    """Responses of gaps that weigh several nodes: gap_i = n_i . sum_j W_ij u_j.
+
+    Kept are the answers of all contact nodes to unit forces along each axis on single nodes, found
+    when a gap first needs the node. From them follow C = B A B^T and D alike, B_i = W_i n_i.
+    """
+
+    def __init__(self, dim: int, nodes: int, columns: Columns) -> None:
+        """Begin without columns.
+
+        Args:
+            dim: Components of a node.
+            nodes: Number of contact nodes.
+            columns: Computes columns (collective).
+        """
+        self._dim, self._nodes, self._columns = dim, nodes, columns
+        self._weights = csr_matrix((0, nodes))
+        self._place = np.full(nodes, -1, dtype=np.int64)
+        self._order: list[int] = []
+        size = dim * nodes
+        self._layer, self._static = np.empty((0, size)), np.empty((0, size))
+
+    def follow(self, weights: csr_matrix) -> None:
+        """Take other weights W, shape (pairs, nodes)."""
+        self._weights = weights
+
+    @property
+    def known(self) -> Integers:
+        """Nodes with columns, in the order in which these were computed."""
+        return np.asarray(self._order, dtype=np.int64)
+
+    def require(self, rows: Integers) -> None:
+        """Compute what is missing for some gaps (collective)."""
+        needed = np.unique(self._weights[rows].indices)
+        missing = needed[self._place[needed] < 0]
+        dim = self._dim
+        for first in range(0, len(missing), _TOGETHER):
+            part = missing[first : first + _TOGETHER]
+            forces = np.zeros((len(part), dim, self._nodes, dim))
+            for k, node in enumerate(part):
+                forces[k, :, node] = np.eye(dim)
+            layer, static = self._columns(forces.reshape(-1, self._nodes, dim))
+            for k, node in enumerate(part):
+                self._place[node] = len(self._order) + k
+            self._order += part.tolist()
+            self._layer = np.vstack([self._layer, layer.reshape(len(part) * dim, -1)])
+            self._static = np.vstack([self._static, static.reshape(len(part) * dim, -1)])
+
+    def matrices(self, rows: Integers, normals: Floats) -> tuple[Floats, Floats]:
+        """Response C and compliance D of some gaps along their normals [m/N], (k, k) each."""
+        parts = self._operator(rows, normals)
+        known = self._known_part(parts)
+        layer, static = (
+            np.asarray((known @ columns) @ parts.T) for columns in (self._layer, self._static)
+        )
+        return 0.5 * (layer + layer.T), 0.5 * (static + static.T)
+
+    def approach(
+        self, rows: Integers, normals: Floats, forces: Floats, multipliers: Floats
+    ) -> Floats:
+        """Changes of all gaps by layer forces and static ones on some of them, (pairs,)."""
+        known = self._known_part(self._operator(rows, normals[rows]))
+        moved = (known.T @ forces) @ self._layer + (known.T @ multipliers) @ self._static
+        relative = self._weights @ moved.reshape(self._nodes, self._dim)
+        found: Floats = np.einsum("ij,ij->i", normals, relative)
+        return found
+
+    def are_whole(self, rows: Integers) -> bool:  # noqa: ARG002  (as `Responses` has it)
+        """Whether `displacement` and `static` know all components: never."""
+        return False
+
+    def displacement(self, rows: Integers, normals: Floats, forces: Floats) -> Floats:
+        """Not known here; see `are_whole`."""
+        raise NotImplementedError
+
+    def static(self, rows: Integers, normals: Floats, multipliers: Floats) -> Floats:
+        """Not known here; see `are_whole`."""
+        raise NotImplementedError
+
+    def _operator(self, rows: Integers, normals: Floats) -> csr_matrix:
+        """B of some gaps, shape (k, nodes * dim)."""
+        part = self._weights[rows]
+        counts = np.diff(part.indptr)
+        values = part.data[:, None] * np.repeat(normals, counts, axis=0)
+        columns = self._dim * part.indices[:, None] + np.arange(self._dim)
+        starts = self._dim * part.indptr
+        return csr_matrix(
+            (values.ravel(), columns.ravel(), starts), shape=(len(rows), self._nodes * self._dim)
+        )
+
+    def _known_part(self, operator: csr_matrix) -> csr_matrix:
+        """Columns of B in the order of the known answers, shape (k, known * dim)."""
+        node, axis = np.divmod(operator.indices, self._dim)
+        columns = self._dim * self._place[node] + axis
+        shape = (operator.shape[0], len(self._layer))
+        return csr_matrix((operator.data, columns, operator.indptr), shape=shape)

@@ -1,0 +1,158 @@
+"""Gaps of several bodies: each to its obstacles, and between surfaces of two of them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, vstack
+
+from impactfem.contact.gaps import Gaps
+from impactfem.contact.pair_responses import PairResponses
+from impactfem.contact.responses import Columns
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """Weighted gaps between two surfaces at given places.
+
+    Attributes:
+        weights: W over all contact nodes, carrier minus other, shape (pairs, nodes).
+        gap: Weighted gaps [m], shape (pairs,).
+        normal: Unit normals towards the carrier, shape (pairs, dim).
+        area: Areas of the multipliers [m^2], shape (pairs,).
+    """
+
+    weights: csr_matrix
+    gap: Floats
+    normal: Floats
+    area: Floats
+
+
+Meet = Callable[[Floats], Meeting]
+"""Finds how two surfaces meet when the contact nodes are at some places (nodes, dim)."""
+
+
+class PairGaps:
+    """Gaps of contact nodes to obstacles and to other bodies, as `SolidMarch` takes them.
+
+    The order: the obstacle gaps of every body, then the weighted gaps between surfaces. Small
+    sliding keeps weights and normals of t = 0; large sliding finds them anew in each layer, with a
+    fixed number of gaps: those without a partner are open by `FAR`.
+    """
+
+    def __init__(
+        self,
+        places: Floats,
+        initial: Floats,
+        obstacles: Sequence[tuple[slice, Integers, Gaps]],
+        meetings: Sequence[Meet],
+        *,
+        updated: bool,
+    ) -> None:
+        """Find the gaps of t = 0.
+
+        Args:
+            places: Undeformed places of all contact nodes [m], (nodes, dim).
+            initial: Their displacement at t = 0 [m], (nodes, dim).
+            obstacles: For each body the places of its nodes, those of them (counted from the first
+                of the body) that can touch an obstacle, and their gaps.
+            meetings: Pairs of surfaces.
+            updated: Whether pairs follow the bodies.
+        """
+        self._places, self._initial = places, initial
+        self._obstacles, self._meetings, self.updated = tuple(obstacles), tuple(meetings), updated
+        nodes = len(places)
+        rows = [own.start + chosen for own, chosen, _ in obstacles]
+        chosen = np.concatenate([*rows, np.zeros(0, dtype=np.int64)]).astype(np.int64)
+        self._bound = csr_matrix(
+            (np.ones(len(chosen)), (np.arange(len(chosen)), chosen)), shape=(len(chosen), nodes)
+        )
+        self._first = [meet(places + initial) for meet in self._meetings]
+        self._weights = self._joined(self._first)
+        areas = [*(gaps.area for _, _, gaps in obstacles), *(entry.area for entry in self._first)]
+        self._area = np.concatenate([*areas, np.zeros(0)])
+        self._responses: PairResponses | None = None
+
+    def _joined(self, met: Sequence[Meeting]) -> csr_matrix:
+        return csr_matrix(vstack([self._bound, *(entry.weights for entry in met)]))
+
+    def responses(self, columns: Columns, whole: int | None) -> PairResponses:  # noqa: ARG002  (as `Gaps` has it)
+        """How the gaps answer to contact forces."""
+        nodes, dim = self._places.shape
+        self._responses = PairResponses(dim, nodes, columns)
+        self._responses.follow(self._weights)
+        return self._responses
+
+    def relative(self, values: Floats) -> Floats:
+        """Values of nodes (nodes, dim) as differences in the gaps, (pairs, dim)."""
+        found: Floats = self._weights @ values
+        return found
+
+    def spread(self, forces: Floats) -> Floats:
+        """Forces on the nodes (nodes, dim) by those in the gaps (pairs, dim)."""
+        found: Floats = self._weights.T @ forces
+        return found
+
+    def at(
+        self, displacement: Floats, begin: Floats, last: Floats, time: float, back: float = 0.5
+    ) -> tuple[Floats, Floats]:
+        """Gaps (pairs,) and normals (pairs, dim); see `Gaps.at`."""
+        gaps, normals = [], []
+        for own, chosen, obstacle in self._obstacles:
+            parts = (displacement[own][chosen], begin[own][chosen], last[own][chosen])
+            gap, normal = obstacle.at(*parts, time, back)
+            gaps.append(gap)
+            normals.append(normal)
+        static = last - begin
+        met = self._first
+        if self.updated and self._meetings:
+            met = [meet(self._places + displacement + static) for meet in self._meetings]
+            self._weights = self._joined(met)
+            bound = len(self._area) - sum(len(entry.area) for entry in met)
+            self._area[bound:] = np.concatenate([entry.area for entry in met])
+            if self._responses is not None:
+                self._responses.follow(self._weights)
+        for entry in met:
+            moved = -static if self.updated else displacement - self._initial
+            change = np.einsum("ij,ij->i", entry.normal, entry.weights @ moved)
+            gaps.append(entry.gap + change)
+            normals.append(entry.normal)
+        return np.concatenate(gaps), np.concatenate(normals)
+
+    def nodal(self, force: Floats, gap: Floats) -> tuple[Floats, Floats, Floats]:
+        """Gap [m], pressure [Pa] and whether pressed, of the contact nodes, each (nodes,).
+
+        A node has the means of its gaps by their weights; NaN and 0 without any.
+
+        Args:
+            force: Normal forces in the gaps [N], (pairs,).
+            gap: [m], (pairs,).
+        """
+        share = abs(self._weights).T.tocsr()
+        area = share @ self._area
+        seen = area > 0.0
+        pressure, place = np.zeros(len(area)), np.full(len(area), np.nan)
+        pressure[seen] = (share @ force)[seen] / area[seen]
+        open_area = share @ np.where(np.isfinite(gap), self._area, 0.0)
+        place[seen] = (share @ (self._area * gap))[seen] / open_area[seen]
+        return place, pressure, (share @ (force > 0.0) > 0.0).astype(float)
+
+    def advance(self, normals: Floats, time: float) -> Floats:
+        """How far obstacles have moved towards the nodes since t = 0 [m], (pairs,)."""
+        return self._of_obstacles(normals, lambda gaps, part: gaps.advance(part, time))
+
+    def speed(self, normals: Floats, time: float, dt: float) -> Floats:
+        """Speed of obstacles towards the nodes [m/s], (pairs,)."""
+        return self._of_obstacles(normals, lambda gaps, part: gaps.speed(part, time, dt))
+
+    def _of_obstacles(self, normals: Floats, what: Callable[[Gaps, Floats], Floats]) -> Floats:
+        found, first = np.zeros(len(normals)), 0
+        for _, chosen, gaps in self._obstacles:
+            part = slice(first, first + len(chosen))
+            found[part] = what(gaps, normals[part])
+            first = part.stop
+        return found

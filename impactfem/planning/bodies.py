@@ -1,0 +1,152 @@
+"""The plan of several solids that may strike each other."""
+
+from typing import Any
+
+import numpy as np
+
+from impactfem.errors import SceneError
+from impactfem.planning.solid_choices import COURANT, EXPLICIT, stiff_elements
+from impactfem.planning.solid_costs import (
+    NATURAL_STEP,
+    Size,
+    check_before_meshing,
+    count_layers,
+    leading_speed,
+    memory_mib,
+    seconds,
+)
+from impactfem.planning.solids import SolidPlan, in_words, measured
+from impactfem.scene import Scene, Solid
+
+
+def plan_bodies(scene: Scene) -> SolidPlan:
+    """Choose method and numbers for several solids (collective: they are meshed).
+
+    Raises:
+        SceneError: The settings cannot work, or need more memory than the machine has.
+        MeshError: A mesh cannot be made.
+    """
+    from impactfem.bodies_model import bodies_model  # noqa: PLC0415  (loads DOLFINx)
+
+    solve, solids = scene.solve, [body for body in scene.bodies if isinstance(body, Solid)]
+    reasons: dict[str, str] = {}
+    each_degree = degrees(scene, reasons)
+    for solid, degree in zip(solids, each_degree, strict=True):
+        check_before_meshing(solid, degree)
+    updated = _updated(scene, solids, reasons)
+    model = bodies_model(scene, each_degree, updated=updated)
+    sizes = [measured(p.solid, p.mesh, p.degree)[0] for p in model.parts]
+    method = _method(scene, each_degree, reasons)
+    dt, courant = _step(scene, method, solids, sizes, reasons)
+    layers = None if dt is None else count_layers(scene.duration, dt)
+    solver = "none" if method in EXPLICIT else solve.linear_solver or "mumps"
+    for pair in model.pairs:
+        reasons[f"contact {pair.names[0]} and {pair.names[1]}"] = pair.why
+    fastest = [
+        NATURAL_STEP * size.least / s.p_wave_speed for s, size in zip(solids, sizes, strict=True)
+    ]
+    count = layers or scene.duration / min(fastest)
+    each = [seconds(size, count, 0, solver, model.comm.size) for size in sizes]
+    return SolidPlan(
+        method=method,
+        model="; ".join(f"{s.name}: {in_words(s, z)}" for s, z in zip(solids, sizes, strict=True)),
+        degree=max(each_degree),
+        cells=sizes[0].cells,
+        mesh_size=min(size.mesh_size for size in sizes),
+        dt=dt,
+        courant=courant,
+        layers=layers,
+        linear_solver=solver,
+        normals="updated" if updated else "fixed",
+        active_set="pdas",
+        tolerance=solve.tolerance or 1e-13,
+        max_iterations=solve.max_iterations or 200,
+        contact_pairs=model.contact_count,
+        unknowns=model.unknowns,
+        memory_mib=sum(memory_mib(size, solver) for size in sizes),
+        seconds=sum(each),
+        estimate=False,
+        reasons=reasons,
+        warnings=(),
+    )
+
+
+def degrees(scene: Scene, reasons: dict[str, str] | None = None) -> list[int]:
+    """Degree of the elements of each solid.
+
+    Raises:
+        SceneError: The method asked for has no elements of the degree asked for.
+    """
+    noted = {} if reasons is None else reasons
+    return [_degree(scene, body, noted) for body in scene.bodies if isinstance(body, Solid)]
+
+
+def _degree(scene: Scene, solid: Solid, reasons: dict[str, str]) -> int:
+    explicit = scene.solve.method in EXPLICIT
+    if solid.degree == 2 and explicit:
+        raise SceneError(
+            f"body {solid.name}: degree = 2 contradicts solve.method = {scene.solve.method!r}: its "
+            "mass is lumped, which elements of degree 2 do not allow; use degree = 1, or method = "
+            '"massless"'
+        )
+    if solid.degree is not None:
+        return solid.degree
+    stiff = "" if explicit else stiff_elements(solid)
+    if stiff:
+        reasons[f"degree of {solid.name}"] = stiff
+    return 2 if stiff else 1
+
+
+def _method(scene: Scene, degrees: list[int], reasons: dict[str, str]) -> str:
+    if scene.solve.method is not None:
+        reasons["method"] = "as asked"
+        return scene.solve.method
+    if max(degrees) == 2 or scene.solve.dt is not None or (scene.solve.courant or 0.0) > 1.0:
+        reasons["method"] = "stable at any step, for elements of any degree"
+        return "massless"
+    reasons["method"] = "no system to solve, energy exact without friction"
+    return "explicit"
+
+
+def _step(
+    scene: Scene, method: str, solids: list[Solid], sizes: list[Size], reasons: dict[str, str]
+) -> tuple[float | None, float | None]:
+    """Time step and courant number, as far as known before the run."""
+    solve = scene.solve
+    if solve.dt is not None:
+        reasons["dt"] = "as asked"
+        return solve.dt, None
+    if method in EXPLICIT:
+        share = solve.courant or (0.9 if method == "explicit" else 1.0)
+        if share > 1.0 + 1e-9:
+            raise SceneError(
+                f"solve.courant = {share:g} is beyond the stability limit of {method}; use courant "
+                '<= 1, or method = "massless", which is stable at any'
+            )
+        reasons["dt"] = f"{share:g} of the least stable step of the bodies"
+        return None, share
+    courant = solve.courant or COURANT
+    pairs = zip(solids, sizes, strict=True)
+    dt = min(courant * size.mesh_size / leading_speed(solid) for solid, size in pairs)
+    reasons["dt"] = f"courant = {courant:g} in the body that asks for the least step"
+    return min(dt, scene.duration), courant
+
+
+def _updated(scene: Scene, solids: list[Solid], reasons: dict[str, str]) -> bool:
+    """Whether bodies slide along each other by more than their elements are wide."""
+    if scene.solve.normals is not None:
+        reasons["normals"] = "as asked"
+        return scene.solve.normals == "updated"
+    if any(_turns(solid) for solid in solids):
+        reasons["normals"] = "a body turns: pairs of surfaces follow the bodies"
+        return True
+    reasons["normals"] = (
+        'small sliding: pairs of surfaces are those of t = 0; set normals = "updated" if bodies '
+        "slide by more than an element"
+    )
+    return False
+
+
+def _turns(solid: Solid) -> bool:
+    given: Any = solid.angular_velocity
+    return bool(np.any(np.atleast_1d(np.asarray(given if given is not None else 0.0)) != 0.0))

@@ -1,0 +1,60 @@
+"""Checks of scenes with several solids that may strike each other."""
+
+from typing import TYPE_CHECKING
+
+from impactfem.scene.contacts import Contact
+from impactfem.scene.pairing import side_of
+from impactfem.scene.schema import KeyedError
+from impactfem.scene.values import show
+
+if TYPE_CHECKING:
+    from impactfem.scene.scene import Scene
+
+
+def check_pairs(scene: "Scene") -> None:
+    """Refuse several solids that contradict each other, and laws of contact without sense.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    first = scene.bodies[0]
+    for index, body in enumerate(scene.bodies):
+        if body.model != first.model:  # type: ignore[union-attr]  # all are solids here
+            text = f" = {show(body.model)}, but body[0] has {show(first.model)}: "  # type: ignore[union-attr]
+            raise KeyedError(f"body[{index}]", "model", f"{text}all bodies need the same model.")
+    for index, contact in enumerate(scene.contacts):
+        _check_contact(scene, contact, f"contact[{index}]")
+    for name, why in (("active_set", "snes_vi works on one solid"), ("estimate", "")):
+        value = getattr(scene.solve, name)
+        if value in {None, False, "pdas"}:
+            continue
+        text = f" = {show(value)} is not available for several solids"
+        raise KeyedError("solve", name, f"{text}{': ' * bool(why)}{why}: remove it.")
+    if scene.output.checkpoint:
+        text = f" = {scene.output.checkpoint}: several solids are not checkpointed; remove it."
+        raise KeyedError("output", "checkpoint", text)
+
+
+def _check_contact(scene: "Scene", contact: Contact, where: str) -> None:
+    shown = show(list(contact.between))
+    bodies = {body.name for body in scene.bodies}
+    obstacles = {obstacle.name for obstacle in scene.obstacles}
+    names = [side_of(entry)[0] for entry in contact.between]
+    for name in names:
+        if name not in bodies | obstacles:
+            known = ", ".join([*(b.name for b in scene.bodies), *(o.name for o in scene.obstacles)])
+            text = f" = {shown}: there is no {show(name)}; the scene has {known}."
+            raise KeyedError(where, "between", text)
+    if names[0] == names[1]:
+        text = f" = {shown}: a body in contact with itself is not available; name two bodies."
+        raise KeyedError(where, "between", text)
+    if not bodies & set(names):
+        raise KeyedError(where, "between", f" = {shown} are two obstacles: name a body and one.")
+    for entry in contact.between:
+        name, surfaces = side_of(entry)
+        if surfaces is not None and name in obstacles:
+            text = f" = {shown}: the obstacle {show(name)} has no surfaces; leave the slash out."
+            raise KeyedError(where, "between", text)
+    if contact.restitution > 0.0:
+        text = f" = {show(contact.restitution)} is for points, rods and beams: solids rebound by "
+        raise KeyedError(where, "restitution", f"{text}their own elasticity; remove it.")
