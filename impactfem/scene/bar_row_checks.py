@@ -1,0 +1,88 @@
+"""Checks of a row of bars: order, overlap, ends, and settings that a row does not know."""
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from impactfem.scene.bodies import Bar
+from impactfem.scene.loads import PiecewiseConstant
+from impactfem.scene.obstacles import Wall
+from impactfem.scene.schema import KeyedError
+from impactfem.scene.values import show
+
+if TYPE_CHECKING:
+    from impactfem.scene.scene import Scene
+
+METHODS_OF_ROWS = ("galerkin", "exact")
+
+_ROUNDING = 1e-12  # share of a place by which ends that meet may overlap
+_UNKNOWN = (
+    "window", "active_set", "gamma", "tolerance", "max_iterations", "mesh", "accuracy", "degree",
+    "fitted",
+)  # fmt: skip
+
+
+def check_bar_row(scene: "Scene") -> None:
+    """Refuse a row of bars that overlap, are out of order, or ask for what rows do not know.
+
+    Args:
+        scene: Scene with two or more bodies, all of them bars.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    _check_obstacles(scene)
+    if scene.contacts:
+        text = f" = {show(scene.contacts[0])} is not for bars in a row: they meet their neighbours "
+        text += "and rebound by their own elasticity, without friction; remove [[contact]]."
+        raise KeyedError("contact[0]", "", text)
+    gravity = scene.gravity
+    if not isinstance(gravity, PiecewiseConstant) or any(gravity.values):
+        text = " does not vanish, but rows of bars move without gravity so far: remove it."
+        raise KeyedError("", "gravity", text)
+    bars = [body for body in scene.bodies if isinstance(body, Bar)]
+    for index, (before, bar) in enumerate(pairwise(bars), start=1):
+        if before.far_end == "clamped":
+            text = ' = "clamped" holds a bar in the middle of the row: only the last one may be '
+            raise KeyedError(f"body[{index - 1}]", "far_end", f"{text}clamped, remove it.")
+        _check_order(before, bar, index)
+    solve = scene.solve
+    if solve.method is not None and solve.method not in METHODS_OF_ROWS:
+        fitting = " or ".join(map(show, METHODS_OF_ROWS))
+        text = f" = {show(solve.method)} does not solve a row of bars: give {fitting}."
+        raise KeyedError("solve", "method", text)
+    for name in _UNKNOWN:
+        value = getattr(solve, name)
+        if value is not None:
+            text = f" = {show(value)} belongs to a single bar, this is a row of {len(bars)}: "
+            raise KeyedError("solve", name, f"{text}remove it.")
+    if scene.output.checkpoint:
+        text = f" = {scene.output.checkpoint}: bars are not checkpointed; remove it."
+        raise KeyedError("output", "checkpoint", text)
+    if set(scene.output.fields) - {"vtkhdf"}:
+        text = f' = {show(list(scene.output.fields))}: a row of bars is written as ["vtkhdf"]; '
+        raise KeyedError("output", "fields", f"{text}give that or [].")
+
+
+def _check_obstacles(scene: "Scene") -> None:
+    for index, obstacle in enumerate(scene.obstacles):
+        if not isinstance(obstacle, Wall):
+            text = f' = {show(obstacle.kind)} is for solids: bars meet kind = "wall"; give it.'
+            raise KeyedError(f"obstacle[{index}]", "kind", text)
+    if len(scene.obstacles) > 1:
+        why = f"there are {len(scene.obstacles)}, but only the first bar of a row meets a wall"
+        shown = show(list(scene.obstacles))
+        raise KeyedError("obstacle", "", f" = {shown} is not allowed: {why}; give one or none.")
+
+
+def _check_order(before: Bar, bar: Bar, index: int) -> None:
+    """Refuse a bar that begins before the end of its predecessor."""
+    end = before.gap + before.length + float(before.displacement(x=before.length))
+    start = bar.gap + float(bar.displacement(x=0.0))
+    if start < end - _ROUNDING * max(abs(start), abs(end)):
+        text = (
+            f" = {bar.gap:g} lets bar {show(bar.name)} begin at {start:.6g} m, inside the one "
+            f"before it: {show(before.name)} ends at {end:.6g} m, they overlap by "
+            f"{end - start:.6g} m; list the bars in the order of the axis and give a gap of at "
+            f"least {bar.gap + end - start:.6g}."
+        )
+        raise KeyedError(f"body[{index}]", "gap", text)
