@@ -141,10 +141,7 @@ class Board:
         parts.append(
             markdown_table(
                 ["case", "must hold"],
-                [
-                    [case, "; ".join(dict.fromkeys(_said(c) for c in self.claims[case]))]
-                    for case in cases
-                ],
+                [[case, _said(self.claims[case])] for case in cases],
             )
         )
         parts.append("\n## Figures\n")
@@ -196,5 +193,11 @@ class Board:
         return paths
 
 
-def _said(claim: Claim) -> str:
-    return f"{claim.figure} <= {claim.limit:g} ({claim.why})"
+def _said(claims: Sequence[Claim]) -> str:
+    """Claims in words; limits of one figure that differ by method only are said together."""
+    limits: dict[tuple[str, str], list[str]] = {}
+    for claim in claims:
+        known = limits.setdefault((claim.figure, claim.why), [])
+        if f"{claim.limit:g}" not in known:
+            known.append(f"{claim.limit:g}")
+    return "; ".join(f"{name} <= {' / '.join(of)} ({why})" for (name, why), of in limits.items())

@@ -55,11 +55,9 @@ def _corner(name: str, *offsets: float) -> Callable[[str], Facts]:
 
 
 def _direction(method: str) -> Claim:
-    if method == "penalty":
-        return Claim("direction", 1e-6, "unfolded reflections, to 1000 tolerances of penalty")
-    if method in STEPPED:
-        return Claim("direction", 1e-8, "unfolded reflections, to positions of 1e-12 over h")
-    return Claim("direction", 1e-9, "unfolded reflections, to rounding")
+    """Rounding; by steps that of positions, 1e-12, over h; of penalty 1000 tolerances."""
+    limits = {"event_driven": 1e-9, "penalty": 1e-6}
+    return Claim("direction", limits.get(method, 1e-8), "unfolded reflections, to rounding")
 
 
 def _corner_claims(method: str) -> Sequence[Claim]:
