@@ -1,0 +1,152 @@
+"""A meshed surface as plain arrays, for the contact of two bodies: faces, sides, directions."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Kind = Literal["interval", "triangle", "quadrilateral"]
+
+CORNERS: dict[str, int] = {"interval": 2, "triangle": 3, "quadrilateral": 4}
+_NODES = {"interval": (2, 3), "triangle": (3, 6), "quadrilateral": (4, 9)}
+
+# Flat parts of a face, for each kind and degree: nodes around each, in the sense of the reference
+# face (DOLFINx's order of nodes: corners, then middles of sides, then the centre).
+_PARTS = {
+    ("interval", 1): [[0, 1]],
+    ("interval", 2): [[0, 2], [2, 1]],
+    ("triangle", 1): [[0, 1, 2]],
+    ("triangle", 2): [[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]],
+    ("quadrilateral", 1): [[0, 1, 3, 2]],
+    ("quadrilateral", 2): [[0, 4, 8, 5], [4, 1, 6, 8], [5, 8, 7, 2], [8, 6, 3, 7]],
+}
+_PLACES = {
+    "interval": [[0.0], [1.0], [0.5]],
+    "triangle": [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.0, 0.5], [0.5, 0.0]],
+    "quadrilateral": [
+        [0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0],
+        [0.5, 0.0], [0.0, 0.5], [1.0, 0.5], [0.5, 1.0], [0.5, 0.5],
+    ],
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Faces of a body's outside with their nodes; make it with `surface`.
+
+    Attributes:
+        points: Places of the nodes [m], shape (nodes, dim).
+        faces: Nodes of each face in the order of the mesh, shape (faces, nodes per face).
+        kind: Kind of the faces; intervals in the plane, the others in space.
+        sides: 1 where the normal that follows from the order of the nodes points outwards, -1
+            elsewhere, shape (faces,). That normal is (t_y, -t_x) for a tangent t in the plane and
+            x_r cross x_s in space.
+    """
+
+    points: Floats
+    faces: Indices
+    kind: Kind
+    sides: Floats
+
+    @property
+    def dim(self) -> int:
+        """Dimension of space."""
+        return int(self.points.shape[1])
+
+    @property
+    def degree(self) -> int:
+        """Degree of the faces, 1 or 2."""
+        return 1 + _NODES[self.kind].index(self.faces.shape[1])
+
+    @property
+    def corners(self) -> Indices:
+        """Corners of each face, shape (faces, corners)."""
+        return self.faces[:, : CORNERS[self.kind]]
+
+    @property
+    def parts(self) -> Indices:
+        """Nodes around each flat part of a face, shape (parts, corners)."""
+        return np.array(_PARTS[self.kind, self.degree], dtype=np.int64)
+
+    @property
+    def places(self) -> Floats:
+        """Places of those nodes in the reference face, shape (parts, corners, dim - 1)."""
+        return np.array(_PLACES[self.kind])[self.parts]
+
+    def moved(self, points: ArrayLike) -> "Surface":
+        """The same surface with its nodes elsewhere, shape (nodes, dim)."""
+        return replace(self, points=np.ascontiguousarray(points, dtype=np.float64))
+
+    @cached_property
+    def vectors(self) -> Floats:
+        """Outward normals of the flat parts times their area, shape (faces, parts, dim)."""
+        x = self.points[self.faces][:, self.parts]  # (faces, parts, corners, dim)
+        if self.kind == "interval":
+            t = x[:, :, 1] - x[:, :, 0]
+            across = np.stack([t[..., 1], -t[..., 0]], axis=-1)
+        elif self.kind == "triangle":
+            across = 0.5 * np.cross(x[:, :, 1] - x[:, :, 0], x[:, :, 2] - x[:, :, 0])
+        else:
+            across = 0.5 * np.cross(x[:, :, 2] - x[:, :, 0], x[:, :, 3] - x[:, :, 1])
+        return np.asarray(across * self.sides[:, None, None])
+
+
+def surface(
+    points: ArrayLike, faces: ArrayLike, kind: Kind, outward: ArrayLike | None = None
+) -> Surface:
+    """Make a surface from arrays, such as those of a `Boundary`.
+
+    Args:
+        points: Places of the nodes [m], shape (nodes, dim).
+        faces: Nodes of each face, shape (faces, nodes per face); degree 1 or 2.
+        kind: "interval", "triangle" or "quadrilateral".
+        outward: Directions roughly out of the body, shape (faces, dim); None if the order of the
+            nodes says so.
+
+    Raises:
+        ValueError: The arrays do not fit the kind.
+    """
+    places = np.ascontiguousarray(points, dtype=np.float64)
+    nodes = np.ascontiguousarray(faces, dtype=np.int64)
+    dim = 2 if kind == "interval" else 3
+    if nodes.ndim != 2 or nodes.shape[1] not in _NODES[kind] or places.shape[1:] != (dim,):
+        raise ValueError(
+            f"a surface of faces of kind {kind!r} takes points of shape (nodes, {dim}) and faces "
+            f"of {_NODES[kind]} nodes, not {places.shape} and {nodes.shape}"
+        )
+    found = Surface(places, nodes, kind, np.ones(len(nodes)))
+    if outward is None:
+        return found
+    along = np.einsum("fd,fd->f", found.vectors.sum(axis=1), np.asarray(outward))
+    return replace(found, sides=np.where(along < 0.0, -1.0, 1.0))
+
+
+def unit(vectors: Floats) -> Floats:
+    """Vectors along the last axis, made of length 1 (those of length 0 stay)."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0.0, length, 1.0))
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Integrals over the overlaps of pairs of faces, for some pairs.
+
+    With psi_i the linear functions of the carrier's corners and phi_j the shape functions:
+
+    Attributes:
+        carrier: Integrals of psi_i phi_j of the carrier, shape (pairs, corners, nodes per face).
+        other: Integrals of psi_i phi_k of the other surface at the points opposite, likewise.
+        vectors: Integrals of psi_i times the carrier's outward normal, (pairs, corners, dim).
+        cover: Share of the carrier's face that is overlapped, shape (pairs,).
+        gap: Mean distance along the carrier's normal [m], shape (pairs,).
+    """
+
+    carrier: Floats
+    other: Floats
+    vectors: Floats
+    cover: Floats
+    gap: Floats
