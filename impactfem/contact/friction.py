@@ -1,0 +1,322 @@
+"""Contact of one time layer with Coulomb friction: cones, slip, and the rule that decides energy.
+
+A pair has the relative place r = (gap, r_t), with one or two tangential components, and the force
+f = (lambda, tau). Let z be the place that the inside of the body gives it without contact forces.
+Massless contact nodes are in equilibrium, so that r = z + D f with the static compliance D, and a
+layer from a to b exerts F = (Lambda, T) = (1 - theta) f_a + theta f_b with z_b = z_free + C F.
+
+**Energy.** The elastic energy is that of the inside plus f . D f / 2, and F does the work
+F . (z_b - z_a) on the inside (midpoint rule). With delta = f_b - f_a and Delta r = r_b - r_a
+
+    E_b - E_a = F . Delta z + (f_b . D f_b - f_a . D f_a) / 2
+              = F . Delta r - (theta - 1/2) delta . D delta                       (z = r - D f)
+              = T . Delta r_t + N(theta),
+    N = (1 - theta) lambda_a . gap_b - theta lambda_b . gap_a - (theta - 1/2) delta . D delta,
+
+since lambda . gap = 0 at both ends. Without friction N = 0 is the rule of
+`impactfem.contact.complementarity`; with it delta and D have their tangential parts too.
+
+**Which force obeys the cone.** The multipliers at the levels: |tau_b| <= mu lambda_b, with
+tau_b = -mu lambda_b Delta r_t / |Delta r_t| in slip and Delta r_t = 0 in stick. By convexity then
+|T| <= mu Lambda. Were it T instead, tau_b = (T - (1 - theta) tau_a) / theta would leave the cone
+when T jumps and alternate for ever (theta = 1/2: mu lambda, -3 mu lambda, mu lambda, ...), and
+f . D f with it.
+
+**Sign of the frictional work.** The work T . Delta r_t of a pair j is linear in theta,
+
+    w_j(theta) = (1 - theta) p_j + theta q_j,
+    p_j = tau_a . Delta r_t,   q_j = tau_b . Delta r_t = -mu lambda_b |Delta r_t|,
+
+and only p_j can be positive: where a force that falls meets a slip that has turned within the
+layer, as at releases (for theta >= 1/2 and mu lambda_b >= |tau_a| always w_j <= 0). A positive w_j
+is no work of friction, which cannot give any; it is there because a layer does not know when in it
+the force has changed, and so are the terms of N. It is counted with them, and the frictional work
+W of the layer is the rest:
+
+    G(theta) = N(theta) + sum of max(0, w_j),   W = sum of min(0, w_j) <= 0,   E_b - E_a = W + G.
+
+For given ends G is convex, piecewise linear and falls, with
+
+    G(0) = lambda_a . gap_b + delta . D delta / 2 + sum of max(0, p_j) >= 0,
+    G(1) = -lambda_b . gap_a - delta . D delta / 2 <= 0.
+
+So there is a theta in [0, 1] with G = 0, for which E_b - E_a = W exactly ("conserving"), and a
+larger one has G <= 0 ("dissipative" takes the larger of it and 1/2). As f_b depends on theta, it is
+sought by secants in the bracket [0, 1]: the wanted theta less the used one is >= 0 at 0, <= 0 at 1,
+and continuous where f_b is unique (mu not too large). Where no w_j is positive W is T . Delta r_t.
+
+**Explicit layers** (leapfrog, massless nodes) pair the levels a = m - 1 and b = m + 1, and the same
+holds for half of each term. But were the slip of the law taken between these levels too, even and
+odd levels would stick at different places, and tau alternate between them for ever. There the law
+takes it from level m: sticking nodes keep that place (``held``). Then q_j may be positive where a
+node comes to stick, so that the rule is N = 0, which has a root by itself, and W = T . Delta r_t as
+it comes: the balance is as exact, but in such layers W may be > 0.
+
+**Contact nodes with mass** (D = 0, rule "middle"): tau_b strains nothing, so that no level has to
+keep it. There the layer force itself obeys the law, |T| <= mu Lambda with T against Delta r_t, and
+E_b - E_a = W + N(1/2) with W = T . Delta r_t <= 0 whatever Lambda does.
+
+**Velocity level** (Moreau, Jean): the layer force obeys the law with the velocity at the end of the
+layer in place of Delta r_t; nodes that stick have no speed.
+
+With mu = 0 all this is the frictionless law, and its solver is called.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.complementarity import (
+    Rule,
+    _fixed_point,
+    solve_by_active_set,
+    solve_layer,
+    solve_velocity_layer,
+)
+from impactfem.contact.friction_newton import ConeProblem, solve_cones
+
+Floats = NDArray[np.float64]
+
+_EXACT = 1e-14  # error of the energy that theta leaves, as a share of the contact energy
+
+
+@dataclass(frozen=True)
+class FrictionContact:
+    """Contact with friction in one layer.
+
+    Attributes:
+        force: F = (Lambda, T) of the layer [N], shape (pairs, dim), the normal component first.
+        multiplier: f_b at the end of the layer [N], shape (pairs, dim); its tangential part is T
+            for the rule "middle" and at velocity level.
+        place: (gap, r_t) at the end [m], shape (pairs, dim).
+        work: Frictional work of each pair in the layer [J], shape (pairs,). It is <= 0 to rounding
+            unless the law measures slip otherwise than energy does: at velocity level and with
+            ``held`` places, in layers where a slip turns or ends.
+        theta: Weight of f_b.
+        iterations: Linear systems solved.
+    """
+
+    force: Floats
+    multiplier: Floats
+    place: Floats
+    work: Floats
+    theta: float
+    iterations: int
+
+
+def solve_friction_layer(
+    free: Floats,
+    response: Floats,
+    compliance: Floats,
+    before: tuple[Floats, Floats],
+    friction: Floats,
+    rule: Rule,
+    tolerance: float,
+    max_iterations: int = 1000,
+    held: Floats | None = None,
+) -> FrictionContact:
+    """Find the contact forces of a layer with friction.
+
+    Args:
+        free: Places (gap, r_t) at the end of the layer if F were zero, massless nodes in
+            equilibrium [m], shape (pairs, dim).
+        response: C, change of these places per unit of F [m/N], shape (pairs dim, pairs dim), the
+            components of a pair one after the other.
+        compliance: D [m/N], of the same shape; zero where contact nodes have mass.
+        before: f_a [N] and true places r_a [m] at the start, shape (pairs, dim) each.
+        friction: Coefficients mu, shape (pairs,), >= 0.
+        rule: How theta is chosen; "middle" is for nodes with mass, D = 0.
+        tolerance: Rounding level of places [m].
+        max_iterations: Limit of linear systems for one theta.
+        held: Tangential places that sticking nodes keep [m], shape (pairs, dim - 1), for explicit
+            layers; those of ``before`` if None.
+
+    Raises:
+        ConvergenceError: Stick and slip or theta were not found.
+    """
+    old, place_a = before
+    if not friction.any():
+        return _without_friction(
+            free, response, compliance, before, rule, tolerance, max_iterations
+        )
+    stuck = place_a[:, 1:] if held is None else held
+    if rule == "middle":
+        return _with_mass(free, response, before, friction, stuck, tolerance, max_iterations)
+    total, start = 0, old
+    none = np.zeros(len(free))
+
+    def end(theta: float) -> tuple[Floats, Floats]:
+        nonlocal total, start
+        offset = free + _times(response, (1.0 - theta) * old)
+        slipped = offset.copy()
+        slipped[:, 1:] -= stuck
+        problem = ConeProblem(theta * response + compliance, slipped, friction, none)
+        new, iterations = solve_cones(problem, start, tolerance, max_iterations)
+        total += iterations
+        start = new
+        return new, offset + _times(problem.matrix, new)
+
+    def excess(theta: float, new: Floats, place: Floats) -> tuple[float, bool]:
+        """What theta should be more, and whether the energy hardly depends on that."""
+        released = float(old[:, 0] @ place[:, 0])
+        pressed = float(new[:, 0] @ place_a[:, 0])
+        strained = float(((new - old) * _times(compliance, new - old)).sum())
+        slip = place[:, 1:] - place_a[:, 1:]
+        early, late = (old[:, 1:] * slip).sum(axis=1), (new[:, 1:] * slip).sum(axis=1)
+        giving = (early > 0.0) & (held is None)
+        wanted, slope = _balanced(released, pressed, strained, early[giving], late[giving])
+        wanted = max(wanted, 0.5 if rule == "dissipative" else 0.0)
+        stored = float((new * _times(compliance, new)).sum()) + float(np.abs(late).sum())
+        return wanted - theta, abs(wanted - theta) * slope <= _EXACT * stored
+
+    theta = 0.5
+    new, place = end(theta)
+    theta, new, place = _fixed_point(end, excess, theta, new, place)
+    force = (1.0 - theta) * old + theta * new
+    work = _work(force, place, place_a)
+    if held is None:
+        work = np.minimum(work, 0.0)
+    return FrictionContact(force, new, place, work, theta, total)
+
+
+def _balanced(
+    released: float, pressed: float, strained: float, early: Floats, late: Floats
+) -> tuple[float, float]:
+    """The theta with G = 0, and the steepest slope of G.
+
+    Args:
+        released: lambda_a . gap_b [J], >= 0.
+        pressed: lambda_b . gap_a [J], >= 0.
+        strained: delta . D delta [J], >= 0.
+        early: The p_j > 0 [J].
+        late: Their q_j <= 0 [J].
+    """
+    room = released + pressed + strained
+    slope = room + float((early - late).sum())
+    if slope <= 0.0:
+        return 0.5, 0.0
+    theta = 0.0
+    # Newton's steps from the left of a convex function: each drops a pair, or is the last one.
+    for _ in range(len(early) + 1):
+        acting = (1.0 - theta) * early + theta * late > 0.0
+        top = released + 0.5 * strained + float(early[acting].sum())
+        steep = room + float((early - late)[acting].sum())
+        following = top / steep if steep > 0.0 else theta
+        if following <= theta:
+            break
+        theta = following
+    return min(max(theta, 0.0), 1.0), slope
+
+
+def _with_mass(
+    free: Floats,
+    response: Floats,
+    before: tuple[Floats, Floats],
+    friction: Floats,
+    stuck: Floats,
+    tolerance: float,
+    max_iterations: int,
+) -> FrictionContact:
+    """Take theta = 1/2 for normal forces; T obeys the law with Lambda.
+
+    The unknowns are lambda_b / 2 and T: then the matrix is C, symmetric.
+    """
+    old, place_a = before
+    given = np.zeros_like(old)
+    given[:, 0] = 0.5 * old[:, 0]
+    offset = free + _times(response, given)
+    slipped = offset.copy()
+    slipped[:, 1:] -= stuck
+    problem = ConeProblem(response, slipped, friction, given[:, 0])
+    start = old.copy()
+    start[:, 0] *= 0.5
+    found, iterations = solve_cones(problem, start, tolerance, max_iterations)
+    force, multiplier = given + found, found.copy()
+    multiplier[:, 0] *= 2.0
+    place = offset + _times(response, found)
+    work = _work(force, place, place_a)
+    return FrictionContact(force, multiplier, place, work, 0.5, iterations)
+
+
+def solve_friction_velocity_layer(
+    free: Floats,
+    speed: Floats,
+    response: Floats,
+    place_a: Floats,
+    friction: Floats,
+    dt: float,
+    tolerance: float,
+    max_iterations: int = 1000,
+) -> FrictionContact:
+    """Moreau's and Jean's rule with restitution 0 and friction.
+
+    Args:
+        free: Places at the end of the layer without contact [m], shape (pairs, dim).
+        speed: Relative velocities there [m/s], shape (pairs, dim).
+        response: C, change of the places per unit of F [m/N]; that of the speeds is 2 C / dt.
+        place_a: Places at the start [m], shape (pairs, dim).
+        friction: Coefficients mu, shape (pairs,).
+        dt: Time step [s].
+        tolerance: Rounding level of places [m]; that of speeds is 2 / dt times it.
+        max_iterations: Limit of linear systems.
+
+    Raises:
+        ConvergenceError: Stick and slip were not found.
+    """
+    pairs, dim = free.shape
+    force = np.zeros((pairs, dim))
+    if not friction.any():
+        solver = solve_by_active_set(tolerance, max_iterations)
+        normal = np.ascontiguousarray(response[::dim, ::dim])
+        layer = solve_velocity_layer(free[:, 0], speed[:, 0], normal, dt, solver)
+        force[:, 0], iterations = layer.force, layer.iterations
+    else:
+        closed = np.flatnonzero(free[:, 0] <= 0.0)
+        iterations = 0
+        if len(closed):
+            rows = (dim * closed[:, None] + np.arange(dim)).ravel()
+            matrix = (2.0 / dt) * response[np.ix_(rows, rows)]
+            none = np.zeros(len(closed))
+            problem = ConeProblem(matrix, speed[closed], friction[closed], none)
+            force[closed], iterations = solve_cones(
+                problem, force[closed], 2.0 / dt * tolerance, max_iterations
+            )
+    place = free + _times(response, force)
+    return FrictionContact(force, force, place, _work(force, place, place_a), 0.5, iterations)
+
+
+def _without_friction(
+    free: Floats,
+    response: Floats,
+    compliance: Floats,
+    before: tuple[Floats, Floats],
+    rule: Rule,
+    tolerance: float,
+    max_iterations: int,
+) -> FrictionContact:
+    old, place_a = before
+    dim = free.shape[1]
+    normal = (slice(None, None, dim), slice(None, None, dim))
+    layer = solve_layer(
+        free[:, 0], np.ascontiguousarray(response[normal]),
+        np.ascontiguousarray(compliance[normal]), (old[:, 0], place_a[:, 0]), rule,
+        solve_by_active_set(tolerance, max_iterations),
+    )  # fmt: skip
+    force, multiplier = np.zeros_like(free), np.zeros_like(free)
+    force[:, 0], multiplier[:, 0] = layer.force, layer.multiplier
+    place = free + _times(response, force) + _times(compliance, multiplier)
+    place[:, 0] = layer.gap
+    none = np.zeros(len(free))
+    return FrictionContact(force, multiplier, place, none, layer.theta, layer.iterations)
+
+
+def _times(matrix: Floats, values: Floats) -> Floats:
+    found: Floats = (matrix @ values.ravel()).reshape(values.shape)
+    return found
+
+
+def _work(force: Floats, place: Floats, place_a: Floats) -> Floats:
+    """T . Delta r_t of each pair [J]."""
+    found: Floats = (force[:, 1:] * (place[:, 1:] - place_a[:, 1:])).sum(axis=1)
+    return found
