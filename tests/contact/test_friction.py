@@ -182,7 +182,7 @@ def test_sweeps_lead_newton_where_it_does_not_converge_from_rest():
 def test_frozen_bounds_alone_find_the_forces_for_small_friction(seed, pairs, dim):
     problem = _problem(seed, pairs, dim, 0.05)
     one = _solved(problem)
-    other = _with_frozen_bounds(problem, np.zeros_like(problem.offset), 200)
+    other = _with_frozen_bounds(problem, np.zeros_like(problem.offset), 200, 0.5)
     assert other == pytest.approx(one, abs=1e-6 * (1.0 + np.abs(one).max()))
 
 
