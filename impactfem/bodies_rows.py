@@ -106,6 +106,7 @@ def bodies_motion(
             "contact_pairs": model.contact_count,
             "contact_nodes": sum(len(numbers) for numbers in model.numbers),
             "carriers": {" and ".join(p.names): p.names[0] for p in model.pairs},
+            "friction_work": float(rows.friction_work.sum()),
             "cells": sum(part.mesh.num_cells for part in model.parts),
             "nodes": sum(part.mesh.num_nodes for part in model.parts),
         },
@@ -115,13 +116,32 @@ def bodies_motion(
 
 
 def _direction(model: BodiesModel) -> Floats:
-    """Unit vector from the first body to the second, or of the first pair's normal."""
+    """Unit vector along which momentum is told: its largest component is positive.
+
+    That of the first body's approach to the second; of gravity, if they start alike; else the line
+    of their centres. Upwards for one body.
+    """
     dim = model.parts[0].solid.dim
-    centres = [part.system.center_of_mass for part in model.parts[:2]]
+    if len(model.parts) == 1:
+        return np.eye(3)[1]
+    one, two = model.parts[:2]
+    speeds = [part.system.mean(part.system.velocity) for part in (one, two)]
+    approach = speeds[0] - speeds[1]
+    if np.linalg.norm(approach) <= 1e-12 * np.abs(speeds).max():
+        approach = np.zeros(dim)  # rounding
     way = np.zeros(3)
-    way[:dim] = centres[0] - centres[1]
-    length = float(np.linalg.norm(way))
-    return way / length if length > 0.0 else np.eye(3)[0]
+    for candidate in (
+        approach,
+        np.asarray(model.scene.vector_gravity.at(0.0)),
+        one.system.center_of_mass - two.system.center_of_mass,
+    ):
+        way[:dim] = candidate[:dim]
+        length = float(np.linalg.norm(way))
+        if length > 0.0:
+            way /= length
+            way[np.abs(way) < 1e-9] = 0.0
+            return way * np.sign(way[np.argmax(np.abs(way))]) + 0.0
+    return np.eye(3)[0]
 
 
 def _work(march: SolidMarch, sums: Floats, *, explicit: bool) -> Floats:

@@ -19,13 +19,15 @@ from impactfem.marching.bodies_output import BodiesOutput
 from impactfem.marching.composite import Composite
 from impactfem.marching.leapfrog import Leapfrog
 from impactfem.marching.midpoint import Midpoint
+from impactfem.marching.rubbing import Friction
+from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SOLID_SCHEMES, SolidScheme
 from impactfem.marching.solids import SolidMarch
 from impactfem.planning.bodies import degrees
 from impactfem.planning.solid_costs import count_layers
 from impactfem.result.solid_fields import SolidFields
 from impactfem.scene import Scene
-from impactfem.scene.pairing import obstacles_of
+from impactfem.scene.pairing import friction_of, obstacles_of
 from impactfem.solid_runs import SHARE_OF_STABLE, stable_step
 from impactfem.system.massless import mass_transfer
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
@@ -80,7 +82,12 @@ def run_bodies(
     gaps = _gaps(model, surfaces, interior)
     tolerance = plan.tolerance * size
     solver = solve_by_active_set(tolerance, plan.max_iterations)
-    march = SolidMarch(model.comm, interior, scheme, gaps, solver, layers, tolerance)
+    law = _friction(model, plan, tolerance)
+    march = (
+        SolidMarch(model.comm, interior, scheme, gaps, solver, layers, tolerance)
+        if law is None
+        else RubbingMarch(model.comm, interior, scheme, gaps, solver, layers, tolerance, law)
+    )
     progress.step("marching")
     try:
         fields = _march(scene, model, march, gaps)
@@ -91,6 +98,22 @@ def run_bodies(
             if transfer is not None:
                 transfer.destroy()
     return motion, fields
+
+
+def _friction(model: BodiesModel, plan: "SolidPlan", tolerance: float) -> Friction | None:
+    """Coefficients of all gaps, in the order of `PairGaps`; None if there is no friction."""
+    scene, parts = model.scene, [np.zeros(0)]
+    for part in model.parts:
+        if part.obstacle is None or not part.obstacle.count:
+            continue
+        name = part.solid.name
+        each = [friction_of(scene, name, o.name) for o in obstacles_of(scene, name)]
+        parts.append(np.array(each)[part.obstacle.obstacle])
+    parts += [np.full(pair.count, friction_of(scene, *pair.names)) for pair in model.pairs]
+    coefficients = np.concatenate(parts)
+    if not coefficients.any():
+        return None
+    return Friction(coefficients, tolerance, 50 * plan.max_iterations)
 
 
 def _interior(

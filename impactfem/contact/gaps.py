@@ -105,6 +105,15 @@ class Gaps:
                 moved[mine] = normals[mine] @ shift
         return moved
 
+    def shift(self, time: float) -> Floats:
+        """Displacement of each node's obstacle since t = 0 [m], (count, dim)."""
+        moved = np.zeros_like(self._normal)
+        for index, obstacle in enumerate(self._obstacles):
+            if obstacle.motion is not None:
+                way = np.asarray(translation(obstacle, time)) - translation(obstacle, 0.0)
+                moved[self._nearest == index] = way
+        return moved
+
     def speed(self, normals: Floats, time: float, dt: float) -> Floats:
         """Speed of each node's obstacle towards it [m/s], over a step about the time, (count,)."""
         if all(obstacle.motion is None for obstacle in self._obstacles):

@@ -2,7 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, vstack
 
 from impactfem.contact.responses import Columns
 
@@ -77,6 +77,39 @@ class PairResponses:
         moved = (known.T @ forces) @ self._layer + (known.T @ multipliers) @ self._static
         relative = self._weights @ moved.reshape(self._nodes, self._dim)
         found: Floats = np.einsum("ij,ij->i", normals, relative)
+        return found
+
+    def blocks(self, rows: Integers, frames: Floats) -> tuple[Floats, Floats]:
+        """C and D of some gaps in all directions [m/N], each (k dim, k dim).
+
+        Args:
+            rows: The gaps, known by `require`.
+            frames: Orthonormal directions of each, the normal first, shape (k, dim, dim).
+        """
+        size = len(rows) * self._dim
+        parts = csr_matrix(vstack([self._operator(rows, frames[:, i]) for i in range(self._dim)]))
+        order = np.arange(size).reshape(self._dim, len(rows)).T.ravel()
+        parts = csr_matrix(parts[order])
+        known = self._known_part(parts)
+        layer, static = (
+            np.asarray((known @ columns) @ parts.T) for columns in (self._layer, self._static)
+        )
+        return 0.5 * (layer + layer.T), 0.5 * (static + static.T)
+
+    def moved(self, rows: Integers, forces: Floats, multipliers: Floats) -> Floats:
+        """Relative displacements in all gaps by vector forces on some, (pairs, dim).
+
+        Args:
+            rows: The gaps, known by `require`.
+            forces: Layer forces [N], shape (k, dim).
+            multipliers: Static forces [N], shape (k, dim).
+        """
+        weights = self._weights[rows]
+        total = np.zeros(self._nodes * self._dim)
+        for columns, values in ((self._layer, forces), (self._static, multipliers)):
+            on_nodes = (weights.T @ values)[self.known]
+            total += on_nodes.ravel() @ columns
+        found: Floats = self._weights @ total.reshape(self._nodes, self._dim)
         return found
 
     def are_whole(self, rows: Integers) -> bool:  # noqa: ARG002  (as `Responses` has it)

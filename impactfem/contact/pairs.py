@@ -123,6 +123,14 @@ class PairGaps:
             normals.append(entry.normal)
         return np.concatenate(gaps), np.concatenate(normals)
 
+    def shift(self, time: float) -> Floats:
+        """Displacement of the obstacles since t = 0 [m], (pairs, dim); 0 between bodies."""
+        moved, first = np.zeros((len(self._area), self._places.shape[1])), 0
+        for _, chosen, gaps in self._obstacles:
+            moved[first : first + len(chosen)] = gaps.shift(time)
+            first += len(chosen)
+        return moved
+
     def nodal(self, force: Floats, gap: Floats) -> tuple[Floats, Floats, Floats]:
         """Gap [m], pressure [Pa] and whether pressed, of the contact nodes, each (nodes,).
 

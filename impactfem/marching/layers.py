@@ -123,6 +123,16 @@ class Answers(Protocol):
         """Displacements of the contact nodes by static forces on whole ones, (nodes, dim)."""
 
 
+class DirectedAnswers(Answers, Protocol):
+    """Answers in all directions, as friction needs them."""
+
+    def blocks(self, rows: Integers, frames: Floats) -> tuple[Floats, Floats]:
+        """C and D of some gaps in all directions [m/N], (k dim, k dim); with friction."""
+
+    def moved(self, rows: Integers, forces: Floats, multipliers: Floats) -> Floats:
+        """Relative displacements in all gaps by vector forces on some, (pairs, dim)."""
+
+
 class ContactGaps(Protocol):
     """Gaps of contact nodes: to obstacles (`contact.gaps`), or between bodies (`contact.pairs`)."""
 
@@ -142,6 +152,9 @@ class ContactGaps(Protocol):
 
     def advance(self, normals: Floats, time: float) -> Floats:
         """How far obstacles have moved towards the nodes since t = 0 [m], (pairs,)."""
+
+    def shift(self, time: float) -> Floats:
+        """Displacement of each gap's obstacle since t = 0 [m], (pairs, dim)."""
 
     def speed(self, normals: Floats, time: float, dt: float) -> Floats:
         """Speed of obstacles towards the nodes [m/s], (pairs,)."""

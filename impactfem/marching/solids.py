@@ -68,7 +68,7 @@ class Rows:
 
     Attributes:
         sums: Kinetic, elastic, work of loads, momentum and moment of this rank, (rows, 3 + 2 dim).
-        gap, force, contact_energy, obstacle_work: Of all ranks, (rows,).
+        gap, force, contact_energy, obstacle_work, friction_work: Of all ranks, (rows,).
         active, iterations: Of all ranks, (rows,).
     """
 
@@ -77,6 +77,7 @@ class Rows:
     force: Floats
     contact_energy: Floats
     obstacle_work: Floats
+    friction_work: Floats
     active: Integers
     iterations: Integers
 
@@ -84,9 +85,11 @@ class Rows:
     def empty(cls, rows: int, dim: int) -> "Rows":
         """Rows of zeros."""
         sums = np.zeros((rows, 3 + 2 * dim))
-        gap, force, contact_energy, obstacle_work = np.zeros((4, rows))
+        gap, force, contact_energy, obstacle_work, friction_work = np.zeros((5, rows))
         active, iterations = np.zeros((2, rows), dtype=np.int64)
-        return cls(sums, gap, force, contact_energy, obstacle_work, active, iterations)
+        return cls(
+            sums, gap, force, contact_energy, obstacle_work, friction_work, active, iterations
+        )
 
     def first(self, count: int) -> "Rows":
         """The first so many rows."""
@@ -233,7 +236,7 @@ class SolidMarch:
             self._speed_without_contact = np.einsum("ij,ij->i", normals, end) - self._gaps.speed(
                 normals, time, interior.dt
             )
-        force, multiplier, static, iterations = self._contact_forces(gap, normals)
+        force, multiplier, static, iterations = self._layer_forces(gap, normals, free, last)
         self.layer = layer + 1
         self.rows.put(self.layer, interior.finish(layer, static))
         self.speed = 2.0 / interior.dt * (interior.surface_displacement - last) - self.speed
@@ -241,6 +244,7 @@ class SolidMarch:
         older = state.older_advance if explicit else state.advance
         half = 0.5 if explicit else 1.0
         self.rows.obstacle_work[self.layer] = half * float(force @ (advance - older))
+        self._end_layer(time, half, interior.surface_displacement + static)
         self.contact = ContactState(
             multiplier, true, state.multiplier, state.gap, advance, state.advance, static
         )
@@ -250,6 +254,30 @@ class SolidMarch:
             force = multiplier
         self._close_row(self.layer, force, iterations)
         return force
+
+    def _layer_forces(
+        self,
+        gap: Floats,
+        normals: Floats,
+        free: Floats,  # noqa: ARG002  # for friction
+        last: Floats,  # noqa: ARG002  # likewise
+    ) -> tuple[Floats, Floats, Floats, int]:
+        """Forces of the layer, multipliers at its end, what they do, and linear systems solved.
+
+        Args:
+            gap: Gaps at the end without contact forces [m], (pairs,).
+            normals: Their normals, (pairs, dim).
+            free: Displacement of the contact nodes there [m], (nodes, dim).
+            last: The same with contact forces, one layer earlier.
+        """
+        return self._contact_forces(gap, normals)
+
+    def _end_layer(self, time: float, part: float, place: Floats) -> None:
+        """Called when a layer has ended; for friction."""
+
+    def _pressed_work(self, way: Floats) -> float:
+        """Multipliers times the displacements (pairs, dim) that they give to massless nodes [J]."""
+        return float(self.contact.multiplier @ np.einsum("ij,ij->i", self._normals, way))
 
     def _contact_forces(self, gap: Floats, normals: Floats) -> tuple[Floats, Floats, Floats, int]:
         """Forces of the layer, multipliers at its end and what they do, for free gaps.
@@ -332,8 +360,7 @@ class SolidMarch:
         rows.iterations[row] = iterations
         if self._skips:
             # gap = g + D lambda and lambda gap = 0: lambda D lambda = lambda . (gap - g).
-            way = np.einsum("ij,ij->i", self._normals, self._gaps.relative(state.static))
-            pressed = float(state.multiplier @ way)
+            pressed = self._pressed_work(self._gaps.relative(state.static))
             rows.contact_energy[row] = 0.5 * pressed
 
     def _check_finite(self) -> None:

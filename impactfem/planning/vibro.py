@@ -13,6 +13,7 @@ from impactfem.scene.values import show
 from impactfem.vibro_model import VibroModel, vibro_model
 
 _ROWS = 1000
+_LIVELY = 0.85
 _MOST_STEPS = 200_000_000
 _PER_RADIAN = 20.0  # steps of a radian of the fastest vibration
 _BEAM_PERIOD = 200.0  # steps of the first bending period
@@ -216,6 +217,11 @@ def _warnings(scene: Scene, model: VibroModel, method: str) -> list[str]:
         )
     if not METHODS[method].plannable:
         found.append(f"method {method} is for comparison: {METHODS[method].text}")
+    if method == "paoli_schatzman" and float(model.system.restitution.max()) > _LIVELY:
+        found.append(
+            "paoli_schatzman can gain energy with restitution near 1: beside corners, and at some "
+            "steps over thousands of bounces; event_driven or moreau_jean do not"
+        )
     pairs = model.system.num_constraints
     if model.beam is None and pairs > 1 and np.unique(model.system.restitution).size > 1:
         found.append(

@@ -32,7 +32,7 @@ class Contact:
         default=0.0,
     )
     friction_coefficient: float = key(
-        Real(at_least=0), "Coulomb's coefficient; only 0 so far", default=0.0
+        Real(at_least=0), "Coulomb's coefficient (solid)", default=0.0
     )
 
     def __post_init__(self) -> None:
@@ -44,8 +44,3 @@ class Contact:
             text = f" = {show(self.restitution)} is not allowed: an impact would gain energy; "
             text += "give a number from 0 (no rebound) to 1 (no loss)."
             raise KeyedError(self.heading, "restitution", text)
-        if self.friction_coefficient > 0.0:
-            text = (
-                f" = {show(self.friction_coefficient)}: friction is not available yet; remove it."
-            )
-            raise KeyedError(self.heading, "friction_coefficient", text)

@@ -60,7 +60,7 @@ def check_scene(scene: "Scene", gravity: object) -> None:
         for index, solid in enumerate(scene.bodies):
             if isinstance(solid, Solid):
                 _check_solid(scene, solid, gravity, f"body[{index}]")
-        if len(scene.bodies) > 1:
+        if scene.has_pairs:
             check_pairs(scene)
     else:
         check_vibro(scene, gravity)
@@ -109,9 +109,9 @@ def _check_counts(scene: "Scene") -> None:
         text = " is missing: there is none (obstacle = []); give one or more [[obstacle]], as "
         text += f"kind = {show(kind)}."
         raise KeyedError("obstacle", "", text)
-    if scene.contacts:
+    if scene.contacts and isinstance(first, Bar):
         text = (
-            f" = {show(scene.contacts[0])} is for points, rods and beams: a {first.kind} rebounds "
+            f" = {show(scene.contacts[0])} is for points, rods, beams and solids: a bar rebounds "
         )
         text += "by its own elasticity, without friction; remove [[contact]]."
         raise KeyedError("contact[0]", "", text)

@@ -26,6 +26,14 @@ def body_pairs(scene: "Scene") -> list[tuple[Side, Side]]:
     return [(one, two) for one, two in sides if one[0] in names and two[0] in names]
 
 
+def friction_of(scene: "Scene", one: str, two: str) -> float:
+    """Coefficient of friction between two names; 0 where none is given."""
+    for entry in scene.contacts:
+        if {side_of(name)[0] for name in entry.between} == {one, two}:
+            return entry.friction_coefficient
+    return 0.0
+
+
 def obstacles_of(scene: "Scene", name: str) -> Sequence["Rigid"]:
     """Obstacles that a body may meet: those of ``[[contact]]``, or all where there is none."""
     if not scene.contacts:

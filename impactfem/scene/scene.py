@@ -169,6 +169,11 @@ class Scene:
         return 2 if isinstance(body, Rod | Beam) else body.dim
 
     @property
+    def has_pairs(self) -> bool:
+        """Whether it is one of solids that strike each other, or rub."""
+        return isinstance(self.bodies[0], Solid) and (len(self.bodies) > 1 or bool(self.contacts))
+
+    @property
     def is_vibro(self) -> bool:
         """Whether it has few degrees of freedom: points, a rod or a beam."""
         return not isinstance(self.bodies[0], Bar | Solid)

@@ -107,6 +107,11 @@ def _check_contact(
     names: dict[str, Any], contact: Contact, index: int, earlier: tuple[Contact, ...]
 ) -> None:
     where = f"contact[{index}]"
+    if contact.friction_coefficient > 0.0:
+        text = (
+            f" = {show(contact.friction_coefficient)}: friction is for solids, {FAMILY} have none"
+        )
+        raise KeyedError(where, "friction_coefficient", f"{text}; remove it.")
     shown = show(list(contact.between))
     for name in contact.between:
         if name not in names:

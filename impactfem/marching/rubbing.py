@@ -1,0 +1,159 @@
+"""Friction in the time loop: what the law needs of a layer, and what it leaves for the next one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.friction import (
+    FrictionContact,
+    solve_friction_layer,
+    solve_friction_velocity_layer,
+)
+from impactfem.marching.schemes import SolidScheme
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Coulomb's law in the gaps.
+
+    Attributes:
+        coefficients: mu of each gap, shape (pairs,).
+        tolerance: Rounding level of places [m].
+        max_iterations: Limit of linear systems of a layer.
+    """
+
+    coefficients: Floats
+    tolerance: float
+    max_iterations: int
+
+
+@dataclass
+class Rubbing:
+    """Tangential state of the gaps between layers.
+
+    Attributes:
+        law: Coefficients and limits.
+        tangential: Tangential multipliers at the last level [N], vectors in space, (pairs, dim).
+        older_tangential: One level earlier.
+        place: Displacement of the contact nodes at the last level, forces included [m], (nodes,
+            dim).
+        older_place: One level earlier.
+        work: Frictional work of the last layer [J].
+    """
+
+    law: Friction
+    tangential: Floats
+    older_tangential: Floats
+    place: Floats
+    older_place: Floats
+    work: float = 0.0
+
+    @classmethod
+    def at_rest(cls, law: Friction, place: Floats) -> "Rubbing":
+        """No tangential forces yet."""
+        zero = np.zeros((len(law.coefficients), place.shape[1]))
+        return cls(law, zero, zero, place, place)
+
+    def advance(self, tangential: Floats, place: Floats) -> None:
+        """Go to the next level."""
+        self.older_tangential, self.tangential = self.tangential, tangential
+        self.older_place, self.place = self.place, place
+
+
+@dataclass(frozen=True)
+class LayerGaps:
+    """A layer as the law of friction sees it, for some gaps.
+
+    Attributes:
+        rows: The gaps.
+        frames: Their directions, the normal first, shape (k, dim, dim).
+        gap: Gaps at the end without forces [m], (k,).
+        way: Relative displacements there, less those of obstacles [m], (k, dim).
+        old: lambda_a [N] and gap_a [m], (k,) each.
+        old_tangential: tau_a [N], vectors in space, (k, dim).
+        old_way: Relative displacements at a [m], (k, dim).
+        held: Where sticking gaps stay [m], (k, dim); None for ``old_way``.
+        speed: Relative velocities at the end without forces [m/s], (k, dim); at velocity level.
+    """
+
+    rows: Integers
+    frames: Floats
+    gap: Floats
+    way: Floats
+    old: tuple[Floats, Floats]
+    old_tangential: Floats
+    old_way: Floats
+    held: Floats | None
+    speed: Floats
+
+
+def rub(
+    law: Friction,
+    scheme: SolidScheme,
+    layer: LayerGaps,
+    blocks: tuple[Floats, Floats],
+    share: float,
+    dt: float,
+) -> FrictionContact:
+    """Solve a layer; forces and multipliers come back in the frames of the gaps.
+
+    Args:
+        law: Coefficients and limits.
+        scheme: Its contact rule.
+        layer: The gaps that take part.
+        blocks: C and D in their frames.
+        share: Part of the layer's force that acts.
+        dt: Time step [s].
+
+    Raises:
+        ConvergenceError: Stick, slip or theta were not found.
+    """
+    mu = law.coefficients[layer.rows]
+    free = turned(layer.frames, layer.way)
+    free[:, 0] = layer.gap
+    before = turned(layer.frames, layer.old_way)
+    before[:, 0] = layer.old[1]
+    response, compliance = share * blocks[0], blocks[1]
+    if scheme.contact == "velocity":
+        speed = turned(layer.frames, layer.speed)
+        return solve_friction_velocity_layer(
+            free, speed, response, before, mu, dt, law.tolerance, law.max_iterations
+        )
+    old = turned(layer.frames, layer.old_tangential)
+    old[:, 0] = layer.old[0]
+    held = None if layer.held is None else turned(layer.frames, layer.held)[:, 1:]
+    return solve_friction_layer(
+        free, response, compliance, (old, before), mu, scheme.contact, law.tolerance,
+        law.max_iterations, held,
+    )  # fmt: skip
+
+
+def frames(normals: Floats) -> Floats:
+    """Orthonormal directions with the normals first, shape (k, dim, dim)."""
+    count, dim = normals.shape
+    found = np.zeros((count, dim, dim))
+    found[:, 0] = normals
+    if dim == 2:
+        found[:, 1] = np.stack([-normals[:, 1], normals[:, 0]], axis=1)
+        return found
+    least = np.argmin(np.abs(normals), axis=1)
+    first = np.cross(normals, np.eye(3)[least])
+    found[:, 1] = first / np.linalg.norm(first, axis=1)[:, None]
+    found[:, 2] = np.cross(normals, found[:, 1])
+    return found
+
+
+def turned(directions: Floats, vectors: Floats) -> Floats:
+    """Components of vectors along some directions, (k, dim)."""
+    found: Floats = np.einsum("kij,kj->ki", directions, vectors)
+    return found
+
+
+def in_space(directions: Floats, components: Floats) -> Floats:
+    """Vectors of components along some directions, the inverse of `turned`."""
+    found: Floats = np.einsum("kij,ki->kj", directions, components)
+    return found

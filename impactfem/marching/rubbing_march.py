@@ -1,0 +1,120 @@
+"""The time loop with friction: the forces of a layer have tangential parts and do work."""
+
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.complementarity import Solver
+from impactfem.marching.layers import ContactGaps, DirectedAnswers, Interior
+from impactfem.marching.rubbing import Friction, LayerGaps, Rubbing, frames, in_space, rub
+from impactfem.marching.schemes import SolidScheme
+from impactfem.marching.solids import SolidMarch
+
+Floats = NDArray[np.float64]
+
+
+class RubbingMarch(SolidMarch):
+    """A march with Coulomb friction in gaps of bodies (`impactfem.contact.pairs`)."""
+
+    def __init__(
+        self,
+        comm: Any,
+        interior: Interior,
+        scheme: SolidScheme,
+        gaps: ContactGaps,
+        solver: Solver,
+        layers: int,
+        tolerance: float,
+        friction: Friction,
+    ) -> None:
+        """Find the contact forces of the initial state, at which nothing rubs yet.
+
+        Args:
+            comm: As for `SolidMarch`, and so are the others.
+            interior: See there.
+            scheme: See there.
+            gaps: See there.
+            solver: See there; not asked, but for t = 0.
+            layers: See there.
+            tolerance: See there.
+            friction: Coulomb's law.
+        """
+        place = interior.surface_displacement
+        self._rubbing = Rubbing.at_rest(friction, place)
+        self._tangential = self._rubbing_force = np.zeros((len(friction.coefficients), 0))
+        super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance)
+        self._rubbing = Rubbing.at_rest(friction, place + self.contact.static)
+
+    def _end_layer(self, time: float, part: float, place: Floats) -> None:
+        """Keep the tangential state, and sum up what friction and moved obstacles have done."""
+        self._rubbing.advance(self._tangential, place)
+        rows, row = self.rows, self.layer
+        rows.friction_work[row] = part * self._rubbing.work
+        before = max(0.0, time - self.interior.dt / part)
+        shift = self._gaps.shift(time) - self._gaps.shift(before)
+        rows.obstacle_work[row] += part * float((self._rubbing_force * shift).sum())
+
+    def _pressed_work(self, way: Floats) -> float:
+        """Multipliers times the displacements (pairs, dim) that they give to massless nodes [J]."""
+        return super()._pressed_work(way) + float((self._rubbing.tangential * way).sum())
+
+    def _layer_forces(
+        self, gap: Floats, normals: Floats, free: Floats, last: Floats
+    ) -> tuple[Floats, Floats, Floats, int]:
+        """Forces of the layer, multipliers at its end, what they do, and linear systems solved."""
+        state, answers = self._rubbing, cast("DirectedAnswers", self._responses)
+        interior, gaps, contact, dt = self.interior, self._gaps, self.contact, self.interior.dt
+        time, share = (self.layer + 1) * dt, interior.share(self.layer)
+        force, multiplier = np.zeros(len(gap)), np.zeros(len(gap))
+        static, tangential = np.zeros_like(free), np.zeros_like(normals)
+        old, old_gap, old_tangential, old_place, back = (
+            (contact.older_multiplier, contact.older_gap, state.older_tangential,
+             state.older_place, 2.0)
+            if self._skips
+            else (contact.multiplier, contact.gap, state.tangential, last, 1.0)
+        )  # fmt: skip
+        state.work, self._true_gap = 0.0, gap
+        self._tangential = self._rubbing_force = tangential
+        taking_part = (old > 0.0) | (contact.multiplier > 0.0) | (gap < -self._tolerance)
+        if not taking_part.any():
+            return force, multiplier, static, 0
+        way = gaps.relative(free) - gaps.shift(time)
+        old_way = gaps.relative(old_place) - gaps.shift(max(0.0, time - back * dt))
+        held = gaps.relative(last) - gaps.shift(time - dt) if self._skips else None
+        speed = gaps.relative(2.0 / dt * (free - last) - self.speed)
+        iterations = 0
+        while True:
+            rows = np.flatnonzero(taking_part)
+            answers.require(rows)
+            directions = frames(normals[rows])
+            layer = LayerGaps(
+                rows, directions, gap[rows], way[rows], (old[rows], old_gap[rows]),
+                old_tangential[rows], old_way[rows], None if held is None else held[rows],
+                speed[rows],
+            )  # fmt: skip
+            blocks = answers.blocks(rows, directions)
+            found = rub(state.law, self._scheme, layer, blocks, share, dt)
+            iterations += found.iterations
+            acting = in_space(directions, found.force)
+            levels = in_space(directions, found.multiplier)
+            moved = answers.moved(rows, share * acting, levels)
+            true = gap + np.einsum("ij,ij->i", normals, moved)
+            true[rows] = found.place[:, 0]
+            missed = true < -self._tolerance
+            missed[rows] = False
+            if not missed.any() or self._scheme.contact == "velocity":
+                break
+            taking_part |= missed
+        whole, multipliers = np.zeros_like(normals), np.zeros_like(normals)
+        whole[rows], multipliers[rows] = acting, levels
+        force[rows], multiplier[rows] = found.force[:, 0], found.multiplier[:, 0]
+        if found.force.any():
+            interior.push(gaps.spread(whole), None)
+        if self._scheme.massless:
+            static = interior.static(gaps.spread(multipliers))
+        self._true_gap = true
+        self._tangential = multipliers - multiplier[:, None] * normals
+        state.work = float(found.work.sum())
+        self._rubbing_force = whole - force[:, None] * normals
+        return force, multiplier, static, iterations
