@@ -74,7 +74,11 @@ def run_bodies(
         _interior(part, scheme, surface, transfer, dt, plan.linear_solver)
         for part, surface, transfer in zip(model.parts, surfaces, transfers, strict=True)
     ]
-    interior = Composite(interiors, layers)
+    interior = Composite(
+        interiors, layers,
+        [surface.gather((~part.system.constrained).astype(float))
+         for part, surface in zip(model.parts, surfaces, strict=True)],
+    )  # fmt: skip
     size = max(
         float(np.ptp(gather(model.comm, part.system.positions), axis=0).max())
         for part in model.parts

@@ -16,7 +16,8 @@ class Composite:
     """The interiors of several bodies as one; see `impactfem.marching.layers.Interior`.
 
     Contact nodes are those of the first body, then of the second, and so on. Bodies that no force
-    reaches are not asked for answers.
+    reaches are not asked for answers. The part of a contact force that a support takes (a
+    normal on the axis or a cut of symmetry may lean a little out of it) moves nothing.
 
     Attributes:
         parts: Interiors of the bodies, all with the same step.
@@ -25,8 +26,16 @@ class Composite:
             momentum and moment, shape (bodies, layers + 1, 3 + 2 dim).
     """
 
-    def __init__(self, parts: Sequence[Interior], layers: int) -> None:
+    def __init__(
+        self, parts: Sequence[Interior], layers: int, free: Sequence[Floats] | None = None
+    ) -> None:
         """Join interiors.
+
+        Args:
+            parts: The bodies.
+            layers: Number of layers.
+            free: Of each body 1 where a contact node may move and 0 where a support holds it,
+                (count, dim); everywhere 1 if None.
 
         Raises:
             SceneError: Their steps differ.
@@ -41,6 +50,7 @@ class Composite:
         dim = parts[0].surface_displacement.shape[1]
         self.offsets: tuple[int, ...] = (0, *np.cumsum(counts).tolist())
         self.whole_columns: int | None = 0
+        self._free = [1.0] * len(parts) if free is None else list(free)
         self.rows: Floats = np.zeros((len(parts), layers + 1, 3 + 2 * dim))
 
     def own(self, body: int) -> slice:
@@ -81,7 +91,7 @@ class Composite:
         """Answers of the contact nodes to several forces (several, count, dim)."""
         layer, static = np.zeros_like(forces), np.zeros_like(forces)
         for k, part in enumerate(self.parts):
-            mine = forces[:, self.own(k)]
+            mine = forces[:, self.own(k)] * self._free[k]
             asked = np.flatnonzero(mine.any(axis=(1, 2)))
             if len(asked):
                 found = part.columns(np.ascontiguousarray(mine[asked]))
@@ -92,7 +102,7 @@ class Composite:
         """Displacement of massless contact nodes by static forces on them, (count, dim) each."""
         found = np.zeros_like(forces)
         for k, part in enumerate(self.parts):
-            mine = forces[self.own(k)]
+            mine = forces[self.own(k)] * self._free[k]
             if mine.any():
                 found[self.own(k)] = part.static(mine)
         return found
@@ -100,7 +110,7 @@ class Composite:
     def push(self, forces: Floats, change: Floats | None) -> None:  # noqa: ARG002  (as the interface has it)
         """Add the effect of the layer's contact forces (count, dim) to the bodies they act on."""
         for k, part in enumerate(self.parts):
-            mine = forces[self.own(k)]
+            mine = forces[self.own(k)] * self._free[k]
             if mine.any():
                 part.push(mine, None)
 

@@ -24,6 +24,9 @@ _SAMPLES = 240  # of the obstacles' outline along each axis
 _LONGEST = 0.2  # share of the body's size that the largest contact pressure is drawn at
 _THICK = 3.0  # of a slender body the size is at most so many times its thickness
 
+WIDEST = 5.0
+"""Width of the line that the largest pressure between bodies is drawn with [pt]."""
+
 
 @dataclass(frozen=True)
 class PlanePainter:
@@ -35,6 +38,8 @@ class PlanePainter:
         axisymmetric: Whether x is the radius.
         stress: Largest von Mises stress of the colours [Pa].
         pressure: Largest contact pressure of all pictures [Pa].
+        several: Whether bodies can strike each other: then the pressure is a line along the
+            contact, the wider the larger, as an area beyond it would cover the other body.
     """
 
     skin: Skin
@@ -42,6 +47,7 @@ class PlanePainter:
     axisymmetric: bool
     stress: float = 1.0
     pressure: float = 0.0
+    several: bool = False
 
     def extent(self, snapshot: Snapshot) -> Floats:
         """Range of x and y of the body, shape (2, 2): rows are directions."""
@@ -50,7 +56,8 @@ class PlanePainter:
 
     def window(self, extents: Sequence[Floats]) -> Floats:
         """Range of x and y that shows the body and its pressure in some snapshots, (2, 2)."""
-        room = 0.06 * self.skin.size + (1.1 * self._longest if self.pressure > 0.0 else 0.0)
+        beyond = self.pressure > 0.0 and not self.several
+        room = 0.06 * self.skin.size + (1.1 * self._longest if beyond else 0.0)
         window = union(extents, room)
         if self.axisymmetric:
             window[0, 0] = -0.06 * self.skin.size
@@ -84,7 +91,8 @@ class PlanePainter:
         axes.add_collection(outline, autolim=False)
         artists += [colours, outline]
         if self.pressure > 0.0:
-            pressures = self._pressure(snapshot, ends)
+            drawn = self._pressure_lines if self.several else self._pressure
+            pressures = drawn(snapshot, ends)
             axes.add_collection(pressures, autolim=False)
             artists.append(pressures)
         return artists
@@ -121,14 +129,9 @@ class PlanePainter:
         into = np.zeros((len(snapshot.place), 2))
         along = ends[:, 1] - ends[:, 0]
         outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
-        if loaded.any() and self.obstacles:
+        if loaded.any():
             places = snapshot.place[loaded, :2]
             into[loaded] = -nearest_obstacle(self.obstacles, places, snapshot.time)[2]
-        elif loaded.any():  # into another body: away from its own
-            for end in (0, 1):
-                np.add.at(into, self.skin.segments[:, end], outward)
-            into /= np.maximum(np.hypot(*into.T), np.finfo(float).tiny)[:, None]
-            into[~loaded] = 0.0
         scale = self._longest / self.pressure
         tops = ends + (scale * snapshot.pressure[:, None] * into)[self.skin.segments]
         # Edges that end at a loaded corner but turn away carry nothing themselves.
@@ -139,3 +142,12 @@ class PlanePainter:
         return PolyCollection(
             list(areas), facecolors=PRESSURE, edgecolors=PRESSURE, linewidths=0.3, zorder=3
         )
+
+    def _pressure_lines(self, snapshot: Snapshot, ends: Floats) -> LineCollection:
+        """The pressure as lines along the faces that are pressed at both ends."""
+        pressure = snapshot.pressure[self.skin.segments]
+        shown = (pressure > 0.0).all(axis=1)
+        return LineCollection(
+            list(ends[shown]), colors=PRESSURE, capstyle="butt", zorder=3,
+            linewidths=np.maximum(1.0, WIDEST * pressure[shown].mean(axis=1) / self.pressure),
+        )  # fmt: skip

@@ -6,6 +6,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from impactfem.result import SolidFields
 from impactfem.result.cell_kinds import BY_VTK_TYPE, boundary_facets, face_triangles
@@ -91,6 +93,16 @@ class Skin:
     def size(self) -> float:
         """Largest extent of the undeformed body [m]."""
         return float(np.ptp(self.points, axis=0).max())
+
+    @cached_property
+    def bodies(self) -> Integers:
+        """Which of the parts without common cells a node belongs to, in the order of nodes."""
+        cells, count = self.fields.cells, len(self.points)
+        ends = np.broadcast_to(cells[:, :1], cells.shape).ravel()
+        graph = coo_array((np.ones(cells.size), (ends, cells.ravel())), shape=(count, count))
+        found: Integers = connected_components(graph, directed=False)[1].astype(np.int64)
+        first = np.unique(found, return_index=True)[1]
+        return np.argsort(np.argsort(first))[found]
 
     def snapshot(self, layer: int) -> Snapshot:
         """Read a layer."""

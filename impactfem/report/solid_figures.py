@@ -10,12 +10,13 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
-from impactfem.report.plane_picture import PRESSURE, PlanePainter
-from impactfem.report.skin import Skin, Snapshot, normals
+from impactfem.report.plane_picture import PRESSURE, WIDEST, PlanePainter
+from impactfem.report.pressure_maps import draw_pressure_maps
+from impactfem.report.skin import Skin, Snapshot
 from impactfem.report.space_picture import SpacePainter
 from impactfem.result import Result, SolidFields
 
@@ -27,7 +28,7 @@ type Painter = PlanePainter | SpacePainter
 
 _BLUE, _ORANGE = "#0b559f", "#d95f02"
 _FAR = 2.5  # a body that moves farther than so many of its sizes is followed
-_PRESSURES = "YlOrBr"
+_COLOURS = (_BLUE, _ORANGE, "#1b9e77", "#7b3294", "#666666", "#a6761d")  # of bodies
 
 FLAT = 0.3
 """Height over width of a picture below which panels stand one above the other."""
@@ -62,9 +63,11 @@ def survey(
 def _painter(result: Result, skin: Skin) -> Painter:
     if skin.dim == 2:
         body = cast("Solid", result.scene.bodies[0])
-        return PlanePainter(skin, result.scene.obstacles, body.is_axisymmetric)
-    shape = result.scene.solid.shape
-    cuts = () if shape is None else tuple(-np.eye(3)["xyz".index(axis)] for axis in shape.symmetry)
+        several = len(result.scene.bodies) > 1
+        return PlanePainter(skin, result.scene.obstacles, body.is_axisymmetric, several=several)
+    shapes = [cast("Solid", body).shape for body in result.scene.bodies]
+    axes = sorted({axis for shape in shapes if shape is not None for axis in shape.symmetry})
+    cuts = tuple(-np.eye(3)["xyz".index(axis)] for axis in axes)
     return SpacePainter(skin, result.scene.obstacles, _vertical(result), cuts=cuts)
 
 
@@ -106,34 +109,51 @@ def body(result: Result) -> Figure | None:
     colours = ScalarMappable(Normalize(0.0, painter.stress), "viridis")
     figure.colorbar(colours, ax=list(panels), label="von Mises stress [Pa]", shrink=0.9)
     if maps:
-        _pressure_maps(figure, list(grid[rows]), skin, snapshots, painter.pressure)
+        draw_pressure_maps(
+            figure, list(grid[rows]), skin, snapshots, painter.pressure,
+            [body.name for body in result.scene.bodies],
+            result.summary.get("details", {}).get("carriers", {}).values(),
+        )  # fmt: skip
     elif painter.pressure > 0.0:
         label = f"contact pressure, at most {painter.pressure:.3g} Pa"
-        figure.legend(
-            handles=[Patch(color=PRESSURE, label=label)], loc="outside lower center", frameon=False
-        )
-    figure.suptitle(_title(result, "deformed body, true to scale"), fontsize=11)
+        key: Patch | Line2D = Patch(color=PRESSURE, label=label)
+        if isinstance(painter, PlanePainter) and painter.several:
+            label = f"contact pressure by the width of the line, at most {painter.pressure:.3g} Pa"
+            key = Line2D([], [], color=PRESSURE, linewidth=WIDEST, label=label)
+        figure.legend(handles=[key], loc="outside lower center", frameon=False)
+    what = "deformed bodies" if len(result.scene.bodies) > 1 else "deformed body"
+    figure.suptitle(_title(result, f"{what}, true to scale"), fontsize=11)
     return figure
 
 
 def centre_of_mass(result: Result) -> Figure:
-    """Position and velocity of the centre of mass along the direction of the momentum."""
+    """Position and velocity of the centres of mass along the direction of the momentum."""
     figure = Figure(figsize=(7.0, 5.0), layout="constrained")
     FigureCanvasAgg(figure)
     above, below = figure.subplots(2, 1, sharex=True)
-    history, name = result.history, result.scene.bodies[0].name
-    direction = direction_of(result)
-    for axes, prefix, colour in ((above, "", _BLUE), (below, "v", _ORANGE)):
-        values = np.stack([history[f"{name}.{prefix}{axis}"].values for axis in "xyz"], axis=1)
-        axes.plot(history["time"], values @ direction, color=colour, linewidth=1.4)
+    history, bodies = result.history, result.scene.bodies
+    direction, several = direction_of(result), len(bodies) > 1
+    for axes, prefix, single in ((above, "", _BLUE), (below, "v", _ORANGE)):
+        for k, each in enumerate(bodies):
+            values = np.stack([history[f"{each.name}.{prefix}{a}"].values for a in "xyz"], axis=1)
+            way = values @ direction
+            if several and not prefix:
+                way = way - way[0]  # bodies far from each other, with small ways
+            colour = _COLOURS[k % len(_COLOURS)] if several else single
+            axes.plot(history["time"], way, color=colour, linewidth=1.4, label=each.name)
         _mark_contact(axes, result)
-    letter = _letter(direction)
-    above.set_ylabel(f"position along {letter} [m]")
+    letter, where = _letter(direction), ""
+    if len(letter) > 1:  # too long for the axes
+        letter, where = "d", f", d = {letter}"
+    above.set_ylabel(f"{'way' if several else 'position'} along {letter} [m]")
     below.set_ylabel(f"velocity along {letter} [m/s]")
     below.axhline(0.0, color="0.6", linewidth=0.6)
     below.set_xlabel("time [s]")
     below.set_xlim(0.0, float(history["time"][-1]))
-    above.set_title(_title(result, "centre of mass (grey: contact)"))
+    if several:
+        above.legend(frameon=False)
+    what = "centres of mass" if several else "centre of mass"
+    above.set_title(_title(result, f"{what} (grey: contact{where})"))
     return figure
 
 
@@ -165,45 +185,6 @@ def telling_layers(result: Result, most: int = 6) -> list[int]:
         wanted = np.array([times[0], *around, times[-1]])
     nearest = np.abs(fields.times[None] - wanted[:, None]).argmin(axis=1)
     return [int(layer) for layer in np.unique(nearest)]
-
-
-def _pressure_maps(
-    figure: Figure, panels: list[Axes], skin: Skin, snapshots: list[Snapshot], largest: float
-) -> None:
-    """The contact faces seen square to them from outside, coloured by the contact pressure."""
-    touching = np.any([s.may_touch[skin.triangles].all(axis=1) for s in snapshots], axis=0)
-    faces = skin.triangles[touching]
-    outward = normals(skin.points, faces).sum(axis=0)
-    loaded = np.any([s.pressure > 0.0 for s in snapshots], axis=0)
-    towards = outward / np.linalg.norm(outward) if np.linalg.norm(outward) > 0 else np.eye(3)[1]
-    seen = normals(skin.points, faces) @ towards > 0.0
-    faces = faces[seen]
-    up = np.eye(3)[2] if abs(towards[2]) < 0.9 else np.eye(3)[1]
-    right = np.cross(up, towards)
-    right /= np.linalg.norm(right)
-    up = np.cross(towards, right)
-    middle = skin.points[loaded].mean(axis=0)
-    reach = 1.6 * max(
-        float(np.abs((skin.points[loaded] - middle) @ axis).max()) for axis in (right, up)
-    )
-    reach = max(reach, 0.05 * skin.size)
-    for axes, snapshot in zip(panels, snapshots, strict=True):
-        place = snapshot.place - middle
-        flat = Triangulation(place @ right, place @ up, faces)
-        axes.tripcolor(
-            flat, snapshot.pressure, shading="gouraud", cmap=_PRESSURES, vmin=0.0, vmax=largest,
-            rasterized=True,
-        )  # fmt: skip
-        axes.triplot(flat, color="0.5", linewidth=0.2)
-        axes.set_aspect("equal")
-        shift = (snapshot.place[loaded].mean(axis=0) - middle) @ np.stack([right, up], axis=1)
-        axes.set_xlim(shift[0] - reach, shift[0] + reach)
-        axes.set_ylim(shift[1] - reach, shift[1] + reach)
-        axes.set_xticks([])
-        axes.set_yticks([])
-    panels[0].set_ylabel(f"contact face, {2 * reach:.3g} m wide")
-    colours = ScalarMappable(Normalize(0.0, largest), _PRESSURES)
-    figure.colorbar(colours, ax=panels, label="contact pressure [Pa]", shrink=0.9)
 
 
 def _vertical(result: Result) -> Floats:

@@ -1,0 +1,86 @@
+"""Maps of the contact pressure of solids in space: the contact face seen square to it."""
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.tri import Triangulation
+from numpy.typing import NDArray
+
+from impactfem.report.skin import Skin, Snapshot, normals
+
+Floats = NDArray[np.float64]
+
+_PRESSURES = "YlOrBr"
+
+
+def draw_pressure_maps(
+    figure: Figure,
+    panels: list[Axes],
+    skin: Skin,
+    snapshots: list[Snapshot],
+    largest: float,
+    names: Sequence[str],
+    carriers: Collection[str] = (),
+) -> None:
+    """The contact faces seen square to them from outside, coloured by the contact pressure.
+
+    Of several bodies one is shown: of those whose nodes carry the pressure (on the other side of a
+    contact it is a mean) the one with the largest.
+
+    Args:
+        figure: Where to draw.
+        panels: One for each snapshot.
+        skin: Skin of the bodies.
+        snapshots: What to show.
+        largest: Largest pressure of the colours [Pa].
+        names: Names of the bodies.
+        carriers: Names of those whose nodes carry the pressure; all if empty.
+    """
+    pressed = np.max([snapshot.pressure for snapshot in snapshots], axis=0)
+    eligible = np.ones(len(pressed), dtype=bool)
+    named = len(names) > 1 and skin.bodies.max() + 1 == len(names)
+    if named and carriers:
+        carries = np.isin(skin.bodies, [names.index(name) for name in carriers])
+        eligible = carries if pressed[carries].any() else eligible
+    shown = skin.bodies[int(np.argmax(np.where(eligible, pressed, 0.0)))]
+    own = skin.bodies == shown
+    touching = np.any([s.may_touch[skin.triangles].all(axis=1) for s in snapshots], axis=0)
+    faces = skin.triangles[touching & own[skin.triangles[:, 0]]]
+    loaded = (pressed > 0.0) & own
+    # Several bodies: a body may touch on many sides, so that the loaded faces say from where.
+    bearing = faces[loaded[faces].all(axis=1)] if len(names) > 1 else faces
+    outward = normals(skin.points, bearing if len(bearing) else faces).sum(axis=0)
+    towards = outward / np.linalg.norm(outward) if np.linalg.norm(outward) > 0 else np.eye(3)[1]
+    seen = normals(skin.points, faces) @ towards > 0.0
+    faces = faces[seen]
+    up = np.eye(3)[2] if abs(towards[2]) < 0.9 else np.eye(3)[1]
+    right = np.cross(up, towards)
+    right /= np.linalg.norm(right)
+    up = np.cross(towards, right)
+    middle = skin.points[loaded].mean(axis=0)
+    reach = 1.6 * max(
+        float(np.abs((skin.points[loaded] - middle) @ axis).max()) for axis in (right, up)
+    )
+    reach = max(reach, 0.05 * skin.size)
+    for axes, snapshot in zip(panels, snapshots, strict=True):
+        place = snapshot.place - middle
+        flat = Triangulation(place @ right, place @ up, faces)
+        axes.tripcolor(
+            flat, snapshot.pressure, shading="gouraud", cmap=_PRESSURES, vmin=0.0, vmax=largest,
+            rasterized=True,
+        )  # fmt: skip
+        axes.triplot(flat, color="0.5", linewidth=0.2)
+        axes.set_aspect("equal")
+        shift = (snapshot.place[loaded].mean(axis=0) - middle) @ np.stack([right, up], axis=1)
+        axes.set_xlim(shift[0] - reach, shift[0] + reach)
+        axes.set_ylim(shift[1] - reach, shift[1] + reach)
+        axes.set_xticks([])
+        axes.set_yticks([])
+    of = f" of {names[shown]}" if named else ""
+    panels[0].set_ylabel(f"contact face{of}, {2 * reach:.3g} m wide")
+    colours = ScalarMappable(Normalize(0.0, largest), _PRESSURES)
+    figure.colorbar(colours, ax=panels, label="contact pressure [Pa]", shrink=0.9)
