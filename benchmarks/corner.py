@@ -21,11 +21,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from impactfem.marching.event_driven import EventSettings, integrate_events
-from impactfem.marching.penalty import PenaltySettings, integrate_penalty
-from impactfem.marching.position_level import PositionSettings, integrate_positions
-from impactfem.marching.velocity_level import VelocitySettings, integrate_velocities
 from impactfem.system.generalized import LinearSystem
+from impactfem.vibro.event_driven import EventSettings, integrate_events
+from impactfem.vibro.penalty import PenaltySettings, integrate_penalty
+from impactfem.vibro.position_level import PositionSettings, integrate_positions
+from impactfem.vibro.velocity_level import VelocitySettings, integrate_velocities
 
 Floats = NDArray[np.float64]
 

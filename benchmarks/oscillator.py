@@ -17,12 +17,12 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from impactfem.marching.event_driven import EventSettings, integrate_events
-from impactfem.marching.penalty import PenaltySettings, integrate_penalty
-from impactfem.marching.position_level import PositionSettings, integrate_positions
 from impactfem.result.trajectory import Trajectory
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import LinearSystem
+from impactfem.vibro.event_driven import EventSettings, integrate_events
+from impactfem.vibro.penalty import PenaltySettings, integrate_penalty
+from impactfem.vibro.position_level import PositionSettings, integrate_positions
 
 AMPLITUDE, FREQUENCY, WALL, END = 1.0, 50.0, 0.8, 2.5
 STIFFNESSES = (1e4, 1e6, 1e8)

@@ -22,11 +22,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from impactfem.compiled import compiled
-from impactfem.marching.event_driven import EventSettings, integrate_events
-from impactfem.marching.position_level import PositionSettings, integrate_positions
 from impactfem.result.trajectory import Trajectory
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import LinearSystem
+from impactfem.vibro.event_driven import EventSettings, integrate_events
+from impactfem.vibro.position_level import PositionSettings, integrate_positions
 
 RESTITUTION = 0.8
 CHAOTIC = 4.51  # gamma of the statistics: no chattering there

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from impactfem.marching.ensemble import integrate_ensemble
-from impactfem.marching.position_level import PositionSettings, integrate_positions
-from impactfem.marching.velocity_level import VelocitySettings, integrate_velocities
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.vibro.ensemble import integrate_ensemble
+from impactfem.vibro.position_level import PositionSettings, integrate_positions
+from impactfem.vibro.velocity_level import VelocitySettings, integrate_velocities
 
 STEP, STEPS = 0.005, 1_000_000
 START = ([0.8], [0.1])

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
         SceneError,
     )
     from impactfem.exact import ExactBar
-    from impactfem.integrating import integrate
-    from impactfem.marching.ensemble import integrate_ensemble
     from impactfem.planning import Plan, SolidPlan, VibroPlan, plan
     from impactfem.report.hard_cases import Board, hard_cases
     from impactfem.report.study import Study
@@ -63,6 +61,8 @@ if TYPE_CHECKING:
     from impactfem.scene.signal import Signal
     from impactfem.solving import solve
     from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+    from impactfem.vibro.ensemble import integrate_ensemble
+    from impactfem.vibro.integrating import integrate
 
 __version__ = "0.1.0"
 
@@ -115,8 +115,8 @@ _HOMES = {
     "VibroPlan": "impactfem.planning",
     "Wall": "impactfem.scene",
     "hard_cases": "impactfem.report.hard_cases",
-    "integrate": "impactfem.integrating",
-    "integrate_ensemble": "impactfem.marching.ensemble",
+    "integrate": "impactfem.vibro.integrating",
+    "integrate_ensemble": "impactfem.vibro.ensemble",
     "plan": "impactfem.planning",
     "solve": "impactfem.solving",
     "work_precision": "impactfem.report.work_precision",

@@ -9,9 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError, SceneError
-from impactfem.integrating import INTEGRATORS
 from impactfem.log import Progress
-from impactfem.marching.together import find_together, resolution
 from impactfem.planning.vibro import VibroPlan
 from impactfem.reference import Errors
 from impactfem.result.history import Columns, make_history
@@ -19,6 +17,8 @@ from impactfem.result.trajectory import Trajectory
 from impactfem.scene import Scene
 from impactfem.system.episode import contact_episode
 from impactfem.system.generalized import LinearSystem
+from impactfem.vibro.integrating import INTEGRATORS
+from impactfem.vibro.together import find_together, resolution
 from impactfem.vibro_model import VibroModel, vibro_model
 
 Floats = NDArray[np.float64]

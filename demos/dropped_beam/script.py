@@ -11,11 +11,11 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from impactfem.marching.position_level import PositionSettings, integrate_positions
 from impactfem.scene.beams import Beam
 from impactfem.scene.obstacles import HalfSpace
 from impactfem.system.beam import free_beam
 from impactfem.system.episode import contact_episode
+from impactfem.vibro.position_level import PositionSettings, integrate_positions
 
 arguments = argparse.ArgumentParser(description="Drop an elastic beam at an angle.")
 arguments.add_argument("folder", nargs="?", type=Path, default=Path("results/dropped_beam"))

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impactfem.errors import ImpactWarning
-from impactfem.integrating import integrate
 from impactfem.report.board import Claim
 from impactfem.result import Result
 from impactfem.result.trajectory import Trajectory
@@ -17,6 +16,7 @@ from impactfem.scene import Scene
 from impactfem.shipped import find_scene
 from impactfem.solving import solve
 from impactfem.system.generalized import GeneralizedSystem
+from impactfem.vibro.integrating import integrate
 
 Floats = NDArray[np.float64]
 

@@ -66,7 +66,10 @@ CASES = {
         made(contact__0__restitution=-0.1),
         ["contact[0].restitution", ">= 0"],
     ),
-    "friction": (made(contact__0__friction_coefficient=0.3), ["friction", "not available yet"]),
+    "friction": (
+        made(contact__0__friction_coefficient=0.3),
+        ["friction_coefficient = 0.3", "friction is for solids"],
+    ),
     "one name": (made(contact__0__between=["ball"]), ["contact[0].between", "at least 2"]),
     "three names": (made(contact__0__between=["ball", "floor", "other"]), ["give two"]),
     "unknown name": (

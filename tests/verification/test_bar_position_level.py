@@ -9,9 +9,9 @@ import pytest
 
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBar
-from impactfem.marching.position_level import PositionSettings, integrate_positions
 from impactfem.scene.bodies import Bar
 from impactfem.system.bar_system import bar_start, bar_system
+from impactfem.vibro.position_level import PositionSettings, integrate_positions
 
 BAR = Bar(length=1.0, density=2.0, youngs_modulus=2.0, area=0.5, gap=0.5, velocity=-0.5)
 DURATION = 4.5

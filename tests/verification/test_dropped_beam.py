@@ -9,15 +9,15 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from impactfem.errors import SceneError
-from impactfem.marching.event_driven import EventSettings, integrate_events
-from impactfem.marching.position_level import PositionSettings, integrate_positions
-from impactfem.marching.velocity_level import VelocitySettings, integrate_velocities
 from impactfem.scene.beams import Beam
 from impactfem.scene.obstacles import HalfSpace
 from impactfem.system.beam import free_beam
 from impactfem.system.episode import contact_episode
 from impactfem.system.rod import end_impulse, rod_system
 from impactfem.system.tip import tip_damping_ratio, tip_restitution, tip_state, with_tips
+from impactfem.vibro.event_driven import EventSettings, integrate_events
+from impactfem.vibro.position_level import PositionSettings, integrate_positions
+from impactfem.vibro.velocity_level import VelocitySettings, integrate_velocities
 
 FLOOR = HalfSpace(point=[0.0, 0.0], normal=[0.0, 1.0])
 TRACE = (0.0, -1e-3)  # decides how an unbent beam leaves its first touch

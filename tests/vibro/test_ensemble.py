@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from impactfem.errors import SceneError
-from impactfem.marching.ensemble import integrate_ensemble
-from impactfem.marching.position_level import PositionSettings, integrate_positions
-from impactfem.marching.velocity_level import VelocitySettings, integrate_velocities
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import LinearSystem
+from impactfem.vibro.ensemble import integrate_ensemble
+from impactfem.vibro.position_level import PositionSettings, integrate_positions
+from impactfem.vibro.velocity_level import VelocitySettings, integrate_velocities
 
 METHODS = [
     (integrate_positions, PositionSettings(0.01)),

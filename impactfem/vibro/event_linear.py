@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError
-from impactfem.marching.event_contacts import MAX_SPELLS, Contacts
-from impactfem.marching.event_record import Record
-from impactfem.marching.flight_alone import STALLED, fly_alone
-from impactfem.marching.flight_kernels import BROKEN, DONE, FULL, fly
-from impactfem.marching.flights import Flights
 from impactfem.system.generalized import LinearSystem
+from impactfem.vibro.event_contacts import MAX_SPELLS, Contacts
+from impactfem.vibro.event_record import Record
+from impactfem.vibro.flight_alone import STALLED, fly_alone
+from impactfem.vibro.flight_kernels import BROKEN, DONE, FULL, fly
+from impactfem.vibro.flights import Flights
 
 Floats = NDArray[np.float64]
 

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from impactfem.errors import ImpactWarning, SceneError
-from impactfem.marching.event_driven import EventSettings, integrate_events
-from impactfem.marching.penalty import PenaltySettings, integrate_penalty
-from impactfem.marching.position_level import PositionSettings, integrate_positions
-from impactfem.marching.together import find_together, resolution
-from impactfem.marching.velocity_level import VelocitySettings, integrate_velocities
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem
+from impactfem.vibro.event_driven import EventSettings, integrate_events
+from impactfem.vibro.penalty import PenaltySettings, integrate_penalty
+from impactfem.vibro.position_level import PositionSettings, integrate_positions
+from impactfem.vibro.together import find_together, resolution
+from impactfem.vibro.velocity_level import VelocitySettings, integrate_velocities
 
 
 class _Entry(NamedTuple):

@@ -5,13 +5,13 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
 from impactfem.errors import ConvergenceError
-from impactfem.marching.position_kernels import note
-from impactfem.marching.position_start import start_positions
-from impactfem.marching.projection import project
-from impactfem.marching.vibro_rows import empty_rows, row_levels, row_times, trajectory, unfinished
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem, factor_mass
+from impactfem.vibro.position_kernels import note
+from impactfem.vibro.position_start import start_positions
+from impactfem.vibro.projection import project
+from impactfem.vibro.vibro_rows import empty_rows, row_levels, row_times, trajectory, unfinished
 
 Floats = NDArray[np.float64]
 

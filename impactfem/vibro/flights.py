@@ -13,9 +13,9 @@ from scipy.linalg import cho_solve
 from scipy.linalg.lapack import dgebal
 
 from impactfem.errors import SceneError
-from impactfem.marching.event_constrained import constrained
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import LinearSystem, factor_mass
+from impactfem.vibro.event_constrained import constrained
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -7,9 +7,9 @@ import pytest
 
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.exact import vibro
-from impactfem.marching.event_driven import EventSettings, integrate_events
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.vibro.event_driven import EventSettings, integrate_events
 
 G = 9.81
 

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from impactfem.errors import ConvergenceError, SceneError
-from impactfem.marching.velocity_level import VelocitySettings, integrate_velocities
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.vibro.velocity_level import VelocitySettings, integrate_velocities
 
 
 def ball(e, gravity=0.0, motion=None):

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from impactfem.contact.impact_law import complementarity
 from impactfem.errors import ConvergenceError, SceneError
-from impactfem.marching import position_level, vibro_rows
-from impactfem.marching.position_level import PositionSettings, integrate_positions
+from impactfem.vibro import position_level, vibro_rows
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.vibro.position_level import PositionSettings, integrate_positions
 
 
 def ball(e=0.8, gravity=0.0, motion=None):

@@ -9,13 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_solve
 
 from impactfem.errors import ConvergenceError, SceneError
-from impactfem.marching import position_level, velocity_level
-from impactfem.marching.position_kernels import march_members, march_positions, march_velocities
-from impactfem.marching.position_level import PositionSettings, choose_implicit
-from impactfem.marching.position_start import start_positions
-from impactfem.marching.velocity_level import VelocitySettings
-from impactfem.marching.vibro_rows import count_steps, row_levels, row_times, solve_impulses
+from impactfem.vibro import position_level, velocity_level
 from impactfem.system.generalized import LinearSystem, check_start
+from impactfem.vibro.position_kernels import march_members, march_positions, march_velocities
+from impactfem.vibro.position_level import PositionSettings, choose_implicit
+from impactfem.vibro.position_start import start_positions
+from impactfem.vibro.velocity_level import VelocitySettings
+from impactfem.vibro.vibro_rows import count_steps, row_levels, row_times, solve_impulses
 
 Floats = NDArray[np.float64]
 

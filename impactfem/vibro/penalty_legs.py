@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from impactfem.errors import ConvergenceError
-from impactfem.marching.penalty_projection import Projector
+from impactfem.vibro.penalty_projection import Projector
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]

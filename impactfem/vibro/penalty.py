@@ -19,12 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import integrate
 
 from impactfem.errors import SceneError
-from impactfem.marching.penalty_legs import Legs, Record
-from impactfem.marching.penalty_plain import integrate_plainly
-from impactfem.marching.penalty_projection import Projector
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Impacts, Trajectory
 from impactfem.system.generalized import GeneralizedSystem, check_start
+from impactfem.vibro.penalty_legs import Legs, Record
+from impactfem.vibro.penalty_plain import integrate_plainly
+from impactfem.vibro.penalty_projection import Projector
 
 Floats = NDArray[np.float64]
 Integrator = Literal["radau", "bdf", "lsoda", "dop853", "rk45"]

@@ -27,9 +27,12 @@ from scipy.linalg import cho_solve, lu_factor, lu_solve
 
 from impactfem.contact.impact_law import Law, delassus
 from impactfem.errors import ConvergenceError, SceneError
-from impactfem.marching.position_kernels import ROUNDING, march_velocities, note
-from impactfem.marching.position_start import highest_frequency
-from impactfem.marching.vibro_rows import (
+from impactfem.result.bar_motion import Effort
+from impactfem.result.trajectory import Trajectory
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start, factor_mass
+from impactfem.vibro.position_kernels import ROUNDING, march_velocities, note
+from impactfem.vibro.position_start import highest_frequency
+from impactfem.vibro.vibro_rows import (
     LinearMarch,
     count_steps,
     empty_rows,
@@ -39,9 +42,6 @@ from impactfem.marching.vibro_rows import (
     trajectory,
     unfinished,
 )
-from impactfem.result.bar_motion import Effort
-from impactfem.result.trajectory import Trajectory
-from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start, factor_mass
 
 Floats = NDArray[np.float64]
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from impactfem.marching.event_driven import EventSettings, integrate_events
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.vibro.event_driven import EventSettings, integrate_events
 
 DURATION = 3.0
 

@@ -17,9 +17,9 @@ from scipy.linalg import cho_solve
 
 from impactfem.contact.impact_law import Law, resolve_impact
 from impactfem.errors import ConvergenceError
-from impactfem.marching.event_choice import accumulate, independent, lasting
-from impactfem.marching.event_constrained import constrained
 from impactfem.system.generalized import GeneralizedSystem, factor_mass
+from impactfem.vibro.event_choice import accumulate, independent, lasting
+from impactfem.vibro.event_constrained import constrained
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -15,10 +15,10 @@ from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
 from impactfem.errors import ConvergenceError
-from impactfem.marching.event_constrained import constrained
-from impactfem.marching.event_contacts import Contacts
-from impactfem.marching.event_record import Record
 from impactfem.system.generalized import GeneralizedSystem
+from impactfem.vibro.event_constrained import constrained
+from impactfem.vibro.event_contacts import Contacts
+from impactfem.vibro.event_record import Record
 
 Floats = NDArray[np.float64]
 Curve = Callable[[float], float]

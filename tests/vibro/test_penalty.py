@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from impactfem.errors import SceneError
-from impactfem.marching.event_driven import EventSettings, integrate_events
-from impactfem.marching.penalty import PenaltySettings, damping_of, integrate_penalty
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.vibro.event_driven import EventSettings, integrate_events
+from impactfem.vibro.penalty import PenaltySettings, damping_of, integrate_penalty
 
 
 def ball(*, restitution=0.5, mass=1.0, load=0.0, **more):

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.impact_law import Impact, delassus, resolve_impact, resting_forces
-from impactfem.marching.event_constrained import constrained
-from impactfem.marching.flight_kernels import by_turns
+from impactfem.vibro.event_constrained import constrained
+from impactfem.vibro.flight_kernels import by_turns
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -12,8 +12,8 @@ from scipy.integrate import LSODA
 from scipy.optimize import brentq
 
 from impactfem.errors import ConvergenceError
-from impactfem.marching.penalty_legs import Record
-from impactfem.marching.penalty_projection import Projector
+from impactfem.vibro.penalty_legs import Record
+from impactfem.vibro.penalty_projection import Projector
 
 Floats = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError
-from impactfem.marching.event_contacts import Contacts, Row
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Impacts, Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.vibro.event_contacts import Contacts, Row
 
 Floats = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ that chatters on a vibrating table comes to rest in each period.
 import math
 
 from impactfem.compiled import compiled
-from impactfem.marching.flight_kernels import EPS, EVENT, FULL, fly
+from impactfem.vibro.flight_kernels import EPS, EVENT, FULL, fly
 
 STALLED = 4
 """Events do not move on in time."""

@@ -33,10 +33,13 @@ from scipy.linalg import lu_factor, lu_solve
 
 from impactfem.contact.impact_law import Law
 from impactfem.errors import SceneError
-from impactfem.marching.position_general import march_general
-from impactfem.marching.position_kernels import march_positions
-from impactfem.marching.position_start import highest_frequency, start_positions
-from impactfem.marching.vibro_rows import (
+from impactfem.result.bar_motion import Effort
+from impactfem.result.trajectory import Trajectory
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
+from impactfem.vibro.position_general import march_general
+from impactfem.vibro.position_kernels import march_positions
+from impactfem.vibro.position_start import highest_frequency, start_positions
+from impactfem.vibro.vibro_rows import (
     LinearMarch,
     count_steps,
     empty_rows,
@@ -44,9 +47,6 @@ from impactfem.marching.vibro_rows import (
     row_times,
     trajectory,
 )
-from impactfem.result.bar_motion import Effort
-from impactfem.result.trajectory import Trajectory
-from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
 
 Floats = NDArray[np.float64]
 

@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from impactfem.contact.impact_law import Law
 from impactfem.errors import SceneError
-from impactfem.marching.event_contacts import Contacts
-from impactfem.marching.event_general import fly_general
-from impactfem.marching.event_linear import fly_linear
-from impactfem.marching.event_record import Record
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
+from impactfem.vibro.event_contacts import Contacts
+from impactfem.vibro.event_general import fly_general
+from impactfem.vibro.event_linear import fly_linear
+from impactfem.vibro.event_record import Record
 
 Floats = NDArray[np.float64]
 
