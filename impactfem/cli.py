@@ -179,7 +179,7 @@ def _run(given: argparse.Namespace) -> int:
     chosen = plan(scene)
     for warning in chosen.warnings:
         progress.message(f"warning: {warning}")
-    if chosen.method != "exact" and not scene.is_vibro:
+    if chosen.method != "exact" and not scene.is_vibro and not scene.is_bar_row:
         _load_finite_elements()
     on_root(lambda: check_writable(folder))
     with progress.stages(4 if scene.bodies[0].kind == "bar" else 5):

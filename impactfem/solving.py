@@ -7,15 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from impactfem.bar_row_runs import contact_figures, measure_row, row_curves, run_bar_row
 from impactfem.error_estimate import estimate_error
 from impactfem.errors import SceneError
 from impactfem.log import Progress
 from impactfem.methods import METHODS
-from impactfem.planning import Plan, SolidPlan, VibroPlan, plan
+from impactfem.planning import BarRowPlan, Plan, SolidPlan, VibroPlan, plan
 from impactfem.reference import exact_bar, exact_curves, measure
 from impactfem.result import Result
 from impactfem.result.bar_motion import bar_fields, bar_history
+from impactfem.result.bar_row_motion import row_fields, row_history
 from impactfem.result.solid_motion import solid_history
+from impactfem.row_reference import exact_row
 from impactfem.runners import RUNNERS
 from impactfem.scene import Scene, Solid
 from impactfem.summary import Cost, summarise
@@ -55,7 +58,7 @@ def solve(
         scene = scene.with_settings({f"solve.{key}": value for key, value in settings.items()})
     progress = progress or Progress()
     chosen = plan(scene)
-    if isinstance(chosen, SolidPlan) and len(scene.bodies) > 1:
+    if isinstance(chosen, SolidPlan) and scene.has_pairs:
         if checkpoints is not None or restart is not None:
             raise SceneError("several solids are not checkpointed; leave output.checkpoint out")
         return _solve_bodies(scene, chosen, progress)
@@ -66,6 +69,8 @@ def solve(
         raise SceneError(f"body {body.name}: a {body.kind} is not checkpointed; leave that out")
     if isinstance(chosen, VibroPlan):
         return _solve_vibro(scene, chosen, progress)
+    if isinstance(chosen, BarRowPlan):
+        return _solve_bar_row(scene, chosen, progress)
     return _solve_bar(scene, chosen, progress)
 
 
@@ -85,6 +90,29 @@ def _solve_bar(scene: Scene, chosen: Plan, progress: Progress) -> Result:
         summarise(scene, chosen, history, motion.effort, errors, _cost(wall_time)),
         bar_fields(motion) if scene.output.fields else None,
         exact_curves(exact, bar, end),
+    )
+
+
+def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Result:
+    start = time.perf_counter()
+    motion = run_bar_row(scene, chosen, progress)
+    wall_time = time.perf_counter() - start
+    progress.step("measuring the error")
+    end = max(scene.duration, float(motion.times[-1]))
+    exact = exact_row(scene, end)
+    errors = measure_row(motion, exact) if chosen.method != "exact" and motion.is_finite else None
+    history = row_history(motion, scene.bars)
+    summary = summarise(scene, chosen, history, motion.effort, errors, _cost(wall_time))
+    summary["contact"] |= contact_figures(motion, exact if chosen.method == "exact" else None)
+    settings = replace(scene.solve, method=chosen.method, elements=chosen.longest)
+    if settings.dt is None:
+        settings = replace(settings, courant=max(chosen.courant))
+    return Result(
+        replace(scene, solve=settings),
+        history,
+        summary,
+        row_fields(motion) if scene.output.fields else None,
+        row_curves(exact, end),
     )
 
 

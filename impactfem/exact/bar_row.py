@@ -120,7 +120,7 @@ class ExactBarRow:
         """Gap of a pair [m], 0 exactly in contact; pairs are numbered as in `contacts`."""
         record, time = self._gaps[contact], np.asarray(t, dtype=np.float64)
         i = np.clip(np.searchsorted(record[:, 0], time, side="right") - 1, 0, None)
-        return np.maximum(record[i, 1] + record[i, 2] * (time - record[i, 0]), 0.0)
+        return np.asarray(np.maximum(record[i, 1] + record[i, 2] * (time - record[i, 0]), 0.0))
 
     def force(self, contact: int, t: ArrayLike) -> Array:
         """Pressing force of a pair [N]; at a jump the value just before it."""

@@ -1,5 +1,6 @@
 """The plan: the least model and method that a scene needs, with the reasons, before solving."""
 
+from impactfem.planning.bar_rows import BarRowPlan, plan_bar_row
 from impactfem.planning.bars import Plan, plan_bar
 from impactfem.planning.bodies import plan_bodies
 from impactfem.planning.solids import SolidPlan, plan_solid
@@ -9,16 +10,18 @@ from impactfem.scene.solids import Solid
 
 __all__ = [
     "AnyPlan",
+    "BarRowPlan",
     "Plan",
     "SolidPlan",
     "VibroPlan",
     "plan",
     "plan_bar",
+    "plan_bar_row",
     "plan_solid",
     "plan_vibro",
 ]
 
-type AnyPlan = Plan | SolidPlan | VibroPlan
+type AnyPlan = Plan | BarRowPlan | SolidPlan | VibroPlan
 
 
 def plan(scene: Scene) -> AnyPlan:
@@ -31,5 +34,5 @@ def plan(scene: Scene) -> AnyPlan:
     if scene.is_vibro:
         return plan_vibro(scene)
     if not isinstance(scene.bodies[0], Solid):
-        return plan_bar(scene)
-    return plan_solid(scene) if len(scene.bodies) == 1 else plan_bodies(scene)
+        return plan_bar_row(scene) if scene.is_bar_row else plan_bar(scene)
+    return plan_bodies(scene) if scene.has_pairs else plan_solid(scene)

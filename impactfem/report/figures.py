@@ -9,6 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from impactfem.report.animation import animate
+from impactfem.report.bar_row_figures import draw_bar_row
 from impactfem.report.solid_figures import draw_solid
 from impactfem.report.vibro_figures import draw_vibro
 from impactfem.result import Fields, Result
@@ -29,6 +30,8 @@ def draw_all(result: Result) -> dict[str, Figure]:
         return figures | draw_solid(result)
     if result.scene.is_vibro:
         return figures | draw_vibro(result)
+    if result.scene.is_bar_row:
+        return figures | draw_bar_row(result)
     if result.fields is not None:
         figures["displacement"] = _draw(displacement, result)
         figures["position"] = _draw(position, result)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from impactfem.planning import AnyPlan, Plan, SolidPlan, VibroPlan
+from impactfem.planning import AnyPlan, BarRowPlan, Plan, SolidPlan, VibroPlan
 
 
 def table(rows: Sequence[tuple[str, str]], title: str = "") -> str:
@@ -17,6 +17,8 @@ def plan_table(plan: AnyPlan) -> str:
     """The plan with its reasons."""
     if isinstance(plan, SolidPlan):
         rows = _solid_rows(plan)
+    elif isinstance(plan, BarRowPlan):
+        rows = _bar_row_rows(plan)
     else:
         rows = _vibro_rows(plan) if isinstance(plan, VibroPlan) else _bar_rows(plan)
     for key, reason in plan.reasons.items():
@@ -45,6 +47,20 @@ def _solid_rows(plan: SolidPlan) -> list[tuple[str, str]]:
         ("active set", f"{plan.active_set}, {numbers}"),
         ("unknowns", f"{plan.unknowns} ({plan.contact_pairs} contact pairs)"),
         ("estimate", "the error, by a second run" if plan.estimate else "none"),
+        *_cost_rows(plan.memory_mib, plan.seconds),
+    ]
+
+
+def _bar_row_rows(plan: BarRowPlan) -> list[tuple[str, str]]:
+    low, high = min(plan.courant), max(plan.courant)
+    courant = f"{high:g}" if plan.matched else f"{low:g} to {high:g}"
+    return [
+        ("model", plan.model),
+        ("method", plan.method),
+        ("elements", " + ".join(str(count) for count in plan.elements)),
+        ("layers", str(plan.layers)),
+        ("dt", f"{plan.dt:g} s (courant {courant})"),
+        ("unknowns", f"{plan.unknowns} ({plan.contact_pairs} contact pairs)"),
         *_cost_rows(plan.memory_mib, plan.seconds),
     ]
 
@@ -130,6 +146,9 @@ def summary_table(summary: Mapping[str, Any]) -> str:
         ("error", _error(summary["error"])),
         ("cost", f"{summary['wall_time']:.2f} s, {summary['peak_memory_mib']:.0f} MiB on {ranks}"),
     ]
+    for pair in contact.get("pairs", ()):
+        text = f"{_intervals(pair['intervals'])}, max {_number(pair['max_force'])} N"
+        rows.insert(-3, (" and ".join(pair["between"]), text))
     if "impact_law" in summary["plan"]:
         rows[3] = ("impacts", _impacts(summary))
     if episode := summary["details"].get("episode"):

@@ -117,7 +117,7 @@ def _row(scene: Scene, variant: Variant, elements: int, repeats: int, attempt: A
     summary = result.summary
     errors = summary["error"] or {}
     note = ""
-    if variant.method == "exact":
+    if variant.method == "exact" and not scene.is_bar_row:
         found = rounding_of_exact(result.scene)
         errors = vars(found)
         note = found.reference
@@ -143,8 +143,8 @@ def _attempt(scene: Scene, variant: Variant, elements: int) -> Any:
     try:
         case = scene.with_settings({f"solve.{key}": value for key, value in keys.items()})
         courant = case.solve.courant or 1.0
-        bar = case.bar
-        layers = case.duration / bar.transit_time * elements / courant
+        transit = max(bar.transit_time for bar in case.bars)
+        layers = case.duration / transit * elements / courant
         every = max(1, int(layers) // _KEPT)
         return solve(case.with_settings({"output.every": every}))
     except ImpactError as error:

@@ -1,4 +1,4 @@
-"""Field output of a bar: displacement and velocity on its own line mesh, layer by layer."""
+"""Field output of bars: displacement and velocity on their own line mesh, layer by layer."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,20 +15,30 @@ _VTK_LINE = 3  # VTK's number of the two-node line
 
 @dataclass(frozen=True)
 class Fields:
-    """A bar's motion at the layers that were asked for.
+    """A bar's motion at the layers that were asked for, or that of a row of bars.
 
     Attributes:
         times: [s], shape (layers,).
-        positions: Node positions from the near end [m], shape (nodes,).
+        positions: Node positions from the near end [m], shape (nodes,); of a row bar after bar,
+            each from its own near end.
         displacement: u [m], shape (layers, nodes); the node is at position + displacement from
             the wall.
         velocity: u_t [m/s], shape (layers, nodes).
+        counts: Nodes of each bar of a row; None: there is one bar.
     """
 
     times: NDArray[np.float64]
     positions: NDArray[np.float64]
     displacement: NDArray[np.float64]
     velocity: NDArray[np.float64]
+    counts: tuple[int, ...] | None = None
+
+    @property
+    def starts(self) -> NDArray[np.int64]:
+        """First node of each element."""
+        nodes = len(self.positions)
+        ends = np.cumsum(self.counts or (nodes,)) - 1
+        return np.setdiff1d(np.arange(nodes, dtype=np.int64), ends)
 
 
 def foreign_file(path: Path, error: Exception) -> OutputError:
@@ -58,7 +68,8 @@ def write_vtkhdf(fields: Fields, path: Path) -> None:
     Format: VTK documentation, "VTKHDF file format", temporal data.
     """
     nodes, layers = len(fields.positions), len(fields.times)
-    cells = nodes - 1
+    first = fields.starts
+    cells = len(first)
     with h5py.File(path, "w") as file:
         root = file.create_group("VTKHDF")
         root.attrs["Version"] = np.array([2, 0], dtype=np.int64)
@@ -67,7 +78,6 @@ def write_vtkhdf(fields: Fields, path: Path) -> None:
         root["NumberOfCells"] = np.array([cells], dtype=np.int64)
         root["NumberOfConnectivityIds"] = np.array([2 * cells], dtype=np.int64)
         root["Points"] = _as_vectors(fields.positions)
-        first = np.arange(cells, dtype=np.int64)
         root["Connectivity"] = np.stack([first, first + 1], axis=1).ravel()
         root["Offsets"] = np.arange(0, 2 * cells + 1, 2, dtype=np.int64)
         root["Types"] = np.full(cells, _VTK_LINE, dtype=np.uint8)
@@ -112,11 +122,16 @@ def read_vtkhdf(path: Path) -> Fields:
             root = file["VTKHDF"]
             times = root["Steps/Values"][:]
             shape = (len(times), -1)
+            # A node that starts no element is the last one of its bar.
+            nodes = np.arange(len(root["Points"]))
+            ends = np.setdiff1d(nodes, root["Connectivity"][0::2])
+            counts = tuple(np.diff(np.append(-1, ends)).tolist())
             return Fields(
                 times,
                 root["Points"][:, 0],
                 root["PointData/displacement"][:, 0].reshape(shape),
                 root["PointData/velocity"][:, 0].reshape(shape),
+                counts if len(counts) > 1 else None,
             )
     except (OSError, KeyError, ValueError) as error:
         raise foreign_file(path, error) from error

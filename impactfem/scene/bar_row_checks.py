@@ -35,16 +35,17 @@ def check_bar_row(scene: "Scene") -> None:
         text = f" = {show(scene.contacts[0])} is not for bars in a row: they meet their neighbours "
         text += "and rebound by their own elasticity, without friction; remove [[contact]]."
         raise KeyedError("contact[0]", "", text)
-    gravity = scene.gravity
-    if not isinstance(gravity, PiecewiseConstant) or any(gravity.values):
-        text = " does not vanish, but rows of bars move without gravity so far: remove it."
-        raise KeyedError("", "gravity", text)
     bars = [body for body in scene.bodies if isinstance(body, Bar)]
     for index, (before, bar) in enumerate(pairwise(bars), start=1):
         if before.far_end == "clamped":
             text = ' = "clamped" holds a bar in the middle of the row: only the last one may be '
             raise KeyedError(f"body[{index - 1}]", "far_end", f"{text}clamped, remove it.")
         _check_order(before, bar, index)
+    gravity = scene.gravity
+    if not isinstance(gravity, PiecewiseConstant) or any(gravity.values):
+        shown = show(list(gravity.values) if len(gravity.values) > 1 else gravity.values[0])
+        text = f" = {shown} does not vanish, but bars in a row move without gravity: remove it."
+        raise KeyedError("", "gravity", text)
     solve = scene.solve
     if solve.method is not None and solve.method not in METHODS_OF_ROWS:
         fitting = " or ".join(map(show, METHODS_OF_ROWS))

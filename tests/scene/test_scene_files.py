@@ -158,8 +158,8 @@ def test_errors_in_values_name_the_file_and_the_path(write):
 def test_duplicate_tables_of_bodies(write):
     body = GOOD[GOOD.index("[[body]]") : GOOD.index("[[obstacle]]")]
     message = refused(write(GOOD + "\n" + body.replace("[[body]]", '[[body]]\nname = "b"')))
-    assert "there are 2" in message
-    assert "exactly one [[body]]" in message
+    assert "body[1].gap" in message
+    assert "they overlap by 1 m" in message
 
 
 @pytest.mark.parametrize("mark", ["", "\ufeff"])

@@ -167,7 +167,7 @@ CASES = {
     # counts
     "two bars": (
         {"body": [BAR, {**BAR, "name": "other"}]},
-        ["body = [", "there are 2", "one bar and one wall", "exactly one [[body]]"],
+        ['body[1].gap = 0.5 lets bar "other" begin', '"bar" ends at 1.5 m', "at least 1.5"],
     ),
     "no bars": ({"body": []}, ["body = []", "there is none", "one or more [[body]]"]),
     "two walls": ({"obstacle": [{"kind": "wall"}] * 2}, ["obstacle = ", "are 2", "exactly one"]),

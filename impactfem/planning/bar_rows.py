@@ -1,0 +1,239 @@
+"""The plan of bars in a row: elements that match, one time step for all, the method and why."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from impactfem.errors import SceneError
+from impactfem.exact import ExactBarRow
+from impactfem.row_reference import exact_row
+from impactfem.scene import Bar, Scene
+from impactfem.sizing import DEFAULT_ELEMENTS, Grid, marching_cost
+
+_LEAST = 2  # elements of a bar: its end nodes then meet one neighbour each
+_TRIED = range(40, 161)  # sizes tried to put all events on layers
+_MOST = 2000  # elements of the longest bar up to which a match is looked for
+_WHOLE = 1e-9  # share of a number of elements by which it may miss an integer
+_ON_LAYER = 1e-6  # share of a layer within which an event counts as on it
+_STABLE = 1.0 + 1e-9
+
+
+@dataclass(frozen=True)
+class BarRowPlan:
+    """What will be modelled and how.
+
+    Attributes:
+        method: "galerkin" or "exact".
+        model: The model in words.
+        elements: Elements along each bar.
+        layers: Time layers.
+        dt: Time step [s], the same for all bars.
+        courant: c dt / h of each bar.
+        matched: Whether c dt / h is the same in all bars, so that with courant 1 waves run from
+            node to node through all of them.
+        on_layers: Whether all contacts begin and end on layers.
+        contact_pairs: Complementarity pairs, layers times pairs of neighbours.
+        unknowns: Nodes times layers; 0 of the exact solution.
+        memory_mib: Estimated peak memory [MiB].
+        seconds: Estimated time [s] on a 2-core machine.
+        reasons: Why each choice was made, by key.
+        warnings: What the user should know before trusting the answer.
+    """
+
+    method: str
+    model: str
+    elements: tuple[int, ...]
+    layers: int
+    dt: float
+    courant: tuple[float, ...]
+    matched: bool
+    on_layers: bool
+    contact_pairs: int
+    unknowns: int
+    memory_mib: float
+    seconds: float
+    reasons: dict[str, str]
+    warnings: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data for ``summary.json``."""
+        lists = {name: list(getattr(self, name)) for name in ("elements", "courant", "warnings")}
+        return asdict(self) | lists
+
+    @property
+    def longest(self) -> int:
+        """Elements along the bar with the longest transit time, as solve.elements counts."""
+        return max(self.elements)
+
+
+def plan_bar_row(scene: Scene) -> BarRowPlan:
+    """Choose method, elements and step for bars in a row; nothing is solved but the exact motion.
+
+    Raises:
+        SceneError: The settings cannot work, or need more memory than the machine has.
+    """
+    bars, exact = scene.bars, exact_row(scene)
+    pairs = len(bars) - (not scene.obstacles)
+    reasons = {
+        "model": "homogeneous bars on one axis: nothing in the scene bends them or varies across "
+        f"them; {pairs} place{'s' if pairs != 1 else ''} of contact, frictionless"
+    }
+    elements = _choose_elements(scene, exact, reasons)
+    transits = np.array([bar.transit_time for bar in bars])
+    dt = _choose_step(scene, transits / elements, reasons)
+    courant = tuple((dt * np.array(elements) / transits).tolist())
+    matched = bool(np.ptp(courant) <= _WHOLE * max(courant))
+    layers = max(1, math.ceil(scene.duration / dt - 1e-9))
+    if layers * dt > scene.duration * (1 + 1e-9):
+        reasons["layers"] = f"the last layer ends at {layers * dt:g} s, past the duration"
+    aligned = _on_layers(exact, dt)
+    fitting = matched and aligned and max(courant) >= 1.0 - _WHOLE
+    method = _choose_method(scene, exact, reasons, fitting=fitting)
+    grid = Grid(sum(elements) + len(elements) - 1, layers, dt)
+    memory, seconds = marching_cost(grid, scene.output.every, 1)
+    nodes = sum(elements) + len(elements)
+    return BarRowPlan(
+        method=method,
+        model=_model(bars, wall=bool(scene.obstacles)),
+        elements=tuple(elements),
+        layers=layers,
+        dt=dt,
+        courant=courant,
+        matched=matched,
+        on_layers=aligned,
+        contact_pairs=layers * pairs,
+        unknowns=0 if method == "exact" else nodes * layers,
+        memory_mib=memory,
+        seconds=seconds,
+        reasons=reasons,
+        warnings=_warnings(method, exact, courant, aligned=aligned),
+    )
+
+
+def _model(bars: Sequence[Bar], *, wall: bool) -> str:
+    start = "behind a rigid wall" if wall else "without a wall"
+    return f"{len(bars)} elastic bars in a row, {start}, last far end {bars[-1].far_end}"
+
+
+def _choose_elements(scene: Scene, exact: ExactBarRow, reasons: dict[str, str]) -> list[int]:
+    """Elements of each bar so that h / c is the same in all, and events fall on layers."""
+    transits = [bar.transit_time for bar in scene.bars]
+    asked = scene.solve.elements
+    if asked is not None:
+        found = _matching(transits, asked)
+        if found is None:
+            _refuse_unmatched(scene, transits, asked)
+        reasons["elements"] = "as asked, along the bar with the longest transit time"
+        return found or _unmatched(transits, asked)
+    matches = {n: found for n in _TRIED if (found := _matching(transits, n))}
+    for n, found in matches.items():
+        if _on_layers(exact, max(transits) / n):
+            reasons["elements"] = (
+                f"the least number from {_TRIED[0]} on along the bar with the longest transit time "
+                "that gives all bars the same h / c and puts all events on layers"
+            )
+            return found
+    for n in range(DEFAULT_ELEMENTS, _MOST + 1):
+        if found := _matching(transits, n):
+            reasons["elements"] = (
+                "the least number from the default on that gives all bars the same h / c; none up "
+                f"to {_TRIED[-1]} puts all events on layers"
+            )
+            return found
+    reasons["elements"] = (
+        f"the default; no number up to {_MOST} gives all bars the same h / c: their transit times "
+        "have no common measure"
+    )
+    return _unmatched(transits, DEFAULT_ELEMENTS)
+
+
+def _matching(transits: Sequence[float], longest: int) -> list[int] | None:
+    """Elements of each bar with the same h / c; None if they are not whole or too few."""
+    exact = longest * np.array(transits) / max(transits)
+    whole = np.rint(exact)
+    if (np.abs(exact - whole) > _WHOLE * longest).any() or whole.min() < _LEAST:
+        return None
+    return [int(n) for n in whole]
+
+
+def _unmatched(transits: Sequence[float], longest: int) -> list[int]:
+    """Elements whose h / c is at least that of the bar with the longest transit time."""
+    share = np.array(transits) / max(transits)
+    return [max(_LEAST, math.floor(n)) for n in longest * share * _STABLE]
+
+
+def _refuse_unmatched(scene: Scene, transits: Sequence[float], asked: int) -> None:
+    """Refuse a number of elements that does not match where others do."""
+    others = [n for n in range(_LEAST, _MOST + 1) if _matching(transits, n)]
+    if not others or scene.solve.method == "exact":
+        return
+    near = sorted(sorted(others, key=lambda n: abs(n - asked))[:2])
+    raise SceneError(
+        f"solve.elements = {asked} along the bar with the longest transit time gives the others no "
+        f"whole number of elements with the same h / c; give {' or '.join(map(str, near))}, or "
+        'method = "exact"'
+    )
+
+
+def _choose_step(scene: Scene, limits: "np.ndarray[Any, Any]", reasons: dict[str, str]) -> float:
+    """Time step [s], at most h / c of each bar."""
+    solve, limit = scene.solve, float(min(limits))
+    dt = limit * (solve.courant or 1.0) if solve.dt is None else solve.dt
+    if dt > limit * _STABLE and solve.method != "exact":
+        given = "dt" if solve.dt is not None else "courant"
+        name = scene.bars[int(np.argmin(limits))].name
+        raise SceneError(
+            f"solve.{given} = {getattr(solve, given):g}: the step {dt:g} s is beyond the stability "
+            f"limit h / c = {limit:g} s of {name}; give a smaller one, fewer elements, or "
+            'method = "exact"'
+        )
+    if solve.dt is not None or solve.courant is not None:
+        reasons["dt"] = "as asked"
+    else:
+        reasons["dt"] = "the least h / c: waves run from node to node"
+    return dt
+
+
+def _on_layers(exact: ExactBarRow, dt: float) -> bool:
+    layer = exact.events / dt
+    return bool(np.all(np.abs(layer - np.rint(layer)) < _ON_LAYER))
+
+
+def _choose_method(
+    scene: Scene, exact: ExactBarRow, reasons: dict[str, str], *, fitting: bool
+) -> str:
+    if scene.solve.method is not None:
+        reasons["method"] = "as asked"
+        return scene.solve.method
+    if fitting:
+        reasons["method"] = "exact at the nodes: the same h / c in all bars, all events on layers"
+        return "galerkin"
+    if not exact.sampled:
+        reasons["method"] = (
+            "events fall between layers or the bars have different h / c; velocity and strain are "
+            "constant in pieces: the characteristics give the motion to rounding"
+        )
+        return "exact"
+    reasons["method"] = (
+        "velocity or strain vary along a bar: the characteristics would sample them too, and serve "
+        "as the reference for the error"
+    )
+    return "galerkin"
+
+
+def _warnings(
+    method: str, exact: ExactBarRow, courant: Sequence[float], *, aligned: bool
+) -> tuple[str, ...]:
+    if method == "exact":
+        sampled = "velocity or strain vary along a bar: they are sampled"
+        return (sampled,) if exact.sampled else ()
+    if min(courant) < 1.0 - _WHOLE:
+        return (
+            f'c dt / h is {min(courant):g} in a bar: the forces ring; method = "exact" does not',
+        )
+    if not aligned:
+        return ("an impact or release lies between layers: errors of first order in h",)
+    return ()

@@ -1,0 +1,109 @@
+"""The motion of a row of bars as every method returns it, and the history and fields made of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from impactfem.result.bar_motion import Effort
+from impactfem.result.fields import Fields
+from impactfem.result.history import BodyMotion, Columns, make_history
+from impactfem.scene import Bar
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RowMotion:
+    """Motion of bars in a row at common time levels.
+
+    Rows of forces and energies belong to the layer (t_{m-1}, t_m]; row 0 is the initial state.
+
+    Attributes:
+        times: t_m [s], shape (layers + 1,).
+        labels: Names of the pairs that may meet, as "wall|first" and "first|second".
+        positions: For each bar, node positions from its near end [m], shape (nodes,).
+        kept: Levels at which the fields are kept, shape (kept,).
+        displacement: For each bar, u at the kept levels, from the wall [m], (kept, nodes).
+        velocity: For each bar, u_t at the kept levels [m/s], (kept, nodes).
+        gap: Gap of each pair at t_m [m], shape (layers + 1, pairs).
+        force: Pressing force of each pair in each layer [N], shape (layers, pairs).
+        kinetic, elastic: Energy of each bar [J], shape (layers + 1, bars).
+        mean_displacement: Of the centres of mass at t_m [m], shape (layers + 1, bars).
+        mean_velocity: Of the centres of mass in each layer [m/s], shape (layers + 1, bars).
+        effort: How the method got there.
+    """
+
+    times: Floats
+    labels: tuple[str, ...]
+    positions: tuple[Floats, ...]
+    kept: NDArray[np.int64]
+    displacement: tuple[Floats, ...]
+    velocity: tuple[Floats, ...]
+    gap: Floats
+    force: Floats
+    kinetic: Floats
+    elastic: Floats
+    mean_displacement: Floats
+    mean_velocity: Floats
+    effort: Effort = field(default_factory=Effort)
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether all displacements and forces are finite."""
+        values = (*self.displacement, self.gap, self.force)
+        return all(bool(np.isfinite(value).all()) for value in values)
+
+
+def pair_labels(bars: Sequence[Bar], wall: str | None) -> tuple[str, ...]:
+    """Names of the pairs that may meet, in the order of the axis."""
+    names = [*([] if wall is None else [wall]), *(bar.name for bar in bars)]
+    return tuple(f"{a}|{b}" for a, b in pairwise(names))
+
+
+def row_history(motion: RowMotion, bars: Sequence[Bar]) -> xr.Dataset:
+    """History of a motion: the columns of the contract, and gap.K and force.K of each pair K."""
+    masses = np.array([bar.mass for bar in bars])
+    force = np.vstack([np.zeros((1, len(motion.labels))), motion.force])
+    bodies = {
+        bar.name: BodyMotion.along_axis(
+            motion.mean_displacement[:, k] + 0.5 * bar.length, motion.mean_velocity[:, k]
+        )
+        for k, bar in enumerate(bars)
+    }
+    history = make_history(
+        Columns(
+            time=motion.times,
+            gap=motion.gap.min(axis=1),
+            contact_force=force.sum(axis=1),
+            kinetic_energy=motion.kinetic.sum(axis=1),
+            elastic_energy=motion.elastic.sum(axis=1),
+            potential_energy=np.zeros_like(motion.times),
+            momentum=motion.mean_velocity @ masses,
+            active=np.count_nonzero(force > 0.0, axis=1),
+            bodies=bodies,
+        )
+    )
+    history["gap"].attrs["long_name"] = "smallest distance of neighbours"
+    history["contact_force"].attrs["long_name"] = "sum of the forces of all pairs"
+    history["momentum"].attrs["long_name"] = "linear momentum of all bars along the axis"
+    for k, label in enumerate(motion.labels):
+        text = label.replace("|", " and ")
+        for name, unit, values in (("gap", "m", motion.gap), ("force", "N", force)):
+            attributes = {"units": unit, "long_name": f"{name} between {text}", "label": label}
+            history[f"{name}.{k}"] = ("time", values[:, k], attributes)
+    return history
+
+
+def row_fields(motion: RowMotion) -> Fields:
+    """Displacement and velocity of all bars at the kept levels, one bar after the other."""
+    return Fields(
+        motion.times[motion.kept],
+        np.concatenate(motion.positions),
+        np.hstack(motion.displacement),
+        np.hstack(motion.velocity),
+        tuple(len(positions) for positions in motion.positions),
+    )
