@@ -4,6 +4,7 @@ import numpy as np
 
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBarRow, RowBar
+from impactfem.exact.row_waves import TooManyWavesError
 from impactfem.scene import Bar, Scene
 
 MAX_TRANSITS = 1e5
@@ -19,6 +20,7 @@ def exact_row(scene: Scene, duration: float | None = None) -> ExactBarRow:
 
     Raises:
         SceneError: The duration is too long to follow the waves.
+        TooManyWavesError: So are the waves.
     """
     shortest = min(scene.bars, key=lambda bar: bar.transit_time)
     transits = scene.duration / shortest.transit_time
@@ -35,6 +37,20 @@ def exact_row(scene: Scene, duration: float | None = None) -> ExactBarRow:
         wall=bool(scene.obstacles),
         clamped=scene.bars[-1].far_end == "clamped",
     )
+
+
+def exact_row_if_known(scene: Scene, duration: float | None = None) -> ExactBarRow | None:
+    """As `exact_row`; None if there are too many waves to follow and another method may serve.
+
+    Raises:
+        SceneError: The duration is too long, or the exact solution itself is asked for.
+    """
+    try:
+        return exact_row(scene, duration)
+    except TooManyWavesError:
+        if scene.solve.method == "exact":
+            raise
+        return None
 
 
 def _of_bar(bar: Bar) -> RowBar:

@@ -18,7 +18,7 @@ from impactfem.result import Result
 from impactfem.result.bar_motion import bar_fields, bar_history
 from impactfem.result.bar_row_motion import row_fields, row_history
 from impactfem.result.solid_motion import solid_history
-from impactfem.row_reference import exact_row
+from impactfem.row_reference import exact_row_if_known
 from impactfem.runners import RUNNERS
 from impactfem.scene import Scene, Solid
 from impactfem.summary import Cost, summarise
@@ -99,8 +99,9 @@ def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Resu
     wall_time = time.perf_counter() - start
     progress.step("measuring the error")
     end = max(scene.duration, float(motion.times[-1]))
-    exact = exact_row(scene, end)
-    errors = measure_row(motion, exact) if chosen.method != "exact" and motion.is_finite else None
+    exact = exact_row_if_known(scene, end)
+    reference = exact if chosen.method != "exact" and motion.is_finite else None
+    errors = None if reference is None else measure_row(motion, reference)
     history = row_history(motion, scene.bars)
     summary = summarise(scene, chosen, history, motion.effort, errors, _cost(wall_time))
     summary["contact"] |= contact_figures(motion, exact if chosen.method == "exact" else None)
@@ -112,7 +113,7 @@ def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Resu
         history,
         summary,
         row_fields(motion) if scene.output.fields else None,
-        row_curves(exact, end),
+        None if exact is None else row_curves(exact, end),
     )
 
 

@@ -48,7 +48,9 @@ class ExactBarRow:
             clamped: Whether the far end of the last bar is held.
 
         Raises:
-            SceneError: Bars overlap, or there are too many waves to follow.
+            SceneError: Bars overlap.
+            TooManyWavesError: There are too many waves to follow: where bars of transit times
+                without a common measure stay pressed together, each wave goes on splitting.
         """
         self.bars = tuple(bars)
         if not self.bars:

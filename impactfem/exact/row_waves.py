@@ -26,7 +26,11 @@ SNAP = 1e-12
 
 _EPS = float(np.finfo(float).eps)
 _STEP = 256.0 * _EPS  # share of the largest wave below which a jump is rounding
-_MAX_PIECES = 2_000_000
+_MAX_PIECES = 500_000
+
+
+class TooManyWavesError(SceneError):
+    """Waves have split at interfaces more often than can be followed."""
 
 
 @dataclass(slots=True)
@@ -129,7 +133,7 @@ def follow(interfaces: list[Interface], waves: list[Wave], duration: float) -> N
     """Follow all waves until a time; waves and records of interfaces are filled.
 
     Raises:
-        SceneError: There are too many of them.
+        TooManyWavesError: There are too many of them.
     """
     shortest = min(wave.transit for wave in waves)
     snap = SNAP * shortest + 8.0 * _EPS * duration
@@ -143,9 +147,9 @@ def follow(interfaces: list[Interface], waves: list[Wave], duration: float) -> N
         for interface in interfaces:
             interface.advance(until, snap, step)
         if (count := sum(len(wave.start) for wave in waves)) > _MAX_PIECES:
-            raise SceneError(
+            raise TooManyWavesError(
                 f"duration = {duration:g} s: after {first:g} s there are {count} waves, more than "
-                "are followed; give a shorter duration"
+                'are followed; give a shorter duration, or method = "galerkin"'
             )
 
 

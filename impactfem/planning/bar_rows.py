@@ -9,7 +9,7 @@ import numpy as np
 
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBarRow
-from impactfem.row_reference import exact_row
+from impactfem.row_reference import exact_row_if_known
 from impactfem.scene import Bar, Scene
 from impactfem.sizing import DEFAULT_ELEMENTS, Grid, marching_cost
 
@@ -75,7 +75,7 @@ def plan_bar_row(scene: Scene) -> BarRowPlan:
     Raises:
         SceneError: The settings cannot work, or need more memory than the machine has.
     """
-    bars, exact = scene.bars, exact_row(scene)
+    bars, exact = scene.bars, exact_row_if_known(scene)
     pairs = len(bars) - (not scene.obstacles)
     reasons = {
         "model": "homogeneous bars on one axis: nothing in the scene bends them or varies across "
@@ -118,7 +118,7 @@ def _model(bars: Sequence[Bar], *, wall: bool) -> str:
     return f"{len(bars)} elastic bars in a row, {start}, last far end {bars[-1].far_end}"
 
 
-def _choose_elements(scene: Scene, exact: ExactBarRow, reasons: dict[str, str]) -> list[int]:
+def _choose_elements(scene: Scene, exact: ExactBarRow | None, reasons: dict[str, str]) -> list[int]:
     """Elements of each bar so that h / c is the same in all, and events fall on layers."""
     transits = [bar.transit_time for bar in scene.bars]
     asked = scene.solve.elements
@@ -197,19 +197,24 @@ def _choose_step(scene: Scene, limits: "np.ndarray[Any, Any]", reasons: dict[str
     return dt
 
 
-def _on_layers(exact: ExactBarRow, dt: float) -> bool:
+def _on_layers(exact: ExactBarRow | None, dt: float) -> bool:
+    if exact is None:
+        return False
     layer = exact.events / dt
     return bool(np.all(np.abs(layer - np.rint(layer)) < _ON_LAYER))
 
 
 def _choose_method(
-    scene: Scene, exact: ExactBarRow, reasons: dict[str, str], *, fitting: bool
+    scene: Scene, exact: ExactBarRow | None, reasons: dict[str, str], *, fitting: bool
 ) -> str:
     if scene.solve.method is not None:
         reasons["method"] = "as asked"
         return scene.solve.method
     if fitting:
         reasons["method"] = "exact at the nodes: the same h / c in all bars, all events on layers"
+        return "galerkin"
+    if exact is None:
+        reasons["method"] = "waves split too often for the characteristics to follow them"
         return "galerkin"
     if not exact.sampled:
         reasons["method"] = (
@@ -225,8 +230,10 @@ def _choose_method(
 
 
 def _warnings(
-    method: str, exact: ExactBarRow, courant: Sequence[float], *, aligned: bool
+    method: str, exact: ExactBarRow | None, courant: Sequence[float], *, aligned: bool
 ) -> tuple[str, ...]:
+    if exact is None:
+        return ("too many waves for the exact solution: the error is not measured",)
     if method == "exact":
         sampled = "velocity or strain vary along a bar: they are sampled"
         return (sampled,) if exact.sampled else ()

@@ -130,6 +130,26 @@ def test_plan_matches_elements_of_unequal_bars():
         plan(scene(bars, elements=41))
 
 
+def test_where_waves_split_too_often_the_march_still_serves():
+    # Pressed between a wall and a clamp: no pair opens, transit times have no common measure.
+    lengths, place, bars = (1.0, np.sqrt(2.0), np.sqrt(3.0)), 0.0, []
+    for k, (length, area) in enumerate(zip(lengths, (1.0, 3.0, 0.5), strict=True)):
+        bars.append(
+            bar(f"b{k}", place, 0.1 * (k == 0), length, area, displacement="-0.3*x",
+                far_end="clamped" if k == 2 else "free")
+        )  # fmt: skip
+        place += 0.7 * length
+    squeezed = scene(bars, 90.0, [Wall()], elements=20)
+    result = impactfem.solve(squeezed)
+    assert result.summary["method"] == "galerkin"
+    assert result.summary["status"] == "completed"
+    assert result.summary["error"] is None
+    assert "not measured" in result.summary["plan"]["warnings"][0]
+    assert result.history["contact_force"].values[-1] > 0.0
+    with pytest.raises(SceneError, match='or method = "galerkin"'):
+        plan(squeezed.with_settings({"solve.method": "exact"}))
+
+
 def test_fields_of_a_row_survive_their_file(tmp_path):
     result = impactfem.solve(scene([bar("a", 0.0, 1.0, length=0.5), bar("b", 0.75)], 1.0))
     result.save(tmp_path / "out")
