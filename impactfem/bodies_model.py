@@ -155,10 +155,14 @@ def bodies_model(scene: Scene, degrees: Sequence[int], *, updated: bool) -> Bodi
 
 @lru_cache(maxsize=1)
 def _model(key: Key, degrees: tuple[int, ...], updated: bool) -> BodiesModel:  # hashed
-    scene = key.scene
-    solids = [body for body in scene.bodies if isinstance(body, Solid)]
-    parts = tuple(_part(scene, s, d) for s, d in zip(solids, degrees, strict=True))
-    return BodiesModel(MPI.COMM_WORLD, scene, parts, updated)
+    return BodiesModel(MPI.COMM_WORLD, key.scene, _parts(key, degrees), updated)
+
+
+@lru_cache(maxsize=1)
+def _parts(key: Key, degrees: tuple[int, ...]) -> tuple[BodyPart, ...]:
+    """The bodies, meshed once for pairs that are fixed and for those that follow."""
+    solids = [body for body in key.scene.bodies if isinstance(body, Solid)]
+    return tuple(_part(key.scene, s, d) for s, d in zip(solids, degrees, strict=True))
 
 
 def _part(scene: Scene, solid: Solid, degree: int) -> BodyPart:

@@ -123,7 +123,7 @@ def _direction(model: BodiesModel) -> Floats:
     """
     dim = model.parts[0].solid.dim
     if len(model.parts) == 1:
-        return np.eye(3)[1]
+        return np.array([0.0, 1.0, 0.0])
     one, two = model.parts[:2]
     speeds = [part.system.mean(part.system.velocity) for part in (one, two)]
     approach = speeds[0] - speeds[1]
@@ -140,8 +140,9 @@ def _direction(model: BodiesModel) -> Floats:
         if length > 0.0:
             way /= length
             way[np.abs(way) < 1e-9] = 0.0
-            return way * np.sign(way[np.argmax(np.abs(way))]) + 0.0
-    return np.eye(3)[0]
+            way *= np.sign(way[np.argmax(np.abs(way))])
+            return way + 0.0
+    return np.array([1.0, 0.0, 0.0])
 
 
 def _work(march: SolidMarch, sums: Floats, *, explicit: bool) -> Floats:

@@ -1,10 +1,7 @@
 """The plan of several solids that may strike each other."""
 
-from typing import Any
-
-import numpy as np
-
 from impactfem.errors import SceneError
+from impactfem.planning.sliding import choose_sliding, told_pairs, warnings_of
 from impactfem.planning.solid_choices import COURANT, EXPLICIT, stiff_elements
 from impactfem.planning.solid_costs import (
     NATURAL_STEP,
@@ -17,6 +14,8 @@ from impactfem.planning.solid_costs import (
 )
 from impactfem.planning.solids import SolidPlan, in_words, measured
 from impactfem.scene import Scene, Solid
+
+_ALONE = ", linear elastic, rigid obstacles without friction"
 
 
 def plan_bodies(scene: Scene) -> SolidPlan:
@@ -33,15 +32,18 @@ def plan_bodies(scene: Scene) -> SolidPlan:
     each_degree = degrees(scene, reasons)
     for solid, degree in zip(solids, each_degree, strict=True):
         check_before_meshing(solid, degree)
-    updated = _updated(scene, solids, reasons)
-    model = bodies_model(scene, each_degree, updated=updated)
+    model = bodies_model(scene, each_degree, updated=scene.solve.normals == "updated")
+    if choose_sliding(model, reasons) and not model.updated:
+        model = bodies_model(scene, each_degree, updated=True)
     sizes = [measured(p.solid, p.mesh, p.degree)[0] for p in model.parts]
     method = _method(scene, each_degree, reasons)
+    if model.updated:
+        exact, order = "energy exact without friction", "energy right to the order of the step"
+        reasons["method"] = reasons["method"].replace(exact, order)
     dt, courant = _step(scene, method, solids, sizes, reasons)
     layers = None if dt is None else count_layers(scene.duration, dt)
     solver = "none" if method in EXPLICIT else solve.linear_solver or "mumps"
-    for pair in model.pairs:
-        reasons[f"contact {pair.names[0]} and {pair.names[1]}"] = pair.why
+    reasons |= told_pairs(model)
     fastest = [
         NATURAL_STEP * size.least / s.p_wave_speed for s, size in zip(solids, sizes, strict=True)
     ]
@@ -49,7 +51,11 @@ def plan_bodies(scene: Scene) -> SolidPlan:
     each = [seconds(size, count, 0, solver, model.comm.size) for size in sizes]
     return SolidPlan(
         method=method,
-        model="; ".join(f"{s.name}: {in_words(s, z)}" for s, z in zip(solids, sizes, strict=True)),
+        model="; ".join(
+            f"{s.name}: {in_words(s, z).removesuffix(_ALONE)}"
+            for s, z in zip(solids, sizes, strict=True)
+        )
+        + "; linear elastic",
         degree=max(each_degree),
         cells=sizes[0].cells,
         mesh_size=min(size.mesh_size for size in sizes),
@@ -57,7 +63,7 @@ def plan_bodies(scene: Scene) -> SolidPlan:
         courant=courant,
         layers=layers,
         linear_solver=solver,
-        normals="updated" if updated else "fixed",
+        normals="updated" if model.updated else "fixed",
         active_set="pdas",
         tolerance=solve.tolerance or 1e-13,
         max_iterations=solve.max_iterations or 200,
@@ -67,7 +73,7 @@ def plan_bodies(scene: Scene) -> SolidPlan:
         seconds=sum(each),
         estimate=False,
         reasons=reasons,
-        warnings=(),
+        warnings=warnings_of(model),
     )
 
 
@@ -130,23 +136,3 @@ def _step(
     dt = min(courant * size.mesh_size / leading_speed(solid) for solid, size in pairs)
     reasons["dt"] = f"courant = {courant:g} in the body that asks for the least step"
     return min(dt, scene.duration), courant
-
-
-def _updated(scene: Scene, solids: list[Solid], reasons: dict[str, str]) -> bool:
-    """Whether bodies slide along each other by more than their elements are wide."""
-    if scene.solve.normals is not None:
-        reasons["normals"] = "as asked"
-        return scene.solve.normals == "updated"
-    if any(_turns(solid) for solid in solids):
-        reasons["normals"] = "a body turns: pairs of surfaces follow the bodies"
-        return True
-    reasons["normals"] = (
-        'small sliding: pairs of surfaces are those of t = 0; set normals = "updated" if bodies '
-        "slide by more than an element"
-    )
-    return False
-
-
-def _turns(solid: Solid) -> bool:
-    given: Any = solid.angular_velocity
-    return bool(np.any(np.atleast_1d(np.asarray(given if given is not None else 0.0)) != 0.0))
