@@ -18,6 +18,8 @@ Indices = NDArray[np.int64]
 FACING = 0.2
 """Least cosine between one normal and the other reversed for two faces to be opposite."""
 
+_CHUNK = 5_000  # faces looked at in one go: bounds the memory
+
 
 def candidates(
     carrier: Surface,
@@ -50,23 +52,43 @@ def candidates(
         tree, size = KDTree(there.centre[mine]), float(there.radius[mine].max())
         for level in np.unique(level_here[looking]):
             faces = looking[level_here[looking] == level]
-            step = 2.0 * (float(here.radius[faces].max()) + size)
-            counts = np.maximum(np.ceil((end[faces] - begin[faces]) / step), 1.0).astype(np.int64)
-            face = np.repeat(faces, counts)
-            part = np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts) + 0.5
-            pace = np.repeat((end[faces] - begin[faces]) / counts, counts)
-            along = begin[face] + part * pace
-            radius = here.radius[face] + size + 0.5 * pace
-            radius += here.tilt[face] * (np.abs(along) + 0.5 * pace)
-            looks = KDTree(here.centre[face] + along[:, None] * here.normal[face])
-            near = looks.sparse_distance_matrix(tree, float(radius.max()), output_type="ndarray")
-            pair = np.stack([face[near["i"]], mine[near["j"]]], axis=1)
-            found.append(_opposite(here, there, pair, begin, end))
+            for start in range(0, len(faces), _CHUNK):
+                some = faces[start : start + _CHUNK]
+                pair = _near(here, some, begin, end, tree, size)
+                pair[:, 1] = mine[pair[:, 1]]
+                found.append(_opposite(here, there, pair, begin, end))
     pairs = np.concatenate(found)
     # A pair may have been met from several points on the way.
     keys = np.sort(pairs[:, 0] * len(other.faces) + pairs[:, 1])
     keys = keys[np.diff(keys, prepend=-1) > 0]
     return np.stack([keys // len(other.faces), keys % len(other.faces)], axis=1)
+
+
+def _near(
+    here: "_Balls", faces: Indices, begin: Floats, end: Floats, tree: KDTree, size: float
+) -> Indices:
+    """Some faces and the centres of a tree near their ways, (pairs, 2); repeated if met twice.
+
+    Args:
+        here: Balls of the carrier's faces.
+        faces: Some of these, of about the same size.
+        begin: Where the ways of all faces begin [m].
+        end: Where they end [m].
+        tree: Centres of faces of the other.
+        size: Largest radius of these faces [m].
+    """
+    step = 2.0 * (float(here.radius[faces].max()) + size)
+    counts = np.maximum(np.ceil((end[faces] - begin[faces]) / step), 1.0).astype(np.int64)
+    face = np.repeat(faces, counts)
+    part = np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts) + 0.5
+    pace = np.repeat((end[faces] - begin[faces]) / counts, counts)
+    along = begin[face] + part * pace
+    radius = here.radius[face] + size + 0.5 * pace
+    radius += here.tilt[face] * (np.abs(along) + 0.5 * pace)
+    looks = KDTree(here.centre[face] + along[:, None] * here.normal[face])
+    near = looks.sparse_distance_matrix(tree, float(radius.max()), output_type="ndarray")
+    near = near[near["v"] <= radius[near["i"]]]
+    return np.stack([face[near["i"]], near["j"].astype(np.int64)], axis=1)
 
 
 class _Balls:

@@ -41,7 +41,7 @@ from impactfem.contact.mortar_surface import Overlap, Surface, unit
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-_CHUNK = 50_000  # pairs of faces integrated at once: bounds the memory
+_CHUNK = 10_000  # pairs of faces integrated at once: bounds the memory
 _ROUNDING = 1e-10  # share of coordinates that counts as nothing
 _FULL = 1e-6  # share of a face beyond which more overlap lies behind other faces
 
@@ -217,7 +217,7 @@ def _gather(
     """Sum the integrals over pairs of faces into rows of the carrier's corners."""
     nodes, dim = len(carrier.points), carrier.dim
     sizes = (nodes, nodes), (nodes, len(other.points))
-    here, there = csr_array(sizes[0]), csr_array(sizes[1])
+    here, there = _Sum(sizes[0]), _Sum(sizes[1])
     vectors, faces = np.zeros((nodes, dim)), [np.empty((0, 2), dtype=np.int64)]
     pairs = np.concatenate([faces[0], *(some for some, _ in parts)])
     cover = np.concatenate([np.empty(0), *(overlap.cover for _, overlap in parts)])
@@ -227,19 +227,20 @@ def _gather(
         chosen = np.flatnonzero(visible)
         some, overlap = every[chosen], _select(whole, chosen)
         rows = carrier.corners[some[:, 0]]
-        here = here + _matrix(rows, carrier.faces[some[:, 0]], overlap.carrier, sizes[0])
-        there = there + _matrix(rows, other.faces[some[:, 1]], overlap.other, sizes[1])
+        here.add(rows, carrier.faces[some[:, 0]], overlap.carrier)
+        there.add(rows, other.faces[some[:, 1]], overlap.other)
         for axis in range(dim):
             vectors[:, axis] += np.bincount(
                 rows.ravel(), overlap.vectors[:, :, axis].ravel(), minlength=nodes
             )
         faces.append(some)
-    area = np.asarray(here.sum(axis=1)).ravel()
+    integrals = here.matrix(), there.matrix()
+    area = np.asarray(integrals[0].sum(axis=1)).ravel()
     full = _corner_areas(carrier, thickness=thickness, axisymmetric=axisymmetric)
     chosen = np.flatnonzero(area > least * full)
     normal = -unit(vectors[chosen])
     scale = 1.0 / area[chosen]
-    weights = [csr_array(part[chosen].multiply(scale[:, None])) for part in (here, there)]
+    weights = [csr_array(part[chosen].multiply(scale[:, None])) for part in integrals]
     way = weights[0] @ carrier.points - weights[1] @ other.points
     return MortarPairs(
         chosen,
@@ -252,11 +253,27 @@ def _gather(
     )
 
 
-def _matrix(rows: Indices, columns: Indices, values: Floats, shape: tuple[int, int]) -> csr_array:
-    """Sum blocks (pairs, rows of a block, columns of a block) into a matrix."""
-    places = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
-    entries = values.ravel(), tuple(place.ravel() for place in places)
-    return csr_array(coo_array(entries, shape=shape))
+class _Sum:
+    """A matrix as the sum of many blocks."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._shape = shape
+        self._entries: list[tuple[Indices, Indices, Floats]] = []
+
+    def add(self, rows: Indices, columns: Indices, values: Floats) -> None:
+        """Add blocks (pairs, rows of a block, columns of a block)."""
+        at = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
+        entries = values.ravel(), tuple(place.ravel() for place in at)
+        part = coo_array(entries, shape=self._shape)
+        part.sum_duplicates()
+        self._entries.append((*part.coords, part.data))
+
+    def matrix(self) -> csr_array:
+        """The sum."""
+        if not self._entries:
+            return csr_array(self._shape)
+        rows, columns, values = (np.concatenate(part) for part in zip(*self._entries, strict=True))
+        return csr_array(coo_array((values, (rows, columns)), shape=self._shape))
 
 
 def _corner_areas(carrier: Surface, *, thickness: float, axisymmetric: bool) -> Floats:

@@ -35,14 +35,14 @@ def self_check(
             surfaces are chords: two that fit together overlap by their sagitta.)
     """
     extent = max(float(np.ptp(side.points, axis=0).max()) for side in (first, second))
-    depths, places = zip(_deepest(first, second), _deepest(second, first), strict=True)
-    worst = int(np.argmax(depths))
-    if depths[worst] <= tolerance * extent:
+    both = _deepest(first, second), _deepest(second, first)
+    depth, place = both[0] if both[0][0] >= both[1][0] else both[1]
+    if depth <= tolerance * extent:
         return None
-    place = ", ".join(f"{x:.4g}" for x in places[worst])
+    near = ", ".join(f"{x:.4g}" for x in place)
     return (
-        f"bodies {names[0]!r} and {names[1]!r} overlap by {depths[worst]:.4g} m at t = 0 near "
-        f"({place}); move one of them"
+        f"bodies {names[0]!r} and {names[1]!r} overlap by {depth:.4g} m at t = 0 near ({near}); "
+        "move one of them"
     )
 
 
