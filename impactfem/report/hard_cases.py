@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from impactfem.errors import ImpactError, SceneError
 from impactfem.methods import METHODS
 from impactfem.report.board import Board, Case, Cell, Claim, Facts, Verdict
+from impactfem.report.hard_bodies import CASES as BODIES_CASES
 from impactfem.report.hard_scenes import CASES as SCENE_CASES
 from impactfem.report.hard_solid_special import CASES as SOLID_SPECIAL_CASES
 from impactfem.report.hard_solids import CASES as SOLID_CASES
@@ -18,6 +19,7 @@ CASES: tuple[Case, ...] = (
     *SPECIAL_CASES,
     *SOLID_CASES,
     *SOLID_SPECIAL_CASES,
+    *BODIES_CASES,
     *VIBRO_CASES,
 )
 """All hard cases."""
