@@ -99,7 +99,7 @@ def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Resu
     wall_time = time.perf_counter() - start
     progress.step("measuring the error")
     end = max(scene.duration, float(motion.times[-1]))
-    exact = exact_row_if_known(scene, end)
+    exact = exact_row_if_known(scene, end) if chosen.exact_known else None
     reference = exact if chosen.method != "exact" and motion.is_finite else None
     errors = None if reference is None else measure_row(motion, reference)
     history = row_history(motion, scene.bars)

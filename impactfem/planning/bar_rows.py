@@ -35,6 +35,7 @@ class BarRowPlan:
         matched: Whether c dt / h is the same in all bars, so that with courant 1 waves run from
             node to node through all of them.
         on_layers: Whether all contacts begin and end on layers.
+        exact_known: Whether the exact solution can be followed to the end.
         contact_pairs: Complementarity pairs, layers times pairs of neighbours.
         unknowns: Nodes times layers; 0 of the exact solution.
         memory_mib: Estimated peak memory [MiB].
@@ -51,6 +52,7 @@ class BarRowPlan:
     courant: tuple[float, ...]
     matched: bool
     on_layers: bool
+    exact_known: bool
     contact_pairs: int
     unknowns: int
     memory_mib: float
@@ -104,6 +106,7 @@ def plan_bar_row(scene: Scene) -> BarRowPlan:
         courant=courant,
         matched=matched,
         on_layers=aligned,
+        exact_known=exact is not None,
         contact_pairs=layers * pairs,
         unknowns=0 if method == "exact" else nodes * layers,
         memory_mib=memory,
