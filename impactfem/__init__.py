@@ -21,7 +21,7 @@ if TYPE_CHECKING:
         OutputError,
         SceneError,
     )
-    from impactfem.exact import ExactBar
+    from impactfem.exact import ExactBar, ExactBarRow, RowBar
     from impactfem.planning import Plan, SolidPlan, VibroPlan, plan
     from impactfem.report.hard_cases import Board, hard_cases
     from impactfem.report.study import Study
@@ -77,6 +77,7 @@ _HOMES = {
     "Cylinder": "impactfem.scene",
     "Disc": "impactfem.scene",
     "ExactBar": "impactfem.exact",
+    "ExactBarRow": "impactfem.exact",
     "Formula": "impactfem.scene",
     "GeneralizedSystem": "impactfem.system.generalized",
     "HalfSpace": "impactfem.scene",
@@ -100,6 +101,7 @@ _HOMES = {
     "RigidSphere": "impactfem.scene",
     "Ring": "impactfem.scene",
     "Rod": "impactfem.scene",
+    "RowBar": "impactfem.exact",
     "Scene": "impactfem.scene",
     "SceneError": "impactfem.errors",
     "Signal": "impactfem.scene.signal",
@@ -132,6 +134,7 @@ __all__ = [
     "Cylinder",
     "Disc",
     "ExactBar",
+    "ExactBarRow",
     "Formula",
     "GeneralizedSystem",
     "HalfSpace",
@@ -155,6 +158,7 @@ __all__ = [
     "RigidSphere",
     "Ring",
     "Rod",
+    "RowBar",
     "Scene",
     "SceneError",
     "Signal",
