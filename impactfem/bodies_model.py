@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from impactfem.contact.body_pairs import SurfacePair, make_pair
 from impactfem.contact.boundary import Boundary, boundary, everywhere
+from impactfem.contact.overlap import overlap
 from impactfem.contact.reach import Reach, reach
 from impactfem.contact.surfaces import ContactNodes, contact_nodes
 from impactfem.errors import SceneError
@@ -78,6 +80,7 @@ class BodiesModel:
         found = []
         for (one, first), (two, second) in body_pairs(self.scene):
             a, b = names.index(one), names.index(two)
+            self._check_apart(a, b)
             pair = make_pair(
                 (a, b),
                 tuple(self._faces(k, surfaces) for k, surfaces in ((a, first), (b, second))),
@@ -91,6 +94,17 @@ class BodiesModel:
                 found.append(pair)
         return tuple(found)
 
+    def _check_apart(self, a: int, b: int) -> None:
+        one, two = self.parts[a], self.parts[b]
+        found = overlap(one.outside, one.places, two.outside, two.places)
+        if found is not None:
+            depth, place = found
+            raise SceneError(
+                f"bodies {one.solid.name} and {two.solid.name} overlap by at least {depth:.3g} m "
+                f"at t = 0 near ({', '.join(f'{x:.4g}' for x in place)}): move one, "
+                "by its shape or displacement"
+            )
+
     def _faces(self, body: int, surfaces: Sequence[str] | None) -> tuple[Boundary, Floats, Any]:
         """Outside, places of its nodes, and which of its faces may strike."""
         part = self.parts[body]
@@ -101,9 +115,11 @@ class BodiesModel:
         if chosen is not None:
             for name in chosen:
                 if name not in outside.names:
+                    near = get_close_matches(name, outside.names, 1)
+                    meant = f"did you mean {near[0]!r}? " if near else ""
                     raise SceneError(
-                        f"contact: body {solid.name!r} has no surface {name!r}; its surfaces are "
-                        f"{list(outside.names)}"
+                        f"contact.between = '{solid.name}/{name}': the body has no surface "
+                        f"{name!r}; {meant}give one of {', '.join(outside.names)}"
                     )
             asked &= outside.on(chosen)
         return outside, part.places, asked

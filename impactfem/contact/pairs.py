@@ -101,7 +101,7 @@ class PairGaps:
         self, displacement: Floats, begin: Floats, last: Floats, time: float, back: float = 0.5
     ) -> tuple[Floats, Floats]:
         """Gaps (pairs,) and normals (pairs, dim); see `Gaps.at`."""
-        gaps, normals = [], []
+        gaps, normals = [np.zeros(0)], [np.zeros((0, displacement.shape[1]))]
         for own, chosen, obstacle in self._obstacles:
             parts = (displacement[own][chosen], begin[own][chosen], last[own][chosen])
             gap, normal = obstacle.at(*parts, time, back)

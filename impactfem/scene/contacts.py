@@ -22,7 +22,7 @@ class Contact:
     heading: ClassVar[str] = "contact"
 
     between: Sequence[str] = key(
-        ListOf(SideName(), at_least=2, different=True),
+        ListOf(SideName(), at_least=2),
         "names of a body and an obstacle, of two points, or of two solids or their surfaces as "
         "ball/skin",
     )
@@ -40,6 +40,11 @@ class Contact:
         if len(self.between) != 2:
             text = f" = {show(list(self.between))} has {len(self.between)} names: give two."
             raise KeyedError(self.heading, "between", text)
+        if self.between[0] == self.between[1]:
+            text = (
+                f" = {show(list(self.between))}: a body in contact with itself is not available; "
+            )
+            raise KeyedError(self.heading, "between", f"{text}name two.")
         if self.restitution > 1.0:
             text = f" = {show(self.restitution)} is not allowed: an impact would gain energy; "
             text += "give a number from 0 (no rebound) to 1 (no loss)."

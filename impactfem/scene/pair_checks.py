@@ -1,10 +1,13 @@
 """Checks of scenes with several solids that may strike each other."""
 
+from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from impactfem.scene.contacts import Contact
 from impactfem.scene.pairing import side_of
 from impactfem.scene.schema import KeyedError
+from impactfem.scene.solids import Solid
 from impactfem.scene.values import show
 
 if TYPE_CHECKING:
@@ -24,6 +27,8 @@ def check_pairs(scene: "Scene") -> None:
             raise KeyedError(f"body[{index}]", "model", f"{text}all bodies need the same model.")
     for index, contact in enumerate(scene.contacts):
         _check_contact(scene, contact, f"contact[{index}]")
+        for earlier in range(index):
+            _check_twice(scene.contacts[earlier], contact, f"contact[{earlier}]", index)
     for name, why in (("active_set", "snes_vi works on one solid"), ("estimate", "")):
         value = getattr(scene.solve, name)
         if value in {None, False, "pdas"}:
@@ -42,8 +47,8 @@ def _check_contact(scene: "Scene", contact: Contact, where: str) -> None:
     names = [side_of(entry)[0] for entry in contact.between]
     for name in names:
         if name not in bodies | obstacles:
-            known = ", ".join([*(b.name for b in scene.bodies), *(o.name for o in scene.obstacles)])
-            text = f" = {shown}: there is no {show(name)}; the scene has {known}."
+            known = [*(b.name for b in scene.bodies), *(o.name for o in scene.obstacles)]
+            text = f" = {shown}: there is no {show(name)}; {_meant(name, known)}"
             raise KeyedError(where, "between", text)
     if names[0] == names[1]:
         text = f" = {shown}: a body in contact with itself is not available; name two bodies."
@@ -55,6 +60,40 @@ def _check_contact(scene: "Scene", contact: Contact, where: str) -> None:
         if surfaces is not None and name in obstacles:
             text = f" = {shown}: the obstacle {show(name)} has no surfaces; leave the slash out."
             raise KeyedError(where, "between", text)
+        own = None if name in obstacles else _surfaces(scene, name)
+        for surface in surfaces or ():
+            if own is not None and surface not in own:
+                text = f" = {shown}: {show(name)} has no surface {show(surface)}; "
+                raise KeyedError(where, "between", f"{text}{_meant(surface, own)}")
     if contact.restitution > 0.0:
         text = f" = {show(contact.restitution)} is for points, rods and beams: solids rebound by "
         raise KeyedError(where, "restitution", f"{text}their own elasticity; remove it.")
+
+
+def _check_twice(one: Contact, two: Contact, where: str, index: int) -> None:
+    """Refuse laws that cover the same faces, or rub the same two bodies differently."""
+    sides = [dict(side_of(name) for name in entry.between) for entry in (one, two)]
+    if set(sides[0]) != set(sides[1]):
+        return
+    shown = show(list(two.between))
+    if all(
+        sides[0][name] is None or sides[1][name] is None or sides[0][name] == sides[1][name]
+        for name in sides[0]
+    ):
+        text = f" = {shown}: {where} is about the same faces; remove one."
+        raise KeyedError(f"contact[{index}]", "between", text)
+    if one.friction_coefficient != two.friction_coefficient:
+        text = f" = {show(two.friction_coefficient)}, but {where} has "
+        text += f"{show(one.friction_coefficient)} for the same bodies: give both the same."
+        raise KeyedError(f"contact[{index}]", "friction_coefficient", text)
+
+
+def _surfaces(scene: "Scene", name: str) -> Sequence[str] | None:
+    """Surfaces of a solid's shape; None if a mesh file has them."""
+    solid = next(body for body in scene.bodies if body.name == name)
+    return solid.surface_names if isinstance(solid, Solid) else None
+
+
+def _meant(name: str, known: Sequence[str]) -> str:
+    near = get_close_matches(name, known, 1)
+    return f"{f'did you mean {show(near[0])}? ' if near else ''}Give one of {', '.join(known)}."

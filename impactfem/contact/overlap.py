@@ -1,0 +1,109 @@
+"""Whether two bodies lie in each other: points just below the faces of one, inside the other.
+
+Near touch the gaps of a pair say so; where bodies lie deeply in each other, or cross, no faces are
+opposite. A point is inside a closed surface if the surface surrounds it once: the angles in the
+plane, or solid angles in space (Van Oosterom, Strackee, IEEE Trans. Biomed. Eng. 30 (1983)
+125-126), that the faces cover as seen from there, signed by their outward normals, sum to a full
+turn.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.boundary import Boundary
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+_BELOW = 0.02  # of the width of a face: how far below it the points lie
+_AT_ONCE = 2_000_000  # angles
+_TRIANGLES = {3: [[0, 1, 2]], 4: [[0, 1, 2], [1, 3, 2]]}  # DOLFINx's order of corners
+
+
+def overlap(
+    one: Boundary, places: Floats, other: Boundary, other_places: Floats
+) -> tuple[float, Floats] | None:
+    """How deep one body lies in another, and where; None if it does not.
+
+    Points are taken below the middles of the faces of both. The depth of a point is that below the
+    nearest face's plane, right in convex bodies and too small in others.
+
+    Args:
+        one: Outside of one body.
+        places: Places of its nodes [m], shape (nodes, dim).
+        other: Of the other.
+        other_places: Of its nodes.
+    """
+    found: list[tuple[float, Floats]] = []
+    for (a, at), (b, there) in (
+        ((one, places), (other, other_places)),
+        ((other, other_places), (one, places)),
+    ):
+        low, high = there.min(axis=0), there.max(axis=0)
+        middles = at[_corners(a)].mean(axis=1)
+        below = middles - (_BELOW * _width(a))[:, None] * a.normals
+        near = np.flatnonzero(((below > low) & (below < high)).all(axis=1))
+        held = near[inside(b, there, below[near])]
+        for face in held:
+            # The middle of the face is deeper than the point below it, or on the other's surface.
+            depth = max(_depth(b, there, below[face]), _depth(b, there, middles[face]))
+            found.append((depth, middles[face]))
+    return max(found, key=lambda entry: entry[0], default=None)
+
+
+def inside(body: Boundary, places: Floats, points: Floats) -> Booleans:
+    """Which points (points, dim) are inside a body whose nodes are at some places."""
+    found = np.zeros(len(points), dtype=bool)
+    parts = _parts(body)
+    for first in range(0, len(points), max(1, _AT_ONCE // max(1, len(parts)))):
+        some = slice(first, first + max(1, _AT_ONCE // max(1, len(parts))))
+        ways = places[parts][None] - points[some, None, None]  # (points, parts, corners, dim)
+        turns = _angles(ways) if places.shape[1] == 2 else _solid_angles(ways)
+        faces = np.repeat(np.arange(len(body.faces)), len(parts) // max(1, len(body.faces)))
+        outward = np.einsum("pfd,fd->pf", ways.mean(axis=2), body.normals[faces])
+        found[some] = (np.sign(outward) * turns).sum(axis=1) > 0.5
+    return found
+
+
+def _angles(ways: Floats) -> Floats:
+    """Shares of a full turn that segments cover, (points, segments)."""
+    a, b = ways[:, :, 0], ways[:, :, 1]
+    cross = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return np.asarray(np.abs(np.arctan2(cross, (a * b).sum(axis=2))) / (2.0 * np.pi))
+
+
+def _solid_angles(ways: Floats) -> Floats:
+    """Shares of the full sphere that triangles cover, (points, triangles)."""
+    a, b, c = (ways[:, :, k] for k in range(3))
+    la, lb, lc = (np.linalg.norm(way, axis=2) for way in (a, b, c))
+    volume = np.einsum("pfd,pfd->pf", a, np.cross(b, c))
+    ab, bc, ca = ((x * y).sum(axis=2) for x, y in ((a, b), (b, c), (c, a)))
+    around = la * lb * lc + ab * lc + bc * la + ca * lb
+    return np.asarray(np.abs(np.arctan2(volume, around)) / (2.0 * np.pi))
+
+
+def _depth(body: Boundary, places: Floats, point: Floats) -> float:
+    """Distance to the nearest plane of a face [m]."""
+    middles = places[_corners(body)].mean(axis=1)
+    return float(np.abs(np.einsum("fd,fd->f", middles - point, body.normals)).min())
+
+
+def _corners(body: Boundary) -> NDArray[np.int64]:
+    """Corners of the faces, without nodes between them."""
+    if body.points.shape[1] == 2:
+        return body.faces[:, :2]
+    return body.faces[:, : {3: 3, 6: 3, 4: 4, 9: 4}[body.faces.shape[1]]]
+
+
+def _parts(body: Boundary) -> NDArray[np.int64]:
+    """Segments, or triangles of the faces one after the other, by their corners."""
+    corners = _corners(body)
+    if body.points.shape[1] == 2:
+        return corners
+    return corners[:, _TRIANGLES[corners.shape[1]]].reshape(-1, 3)
+
+
+def _width(body: Boundary) -> Floats:
+    """Width of the faces [m], (faces,)."""
+    corners = body.points[_corners(body)]
+    return np.asarray(np.linalg.norm(np.ptp(corners, axis=1), axis=1))

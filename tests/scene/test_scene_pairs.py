@@ -1,0 +1,127 @@
+"""Laws of contact between solids: which bodies meet, and what is refused with its remedy."""
+
+import copy
+
+import pytest
+
+from impactfem.errors import SceneError
+from impactfem.scene import Scene
+from impactfem.scene.pairing import body_pairs, friction_of, obstacles_of, side_of
+
+
+def block(name, x):
+    return {
+        "name": name, "kind": "solid", "model": "plane_strain", "mesh_size": 0.1,
+        "shape": {"kind": "block", "size": [1.0, 0.5], "corner": [x, 0.0]},
+        "density": 1.0, "youngs_modulus": 1.0, "poisson_ratio": 0.0,
+    }  # fmt: skip
+
+
+FLOOR = {"name": "floor", "kind": "half_space", "point": [0, -1], "normal": [0, 1]}
+ROOF = {"name": "roof", "kind": "half_space", "point": [0, 3], "normal": [0, -1]}
+GOOD = {
+    "title": "blocks",
+    "duration": 1.0,
+    "body": [block("left", 0.0), block("middle", 1.1), block("right", 2.2)],
+    "obstacle": [FLOOR, ROOF],
+}
+
+
+def scene(*contacts, **changes):
+    data = copy.deepcopy(GOOD) | changes
+    data["contact"] = [{"between": list(names)} | rest for *names, rest in contacts]
+    return Scene.from_dict(data)
+
+
+def test_all_bodies_may_meet_all_others_and_all_obstacles():
+    every = scene()
+    named = [(one[0], two[0]) for one, two in body_pairs(every)]
+    assert named == [("left", "middle"), ("left", "right"), ("middle", "right")]
+    assert [o.name for o in obstacles_of(every, "middle")] == ["floor", "roof"]
+
+
+def test_contact_laws_name_who_meets_whom():
+    some = scene(
+        ("left/right", "middle", {"friction_coefficient": 0.3}), ("floor", "right", {}),
+    )  # fmt: skip
+    assert body_pairs(some) == [(("left", ("right",)), ("middle", None))]
+    assert [o.name for o in obstacles_of(some, "right")] == ["floor"]
+    assert obstacles_of(some, "left") == ()
+    assert friction_of(some, "middle", "left") == 0.3
+    assert friction_of(some, "right", "floor") == 0.0
+    assert side_of("ball/skin") == ("ball", ("skin",))
+
+
+def test_one_body_may_meet_another_at_several_surfaces():
+    two = scene(("left/right", "middle/left", {}), ("left/top", "middle/left", {}))
+    assert len(body_pairs(two)) == 2
+
+
+CONTACTS = {
+    "itself": ([("left", "left", {})], ['contact[0].between = ["left", "left"]', "itself", "two"]),
+    "own surfaces": ([("left/top", "left/right", {})], ["in contact with itself", "two bodies"]),
+    "unknown body": ([("left", "rihgt", {})], ['no "rihgt"', 'did you mean "right"']),
+    "unknown, far": ([("left", "xyz", {})], ['no "xyz"', "Give one of left, middle, right, floor"]),
+    "unknown surface": (
+        [("left/botom", "right", {})],
+        ["contact[0].between", '"left" has no surface "botom"', 'did you mean "bottom"'],
+    ),
+    "surface of an obstacle": ([("left", "floor/top", {})], ['"floor" has no surfaces', "leave"]),
+    "two obstacles": ([("roof", "floor", {})], ["two obstacles", "name a body"]),
+    "no surface": ([("left/", "right", {})], ['"left/"', "neither a name nor body/surface"]),
+    "three": ([("left", "right", "middle", {})], ["has 3 names", "give two"]),
+    "restitution": (
+        [("left", "right", {"restitution": 0.5})],
+        ["contact[0].restitution = 0.5", "own elasticity", "remove it"],
+    ),
+    "pulling friction": (
+        [("left", "right", {"friction_coefficient": -0.1})],
+        ["contact[0].friction_coefficient = -0.1", ">= 0"],
+    ),
+    "infinite friction": (
+        [("left", "right", {"friction_coefficient": float("inf")})],
+        ["contact[0].friction_coefficient = inf", "not a finite number"],
+    ),
+    "twice": (
+        [("left", "right", {}), ("right", "left", {})],
+        ['contact[1].between = ["right", "left"]', "contact[0]", "remove one"],
+    ),
+    "twice, once by surface": (
+        [("left", "right", {}), ("right/left", "left", {})],
+        ["contact[1].between", "same faces"],
+    ),
+    "two coefficients": (
+        [("left/top", "right", {"friction_coefficient": 0.1}), ("left/right", "right", {})],
+        ["contact[1].friction_coefficient = 0.0", "contact[0] has 0.1", "both the same"],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CONTACTS)
+def test_contact_without_sense_is_refused(name):
+    contacts, parts = CONTACTS[name]
+    with pytest.raises(SceneError) as error:
+        scene(*contacts)
+    for part in parts:
+        assert part in str(error.value)
+
+
+SETTINGS = {
+    "models": (
+        {"body": [block("left", 0.0), block("right", 2.0) | {"model": "plane_stress"}]},
+        ['body[1].model = "plane_stress"', "body[0]", "same model"],
+    ),
+    "names": ({"body": [block("left", 0.0)] * 2}, ['body[1].name = "left"', "another name"]),
+    "checkpoint": ({"output": {"checkpoint": 5}}, ["output.checkpoint = 5", "remove it"]),
+    "estimate": ({"solve": {"estimate": True}}, ["solve.estimate = true", "several", "remove it"]),
+    "snes": ({"solve": {"active_set": "snes_vi"}}, ['solve.active_set = "snes_vi"', "remove it"]),
+}
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_setting_that_several_solids_cannot_have_is_refused(name):
+    changes, parts = SETTINGS[name]
+    with pytest.raises(SceneError) as error:
+        scene(**changes)
+    for part in parts:
+        assert part in str(error.value)
