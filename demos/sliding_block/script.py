@@ -69,9 +69,9 @@ def main() -> None:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/sliding_block_script")
     folder.mkdir(parents=True, exist_ok=True)
     figure = Figure(figsize=(9.0, 8.4), layout="constrained")
-    blocks, curves = figure.subfigures(2, 1, height_ratios=[1.9, 1.0])
-    places = blocks.subplots(2, len(SHOWN))
-    way, angle = curves.subplots(1, 2)
+    parts: Any = figure.subfigures(2, 1, height_ratios=[1.9, 1.0])
+    places = parts[0].subplots(2, len(SHOWN))
+    way, angle = parts[1].subplots(1, 2)
     stop = SPEED**2 / (2.0 * GRAVITY * min(CASES))
     way.axhline(1e3 * stop, color="0.6", linewidth=0.8, linestyle="--")
     way.annotate("$v_0^2 / (2 \\mu g)$", (0.0, 1e3 * stop), (3, -11), textcoords="offset points",
