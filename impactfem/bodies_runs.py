@@ -29,6 +29,7 @@ from impactfem.result.solid_fields import SolidFields
 from impactfem.scene import Scene
 from impactfem.scene.pairing import friction_of, obstacles_of
 from impactfem.solid_runs import SHARE_OF_STABLE, stable_step
+from impactfem.system.inside import check_inside
 from impactfem.system.massless import mass_transfer
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
@@ -68,6 +69,9 @@ def run_bodies(
         else None
         for part, surface in zip(model.parts, surfaces, strict=True)
     ]
+    for part, surface, transfer in zip(model.parts, surfaces, transfers, strict=True):
+        if transfer is not None:
+            check_inside(part.solid.name, part.system, surface)
     dt, layers, limit = _time_step(model, plan, scheme, surfaces, transfers)
     progress.step("preparing the layers")
     interiors = [

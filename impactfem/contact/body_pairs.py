@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
 
 from impactfem.contact.boundary import Boundary
+from impactfem.contact.followed_pair import FollowedPair, along_ways, pair_weights
 from impactfem.contact.mortar import MortarPairs, mortar
 from impactfem.contact.mortar_surface import Kind, Surface, surface
 from impactfem.contact.pairs import Meet, Meeting
@@ -16,9 +16,6 @@ from impactfem.errors import SceneError
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
-
-FAR = 1e30
-"""Gap of a multiplier whose part of the surface has nothing before it [m]."""
 
 _ROUNDING = 1e-9  # share of the bodies' size by which they may overlap at t = 0
 _KINDS: dict[tuple[int, int], Kind] = {
@@ -80,14 +77,19 @@ class SurfacePair:
         """Nodes of both among those of the outsides of their bodies."""
         return self.sides[0].nodes, self.sides[1].nodes
 
-    def met(self, points: Sequence[Floats]) -> MortarPairs:
-        """Weighted gaps with the nodes of both sides at some places, (nodes, dim) each."""
+    def met(self, points: Sequence[Floats], reach: float | None = None) -> MortarPairs:
+        """Weighted gaps with the nodes of both sides at some places, (nodes, dim) each.
+
+        Args:
+            points: The places [m].
+            reach: Distance from which faces are looked at, if less than that of the pair [m].
+        """
         carrier, other = (
             side.surface.moved(place) for side, place in zip(self.sides, points, strict=True)
         )
         return mortar(
-            carrier, other, reach=self.reach, thickness=self.thickness,
-            axisymmetric=self.axisymmetric,
+            carrier, other, reach=self.reach if reach is None else min(reach, self.reach),
+            thickness=self.thickness, axisymmetric=self.axisymmetric,
         )  # fmt: skip
 
     def meeting(self, rows: Sequence[Integers], total: int) -> Meet:
@@ -97,24 +99,15 @@ class SurfacePair:
             rows: Places of both sides' nodes among all contact nodes.
             total: Number of these.
         """
-        corners = np.unique(self.sides[0].surface.corners)
+        if self.updated:
+            return FollowedPair(self, rows, total)
 
         def meet(places: Floats) -> Meeting:
             found = self.met([places[own] for own in rows])
-            weights = _spread(found.carrier_weights, rows[0], total)
-            weights = weights - _spread(found.other_weights, rows[1], total)
-            if not self.updated:
-                return Meeting(csr_matrix(weights), found.gap, found.normal, found.area)
-            # A fixed number of gaps: one for each corner, open where nothing is opposite.
-            at = np.searchsorted(corners, found.nodes)
-            choose = csr_matrix(
-                (np.ones(len(at)), (at, np.arange(len(at)))), shape=(len(corners), len(at))
-            )
-            gap, area = np.full(len(corners), FAR), np.zeros(len(corners))
-            normal = np.zeros((len(corners), places.shape[1]))
-            normal[:, -1] = 1.0
-            gap[at], normal[at], area[at] = found.gap, found.normal, found.area
-            return Meeting(csr_matrix(choose @ weights), gap, normal, area)
+            count = len(found.gap)
+            weights = pair_weights(found, rows, np.arange(count), (count, total))
+            gap, normal = along_ways(weights @ places, found.normal)
+            return Meeting(weights, gap, normal, found.area)
 
         return meet
 
@@ -190,10 +183,3 @@ def _part(side: Side, faces: tuple[Boundary, Floats, Booleans], used: Integers) 
     marked = np.zeros(len(outside.numbers), dtype=bool)
     marked[side.nodes[used]] = True
     return Side.of(outside, places, asked & marked[outside.faces].all(axis=1))
-
-
-def _spread(weights: csr_matrix, rows: Integers, total: int) -> csr_matrix:
-    """Weights of a side's nodes as weights of all contact nodes."""
-    return csr_matrix(
-        (weights.data, rows[weights.indices], weights.indptr), shape=(weights.shape[0], total)
-    )

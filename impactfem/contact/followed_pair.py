@@ -1,0 +1,133 @@
+"""Gaps between two surfaces in terms of all contact nodes, and pairs that follow their bodies."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from impactfem.contact.mortar import MortarPairs
+from impactfem.contact.mortar_surface import Surface, unit
+from impactfem.contact.pairs import Meeting
+
+if TYPE_CHECKING:
+    from impactfem.contact.body_pairs import SurfacePair
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+FAR = 1e30
+"""Gap of a multiplier whose part of the surface has nothing before it [m]."""
+
+_CLOSED = 1e-9  # share of the largest gap that counts as closed
+_ALIGNED = 0.8  # least cosine between the mean way and the normal for the way to be the normal
+
+
+class FollowedPair:
+    """A pair of surfaces that follows its bodies: a fixed number of gaps, found where these are.
+
+    There is a gap for each corner of the carrier, open by `FAR` where nothing is opposite. Bodies
+    close to each other are looked at anew each time, no further than two faces away. While they are
+    apart they keep weights and normals until they have moved by a quarter of their distance: all
+    pairs of faces of two bodies cost far more than those near each other.
+    """
+
+    def __init__(self, pair: "SurfacePair", rows: Sequence[Integers], total: int) -> None:
+        """Begin; see `SurfacePair.meeting`."""
+        self._pair, self._rows, self._total = pair, tuple(rows), total
+        self._corners = np.unique(pair.sides[0].surface.corners)
+        self._near = 2.0 * max(_largest(side.surface) for side in pair.sides)
+        self._last: tuple[Floats, Meeting, float] | None = None
+
+    def __call__(self, places: Floats) -> Meeting:
+        """How the surfaces meet with all contact nodes at some places (nodes, dim)."""
+        if self._last is not None:
+            begin, met, distance = self._last
+            moved = places - begin
+            way = sum(np.linalg.norm(moved[own], axis=1).max(initial=0.0) for own in self._rows)
+            if 4.0 * way < distance:
+                change = np.einsum("ij,ij->i", met.normal, met.weights @ moved)
+                return Meeting(met.weights, met.gap + change, met.normal, met.area)
+        points = [places[own] for own in self._rows]
+        found = self._pair.met(points, self._near)
+        self._last = None
+        if not len(found.gap):
+            found = self._pair.met(points)
+            distance = float(found.gap.min(initial=self._pair.reach))
+            if distance > self._near:
+                self._last = places.copy(), self._spread(found, places), distance
+                return self._last[1]
+        return self._spread(found, places)
+
+    def _spread(self, found: MortarPairs, places: Floats) -> Meeting:
+        """Rows for all corners."""
+        at, count = np.searchsorted(self._corners, found.nodes), len(self._corners)
+        gap, area = np.full(count, FAR), np.zeros(count)
+        normal = np.zeros((count, found.normal.shape[1]))
+        normal[:, -1] = 1.0
+        area[at] = found.area
+        weights = pair_weights(found, self._rows, at, (count, self._total))
+        other = self._pair.sides[1].surface.moved(places[self._rows[1]])
+        normal[at] = opposite_normals(other, found)
+        gap[at] = np.einsum("ij,ij->i", normal[at], weights[at] @ places)
+        return Meeting(weights, gap, normal, area)
+
+
+def opposite_normals(other: Surface, found: MortarPairs) -> Floats:
+    """Mean normals of the surface opposite each multiplier, towards the carrier, (pairs, dim).
+
+    A gap seen along the carrier's normal m changes with the speed n_o . (v_c - v_o) / (m . n_o) of
+    what slides along a surface with the normal n_o: forces along n_o do no work in sliding. n_o is
+    interpolated between nodes, whose normals are the means over the faces that are met.
+    """
+    met = np.unique(found.faces[:, 1])
+    normals, nodes = other.vectors[met].sum(axis=1), other.faces[met]
+    summed = np.zeros_like(other.points)
+    for place in range(nodes.shape[1]):
+        np.add.at(summed, nodes[:, place], normals)
+    return unit(found.other_weights @ summed)
+
+
+def along_ways(way: Floats, normal: Floats) -> tuple[Floats, Floats]:
+    """Gaps and normals along the mean ways across open gaps, (pairs, dim) each.
+
+    The way and the mean normal are both means of the carrier's normals, the way's weighted with
+    the gap. Forces along the way have no moment, so small sliding keeps the angular momentum. Where
+    the gap is closed the way has no direction, and no moment either.
+    """
+    length = np.linalg.norm(way, axis=1)
+    along = np.einsum("ij,ij->i", way, normal)
+    open_ = along > np.maximum(_CLOSED * length.max(initial=0.0), _ALIGNED * length)
+    gap, direction = along.copy(), normal.copy()
+    gap[open_], direction[open_] = length[open_], way[open_] / length[open_, None]
+    return gap, direction
+
+
+def pair_weights(
+    found: MortarPairs, rows: Sequence[Integers], at: Integers, shape: tuple[int, int]
+) -> csr_matrix:
+    """Weights of a meeting over all contact nodes, carrier minus other.
+
+    Args:
+        found: The meeting.
+        rows: Places of both sides' nodes among all contact nodes.
+        at: Row of each multiplier.
+        shape: Of the result: rows and all contact nodes.
+    """
+    here, there = found.carrier_weights, found.other_weights
+    lines = [np.repeat(at, np.diff(part.indptr)) for part in (here, there)]
+    columns = [own[part.indices] for own, part in zip(rows, (here, there), strict=True)]
+    return csr_matrix(
+        (
+            np.concatenate([here.data, -there.data]),
+            (np.concatenate(lines), np.concatenate(columns)),
+        ),
+        shape=shape,
+    )
+
+
+def _largest(side: Surface) -> float:
+    """Largest extent of a face [m]."""
+    x = side.points[side.faces]
+    return float(np.linalg.norm(np.ptp(x, axis=1), axis=1).max(initial=0.0))
