@@ -70,7 +70,8 @@ class PlanePainter:
         axes.set_ylim(*window[1])
         axes.set_xlabel("radius x [m]" if self.axisymmetric else "x [m]")
         axes.set_ylabel("y [m]")
-        axes.locator_params(nbins=5)
+        axes.locator_params(axis="x", nbins=4)
+        axes.locator_params(axis="y", nbins=5)
         axes.ticklabel_format(scilimits=(-3, 4))
         if self.axisymmetric:
             axes.axvline(0.0, color="0.5", linewidth=0.8, linestyle="-.", zorder=0.5)

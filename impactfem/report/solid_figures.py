@@ -87,7 +87,8 @@ def body(result: Result) -> Figure | None:
     window = painter.window(extents)
     follows = float(np.ptp(window, axis=1).max()) > _FAR * skin.size
     aspect = 1.0 if follows else float(np.ptp(window[1]) / np.ptp(window[0]))
-    columns = len(snapshots) if aspect > 1.8 or maps else min(3, len(snapshots))
+    side_by_side = aspect > 1.8 or (aspect > 1.2 and len(snapshots) == 4) or maps
+    columns = len(snapshots) if side_by_side else min(3, len(snapshots))
     if aspect < FLAT and not maps:
         columns = 1
     rows = -(-len(snapshots) // columns)
