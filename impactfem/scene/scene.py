@@ -62,9 +62,10 @@ OBSTACLES: Mapping[str, type[Any]] = {
 class Scene:
     """What is modelled, for how long, and how: everything a run needs.
 
-    One bar meets one wall; bars in a row meet their neighbours, the first one perhaps a wall; one
-    solid, rod or beam meets one or more rigid obstacles; points meet obstacles and each other. `bodies`, `obstacles` and `contacts` may be given as lists; `gravity`
-    as a number or a table ``[[0.0, 1.0], [0.6, 0.0]]`` for bars, as a vector or a table
+    Bars stand in a row, the first one perhaps before a wall; solids meet each other and rigid
+    obstacles; one rod or beam meets obstacles; points meet obstacles and each other. `bodies`,
+    `obstacles` and `contacts` may be given as lists; `gravity` as a number or a table
+    ``[[0.0, 1.0], [0.6, 0.0]]`` for bars, as a vector or a table
     ``[[0.0, [0.0, -9.81]], [1.0, [0.0, 0.0]]]`` for others. Relative mesh paths start at `folder`,
     where the scene file lies; scenes in different folders can be equal.
 

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_solve
 
 from impactfem.errors import ConvergenceError, SceneError
-from impactfem.vibro import position_level, velocity_level
 from impactfem.system.generalized import LinearSystem, check_start
+from impactfem.vibro import position_level, velocity_level
 from impactfem.vibro.position_kernels import march_members, march_positions, march_velocities
 from impactfem.vibro.position_level import PositionSettings, choose_implicit
 from impactfem.vibro.position_start import start_positions

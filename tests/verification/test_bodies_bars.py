@@ -45,8 +45,13 @@ def after(result):
     return velocity(result, "first")[0] / SPEED, velocity(result, "second")[0] / SPEED
 
 
-@pytest.mark.parametrize("method", ["massless", "conserving", "explicit", "moreau_jean"])
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    ("case", "method"),
+    [
+        *((case, method) for case in CASES for method in ("massless", "conserving", "explicit")),
+        ("twice the impedance", "moreau_jean"),
+    ],
+)
 def test_bars_of_equal_transit_times(case, method):
     length, other, expected = CASES[case]
     # Velocities depend on where in a layer the bars meet, by half a per cent on this mesh.

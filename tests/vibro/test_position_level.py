@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from impactfem.contact.impact_law import complementarity
 from impactfem.errors import ConvergenceError, SceneError
-from impactfem.vibro import position_level, vibro_rows
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.vibro import position_level, vibro_rows
 from impactfem.vibro.position_level import PositionSettings, integrate_positions
 
 
