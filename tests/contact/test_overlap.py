@@ -1,0 +1,98 @@
+"""Bodies that lie in each other: against boxes, whose overlap is known."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from impactfem.contact.boundary import Boundary
+from impactfem.contact.overlap import inside, overlap
+
+
+def polygon(points):
+    """Outside of a polygon given counterclockwise."""
+    points = np.asarray(points, dtype=float)
+    count = len(points)
+    faces = np.stack([np.arange(count), np.roll(np.arange(count), -1)], axis=1)
+    along = points[faces[:, 1]] - points[faces[:, 0]]
+    return made(points, faces, np.stack([along[:, 1], -along[:, 0]], axis=1))
+
+
+def box(low, high, parts=3):
+    """Outside of a box in space, its sides cut into squares or triangles of them."""
+    low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+    grid = np.linspace(0.0, 1.0, parts + 1)
+    points, faces, outward = [], [], []
+    for axis in range(3):
+        for end in (0.0, 1.0):
+            for u in range(parts):
+                for v in range(parts):
+                    square = np.full((4, 3), end)
+                    square[:, (axis + 1) % 3] = grid[[u, u + 1, u, u + 1]]
+                    square[:, (axis + 2) % 3] = grid[[v, v, v + 1, v + 1]]
+                    faces.append(len(points) + np.arange(4))
+                    points += list(low + square * (high - low))
+                    outward.append(np.eye(3)[axis] * (2.0 * end - 1.0))
+    return made(np.array(points), np.array(faces), np.array(outward))
+
+
+def made(points, faces, outward):
+    none = np.zeros((len(faces), faces.shape[1]))
+    return Boundary(
+        np.arange(len(points)), points, faces,
+        outward / np.linalg.norm(outward, axis=1)[:, None], none, none, (),
+        np.zeros((len(faces), 0), dtype=bool),
+    )  # fmt: skip
+
+
+LETTER_L = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]
+
+
+def test_inside_of_a_body_that_is_not_convex():
+    points = np.random.default_rng(0).uniform(-0.5, 2.5, (500, 2))
+    x, y = points.T
+    expected = (x > 0) & (y > 0) & (x < 2) & (y < 2) & ~((x > 1) & (y > 1))
+    body = polygon(LETTER_L)
+    assert (inside(body, body.points, points) == expected).all()
+
+
+def test_inside_of_a_box_in_space():
+    points = np.random.default_rng(1).uniform(-0.5, 1.5, (300, 3))
+    expected = ((points > 0.0) & (points < 1.0)).all(axis=1)
+    body = box([0, 0, 0], [1, 1, 1])
+    assert (inside(body, body.points, points) == expected).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(-0.9, 0.9), st.floats(-0.05, 0.05), st.floats(-0.05, 0.05))
+def test_boxes_overlap_where_they_do(across, y, z):
+    """Shifted along x by less than their width: the depth is that of what is left."""
+    one, two = box([0, 0, 0], [1, 1, 1]), box([across, y, z], [1 + across, 1 + y, 1 + z])
+    found = overlap(one, one.points, two, two.points)
+    assert found is not None
+    depth, place = found
+    assert 0.0 < depth <= 0.5 + 1e-9  # nothing in a cube is deeper
+    assert ((place > -0.1) & (place < 1.1)).any()
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(0.0, 0.5), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_boxes_that_touch_or_are_apart_do_not_overlap(gap, y, z):
+    one, two = box([0, 0, 0], [1, 1, 1]), box([1 + gap, y, z], [2 + gap, 1 + y, 1 + z])
+    assert overlap(one, one.points, two, two.points) is None
+
+
+@pytest.mark.parametrize("depth", [0.01, 0.1, 0.3])
+def test_depth_of_boxes_side_by_side(depth):
+    left, right = box([0, 0, 0], [1, 1, 1]), box([1 - depth, 0, 0], [2 - depth, 1, 1])
+    found, place = overlap(left, left.points, right, right.points)
+    assert found == pytest.approx(min(depth, 0.5), abs=1e-12)
+    assert place[0] == pytest.approx(1.0) or place[0] == pytest.approx(1.0 - depth)
+
+
+def test_body_in_the_notch_of_another_is_outside_of_it():
+    notch, small = polygon(LETTER_L), polygon([[1.1, 1.1], [1.9, 1.1], [1.9, 1.9], [1.1, 1.9]])
+    assert overlap(notch, notch.points, small, small.points) is None
+    moved = small.points - [0.3, 0.0]
+    depth, _ = overlap(notch, notch.points, small, moved)
+    assert depth == pytest.approx(0.2, abs=0.01)
