@@ -38,7 +38,7 @@ def plan_bodies(scene: Scene) -> SolidPlan:
     sizes = [measured(p.solid, p.mesh, p.degree)[0] for p in model.parts]
     method = _method(scene, each_degree, reasons)
     if model.updated:
-        exact, order = "energy exact without friction", "energy right to the order of the step"
+        exact, order = "energy exact", "energy right to first order in step and faces"
         reasons["method"] = reasons["method"].replace(exact, order)
     dt, courant = _step(scene, method, solids, sizes, reasons)
     layers = None if dt is None else count_layers(scene.duration, dt)
@@ -110,7 +110,7 @@ def _method(scene: Scene, degrees: list[int], reasons: dict[str, str]) -> str:
     if max(degrees) == 2 or scene.solve.dt is not None or (scene.solve.courant or 0.0) > 1.0:
         reasons["method"] = "stable at any step, for elements of any degree"
         return "massless"
-    reasons["method"] = "no system to solve, energy exact without friction"
+    reasons["method"] = "no system to solve, energy exact"
     return "explicit"
 
 

@@ -1,6 +1,6 @@
 """Scenes of solids that rub, with elastic moduli of 1 and weak gravity: bodies are nearly rigid."""
 
-from bodies import block
+from solid_pairs import block
 
 import impactfem
 

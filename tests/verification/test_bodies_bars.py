@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import EXPLICIT, block, scene, velocity
+from solid_pairs import EXPLICIT, block, scene, velocity
 
 import impactfem
 

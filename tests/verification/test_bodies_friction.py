@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from bodies import block, disc, velocity
 from rubbing import FLOOR, FLOOR_3D, GRAVITY, rubbing, settled, work
+from solid_pairs import block, disc, velocity
 
 import impactfem
 

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from bodies import velocity
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rubbing import oblique, thrown, work
+from solid_pairs import velocity
 
 import impactfem
 import impactfem.bodies_model

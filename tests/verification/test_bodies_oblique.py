@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import EXPLICIT, block, disc, scene
+from solid_pairs import EXPLICIT, block, disc, scene
 
 import impactfem
 from impactfem.errors import SceneError

@@ -7,8 +7,8 @@ With supports that hold the blocks the solution is unique, so that it is this on
 
 import numpy as np
 import pytest
-from bodies import block, scene
 from scipy.sparse import csr_matrix
+from solid_pairs import block, scene
 
 from impactfem.bodies_model import bodies_model
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import block, scene, velocity
+from solid_pairs import block, scene, velocity
 
 import impactfem
 

@@ -5,7 +5,7 @@ Nothing pulls along the plane. Elements differ, and nodes pass nodes: the force 
 
 import numpy as np
 import pytest
-from bodies import block, disc, scene
+from solid_pairs import block, disc, scene
 
 import impactfem
 

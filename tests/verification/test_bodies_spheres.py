@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from bodies import disc, scene, velocity
+from solid_pairs import disc, scene, velocity
 
 import impactfem
 
