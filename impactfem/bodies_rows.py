@@ -13,6 +13,7 @@ from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import SolidMarch
 from impactfem.result.bar_motion import Effort
 from impactfem.result.history import BodyMotion, Columns, make_history
+from impactfem.solid_rows import work_done
 
 Floats = NDArray[np.float64]
 
@@ -78,7 +79,7 @@ def bodies_motion(
             contact_force=force + 0.0,
             kinetic_energy=sums[:, 0],
             elastic_energy=elastic,
-            potential_energy=-_work(march, sums, explicit=explicit),
+            potential_energy=-work_done(march, sums, sums[:, 3 + dim :], explicit=explicit),
             momentum=sums[:, 3 : 3 + dim] @ direction[:dim],
             active=rows.active,
             bodies=bodies,
@@ -143,17 +144,3 @@ def _direction(model: BodiesModel) -> Floats:
             way *= np.sign(way[np.argmax(np.abs(way))])
             return way + 0.0
     return np.array([1.0, 0.0, 0.0])
-
-
-def _work(march: SolidMarch, sums: Floats, *, explicit: bool) -> Floats:
-    """Work of gravity, loads and moved obstacles up to each layer [J], as the scheme does it."""
-    dim = (sums.shape[1] - 3) // 2
-    step = np.diff(sums[:, 3 + dim :], axis=0)
-    layers = range(len(sums) - 1)
-    gravity = np.array([march.interior.gravity(layer) for layer in layers]).reshape(step.shape)
-    if explicit:  # energies belong to the middle of layers: half of each neighbouring step
-        step = 0.5 * (step + np.vstack([np.zeros_like(step[:1]), step[:-1]]))
-    pulled = np.einsum("ij,ij->i", gravity, step)
-    done = np.zeros(len(sums))
-    done[1:] = np.cumsum(pulled + sums[1:, 2] + march.rows.obstacle_work[1 : len(sums)])
-    return done

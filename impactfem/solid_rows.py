@@ -43,7 +43,7 @@ def solid_motion(
     if scheme.massless and explicit:
         # The force found for a layer acts at its start: a layer has the mean of both its ends.
         force[1:-1] = 0.5 * (rows.force[1:-1] + rows.force[2:])
-    work = _work(march, sums, moment, explicit=explicit)
+    work = work_done(march, sums, moment, explicit=explicit)
     direction = np.zeros(3)
     first = model.contact.normal[np.argmin(model.contact.gap)] if model.contact.count else None
     direction[:dim] = np.eye(dim)[dim - 1 if dim == 2 else 1] if first is None else first
@@ -91,8 +91,15 @@ def _mean(values: NDArray[np.int64]) -> float:
     return float(values.mean()) if len(values) else 0.0
 
 
-def _work(march: SolidMarch, sums: Floats, moment: Floats, *, explicit: bool) -> Floats:
-    """Work of gravity, loads and moved obstacles up to each layer [J], as the scheme does it."""
+def work_done(march: SolidMarch, sums: Floats, moment: Floats, *, explicit: bool) -> Floats:
+    """Work of gravity, loads and moved obstacles up to each layer [J], as the scheme does it.
+
+    Args:
+        march: At its end.
+        sums: Of all ranks and bodies, as `Rows.sums` has them, (rows, 3 + 2 dim).
+        moment: Mass times displacement [kg m], (rows, dim).
+        explicit: Whether energies belong to the middle of layers.
+    """
     step = np.diff(moment, axis=0)
     layers = range(len(sums) - 1)
     gravity = np.array([march.interior.gravity(layer) for layer in layers]).reshape(step.shape)
