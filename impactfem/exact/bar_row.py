@@ -160,7 +160,7 @@ class ExactBarRow:
         return np.asarray(self._offset[bar] + 0.5 * total / end)
 
     def energy(self, t: ArrayLike) -> tuple[Array, Array]:
-        """Kinetic and elastic energy of each bar [J], shape (bars, ...) with the shape of t last."""
+        """Kinetic and elastic energy of each bar [J], one shape of t for each bar."""
         time = np.asarray(t, dtype=np.float64)
         kinetic, elastic = [], []
         for bar, away, towards in zip(self.bars, self._away, self._towards, strict=True):
