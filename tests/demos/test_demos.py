@@ -3,11 +3,11 @@
 import os
 import re
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from demo_process import run
 
 import impactfem
 
@@ -22,15 +22,6 @@ def elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     return tmp_path
-
-
-def run(*command):
-    # Not as a rank: the MPI of this process may have left its marks in the environment.
-    marks = ("PMI_", "PMIX_", "OMPI_COMM_")
-    clean = {name: value for name, value in os.environ.items() if not name.startswith(marks)}
-    return subprocess.run(
-        command, capture_output=True, text=True, check=True, timeout=300, env=clean
-    )
 
 
 def python_blocks(text):
@@ -70,7 +61,7 @@ def test_every_public_name_is_documented():
 
 
 def test_script(elsewhere):
-    said = run(sys.executable, str(DEMO / "script.py")).stdout.splitlines()
+    said = run(sys.executable, str(DEMO / "script.py")).splitlines()
     assert [line.split()[0] for line in said[:3]] == ["10", "20", "40"]
     assert float(said[3].split()[0]) == pytest.approx(0.5, rel=1e-10)
     assert impactfem.Result.load(elsewhere / "results" / "script").summary["status"] == "completed"

@@ -1,13 +1,12 @@
 """The demos of the founding benchmarks: they run, and their pages promise what they deliver."""
 
-import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from demo_process import run
 
 import impactfem
 from impactfem.reference import exact_bar
@@ -30,14 +29,7 @@ SCENES = {
 
 
 def plot(name, *arguments):
-    # Not as a rank: the MPI of this process may have left its marks in the environment.
-    marks = ("PMI_", "PMIX_", "OMPI_COMM_")
-    clean = {key: value for key, value in os.environ.items() if not key.startswith(marks)}
-    command = [sys.executable, str(DEMOS / name / "plot.py"), *arguments]
-    run = subprocess.run(
-        command, capture_output=True, text=True, check=True, timeout=300, env=clean
-    )
-    return run.stdout
+    return run(sys.executable, str(DEMOS / name / "plot.py"), *arguments)
 
 
 def shipped(name):
