@@ -13,7 +13,7 @@ from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import SolidMarch
 from impactfem.result.bar_motion import Effort
 from impactfem.result.history import BodyMotion, Columns, make_history
-from impactfem.solid_rows import work_done
+from impactfem.solid_rows import elastic_and_force, work_done
 
 Floats = NDArray[np.float64]
 
@@ -57,13 +57,7 @@ def bodies_motion(
     sums = each.sum(axis=0)
     times: Floats = march.interior.dt * np.arange(done, dtype=np.float64)
     explicit = scheme.interior == "leapfrog"
-    elastic, force = sums[:, 1].copy(), rows.force.copy()
-    if scheme.massless and explicit:
-        contact = rows.contact_energy
-        elastic[1:] += 0.5 * (contact[1:] + contact[:-1])
-        elastic[0] += contact[0]
-        # The force found for a layer acts at its start: a layer has the mean of both its ends.
-        force[1:-1] = 0.5 * (rows.force[1:-1] + rows.force[2:])
+    elastic, force = elastic_and_force(scheme, rows, sums[:, 1])
     bodies = {}
     for k, part in enumerate(model.parts):
         mass, centre = part.system.total_mass, part.system.center_of_mass

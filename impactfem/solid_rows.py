@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from impactfem.marching.collect import total
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solid_output import Watch
-from impactfem.marching.solids import SolidMarch
+from impactfem.marching.solids import Rows, SolidMarch
 from impactfem.result.bar_motion import Effort
 from impactfem.result.solid_motion import SolidMotion
 from impactfem.solid_model import SolidModel
@@ -35,14 +35,7 @@ def solid_motion(
     momentum, moment = sums[:, 3 : 3 + dim], sums[:, 3 + dim :]
     times: Floats = march.interior.dt * np.arange(done, dtype=np.float64)
     explicit = scheme.interior == "leapfrog"
-    elastic, contact = sums[:, 1].copy(), rows.contact_energy
-    if scheme.massless and explicit:
-        elastic[1:] += 0.5 * (contact[1:] + contact[:-1])
-        elastic[0] += contact[0]
-    force = rows.force.copy()
-    if scheme.massless and explicit:
-        # The force found for a layer acts at its start: a layer has the mean of both its ends.
-        force[1:-1] = 0.5 * (rows.force[1:-1] + rows.force[2:])
+    elastic, force = elastic_and_force(scheme, rows, sums[:, 1])
     work = work_done(march, sums, moment, explicit=explicit)
     direction = np.zeros(3)
     first = model.contact.normal[np.argmin(model.contact.gap)] if model.contact.count else None
@@ -85,6 +78,24 @@ def solid_motion(
         velocity=velocity,
         effort=effort,
     )
+
+
+def elastic_and_force(scheme: SolidScheme, rows: Rows, elastic: Floats) -> tuple[Floats, Floats]:
+    """Elastic energy [J] and contact force [N] of each layer, (rows,) each.
+
+    Args:
+        scheme: What has marched.
+        rows: As the march has left them.
+        elastic: Sums of the elastic energy [J], without that of contact for explicit schemes.
+    """
+    energy, force = elastic.copy(), rows.force.copy()
+    if scheme.massless and scheme.interior == "leapfrog":
+        contact = rows.contact_energy
+        energy[1:] += 0.5 * (contact[1:] + contact[:-1])
+        energy[0] += contact[0]
+        # The force found for a layer acts at its start: a layer has the mean of both its ends.
+        force[1:-1] = 0.5 * (rows.force[1:-1] + rows.force[2:])
+    return energy, force
 
 
 def _mean(values: NDArray[np.int64]) -> float:

@@ -62,12 +62,7 @@ class PairResponses:
 
     def matrices(self, rows: Integers, normals: Floats) -> tuple[Floats, Floats]:
         """Response C and compliance D of some gaps along their normals [m/N], (k, k) each."""
-        parts = self._operator(rows, normals)
-        known = self._known_part(parts)
-        layer, static = (
-            np.asarray((known @ columns) @ parts.T) for columns in (self._layer, self._static)
-        )
-        return 0.5 * (layer + layer.T), 0.5 * (static + static.T)
+        return self._reduced(self._operator(rows, normals))
 
     def approach(
         self, rows: Integers, normals: Floats, forces: Floats, multipliers: Floats
@@ -89,12 +84,7 @@ class PairResponses:
         size = len(rows) * self._dim
         parts = csr_matrix(vstack([self._operator(rows, frames[:, i]) for i in range(self._dim)]))
         order = np.arange(size).reshape(self._dim, len(rows)).T.ravel()
-        parts = csr_matrix(parts[order])
-        known = self._known_part(parts)
-        layer, static = (
-            np.asarray((known @ columns) @ parts.T) for columns in (self._layer, self._static)
-        )
-        return 0.5 * (layer + layer.T), 0.5 * (static + static.T)
+        return self._reduced(csr_matrix(parts[order]))
 
     def moved(self, rows: Integers, forces: Floats, multipliers: Floats) -> Floats:
         """Relative displacements in all gaps by vector forces on some, (pairs, dim).
@@ -112,17 +102,19 @@ class PairResponses:
         found: Floats = self._weights @ total.reshape(self._nodes, self._dim)
         return found
 
-    def are_whole(self, rows: Integers) -> bool:  # noqa: ARG002  (as `Responses` has it)
-        """Whether `displacement` and `static` know all components: never."""
-        return False
+    def displacement(self, rows: Integers, normals: Floats, forces: Floats) -> None:
+        """None: the bodies are asked, who need the forces on their nodes anyhow."""
 
-    def displacement(self, rows: Integers, normals: Floats, forces: Floats) -> Floats:
-        """Not known here; see `are_whole`."""
-        raise NotImplementedError
+    def static(self, rows: Integers, normals: Floats, multipliers: Floats) -> None:
+        """None, as `displacement`."""
 
-    def static(self, rows: Integers, normals: Floats, multipliers: Floats) -> Floats:
-        """Not known here; see `are_whole`."""
-        raise NotImplementedError
+    def _reduced(self, parts: csr_matrix) -> tuple[Floats, Floats]:
+        """B A B^T of the answers A in a layer and static, without what rounding made asymmetric."""
+        known = self._known_part(parts)
+        layer, static = (
+            np.asarray((known @ columns) @ parts.T) for columns in (self._layer, self._static)
+        )
+        return 0.5 * (layer + layer.T), 0.5 * (static + static.T)
 
     def _operator(self, rows: Integers, normals: Floats) -> csr_matrix:
         """B of some gaps, shape (k, nodes * dim)."""

@@ -132,24 +132,28 @@ class Responses:
             multipliers: Static forces, shape (k,).
         """
         if self._normals is None:
-            layer = self.displacement(rows, normals[rows], forces)
-            static = self.static(rows, normals[rows], multipliers)
+            layer = self._displaced(self._layer, rows, normals[rows], forces)
+            static = self._displaced(self._static, rows, normals[rows], multipliers)
             along: Floats = np.einsum("ij,ij->i", normals, layer + static)
             return along
         layer = self._summed(self._normal_layer, rows, forces)
         return layer + self._summed(self._normal_static, rows, multipliers)
 
-    def are_whole(self, rows: Integers) -> bool:
-        """Whether `displacement` and `static` know all components for these nodes."""
-        return bool((self._place[rows] < self._whole).all())
+    def displacement(self, rows: Integers, normals: Floats, forces: Floats) -> Floats | None:
+        """Displacements of all contact nodes by layer forces on some, (count, dim).
 
-    def displacement(self, rows: Integers, normals: Floats, forces: Floats) -> Floats:
-        """Displacements of all contact nodes by layer forces on whole ones, (count, dim)."""
-        return self._displaced(self._layer, rows, normals, forces)
+        None if not all their answers are kept in full.
+        """
+        return self._displaced(self._layer, rows, normals, forces) if self._whole_at(rows) else None
 
-    def static(self, rows: Integers, normals: Floats, multipliers: Floats) -> Floats:
-        """Displacements of all contact nodes by static forces on whole ones, (count, dim)."""
+    def static(self, rows: Integers, normals: Floats, multipliers: Floats) -> Floats | None:
+        """The same by static forces."""
+        if not self._whole_at(rows):
+            return None
         return self._displaced(self._static, rows, normals, multipliers)
+
+    def _whole_at(self, rows: Integers) -> bool:
+        return bool((self._place[rows] < self._whole).all())
 
     def _displaced(
         self, columns: Floats, rows: Integers, normals: Floats, values: Floats

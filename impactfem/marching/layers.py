@@ -113,14 +113,11 @@ class Answers(Protocol):
     ) -> Floats:
         """Changes of all gaps by layer forces and static ones on some, (pairs,)."""
 
-    def are_whole(self, rows: Integers) -> bool:
-        """Whether `displacement` and `static` know all components for these gaps."""
+    def displacement(self, rows: Integers, normals: Floats, forces: Floats) -> Floats | None:
+        """Displacements of the contact nodes by layer forces, (nodes, dim); None if not kept."""
 
-    def displacement(self, rows: Integers, normals: Floats, forces: Floats) -> Floats:
-        """Displacements of the contact nodes by layer forces on whole ones, (nodes, dim)."""
-
-    def static(self, rows: Integers, normals: Floats, multipliers: Floats) -> Floats:
-        """Displacements of the contact nodes by static forces on whole ones, (nodes, dim)."""
+    def static(self, rows: Integers, normals: Floats, multipliers: Floats) -> Floats | None:
+        """Displacements of the contact nodes by static forces, (nodes, dim); None if not kept."""
 
 
 class DirectedAnswers(Answers, Protocol):

@@ -316,9 +316,7 @@ class SolidMarch:
             taking_part |= missed
         force[rows], multiplier[rows] = found.force, found.multiplier
         if found.force.any():
-            change = None
-            if self._responses.are_whole(rows):
-                change = self._responses.displacement(rows, normals[rows], acting)
+            change = self._responses.displacement(rows, normals[rows], acting)
             interior.push(self._gaps.spread(force[:, None] * normals), change)
         if self._scheme.massless:
             static = self._pressed(rows, normals, multiplier)
@@ -327,8 +325,9 @@ class SolidMarch:
 
     def _pressed(self, rows: Integers, normals: Floats, multiplier: Floats) -> Floats:
         """Displacement of massless nodes by the multipliers [m], (count, dim)."""
-        if self._responses.are_whole(rows):
-            return self._responses.static(rows, normals[rows], multiplier[rows])
+        known = self._responses.static(rows, normals[rows], multiplier[rows])
+        if known is not None:
+            return known
         return self.interior.static(self._gaps.spread(multiplier[:, None] * normals))
 
     def _solve(
