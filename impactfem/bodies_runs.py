@@ -12,7 +12,7 @@ from impactfem.bodies_rows import BodiesMotion, bodies_motion
 from impactfem.contact.complementarity import solve_by_active_set
 from impactfem.contact.gaps import Gaps
 from impactfem.contact.pairs import PairGaps
-from impactfem.errors import ConvergenceError, SceneError
+from impactfem.errors import ConvergenceError
 from impactfem.fem import gather
 from impactfem.log import Progress
 from impactfem.marching.bodies_output import BodiesOutput
@@ -24,11 +24,10 @@ from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SOLID_SCHEMES, SolidScheme
 from impactfem.marching.solids import SolidMarch
 from impactfem.planning.bodies import degrees
-from impactfem.planning.solid_costs import count_layers
 from impactfem.result.solid_fields import SolidFields
 from impactfem.scene import Scene
 from impactfem.scene.pairing import friction_of, obstacles_of
-from impactfem.solid_runs import SHARE_OF_STABLE, stable_step
+from impactfem.solid_steps import planned_steps
 from impactfem.system.inside import check_inside
 from impactfem.system.massless import mass_transfer
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
@@ -72,7 +71,11 @@ def run_bodies(
     for part, surface, transfer in zip(model.parts, surfaces, transfers, strict=True):
         if transfer is not None:
             check_inside(part.solid.name, part.system, surface)
-    dt, layers, limit = _time_step(model, plan, scheme, surfaces, transfers)
+    discretised = {
+        part.solid.name: (part, surface, transfer)
+        for part, surface, transfer in zip(model.parts, surfaces, transfers, strict=True)
+    }
+    dt, layers, limit = planned_steps(scene.duration, plan, scheme, discretised)
     progress.step("preparing the layers")
     interiors = [
         _interior(part, scheme, surface, transfer, dt, plan.linear_solver)
@@ -136,41 +139,6 @@ def _interior(
     if scheme.interior == "leapfrog":
         return Leapfrog(part.system, surface, statics, transfer, dt)
     return Midpoint(part.system, surface, statics, transfer, dt, linear_solver)
-
-
-def _time_step(
-    model: BodiesModel,
-    plan: "SolidPlan",
-    scheme: SolidScheme,
-    surfaces: list[SurfaceNodes],
-    transfers: list[object],
-) -> tuple[float, int, float | None]:
-    """Time step [s], number of layers, and the least stable step [s] of explicit schemes.
-
-    Raises:
-        SceneError: The step asked for is beyond the stable one.
-    """
-    duration, limit = model.scene.duration, None
-    if scheme.interior == "leapfrog":
-        each = [
-            stable_step(part, surface, transfer)
-            for part, surface, transfer in zip(model.parts, surfaces, transfers, strict=True)
-        ]
-        limit = min(each)
-        dt = plan.dt if plan.dt is not None else (plan.courant or SHARE_OF_STABLE) * limit
-        if dt > limit * (1 + 1e-9):
-            slowest = model.parts[int(np.argmin(each))].solid.name
-            raise SceneError(
-                f"the time step {dt:g} s is beyond the stability limit {limit:g} s of method "
-                f"{plan.method} on the mesh of body {slowest}; use a smaller solve.dt, or method = "
-                '"massless"'
-            )
-    elif plan.dt is not None:
-        dt = plan.dt
-    else:
-        raise SceneError("solve.dt: the plan has no time step; give solve.dt")
-    layers = count_layers(duration, dt)
-    return (dt if model.scene.solve.dt is not None else duration / layers), layers, limit
 
 
 def _gaps(model: BodiesModel, surfaces: list[SurfaceNodes], interior: Composite) -> PairGaps:

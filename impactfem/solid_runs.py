@@ -1,35 +1,32 @@
 """Run the time loop of a solid as planned: from the scene to its motion and fields."""
 
-import math
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.complementarity import Solver, solve_by_active_set
 from impactfem.contact.gaps import Gaps
-from impactfem.errors import ConvergenceError, SceneError
+from impactfem.errors import ConvergenceError
 from impactfem.fem import cell_nodes, gather, on_root
 from impactfem.log import Progress
 from impactfem.marching.checkpoint import Checkpoints
 from impactfem.marching.collect import Collector
 from impactfem.marching.leapfrog import Leapfrog
 from impactfem.marching.midpoint import Midpoint
-from impactfem.marching.schemes import SOLID_SCHEMES, SolidScheme
+from impactfem.marching.schemes import SOLID_SCHEMES
 from impactfem.marching.solid_output import FieldOutput, Watch
 from impactfem.marching.solids import Level, SolidMarch
-from impactfem.planning.solid_costs import count_layers
 from impactfem.result.cell_kinds import KINDS
 from impactfem.result.solid_fields import FieldSpool, SolidFields
 from impactfem.result.solid_motion import SolidMotion
-from impactfem.scene import Scene, Solid
+from impactfem.scene import Scene
 from impactfem.solid_model import SolidModel, solid_model
 from impactfem.solid_rows import solid_motion
-from impactfem.system.elastic import ElasticSystem
-from impactfem.system.massless import lumped_mass, mass_transfer
-from impactfem.system.spectrum import largest_eigenvalue
+from impactfem.solid_steps import planned_steps
+from impactfem.system.massless import mass_transfer
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
 if TYPE_CHECKING:
@@ -39,10 +36,6 @@ if TYPE_CHECKING:
     from impactfem.planning import SolidPlan
 
 Floats = NDArray[np.float64]
-
-SHARE_OF_STABLE = 0.9
-"""Courant number of explicit schemes, as a share of the stable step, unless given."""
-
 
 @np.errstate(over="ignore", invalid="ignore")  # the loop looks itself whether numbers are finite
 def run_solid(
@@ -81,7 +74,8 @@ def run_solid(
     massless = scheme.massless and surface.count > 0
     statics = SurfaceStatics(model.system.stiffness, surface) if massless else None
     transfer = mass_transfer(model.system, surface, model.mesh) if massless else None
-    dt, layers, limit = _time_step(model, plan, scheme, surface, transfer)
+    discretised = {model.solid.name: (model, surface, transfer)}
+    dt, layers, limit = planned_steps(scene.duration, plan, scheme, discretised)
     progress.step("preparing the layers")
     interior: Interior
     if scheme.interior == "leapfrog":
@@ -112,68 +106,6 @@ def _solver(plan: "SolidPlan", size: float) -> Solver:
 
         return solve_by_snes_vi(tolerance, plan.max_iterations)
     return solve_by_active_set(tolerance, plan.max_iterations)
-
-
-def _time_step(
-    model: SolidModel, plan: "SolidPlan", scheme: SolidScheme, surface: SurfaceNodes, transfer: Any
-) -> tuple[float, int, float | None]:
-    """Time step [s], number of layers, and the stable time step [s] of explicit schemes.
-
-    Raises:
-        SceneError: The step asked for is beyond the stable one.
-    """
-    duration, limit = model.scene.duration, None
-    if scheme.interior == "leapfrog":
-        limit = stable_step(model, surface, transfer)
-        dt = plan.dt if plan.dt is not None else (plan.courant or SHARE_OF_STABLE) * limit
-        if dt > limit * (1 + 1e-9):
-            asked = "dt" if plan.dt is not None else "courant"
-            raise SceneError(
-                f"solve.{asked}: the time step {dt:g} s is beyond the stability limit {limit:g} s "
-                f"of method {plan.method} on this mesh; use solve.dt <= {_down(limit):g}, solve."
-                'courant <= 1, or method = "massless"'
-            )
-    elif plan.dt is not None:
-        dt = plan.dt
-    else:
-        raise SceneError("solve.dt: the plan has no time step; give solve.dt")
-    layers = count_layers(duration, dt)
-    # Steps that follow from the stiffness fill the duration: the same on any number of ranks.
-    return (dt if plan.dt is not None else duration / layers), layers, limit
-
-
-def _down(value: float) -> float:
-    """Three digits, not above the value."""
-    step = 10.0 ** (math.floor(math.log10(value)) - 2)
-    return math.floor(value / step) * step
-
-
-class Discretised(Protocol):
-    """A solid with its matrices."""
-
-    @property
-    def solid(self) -> Solid:
-        """The body."""
-
-    @property
-    def system(self) -> ElasticSystem:
-        """Mass, stiffness, supports and loads."""
-
-
-def stable_step(model: "Discretised", surface: SurfaceNodes, transfer: Any) -> float:
-    """2 / omega_max without contact, less with damping [s]."""
-    system = model.system
-    _, inverse = lumped_mass(system, transfer, surface)
-    square = largest_eigenvalue(system.stiffness, inverse, system.numbers)
-    if square == 0.0:
-        raise SceneError(
-            f"body {model.solid.name!r}: no node can move by itself: each is held by supports or "
-            "carries contact; use smaller elements, fewer supports or contact_surfaces, or "
-            'method = "massless"'
-        )
-    omega = math.sqrt(square)
-    share = 0.5 * system.rayleigh_stiffness * omega
-    return 2.0 / omega * (math.sqrt(1.0 + share**2) - share)
 
 
 def _march(

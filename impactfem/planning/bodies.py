@@ -134,5 +134,8 @@ def _step(
     courant = solve.courant or COURANT
     pairs = zip(solids, sizes, strict=True)
     dt = min(courant * size.mesh_size / leading_speed(solid) for solid, size in pairs)
-    reasons["dt"] = f"courant = {courant:g} in the body that asks for the least step"
-    return min(dt, scene.duration), courant
+    reasons["dt"] = (
+        f"courant = {courant:g} or a little less in the body that asks for the least step, so "
+        "that the layers fill the duration"
+    )
+    return scene.duration / count_layers(scene.duration, dt), courant

@@ -1,0 +1,98 @@
+"""Time step and number of layers of solids as planned, held against the stable step."""
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol
+
+from impactfem.errors import SceneError
+from impactfem.marching.schemes import SolidScheme
+from impactfem.planning.solid_costs import count_layers
+from impactfem.scene import Solid
+from impactfem.system.elastic import ElasticSystem
+from impactfem.system.massless import lumped_mass
+from impactfem.system.spectrum import largest_eigenvalue
+from impactfem.system.surface import SurfaceNodes
+
+if TYPE_CHECKING:
+    from impactfem.planning import SolidPlan
+
+SHARE_OF_STABLE = 0.9
+"""Courant number of explicit schemes, as a share of the stable step, unless given."""
+
+
+class Discretised(Protocol):
+    """A solid with its matrices."""
+
+    @property
+    def solid(self) -> Solid:
+        """The body."""
+
+    @property
+    def system(self) -> ElasticSystem:
+        """Mass, stiffness, supports and loads."""
+
+
+def planned_steps(
+    duration: float,
+    plan: "SolidPlan",
+    scheme: SolidScheme,
+    discretised: Mapping[str, tuple[Discretised, SurfaceNodes, Any]],
+) -> tuple[float, int, float | None]:
+    """Time step [s], number of layers, and the least stable time step [s] of explicit schemes.
+
+    A planned step is taken as it is; the last layer may then end past the duration. A step that
+    follows from the stiffness is shortened so that the layers fill the duration: the same on any
+    number of ranks.
+
+    Args:
+        duration: Of the scene [s].
+        plan: What to do.
+        scheme: The method as data.
+        discretised: Solid, contact nodes and transfer of mass (None without) by name of the body.
+
+    Raises:
+        SceneError: The step asked for is beyond the stable one.
+    """
+    if scheme.interior != "leapfrog":
+        if plan.dt is None:
+            raise SceneError("solve.dt: the plan has no time step; give solve.dt")
+        return plan.dt, count_layers(duration, plan.dt), None
+    stable = {name: stable_step(*parts) for name, parts in discretised.items()}
+    slowest = min(stable, key=lambda name: stable[name])
+    limit = stable[slowest]
+    dt = plan.dt if plan.dt is not None else (plan.courant or SHARE_OF_STABLE) * limit
+    if dt > limit * (1 + 1e-9):
+        asked = "dt" if plan.dt is not None else "courant"
+        raise SceneError(
+            f"solve.{asked}: the time step {dt:g} s is beyond the stability limit {limit:g} s of "
+            f"method {plan.method} on the mesh of body {slowest}; use solve.dt <= "
+            f'{_down(limit):g}, solve.courant <= 1, or method = "massless"'
+        )
+    layers = count_layers(duration, dt)
+    return (dt if plan.dt is not None else duration / layers), layers, limit
+
+
+def stable_step(model: Discretised, surface: SurfaceNodes, transfer: Any) -> float:
+    """2 / omega_max without contact, less with damping [s].
+
+    Raises:
+        SceneError: No node of the body can move by itself.
+    """
+    system = model.system
+    _, inverse = lumped_mass(system, transfer, surface)
+    square = largest_eigenvalue(system.stiffness, inverse, system.numbers)
+    if square == 0.0:
+        raise SceneError(
+            f"body {model.solid.name!r}: no node can move by itself: each is held by supports or "
+            "carries contact; use smaller elements, fewer supports or contact_surfaces, or "
+            'method = "massless"'
+        )
+    omega = math.sqrt(square)
+    share = 0.5 * system.rayleigh_stiffness * omega
+    return 2.0 / omega * (math.sqrt(1.0 + share**2) - share)
+
+
+def _down(value: float) -> float:
+    """Three digits, not above the value."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 2)
+    return math.floor(value / step) * step
