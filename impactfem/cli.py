@@ -7,8 +7,9 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from impactfem import __version__
 from impactfem.errors import ConvergenceError, ImpactError, MeshError, OutputError, SceneError
@@ -184,6 +185,7 @@ def _run(given: argparse.Namespace) -> int:
     on_root(lambda: check_writable(folder))
     with progress.stages(4 if scene.bodies[0].kind == "bar" else 5):
         result = _solved(scene, given.restart, folder, progress)
+        result = replace(result, summary={**result.summary, "run": _record(given, result)})
         progress.step("writing the result")
         on_root(lambda: result.save(folder))
     if _is_solid(scene):
@@ -200,6 +202,22 @@ def _run(given: argparse.Namespace) -> int:
         )
         return NOT_CONVERGED
     return DONE
+
+
+def _record(given: argparse.Namespace, result: "Result") -> dict[str, Any]:
+    """Date, versions and machine of a run, with the command that repeats it."""
+    from impactfem.provenance import shell_command  # noqa: PLC0415
+
+    words = ["impactfem", "run"] if given.scene is None else ["impactfem", "run", given.scene]
+    for text in given.settings:
+        words += ["--set", text]
+    for option in ("out", "restart"):
+        if getattr(given, option) is not None:
+            words += [f"--{option}", str(getattr(given, option))]
+    several = result.summary["ranks"]
+    return result.summary["run"] | {
+        "command": shell_command(["mpirun", "-n", str(several), *words] if several > 1 else words)
+    }
 
 
 def _to_run(given: argparse.Namespace) -> "tuple[Scene, Path]":

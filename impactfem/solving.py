@@ -13,6 +13,7 @@ from impactfem.errors import SceneError
 from impactfem.log import Progress
 from impactfem.methods import METHODS
 from impactfem.planning import BarRowPlan, Plan, SolidPlan, VibroPlan, plan
+from impactfem.provenance import run_record
 from impactfem.reference import exact_bar, exact_curves, measure
 from impactfem.result import Result
 from impactfem.result.bar_motion import bar_fields, bar_history
@@ -57,6 +58,14 @@ def solve(
     if settings:
         scene = scene.with_settings({f"solve.{key}": value for key, value in settings.items()})
     progress = progress or Progress()
+    result = _solve(scene, progress, checkpoints, restart)
+    return replace(result, summary={**result.summary, "run": run_record()})
+
+
+def _solve(
+    scene: Scene, progress: Progress, checkpoints: Path | None, restart: Path | None
+) -> Result:
+    """Solve a scene as its plan says."""
     chosen = plan(scene)
     if isinstance(chosen, SolidPlan) and scene.has_pairs:
         if checkpoints is not None or restart is not None:

@@ -26,7 +26,7 @@ FIELD_FORMATS = ("vtkhdf", "vtx", "pvd")
 
 
 @dataclass(frozen=True)
-class _Window(Kind):
+class Window(Kind):
     """A number of layers, or the word "all"."""
 
     type_name: ClassVar[str] = "integer or text"
@@ -59,7 +59,7 @@ class Solve:
     courant: float | None = key(Real(above=0), "c dt / h, time step by grid size", default=None)
     dt: float | None = key(Real(above=0), "time step, instead of courant", unit="s", default=None)
     window: int | str | None = key(
-        _Window(), "time layers that one active-set loop solves together", default=None
+        Window(), "time layers that one active-set loop solves together", default=None
     )
     active_set: str | None = key(
         Choice(ACTIVE_SETS), "primal-dual active set, or PETSc's SNES VI", default=None
@@ -173,6 +173,7 @@ class Output:
         "checkpoint every so many time layers (solid), 0 for none",
         default=0,
     )
+    report: bool = key(Switch(), "whether to write report.html", default=True)
 
     def __post_init__(self) -> None:
         check_fields(self, "output")
