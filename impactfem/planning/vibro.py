@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,7 +10,9 @@ from impactfem.errors import SceneError
 from impactfem.methods import METHODS
 from impactfem.scene import Scene
 from impactfem.scene.values import show
-from impactfem.vibro_model import VibroModel, vibro_model
+
+if TYPE_CHECKING:
+    from impactfem.vibro_model import VibroModel
 
 _ROWS = 1000
 _LIVELY = 0.85
@@ -65,12 +67,14 @@ class VibroPlan:
         return asdict(self) | {"warnings": list(self.warnings)}
 
 
-def plan_vibro(scene: Scene, model: VibroModel | None = None) -> VibroPlan:
+def plan_vibro(scene: Scene, model: "VibroModel" | None = None) -> VibroPlan:
     """Choose method and numbers for points, a rod or a beam.
 
     Raises:
         SceneError: The start or the settings cannot work.
     """
+    from impactfem.vibro_model import vibro_model  # noqa: PLC0415  (loads SciPy)
+
     model = model or vibro_model(scene)
     solve = scene.solve
     reasons: dict[str, str] = {}
@@ -110,7 +114,7 @@ def plan_vibro(scene: Scene, model: VibroModel | None = None) -> VibroPlan:
     )
 
 
-def _choose_method(model: VibroModel, reasons: dict[str, str]) -> str:
+def _choose_method(model: "VibroModel", reasons: dict[str, str]) -> str:
     if model.beam is not None:
         reasons["method"] = (
             "a beam strikes in many micro-impacts: the position-level scheme passes them without "
@@ -124,7 +128,7 @@ def _choose_method(model: VibroModel, reasons: dict[str, str]) -> str:
     return "event_driven"
 
 
-def _choose_step(scene: Scene, model: VibroModel, method: str, reasons: dict[str, str]) -> float:
+def _choose_step(scene: Scene, model: "VibroModel", method: str, reasons: dict[str, str]) -> float:
     even = scene.duration / _ROWS
     if method == "event_driven":
         reasons["dt"] = f"{_ROWS} rows of output; flights and impacts do not depend on it"
@@ -142,7 +146,7 @@ def _choose_step(scene: Scene, model: VibroModel, method: str, reasons: dict[str
     return min(even, 1.0 / (_PER_RADIAN * fastest)) if fastest > 0.0 else even
 
 
-def _signals(model: VibroModel) -> list[Any]:
+def _signals(model: "VibroModel") -> list[Any]:
     return [*getattr(model.system, "load", ()), *model.system.motion]
 
 
@@ -198,7 +202,7 @@ def _memory(scene: Scene, steps: int) -> float:
     return memory
 
 
-def _seconds(model: VibroModel, method: str, steps: int) -> float | None:
+def _seconds(model: "VibroModel", method: str, steps: int) -> float | None:
     """Time of the run; micro-seconds a step as measured in benchmarks/vibro_speed.py."""
     if method == "event_driven":
         return None
@@ -208,7 +212,7 @@ def _seconds(model: VibroModel, method: str, steps: int) -> float | None:
     return steps * (1e-7 * d * d + 1e-6 if hasattr(model.system, "stiffness") else 2e-4)
 
 
-def _warnings(scene: Scene, model: VibroModel, method: str) -> list[str]:
+def _warnings(scene: Scene, model: "VibroModel", method: str) -> list[str]:
     found = []
     if not scene.contacts:
         found.append(
