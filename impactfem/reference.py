@@ -1,15 +1,19 @@
 """The exact solution of a scene, as a reference for errors and as a method of its own."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBar
-from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
 from impactfem.scene import Bar, PiecewiseConstant, Scene
+
+if TYPE_CHECKING:  # plans need the exact solution, but neither results nor xarray
+    import xarray as xr
+
+    from impactfem.result.bar_motion import BarMotion
 
 Floats = NDArray[np.float64]
 
@@ -67,7 +71,7 @@ class Errors:
     force_l1: float
 
 
-def measure(motion: BarMotion, exact: ExactBar) -> Errors:
+def measure(motion: "BarMotion", exact: ExactBar) -> Errors:
     """Errors of a motion at the nodes of its kept levels, and of the force in its layers."""
     t, x = motion.times[motion.kept], motion.positions
     reference = exact.displacement(t[:, None], x[None, :])
@@ -111,8 +115,10 @@ def _relative(error: float, value: float) -> float:
 def exact_motion(
     exact: ExactBar, bar: Bar, gravity: PiecewiseConstant, times: Floats, positions: Floats,
     every: int,
-) -> BarMotion:  # fmt: skip
+) -> "BarMotion":  # fmt: skip
     """The exact solution at given times: every row is at its time, the force just before it."""
+    from impactfem.result.bar_motion import BarMotion, Effort, kept_levels  # noqa: PLC0415
+
     kinetic, elastic = exact.energy(times)
     kept = kept_levels(len(times) - 1, every)
     t, x = times[kept, None], positions[None, :]
@@ -150,8 +156,10 @@ def _potential(exact: ExactBar, gravity: PiecewiseConstant, times: Floats) -> Fl
     return potential
 
 
-def exact_curves(exact: ExactBar, bar: Bar, end: float) -> xr.Dataset:
+def exact_curves(exact: ExactBar, bar: Bar, end: float) -> "xr.Dataset":
     """Exact gap and contact force for pictures, with two samples at each jump of the force."""
+    import xarray as xr  # noqa: PLC0415
+
     jumps = np.asarray(exact.multiplier_breaks)
     jumps = jumps[(jumps > 0.0) & (jumps < end)]
     if len(jumps) > 2000:  # a picture shows no more
