@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 from impactfem.contact.body_pairs import SurfacePair, make_pair
 from impactfem.contact.boundary import Boundary, boundary, everywhere
 from impactfem.contact.overlap import overlap
-from impactfem.contact.reach import Reach, reach
-from impactfem.contact.surfaces import ContactNodes, contact_nodes
+from impactfem.contact.reach import Reach
+from impactfem.contact.surfaces import ContactNodes
 from impactfem.errors import SceneError
 from impactfem.fem import MPI
 from impactfem.mesh.body import BodyMesh, build_body_mesh
 from impactfem.scene import Scene, Solid
 from impactfem.scene.pairing import body_pairs, obstacles_of
-from impactfem.solid_model import Key
+from impactfem.scene_key import SceneKey
+from impactfem.solid_contact import contact_of, reach_of
 from impactfem.system.elastic import ElasticSystem, elastic_system
 from impactfem.system.surface import SurfaceNodes
 
@@ -166,16 +167,16 @@ def bodies_model(scene: Scene, degrees: Sequence[int], *, updated: bool) -> Bodi
         MissingDependencyError: DOLFINx or Gmsh is not installed.
         SceneError: A body is inside an obstacle at t = 0.
     """
-    return _model(Key(scene), tuple(degrees), updated)
+    return _model(SceneKey(scene), tuple(degrees), updated)
 
 
 @lru_cache(maxsize=1)
-def _model(key: Key, degrees: tuple[int, ...], updated: bool) -> BodiesModel:  # hashed
+def _model(key: SceneKey, degrees: tuple[int, ...], updated: bool) -> BodiesModel:  # hashed
     return BodiesModel(MPI.COMM_WORLD, key.scene, _parts(key, degrees), updated)
 
 
 @lru_cache(maxsize=1)
-def _parts(key: Key, degrees: tuple[int, ...]) -> tuple[BodyPart, ...]:
+def _parts(key: SceneKey, degrees: tuple[int, ...]) -> tuple[BodyPart, ...]:
     """The bodies, meshed once for pairs that are fixed and for those that follow."""
     solids = [body for body in key.scene.bodies if isinstance(body, Solid)]
     return tuple(_part(key.scene, s, d) for s, d in zip(solids, degrees, strict=True))
@@ -184,38 +185,13 @@ def _parts(key: Key, degrees: tuple[int, ...]) -> tuple[BodyPart, ...]:
 def _part(scene: Scene, solid: Solid, degree: int) -> BodyPart:
     comm = MPI.COMM_WORLD
     mesh = build_body_mesh(comm, solid, degree, scene.folder or Path())
-    gravity = scene.vector_gravity
-    system = elastic_system(solid, gravity, mesh)
+    system = elastic_system(solid, scene.vector_gravity, mesh)
     outside = boundary(mesh, thickness=solid.thickness, axisymmetric=solid.is_axisymmetric)
     own = np.concatenate(
         [system.displacement.reshape(-1, solid.dim), system.positions * 0.0], axis=1
     )
     moved = everywhere(comm, outside.numbers, system.numbers, own)[:, : solid.dim]
-    speed = np.linalg.norm(system.velocity.reshape(-1, solid.dim), axis=1).max(initial=0.0)
     obstacles = obstacles_of(scene, solid.name)
-    bound = reach(
-        comm.allreduce(float(speed), op=MPI.MAX), gravity.times, gravity.values, obstacles,
-        scene.duration, driven=_driven(scene, solid),
-    )  # fmt: skip
-    contact = None
-    if obstacles:
-        cuts = [s.surface for s in solid.all_supports if s.kind == "symmetry"]
-        cuts += ["axis"] * solid.is_axisymmetric
-        contact = contact_nodes(
-            mesh, obstacles, system.numbers, system.constrained, system.displacement, bound,
-            name=solid.name, surfaces=solid.contact_surfaces,
-            symmetry=[name for name in cuts if name in mesh.surfaces],
-            thickness=solid.thickness, axisymmetric=solid.is_axisymmetric,
-        )  # fmt: skip
+    bound = reach_of(comm, scene, solid, system, obstacles)
+    contact = contact_of(comm, solid, system, outside, obstacles, bound) if obstacles else None
     return BodyPart(solid, degree, mesh, system, outside, outside.points + moved, bound, contact)
-
-
-def _driven(scene: Scene, solid: Solid) -> str | None:
-    """What moves a body besides its own speed and gravity; other bodies do."""
-    if solid.all_supports and any(support.kind == "motion" for support in solid.supports):
-        return "moving supports"
-    if solid.tractions or solid.pressures:
-        return "tractions or pressures"
-    if np.any([formula.plain != 0.0 for formula in solid.displacement]):
-        return "an initial displacement"
-    return "other bodies that strike it" if len(scene.bodies) > 1 else None

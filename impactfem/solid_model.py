@@ -5,13 +5,13 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from impactfem.contact.reach import reach
-from impactfem.contact.surfaces import ContactNodes, contact_nodes
+from impactfem.contact.boundary import boundary
+from impactfem.contact.surfaces import ContactNodes
 from impactfem.fem import MPI
 from impactfem.mesh.body import BodyMesh, build_body_mesh
 from impactfem.scene import PiecewiseVector, Scene, Solid
+from impactfem.scene_key import SceneKey
+from impactfem.solid_contact import contact_of, reach_of
 from impactfem.system.elastic import ElasticSystem, elastic_system
 
 
@@ -39,10 +39,7 @@ class SolidModel:
     @property
     def gravity(self) -> PiecewiseVector:
         """Gravity of the scene [m/s^2]."""
-        gravity = self.scene.gravity
-        if isinstance(gravity, PiecewiseVector):
-            return gravity
-        return PiecewiseVector((0.0,), ((0.0,) * self.solid.dim,))
+        return self.scene.vector_gravity
 
     @cached_property
     def system(self) -> ElasticSystem:
@@ -52,28 +49,10 @@ class SolidModel:
     @cached_property
     def contact(self) -> ContactNodes:
         """Nodes that can touch an obstacle within the duration (collective at the first use)."""
-        solid, system, gravity = self.solid, self.system, self.gravity
-        speed = np.linalg.norm(system.velocity.reshape(-1, solid.dim), axis=1).max(initial=0.0)
-        driven = None
-        if solid.all_supports and any(support.kind == "motion" for support in solid.supports):
-            driven = "moving supports"
-        elif solid.tractions or solid.pressures:
-            driven = "tractions or pressures"
-        elif np.any([formula.plain != 0.0 for formula in solid.displacement]):
-            driven = "an initial displacement"
-        bound = reach(
-            self.comm.allreduce(float(speed), op=MPI.MAX), gravity.times, gravity.values,
-            self.scene.obstacles, self.scene.duration, driven=driven,
-        )  # fmt: skip
-        cuts = [s.surface for s in solid.all_supports if s.kind == "symmetry"]
-        if solid.is_axisymmetric:
-            cuts.append("axis")
-        return contact_nodes(
-            self.mesh, self.scene.obstacles, system.numbers, system.constrained,
-            system.displacement, bound, name=solid.name, surfaces=solid.contact_surfaces,
-            symmetry=[name for name in cuts if name in self.mesh.surfaces],
-            thickness=solid.thickness, axisymmetric=solid.is_axisymmetric,
-        )  # fmt: skip
+        solid, system, obstacles = self.solid, self.system, self.scene.obstacles
+        outside = boundary(self.mesh, thickness=solid.thickness, axisymmetric=solid.is_axisymmetric)
+        bound = reach_of(self.comm, self.scene, solid, system, obstacles)
+        return contact_of(self.comm, solid, system, outside, obstacles, bound)
 
 
 def solid_model(scene: Scene, degree: int) -> SolidModel:
@@ -83,29 +62,11 @@ def solid_model(scene: Scene, degree: int) -> SolidModel:
         MeshError: The mesh cannot be made, or does not fit the scene.
         MissingDependencyError: DOLFINx or Gmsh is not installed.
     """
-    return _model(Key(scene), degree)
-
-
-class Key:
-    """A scene by what shapes its model: solver and output settings may change."""
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        parts = scene.to_dict()
-        self._text = repr([scene.folder, *(parts[k] for k in sorted(set(parts) - _NOT_MODEL))])
-
-    def __hash__(self) -> int:
-        return hash(self._text)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Key) and self._text == other._text
-
-
-_NOT_MODEL = {"title", "solve", "output"}
+    return _model(SceneKey(scene), degree)
 
 
 @lru_cache(maxsize=1)
-def _model(key: Key, degree: int) -> SolidModel:
+def _model(key: SceneKey, degree: int) -> SolidModel:
     scene = key.scene
     mesh = build_body_mesh(MPI.COMM_WORLD, scene.solid, degree, scene.folder or Path())
     return SolidModel(MPI.COMM_WORLD, scene, degree, mesh)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from impactfem.errors import SceneError
 from impactfem.result.history import BodyMotion
 from impactfem.scene import Beam, HalfSpace, PiecewiseVector, Point, Rod, Scene
+from impactfem.scene_key import SceneKey
 from impactfem.system.beam import FreeBeam, free_beam
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
 from impactfem.system.points import contact_pairs, points_system, start_state
@@ -53,11 +55,17 @@ class VibroModel:
 
 
 def vibro_model(scene: Scene) -> VibroModel:
-    """Make the system of a scene.
+    """Make the system of a scene; the last one is kept for plan and run to share.
 
     Raises:
         SceneError: The start cannot work, as a body inside an obstacle.
     """
+    return _model(SceneKey(scene))
+
+
+@lru_cache(maxsize=1)
+def _model(key: SceneKey) -> VibroModel:
+    scene = key.scene
     body = scene.bodies[0]
     if isinstance(body, Rod):
         model = _of_rod(scene, body)

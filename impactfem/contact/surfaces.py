@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix
 
-from impactfem.contact.boundary import Body, Boundary, boundary, everywhere
+from impactfem.contact.boundary import Boundary, everywhere
 from impactfem.contact.facing import ROUNDING, gap_fields
 from impactfem.contact.pressure import pressure_map
 from impactfem.contact.reach import Reach
@@ -64,7 +64,8 @@ class ContactNodes:
 
 
 def contact_nodes(
-    body: Body,
+    comm: Any,
+    outside: Boundary,
     obstacles: Sequence[Any],
     numbers: Indices,
     constrained: ArrayLike,
@@ -74,13 +75,13 @@ def contact_nodes(
     name: str = "body",
     surfaces: Collection[str] | None = None,
     symmetry: Collection[str] = (),
-    thickness: float = 1.0,
     axisymmetric: bool = False,
 ) -> ContactNodes:
     """Choose the nodes that can touch an obstacle within the duration (collective).
 
     Args:
-        body: Mesh, surfaces and canonical numbers.
+        comm: MPI communicator of the body.
+        outside: Its faces.
         obstacles: At least one, as `signed_distance` takes them.
         numbers: Canonical numbers of the nodes this rank owns, shape (owned nodes,).
         constrained: Which of their displacement components are prescribed, (owned nodes * dim,).
@@ -90,16 +91,14 @@ def contact_nodes(
         surfaces: Surfaces that may touch, or None for the whole outside.
         symmetry: Surfaces in planes of symmetry: cuts through the body, not its outside. (The axis
             of an axisymmetric body is known to be none.)
-        thickness: Thickness of a plane body [m].
         axisymmetric: Whether the first coordinate is the radius.
 
     Raises:
         SceneError: On all ranks: the body is inside an obstacle at t = 0, or a surface is unknown.
     """
-    outside = boundary(body, thickness=thickness, axisymmetric=axisymmetric)
     real = ~outside.on(symmetry)
     asked = real if surfaces is None else real & _asked(outside, surfaces, name)
-    dim, comm = outside.points.shape[1], body.mesh.comm
+    dim = outside.points.shape[1]
     own = np.concatenate(
         [np.reshape(displacement, (-1, dim)), np.reshape(constrained, (-1, dim))], axis=1
     ).astype(np.float64)

@@ -67,7 +67,7 @@ class VibroPlan:
         return asdict(self) | {"warnings": list(self.warnings)}
 
 
-def plan_vibro(scene: Scene, model: "VibroModel" | None = None) -> VibroPlan:
+def plan_vibro(scene: Scene) -> VibroPlan:
     """Choose method and numbers for points, a rod or a beam.
 
     Raises:
@@ -75,7 +75,7 @@ def plan_vibro(scene: Scene, model: "VibroModel" | None = None) -> VibroPlan:
     """
     from impactfem.vibro_model import vibro_model  # noqa: PLC0415  (loads SciPy)
 
-    model = model or vibro_model(scene)
+    model = vibro_model(scene)
     solve = scene.solve
     reasons: dict[str, str] = {}
     method = solve.method or _choose_method(model, reasons)

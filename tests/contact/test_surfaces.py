@@ -8,6 +8,7 @@ from bodies import TestBody, grid, round_off
 from numpy.typing import NDArray
 from pytest_mpi import parallel_assert
 
+from impactfem.contact.boundary import boundary
 from impactfem.contact.facing import FACING_AWAY, UPRIGHT
 from impactfem.contact.reach import Reach, reach
 from impactfem.contact.surfaces import ContactNodes, contact_nodes
@@ -40,9 +41,12 @@ def choose(
     **options: Any,
 ) -> ContactNodes:
     free = np.zeros(body.places.shape, dtype=bool)
+    shape = {k: options[k] for k in ("thickness", "axisymmetric") if k in options}
+    options.pop("thickness", None)
     return contact_nodes(
-        body, obstacles, body.owned, free if fixed is None else fixed, 0.0 * free, bound, **options
-    )
+        body.mesh.comm, boundary(body, **shape), obstacles, body.owned,
+        free if fixed is None else fixed, 0.0 * free, bound, **options,
+    )  # fmt: skip
 
 
 def test_the_upper_half_of_a_disc_is_left_out() -> None:
@@ -236,7 +240,9 @@ def test_initial_displacement_counts() -> None:
     lifted = np.zeros(body.places.shape)
     lifted[:, 1] = 0.3 + 0.1 * body.places[:, 0]
     none = np.zeros(body.places.size, dtype=bool)
-    contact = contact_nodes(body, [FLOOR], body.owned, none, lifted.ravel(), ANYWHERE)
+    contact = contact_nodes(
+        MPI.COMM_SELF, boundary(body), [FLOOR], body.owned, none, lifted.ravel(), ANYWHERE
+    )
     bottom = contact.gap < 0.45
     np.testing.assert_allclose(np.sort(contact.gap[bottom])[:5], 0.3 + 0.025 * np.arange(5))
     np.testing.assert_allclose(contact.positions[:, 1], contact.gap)

@@ -1,0 +1,60 @@
+"""With which nodes a solid can touch the obstacles of its scene within the duration."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from impactfem.contact.boundary import Boundary
+from impactfem.contact.reach import Reach, reach
+from impactfem.contact.surfaces import ContactNodes, contact_nodes
+from impactfem.fem import MPI
+from impactfem.scene import Scene, Solid
+from impactfem.system.elastic import ElasticSystem
+
+
+def reach_of(
+    comm: Any, scene: Scene, solid: Solid, system: ElasticSystem, obstacles: Sequence[Any]
+) -> Reach:
+    """Bound of the way of a solid within the duration of its scene (collective)."""
+    speeds = np.linalg.norm(system.velocity.reshape(-1, solid.dim), axis=1)
+    speed = comm.allreduce(float(speeds.max(initial=0.0)), op=MPI.MAX)
+    gravity = scene.vector_gravity
+    return reach(
+        speed, gravity.times, gravity.values, obstacles, scene.duration,
+        driven=_driven(scene, solid),
+    )  # fmt: skip
+
+
+def contact_of(
+    comm: Any,
+    solid: Solid,
+    system: ElasticSystem,
+    outside: Boundary,
+    obstacles: Sequence[Any],
+    bound: Reach,
+) -> ContactNodes:
+    """Nodes of a solid that can touch obstacles, at least one (collective).
+
+    Raises:
+        SceneError: The solid is inside an obstacle at t = 0, or a surface is unknown.
+    """
+    cuts = [support.surface for support in solid.all_supports if support.kind == "symmetry"]
+    if solid.is_axisymmetric:
+        cuts.append("axis")
+    return contact_nodes(
+        comm, outside, obstacles, system.numbers, system.constrained, system.displacement, bound,
+        name=solid.name, surfaces=solid.contact_surfaces,
+        symmetry=cuts, axisymmetric=solid.is_axisymmetric,
+    )  # fmt: skip
+
+
+def _driven(scene: Scene, solid: Solid) -> str | None:
+    """What moves a solid besides its own speed and gravity; None if nothing does."""
+    if any(support.kind == "motion" for support in solid.supports):
+        return "moving supports"
+    if solid.tractions or solid.pressures:
+        return "tractions or pressures"
+    if any(formula.plain != 0.0 for formula in solid.displacement):
+        return "an initial displacement"
+    return "other bodies that strike it" if len(scene.bodies) > 1 else None
