@@ -3,10 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:  # plans of points, rods and beams know motions, but no data sets
+    import xarray as xr
 
 Floats = NDArray[np.float64]
 
@@ -59,11 +62,13 @@ class Columns:
     bodies: Mapping[str, BodyMotion] = field(default_factory=dict)
 
 
-def make_history(columns: Columns) -> xr.Dataset:
+def make_history(columns: Columns) -> "xr.Dataset":
     """Make the data set of a history: coordinate ``time``, columns as in `COLUMNS`.
 
     For each body NAME follow NAME.x, NAME.y, NAME.z [m] and NAME.vx, NAME.vy, NAME.vz [m/s].
     """
+    import xarray as xr  # noqa: PLC0415
+
     values: dict[str, NDArray[np.float64] | NDArray[np.int32]] = {
         name: np.asarray(getattr(columns, name), dtype=np.float64)
         for name in COLUMNS
@@ -91,7 +96,7 @@ def make_history(columns: Columns) -> xr.Dataset:
     )
 
 
-def write_csv(history: xr.Dataset, path: Path) -> None:
+def write_csv(history: "xr.Dataset", path: Path) -> None:
     """Write all columns with 17 digits, so that reading gives the same numbers."""
     names = [str(name) for name in history.data_vars]
     table = np.column_stack([history["time"].values, *(history[name].values for name in names)])
@@ -100,17 +105,19 @@ def write_csv(history: xr.Dataset, path: Path) -> None:
                fmt=formats)  # fmt: skip
 
 
-def write_netcdf(history: xr.Dataset, path: Path) -> None:
+def write_netcdf(history: "xr.Dataset", path: Path) -> None:
     """Write a netCDF 3 file, which needs no library beyond scipy."""
     history.to_netcdf(path, engine="scipy")
 
 
-def read_netcdf(path: Path) -> xr.Dataset:
+def read_netcdf(path: Path) -> "xr.Dataset":
     """Read a history back into memory.
 
     Raises:
         ValueError: The file has no history; further errors are those of xarray and SciPy.
     """
+    import xarray as xr  # noqa: PLC0415
+
     with xr.open_dataset(path, engine="scipy") as data:
         if not {"time", "contact_force"} <= set(data.variables):
             raise ValueError(f"{path}: no history in it")
