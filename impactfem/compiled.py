@@ -1,9 +1,13 @@
-"""Compilation of the time loops, cached on disk where that is possible."""
+"""Compilation of the time loops, announced and cached on disk where that is possible."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core import event
+
+from impactfem.first_use import compiling
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -16,3 +20,19 @@ def compiled(function: Callable[..., Any]) -> Any:
         return numba.njit(cache=True)(function)
     except RuntimeError:  # Numba: "no locator available"
         return numba.njit(function)
+
+
+class _Announcer(event.Listener):
+    """Hears of each compilation, not of code that is found in the cache."""
+
+    def on_start(self, event: Any) -> None:
+        function = event.data["dispatcher"]
+        if function.py_func.__module__.startswith("impactfem."):
+            folder = function.stats.cache_path
+            compiling("time loops", Path(folder) if folder else None)
+
+    def on_end(self, event: Any) -> None:
+        """Needed by Numba."""
+
+
+event.register("numba:compile", _Announcer())

@@ -3,8 +3,10 @@
 Nothing else in impactfem asks for a version of DOLFINx.
 """
 
+import functools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from impactfem.errors import ImpactError, MissingDependencyError
+from impactfem.first_use import compiling
 
 # h5py's own HDF5 library must load before that of DOLFINx, which it would take for its own.
 import h5py  # isort: skip  # noqa: F401
@@ -21,6 +24,8 @@ try:
     from mpi4py import MPI  # isort: skip
     import basix.ufl
     import dolfinx
+    import dolfinx.jit
+    import ffcx.compiler
     import ufl
     from dolfinx import fem as dolfinx_fem
     from dolfinx import mesh as dolfinx_mesh
@@ -40,6 +45,21 @@ except ImportError:  # DOLFINx 0.9
 
 # The type stubs of petsc4py, where there are any, refuse NumPy arrays and mpi4py communicators.
 PETSc: Any = _PETSc
+
+
+def _announced(compile_objects: Callable[..., Any]) -> Callable[..., Any]:
+    """FFCx's compiler, which is not called for forms that its cache holds, with an announcement."""
+
+    @functools.wraps(compile_objects)
+    def announcing(*arguments: Any, **settings: Any) -> Any:
+        compiling("finite-element forms", Path(dolfinx.jit.get_options()["cache_dir"]))
+        return compile_objects(*arguments, **settings)
+
+    return announcing
+
+
+# FFCx tells nobody when it compiles: its log can only be had together with all of its details.
+ffcx.compiler.compile_ufl_objects = _announced(ffcx.compiler.compile_ufl_objects)
 
 ADD = dolfinx.la.InsertMode.add
 """Adds in `scatter_reverse` what ghosts hold to their owners."""
