@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from impactfem.vibro.ensemble import integrate_ensemble
     from impactfem.vibro.integrating import integrate
 
-__version__ = "0.1.0"
+    __version__: str
 
 # Public names and where they live; loaded when first used, so that `import impactfem` is fast.
 _HOMES = {
@@ -184,11 +184,24 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
+    if name == "__version__":
+        value: Any = _installed_version()
+    elif name in _HOMES:
+        value = getattr(import_module(_HOMES[name]), name)
+    else:
         raise AttributeError(f"module 'impactfem' has no attribute {name!r}")
-    value = getattr(import_module(_HOMES[name]), name)
     globals()[name] = value
     return value
+
+
+def _installed_version() -> str:
+    """The version that was built and installed, which comes from the tags of the repository."""
+    from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415  (slow)
+
+    try:
+        return version("impactfem")
+    except PackageNotFoundError:  # imported from a folder that is not installed
+        return "0+unknown"
 
 
 def __dir__() -> list[str]:
