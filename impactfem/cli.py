@@ -11,8 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from impactfem import __version__
 from impactfem.errors import ConvergenceError, ImpactError, MeshError, OutputError, SceneError
+from impactfem.first_use import announce_to
 from impactfem.processes import abort, complain, end_together, join, on_root, rank, ranks
 from impactfem.shipped import find_scene, shipped_scenes
 from impactfem.signals import InterruptedRunError, held_back, listen
@@ -46,6 +46,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         join()
         given = _parsed(arguments)
+        if rank() == 0 and not getattr(given, "quiet", False):
+            announce_to(_announce)
         code = given.action(given)
     except SystemExit as end:  # argparse has said why
         code = int(end.code or DONE)
@@ -96,6 +98,16 @@ def _code(error: ImpactError) -> int:
     return NOT_CONVERGED if isinstance(error, ConvergenceError) else FAILED
 
 
+class _Version(argparse.Action):
+    """Looks for the version when it is asked for: that takes as long as all of --help."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from impactfem import __version__  # noqa: PLC0415
+
+        _say(f"impactfem {__version__}")
+        parser.exit()
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="impactfem",
@@ -104,7 +116,9 @@ def _parser() -> argparse.ArgumentParser:
         epilog="Exit codes: 0 done, 1 failed, 2 bad input, 3 no convergence (result kept and "
         "marked), 128 + signal interrupted.",
     )
-    parser.add_argument("--version", action="version", version=f"impactfem {__version__}")
+    parser.add_argument(
+        "--version", action=_Version, nargs=0, help="show the version of impactfem and exit"
+    )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     def command(
@@ -358,6 +372,13 @@ def _doctor(_: argparse.Namespace) -> int:
         complain(fault)
     _say("everything needed is there" if not faults else f"{len(faults)} faults")
     return FAILED if faults else DONE
+
+
+def _announce(text: str) -> None:
+    """Say on standard error what the run is waiting for, above a progress bar if there is one."""
+    from impactfem.log import Progress  # noqa: PLC0415
+
+    Progress(enabled=True).message(text)
 
 
 def _say(text: str) -> None:
