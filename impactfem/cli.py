@@ -46,8 +46,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         join()
         given = _parsed(arguments)
-        if rank() == 0 and not getattr(given, "quiet", False):
-            announce_to(_announce)
         code = given.action(given)
     except SystemExit as end:  # argparse has said why
         code = int(end.code or DONE)
@@ -83,13 +81,16 @@ def _prepare_streams() -> None:
 
 
 def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
-    """The arguments; only rank 0 says what is wrong with them."""
+    """The arguments; only rank 0 says what is wrong with them, and what is compiled."""
     with contextlib.ExitStack() as stack:
         if rank() != 0:
             null = stack.enter_context(open(os.devnull, "w"))  # noqa: PTH123
             stack.enter_context(contextlib.redirect_stdout(null))
             stack.enter_context(contextlib.redirect_stderr(null))
-        return _parser().parse_args(arguments)
+        given = _parser().parse_args(arguments)
+    if rank() == 0 and not getattr(given, "quiet", False):
+        announce_to(_announce)
+    return given
 
 
 def _code(error: ImpactError) -> int:
