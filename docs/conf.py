@@ -1,12 +1,18 @@
-"""Sphinx configuration; writes the tables that come from the code into generated/ first."""
+"""Sphinx configuration; first writes pages that come from code and runs into generated/."""
 
-from collections.abc import Sequence
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).parent / "extensions"))
+
+import gallery_pages
+import gallery_runs
+import reference_tables
+from placing import write_changed
+
 import impactfem
-from impactfem.result.history import COLUMNS
-from impactfem.scene.schema import describe
 
 project = "impactfem"
 author = "The impactfem developers"
@@ -16,11 +22,23 @@ version = release = impactfem.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.napoleon"]
 myst_enable_extensions = ["dollarmath", "amsmath"]
 myst_heading_anchors = 3
-exclude_patterns = ["_build", "generated", "limits_table.md"]
+exclude_patterns = [
+    "_build",
+    "generated/*.md",
+    "generated/evidence",
+    "generated/extra",
+    "limits_table.md",
+]
 suppress_warnings = ["config.cache"]
+nitpicky = True
+# Types in signatures that have no page of their own.
+nitpick_ignore_regex = [("py:.*", ".*")]
 
 html_theme = "furo"
 html_title = f"impactfem {version}"
+html_static_path = ["_static"]
+html_css_files = ["impactfem.css"]
+html_extra_path = ["generated/extra"]
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
@@ -30,47 +48,6 @@ napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 
 GENERATED = Path(__file__).parent / "generated"
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table; bars inside a cell are escaped."""
-    lines = [head, ["---"] * len(head), *rows]
-    cells = ([cell.replace("|", "\\|") for cell in line] for line in lines)
-    return "".join("| " + " | ".join(line) + " |\n" for line in cells)
-
-
-def code(text: str) -> str:
-    """Text as code, nothing as nothing."""
-    return f"`{text}`" if text else ""
-
-
-def scene_reference() -> str:
-    """Every table and key of the scene language, from the schema that reads scenes."""
-    parts = []
-    for group in describe():
-        rows = [
-            (
-                code(row.key), row.doc, row.unit,
-                row.default if row.default.isalpha() or " " in row.default else code(row.default),
-                row.allowed,
-            )
-            for row in group.keys
-        ]  # fmt: skip
-        title = "Top level" if group.name == "top level" else f"`{group.name}`"
-        parts.append(f"## {title}\n\n")
-        parts.append(table(("key", "meaning", "unit", "default", "allowed"), rows) + "\n")
-    return "".join(parts)
-
-
-def history_columns() -> str:
-    """Columns of a history, from the module that writes it."""
-    rows = [(code("time"), "s", "end of layer m; row 0 is the initial state")]
-    rows += [(code(name), unit, text) for name, (unit, text) in COLUMNS.items()]
-    rows += [
-        (code("NAME.x"), "m", "centre of mass of body NAME; likewise `NAME.y`, `NAME.z`"),
-        (code("NAME.vx"), "m/s", "its velocity; likewise `NAME.vy`, `NAME.vz`"),
-    ]
-    return table(("column", "unit", "meaning"), rows)
 
 
 def setup(app: Any) -> None:
@@ -84,6 +61,12 @@ def setup(app: Any) -> None:
     app.connect("autodoc-process-docstring", escape, priority=400)
 
 
-GENERATED.mkdir(exist_ok=True)
-for name, text in (("scene", scene_reference()), ("columns", history_columns())):
-    (GENERATED / f"{name}.md").write_text(text, encoding="utf-8")
+write_changed(GENERATED / "scene.md", reference_tables.scene_reference())
+write_changed(GENERATED / "columns.md", reference_tables.history_columns())
+
+# The demos are run for `-t gallery` (make docs); other builds show what is stored.
+folder = Path(os.environ.get("IMPACTFEM_GALLERY") or gallery_runs.DEFAULT)
+runs = gallery_runs.find_runs(folder)
+if tags.has("gallery"):  # noqa: F821  (defined by Sphinx)
+    runs, _ = gallery_runs.execute_all(folder)
+gallery_pages.write(runs)

@@ -1,0 +1,46 @@
+"""Tables of reference pages that come from the code: scene language, columns of a history."""
+
+import re
+
+from md_tables import code, table
+
+from impactfem.result.history import COLUMNS
+from impactfem.scene.schema import describe
+
+KEY = '<a class="key" id="{place}" href="#{place}"><code>{key}</code></a>'
+
+
+def slug(name: str) -> str:
+    """Anchor of a table of the scene language, such as body-solid or solve."""
+    return "-".join(re.findall(r"[a-z_]+", name.replace("kind", "").replace("with", "")))
+
+
+def scene_reference() -> str:
+    """Every table and key of the scene language, from its schema; each can be linked."""
+    parts = []
+    for group in describe():
+        anchor = slug(group.name)
+        rows = [
+            (
+                KEY.format(place=f"{anchor}-{row.key}", key=row.key),
+                row.doc, row.unit,
+                row.default if row.default.isalpha() or " " in row.default else code(row.default),
+                row.allowed,
+            )
+            for row in group.keys
+        ]  # fmt: skip
+        title = "Top level" if group.name == "top level" else f"`{group.name}`"
+        parts.append(f"(scene-{anchor})=\n## {title}\n\n")
+        parts.append(table(("key", "meaning", "unit", "default", "allowed"), rows) + "\n")
+    return "".join(parts)
+
+
+def history_columns() -> str:
+    """Columns of a history, from the module that writes it."""
+    rows = [(code("time"), "s", "end of layer m; row 0 is the initial state")]
+    rows += [(code(name), unit, text) for name, (unit, text) in COLUMNS.items()]
+    rows += [
+        (code("NAME.x"), "m", "centre of mass of body NAME; likewise `NAME.y`, `NAME.z`"),
+        (code("NAME.vx"), "m/s", "its velocity; likewise `NAME.vy`, `NAME.vz`"),
+    ]
+    return table(("column", "unit", "meaning"), rows)
