@@ -38,6 +38,7 @@ Solver = Callable[[Floats, Floats, Booleans], tuple[Floats, int]]
 
 _EXACT = 1e-14  # error of the energy that theta leaves, as a share of the contact energy
 _NARROW = 1e-15
+_OPEN = 1e-6  # share of the largest gap that closed pairs may keep: far above rounding
 _MAX_THETA = 80  # evaluations; bisection alone needs 50
 
 
@@ -168,11 +169,32 @@ def solve_by_active_set(tolerance: float, max_iterations: int) -> Solver:
             max_iterations=max_iterations, start=start,
         )  # fmt: skip
         if found.converged:
-            return np.maximum(-found.multiplier, 0.0), found.iterations
+            force = np.maximum(-found.multiplier, 0.0)
+            _check_closed(matrix, offset, found.active, force)
+            return force, found.iterations
         force, pivots = _murty(matrix, offset, found.active, tolerance)
         return force, found.iterations + pivots
 
     return solver
+
+
+def _check_closed(matrix: Floats, offset: Floats, active: Booleans, force: Floats) -> None:
+    """Refuse the least squares of a singular active set whose gaps cannot all be closed.
+
+    Raises:
+        ConvergenceError: More pairs are active than there are independent directions, and their
+            gaps contradict each other.
+    """
+    rows = np.flatnonzero(active)
+    if not len(rows):
+        return
+    left = float(np.abs(offset[rows] + matrix[rows] @ force).max())
+    if left > _OPEN * float(np.abs(offset).max()):
+        raise ConvergenceError(
+            f"contact: {len(rows)} active pairs contradict each other ({left:.1e} stays open): "
+            "more pairs touch than the body has directions to give way; use smaller elements "
+            "there, or fewer contact_surfaces"
+        )
 
 
 def _forces(matrix: Floats, offset: Floats, active: Booleans) -> Floats:

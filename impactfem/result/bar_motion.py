@@ -85,7 +85,8 @@ class BarMotion:
 
 def kept_levels(layers: int, every: int) -> NDArray[np.int64]:
     """Every ``every``-th level from 0 on, and the last one."""
-    return np.unique(np.append(np.arange(0, layers + 1, every), layers))
+    levels = np.arange(0, layers + 1, every)
+    return levels if levels[-1] == layers else np.append(levels, layers)
 
 
 def bar_history(motion: BarMotion, bar: Bar) -> xr.Dataset:

@@ -12,6 +12,7 @@ from impactfem.contact.complementarity import (
     solve_velocity_layer,
 )
 from impactfem.contact.snes_vi import solve_by_snes_vi
+from impactfem.errors import ConvergenceError
 
 _TOLERANCE = 1e-14
 
@@ -112,3 +113,18 @@ def test_velocity_rule_stops_the_nodes_that_would_penetrate():
     found = solve_velocity_layer(free, speed, response, 0.1, solve_by_active_set(_TOLERANCE, 200))
     assert found.force == pytest.approx([1.0 / 40.0, 0.0, 0.0])
     assert found.gap == pytest.approx([-0.05, 0.2, -0.1])
+
+
+def test_a_singular_set_whose_gaps_contradict_each_other_is_refused() -> None:
+    # Both walls push the same light body: what opens one gap closes the other, and both overlap.
+    matrix = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    solver = solve_by_active_set(1e-12, 50)
+    with pytest.raises(ConvergenceError, match="contradict each other"):
+        solver(matrix, np.array([-1.0, -1.0]), np.ones(2, dtype=bool))
+
+
+def test_a_singular_set_whose_gaps_agree_is_solved() -> None:
+    # The same wall twice: each share of the force will do, their sum is known.
+    force, _ = solve_by_active_set(1e-12, 50)(np.ones((2, 2)), np.full(2, -3.0), np.ones(2, bool))
+    assert force.sum() == pytest.approx(3.0, rel=1e-12)
+    assert (force >= 0.0).all()
