@@ -29,10 +29,15 @@ class _Announcer(event.Listener):
         function = event.data["dispatcher"]
         if function.py_func.__module__.startswith("impactfem."):
             folder = function.stats.cache_path
-            compiling("time loops", Path(folder) if folder else None)
+            compiling("time loops", _told(Path(folder)) if folder else None)
 
     def on_end(self, event: Any) -> None:
         """Needed by Numba."""
+
+
+def _told(folder: Path) -> Path:
+    """Beside the source the folder itself; elsewhere the one that holds it, named by a hash."""
+    return folder if folder.name == "__pycache__" else folder.parent
 
 
 event.register("numba:compile", _Announcer())
