@@ -1,4 +1,4 @@
-"""The command line: run, plan, validate, methods, scenes, plot, bench, doctor."""
+"""The command line: new, run, plan, validate, methods, scenes, schema, plot, bench, doctor."""
 
 import argparse
 import contextlib
@@ -142,6 +142,13 @@ def _parser() -> argparse.ArgumentParser:
             )  # fmt: skip
         return sub
 
+    new = command("new", _new, "write a commented scene to start from, or list the kinds")
+    new.add_argument("kind", metavar="KIND", nargs="?", help="kind, or name of a shipped scene")
+    new.add_argument("--out", metavar="FILE", type=Path, help="scene file (default KIND.toml)")
+    new.add_argument(
+        "--schema", metavar="PATH",
+        help="path or URL of the schema for editors (default: written beside the scene)",
+    )  # fmt: skip
     run = command("run", _run, "solve a scene and write its result", scene="?")
     run.add_argument("--out", metavar="DIR", type=Path, help="result folder (default results/NAME)")
     run.add_argument(
@@ -153,6 +160,8 @@ def _parser() -> argparse.ArgumentParser:
     command("validate", _validate, "read a scene and say whether it is in order", scene=None)
     command("methods", _methods, "list the solution methods and their limits")
     command("scenes", _scenes, "list the shipped scenes")
+    schema = command("schema", _schema, "print the JSON schema of scenes, for editors")
+    schema.add_argument("--out", metavar="FILE", type=Path, help="write it to a file")
     plot = command("plot", _plot, "draw the pictures of a result folder again")
     plot.add_argument("folder", metavar="DIR", type=Path)
     bench = command("bench", _bench, "measure errors of methods against time, or run hard cases")
@@ -311,7 +320,7 @@ def _validate(given: argparse.Namespace) -> int:
 
     path, scene = _read(given)
     _prepare(scene)
-    plan(scene)
+    warnings = plan(scene).warnings
     if scene.mesh_path is not None and not _is_solid(scene):
         _load_finite_elements()
         from impactfem.fem import MPI  # noqa: PLC0415
@@ -319,7 +328,7 @@ def _validate(given: argparse.Namespace) -> int:
 
         bar = scene.bar
         read_mesh(MPI.COMM_WORLD, scene.mesh_path, bar.length, scene.duration, bar.wave_speed)
-    _say(f"{path}: in order ({scene.title})")
+    _say("\n".join([f"{path}: in order ({scene.title})", *(f"warning: {w}" for w in warnings)]))
     return DONE
 
 
@@ -336,6 +345,20 @@ def _scenes(_: argparse.Namespace) -> int:
     from impactfem.scene import Scene  # noqa: PLC0415
 
     _say(table([(name, Scene.from_toml(path).title) for name, path in shipped_scenes().items()]))
+    return DONE
+
+
+def _new(given: argparse.Namespace) -> int:
+    from impactfem.starting import new  # noqa: PLC0415
+
+    new(given, _say)
+    return DONE
+
+
+def _schema(given: argparse.Namespace) -> int:
+    from impactfem.starting import schema  # noqa: PLC0415
+
+    schema(given, _say)
     return DONE
 
 

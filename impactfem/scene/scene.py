@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 from impactfem.errors import SceneError
 from impactfem.scene.beams import Beam, Rod
 from impactfem.scene.bodies import Bar
+from impactfem.scene.card import scene_card
 from impactfem.scene.contacts import Contact
 from impactfem.scene.crosschecks import check_scene
 from impactfem.scene.inline import plain
@@ -214,6 +215,9 @@ class Scene:
         """Absolute path of the mesh file, None when the mesh is generated."""
         mesh = self._mesh
         return None if mesh is None else _absolute(Path(self.folder or "", mesh))
+
+    def _repr_html_(self) -> str:
+        return scene_card(self)
 
     def _refuse_bar(self) -> None:
         if isinstance(self.bodies[0], Bar):
