@@ -12,12 +12,13 @@ from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
+from stamp import write_stamp
 
 import impactfem
 from impactfem.contact.gaps import Gaps
 from impactfem.contact.pairs import PairGaps
 from impactfem.marching.solids import SolidMarch
-from impactfem.report.study import conditions, markdown_table
+from impactfem.report.study import markdown_table
 
 SIZES = (0.08, 0.04, 0.02, 0.01)
 METHODS = ("explicit", "massless")
@@ -95,8 +96,8 @@ def main() -> None:
             print(rows[-1], flush=True)
     head = ["method", "unknowns", "with obstacle", "obstacle [ms]", "fixed [ms]", "updated [ms]",
             "detection [ms]", "share", "fixed / obstacle, each unknown"]  # fmt: skip
-    text = "# Steps of two bodies\n\n" + conditions() + "\n\n" + markdown_table(head, rows) + "\n"
-    (given.out / "bodies.md").write_text(text)
+    (given.out / "bodies.md").write_text(markdown_table(head, rows) + "\n", encoding="utf-8")
+    write_stamp("bodies", folder=given.out)
 
 
 if __name__ == "__main__":

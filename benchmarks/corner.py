@@ -20,6 +20,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from stamp import write_stamp
 
 from impactfem.system.generalized import LinearSystem
 from impactfem.vibro.event_driven import EventSettings, integrate_events
@@ -161,6 +162,7 @@ def main() -> None:
     arcs = {"2pi/3": arc(third), "pi/2": arc(right), "2pi/5": arc(fifths)}
     rows = sweep()
     write(arguments.results, rows, arcs, damped)
+    write_stamp("corner", folder=arguments.results)
     draw_sweep(rows).savefig(arguments.images / "corner_angles.png", dpi=130)
     draw_arcs(arcs).savefig(arguments.images / "corner_arc.png", dpi=130)
     draw_overdamped(damped).savefig(arguments.images / "corner_overdamped.png", dpi=130)

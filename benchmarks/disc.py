@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 from disc_scene import Run, Samples, clock, load_references, prepare, run, save_references
 from scipy_disc import newmark
+from stamp import write_stamp
 
-from impactfem.report.study import Row, Study, conditions, markdown_table
+from impactfem.report.study import Row, Study, markdown_table
 from impactfem.report.variant import Variant
 
 SCHEMES = (
@@ -207,12 +208,13 @@ def _write(
         f"{goals(runs, exact)}\n\n! misses its goal. The two references differ by "
         f"{reference[0]:.1e} in motion and {reference[2]:.1e} in force; the total variation of the "
         f"other one is {second.variation / exact.variation:.2f} of that of the first. Medians of "
-        f"{study.repeats} runs{', times of the process (one thread)' if clock.of_process else ''}. "
-        f"{conditions()}\n"
+        f"{study.repeats} runs"
+        f"{', times of the process (one thread)' if clock.of_process else ''}.\n"
     )
     (out / "disc.md").write_text(text, encoding="utf-8")
     text = f"{table}\n\n{summary(least)}\n"
     (out / "disc_comparison.md").write_text(text, encoding="utf-8")
+    write_stamp("disc", "disc_comparison", folder=out)
     print(text)
 
 

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from stamp import write_stamp
 
-from impactfem.report.study import conditions
 from impactfem.scene.beams import Beam
 from impactfem.scene.obstacles import HalfSpace
 from impactfem.system.beam import FreeBeam, free_beam
@@ -237,8 +237,6 @@ def table(rows: list[dict[str, Any]]) -> str:
             f"not over at the end: {open_ends} of {len(rows)}."
         ),
         "",
-        conditions(),
-        "",
     ]
     return "\n".join(lines)
 
@@ -334,6 +332,7 @@ def main() -> None:
         for row in rows:
             writer.writerow({k: f"{v:.8g}" if type(v) is float else v for k, v in row.items()})
     (given.out / "dropped_beam.md").write_text(table(rows), encoding="utf-8")
+    write_stamp("dropped_beam", folder=given.out)
     pictures = {"": draw_restitution(rows), "_limit": draw_limit(rows), "_motion": draw_motion()}
     for name, figure in pictures.items():
         figure.savefig(given.images / f"dropped_beam{name}.png", dpi=130)

@@ -11,6 +11,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "contact"))
 from mortar_surfaces import segment, square
+from stamp import write_stamp
 
 from impactfem.contact.mortar import faces_in_reach, mortar
 from impactfem.contact.mortar_surface import Kind, Surface
@@ -73,6 +74,7 @@ def main() -> None:
             lines.append(f"| {len(carrier.faces)} | {reach} | {len(pairs)} | {seconds:.3f} |")
             print(lines[-1], flush=True)
     (RESULTS / "mortar_cost.md").write_text("\n".join(lines) + "\n")
+    write_stamp("mortar_cost")
 
 
 if __name__ == "__main__":

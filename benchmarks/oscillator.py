@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from stamp import write_stamp
 
 from impactfem.result.trajectory import Trajectory
 from impactfem.scene.signal import Signal
@@ -95,6 +96,7 @@ def main() -> None:
     figure_4(exact, march(STEPS[5])).savefig(arguments.images / "oscillator_4.png", dpi=130)
     starts = attractors()
     write_attractors(arguments.results, starts)
+    write_stamp("oscillator", folder=arguments.results)
     figure_attractors(exact, starts).savefig(
         arguments.images / "oscillator_attractors.png", dpi=130
     )

@@ -15,7 +15,9 @@ import sys
 from pathlib import Path
 from statistics import mean, median, quantiles
 
-from impactfem.report.study import conditions, markdown_table
+from stamp import write_stamp
+
+from impactfem.report.study import markdown_table
 
 _RUN = """
 import json, resource, sys, time
@@ -175,10 +177,11 @@ def main() -> None:
     text = (
         f"{markdown_table(head, rows)}\n\nUnit: explicit, one BAIJ product and the vector updates; "
         "implicit, one solve with MUMPS's factors. Medians of times of the process. Peak memory "
-        f"per unknown with meshing: {'; '.join(notes)}. {conditions()}\n"
+        f"per unknown with meshing: {'; '.join(notes)}.\n"
     )
     given.out.mkdir(parents=True, exist_ok=True)
     (given.out / "solid_steps.md").write_text(text, encoding="utf-8")
+    write_stamp("solid_steps", folder=given.out)
     print(text)
 
 

@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from baselines import BASELINES
+from stamp import write_stamp
 
 import impactfem
-from impactfem.report.study import Study, conditions, markdown_table
+from impactfem.report.study import Study, markdown_table
 from impactfem.shipped import find_scene
 
 OURS = ("galerkin", "conserving", "conserving@courant=0.5", "conserving@courant=2")
@@ -109,12 +110,14 @@ def main() -> None:
         print(f"{name}:", flush=True)
         studies[name] = run(PROBLEMS[name], given.repeats)
         picture = studies[name].save(given.out, name)[-1]
+        write_stamp(name, folder=given.out)
         given.images.mkdir(parents=True, exist_ok=True)
         picture.replace(given.images / f"study_{name}.png")
-    text = f"{comparison(studies)}\n\n{conditions()}\n"
+    text = f"{comparison(studies)}\n"
     print(text)
     if not given.only:
         (given.out / "comparison.md").write_text(text, encoding="utf-8")
+        write_stamp("comparison", folder=given.out)
 
 
 if __name__ == "__main__":

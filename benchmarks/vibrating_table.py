@@ -20,6 +20,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from stamp import write_stamp
 
 from impactfem.compiled import compiled
 from impactfem.result.trajectory import Trajectory
@@ -358,6 +359,7 @@ def main() -> None:
         cells = [value if isinstance(value, str) else f"{value:.6g}" for value in (exact, measured)]
         lines.append(f"| {name} | {cells[0]} | {cells[1]} |")
     (results / "vibrating_table.md").write_text("\n".join(lines) + "\n")
+    write_stamp("vibrating_table")
     print("\n".join(lines))
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from stamp import write_stamp
 
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
@@ -70,6 +71,7 @@ def main() -> None:
         seconds = best(run)
         lines.append(f"| {name} | {seconds:.3f} | {1e6 * seconds / steps:.3g} |")
     (RESULTS / "vibro_speed.md").write_text("\n".join(lines) + "\n")
+    write_stamp("vibro_speed")
     print("\n".join(lines))
 
 

@@ -17,6 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from stamp import write_stamp
 
 from impactfem.result.trajectory import Trajectory
 from impactfem.scene.signal import Signal
@@ -200,6 +201,7 @@ def main() -> None:
     lines += ["", "| method | h [s] | error [s] |", "| --- | --- | --- |"]
     lines += [f"| {name} | {h:g} | {error:.2e} |" for name, h, error in stopping_rates()]
     (results / "vibro_work_precision.md").write_text("\n".join(lines) + "\n")
+    write_stamp("vibro_work_precision")
     print("\n".join(lines))
     draw(found, ROOT / "docs" / "images" / "vibro_work_precision.png")
 

@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 PATH = Path(__file__).resolve().parents[2] / "benchmarks" / "vibrating_table.py"
 SPEC = importlib.util.spec_from_file_location("vibrating_table", PATH)
 table = importlib.util.module_from_spec(SPEC)
+sys.path.insert(0, str(PATH.parent))  # for its neighbours
 SPEC.loader.exec_module(table)
 
 
