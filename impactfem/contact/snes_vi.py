@@ -34,6 +34,7 @@ def solve_bounded(
     *,
     tolerance: float,
     max_iterations: int,
+    line_search: str = "basic",
 ) -> BoundResult:
     """Find x with x_i >= 0 _|_ (A x - b)_i >= 0 for bounded i, and (A x - b)_i = 0 elsewhere.
 
@@ -44,6 +45,8 @@ def solve_bounded(
         bounded: Global indices of the bounded unknowns (the same on every rank).
         tolerance: Absolute tolerance of the projected residual.
         max_iterations: Limit of Newton iterations.
+        line_search: PETSc's line search. "basic" takes full steps: the projected residual need not
+            fall from one to the next here, which others ask for.
     """
     comm = matrix.comm
     lower, upper = load.duplicate(), load.duplicate()
@@ -61,7 +64,7 @@ def solve_bounded(
 
     snes = PETSc.SNES().create(comm)
     try:
-        snes.setOptionsPrefix("impactfem_vi_")
+        snes.setOptionsPrefix(f"impactfem_vi_{line_search}_")
         snes.setType("vinewtonrsls")
         snes.setFunction(function, residual)
         snes.setJacobian(lambda *_: None, matrix)
@@ -72,11 +75,8 @@ def solve_bounded(
         ksp.setType("preonly")
         ksp.getPC().setType("lu")
         ksp.getPC().setFactorSolverType("mumps")
-        # Full steps: a line search on the projected residual is not monotone here.
-        # (Set by option: the petsc4py of Debian 13 has no other way.)
-        options = PETSc.Options("impactfem_vi_")
-        if not options.hasName("snes_linesearch_type"):
-            options["snes_linesearch_type"] = "basic"
+        # Set by option: the petsc4py of Debian 13 has no other way.
+        PETSc.Options(snes.getOptionsPrefix())["snes_linesearch_type"] = line_search
         snes.setFromOptions()
         snes.solve(None, solution)
         reason = int(snes.getConvergedReason())
@@ -114,10 +114,17 @@ def solve_by_snes_vi(
         load, force = dense.createVecs()
         load.setArray(-offset)
         try:
-            found = solve_bounded(
-                dense, load, force, rows, tolerance=tolerance, max_iterations=max_iterations
-            )
-            if not found.converged:
+            # Full steps may go in circles (once in some thousand random problems); shorter ones
+            # then lead on.
+            for line_search in ("basic", "bt"):
+                force.set(0.0)
+                found = solve_bounded(
+                    dense, load, force, rows,
+                    tolerance=tolerance, max_iterations=max_iterations, line_search=line_search,
+                )  # fmt: skip
+                if found.converged:
+                    break
+            else:
                 raise ConvergenceError(
                     f"contact: SNES VI failed for {size} pairs ({found.message}); use "
                     'solve.active_set = "pdas", a larger solve.tolerance or a smaller solve.dt'
