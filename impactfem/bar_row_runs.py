@@ -130,12 +130,14 @@ def row_curves(exact: ExactBarRow, end: float) -> xr.Dataset:
     forces = np.array([exact.force(j, times) for j in pairs])
     gaps = np.array([exact.gap(j, times) for j in pairs])
     columns: dict[str, Any] = {
-        "gap": ("time", gaps.min(axis=0), {"units": "m"}),
-        "contact_force": ("time", forces.sum(axis=0), {"units": "N"}),
+        "gap": ("time", gaps.min(axis=0), {"units": "m", "long_name": "smallest exact gap"}),
+        "contact_force": ("time", forces.sum(axis=0), {"units": "N", "long_name": "exact force"}),
     }
     for j in pairs:
-        columns[f"force.{j}"] = ("time", forces[j], {"units": "N"})
-    return xr.Dataset(columns, coords={"time": ("time", times, {"units": "s"})})
+        name = f"exact force of pair {j}"
+        columns[f"force.{j}"] = ("time", forces[j], {"units": "N", "long_name": name})
+    clock = {"units": "s", "long_name": "time"}
+    return xr.Dataset(columns, coords={"time": ("time", times, clock)})
 
 
 def contact_figures(motion: RowMotion, exact: ExactBarRow | None) -> dict[str, Any]:

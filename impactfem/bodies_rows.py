@@ -83,10 +83,10 @@ def bodies_motion(
     history["momentum"].attrs["long_name"] = (
         f"linear momentum of all bodies along ({', '.join(f'{c:.6g}' for c in direction)})"
     )
-    history["contact_force"].attrs["long_name"] = (
+    history["contact_force"].attrs["comment"] = (
         "sum of the normal forces of all contacts during (t_{m-1}, t_m]"
     )
-    history["potential_energy"].attrs["long_name"] = "minus the work of gravity and other loads"
+    history["potential_energy"].attrs["comment"] = "minus the work of gravity and other loads"
     changes = np.abs(np.diff(rows.active))
     effort = Effort(
         num_unknowns=model.unknowns + model.contact_count,

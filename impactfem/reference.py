@@ -170,8 +170,8 @@ def exact_curves(exact: ExactBar, bar: Bar, end: float) -> "xr.Dataset":
     force = -bar.density * bar.area * exact.multiplier(times) + 0.0
     return xr.Dataset(
         {
-            "gap": ("time", exact.gap(times), {"units": "m"}),
-            "contact_force": ("time", force, {"units": "N"}),
+            "gap": ("time", exact.gap(times), {"units": "m", "long_name": "exact gap"}),
+            "contact_force": ("time", force, {"units": "N", "long_name": "exact contact force"}),
         },
-        coords={"time": ("time", times, {"units": "s"})},
+        coords={"time": ("time", times, {"units": "s", "long_name": "time"})},
     )

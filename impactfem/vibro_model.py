@@ -35,6 +35,8 @@ class VibroModel:
         conservative: Whether the potential energy is known; then energy may not grow.
         words: What it is, in words.
         beam: The beam, None for other bodies.
+        axis: Distances of the nodes of a rod's or beam's axis from its first end [m], (nodes,),
+            and their places [m], (nodes, 2), from a position (d,); None for points.
     """
 
     system: GeneralizedSystem
@@ -47,6 +49,7 @@ class VibroModel:
     conservative: bool
     words: str
     beam: FreeBeam | None = None
+    axis: tuple[Floats, Callable[[Floats], Floats]] | None = None
 
     @property
     def is_exact(self) -> bool:
@@ -121,10 +124,16 @@ def _of_rod(scene: Scene, rod: Rod) -> VibroModel:
     def bodies(u: Floats, v: Floats) -> dict[str, BodyMotion]:
         return {rod.name: BodyMotion(_in_space(u[:, :2]), _in_space(v[:, :2]))}
 
+    ends = 0.5 * rod.length * np.array([-1.0, 1.0])
+
+    def places(u: Floats) -> Floats:
+        return np.asarray(u[:2] + ends[:, None] * np.array([np.cos(u[2]), np.sin(u[2])]))
+
     words = f"a rigid rod in the plane, {_count(len(labels), 'constraint')}, nonlinear"
     return VibroModel(
-        system, position, velocity, tuple(labels), (rod.mass,), bodies, _none, True, words
-    )
+        system, position, velocity, tuple(labels), (rod.mass,), bodies, _none, True, words,
+        axis=(ends - ends[0], places),
+    )  # fmt: skip
 
 
 def _of_beam(scene: Scene, beam: Beam) -> VibroModel:
@@ -149,8 +158,9 @@ def _of_beam(scene: Scene, beam: Beam) -> VibroModel:
     words = f"a free {theory} beam of {beam.elements} elements in the plane, small displacements, "
     words += f"{_count(len(labels), 'constraint')}, linear free motion"
     return VibroModel(
-        system, position, velocity, tuple(labels), (beam.mass,), bodies, elastic, True, words, free
-    )
+        system, position, velocity, tuple(labels), (beam.mass,), bodies, elastic, True, words, free,
+        axis=(free.matrices.nodes - free.matrices.nodes[0], free.points),
+    )  # fmt: skip
 
 
 def _planes(scene: Scene) -> tuple[list[HalfSpace], list[float], list[str]]:

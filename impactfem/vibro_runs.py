@@ -12,6 +12,7 @@ from impactfem.errors import ConvergenceError, SceneError
 from impactfem.log import Progress
 from impactfem.planning.vibro import VibroPlan
 from impactfem.reference import Errors
+from impactfem.result.axis import kept_rows, make_axis
 from impactfem.result.history import Columns, make_history
 from impactfem.result.trajectory import Trajectory
 from impactfem.scene import Scene
@@ -43,6 +44,7 @@ class VibroRun:
         warnings: What showed up during the run.
         intervals: Contacts [start, end] [s], impacts have length 0.
         seconds: Time of the run itself, without that for the error [s].
+        axis: Where the axis of a rod or beam is; None for points.
     """
 
     motion: Trajectory
@@ -52,6 +54,7 @@ class VibroRun:
     warnings: tuple[str, ...]
     intervals: list[list[float]]
     seconds: float
+    axis: xr.Dataset | None = None
 
 
 def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
@@ -96,7 +99,19 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
     effort = replace(motion.effort, num_unknowns=model.system.dofs, details=details)
     motion = replace(motion, effort=effort)
     history = vibro_history(motion, model)
-    return VibroRun(motion, history, model, errors, tuple(warnings), _intervals(motion), seconds)
+    axis = _axis(motion, model, scene.bodies[0].name)
+    found = _intervals(motion)
+    return VibroRun(motion, history, model, errors, tuple(warnings), found, seconds, axis)
+
+
+def _axis(motion: Trajectory, model: VibroModel, name: str) -> xr.Dataset | None:
+    if model.axis is None:
+        return None
+    stations, places = model.axis
+    rows = kept_rows(len(motion.times))
+    return make_axis(
+        motion.times[rows], stations, np.stack([places(u) for u in motion.position[rows]]), name
+    )
 
 
 def _episode(scene: Scene, model: VibroModel, motion: Trajectory) -> dict[str, Any]:
@@ -249,10 +264,10 @@ def vibro_history(motion: Trajectory, model: VibroModel) -> xr.Dataset:
     history["momentum"].attrs["long_name"] = (
         f"linear momentum along ({', '.join(f'{c:.6g}' for c in direction)})"
     )
-    history["contact_force"].attrs["long_name"] = (
+    history["contact_force"].attrs["comment"] = (
         "sum of the normal forces during (t_{m-1}, t_m], impulses divided by its length"
     )
-    history["potential_energy"].attrs["long_name"] = "potential energy of gravity and forces"
+    history["potential_energy"].attrs["comment"] = "potential energy of gravity and forces"
     return history
 
 

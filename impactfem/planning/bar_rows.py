@@ -9,6 +9,7 @@ import numpy as np
 
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBarRow
+from impactfem.planning.card import ShowsItself
 from impactfem.row_reference import exact_row_if_known
 from impactfem.scene import Bar, Scene
 from impactfem.sizing import DEFAULT_ELEMENTS, Grid, marching_cost
@@ -21,8 +22,8 @@ _ON_LAYER = 1e-6  # share of a layer within which an event counts as on it
 _STABLE = 1.0 + 1e-9
 
 
-@dataclass(frozen=True)
-class BarRowPlan:
+@dataclass(frozen=True, repr=False)
+class BarRowPlan(ShowsItself):
     """What will be modelled and how.
 
     Attributes:

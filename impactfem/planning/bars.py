@@ -5,6 +5,7 @@ from typing import Any
 
 from impactfem.exact import ExactBar
 from impactfem.methods import METHODS
+from impactfem.planning.card import ShowsItself
 from impactfem.reference import exact_bar
 from impactfem.scene import Scene
 from impactfem.sizing import (
@@ -21,8 +22,8 @@ from impactfem.sizing import (
 _NEARLY_ONE = 1.0 - 1e-9
 
 
-@dataclass(frozen=True)
-class Plan:
+@dataclass(frozen=True, repr=False)
+class Plan(ShowsItself):
     """What will be modelled and how.
 
     Attributes:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from impactfem.planning.card import ShowsItself
 from impactfem.planning.normals import choose_normals, rotation_warnings
 from impactfem.planning.offers import offers
 from impactfem.planning.solid_choices import (
@@ -40,8 +41,8 @@ _CELLS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class SolidPlan:
+@dataclass(frozen=True, repr=False)
+class SolidPlan(ShowsItself):
     """What will be modelled and how, for a solid.
 
     Attributes:

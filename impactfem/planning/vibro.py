@@ -8,6 +8,7 @@ import numpy as np
 
 from impactfem.errors import SceneError
 from impactfem.methods import METHODS
+from impactfem.planning.card import ShowsItself
 from impactfem.scene import Scene
 from impactfem.scene.values import show
 
@@ -22,8 +23,8 @@ _BEAM_PERIOD = 200.0  # steps of the first bending period
 _BYTES = 8.0 * 24.0
 
 
-@dataclass(frozen=True)
-class VibroPlan:
+@dataclass(frozen=True, repr=False)
+class VibroPlan(ShowsItself):
     """What will be modelled and how, for few degrees of freedom.
 
     Attributes:

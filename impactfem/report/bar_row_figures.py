@@ -1,6 +1,7 @@
 """Pictures of bars in a row: world lines with contacts, forces of pairs, velocities of bars."""
 
 from collections.abc import Callable
+from functools import partial
 
 import matplotlib as mpl
 import numpy as np
@@ -18,12 +19,13 @@ _SHARE = 0.6  # of the length of all bars that their motion may take in a pictur
 _LEGEND = 10  # curves up to which each has a name of its own
 
 
-def draw_bar_row(result: Result) -> dict[str, Figure]:
-    """Every figure that the result of a row of bars allows, by name."""
-    figures = {"forces": _draw(forces, result), "velocities": _draw(velocities, result)}
+def bar_row_painters(result: Result) -> dict[str, Callable[[], Figure]]:
+    """What draws every figure that the result of a row of bars allows, by name."""
+    found = {"forces": partial(_draw, forces, result)}
+    found["velocities"] = partial(_draw, velocities, result)
     if result.fields is not None:
-        figures["world_lines"] = _draw(world_lines, result, height=5.4)
-    return figures
+        found["world_lines"] = partial(_draw, world_lines, result, 5.4)
+    return dict(found)
 
 
 def _draw(painter: Callable[[Axes, Result], None], result: Result, height: float = 4.2) -> Figure:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from impactfem.cards import card, table
 from impactfem.errors import OutputError
 from impactfem.methods import METHODS
 from impactfem.report.study import conditions, markdown_table
@@ -133,6 +134,17 @@ class Board:
         """The part of methods that the plan may choose or a user should: no negative controls."""
         return self.of(*(name for name in METHODS if METHODS[name].plannable))
 
+    def __repr__(self) -> str:
+        cases = len({cell.case for cell in self.cells})
+        return f"Board({cases} cases, {len(self.cells)} cells, {len(self.failures)} failed)"
+
+    def _repr_html_(self) -> str:
+        failed = self.failures
+        parts = [table(*self._verdicts(body)) for body in dict.fromkeys(c.body for c in self.cells)]
+        rows = [("failed", f"{c.case}, {c.method}: {c.faults or c.message}") for c in failed]
+        badge = f"{len(failed)} failed" if failed else f"all {len(self.cells)} hold"
+        return card("Hard cases", rows, badge=badge, good=not failed, parts=parts)
+
     def markdown(self) -> str:
         """Overview, what must hold, figures and failures as Markdown."""
         cases = tuple(dict.fromkeys(cell.case for cell in self.cells))
@@ -156,7 +168,11 @@ class Board:
         return "\n".join(parts)
 
     def _overview(self, body: Body) -> str:
-        """Verdicts of the cases of a kind of body by their methods."""
+        """Verdicts as a table of Markdown."""
+        return markdown_table(*self._verdicts(body))
+
+    def _verdicts(self, body: Body) -> tuple[list[str], list[list[str]]]:
+        """Head and rows: verdicts of the cases of a kind of body by their methods."""
         cells = [cell for cell in self.cells if cell.body == body]
         methods = tuple(dict.fromkeys(cell.method for cell in cells))
         verdicts = {(cell.case, cell.method): cell.verdict for cell in cells}
@@ -164,7 +180,7 @@ class Board:
             [case, *(verdicts.get((case, m), "") for m in methods)]
             for case in dict.fromkeys(cell.case for cell in cells)
         ]
-        return markdown_table([f"case ({body})", *methods], rows)
+        return [f"case ({body})", *methods], rows
 
     def csv(self) -> str:
         """One line per case, method and figure."""

@@ -1,6 +1,8 @@
 """Pictures of a result: space-time map, position, contact force, energy, active-set history."""
 
 from collections.abc import Callable, Mapping
+from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from impactfem.errors import SceneError
 from impactfem.report.animation import animate
-from impactfem.report.bar_row_figures import draw_bar_row
-from impactfem.report.solid_figures import draw_solid
-from impactfem.report.vibro_figures import draw_vibro
+from impactfem.report.bar_row_figures import bar_row_painters
+from impactfem.report.solid_figures import solid_painters
+from impactfem.report.vibro_figures import vibro_painters
 from impactfem.result import Fields, Result
 from impactfem.scene import Solid
 
@@ -20,24 +23,45 @@ _MAX_LINES = 400  # samples along an axis that a picture can show
 _DOTS_PER_INCH = 130
 
 
+def painters(result: Result) -> dict[str, Callable[[], Figure | None]]:
+    """What draws each figure that the result allows, by name; nothing is drawn yet."""
+    own = (contact_force, energy)
+    found: dict[str, Callable[[], Figure | None]]
+    found = {painter.__name__: partial(_draw, painter, result) for painter in own}
+    if isinstance(result.scene.bodies[0], Solid):
+        return found | solid_painters(result)
+    if result.scene.is_vibro:
+        return found | vibro_painters(result)
+    if result.scene.is_bar_row:
+        return found | bar_row_painters(result)
+    if result.fields is not None:
+        found["displacement"] = partial(_draw, displacement, result)
+        found["position"] = partial(_draw, position, result)
+    if result.summary["active_set"]["set_changes"]:
+        found["active_set"] = partial(_draw, active_set, result)
+    return found
+
+
 def draw_all(result: Result) -> dict[str, Figure]:
     """Draw every figure that the result allows, by name; no display is needed."""
-    figures = {
-        "contact_force": _draw(contact_force, result),
-        "energy": _draw(energy, result),
-    }
-    if isinstance(result.scene.bodies[0], Solid):
-        return figures | draw_solid(result)
-    if result.scene.is_vibro:
-        return figures | draw_vibro(result)
-    if result.scene.is_bar_row:
-        return figures | draw_bar_row(result)
-    if result.fields is not None:
-        figures["displacement"] = _draw(displacement, result)
-        figures["position"] = _draw(position, result)
-    if result.summary["active_set"]["set_changes"]:
-        figures["active_set"] = _draw(active_set, result)
-    return figures
+    drawn = {name: paint() for name, paint in painters(result).items()}
+    return {name: figure for name, figure in drawn.items() if figure is not None}
+
+
+def draw_one(result: Result, name: str) -> Figure:
+    """Draw one figure.
+
+    Raises:
+        SceneError: There is no such figure, or nothing finite to draw in it.
+    """
+    known = painters(result)
+    if name not in known:
+        near = get_close_matches(name, known, n=2, cutoff=0.4) or known
+        raise SceneError(f'figure "{name}" is none of this result: give {" or ".join(near)}')
+    figure = known[name]()
+    if figure is None:
+        raise SceneError(f'figure "{name}": nothing of the motion is finite; draw contact_force')
+    return figure
 
 
 def write_pictures(result: Result, folder: Path) -> tuple[dict[str, Figure], list[Path]]:

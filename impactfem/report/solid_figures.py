@@ -1,7 +1,8 @@
 """Pictures of a solid's motion: snapshots of the body, and its centre of mass over time."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -34,11 +35,13 @@ FLAT = 0.3
 """Height over width of a picture below which panels stand one above the other."""
 
 
-def draw_solid(result: Result) -> dict[str, Figure]:
-    """Pictures that only solids have, by name."""
-    figures = {"centre_of_mass": centre_of_mass(result)}
-    picture = body(result)
-    return figures if picture is None else figures | {"body": picture}
+def solid_painters(result: Result) -> dict[str, Callable[[], Figure | None]]:
+    """What draws the pictures that only solids have, by name; None if there is nothing to draw."""
+    found: dict[str, Callable[[], Figure | None]] = {}
+    found["centre_of_mass"] = partial(centre_of_mass, result)
+    if isinstance(result.fields, SolidFields):
+        found["body"] = partial(body, result)
+    return found
 
 
 def survey(

@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from impactfem import __version__
+from impactfem.cards import card, table
 from impactfem.errors import OutputError
 from impactfem.report.study_figure import draw
 
@@ -161,6 +162,21 @@ class Study:
             values = (getattr(row, name) for name in names)
             writer.writerow(["" if value is None else value for value in values])
         return text.getvalue()
+
+    def __repr__(self) -> str:
+        return f"Study({self.title!r}, {len(self.rows)} rows of {', '.join(self.methods)})"
+
+    def _repr_html_(self) -> str:
+        head = ("method", "elements", "u max", "u L2", "force L1", "drift", "time [ms]", "status")
+        lines = [
+            (
+                row.method, str(row.elements), _short(row.displacement_max),
+                _short(row.displacement_l2), _short(row.force_l1), _short(row.drift),
+                _short(row.seconds, 1e3), row.status,
+            )
+            for row in self.rows
+        ]  # fmt: skip
+        return card(f"{self.title}: errors and cost", [], parts=[table(head, lines)])
 
     def markdown(self) -> str:
         """The rows and the observed orders as Markdown."""

@@ -122,6 +122,11 @@ def _bar_rows(plan: Plan) -> list[tuple[str, str]]:
 
 def summary_table(summary: Mapping[str, Any]) -> str:
     """The figures of a run."""
+    return table(summary_rows(summary), summary["title"])
+
+
+def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Names and values of the figures of a run."""
     active, energy, contact = summary["active_set"], summary["energy"], summary["contact"]
     sets = f"{active['iterations']} iterations, changes {_changes(active['set_changes'])}"
     force = (
@@ -157,7 +162,7 @@ def summary_table(summary: Mapping[str, Any]) -> str:
         text = f"apparent restitution {episode['restitution']:.4g}, {episode['micro_impacts']} "
         text += f"micro-impacts, {episode['vibration']:.2%} of the energy left in vibrations"
         rows.insert(4, ("rebound", text))
-    return table(rows, summary["title"])
+    return rows
 
 
 def _growth(summary: Mapping[str, Any]) -> str:

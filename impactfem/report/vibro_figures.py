@@ -1,6 +1,7 @@
 """Pictures of points, rods and beams: where they go, and where they hit."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,21 +20,21 @@ _MAX_DOTS = 2000
 _MAX_CURVES = 8
 
 
-def draw_vibro(result: Result) -> dict[str, Figure]:
-    """Draw every figure of points, a rod or a beam, by name."""
+def vibro_painters(result: Result) -> dict[str, Callable[[], Figure]]:
+    """What draws every figure of points, a rod or a beam, by name."""
     points = isinstance(result.scene.bodies[0], Point)
     dim = result.scene.dim
-    figures = {}
+    found: dict[str, Callable[[Axes, Result], None]] = {}
     if points and dim == 2:
-        figures["path"] = _figure(path, result)
+        found["path"] = path
     if points and dim != 2:
-        figures["motion"] = _figure(motion, result)
+        found["motion"] = motion
     if points and dim == 1 and len(result.scene.bodies) == 1:
-        figures["phase"] = _figure(phase, result)
-    figures["gaps"] = _figure(gaps, result)
+        found["phase"] = phase
+    found["gaps"] = gaps
     if result.impacts is not None and len(result.impacts):
-        figures["impacts"] = _figure(impacts, result)
-    return figures
+        found["impacts"] = impacts
+    return {name: partial(_figure, painter, result) for name, painter in found.items()}
 
 
 def _figure(painter: Callable[[Axes, Result], None], result: Result) -> Figure:

@@ -87,9 +87,9 @@ def row_history(motion: RowMotion, bars: Sequence[Bar]) -> xr.Dataset:
             bodies=bodies,
         )
     )
-    history["gap"].attrs["long_name"] = "smallest distance of neighbours"
-    history["contact_force"].attrs["long_name"] = "sum of the forces of all pairs"
-    history["momentum"].attrs["long_name"] = "linear momentum of all bars along the axis"
+    history["gap"].attrs["comment"] = "smallest distance of neighbours"
+    history["contact_force"].attrs["comment"] = "sum of the forces of all pairs"
+    history["momentum"].attrs["comment"] = "linear momentum of all bars along the axis"
     for k, label in enumerate(motion.labels):
         text = label.replace("|", " and ")
         for name, unit, values in (("gap", "m", motion.gap), ("force", "N", force)):

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -9,6 +10,10 @@ from numpy.typing import NDArray
 
 from impactfem.errors import OutputError
 from impactfem.result.dolfinx_files import write_functions
+from impactfem.result.grids import make_grid, nearest_layer
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 _VTK_LINE = 3  # VTK's number of the two-node line
 
@@ -39,6 +44,33 @@ class Fields:
         nodes = len(self.positions)
         ends = np.cumsum(self.counts or (nodes,)) - 1
         return np.setdiff1d(np.arange(nodes, dtype=np.int64), ends)
+
+    def grid(
+        self, layer: int = -1, *, time: float | None = None, deformed: bool = False
+    ) -> "pv.UnstructuredGrid":
+        """Bars at one time as a grid of pyvista along x, with displacement and velocity.
+
+        Args:
+            layer: From 0, or from -1 backwards.
+            time: The layer nearest to this time [s] instead.
+            deformed: Whether the nodes are at their distance from the wall, not at that from the
+                near end of their bar.
+
+        Raises:
+            IndexError: There is no such layer.
+            SceneError: The time is none of the fields.
+            MissingDependencyError: pyvista is not installed.
+        """
+        count = len(self.times)
+        index = range(count)[layer] if time is None else nearest_layer(self.times, time)
+        u, v = self.displacement[index], self.velocity[index]
+        arrays = {"displacement": _as_vectors(u), "velocity": _as_vectors(v)}
+        points = _as_vectors(self.positions + u if deformed else self.positions)
+        cells = np.stack([self.starts, self.starts + 1], axis=1)
+        return make_grid(points, cells, _VTK_LINE, arrays, float(self.times[index]))
+
+    def __repr__(self) -> str:
+        return f"Fields({len(self.times)} layers of {len(self.positions)} nodes of bars)"
 
 
 def foreign_file(path: Path, error: Exception) -> OutputError:

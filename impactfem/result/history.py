@@ -23,7 +23,10 @@ COLUMNS: Mapping[str, tuple[str, str]] = {
     "momentum": ("kg m/s", "linear momentum away from the obstacle"),
     "active": ("1", "number of active contact pairs"),
 }
-"""Columns of every history: unit and meaning."""
+"""Columns of every history: unit and meaning.
+
+A column's attribute ``long_name`` is short, for the labels of plots; ``comment`` is the meaning.
+"""
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,11 @@ def make_history(columns: Columns) -> "xr.Dataset":
         columns.kinetic_energy + columns.elastic_energy + columns.potential_energy
     )
     values["active"] = columns.active.astype(np.int32)  # netCDF 3 has no longer integers
-    attributes = {name: {"units": u, "long_name": text} for name, (u, text) in COLUMNS.items()}
+    attributes = {
+        name: {"units": unit, "long_name": name.replace("_", " "), "comment": text}
+        for name, (unit, text) in COLUMNS.items()
+    }
+    attributes["active"]["long_name"] = "active contact pairs"
     for body, motion in columns.bodies.items():
         for prefix, unit, data in (("", "m", motion.position), ("v", "m/s", motion.velocity)):
             for axis, letter in enumerate("xyz"):
@@ -87,7 +94,8 @@ def make_history(columns: Columns) -> "xr.Dataset":
                 what = "velocity" if prefix else "position"
                 attributes[name] = {
                     "units": unit,
-                    "long_name": f"{what} of the centre of mass of {body} along {letter}",
+                    "long_name": f"{what} of {body} along {letter}",
+                    "comment": f"{what} of the centre of mass",
                 }
     ordered = [*COLUMNS, *(name for name in values if name not in COLUMNS)]
     return xr.Dataset(

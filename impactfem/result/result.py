@@ -4,11 +4,12 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import xarray as xr
 
 from impactfem.errors import OutputError, SceneError
+from impactfem.result.axis import read_axis
 from impactfem.result.fields import (
     Fields,
     is_bar_file,
@@ -17,6 +18,7 @@ from impactfem.result.fields import (
     write_vtkhdf,
     write_with_dolfinx,
 )
+from impactfem.result.grids import load_pyvista
 from impactfem.result.history import read_netcdf, write_csv, write_netcdf
 from impactfem.result.solid_export import needed_bytes as needed_bytes_of_solid
 from impactfem.result.solid_export import write_solid
@@ -26,9 +28,11 @@ from impactfem.result.trajectory import Impacts
 from impactfem.scene import Scene
 
 if TYPE_CHECKING:
+    import pyvista as pv
+    from matplotlib.animation import FuncAnimation
     from matplotlib.figure import Figure
 
-IMPACTS = "impacts.csv"
+IMPACTS, AXIS = "impacts.csv", "axis.nc"
 FIELD_FILES = {"vtkhdf": "fields.vtkhdf", "vtx": "fields.bp", "pvd": "fields.pvd"}
 """File of each field format."""
 
@@ -45,6 +49,8 @@ class Result:
             arrays, those of a solid are read from their file when asked for.
         exact: Exact contact force at the times of the history [N]; None if unknown.
         impacts: Impacts of points, rods and beams one by one; None if the method tells none.
+        axis: Where the axis of a rod or beam is: ``x`` and ``y`` [m] over ``time`` [s] and
+            ``station`` [m], at 2000 rows of the history at most; None for other bodies.
     """
 
     scene: Scene
@@ -53,6 +59,7 @@ class Result:
     fields: Fields | SolidFields | None = None
     exact: xr.Dataset | None = None
     impacts: Impacts | None = None
+    axis: xr.Dataset | None = None
 
     def plot(self, folder: str | Path | None = None) -> "dict[str, Figure]":
         """Draw all figures that the result allows.
@@ -72,23 +79,120 @@ class Result:
         Path(folder).mkdir(parents=True, exist_ok=True)
         return write_pictures(self, Path(folder))[0]
 
-    def animate(self, path: str | Path, frames: int | None = None) -> Path:
-        """Write a film of a solid's motion with the contact force beside it.
+    @property
+    def figures(self) -> tuple[str, ...]:
+        """Names of the figures that `figure` draws."""
+        from impactfem.report.figures import painters  # noqa: PLC0415
+
+        return tuple(painters(self))
+
+    def figure(self, name: str) -> "Figure":
+        """Draw one figure of `plot`, without the others.
 
         Args:
-            path: Target; ``.gif``, or ``.mp4`` if imageio-ffmpeg is installed.
+            name: One of `figures`.
+
+        Raises:
+            SceneError: There is no such figure; the message names those that are near.
+        """
+        from impactfem.report.figures import draw_one  # noqa: PLC0415
+
+        return draw_one(self, name)
+
+    def plot_history(self, *names: str) -> "Figure":
+        """Draw columns of the history over time; those of one unit share axes.
+
+        Args:
+            *names: As in ``history``; gap, contact force and energies if none is given.
+
+        Raises:
+            SceneError: There is no such column; the message names those that are near.
+        """
+        from impactfem.report.history_figure import plot_history  # noqa: PLC0415
+
+        return plot_history(self, *names)
+
+    @overload
+    def animate(self, path: str | Path, frames: int | None = None) -> Path: ...
+
+    @overload
+    def animate(self, path: None = None, frames: int | None = None) -> "FuncAnimation": ...
+
+    def animate(
+        self, path: str | Path | None = None, frames: int | None = None
+    ) -> "Path | FuncAnimation":
+        """Film the motion with a curve beside it.
+
+        Args:
+            path: Target; ``.gif``, or ``.mp4`` if imageio-ffmpeg is installed. None to only return
+                the film, which shows itself in a notebook with a slider.
             frames: Number of frames at most; at most 60, fewer for large meshes, if None.
 
         Returns:
-            The path.
+            The path; without one an animation of Matplotlib.
 
         Raises:
-            OutputError: There are no fields of a solid, or the file cannot be written.
+            OutputError: There are no fields of the body, or the file cannot be written.
             MissingDependencyError: MP4 is asked for without imageio-ffmpeg.
         """
         from impactfem.report.animation import animate  # noqa: PLC0415
 
         return animate(self, path, frames)
+
+    def mesh_at(self, time: float) -> "pv.UnstructuredGrid":
+        """The deformed body at the layer of the fields that is nearest to a time.
+
+        Args:
+            time: [s].
+
+        Returns:
+            A grid of pyvista with all fields at its points. No display is needed.
+
+        Raises:
+            OutputError: There are no fields.
+            SceneError: The time is none of the fields.
+            MissingDependencyError: pyvista is not installed.
+        """
+        if self.fields is None:
+            raise OutputError(
+                "this result has no fields: solve a bar or a solid on rank 0 with "
+                'output.fields = ["vtkhdf"]'
+            )
+        return self.fields.grid(time=time, deformed=True)
+
+    def plotter(self, time: float, *, off_screen: bool | None = None) -> "pv.Plotter":
+        """A plotter of pyvista that shows the deformed body at a time, coloured by stress.
+
+        VTK as Debian builds it needs a display to draw, off screen too; `mesh_at` needs none.
+
+        Args:
+            time: [s].
+            off_screen: Whether to draw without a window; pyvista decides if None.
+
+        Returns:
+            A plotter to ``show()``, or to take a ``screenshot`` of.
+
+        Raises:
+            OutputError: There are no fields.
+            SceneError: The time is none of the fields.
+            MissingDependencyError: pyvista is not installed.
+        """
+        pyvista, grid = load_pyvista(), self.mesh_at(time)
+        plotter: pv.Plotter = pyvista.Plotter(off_screen=off_screen)
+        stressed = "von_mises" in grid.point_data
+        title = "von Mises stress [Pa]" if stressed else "speed [m/s]"
+        plotter.add_mesh(
+            grid,
+            scalars="von_mises" if stressed else "velocity",
+            scalar_bar_args={"title": title},
+            line_width=6.0,
+            cmap="viridis",
+        )
+        when = float(grid.field_data["time"][0])
+        plotter.add_text(f"{self.scene.title}\nt = {when:.6g} s", font_size=10)
+        if self.scene.dim < 3:
+            plotter.view_xy()
+        return plotter
 
     def save(self, folder: str | Path, *, pictures: bool = True) -> Path:
         """Write scene, histories, fields, pictures and summary into a folder.
@@ -110,6 +214,8 @@ class Result:
             write_netcdf(self.history, stage / "history.nc")
             if self.exact is not None:
                 write_netcdf(self.exact, stage / "exact.nc")
+            if self.axis is not None:
+                write_netcdf(self.axis, stage / AXIS)
             if self.impacts is not None:
                 self.impacts.write_csv(stage / IMPACTS)
             self._write_fields(stage)
@@ -148,6 +254,8 @@ class Result:
             scene = Scene.from_toml(folder / "scene.toml")
             exact = folder / "exact.nc"
             reference = read_netcdf(exact) if exact.exists() else None
+            axis = folder / AXIS
+            places = read_axis(axis) if axis.exists() else None
             listed = folder / IMPACTS
             impacts = Impacts.read_csv(listed) if listed.exists() else None
         # xarray and SciPy meet noise with TypeError, KeyError and IndexError.
@@ -159,7 +267,12 @@ class Result:
         fields: Fields | SolidFields | None = None
         if path.exists():
             fields = read_vtkhdf(path) if is_bar_file(path) else SolidFields(path)
-        return cls(scene, history, summary, fields, reference, impacts)
+        return cls(scene, history, summary, fields, reference, impacts, places)
+
+    def _repr_html_(self) -> str:
+        from impactfem.report.notebook import result_card  # noqa: PLC0415
+
+        return result_card(self)
 
     def __repr__(self) -> str:
         return (

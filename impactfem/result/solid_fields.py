@@ -1,11 +1,12 @@
 """Fields of a solid: written layer by layer while it moves, read back layer by layer."""
 
+import pickle
 import shutil
 import weakref
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import h5py
 import numpy as np
@@ -14,8 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from impactfem.errors import OutputError
 from impactfem.result.cell_kinds import BY_VTK_TYPE
 from impactfem.result.fields import foreign_file
+from impactfem.result.grids import make_grid, nearest_layer
 from impactfem.result.store import reserve
 from impactfem.signals import held_back
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -315,6 +320,49 @@ class SolidFields:
         with h5py.File(self.path, "r") as file:
             data = file["VTKHDF/PointData"]
             return {name: data[name][first:last] for name in names or self.point_data}
+
+    def grid(
+        self, layer: int = -1, *, time: float | None = None, deformed: bool = False
+    ) -> "pv.UnstructuredGrid":
+        """The solid at one time as a grid of pyvista, with all fields of `POINT_DATA`.
+
+        Args:
+            layer: From 0, or from -1 backwards.
+            time: The layer nearest to this time [s] instead.
+            deformed: Whether the nodes are where the body is, not where it was.
+
+        Raises:
+            IndexError: There is no such layer.
+            SceneError: The time is none of the fields.
+            MissingDependencyError: pyvista is not installed.
+        """
+        index = range(len(self))[layer] if time is None else nearest_layer(self.times, time)
+        values, points = self.read(index), self.points
+        if deformed:
+            points = points + values["displacement"]
+        when = float(self.times[index])
+        return make_grid(points, self.cells, self.vtk_cell_type, values, when)
+
+    def __copy__(self) -> Self:
+        """These fields themselves: they are read only, and their file may go with the object."""
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self
+
+    def __reduce__(self) -> tuple[type[Self], tuple[Path]]:
+        """Only the path goes to another process.
+
+        Raises:
+            pickle.PicklingError: The file would be gone when this process has ended.
+        """
+        if self.is_passing:
+            raise pickle.PicklingError(
+                "the fields of this run lie in a file that goes with them: save the result and "
+                "load it from its folder where it is needed (Result.save, Result.load), or solve "
+                "without fields (output.fields = [])"
+            )
+        return type(self), (self.path.absolute(),)
 
     def __repr__(self) -> str:
         return (

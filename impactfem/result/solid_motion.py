@@ -86,8 +86,8 @@ def solid_history(motion: SolidMotion, name: str) -> xr.Dataset:
     history["momentum"].attrs["direction"] = np.asarray(motion.direction, dtype=np.float64)
     along = ", ".join(f"{component:.6g}" for component in motion.direction)
     history["momentum"].attrs["long_name"] = f"linear momentum along ({along})"
-    history["contact_force"].attrs["long_name"] = (
+    history["contact_force"].attrs["comment"] = (
         "sum of the normal forces on the body during (t_{m-1}, t_m]"
     )
-    history["potential_energy"].attrs["long_name"] = "minus the work of gravity and other loads"
+    history["potential_energy"].attrs["comment"] = "minus the work of gravity and other loads"
     return history

@@ -16,10 +16,12 @@ LAST = "summary.json"
 
 # What a result may hold. A new one removes what an older one left and it has not itself.
 _OWN = (
-    "scene.toml", "history.csv", "history.nc", "exact.nc",
+    "scene.toml", "history.csv", "history.nc", "exact.nc", "axis.nc",
     "fields.vtkhdf", "fields.bp", "fields.pvd", "fields_pvd",
     "contact_force.png", "energy.png", "displacement.png", "position.png", "active_set.png",
-    "centre_of_mass.png", "body.png", "motion.gif",
+    "centre_of_mass.png", "body.png", "motion.gif", "forces.png", "velocities.png",
+    "world_lines.png", "path.png", "motion.png", "phase.png", "gaps.png", "impacts.png",
+    "impacts.csv",
     LAST,
 )  # fmt: skip
 

@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from impactfem.cards import card, curve
 from impactfem.result.bar_motion import Effort
 
 Floats = NDArray[np.float64]
@@ -104,6 +105,30 @@ class Trajectory:
         """Whether positions and velocities are finite."""
         return bool(np.isfinite(self.position).all() and np.isfinite(self.velocity).all())
 
+    def __repr__(self) -> str:
+        rows, dofs = self.position.shape
+        hits = "" if self.impacts is None else f", impacts={len(self.impacts)}"
+        return (
+            f"Trajectory(rows={rows}, dofs={dofs}, constraints={self.gap.shape[1]}{hits}, "
+            f"until={float(self.times[-1]):g} s)"
+        )
+
+    def _repr_html_(self) -> str:
+        rows, dofs = self.position.shape
+        force = self.contact_force.sum(axis=1)
+        loss = self.total[0] - self.total[-1]
+        found = [
+            ("time", f"{self.times[0]:g} to {self.times[-1]:g} s in {rows} rows"),
+            ("coordinates", f"{dofs}, {self.gap.shape[1]} constraints"),
+            ("impacts", "not located" if self.impacts is None else str(len(self.impacts))),
+            ("smallest gap", f"{self.gap.min():.6g} m" if self.gap.size else "none"),
+            ("energy", f"{self.total[0]:.6g} J -> {self.total[-1]:.6g} J, {loss:.3g} J less"),
+        ]
+        if self.effort.message:
+            found.append(("method", self.effort.message))
+        text = "mean force of all constraints in each row [N]"
+        return card("Trajectory", found, parts=[curve(self.times, force, text)])
+
     def to_xarray(self) -> xr.Dataset:
         """The motion as a data set over ``time``, with coordinates ``dof`` and ``constraint``."""
         return xr.Dataset(
@@ -115,5 +140,5 @@ class Trajectory:
                 "kinetic_energy": ("time", self.kinetic, {"units": "J"}),
                 "potential_energy": ("time", self.potential, {"units": "J"}),
             },
-            coords={"time": ("time", self.times, {"units": "s"})},
+            coords={"time": ("time", self.times, {"units": "s", "long_name": "time"})},
         )

@@ -1,65 +1,82 @@
 """A scene as a card in a notebook: its bodies, obstacles, loads and what is set."""
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from impactfem.cards import card
-from impactfem.scene.schema import DataclassLike, keys_of
-from impactfem.scene.values import show
+from impactfem.scene.inline import plain
+from impactfem.scene.schema import REQUIRED, DataclassLike, keys_of
+from impactfem.scene.toml import write_value
 
 if TYPE_CHECKING:
     from impactfem.scene.scene import Scene
 
 _MOST_OBJECTS = 8
-_LONGEST = 90  # letters of a value
+_LONGEST = 120  # letters of a value
 
 
 def scene_card(scene: "Scene") -> str:
-    """The scene in a table: what differs from the defaults, with units."""
-    rows = _objects("body", scene.bodies) + _objects("obstacle", scene.obstacles)
-    rows += _objects("contact", scene.contacts)
-    rows.append(("duration", f"{scene.duration:g} s"))
-    for name in ("gravity", "solve", "output"):
-        entry = getattr(scene, name)
-        text = _settings(entry) if name != "gravity" else _value(entry, "m/s^2")
-        if text and (name != "gravity" or _pulls(entry)):
-            rows.append((name, text))
-    return card(scene.title, rows)
+    """The scene in a table, as its file would hold it: what differs from the defaults."""
+    rows = []
+    for what, entries in (
+        ("body", scene.bodies),
+        ("obstacle", scene.obstacles),
+        ("contact", scene.contacts),
+    ):
+        rows += _objects(what, entries)
+    rows += [(what, _keys(entry)) for what, entry in (("scene", scene), *_settings(scene))]
+    return card(scene.title, [row for row in rows if row[1]])
 
 
-def _objects(what: str, entries: tuple[Any, ...]) -> list[tuple[str, str]]:
+def _settings(scene: "Scene") -> tuple[tuple[str, DataclassLike], ...]:
+    return ("solve", scene.solve), ("output", scene.output)
+
+
+def _objects(what: str, entries: Sequence[Any]) -> list[tuple[str, str]]:
     rows = []
     for entry in entries[:_MOST_OBJECTS]:
-        name, kind = getattr(entry, "name", ""), getattr(entry, "kind", "")
-        label = f"{what} {name}".strip()
-        rows.append((label, ", ".join(part for part in (kind, _settings(entry)) if part)))
+        label = f"{what} {getattr(entry, 'name', '')}".strip()
+        rows.append((label, "; ".join(p for p in (getattr(entry, "kind", ""), _keys(entry)) if p)))
     if len(entries) > _MOST_OBJECTS:
         rows.append((what, f"and {len(entries) - _MOST_OBJECTS} more"))
     return rows
 
 
-def _settings(entry: DataclassLike) -> str:
-    """Keys that differ from their defaults."""
-    given = []
-    for field, key in keys_of(type(entry)).items():
-        value = getattr(entry, field)
-        if field != "name" and value is not None and value != key.default:
-            given.append(f"{key.name} = {_value(value, key.unit)}")
-    return ", ".join(given)
+def _keys(entry: DataclassLike) -> str:
+    """Keys whose values say more than their defaults, without names, titles and inner tables."""
+    keys = {key.name: key for key in keys_of(type(entry)).values()}
+    said = []
+    for name, value in plain(entry).items():
+        key = keys[name]
+        inner = isinstance(value, Mapping) and not value
+        if name in {"name", "title", "body", "obstacle", "contact", "solve", "output"} or inner:
+            continue
+        usual = list(key.default) if isinstance(key.default, tuple) else key.default
+        if usual is REQUIRED or not (value == usual or _is_zero(value)):
+            said.append(f"{name} = {_shortened(value)} {key.unit}".strip())
+    return ", ".join(said)
 
 
-def _value(value: object, unit: str) -> str:
+def _is_zero(value: object) -> bool:
+    """Whether a value is a zero, as a number or formula, or a list of zeros."""
+    if isinstance(value, list | tuple):
+        return all(_is_zero(entry) for entry in value)
+    return value in (0.0, "0", "0.0")
+
+
+def _shortened(value: object) -> str:
     if isinstance(value, float):
-        text = f"{value:g}"
-    else:
-        shown = getattr(value, "plain", value)
-        text = f"{shown:g}" if isinstance(shown, float) else show(shown)
-    if len(text) > _LONGEST:
-        text = f"{text[:_LONGEST]} ..."
-    return f"{text} {unit}" if unit else text
+        return f"{value:.6g}"
+    text = " ".join(write_value(_rounded(value)).split())
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]} ..."
 
 
-def _pulls(gravity: Any) -> bool:
-    """Whether there is any gravity."""
-    return any(
-        any(value) if isinstance(value, tuple | list) else bool(value) for value in gravity.values
-    )
+def _rounded(value: Any) -> Any:
+    """Numbers with six digits, which are for reading."""
+    if isinstance(value, float):
+        return float(f"{value:.6g}")
+    if isinstance(value, list | tuple):
+        return [_rounded(entry) for entry in value]
+    if isinstance(value, Mapping):
+        return {name: _rounded(entry) for name, entry in value.items() if entry not in (0.0, [])}
+    return value
