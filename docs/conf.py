@@ -7,9 +7,11 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
+import claims
 import gallery_pages
 import gallery_runs
 import reference_tables
+import stored
 from placing import write_changed
 
 import impactfem
@@ -70,3 +72,5 @@ runs = gallery_runs.find_runs(folder)
 if tags.has("gallery"):  # noqa: F821  (defined by Sphinx)
     runs, _ = gallery_runs.execute_all(folder)
 gallery_pages.write(runs)
+stored.write()
+claims.write(runs, GENERATED / "claims.md")

@@ -82,6 +82,7 @@ def results(demo: Demo, digest: str, placed: Placed) -> str:
     facts = [summary(run) for run in demo.runs]
     head = ["", *(f"`{run.scene.name}`" for run in demo.runs)]
     rows = [[name, *(show(each) for each in facts)] for name, show in FIGURES.items()]
+    rows = [row for row in rows if set(row[1:]) != {"-"}]
     seconds = ["the whole run [s]", *(number(run.stamp["seconds"], ".2g") for run in demo.runs)]
     parts = [
         "\n## What a run gives\n",
@@ -105,10 +106,13 @@ def _shown(run: Run, demo: Demo, placed: Placed) -> str:
         placed.copy(report, EXTRA / run.name / "report.html")
         link = f"../../gallery/{run.name}/report.html"
         parts.append(f'<p><a class="report" href="{link}">Open the report of this run</a></p>\n')
+    shown = []
     for picture in pictures(run):
         placed.copy(picture, PAGES / run.name / picture.name)
         words = picture.stem.replace("_", " ")
-        parts.append(f"![{demo.title}: {words}]({run.name}/{picture.name})\n")
+        shown.append(f"![{demo.title}: {words}]({run.name}/{picture.name})\n")
+    rest = "".join(shown[1:])
+    parts += [shown[0], f'<div class="pictures">\n\n{rest}\n</div>\n']
     return "\n".join(parts)
 
 
@@ -133,8 +137,9 @@ def card(demo: Demo) -> str:
     if demo.runs:
         facts = summary(demo.runs[0])
         error = number(_at(facts, "error", "displacement_max"), ".1e")
+        known = "error not estimated" if error == "-" else f"error {error}"
         seconds = demo.runs[0].stamp["seconds"]
-        words = f"{facts['method']}, {facts['num_dofs']} unknowns, error {error}, {seconds:.0f} s"
+        words = f"{facts['method']}, {facts['num_dofs']} unknowns, {known}, {seconds:.0f} s"
     return (
         f'<a class="card" href="{demo.name}.html"><img src="../../gallery/{demo.name}.png" alt="">'
         f"<strong>{escape(demo.title)}</strong><span>{escape(demo.line)}</span>"
@@ -151,11 +156,11 @@ def index(demos: Sequence[Demo]) -> str:
         total = sum(stamp["seconds"] for stamp in stamps)
         lead = (
             f"Each scene below was run from the command line for these pages: {len(stamps)} runs, "
-            f"{' to '.join(dict.fromkeys((dates[0], dates[-1])))}, {total:.0f} s of one core each "
-            "summed up. Figures and pictures are what came out. Unknowns are those of a time step, "
-            "of `monolithic` those of all times. The error is the largest of the displacement, "
-            "relative, against what the page of the demo says. The time holds everything from the "
-            "start of Python to the last picture.\n"
+            f"{' to '.join(dict.fromkeys((dates[0], dates[-1])))}, {total:.0f} s on one core. "
+            "Figures and pictures are what came out. Unknowns of bars are those of all times, "
+            "otherwise those of one step. The error is the largest of the displacement, relative; "
+            "the page of the demo says against what. The time runs from the start of Python to the "
+            "last picture.\n"
         )
     parts = ["# Gallery\n", lead]
     for group in GROUPS.values():

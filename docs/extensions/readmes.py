@@ -12,6 +12,7 @@ from gallery_runs import ROOT, Run
 PAGES = ROOT / "docs" / "generated" / "gallery"
 # Target of a relative link or picture, and its anchor.
 LINK = re.compile(r"(?<=\]\()(?!https?:|mailto:|#)([^)#\s]+)(#[^)\s]*)?(?=\))")
+SHORT = 45  # characters of a sentence that says too little alone
 GROUPS = {"bar": "Bars", "solid": "Solids", "point": "Points, rods and beams"}
 
 
@@ -35,10 +36,12 @@ class Demo:
 
     @property
     def line(self) -> str:
-        """First sentence, without markup."""
+        """First sentence, or two if the first is short, without markup."""
         text = next(part for part in self.lead.split("\n\n") if part and not part.startswith("!["))
         plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", " ".join(text.split()))
-        return re.split(r"(?<=[a-z0-9)])[.:] ", re.sub("[`*$]", "", plain))[0].rstrip(".:") + "."
+        sentences = re.split(r"(?<=[a-z0-9)])[.:] ", re.sub("[`*$]", "", plain))
+        short = len(sentences[0]) < SHORT
+        return ". ".join(sentences[: 2 if short else 1]).rstrip(".:") + "."
 
     @property
     def has_scene(self) -> bool:
