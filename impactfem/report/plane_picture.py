@@ -76,12 +76,12 @@ class PlanePainter:
         if self.axisymmetric:
             axes.axvline(0.0, color="0.5", linewidth=0.8, linestyle="-.", zorder=0.5)
         if not self._moves:
-            self._draw_obstacles(axes, time)
+            draw_obstacles(axes, self.obstacles, time)
         return []
 
     def draw(self, axes: Axes, snapshot: Snapshot) -> list[Artist]:
         """Draw what belongs to one time; returns the artists from the back to the front."""
-        artists = self._draw_obstacles(axes, snapshot.time) if self._moves else []
+        artists = draw_obstacles(axes, self.obstacles, snapshot.time) if self._moves else []
         mesh = Triangulation(snapshot.place[:, 0], snapshot.place[:, 1], self.skin.triangles)
         colours = axes.tripcolor(
             mesh, snapshot.von_mises, shading="gouraud", cmap="viridis",
@@ -107,22 +107,6 @@ class PlanePainter:
     @property
     def _moves(self) -> bool:
         return any(obstacle.motion is not None for obstacle in self.obstacles)
-
-    def _draw_obstacles(self, axes: Axes, time: float) -> list[Artist]:
-        """Fill where the signed distance that the solver uses is negative."""
-        if not self.obstacles:
-            return []
-        x, y = (np.linspace(*limits, _SAMPLES) for limits in (axes.get_xlim(), axes.get_ylim()))
-        places = np.stack([part.ravel() for part in np.meshgrid(x, y)], axis=1)
-        gaps = [signed_distance(obstacle, places, time)[0] for obstacle in self.obstacles]
-        gap = np.min(gaps, axis=0).reshape(len(y), len(x))
-        if gap.min() > 0.0:
-            return []
-        filled = axes.contourf(
-            x, y, gap, levels=[gap.min() - 1.0, 0.0], colors=[_OBSTACLE], zorder=0.3
-        )
-        edge = axes.contour(x, y, gap, levels=[0.0], colors=[_EDGE], linewidths=1.0, zorder=0.4)
-        return [filled, edge]
 
     def _pressure(self, snapshot: Snapshot, ends: Floats) -> PolyCollection:
         """The pressure as an area beyond the contact face, drawn into the obstacle."""
@@ -152,3 +136,20 @@ class PlanePainter:
             list(ends[shown]), colors=PRESSURE, capstyle="butt", zorder=3,
             linewidths=np.maximum(1.0, WIDEST * pressure[shown].mean(axis=1) / self.pressure),
         )  # fmt: skip
+
+
+def draw_obstacles(axes: Axes, obstacles: Sequence[Any], time: float) -> list[Artist]:
+    """Fill where the signed distance that the solver uses is negative, within the axes' limits."""
+    if not obstacles:
+        return []
+    x, y = (np.linspace(*limits, _SAMPLES) for limits in (axes.get_xlim(), axes.get_ylim()))
+    places = np.stack([part.ravel() for part in np.meshgrid(x, y)], axis=1)
+    gaps = [signed_distance(obstacle, places, time)[0] for obstacle in obstacles]
+    gap = np.min(gaps, axis=0).reshape(len(y), len(x))
+    if gap.min() > 0.0:
+        return []
+    filled = axes.contourf(
+        x, y, gap, levels=[gap.min() - 1.0, 0.0], colors=[_OBSTACLE], zorder=0.3
+    )
+    edge = axes.contour(x, y, gap, levels=[0.0], colors=[_EDGE], linewidths=1.0, zorder=0.4)
+    return [filled, edge]

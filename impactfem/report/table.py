@@ -5,7 +5,8 @@ from typing import Any
 
 from impactfem.planning import AnyPlan, BarRowPlan, Plan, SolidPlan, VibroPlan
 
-_FOLLOWED = 2e-3  # relative growth of energy that contact which follows the bodies may cause
+FOLLOWED = 2e-3
+"""Relative growth of energy that contact which follows the bodies may cause."""
 
 
 def table(rows: Sequence[tuple[str, str]], title: str = "") -> str:
@@ -169,7 +170,7 @@ def _growth(summary: Mapping[str, Any]) -> str:
     """What to think of an energy that grows."""
     growth = summary["energy"]["max_relative_growth"]
     follows = summary["plan"].get("normals") == "updated"
-    if follows and growth is not None and growth < _FOLLOWED:
+    if follows and growth is not None and growth < FOLLOWED:
         return (
             f"; grows by {_number(growth)}, since normals follow the bodies: less on finer meshes"
         )

@@ -1,0 +1,221 @@
+"""Each kind of body in words: size, material, initial state, supports and loads."""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from impactfem.report.page.numbers import (
+    constant,
+    counted,
+    formula,
+    formulas,
+    is_zero,
+    number,
+    quantity,
+    vector,
+)
+from impactfem.scene import Scene
+
+_MODELS = {
+    "plane_strain": "in plane strain",
+    "plane_stress": "in plane stress",
+    "axisymmetric": "axisymmetric: x is the radius, y the axis",
+    "3d": "in three dimensions",
+}
+
+
+def body_in_words(scene: Scene, body: Any) -> str:
+    """Sentences about one body of a scene; plain text."""
+    return _BODIES[body.kind](scene, body)
+
+
+def _bar(scene: Scene, bar: Any) -> str:
+    speed, start = constant(bar.velocity), constant(bar.displacement)
+    text = f"A bar of length {quantity(bar.length, 'm')} "
+    text += _flight_in_row(bar, speed) if scene.is_bar_row else _flight(bar, speed)
+    if start is None:
+        text += f" It starts strained, with the displacement {formula(bar.displacement)} m."
+    if bar.far_end == "clamped":
+        text += " Its far end is held."
+    elif not scene.is_bar_row:
+        text += " Its far end is free."
+    return (
+        f"{text} Young's modulus {quantity(bar.youngs_modulus, 'Pa')}, density "
+        f"{quantity(bar.density, 'kg/m³')}, section {quantity(bar.area, 'm²')}; so waves run at "
+        f"{quantity(bar.wave_speed, 'm/s')} and its mass is {quantity(bar.mass, 'kg')}."
+    )
+
+
+def _flight(bar: Any, speed: float | None) -> str:
+    """How a single bar starts, seen from the wall."""
+    gap = float(bar.initial_displacement(x=0.0))
+    away = f"a rigid wall {quantity(gap, 'm')} away" if gap else "a rigid wall it touches"
+    if speed is None:
+        return f"starts with the velocity {formula(bar.velocity)} m/s before {away}."
+    if speed < 0.0:
+        return f"flies at {quantity(-speed, 'm/s')} towards {away}."
+    if speed > 0.0:
+        return f"flies at {quantity(speed, 'm/s')} away from {away}."
+    return f"starts at rest before {away}."
+
+
+def _flight_in_row(bar: Any, speed: float | None) -> str:
+    near = float(bar.initial_displacement(x=0.0))
+    place = f"with its near end at x = {quantity(near, 'm')}"
+    if speed is None:
+        return f"starts {place}, with the velocity {formula(bar.velocity)} m/s."
+    if speed:
+        return f"starts {place} and flies at {quantity(speed, 'm/s')} along x."
+    return f"starts at rest, {place}."
+
+
+def _solid(_: Scene, solid: Any) -> str:
+    shape = _shape(solid) if solid.shape else f"A body with the mesh of {solid.mesh}"
+    thick = f", {quantity(solid.thickness, 'm')} thick" if solid.is_plane else ""
+    text = f"{shape}, {_MODELS[solid.model]}{thick}. {_state(solid)}"
+    text += (
+        f" Linear elastic: Young's modulus {quantity(solid.youngs_modulus, 'Pa')}, Poisson's ratio "
+        f"{number(solid.poisson_ratio)}, density {quantity(solid.density, 'kg/m³')}; its fastest "
+        f"waves run at {quantity(solid.p_wave_speed, 'm/s')}."
+    )
+    if solid.mass is not None:
+        text += f" Its mass is {quantity(solid.mass, 'kg')}."
+    return text + _boundary(solid) + _damping(solid)
+
+
+def _shape(solid: Any) -> str:
+    shape, revolved = solid.shape, solid.is_axisymmetric
+    flat = solid.dim == 2 and not revolved
+    if shape.kind == "block":
+        edges = " × ".join(number(edge) for edge in shape.size)
+        text = f"A {'rectangle' if flat else 'block'} of {edges} m"
+        text += f" from the corner {vector(shape.corner, 'm')}"
+    elif shape.kind == "cylinder":
+        size = f"radius {quantity(shape.radius, 'm')} and height {quantity(shape.height, 'm')}"
+        text = f"A cylinder of {size} on {vector(shape.center, 'm')}"
+    elif shape.kind == "ring":
+        radii = f"{number(shape.inner_radius)} and {quantity(shape.radius, 'm')}"
+        text = f"A {'ring' if flat else 'hollow body'} of radii {radii}"
+        text += f" around {vector(shape.center, 'm')}"
+    else:
+        round_ = "disc" if flat else "ball"
+        if shape.kind == "disc" and revolved and shape.center[0]:
+            round_ = "torus of round section"
+        text = f"A {round_} of radius {quantity(shape.radius, 'm')}"
+        text += f" around {vector(shape.center, 'm')}"
+    if shape.angle:
+        text += f", turned by {quantity(shape.angle, 'rad')}"
+    if shape.symmetry:
+        share = {1: "half", 2: "a quarter", 3: "an eighth"}[len(shape.symmetry)]
+        cuts = " and ".join(shape.symmetry)
+        text += f" (by symmetry only {share} is modelled, cut square to {cuts})"
+    return text
+
+
+def _state(solid: Any) -> str:
+    spin = solid.angular_velocity
+    turns = any(spin) if isinstance(spin, tuple) else bool(spin)
+    parts = []
+    if not is_zero(solid.velocity):
+        parts.append(f"with the velocity {formulas(solid.velocity, 'm/s')}")
+    if turns:
+        shown = vector(spin, "rad/s") if isinstance(spin, tuple) else quantity(spin, "rad/s")
+        parts.append(f"turning at {shown}")
+    if not is_zero(solid.displacement):
+        parts.append(f"with the displacement {formulas(solid.displacement, 'm')}")
+    return f"It starts {' and '.join(parts)}." if parts else "It starts at rest, unstrained."
+
+
+def _boundary(solid: Any) -> str:
+    text = ""
+    for support in solid.supports:
+        how = {
+            "fixed": "is held",
+            "symmetry": "does not move along its normal",
+            "motion": f"is moved by {formulas(support.value or (), 'm')}",
+        }[support.kind]
+        text += f" Its surface {support.surface} {how}."
+    for load in solid.tractions:
+        text += f" A force per area {formulas(load.value, 'Pa')} acts on {load.surface}."
+    for load in solid.pressures:
+        text += f" A pressure {formula(load.value)} Pa pushes on {load.surface}."
+    return text
+
+
+def _damping(solid: Any) -> str:
+    parts = []
+    if solid.rayleigh_mass:
+        parts.append(f"{quantity(solid.rayleigh_mass, '1/s')} times the mass")
+    if solid.rayleigh_stiffness:
+        parts.append(f"{quantity(solid.rayleigh_stiffness, 's')} times the stiffness")
+    return f" Damping: {' plus '.join(parts)}." if parts else ""
+
+
+def _point(scene: Scene, point: Any) -> str:
+    what = f"A ball of radius {quantity(point.radius, 'm')} that does not turn, "
+    text = what if point.radius else "A point "
+    text += f"of mass {quantity(point.mass, 'kg')}"
+    if scene.dim == 1:
+        text += f", at x = {quantity(point.position[0], 'm')}"
+        speed = quantity(point.velocity[0], "m/s")
+    else:
+        text += f", at {vector(point.position, 'm')}"
+        speed = vector(point.velocity, "m/s")
+    text += f", with the velocity {speed}." if any(point.velocity) else ", at rest."
+    if point.force is not None:
+        text += f" The force {formulas(point.force, 'N')} acts on it."
+    for spring in point.springs[:4]:
+        end = spring.to or vector(spring.anchor, "m")
+        rest = f" of free length {quantity(spring.rest_length, 'm')}" if spring.rest_length else ""
+        damper = f" with damping {quantity(spring.damping, 'N s/m')}" if spring.damping else ""
+        text += f" A spring of {quantity(spring.stiffness, 'N/m')}{rest}{damper} ties it to {end}."
+    if len(point.springs) > 4:
+        text += f" {len(point.springs) - 4} more springs."
+    return text
+
+
+def _slender_state(body: Any) -> str:
+    text = f"its centre at {vector(body.center, 'm')}"
+    if body.inclination:
+        degrees = number(math.degrees(body.inclination), 4)
+        text += f", inclined by {quantity(body.inclination, 'rad')} ({degrees}°)"
+    if any(body.velocity):
+        text += f", with the velocity {vector(body.velocity, 'm/s')}"
+    if body.angular_velocity:
+        text += f", turning at {quantity(body.angular_velocity, 'rad/s')}"
+    moving = any(body.velocity) or body.angular_velocity
+    return text if moving else f"{text}, at rest"
+
+
+def _rod(_: Scene, rod: Any) -> str:
+    text = f"A rigid rod of length {quantity(rod.length, 'm')} and mass {quantity(rod.mass, 'kg')}"
+    ends = f", its ends rounded with {quantity(rod.radius, 'm')}" if rod.radius else ""
+    return f"{text}{ends}; {_slender_state(rod)}. Its ends touch obstacles."
+
+
+def _beam(_: Scene, beam: Any) -> str:
+    size = f"{quantity(beam.length, 'm')} long, {quantity(beam.height, 'm')} high"
+    theory = "Timoshenko" if beam.theory == "timoshenko" else "Euler-Bernoulli"
+    shear = f", Poisson's ratio {number(beam.poisson_ratio)}" if theory == "Timoshenko" else ""
+    touch = "Its ends touch" if beam.contact == "ends" else "All nodes of its axis may touch"
+    text = (
+        f"A free elastic beam, {size} and {quantity(beam.width, 'm')} wide; {_slender_state(beam)}."
+        f" {theory} theory on {counted(beam.elements, 'element')}: Young's modulus "
+        f"{quantity(beam.youngs_modulus, 'Pa')}{shear}, density "
+        f"{quantity(beam.density, 'kg/m³')}; its mass is {quantity(beam.mass, 'kg')}. {touch} "
+        "obstacles."
+    )
+    mass, stiffness = beam.rayleigh_damping
+    if mass or stiffness:
+        text += f" Damping: {quantity(mass, '1/s')} times the mass plus "
+        text += f"{quantity(stiffness, 's')} times the stiffness."
+    return text
+
+
+_BODIES: Mapping[str, Callable[[Scene, Any], str]] = {
+    "bar": _bar,
+    "solid": _solid,
+    "point": _point,
+    "rod": _rod,
+    "beam": _beam,
+}

@@ -1,0 +1,109 @@
+"""What a run must obey whatever the scene, checked in its history and summary."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from impactfem.report.page.numbers import counted, number, percent, quantity
+from impactfem.report.page.scales import size_of
+from impactfem.result import Result
+from impactfem.summary import GROWTH_NOTED
+
+_ROUNDING = 1e-9  # share of the largest value that counts as rounding
+_COMPLEMENTARY = (
+    1e-6  # product of gap and force that counts as none, relative to the largest of both
+)
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check.
+
+    Attributes:
+        name: What must hold.
+        found: What was found.
+        holds: Whether it does; None if this run cannot say.
+    """
+
+    name: str
+    found: str
+    holds: bool | None
+
+    @property
+    def answer(self) -> str:
+        """The outcome in a word."""
+        return "not applicable" if self.holds is None else "yes" if self.holds else "NO"
+
+
+def checks(result: Result) -> list[Check]:
+    """All checks of a run, in the order of the report."""
+    return [
+        _settled(result),
+        _energy(result),
+        _penetration(result),
+        _pull(result),
+        complementarity(result),
+    ]
+
+
+def _settled(result: Result) -> Check:
+    active = result.summary["active_set"]
+    changes = active["set_changes"]
+    found = active["message"] or f"{counted(active['iterations'], 'iteration')} or events"
+    if changes:
+        shown = ", ".join(str(change) for change in changes[:8])
+        more = ", ..." if len(changes) > 8 else ""
+        found += f"; {counted(active['iterations'], 'iteration')}, changes {shown}{more}"
+    return Check("The active set settled", found, bool(active["converged"]))
+
+
+def _energy(result: Result) -> Check:
+    energy, name = result.summary["energy"], "Energy does not grow"
+    growth = energy["max_relative_growth"]
+    if energy.get("driven"):
+        return Check(
+            name, "loads or moving obstacles do work, which the history does not hold", None
+        )
+    drift = percent(energy["final_relative_drift"])
+    found = f"largest growth {percent(growth)}, at the end {drift} of the scale"
+    return Check(name, found, growth is not None and growth <= GROWTH_NOTED)
+
+
+def _penetration(result: Result) -> Check:
+    deep, size = result.summary["contact"]["max_penetration"], size_of(result)
+    name = "Bodies do not penetrate"
+    if deep is None:
+        return Check(name, "not finite", holds=False)
+    found = f"at most {quantity(deep, 'm', 3)}"
+    if size:
+        found += f", {percent(deep / size)} of the size of a body"
+    return Check(name, found, deep <= 1e-3 * size if size else deep == 0.0)
+
+
+def _pull(result: Result) -> Check:
+    force = result.history["contact_force"].values
+    name = "Obstacles push, never pull"
+    if not np.isfinite(force).all():
+        return Check(name, "the force is not finite", holds=False)
+    least, most = float(force.min()), float(force.max())
+    found = f"least force {quantity(least, 'N', 3)}, largest {quantity(most, 'N', 3)}"
+    return Check(name, found, least >= -_ROUNDING * max(most, abs(least)))
+
+
+def complementarity(result: Result) -> Check:
+    """Gap or force is zero: in each step the force times the smaller gap at its two ends.
+
+    Impacts inside a step leave both ends open, so motions with impacts cannot be judged this way.
+    """
+    name = "Where there is a gap there is no force"
+    if result.scene.is_vibro:
+        return Check(name, "impulses act at instants inside steps", None)
+    force, gap = result.history["contact_force"].values[1:], result.history["gap"].values
+    scale = float(np.abs(force).max(initial=0.0) * np.abs(gap).max(initial=0.0))
+    if not np.isfinite(scale):
+        return Check(name, "not finite", holds=False)
+    nearest = np.minimum(np.abs(gap[1:]), np.abs(gap[:-1]))
+    worst = float(np.max(np.abs(force) * nearest, initial=0.0))
+    share = worst / scale if scale else 0.0
+    found = f"gap times force at most {number(share, 3)} of largest gap times largest force"
+    return Check(name, found, share <= _COMPLEMENTARY)

@@ -1,0 +1,70 @@
+"""Numbers with units, vectors and formulas as the report prints them."""
+
+from collections.abc import Iterable, Sequence
+
+from impactfem.scene.formula import Formula
+
+NOT_FINITE = "not finite"
+
+
+def number(value: float | None, digits: int = 6) -> str:
+    """A number with few digits; None stands for one that is not finite."""
+    return NOT_FINITE if value is None else f"{value:.{digits}g}"
+
+
+def quantity(value: float | None, unit: str, digits: int = 6) -> str:
+    """A number with its unit; "1" stands for none."""
+    return f"{number(value, digits)} {unit}" if unit not in {"", "1"} else number(value, digits)
+
+
+def percent(share: float | None) -> str:
+    """A share as a percentage; tiny ones as they are."""
+    if share is None:
+        return NOT_FINITE
+    return f"{100 * share:.2g} %" if abs(share) >= 1e-4 or share == 0.0 else f"{share:.2g}"
+
+
+def vector(values: Iterable[float], unit: str = "") -> str:
+    """Components in brackets, with a unit; a single one as a number."""
+    return _bracketed([number(float(value)) for value in values], unit)
+
+
+def formulas(entries: Sequence[Formula | None], unit: str = "") -> str:
+    """Formulas as they were given, in brackets; a direction left out is free."""
+    texts = ["free" if entry is None else formula(entry) for entry in entries]
+    return _bracketed(texts, unit)
+
+
+def _bracketed(texts: Sequence[str], unit: str) -> str:
+    shown = texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
+    return f"{shown} {unit}".strip()
+
+
+def formula(entry: Formula) -> str:
+    """A formula as it was given; a plain number is shortened."""
+    plain = entry.plain
+    return number(plain) if isinstance(plain, float) else plain
+
+
+def constant(entry: Formula) -> float | None:
+    """Value of a formula that is just a number; None of others."""
+    plain = entry.plain
+    return plain if isinstance(plain, float) else None
+
+
+def is_zero(entries: Sequence[Formula]) -> bool:
+    """Whether all formulas are the number 0."""
+    return all(constant(entry) == 0.0 for entry in entries)
+
+
+def counted(count: int, noun: str) -> str:
+    """A number with its noun: 1 step, 2 steps."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def span(seconds: float) -> str:
+    """A time with a handy unit."""
+    for limit, scale, unit in ((1e-6, 1e9, "ns"), (1e-3, 1e6, "µs"), (1.0, 1e3, "ms")):
+        if seconds < limit:
+            return f"{scale * seconds:.4g} {unit}"
+    return f"{seconds:.4g} s"

@@ -1,0 +1,61 @@
+"""Outlines of solids in the plane as their shapes say, and the parts that are held or loaded."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.report.page.numbers import formula, formulas
+from impactfem.scene import Solid
+
+Floats = NDArray[np.float64]
+
+_AROUND = 97  # the outermost places of a circle and of half of one are among them
+
+
+def outline_of(solid: Solid) -> Floats | None:
+    """Corners of the outline [m], shape (corners, 2), turned as the shape is.
+
+    None where the mesh must tell: mesh files, symmetry cuts, initial displacements, rings.
+    """
+    shape = solid.shape
+    moved = any(entry.plain != 0.0 for entry in solid.displacement)
+    if shape is None or shape.symmetry or moved or shape.kind == "ring":
+        return None
+    if shape.kind == "block":
+        low = np.array(shape.corner, dtype=np.float64)  # type: ignore[union-attr]
+        corners = low + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * np.array(shape.size)  # type: ignore[union-attr]
+    elif shape.kind == "cylinder":
+        base = np.array(shape.center, dtype=np.float64)[-2:]  # type: ignore[union-attr]
+        box = np.array([shape.radius, shape.height])  # type: ignore[union-attr]
+        corners = base + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * box
+    else:
+        corners = _round(shape.center, shape.radius, half=solid.is_axisymmetric)  # type: ignore[union-attr]
+    if not shape.angle:
+        return corners
+    centre = np.array(shape.centre, dtype=np.float64)[:2]
+    cosine, sine = math.cos(shape.angle), math.sin(shape.angle)
+    return centre + (corners - centre) @ np.array([[cosine, sine], [-sine, cosine]])
+
+
+def _round(center: tuple[float, ...], radius: float, *, half: bool) -> Floats:
+    half = half and not center[0]
+    angles = np.linspace(-0.5 * np.pi, (0.5 if half else 1.5) * np.pi, _AROUND)
+    return np.array(center) + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def supported_lines(solid: Solid) -> list[tuple[Floats, str]]:
+    """Sides of a block that are held or loaded: segments (1, 2, 2) [m], and what happens there."""
+    shape, outline = solid.shape, outline_of(solid)
+    if shape is None or shape.kind != "block" or outline is None:
+        return []
+    sides = dict(zip(("bottom", "right", "top", "left"), range(4), strict=True))
+    told = [(s.surface, {"fixed": "held", "symmetry": "symmetry"}.get(s.kind, "moved"))
+            for s in solid.supports]  # fmt: skip
+    told += [(s.surface, f"traction {formulas(s.value, 'Pa')}") for s in solid.tractions]
+    told += [(s.surface, f"pressure {formula(s.value)} Pa") for s in solid.pressures]
+    return [
+        (outline[[sides[name], (sides[name] + 1) % 4]][None], text)
+        for name, text in told
+        if name in sides
+    ]

@@ -1,0 +1,248 @@
+"""Drawings of what moves in the plane: solids, points, rods and beams, with their obstacles."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, cast
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
+
+from impactfem.contact.distance import signed_distance
+from impactfem.report.page.numbers import constant, formulas, quantity, vector
+from impactfem.report.page.outlines import outline_of, supported_lines
+from impactfem.report.page.sketch import (
+    BODY,
+    EDGE,
+    GRAVITY,
+    SUPPORT,
+    VELOCITY,
+    arrow,
+    dimension,
+    empty,
+    label,
+    spring,
+)
+from impactfem.report.plane_picture import draw_obstacles
+from impactfem.report.skin import Skin
+from impactfem.result import Result, SolidFields
+from impactfem.scene import Beam, HalfSpace, Point, Rod, Scene, Solid
+
+Floats = NDArray[np.float64]
+
+_NEAR = 3.0  # obstacles farther than so many sizes of what moves are not shown
+_ARROW = 0.16  # length of arrows as a share of the window
+_MOST_LABELS = 12
+
+
+@dataclass
+class _Window:
+    """Places that must be seen, and the square around them."""
+
+    places: list[Floats] = field(default_factory=list)
+
+    def add(self, places: Any) -> None:
+        self.places.append(np.atleast_2d(np.asarray(places, dtype=np.float64)))
+
+    @property
+    def size(self) -> float:
+        """Largest extent [m]; 0 of a single place."""
+        return float(np.ptp(np.concatenate(self.places), axis=0).max())
+
+    def include_obstacles(self, scene: Scene) -> None:
+        """Add the places of obstacles nearest to what moves, if they are not far away."""
+        own = np.concatenate(self.places)
+        centre, size = 0.5 * (own.min(axis=0) + own.max(axis=0)), self.size
+        for obstacle in scene.rigid_obstacles:
+            gap, normal = signed_distance(obstacle, [centre], 0.0)
+            if size == 0.0 or abs(gap[0]) < _NEAR * size:
+                self.add(centre - gap[0] * normal[0])
+        # Corners of half spaces stand where their points are given.
+        size = self.size
+        for obstacle in scene.rigid_obstacles:
+            if isinstance(obstacle, HalfSpace):
+                point = np.array(obstacle.point, dtype=np.float64)
+                if np.hypot(*(point - centre)) < 2.0 * size:
+                    self.add(point)
+
+    def apply(self, axes: Axes, scene: Scene) -> float:
+        """Set the limits; returns the size of the window."""
+        own = np.concatenate(self.places)
+        low, high = own.min(axis=0), own.max(axis=0)
+        size = float((high - low).max()) or 1.0
+        room = np.maximum(0.18 * size, 0.5 * (0.45 * size - (high - low)))
+        axes.set_aspect("equal")
+        pulled = 0.2 * size * np.any(scene.vector_gravity.at(0.0))  # for the arrow of gravity
+        axes.set_xlim(low[0] - room[0], high[0] + room[0] + pulled)
+        axes.set_ylim(low[1] - room[1], high[1] + room[1])
+        return size
+
+
+def draw_solids(result: Result) -> Figure | None:
+    """Plane and axisymmetric solids: outlines, obstacles, supports, velocities; None if unknown."""
+    scene = result.scene
+    solids = [cast("Solid", body) for body in scene.bodies]
+    outlines = _outlines(result, solids)
+    if outlines is None:
+        return None
+    window = _Window()
+    for lines in outlines:
+        window.add(lines.reshape(-1, 2))
+    window.include_obstacles(scene)
+    figure, axes = _axes(window)
+    size = window.apply(axes, scene)
+    draw_obstacles(axes, scene.rigid_obstacles, 0.0)
+    if solids[0].is_axisymmetric:
+        axes.axvline(0.0, color="0.5", linewidth=0.9, linestyle="-.", zorder=0.6)
+    for solid, lines in zip(solids, outlines, strict=True):
+        if lines.shape[1] > 2:
+            axes.add_collection(PolyCollection(list(lines), facecolors=BODY, edgecolors=EDGE,
+                                               linewidths=1.2, zorder=2))  # fmt: skip
+        else:
+            axes.add_collection(LineCollection(list(lines), colors=EDGE, linewidths=1.2, zorder=2))
+        low, high = lines.reshape(-1, 2).min(axis=0), lines.reshape(-1, 2).max(axis=0)
+        centre = 0.5 * (low + high)
+        speed = [constant(entry) for entry in solid.velocity]
+        if any(value is None for value in speed):
+            text = f"v = {formulas(solid.velocity, 'm/s')}"
+            label(axes, centre - [0, 0.08 * size], text, VELOCITY)
+        else:
+            _velocity(axes, centre, [value or 0.0 for value in speed], size)
+        if len(solids) <= _MOST_LABELS:
+            moving = np.array([value or 0.0 for value in speed])
+            back = 0.07 * size * moving / (np.hypot(*moving) or 1.0)
+            label(axes, centre - back, solid.name)
+        for lines_of, text in supported_lines(solid):
+            axes.add_collection(
+                LineCollection(list(lines_of), colors=SUPPORT, linewidths=4.0, zorder=3)
+            )
+            face = lines_of.reshape(-1, 2).mean(axis=0)
+            beyond = (face - centre) / (np.hypot(*(face - centre)) or 1.0)
+            label(axes, face + 0.06 * size * beyond, text, SUPPORT)
+    if len(solids) == 1 and not solids[0].supports:
+        _measures(axes, outlines[0], size)
+    _finish(axes, scene, size, "radius x [m]" if solids[0].is_axisymmetric else "x [m]")
+    return figure
+
+
+def _outlines(result: Result, solids: Sequence[Solid]) -> list[Floats] | None:
+    """For each solid polygons (1, corners, 2), or segments (segments, 2, 2) of its mesh."""
+    known = [outline_of(solid) for solid in solids]
+    if all(outline is not None for outline in known):
+        return [cast("Floats", outline)[None] for outline in known]
+    if not isinstance(result.fields, SolidFields):
+        return None
+    skin = Skin.of(result.fields)
+    place = skin.snapshot(0).place[:, :2]
+    bodies = skin.bodies[skin.segments[:, 0]]
+    return [place[skin.segments[bodies == k]] for k in range(len(solids))]
+
+
+def _measures(axes: Axes, lines: Floats, size: float) -> None:
+    """Width below and height left of a single solid."""
+    low, high = lines.reshape(-1, 2).min(axis=0), lines.reshape(-1, 2).max(axis=0)
+    side, above = low[0] - 0.08 * size, high[1] + 0.07 * size
+    dimension(axes, (low[0], above), (high[0], above), quantity(high[0] - low[0], "m", 4))
+    if high[1] - low[1] > 0.15 * size:
+        dimension(axes, (side, low[1]), (side, high[1]), quantity(high[1] - low[1], "m", 4))
+
+
+def draw_points(scene: Scene) -> Figure:
+    """Points in the plane with springs, velocities and obstacles."""
+    points = [cast("Point", body) for body in scene.bodies]
+    window = _Window()
+    for point in points:
+        at = np.array(point.position, dtype=np.float64)
+        window.add([at - point.radius, at + point.radius])
+        for tie in point.springs:
+            if tie.anchor is not None:
+                window.add(tie.anchor)
+    window.include_obstacles(scene)
+    figure, axes = _axes(window)
+    size = window.apply(axes, scene)
+    draw_obstacles(axes, scene.rigid_obstacles, 0.0)
+    home = {p.name: np.array(p.position, dtype=np.float64) for p in points}
+    for point in points:
+        at = home[point.name]
+        for tie in point.springs:
+            other = home[tie.to] if tie.to else np.array(tie.anchor, dtype=np.float64)
+            spring(axes, at, other, 0.03 * size)
+        if point.radius > 0.01 * size:
+            axes.add_patch(Circle((at[0], at[1]), point.radius, facecolor=BODY, edgecolor=EDGE,
+                                  zorder=4))  # fmt: skip
+        else:
+            axes.plot(*at, "o", color=EDGE, markersize=8, zorder=4)
+        if len(points) <= _MOST_LABELS:
+            label(axes, at - [0.0, point.radius + 0.05 * size], point.name)
+            _velocity(axes, at, point.velocity or (), size)
+    _finish(axes, scene, size, "x [m]")
+    return figure
+
+
+def draw_slender(scene: Scene) -> Figure:
+    """A rod or beam with its obstacles."""
+    body = cast("Rod | Beam", scene.bodies[0])
+    along = np.array([math.cos(body.inclination), math.sin(body.inclination)])
+    centre = np.array(body.center, dtype=np.float64)
+    ends = np.array([centre - 0.5 * body.length * along, centre + 0.5 * body.length * along])
+    thick = body.height if isinstance(body, Beam) else 2 * body.radius
+    window = _Window()
+    window.add(ends)
+    window.include_obstacles(scene)
+    figure, axes = _axes(window)
+    size = window.apply(axes, scene)
+    draw_obstacles(axes, scene.rigid_obstacles, 0.0)
+    across = 0.5 * max(thick, 0.012 * size) * np.array([-along[1], along[0]])
+    corners = [ends[0] - across, ends[1] - across, ends[1] + across, ends[0] + across]
+    axes.add_collection(PolyCollection([np.array(corners)], facecolors=BODY, edgecolors=EDGE,
+                                       zorder=3))  # fmt: skip
+    shift = (0.07 * size + 0.5 * thick) * np.array([-along[1], along[0]])
+    dimension(axes, ends[0] + shift, ends[1] + shift, quantity(body.length, "m"))
+    _velocity(axes, centre, body.velocity, size)
+    _finish(axes, scene, size, "x [m]")
+    return figure
+
+
+def _axes(window: _Window) -> tuple[Figure, Axes]:
+    own = np.concatenate(window.places)
+    width, height = np.ptp(own, axis=0) + 0.36 * (window.size or 1.0)
+    share = float(np.clip(height / width, 0.35, 1.1))
+    return empty(6.0, 6.0 * share)
+
+
+def _velocity(axes: Axes, place: Floats, velocity: Sequence[float], size: float) -> None:
+    """An arrow with the speed; its length says nothing."""
+    speed = math.hypot(*velocity)
+    if not speed:
+        return
+    way = _ARROW * size * np.array(velocity, dtype=np.float64) / speed
+    arrow(axes, place, way, VELOCITY)
+    label(axes, place + 1.4 * way, quantity(speed, "m/s", 4), VELOCITY)
+
+
+def _finish(axes: Axes, scene: Scene, size: float, x_label: str) -> None:
+    """Gravity in the corner, motions of obstacles, labels of the axes."""
+    gravity = np.asarray(scene.vector_gravity.at(0.0), dtype=np.float64)
+    strength = float(np.hypot(*gravity))
+    if strength:
+        (left, right), (_, top) = axes.get_xlim(), axes.get_ylim()
+        way = _ARROW * size * gravity / strength
+        start = np.array([right - 0.07 * (right - left), top - 0.05 * size])
+        arrow(axes, start - np.maximum(way, 0.0), way, GRAVITY)
+        place = start + np.array([-0.14 * size, 0.5 * min(way[1], 0.0)])
+        label(axes, place, f"gravity\n{quantity(strength, 'm/s²', 4)}", GRAVITY)
+    moving = [o for o in scene.rigid_obstacles if o.motion is not None]
+    for k, obstacle in enumerate(moving[:3]):
+        text = f"{obstacle.name} moves by {formulas(obstacle.motion or (), 'm')}"
+        axes.text(0.01, 0.02 + 0.06 * k, text, transform=axes.transAxes, fontsize=8.5,
+                  color=VELOCITY, parse_math=False, zorder=7)  # fmt: skip
+    axes.set_xlabel(x_label)
+    axes.set_ylabel("y [m]")
+    axes.locator_params(nbins=5)
+    axes.ticklabel_format(scilimits=(-3, 4))
+    if not scene.vector_gravity.is_constant:
+        axes.set_title(f"gravity {vector(gravity, 'm/s²')} at t = 0, changes later", fontsize=8.5)

@@ -1,0 +1,107 @@
+"""Drawings of what moves in space: solids by the painter of the pictures, points by projection."""
+
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from impactfem.contact.distance import signed_distance
+from impactfem.report.obstacle_faces import grid_of_plane
+from impactfem.report.page.numbers import constant, quantity
+from impactfem.report.page.sketch import EDGE, GRAVITY, VELOCITY, arrow, empty, label
+from impactfem.report.skin import Skin
+from impactfem.report.solid_figures import survey
+from impactfem.report.space_picture import Camera, SpacePainter
+from impactfem.result import Result, SolidFields
+from impactfem.scene import HalfSpace, Point, Scene, Solid
+
+Floats = NDArray[np.float64]
+
+_SHADE = 0.62  # place in the colour scale for bodies without stress
+_ARROW = 0.22
+
+
+def draw_solids_in_space(result: Result) -> Figure | None:
+    """Solids in space with obstacles and velocities; None if their fields were not kept."""
+    if not isinstance(result.fields, SolidFields):
+        return None
+    skin = Skin.of(result.fields)
+    snapshot = skin.snapshot(0)
+    painter, extents = survey(result, skin, [snapshot])
+    if not isinstance(painter, SpacePainter) or not extents:
+        return None
+    plain = np.full(len(snapshot.place), _SHADE)
+    snapshot = replace(snapshot, von_mises=plain, pressure=np.zeros(len(plain)))
+    painter = replace(painter, stress=1.0)
+    window = painter.window(extents)
+    window[:, 0] -= 0.12 * skin.size
+    window[:, 1] += 0.12 * skin.size
+    aspect = float(np.clip(np.ptp(window[1]) / np.ptp(window[0]), 0.4, 1.3))
+    figure, axes = empty(5.5, 5.5 * aspect)
+    for side in ("left", "bottom"):
+        axes.spines[side].set_visible(False)
+    painter.prepare(axes, window, 0.0)
+    painter.draw(axes, snapshot)
+    camera, bodies = painter.camera, [cast("Solid", body) for body in result.scene.bodies]
+    for k, solid in enumerate(bodies):
+        own = snapshot.place[skin.nodes][skin.bodies[skin.nodes] == k]
+        centre = camera.flat(0.5 * (own.min(axis=0) + own.max(axis=0)))
+        speed = [constant(entry) or 0.0 for entry in solid.velocity]
+        _velocity(axes, camera, centre, np.array(speed), skin.size)
+        label(axes, centre, solid.name)
+    _gravity(axes, camera, result.scene, window, skin.size)
+    return figure
+
+
+def draw_points_in_space(scene: Scene) -> Figure:
+    """Points in space with the planes around them, in parallel projection."""
+    points = [cast("Point", body) for body in scene.bodies]
+    places = np.array([point.position for point in points], dtype=np.float64)
+    gravity = np.asarray(scene.vector_gravity.at(0.0), dtype=np.float64)
+    vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else np.eye(3)[1]
+    planes = [o for o in scene.rigid_obstacles if isinstance(o, HalfSpace)]
+    camera = Camera.facing(vertical, [np.array(plane.unit_normal) for plane in planes])
+    centre = places.mean(axis=0)
+    feet = [centre - gap[0] * normal[0] for gap, normal in
+            (signed_distance(o, [centre], 0.0) for o in scene.rigid_obstacles)]  # fmt: skip
+    reach = float(np.ptp([*places, *feet], axis=0).max()) or 1.0
+    figure, axes = empty(5.5, 4.4)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    for plane in planes:
+        corners, lines = grid_of_plane(plane, np.zeros(3), centre, 0.8 * reach)
+        axes.add_collection(PolyCollection([camera.flat(corners)], facecolors="0.92",
+                                           edgecolors="0.7", alpha=0.7, zorder=0.5))  # fmt: skip
+        axes.add_collection(LineCollection(list(camera.flat(lines)), colors="0.8", linewidths=0.5,
+                                           zorder=0.6))  # fmt: skip
+    for point, place in zip(points, places, strict=True):
+        flat = camera.flat(place)
+        axes.plot(*flat, "o", color=EDGE, markersize=9, zorder=4)
+        label(axes, flat - [0.0, 0.06 * reach], point.name)
+        _velocity(axes, camera, flat, np.array(point.velocity or (0.0, 0.0, 0.0)), reach)
+    axes.autoscale_view()
+    window = np.array([axes.get_xlim(), axes.get_ylim()])
+    _gravity(axes, camera, scene, window, reach)
+    return figure
+
+
+def _velocity(axes: Axes, camera: Camera, place: Floats, velocity: Floats, size: float) -> None:
+    speed = float(np.linalg.norm(velocity))
+    if speed:
+        way = _ARROW * size * camera.flat(velocity / speed)
+        arrow(axes, place, way, VELOCITY)
+        label(axes, place + 1.2 * way, quantity(speed, "m/s", 4), VELOCITY)
+
+
+def _gravity(axes: Axes, camera: Camera, scene: Scene, window: Floats, size: float) -> None:
+    gravity = np.asarray(scene.vector_gravity.at(0.0), dtype=np.float64)
+    strength = float(np.linalg.norm(gravity))
+    if strength:
+        start = np.array([window[0, 1] - 0.12 * np.ptp(window[0]), window[1, 1] - 0.05 * size])
+        way = 0.8 * _ARROW * size * camera.flat(gravity / strength)
+        arrow(axes, start, way, GRAVITY)
+        label(axes, start + 1.35 * way, quantity(strength, "m/s²", 4), GRAVITY)
