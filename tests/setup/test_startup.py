@@ -1,0 +1,114 @@
+"""Commands load only what they need and say once what they compile: no clock is asked."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = (
+    "dolfinx",
+    "h5py",
+    "matplotlib",
+    "numba",
+    "pandas",
+    "petsc4py",
+    "plotly",
+    "pyvista",
+    "xarray",
+)
+
+LOADED = """
+import contextlib, io, json, sys
+from impactfem.cli import main
+with contextlib.redirect_stdout(io.StringIO()):
+    code = main(sys.argv[1:])
+print(json.dumps([code, sorted({name.partition(".")[0] for name in sys.modules})]))
+"""
+
+
+def python(code: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        env=os.environ | environment,
+    )
+
+
+def loaded(*arguments: str) -> set[str]:
+    """Top-level modules that a command has loaded."""
+    code, names = json.loads(python(LOADED, *arguments).stdout)
+    assert code == 0
+    return set(names)
+
+
+@pytest.mark.parametrize("command", [["--help"], ["run", "--help"]])
+def test_help_loads_not_even_numpy(command):
+    assert not loaded(*command) & {*HEAVY, "numpy", "scipy", "tqdm"}
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["plan", "bar_impact"],
+        ["plan", "bar_impact", "--set", 'solve.method="newmark"'],
+        ["validate", "bar_impact"],
+        ["scenes"],
+        ["methods"],
+    ],
+    ids=" ".join,
+)
+def test_a_plan_of_a_bar_loads_arrays_only(command):
+    names = loaded(*command)
+    assert not names & {*HEAVY, "scipy"}
+    assert "impactfem" in names  # otherwise nothing was looked at
+
+
+@pytest.mark.parametrize("scene", ["cradle", "bouncing_ball", "oscillator", "dropped_beam"])
+def test_a_plan_without_meshes_needs_no_finite_elements_and_no_files(scene):
+    assert not loaded("plan", scene) & set(HEAVY)
+
+
+def test_a_plan_of_a_solid_needs_no_pictures():
+    names = loaded("plan", "dropped_disc")
+    assert not names & {"matplotlib", "pandas", "plotly", "pyvista", "xarray"}
+    assert "dolfinx" in names  # its mesh is made
+
+
+def test_importing_the_package_loads_nothing_else():
+    done = python("import sys, impactfem; print(*sys.modules)")
+    assert not set(done.stdout.split()) & {*HEAVY, "numpy", "scipy", "importlib.metadata"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scene", "what", "folder"),
+    [
+        (["bar_impact"], "finite-element forms", "fenics"),
+        (["bar_impact", "--set", "solve.method=newmark"], "time loops", "numba"),
+    ],
+)
+def test_compilation_is_announced_once(tmp_path, scene, what, folder):
+    caches = {"XDG_CACHE_HOME": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+    run = ["run", *scene, "--out", str(tmp_path / "result")]
+    code = "import sys; from impactfem.cli import main; sys.exit(main(sys.argv[1:]))"
+    first, second = (python(code, *run, **caches) for _ in range(2))
+    assert first.returncode == second.returncode == 0, first.stderr + second.stderr
+    place = tmp_path / folder
+    assert f"compiling {what} (once, kept in {place}) ...\n" in first.stderr
+    assert first.stderr.count("compiling") == 1
+    assert any(place.rglob("*"))
+    assert "compiling" not in second.stderr
+
+
+@pytest.mark.slow
+def test_quiet_says_nothing_of_compilation(tmp_path):
+    caches = {"XDG_CACHE_HOME": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+    run = ["run", "bar_impact", "--quiet", "--out", str(tmp_path / "result")]
+    done = python("import sys; from impactfem.cli import main; main(sys.argv[1:])", *run, **caches)
+    assert done.stderr == ""
+    assert any((tmp_path / "fenics").glob("*.so"))
