@@ -1,0 +1,131 @@
+"""The tutorial and the how-to pages: every scene, command and script on them works as printed.
+
+Fenced blocks of a page are taken in their order, in one scratch folder a page:
+
+- any language with a caption: the text is written to the file of that name; with `diff` as the
+  language and a file of the package as the caption, a copy of the package is changed so;
+- `sh`: run; `text` with the caption "prints": what the last `sh` block printed, word by word; `...`
+  stands for any word, numbers may differ by 5 %, those below 1e-7 (rounding) as they like;
+- anything else (`console`, `text`) is only shown.
+"""
+
+import math
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import impactfem
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+PAGES = sorted(
+    [DOCS / "start.md", *(DOCS / "tutorial").glob("*.md"), *(DOCS / "howto").glob("*.md")]
+)
+BLOCK = re.compile(
+    r"^```(?:\{code-block\} )?(?P<language>\w+)\n(?::caption: (?P<caption>[^\n]+)\n)?"
+    r"(?::[^\n]*\n)*(?P<text>.*?)^```$",
+    re.DOTALL | re.MULTILINE,
+)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A scratch folder with `python` and `impactfem` of this environment in `bin`."""
+    tools = tmp_path / "bin"
+    tools.mkdir()
+    for name, module in (("python", ""), ("impactfem", "-m impactfem ")):
+        script = tools / name
+        script.write_text(f'#!/bin/sh\nexec {sys.executable} {module}"$@"\n', encoding="utf-8")
+        script.chmod(0o755)
+    return tmp_path
+
+
+def environment(folder):
+    """Variables of the commands: tools first, a changed package if there is one, no marks of MPI."""
+    marks = ("PMI_", "PMIX_", "OMPI_COMM_")
+    clean = {name: value for name, value in os.environ.items() if not name.startswith(marks)}
+    places = [str(folder / "bin"), str(Path(sys.executable).parent), os.environ["PATH"]]
+    clean |= {"PATH": os.pathsep.join(places), "MPLBACKEND": "Agg"}
+    changed = folder / "changed"
+    return clean | {"PYTHONPATH": str(changed)} if changed.exists() else clean
+
+
+def execute(text, folder):
+    """What a block of shell commands prints; every command must end well."""
+    done = subprocess.run(
+        ["sh", "-e", "-c", text], cwd=folder, env=environment(folder), timeout=200,
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, f"{text}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+def change(text, name, folder):
+    """Change a file of a copy of the package: each hunk's old lines must stand there once."""
+    copy = folder / "changed" / "impactfem"
+    if not copy.exists():  # with its compiled loops
+        shutil.copytree(Path(impactfem.__file__).parent, copy)
+    file = copy / Path(name).relative_to("impactfem")
+    content = file.read_text(encoding="utf-8")
+    for hunk in re.split(r"^@@.*\n", text, flags=re.MULTILINE):
+        lines = [line for line in hunk.splitlines() if line]
+        old = "\n".join(line[1:] for line in lines if line[0] != "+")
+        new = "\n".join(line[1:] for line in lines if line[0] != "-")
+        if not old:  # only added: at the end
+            content += "\n\n" + new + "\n"
+        else:
+            assert content.count(old) == 1, f"{name} has not once:\n{old}"
+            content = content.replace(old, new)
+    file.write_text(content, encoding="utf-8")
+
+
+def same(wanted, got):
+    words, said = wanted.split(), got.split()
+    return len(words) == len(said) and all(map(agree, words, said))
+
+
+def agree(word, said):
+    """Whether a printed word is the one on the page, or a number near it."""
+    if word in {"...", said}:
+        return True
+    try:
+        one, other = float(word.strip(",;%()")), float(said.strip(",;%()"))
+    except ValueError:
+        return False
+    return math.isclose(one, other, rel_tol=0.05) or max(abs(one), abs(other)) < 1e-7
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_page_works_as_printed(page, folder):
+    printed = ""
+    for block in BLOCK.finditer(page.read_text(encoding="utf-8")):
+        language, caption, text = block["language"], block["caption"], block["text"]
+        if language == "sh":
+            printed = execute(text, folder)
+        elif language == "diff":
+            change(text, caption, folder)
+        elif caption == "prints":
+            assert same(text, printed), f"the page says\n{text}\nand it printed\n{printed}"
+        elif caption is not None:
+            (folder / caption).write_text(text, encoding="utf-8")
+
+
+def test_pages_hold_code():
+    blocks = [block for page in PAGES for block in BLOCK.finditer(page.read_text(encoding="utf-8"))]
+    assert sum(block["language"] == "sh" for block in blocks) > 10
+    assert all(
+        block["caption"] for block in blocks if block["language"] in {"python", "toml", "diff"}
+    )
+
+
+@pytest.mark.parametrize(
+    ("word", "said", "agrees"),
+    [("1.00,", "1.04,", True), ("1.00", "1.06", False), ("3e-12", "8e-14", True),
+     ("done", "failed", False), ("...", "0.3", True), ("energy", "3", False)],
+)  # fmt: skip
+def test_words_of_a_page_are_compared(word, said, agrees):
+    assert agree(word, said) is agrees
