@@ -6,12 +6,12 @@ import re
 import unicodedata
 import warnings
 from collections.abc import Callable, Mapping
-from difflib import get_close_matches
 from typing import Any, NoReturn
 
 import numpy as np
 
 from impactfem.errors import SceneError
+from impactfem.scene.nearest import nearest
 
 MAX_LENGTH = 1000
 MAX_DEPTH = 50
@@ -170,8 +170,8 @@ class Parser:
 
     def _unknown(self, name: str) -> NoReturn:
         known = (*self.variables, *CONSTANTS, *FUNCTIONS)
-        near = get_close_matches(name[:40], known, 1)
-        meant = f", did you mean {near[0]!r}?" if near else ";"
+        near = nearest(name[:40], known)
+        meant = f", did you mean {near!r}?" if near else ";"
         self._fail(f"unknown name {name[:40]!r}{meant} use {', '.join(known)}")
 
     def _chain(self, node: ast.BinOp, depth: int) -> Node:

@@ -4,7 +4,6 @@ import re
 import unicodedata
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import PurePath
 from typing import Any, ClassVar, override
 
@@ -12,6 +11,7 @@ import numpy as np
 
 from impactfem.scene.formula import Formula
 from impactfem.scene.grammar import FormulaError
+from impactfem.scene.nearest import nearest
 from impactfem.scene.values import NotAllowedError, number, show, type_in_words
 
 
@@ -290,8 +290,8 @@ def one_of(value: object, words: tuple[str, ...]) -> str:
     """
     text = _text(value)
     if text not in words:
-        near = get_close_matches(text[:80].lower(), words, 1)
-        meant = f", did you mean {show(near[0])}?" if near else ""
+        near = nearest(text, words)
+        meant = f", did you mean {show(near)}?" if near else ""
         raise NotAllowedError(f"{show(text)} is not known{meant}")
     return text
 

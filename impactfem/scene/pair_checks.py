@@ -1,10 +1,10 @@
 """Checks of scenes with several solids that may strike each other."""
 
 from collections.abc import Sequence
-from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from impactfem.scene.contacts import Contact
+from impactfem.scene.nearest import nearest
 from impactfem.scene.pairing import side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.solids import Solid
@@ -95,5 +95,5 @@ def _surfaces(scene: "Scene", name: str) -> Sequence[str] | None:
 
 
 def _meant(name: str, known: Sequence[str]) -> str:
-    near = get_close_matches(name, known, 1)
-    return f"{f'did you mean {show(near[0])}? ' if near else ''}Give one of {', '.join(known)}."
+    near = nearest(name, known)
+    return f"{f'did you mean {show(near)}? ' if near else ''}Give one of {', '.join(known)}."

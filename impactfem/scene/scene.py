@@ -255,7 +255,7 @@ class Scene:
             SceneError: naming the key, e.g. ``body[0].length``.
         """
         fields = {entry.name: name for name, entry in keys_of(cls).items()}
-        given = check_keys(data, list(fields), "")
+        given = check_keys(data, list(fields), "", TOP)
         values: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
         if "body" in values:
             values["body"] = read_objects(values["body"], "body", BODIES, MAX_BODIES)

@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields
-from difflib import get_close_matches
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 from impactfem.errors import SceneError
 from impactfem.scene.kinds import Kind
+from impactfem.scene.nearest import nearest, same_as
 from impactfem.scene.values import NotAllowedError, show
 
 TOP = "top level"
@@ -160,8 +160,14 @@ def check_fields(instance: DataclassLike, where: str) -> None:
         object.__setattr__(instance, name, entry.read(getattr(instance, name), where))
 
 
-def check_keys(table: object, known: list[str], where: str) -> Mapping[str, object]:
+def check_keys(table: object, known: list[str], where: str, own: str = "") -> Mapping[str, object]:
     """Return the table if it is one and all its keys are known.
+
+    Args:
+        table: what stands in the file.
+        known: names of keys.
+        where: place of the table, for messages.
+        own: heading of the table in the reference, for hints.
 
     Raises:
         KeyedError: naming the nearest known key, or the table where the key belongs.
@@ -172,25 +178,41 @@ def check_keys(table: object, known: list[str], where: str) -> Mapping[str, obje
     for name, value in table.items():
         if name not in known:
             short = isinstance(name, str) and 0 < len(name) <= 40 and name.isprintable()
-            text = f" = {show(value)} is not a known key: {_hint(str(name), known)}"
+            text = f" = {show(value)} is not a known key: {_hint(str(name), known, own)}"
             raise KeyedError(
                 where, name if short else show(name), f"{text} Known keys: {', '.join(known)}."
             )
     return table
 
 
-def _hint(name: str, known: list[str]) -> str:
-    homes = [
-        heading
-        for heading, cls in _TABLES.items()
-        if name in (entry.name for entry in keys_of(cls).values())
-    ]
-    if TOP in homes:
+def _hint(name: str, known: list[str], own: str) -> str:
+    """What to do about an unknown key: where it belongs, or what is meant."""
+    homes = _homes(name)
+    if TOP in homes and own != TOP:
         return "it belongs to the top of the file; move it before the first table."
+    near = nearest(name, known)
+    meant = f'did you mean "{near}"?' if near else "remove it."
+    siblings = [heading for heading in homes if _family(heading) == _family(own)]
+    if siblings:
+        kinds = " or ".join(show(_TABLES[heading].kind) for heading in siblings)  # type: ignore[attr-defined]
+        return f"only kind = {kinds} has it; {meant}"
     if homes:
         return f"it belongs to {' or '.join(homes[:3])}; move it there."
-    near = get_close_matches(name[:80].lower(), known, 1)
-    return f'did you mean "{near[0]}"?' if near else "remove it."
+    elsewhere = next((other for other in same_as(name) if _homes(other)), "")
+    if elsewhere and near not in same_as(name):
+        return f'did you mean "{elsewhere}"? That belongs to {" or ".join(_homes(elsewhere)[:3])}.'
+    return meant
+
+
+def _homes(name: str) -> list[str]:
+    """Headings of the tables that have a key, in the order of the reference."""
+    headings = sorted(_TABLES, key=_rank)
+    return [h for h in headings if name in (entry.name for entry in keys_of(_TABLES[h]).values())]
+
+
+def _family(heading: str) -> str:
+    """Kinds of one thing are of one family: all bodies, all obstacles, all shapes."""
+    return heading.partition("kind =")[0]
 
 
 def from_table[T: DataclassLike](cls: type[T], table: object, where: str, *extra: str) -> T:
@@ -206,7 +228,8 @@ def from_table[T: DataclassLike](cls: type[T], table: object, where: str, *extra
         KeyedError: unknown keys first (one may be misspelt), then missing and wrong ones.
     """
     names = {entry.name: name for name, entry in keys_of(cls).items()}
-    given = check_keys(table, [*extra, *names], where)
+    own = next((heading for heading, known in _TABLES.items() if known is cls), "")
+    given = check_keys(table, [*extra, *names], where, own)
     values = {names[k]: v for k, v in given.items() if k in names and v is not None}
     try:
         return cls(**values)

@@ -86,11 +86,11 @@ CASES = {
         {"body.0.supports": {"surface": "rim"}},
         ["body[0].supports = ", "a table, not a list"],
     ),
-    "key of a bar": ({"body.0.length": 1}, ["body[0].length", '[[body]] with kind = "bar"']),
+    "key of a bar": ({"body.0.length": 1}, ["body[0].length", 'only kind = "bar" or "rod" or "beam" has it']),
     "key of a body": ({"solve.mesh_size": 1}, ["solve.mesh_size", '[[body]] with kind = "solid"']),
     "key of a solid": (
         {**OF_BAR, "body.0.mesh_size": 0.1},
-        ["body[0].mesh_size", 'belongs to [[body]] with kind = "solid"'],
+        ["body[0].mesh_size", 'only kind = "solid" has it'],
     ),
     "friction": ({"obstacle.0.friction_coefficient": 0.3}, ["belongs to [[contact]]", "move it"]),
     "restitution": ({"obstacle.0.restitution": 0.3}, ["belongs to [[contact]]", "move it"]),

@@ -1,0 +1,76 @@
+"""The nearest correct name to a wrong one: misspellings, and other words for the same thing."""
+
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+
+# What other programs and textbooks call it; the first of these keys that is known here is meant.
+_SAME: Mapping[str, tuple[str, ...]] = {
+    "e": ("youngs_modulus", "restitution"),
+    "modulus": ("youngs_modulus",),
+    "elastic_modulus": ("youngs_modulus",),
+    "elasticity": ("youngs_modulus",),
+    "stiffness": ("youngs_modulus",),
+    "rho": ("density",),
+    "nu": ("poisson_ratio",),
+    "mu": ("friction_coefficient",),
+    "friction": ("friction_coefficient",),
+    "cor": ("restitution",),
+    "g": ("gravity",),
+    "t": ("duration",),
+    "t_end": ("duration",),
+    "end_time": ("duration",),
+    "time": ("duration",),
+    "name": ("title",),
+    "timestep": ("dt",),
+    "time_step": ("dt",),
+    "step": ("dt",),
+    "cfl": ("courant",),
+    "solver": ("solve", "method"),
+    "scheme": ("method",),
+    "v": ("velocity",),
+    "v0": ("velocity",),
+    "speed": ("velocity",),
+    "initial_velocity": ("velocity",),
+    "omega": ("angular_velocity",),
+    "h": ("mesh_size", "height", "elements"),
+    "element_size": ("mesh_size",),
+    "n": ("elements",),
+    "l": ("length",),
+    "r": ("radius",),
+    "diameter": ("radius",),
+    "origin": ("center", "corner", "point"),
+    "centre": ("center",),
+    "position": ("center", "corner", "point"),
+    "center": ("position", "point", "corner"),
+    "angle": ("inclination",),
+    "bodies": ("body",),
+    "obstacles": ("obstacle",),
+    "wall": ("obstacle",),
+    "contacts": ("contact", "between"),
+    "type": ("kind",),
+    "file": ("mesh",),
+    "pair": ("between",),
+    "formats": ("fields",),
+}
+
+_SHORT, _CLOSE, _CLOSE_SHORT = 3, 0.6, 0.5  # letters; shares of letters in common
+
+
+def same_as(word: str) -> tuple[str, ...]:
+    """Keys that go by another word elsewhere; none for most."""
+    return _SAME.get(word.lower(), ())
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """The known name that is probably meant by a word; empty if none is near."""
+    names, small = list(known), word[:80].lower()
+    if small in names:
+        return small
+    same = next((name for name in same_as(word) if name in names), "")
+    if same:
+        return same
+    cutoff = _CLOSE_SHORT if len(small) <= _SHORT else _CLOSE
+    near = get_close_matches(small, names, 1, cutoff)
+    if not near:  # names in capitals, as those of surfaces of a mesh file
+        near = get_close_matches(word[:80], names, 1, cutoff)
+    return near[0] if near else ""
