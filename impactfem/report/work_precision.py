@@ -47,7 +47,7 @@ def work_precision(
     Args:
         scene: What to model. Solids are measured against method conserving on elements half as
             large as the smallest of ``sizes``; points, rods and beams as `solve` does it.
-        methods: Methods, with settings after "@", as "galerkin@courant=0.5".
+        methods: Methods, with settings after "@", as `"galerkin@courant=0.5"`.
         sizes: Numbers of elements along the body; of steps for points, rods and beams.
         repeats: Runs of which the median time counts; short ones are run more often.
         baselines: Other solvers by name, run and measured in the same way.
