@@ -39,9 +39,10 @@ lint: setup ## Check style, types and the order of the layers
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
 
-docs: setup ## Build the documentation: docs/_build/html/index.html
+docs: setup ## Run the demos, build the documentation, check its links: docs/_build/html/index.html
 	@test -f docs/conf.py || { echo "docs/conf.py does not exist yet" >&2; exit 1; }
-	@$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
+	@$(BIN)/python -m sphinx -W --keep-going -q -t gallery -b html docs docs/_build/html
+	@$(BIN)/python docs/scripts/check_links.py docs/_build/html
 	@echo "Documentation: docs/_build/html/index.html"
 
 clean: ## Remove caches and build products (keeps results/ and .venv)

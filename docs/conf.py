@@ -44,6 +44,7 @@ html_extra_path = ["generated/extra"]
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
+python_maximum_signature_line_length = 88
 # Docstrings are plain text with code in single backticks.
 default_role = "code"
 napoleon_google_docstring = True
@@ -52,22 +53,33 @@ napoleon_numpy_docstring = False
 GENERATED = Path(__file__).parent / "generated"
 
 
+COLON = "\N{SYMBOL FOR UNIT SEPARATOR}"  # stands for a colon that separates nothing
+
+
+def protect(*event: Any) -> None:
+    """Take bars for absolute values, and the first line of a property for text without a type."""
+    what, lines = event[1], event[-1]
+    lines[:] = [line.replace("|", "\\|") for line in lines]
+    if what == "property" and lines:
+        lines[0] = lines[0].replace(":", COLON)
+
+
+def restore(*event: Any) -> None:
+    """Put back what `protect` has hidden."""
+    event[-1][:] = [line.replace(COLON, ":") for line in event[-1]]
+
+
 def setup(app: Any) -> None:
-    """Take bars in docstrings for absolute values, not for substitutions."""
-
-    def escape(*event: Any) -> None:
-        lines = event[-1]
-        lines[:] = [line.replace("|", "\\|") for line in lines]
-
-    # Before napoleon (500), which writes markup of its own.
-    app.connect("autodoc-process-docstring", escape, priority=400)
+    """Wrap napoleon (priority 500), which writes markup of its own."""
+    app.connect("autodoc-process-docstring", protect, priority=400)
+    app.connect("autodoc-process-docstring", restore, priority=600)
 
 
 write_changed(GENERATED / "scene.md", reference_tables.scene_reference())
 write_changed(GENERATED / "columns.md", reference_tables.history_columns())
 
 # The demos are run for `-t gallery` (make docs); other builds show what is stored.
-folder = Path(os.environ.get("IMPACTFEM_GALLERY") or gallery_runs.DEFAULT)
+folder = Path(os.environ.get("IMPACTFEM_GALLERY") or gallery_runs.DEFAULT).resolve()
 runs = gallery_runs.find_runs(folder)
 if tags.has("gallery"):  # noqa: F821  (defined by Sphinx)
     runs, _ = gallery_runs.execute_all(folder)

@@ -220,5 +220,5 @@ def claims(runs: Sequence[Run]) -> list[Claim]:
 
 def write(runs: Sequence[Run], path: Path) -> None:
     """Write the table of claims."""
-    head = ["claim", "tested by", "figure", "more"]
-    write_changed(path, table(head, claims(runs)))
+    rows = [(f"{claim}<br>{test}", figure, page) for claim, test, figure, page in claims(runs)]
+    write_changed(path, table(["claim, and what tests it", "figure", "more"], rows))
