@@ -7,6 +7,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
+import choices
 import claims
 import gallery_pages
 import gallery_runs
@@ -85,4 +86,5 @@ if tags.has("gallery"):  # noqa: F821  (defined by Sphinx)
     runs, _ = gallery_runs.execute_all(folder)
 gallery_pages.write(runs)
 stored.write()
+choices.write(GENERATED)
 claims.write(runs, GENERATED / "claims.md")
