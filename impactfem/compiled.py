@@ -22,6 +22,12 @@ def compiled(function: Callable[..., Any]) -> Any:
         return numba.njit(function)
 
 
+def cache_folder(function: Callable[..., Any]) -> Path | None:
+    """Where the machine code of a function is kept; None if it cannot be."""
+    folder = compiled(function).stats.cache_path
+    return Path(folder) if folder else None
+
+
 class _Announcer(event.Listener):
     """Hears of each compilation, not of code that is found in the cache."""
 

@@ -8,13 +8,18 @@ import platform
 import shutil
 import subprocess
 import sys
+import sysconfig
+import tempfile
+from pathlib import Path
 
 import numpy as np
 
 import impactfem
 
-_LIBRARIES = ("numpy", "scipy", "xarray", "h5py", "matplotlib", "tqdm")
+_LIBRARIES = ("numpy", "scipy", "numba", "xarray", "h5py", "matplotlib", "plotly", "tqdm")
+_WITHOUT = "missing: bars with method exact, points, rods and beams work without it"
 _PACKAGES = ("mumps", "superlu_dist", "hypre", "ptscotch", "slepc")
+_PAGE = Path(__file__).parent / "report" / "page"
 _RENDER = """
 import pyvista
 plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
@@ -40,7 +45,9 @@ def examine() -> tuple[list[tuple[str, str]], list[str]]:
         if found.startswith(("missing", "broken")):
             faults.append(f"{name} is {found}: pip install --force-reinstall {name}")
     rows += _finite_elements(faults)
-    rows += [("compiler", _compiler(faults)), ("gmsh", _gmsh(faults)), ("rendering", _rendering())]
+    rows += [("compiler", _compiler(faults)), ("gmsh", _gmsh(faults))]
+    rows += [("cache of forms", _forms(faults)), ("cache of loops", _loops())]
+    rows += [("report.html", _report(faults)), ("rendering", _rendering())]
     rows.append(("OMP_NUM_THREADS", os.environ.get("OMP_NUM_THREADS", "not set (1 is used)")))
     return rows, faults
 
@@ -64,7 +71,7 @@ def _finite_elements(faults: list[str]) -> list[tuple[str, str]]:
         from impactfem.fem import MPI, PETSc, dolfinx_fem  # noqa: F401, PLC0415
     except impactfem.MissingDependencyError as error:
         faults.append(str(error))
-        return [("dolfinx", "missing")]
+        return [("dolfinx", _WITHOUT)]
     mpi = MPI.Get_library_version().split("\n")[0].replace("\t", " ").strip()
     petsc = ".".join(str(part) for part in PETSc.Sys.getVersion())
     has = {name: PETSc.Sys.hasExternalPackage(name) for name in _PACKAGES}
@@ -94,7 +101,60 @@ def _compiler(faults: list[str]) -> str:
     )
     if found is None:
         faults.append("no C compiler: apt-get install gcc libc6-dev")
+    header = Path(sysconfig.get_path("include")) / "Python.h"
+    if not header.exists():
+        faults.append(f"no {header}, with which forms are compiled: apt-get install python3-dev")
     return found or "missing"
+
+
+def _forms(faults: list[str]) -> str:
+    """Where compiled forms are kept; without such a folder there are no finite elements."""
+    try:
+        from impactfem.fem import form_cache  # noqa: PLC0415
+    except impactfem.MissingDependencyError:
+        return "none"
+    folder = form_cache()
+    fault = _cannot_write(folder)
+    if fault:
+        faults.append(f"{folder}: {fault}; set XDG_CACHE_HOME to a folder that can be written")
+    return f"{folder}{_held(folder, '*.so')}"
+
+
+def _loops() -> str:
+    """Where compiled time loops are kept."""
+    try:
+        from impactfem.compiled import cache_folder  # noqa: PLC0415
+    except ImportError:  # Numba is missing or broken, which is a fault of its own
+        return "none"
+    folder = cache_folder(_loops)
+    if folder is None:
+        return "none can be written: compiled in each run (set NUMBA_CACHE_DIR)"
+    return "beside the source" if folder.name == "__pycache__" else str(folder)
+
+
+def _cannot_write(folder: Path) -> str:
+    """Why a folder cannot be written; empty if it can."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return ""
+    except OSError as error:
+        return str(error.strerror)
+
+
+def _held(folder: Path, pattern: str) -> str:
+    size = sum(path.stat().st_size for path in folder.glob(pattern))
+    return f", {size / 2**20:.0f} MiB" if size else ", empty"
+
+
+def _report(faults: list[str]) -> str:
+    """Whether the page of a run can be written: its library, and its parts in the package."""
+    lost = {".html", ".css", ".js"} - {path.suffix for path in _PAGE.glob("*")}
+    if lost:
+        missing = ", ".join(sorted(lost))
+        faults.append(f"impactfem/report/page has no {missing}: reinstall impactfem")
+        return "cannot be written"
+    return "can be written; no browser is needed for that, any shows it"
 
 
 def _gmsh(faults: list[str]) -> str:

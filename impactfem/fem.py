@@ -47,12 +47,17 @@ except ImportError:  # DOLFINx 0.9
 PETSc: Any = _PETSc
 
 
+def form_cache() -> Path:
+    """Folder in which FFCx keeps compiled forms."""
+    return Path(dolfinx.jit.get_options()["cache_dir"])
+
+
 def _announced(compile_objects: Callable[..., Any]) -> Callable[..., Any]:
     """FFCx's compiler, which is not called for forms that its cache holds, with an announcement."""
 
     @functools.wraps(compile_objects)
     def announcing(*arguments: Any, **settings: Any) -> Any:
-        compiling("finite-element forms", Path(dolfinx.jit.get_options()["cache_dir"]))
+        compiling("finite-element forms", form_cache())
         return compile_objects(*arguments, **settings)
 
     return announcing
@@ -80,6 +85,7 @@ __all__ = [
     "facet_nodes",
     "facet_submesh",
     "facet_vertices",
+    "form_cache",
     "from_gmsh_order",
     "gather",
     "global_mesh",
