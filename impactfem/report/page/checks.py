@@ -10,9 +10,7 @@ from impactfem.result import Result
 from impactfem.summary import GROWTH_NOTED
 
 _ROUNDING = 1e-9  # share of the largest value that counts as rounding
-_COMPLEMENTARY = (
-    1e-6  # product of gap and force that counts as none, relative to the largest of both
-)
+_COMPLEMENTARY = 1e-6  # share of the largest gap times the largest force that counts as none
 
 
 @dataclass(frozen=True)
@@ -61,11 +59,9 @@ def _energy(result: Result) -> Check:
     energy, name = result.summary["energy"], "Energy does not grow"
     growth = energy["max_relative_growth"]
     if energy.get("driven"):
-        return Check(
-            name, "loads or moving obstacles do work, which the history does not hold", None
-        )
+        return Check(name, "loads or moving obstacles do work, which is not in the history", None)
     drift = percent(energy["final_relative_drift"])
-    found = f"largest growth {percent(growth)}, at the end {drift} of the scale"
+    found = f"largest relative growth {percent(growth)}, change at the end {drift}"
     return Check(name, found, growth is not None and growth <= GROWTH_NOTED)
 
 

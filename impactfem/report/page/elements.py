@@ -7,6 +7,8 @@ from urllib.parse import quote
 
 type Row = Sequence[str]
 
+_SHORT = 24  # characters of a cell that is not broken
+
 
 def text(words: str) -> str:
     """A text as HTML."""
@@ -60,8 +62,13 @@ def section(anchor: str, title: str, *parts: str, kind: str = "") -> str:
 
 def _row(row: Row) -> str:
     first, *others = row
-    cells = "".join(f"<td>{text(cell)}</td>" for cell in others)
+    cells = "".join(f"<td{_class(_kind(cell))}>{text(cell)}</td>" for cell in others)
     return f'<tr><th scope="row">{text(first)}</th>{cells}</tr>'
+
+
+def _kind(cell: str) -> str:
+    """Numbers with their units stay on one line."""
+    return "short" if len(cell) <= _SHORT else ""
 
 
 def _class(kind: str) -> str:

@@ -6,10 +6,10 @@ from typing import Any
 from impactfem.methods import METHODS
 from impactfem.report.page.checks import checks
 from impactfem.report.page.elements import bullets, code, link, paragraph, section, table, terms
-from impactfem.report.page.numbers import counted, number, percent, quantity, span
+from impactfem.report.page.numbers import counted, percent, quantity, span
 from impactfem.report.page.omissions import omissions
 from impactfem.result import Result
-from impactfem.result.result import FIELD_FILES, IMPACTS
+from impactfem.result.result import AXIS, FIELD_FILES, IMPACTS
 
 _MOST = 12  # contact intervals that are listed
 
@@ -58,8 +58,7 @@ def error(result: Result) -> str:
         ("Displacement, mean", percent(found["displacement_l2"]),
          "root of the mean square of the difference, over that of the displacement"),
         ("Contact force, mean", percent(found["force_l1"]),
-         "mean of the absolute difference (of impulses, where forces are impulses), over that of "
-         "the force"),
+         "mean of the absolute difference (of impulses, where these are compared), over the force"),
     ]  # fmt: skip
     lines.append(table(rows, ("figure", "value", "meaning")))
     lines.append(paragraph(_limits(exact=exact)))
@@ -119,16 +118,20 @@ def cost(result: Result) -> str:
     """What the run took, beside what was planned."""
     summary = result.summary
     plan = summary["plan"]
-    planned = plan.get("seconds"), plan.get("memory_mib")
+    seconds, memory = plan.get("seconds"), plan.get("memory_mib")
+    steps = plan.get("layers") or plan.get("steps") or ""
     rows = [
-        ("Time", span(summary["wall_time"]), "" if planned[0] is None else f"about {span(planned[0])}"),
-        ("Memory", f"{summary['peak_memory_mib']:.0f} MiB",
-         "" if planned[1] is None else f"about {number(planned[1], 2)} MiB"),
+        ("Time", span(summary["wall_time"]), "" if seconds is None else f"about {span(seconds)}"),
+        (
+            "Memory",
+            f"{summary['peak_memory_mib']:.0f} MiB",
+            "" if memory is None else f"about {memory:.0f} MiB" if memory > 1 else "little",
+        ),
         ("Unknowns", str(summary["num_dofs"]), str(plan.get("unknowns") or "")),
-        ("Steps in time", str(summary["num_steps"]), str(plan.get("layers") or plan.get("steps") or "")),
+        ("Steps in time", str(summary["num_steps"]), str(steps)),
         ("MPI ranks", str(summary["ranks"]), ""),
         ("Contact iterations", str(summary["active_set"]["iterations"]), ""),
-    ]  # fmt: skip
+    ]
     if dt := summary["details"].get("dt", plan.get("dt")):
         rows.insert(4, ("Length of a step", span(dt), ""))
     return section(
@@ -174,6 +177,8 @@ def files(result: Result, pictures: Sequence[str]) -> str:
     kept += [("history.csv", "one row per step"), ("history.nc", "the same for xarray, with units")]
     if result.exact is not None:
         kept.append(("exact.nc", "the exact gap and contact force"))
+    if result.axis is not None:
+        kept.append((AXIS, "shapes of the axis"))
     if result.impacts is not None:
         kept.append((IMPACTS, "impacts one by one"))
     if result.fields is not None:

@@ -66,5 +66,5 @@ def span(seconds: float) -> str:
     """A time with a handy unit."""
     for limit, scale, unit in ((1e-6, 1e9, "ns"), (1e-3, 1e6, "µs"), (1.0, 1e3, "ms")):
         if seconds < limit:
-            return f"{scale * seconds:.4g} {unit}"
-    return f"{seconds:.4g} s"
+            return f"{scale * seconds:.3g} {unit}"
+    return f"{seconds:.3g} s" if seconds < 1000.0 else f"{seconds:.0f} s"

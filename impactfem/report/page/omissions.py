@@ -23,8 +23,7 @@ def _rubs(scene: Scene) -> bool:
 def _bars() -> list[str]:
     return [
         "Bending and sideways motion: nothing in the scene pushes a bar off its axis.",
-        "Widening of the section under pressure, and with it the dispersion of waves that are as "
-        "short as the section is wide: the theory of bars knows none.",
+        "Widening of the section, and with it the dispersion of waves as short as it is wide.",
         "Damping, plasticity and heat: the bar is linear elastic, only contact changes its motion.",
     ]
 
@@ -59,7 +58,7 @@ def _few_freedoms(scene: Scene) -> list[str]:
     if isinstance(body, Beam):
         found.append("Large rotations: displacements are small about the place at t = 0.")
         if body.theory == "euler_bernoulli":
-            found.append("Shear deformation and rotary inertia: Euler-Bernoulli theory.")
+            found.append("Shear deformation: Euler-Bernoulli theory.")
         if not any(body.rayleigh_damping):
             found.append("Damping of the material: the scene gives none.")
         found.append("Local indentation: the contact itself is rigid.")

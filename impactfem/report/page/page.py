@@ -1,0 +1,238 @@
+"""Put the report of a run together: one HTML file with everything in it."""
+
+import io
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from string import Template
+from typing import TYPE_CHECKING, Any
+
+from impactfem.report.figures import draw_all, write_pictures
+from impactfem.report.page import facts
+from impactfem.report.page.charts import charts
+from impactfem.report.page.drawing import drawing
+from impactfem.report.page.elements import bullets, paragraph, section, terms, text
+from impactfem.report.page.embedding import (
+    json_text,
+    picture_address,
+    plotly_script,
+    script_text,
+)
+from impactfem.report.page.motion import motion
+from impactfem.report.page.numbers import percent, quantity, span
+from impactfem.report.page.verdict import verdict
+from impactfem.report.page.words import in_words
+from impactfem.result import Result
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PAGE = "report.html"
+"""Name of the report in the folder of a result."""
+
+_HERE = Path(__file__).parent
+
+_TITLES = {
+    "verdict": "Verdict",
+    "scene": "Scene",
+    "motion": "Motion",
+    "charts": "Charts",
+    "still-pictures": "Pictures",
+    "model": "Model",
+    "error": "Error",
+    "checks": "Checks",
+    "contact": "Contact",
+    "cost": "Cost",
+    "origin": "Repeat",
+    "files": "Files",
+}
+
+
+def write_report(result: Result, folder: Path) -> "tuple[dict[str, Figure], list[Path]]":
+    """Write the pictures of a result, and its page unless ``output.report`` is false.
+
+    Returns:
+        The figures by name, and the paths of all files.
+    """
+    figures, paths = write_pictures(result, folder)
+    if result.scene.output.report:
+        paths.append(write_page(result, folder / PAGE, paths))
+    return figures, paths
+
+
+def write_page(result: Result, path: Path, pictures: Sequence[Path] | None = None) -> Path:
+    """Write the page of a result.
+
+    Args:
+        result: What to report.
+        path: Target.
+        pictures: Files that lie beside the page; those in PNG are put into it. Drawn anew, and
+            not written, if None.
+
+    Returns:
+        The path.
+    """
+    path.write_text(page(result, pictures), encoding="utf-8")
+    return path
+
+
+def page(result: Result, pictures: Sequence[Path] | None = None) -> str:
+    """The page of a result as HTML.
+
+    Args:
+        result: What to report.
+        pictures: As for `write_page`.
+    """
+    if pictures is None:
+        images, names = _drawn(result), []
+    else:
+        images = [(path.stem, path.read_bytes()) for path in pictures if path.suffix == ".png"]
+        names = [path.name for path in pictures]
+    script = plotly_script()
+    moving = _guarded("the motion", motion, result) if script else None
+    drawn = (_guarded("the charts", charts, result) or []) if script else []
+    sections = [
+        _scene(result),
+        _motion(moving),
+        _charts([(each.name, each.title, each.caption) for each in drawn]),
+        _still(images),
+        facts.model(result),
+        facts.error(result),
+        facts.obeyed(result),
+        facts.contact(result),
+        facts.cost(result),
+        facts.origin(result),
+        facts.files(result, names),
+    ]
+    data = [{"name": e.name, "title": e.title, "figure": e.figure} for e in drawn]
+    template = Template((_HERE / "page.html").read_text(encoding="utf-8"))
+    return template.substitute(
+        title=text(result.summary["title"]),
+        byline=text(_byline(result)),
+        css=(_HERE / "page.css").read_text(encoding="utf-8"),
+        verdict=_verdict(result),
+        contents=_contents(sections),
+        sections="".join(sections),
+        scripts=_scripts(script, moving, data),
+    )
+
+
+def _guarded[T](what: str, make: Callable[[Result], T], result: Result) -> T | None:
+    """Make a part of the page; a fault in it must not cost the result of a long run."""
+    try:
+        return make(result)
+    except Exception as fault:  # noqa: BLE001  (said below, and an error in the tests)
+        text = f"{PAGE} lacks {what}: {type(fault).__name__}: {fault}"
+        warnings.warn(text, RuntimeWarning, stacklevel=2)
+        return None
+
+
+def _drawn(result: Result) -> list[tuple[str, bytes]]:
+    images = []
+    for name, figure in draw_all(result).items():
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", dpi=130)
+        images.append((name, buffer.getvalue()))
+    return images
+
+
+def _byline(result: Result) -> str:
+    summary = result.summary
+    parts = [f"method {summary['method']}"]
+    if run := summary.get("run"):
+        parts += [run["date"][:16].replace("T", " "), f"impactfem {run['versions']['impactfem']}"]
+    return ", ".join(parts)
+
+
+def _verdict(result: Result) -> str:
+    """What a person must see first: whether to trust it, and the main figures."""
+    summary, found = result.summary, verdict(result)
+    error, energy = summary["error"], summary["energy"]
+    shown = "not measured" if summary["method"] != "exact" else "exact"
+    if error is not None:
+        shown = f"{percent(error['displacement_max'])} / {percent(error['force_l1'])}"
+    change = "driven by loads" if energy.get("driven") else percent(energy["final_relative_drift"])
+    glance = [
+        ("Status", summary["status"].replace("_", " ")),
+        ("Error (displacement / force)", shown),
+        ("Change of energy", change),
+        ("Largest contact force", quantity(summary["contact"]["max_force"], "N", 4)),
+        ("Cost", f"{span(summary['wall_time'])}, {summary['peak_memory_mib']:.0f} MiB"),
+    ]
+    cells = "".join(f"<div><dt>{text(a)}</dt><dd>{text(b)}</dd></div>" for a, b in glance)
+    return (
+        f'<section id="verdict" class="verdict {found.level}"><h2>{text(found.headline)}</h2>'
+        f'{bullets(found.reasons)}<dl class="glance">{cells}</dl></section>'
+    )
+
+
+def _contents(sections: Sequence[str]) -> str:
+    present = "".join(sections)
+    return " ".join(
+        f'<a href="#{anchor}">{text(title)}</a>'
+        for anchor, title in _TITLES.items()
+        if f'<section id="{anchor}"' in present
+    )
+
+
+def _scene(result: Result) -> str:
+    picture = _guarded("the drawing", drawing, result)
+    caption = (
+        "The scene at t = 0. Orange: velocities, purple: supports and loads, green: gravity; "
+        "arrows show directions, not sizes. Grey: rigid obstacles."
+    )
+    figure = f"<figure>{picture}<figcaption>{caption}</figcaption></figure>" if picture else ""
+    return section("scene", "The scene", figure, terms(in_words(result.scene)))
+
+
+def _motion(payload: dict[str, Any] | None) -> str:
+    if payload is None:
+        return ""
+    view = '<div id="motion-view"></div>'
+    return _interactive(section("motion", "Motion and contact force", view))
+
+
+def _charts(entries: Sequence[tuple[str, str, str]]) -> str:
+    figures = "".join(
+        f'<figure class="chart" id="figure-{text(name)}"><h3>{text(title)}</h3>'
+        f'<div class="plot" id="chart-{text(name)}"></div>'
+        f"<figcaption>{text(caption)}</figcaption></figure>"
+        for name, title, caption in entries
+    )
+    return _interactive(section("charts", "Charts", figures))
+
+
+def _interactive(part: str) -> str:
+    """What needs scripts: hidden until they run."""
+    return f'<div class="interactive" hidden>{part}</div>' if part else ""
+
+
+def _still(images: Sequence[tuple[str, bytes]]) -> str:
+    """Pictures that need no scripts; what is printed."""
+    figures = "".join(
+        f'<figure><img src="{picture_address(data)}" alt="{text(name.replace("_", " "))}">'
+        f"<figcaption>{text(name.replace('_', ' '))}</figcaption></figure>"
+        for name, data in images
+    )
+    if not figures:
+        return ""
+    body = f'<details class="still" id="still" open><summary>Still pictures</summary>{figures}'
+    return section("still-pictures", "Pictures", f"{body}</details>")
+
+
+def _scripts(
+    plotly: str | None, moving: dict[str, Any] | None, charts_data: Sequence[dict[str, Any]]
+) -> str:
+    """Data and scripts at the end of the page; none where plotly.js is not installed."""
+    if plotly is None:
+        note = "plotly is not installed where this page was written: it shows pictures only."
+        return paragraph(note, "note")
+    parts = [f'<script type="application/json" id="charts-data">{json_text(charts_data)}</script>']
+    if moving is not None:
+        data = json_text(moving)
+        parts.append(f'<script type="application/json" id="motion-data">{data}</script>')
+    parts.append(f"<script>{plotly}</script>")
+    for name in ("motion_views.js", "motion.js", "page.js"):
+        code = (_HERE / name).read_text(encoding="utf-8")
+        parts.append(f"<script>{script_text(code)}</script>")
+    return "\n".join(parts)
