@@ -149,11 +149,13 @@ def execute_all(
     """Run what is not current, the longest first; returns all runs and how many were made.
 
     Raises:
-        GalleryError: If any fails, with the messages of all that do.
+        GalleryError: If any fails, with the messages of all that do; if there are no scenes.
     """
     with _alone(out):
         digest = sources()
         runs = [run for run in find_runs(out) if not only or run.name in only]
+        if not runs:
+            raise GalleryError("there is no demos/*/scene.toml of that name")
         due = [run for run in runs if not is_current(run, digest)]
         due.sort(key=lambda run: -run.stamp.get("seconds", float("inf")))
         faults = []
