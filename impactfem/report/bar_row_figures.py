@@ -50,7 +50,7 @@ def world_lines(axes: Axes, result: Result) -> None:
     fields, scene = result.fields, result.scene
     if not isinstance(fields, Fields) or fields.counts is None:
         return
-    place, factor = _magnified(fields)
+    place, factor = magnified(fields)
     t = np.unique(np.linspace(0, len(fields.times) - 1, min(len(fields.times), _MAX_LINES)))
     rows = t.astype(int)
     starts = np.cumsum([0, *fields.counts])
@@ -82,8 +82,8 @@ def world_lines(axes: Axes, result: Result) -> None:
         low = min(0.0, float(np.nanmin(place))) - 0.04 * float(np.nanmax(place))
         axes.axhspan(low, 0.0, color=_GREY, alpha=0.5, hatch="//", linewidth=0)
         axes.set_ylim(bottom=low)
-    magnified = f", motion and gaps x {factor:g}" if factor > 1.0 else ""
-    axes.set_ylabel(f"place on the axis [m]{magnified}")
+    motion = f", motion and gaps x {factor:g}" if factor > 1.0 else ""
+    axes.set_ylabel(f"place on the axis [m]{motion}")
     axes.set_title(f"{scene.title}: points of the bars")
     axes.legend(loc="lower right", framealpha=0.9)
 
@@ -124,7 +124,7 @@ def velocities(axes: Axes, result: Result) -> None:
         axes.legend(frameon=False)
 
 
-def _magnified(fields: Fields) -> tuple[NDArray[np.float64], float]:
+def magnified(fields: Fields) -> tuple[NDArray[np.float64], float]:
     """Places of all nodes at the kept levels with magnified motion, and the factor."""
     counts = np.array(fields.counts or (len(fields.positions),))
     lengths = fields.positions[np.cumsum(counts) - 1]

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from impactfem.errors import SceneError
-from impactfem.report.animation import animate
+from impactfem.report.animation import film_if_any
 from impactfem.report.bar_row_figures import bar_row_painters
 from impactfem.report.solid_figures import solid_painters
 from impactfem.report.vibro_figures import vibro_painters
@@ -65,16 +65,15 @@ def draw_one(result: Result, name: str) -> Figure:
 
 
 def write_pictures(result: Result, folder: Path) -> tuple[dict[str, Figure], list[Path]]:
-    """Draw everything that the result allows and write it, with a film of a solid's motion.
+    """Draw everything that the result allows and write it, with a film of the motion.
 
     Returns:
         The figures by name, and the paths of all files.
     """
     figures = draw_all(result)
     paths = write_all(figures, folder)
-    if "body" in figures:
-        paths.append(animate(result, folder / "motion.gif"))
-    return figures, paths
+    film = film_if_any(result, folder / "motion.gif")
+    return figures, paths if film is None else [*paths, film]
 
 
 def write_all(figures: Mapping[str, Figure], folder: Path) -> list[Path]:

@@ -15,7 +15,9 @@ from impactfem.scene import HalfSpace, Point, RigidCylinder, RigidSphere
 
 Floats = NDArray[np.float64]
 
-_COLOURS = ("#0b559f", "#d95f02", "#1b7837", "#7b3294", "#b2182b", "0.3")
+COLOURS = ("#0b559f", "#d95f02", "#1b7837", "#7b3294", "#b2182b", "0.3")
+"""Colours of bodies and constraints."""
+
 _MAX_DOTS = 2000
 _MAX_CURVES = 8
 
@@ -50,7 +52,7 @@ def path(axes: Axes, result: Result) -> None:
     names = [body.name for body in result.scene.bodies]
     for k, name in enumerate(names):
         x, y = result.history[f"{name}.x"].values, result.history[f"{name}.y"].values
-        colour = _COLOURS[k % len(_COLOURS)]
+        colour = COLOURS[k % len(COLOURS)]
         axes.plot(x, y, color=colour, linewidth=1.2, label=name if k < _MAX_CURVES else None)
         axes.plot(x[0], y[0], "o", color=colour, markersize=5)
     spans = [np.ptp([result.history[f"{n}.{c}"].values for n in names]) for c in "xy"]
@@ -98,7 +100,7 @@ def motion(axes: Axes, result: Result) -> None:
     for k, (name, letter) in enumerate(curves):
         label = (f"{name}.{letter}" if len(letters) > 1 else name) if k < _MAX_CURVES else None
         axes.plot(
-            time, result.history[f"{name}.{letter}"], color=_COLOURS[k % len(_COLOURS)],
+            time, result.history[f"{name}.{letter}"], color=COLOURS[k % len(COLOURS)],
             linewidth=1.2, label=label,
         )  # fmt: skip
     if result.scene.dim == 1:
@@ -117,8 +119,8 @@ def phase(axes: Axes, result: Result) -> None:
     """Velocity against position of one point on a line; impacts are vertical jumps."""
     name = result.scene.bodies[0].name
     x, v = result.history[f"{name}.x"].values, result.history[f"{name}.vx"].values
-    axes.plot(x, v, color=_COLOURS[0], linewidth=0.8)
-    axes.plot(x[0], v[0], "o", color=_COLOURS[1], markersize=5)
+    axes.plot(x, v, color=COLOURS[0], linewidth=0.8)
+    axes.plot(x[0], v[0], "o", color=COLOURS[1], markersize=5)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("velocity [m/s]")
     axes.set_title(f"{result.scene.title}: phase portrait (dot: start)")
@@ -133,7 +135,7 @@ def gaps(axes: Axes, result: Result) -> None:
     close = [n for n in nearest if float(result.history[n].min()) <= least + 0.2 * span]
     for k, name in enumerate(n for n in names if n in close[:_MAX_CURVES]):
         column = result.history[name]
-        axes.plot(result.history["time"], column, color=_COLOURS[k % len(_COLOURS)], linewidth=1.2,
+        axes.plot(result.history["time"], column, color=COLOURS[k % len(COLOURS)], linewidth=1.2,
                   label=column.attrs.get("label", name))  # fmt: skip
     axes.axhline(0.0, color="0.35", linewidth=1.0)
     _time(axes, result)
@@ -152,7 +154,7 @@ def impacts(axes: Axes, result: Result) -> None:
     for k, index in enumerate(np.unique(found.constraint)[:_MAX_CURVES]):
         own = kept[found.constraint[kept] == index]
         label = labels[index] if index < len(labels) else f"constraint {index}"
-        axes.plot(found.time[own], -found.before[own], ".", color=_COLOURS[k % len(_COLOURS)],
+        axes.plot(found.time[own], -found.before[own], ".", color=COLOURS[k % len(COLOURS)],
                   markersize=4 if len(kept) > 50 else 9, label=label)  # fmt: skip
     speeds = -found.before
     axes.set_ylim(bottom=min(0.0, float(speeds.min())))

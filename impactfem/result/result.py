@@ -65,7 +65,7 @@ class Result:
         """Draw all figures that the result allows.
 
         Args:
-            folder: Where to write them as PNG files, with a film of a solid's motion; None to
+            folder: Where to write them as PNG files, with a film of the motion; None to
                 only return them.
 
         Returns:
@@ -199,7 +199,7 @@ class Result:
 
         Args:
             folder: Made if absent. The files appear together when all are written.
-            pictures: Whether to draw them.
+            pictures: Whether to draw them, and to write the report with them.
 
         Returns:
             The folder.
@@ -220,7 +220,9 @@ class Result:
                 self.impacts.write_csv(stage / IMPACTS)
             self._write_fields(stage)
             if pictures:
-                self.plot(stage)
+                from impactfem.report.page.page import write_report  # noqa: PLC0415
+
+                write_report(self, stage)
             text = json.dumps(self.summary, indent=2, allow_nan=False)
             (stage / LAST).write_text(text + "\n", encoding="utf-8")
         return folder

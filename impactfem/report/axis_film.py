@@ -1,0 +1,127 @@
+"""The motion of a rod or beam for a film: its axis, with the contact force beside it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from numpy.typing import NDArray
+
+from impactfem.report.film import BLUE, force_beside
+from impactfem.report.plane_picture import draw_obstacles
+from impactfem.report.solid_film import even_moments
+from impactfem.result import Result
+from impactfem.scene import Beam, HalfSpace
+
+Floats = NDArray[np.float64]
+
+_FRAMES = 60
+_OBSTACLE = "0.80"
+
+
+@dataclass(frozen=True)
+class AxisReel:
+    """The axis at some of its rows.
+
+    Attributes:
+        figure: With the panel of the axis and that of the force.
+        times: [s], shape (moments,).
+        curves: What the panel shows of the nodes, shape (moments, nodes, 2).
+        line: The axis as drawn.
+        clock: Says the time.
+        now: Marks the time.
+    """
+
+    figure: Figure
+    times: Floats
+    curves: Floats
+    line: Line2D
+    clock: Text
+    now: Line2D
+
+    @property
+    def count(self) -> int:
+        """Number of moments."""
+        return len(self.times)
+
+    def show(self, moment: int) -> Sequence[Artist]:
+        """Let the figure show a moment; returns what moves."""
+        time = float(self.times[moment])
+        self.line.set_data(*self.curves[moment].T)
+        self.clock.set_text(f"t = {time:.4g} s")
+        self.now.set_xdata([time, time])
+        return [self.line, self.clock, self.now]
+
+
+def axis_reel(result: Result, axis: xr.Dataset, frames: int | None) -> AxisReel | None:
+    """The reel of a rod, true to scale, or of a beam.
+
+    A beam moves and bends by far less than its length: shown is how far each point of its axis
+    has come along the normal of the first obstacle, above what is left of the way to it.
+
+    Args:
+        result: The result.
+        axis: Its axis.
+        frames: Number of moments at most; 60 if None.
+
+    Returns:
+        None if the motion is not finite.
+    """
+    places = np.stack([axis["x"].values, axis["y"].values], axis=-1)
+    if not np.isfinite(places).all():
+        return None
+    moments = even_moments(axis["time"].values, frames or _FRAMES)
+    figure = Figure(figsize=(9.0, 4.0), dpi=90, layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2, width_ratios=[1.2, 1.0])
+    if isinstance(result.scene.bodies[0], Beam):
+        curves = _way(left, result, axis["station"].values, places)
+    else:
+        curves = _true(left, result, places)
+    (line,) = left.plot([], [], "o-", color=BLUE, linewidth=2.0, markersize=3.5)
+    clock = left.text(0.02, 0.98, "", transform=left.transAxes, va="top", fontsize=9)
+    line.set_animated(True)
+    clock.set_animated(True)
+    now = force_beside(right, result)
+    figure.suptitle(result.scene.title, fontsize=11)
+    return AxisReel(figure, axis["time"].values[moments], curves[moments], line, clock, now)
+
+
+def _true(panel: Axes, result: Result, places: Floats) -> Floats:
+    """The plane true to scale, with the obstacles."""
+    low, high = places.min(axis=(0, 1)), places.max(axis=(0, 1))
+    room = 0.1 * float((high - low).max())
+    panel.set_xlim(low[0] - room, high[0] + room)
+    panel.set_ylim(low[1] - room, high[1] + room)
+    panel.set_aspect("equal")
+    panel.set_xlabel("x [m]")
+    panel.set_ylabel("y [m]")
+    draw_obstacles(panel, list(result.scene.rigid_obstacles), 0.0)
+    return places
+
+
+def _way(panel: Axes, result: Result, stations: Floats, places: Floats) -> Floats:
+    """Ways along a normal over the stations, above what would touch the obstacle."""
+    planes: list[Any] = [o for o in result.scene.rigid_obstacles if isinstance(o, HalfSpace)]
+    normal = np.asarray(planes[0].unit_normal, dtype=float)
+    way = (places - places[0]) @ normal
+    touch = -((places[0] - np.asarray(planes[0].point, dtype=float)) @ normal)
+    low, high = float(way.min()), float(way.max())
+    room = 0.1 * max(high - low, 1e-300)
+    panel.set_xlim(stations[0] - 0.03 * stations[-1], 1.03 * stations[-1])
+    panel.set_ylim(low - 2.0 * room, high + room)
+    panel.fill_between(stations, touch, low - 1e3 * (high - low), color=_OBSTACLE, linewidth=0)
+    panel.plot(stations, touch, color="0.25", linewidth=1.0, label=planes[0].name)
+    panel.ticklabel_format(axis="y", scilimits=(-2, 4))
+    panel.set_xlabel("distance from the first end [m]")
+    panel.set_ylabel(f"way along the normal of {planes[0].name} [m]")
+    curves = np.empty((*way.shape, 2))
+    curves[..., 0], curves[..., 1] = stations, way
+    return curves

@@ -1,0 +1,193 @@
+"""Films of what a reel shows moment by moment: in a notebook, as a GIF or as an MP4."""
+
+import importlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.animation import FuncAnimation
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+from PIL import Image
+
+from impactfem.errors import MissingDependencyError, OutputError
+from impactfem.report.plane_picture import PRESSURE
+from impactfem.report.player import player
+from impactfem.result import Result
+
+type Pixels = NDArray[np.uint8]
+
+BLUE = "#0b559f"
+"""Colour of the curve beside a motion."""
+
+_SECONDS = 5.0  # that a film takes
+
+
+class Reel(Protocol):
+    """A figure whose moving parts stand for one moment after the other."""
+
+    @property
+    def figure(self) -> Figure:
+        """The figure, on a canvas of Agg."""
+
+    @property
+    def count(self) -> int:
+        """Number of moments."""
+
+    def show(self, moment: int) -> Sequence[Artist]:
+        """Let the figure show a moment; returns what moves, from the back to the front."""
+
+
+class Film(FuncAnimation):
+    """An animation of Matplotlib that shows itself in a notebook, with a slider."""
+
+    def __init__(self, reel: Reel, title: str) -> None:
+        """Take a reel; nothing is drawn before the film is shown or saved."""
+        self._reel, self._title = reel, title
+        interval = 1000.0 / frame_rate(reel.count)
+        super().__init__(reel.figure, reel.show, frames=reel.count, interval=interval, blit=False)
+
+    def _repr_html_(self) -> str:
+        # Matplotlib's own player draws each frame anew and fetches its symbols from the network.
+        return player(_frames(self._reel), frame_rate(self._reel.count), self._title)
+
+    def __del__(self) -> None:
+        """Go silently: a film that was only returned and never shown is no mistake."""
+
+
+def frame_rate(count: int) -> float:
+    """Frames a second with which so many take some seconds."""
+    return max(1.0, count / _SECONDS)
+
+
+def beside(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64], label: str) -> None:
+    """Draw the curve of what holds during each step, beside a motion."""
+    axes.stairs(values[1:], time, baseline=None, color=BLUE, linewidth=1.2)
+    axes.set_xlim(0.0, float(time[-1]))
+    axes.ticklabel_format(axis="x", scilimits=(-2, 4))
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel(label)
+
+
+def force_beside(axes: Axes, result: Result) -> Line2D:
+    """Draw the contact force beside a motion; returns the line that marks the moment."""
+    history = result.history
+    beside(axes, history["time"].values, history["contact_force"].values, "contact force [N]")
+    return cursor(axes)
+
+
+def cursor(axes: Axes) -> Line2D:
+    """A line that marks a moment."""
+    line = axes.axvline(0.0, color="black", linewidth=1.0)
+    line.set_animated(True)
+    return line
+
+
+def write_film(reel: Reel, path: Path) -> Path:
+    """Write a GIF or, with imageio-ffmpeg, an MP4; no display is needed.
+
+    Raises:
+        OutputError: The ending is unknown, or the file cannot be written.
+        MissingDependencyError: MP4 is asked for without imageio-ffmpeg.
+    """
+    check_ending(path)
+    pictures = _frames(reel)
+    try:
+        if path.suffix == ".gif":
+            _write_gif(pictures, path, frame_rate(reel.count))
+        else:
+            _write_mp4(pictures, path, frame_rate(reel.count))
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    return path
+
+
+def check_ending(path: Path) -> None:
+    """Refuse what is no film.
+
+    Raises:
+        OutputError: The ending is unknown.
+    """
+    if path.suffix not in {".gif", ".mp4"}:
+        raise OutputError(f"{path}: a film is a .gif or an .mp4; choose one of these endings")
+
+
+def _frames(reel: Reel) -> Iterator[Pixels]:
+    """Draw the frames one after the other, shape (height, width, 3) each.
+
+    What stays is drawn once; what moves is drawn above it, and is animated in Matplotlib's sense.
+    """
+    figure, canvas = reel.figure, _canvas(reel.figure)
+    canvas.draw()
+    figure.set_layout_engine("none")
+    background = canvas.copy_from_bbox(figure.bbox)
+    for moment in range(reel.count):
+        canvas.restore_region(background)
+        for artist in reel.show(moment):
+            if artist.axes is not None:
+                artist.axes.draw_artist(artist)
+        yield np.array(canvas.buffer_rgba())[:, :, :3]
+
+
+def _canvas(figure: Figure) -> Any:
+    """The canvas, whose methods have no types."""
+    return figure.canvas
+
+
+def _write_gif(frames: Iterator[Pixels], path: Path, rate: float) -> None:
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(_colours().ravel().tolist())
+    pictures = [
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in frames
+    ]
+    if not pictures:
+        raise OSError("no frame is finite")
+    first, *rest = pictures
+    first.save(
+        path, save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=False
+    )
+
+
+def _colours() -> Pixels:
+    """Colours of all frames, shape (256, 3): a GIF that chose them anew would flicker."""
+    stress = colormaps["viridis"](np.linspace(0.0, 1.0, 48))[:, :3]
+    shades = [shade * stress for shade in (0.82, 0.91, 1.0)]  # of bodies in space
+    signed = colormaps["coolwarm"](np.linspace(0.0, 1.0, 32))[:, :3]
+    grey = np.linspace(0.0, 1.0, 32)[:, None] * np.ones(3)
+    lines = [
+        share * np.array(to_rgb(colour)) + (1.0 - share) * ground
+        for colour, ground, shares in (
+            (BLUE, 1.0, 12), (PRESSURE, 0.8, 12), ("#1b7837", 1.0, 8), ("#7b3294", 1.0, 8),
+            ("#b2182b", 1.0, 8),
+        )
+        for share in np.linspace(1.0 / shares, 1.0, shares)[:, None]
+    ]  # fmt: skip
+    found = np.concatenate([*shades, signed, grey, np.array(lines)])
+    return np.round(255.0 * found).astype(np.uint8)
+
+
+def _write_mp4(frames: Iterator[Pixels], path: Path, rate: float) -> None:
+    try:
+        ffmpeg = importlib.import_module("imageio_ffmpeg")
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"{path}: MP4 needs imageio-ffmpeg; `pip install imageio-ffmpeg`, or choose a .gif"
+        ) from error
+    writer = None
+    for frame in frames:
+        even = np.ascontiguousarray(frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2])
+        if writer is None:
+            size = (even.shape[1], even.shape[0])
+            writer = ffmpeg.write_frames(str(path), size, fps=rate, macro_block_size=2)
+            writer.send(None)
+        writer.send(even)
+    if writer is None:
+        raise OSError("no frame is finite")
+    writer.close()
