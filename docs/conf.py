@@ -22,7 +22,7 @@ author = "The impactfem developers"
 copyright = author  # noqa: A001  (the name that Sphinx reads)
 version = release = impactfem.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "mathml", "sphinx.ext.napoleon"]
 myst_enable_extensions = ["dollarmath", "amsmath"]
 myst_heading_anchors = 3
 exclude_patterns = [
@@ -38,6 +38,7 @@ nitpicky = True
 nitpick_ignore_regex = [("py:.*", ".*")]
 
 html_theme = "furo"
+html_math_renderer = "mathml"
 html_title = f"impactfem {version}"
 html_static_path = ["_static"]
 html_css_files = ["impactfem.css"]

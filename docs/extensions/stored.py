@@ -93,6 +93,9 @@ def write() -> None:
     placed = Placed(PARTS)
     for path in sorted(RESULTS.glob("*.md")):
         placed.text(PARTS / path.name, part(path.stem))
+    overview, heading, rest = part("hard_cases").partition("\n## ")
+    placed.text(PARTS / "hard_cases_board.md", overview)
+    placed.text(PARTS / "hard_cases_figures.md", heading.lstrip("\n") + rest)
     for name, content in vibrating_table().items():
         placed.text(PARTS / f"{name}.md", content)
     placed.clear()
