@@ -43,8 +43,9 @@ def check_start(
             "polyline": "reverse its points: the body stays on the left of their direction",
         }.get(obstacle.kind)
         remedy += f"; or {turned}" if turned else ""
+    nodes = "1 of its nodes lies" if within == 1 else f"{within} of its nodes lie"
     raise SceneError(
-        f"body {name!r}: at t = 0 {'the whole of it' if whole else f'{within} of its nodes'} lies "
+        f"body {name!r}: at t = 0 {'the whole of it lies' if whole else nodes} "
         f"inside obstacle {obstacle.name!r}, deepest at {_show(places[node])} by {depth:.3g} m; "
         f"{remedy}"
     )

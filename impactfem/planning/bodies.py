@@ -2,7 +2,7 @@
 
 from impactfem.errors import SceneError
 from impactfem.planning.sliding import choose_sliding, told_pairs, warnings_of
-from impactfem.planning.solid_choices import COURANT, EXPLICIT, stiff_elements
+from impactfem.planning.solid_choices import COURANT, EXPLICIT, refuse_unstable, stiff_elements
 from impactfem.planning.solid_costs import (
     NATURAL_STEP,
     Size,
@@ -121,6 +121,8 @@ def _step(
     solve = scene.solve
     if solve.dt is not None:
         reasons["dt"] = "as asked"
+        for solid, size in zip(solids, sizes, strict=True):
+            refuse_unstable(solve.dt, method, solid, size)
         return solve.dt, None
     if method in EXPLICIT:
         share = solve.courant or (0.9 if method == "explicit" else 1.0)

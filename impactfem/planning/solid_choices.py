@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from impactfem.errors import SceneError
 from impactfem.planning.solid_costs import (
+    NATURAL_STEP,
     NEARLY_INCOMPRESSIBLE,
     Size,
     count_layers,
@@ -25,6 +26,7 @@ COURANT = 0.5
 """c_p dt / h of implicit methods where nothing else is asked for."""
 
 _SHARE = {"explicit": 0.9, "galerkin": 1.0}  # of the stable step
+_FAR = 10.0  # times the step of a usual mesh, beyond which a step is unstable for certain
 _SLENDER = 10.0
 _RINGING = 5.0  # p waves over s waves from which the noise of the mesh shows in the force
 _LONG = 100.0  # transits of a wave from which energy must be kept to rounding
@@ -185,6 +187,7 @@ def choose_steps(scene: Scene, method: str, size: Size, reasons: dict[str, str])
     if solve.dt is not None:
         reasons["dt"] = "as asked"
         dt = solve.dt
+        refuse_unstable(dt, method, scene.solid, size)
     elif method in EXPLICIT:
         share = solve.courant or _SHARE[method]
         if share > 1.0 + 1e-9:
@@ -220,6 +223,21 @@ def choose_steps(scene: Scene, method: str, size: Size, reasons: dict[str, str])
             f"the last layer ends at {layers * dt:g} s, the first end past the duration"
         )
     return Steps(dt, None if method in EXPLICIT else speed * dt / size.mesh_size, layers)
+
+
+def refuse_unstable(dt: float, method: str, solid: Solid, size: Size) -> None:
+    """Refuse steps that no mesh of this size bears; the limit itself is found when a run starts.
+
+    Raises:
+        SceneError: The step is far beyond the stability limit.
+    """
+    natural = NATURAL_STEP * size.least / solid.p_wave_speed
+    if method in EXPLICIT and dt > _FAR * natural:
+        raise SceneError(
+            f"solve.dt = {dt:g} is beyond the stability limit of method {method} on the mesh of "
+            f"body {solid.name}, about {natural:.1g} s; use a smaller solve.dt, leave it out, or "
+            'method = "massless", which is stable at any'
+        )
 
 
 def _offer_bending_step(scene: Scene, layers: int, reasons: dict[str, str]) -> None:

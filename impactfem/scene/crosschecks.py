@@ -79,7 +79,7 @@ def _check_names(scene: "Scene") -> None:
         if body.name in taken:
             text = f" = {show(body.name)} is the name of {taken[body.name]} too: give another name."
             raise KeyedError(f"body[{index}]", "name", text)
-        taken[body.name] = "a body"
+        taken[body.name] = f"body[{index}]"
     for index, obstacle in enumerate(scene.obstacles):
         if isinstance(scene.bodies[0], Bar) and index:
             break  # too many anyhow

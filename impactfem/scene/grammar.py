@@ -191,6 +191,8 @@ class Parser:
         return ("chain", result, tuple(steps)) if steps else result
 
     def _call(self, node: ast.Call, depth: int) -> Node:
+        if isinstance(node.func, ast.Attribute) and node.func.attr in FUNCTIONS:
+            self._fail(f"write {node.func.attr}(...) without a module before it")
         if not isinstance(node.func, ast.Name):
             self._fail("only named functions can be called; write a product with *")
         name = node.func.id

@@ -17,7 +17,7 @@ from impactfem.scene.formula import Formula
 from impactfem.scene.inline import Formulas, ListOf, Vector
 from impactfem.scene.kinds import Choice, Name, Real
 from impactfem.scene.schema import KeyedError, check_fields, key, table
-from impactfem.scene.values import show
+from impactfem.scene.values import degrees_hint, show
 
 type Floats = NDArray[np.float64]
 type Motion = Sequence[float | str | Formula]
@@ -245,6 +245,9 @@ class RigidBox(RigidObstacle):
 
     def __post_init__(self) -> None:
         check_fields(self, self.kind)
+        degrees = degrees_hint(self.angle)
+        if degrees:
+            raise KeyedError(self.kind, "angle", f" = {self.angle:g} is {degrees}.")
 
 
 @table('[[obstacle]] with kind = "polyline"')

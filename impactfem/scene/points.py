@@ -134,8 +134,9 @@ class Point:
             where = f"force[{index}]"
             missing = sorted(formula.used.difference(values))
             if missing:
+                entries = "1 entry" if self.dim == 1 else f"{self.dim} entries"
                 text = f" = {show(formula.text)} uses {', '.join(missing)}, but position has "
-                text += f"{self.dim} entries: use {', '.join(values)}."
+                text += f"{entries}: use {', '.join(values)}."
                 raise KeyedError(self.kind, where, text)
             if not np.isfinite(formula(**values)):
                 text = f" = {show(formula.text)} has no finite value at the start: rewrite it."

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from impactfem.scene.schema import KeyedError
-from impactfem.scene.values import show
+from impactfem.scene.values import degrees_hint, show
 
 AXES = ("x", "y", "z")
 _TURN = 1e-9  # angles and directions are equal up to this
@@ -103,6 +103,9 @@ class Shape(ABC):
         Raises:
             KeyedError: naming the key of the shape.
         """
+        degrees = degrees_hint(self.angle)
+        if degrees:
+            raise KeyedError(self.kind, "angle", f" = {self.angle:g} is {degrees}.")
         allowed = _MODELS[self.kind]
         if model not in allowed or (self.dim == 3) != (model == "3d"):
             fitting = self._fitting(model)

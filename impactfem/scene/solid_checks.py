@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from impactfem.scene.boundary import SPACE
 from impactfem.scene.kinds import FormulaOf
+from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import NotAllowedError, show
 
@@ -159,7 +160,9 @@ def _check_surface_names(solid: "Solid") -> None:
     ]
     for name, surface in named:
         if surface not in known:
-            text = f" = {show(surface)} is not a surface of this shape: give {' or '.join(known)}."
+            near = nearest(surface, known)
+            meant = f", did you mean {show(near)}? Give" if near else ": give"
+            text = f" = {show(surface)} is not a surface of this shape{meant} {' or '.join(known)}."
             raise _fail(solid, name, text)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from impactfem.errors import SceneError
+from impactfem.scene.toml_hints import toml_hint
 from impactfem.scene.values import show
 
 MAX_BYTES = 2**20
@@ -65,8 +66,9 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
         found = re.search(r"at line (\d+), column", str(error))
         number = int(found[1]) if found else 0
         lines = text.split("\n")  # tomllib counts these only
-        line = f" in {show(lines[number - 1].strip())}" if 0 < number <= len(lines) else ""
-        why = f"{error}{line}; correct it (key = value, texts in quotes, each key once)"
+        line = lines[number - 1].strip() if 0 < number <= len(lines) else ""
+        shown = f" in {show(line)}" if line else ""
+        why = f"{error}{shown}; correct it: {toml_hint(str(error), line)}"
     except RecursionError:
         why = "lists or tables are nested too deeply; simplify them"
     except ValueError as error:  # integers of thousands of digits

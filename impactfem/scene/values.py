@@ -37,6 +37,13 @@ def number(value: object) -> float:
     return result
 
 
+def degrees_hint(angle: float) -> str:
+    """Return why an angle is no angle in radians, with the value meant; empty if it may be one."""
+    if abs(angle) <= 2.0 * math.pi + 1e-9:
+        return ""
+    return f"more than a full turn: give radians ({math.radians(angle):.6g} if degrees were meant)"
+
+
 def is_number(value: object) -> bool:
     """Whether a value is a number; true and false are not."""
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
@@ -66,7 +73,15 @@ def show(value: object) -> str:
         nested = (list, tuple, Mapping)
         entries = (_foreign(v) if isinstance(v, nested) else show(v) for v in value)
         return f"[{', '.join(entries)}]"
+    if isinstance(value, Mapping) and len(value) <= _SHOWN_ENTRIES and all(map(_is_word, value)):
+        nested = (list, tuple, Mapping)
+        pairs = ((name, "..." if isinstance(v, nested) else show(v)) for name, v in value.items())
+        return f"{{ {', '.join(f'{name} = {text}' for name, text in pairs)} }}"
     return _simple(value)
+
+
+def _is_word(name: object) -> bool:
+    return isinstance(name, str) and name.isidentifier() and len(name) <= 40
 
 
 def _simple(value: object) -> str:

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 from impactfem.scene.contacts import Contact
 from impactfem.scene.loads import PiecewiseConstant
+from impactfem.scene.nearest import nearest
 from impactfem.scene.obstacles import HalfSpace, RigidCylinder, RigidSphere, Wall
 from impactfem.scene.points import Point
 from impactfem.scene.schema import KeyedError
@@ -115,7 +116,9 @@ def _check_contact(
     shown = show(list(contact.between))
     for name in contact.between:
         if name not in names:
-            text = f" = {shown}: there is no {show(name)}; the scene has {', '.join(names)}."
+            near = nearest(name, names)
+            meant = f"did you mean {show(near)}? The" if near else "the"
+            text = f" = {shown}: there is no {show(name)}; {meant} scene has {', '.join(names)}."
             raise KeyedError(where, "between", text)
     bodies = [name for name in contact.between if hasattr(names[name], "mass")]
     if not bodies:

@@ -65,7 +65,7 @@ BAD = {
     ),
     "too long a step": (
         BLOCKS + '[solve]\nmethod = "explicit"\ndt = 0.4\n',
-        ["0.4 s", "stability limit", "smaller solve.dt"],
+        ["0.4 s", "stability limit", "use solve.dt <= 0.12"],
     ),
     "unknown surface": (
         BLOCKS + '[[contact]]\nbetween = ["left/rihgt", "right"]\n',

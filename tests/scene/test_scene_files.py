@@ -123,12 +123,12 @@ def test_utf16(write):
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
-        ("title = a bar\n", ["at line 1, column 9", 'in "title = a bar"', "texts in quotes"]),
+        ("title = a bar\n", ["at line 1, column 9", 'in "title = a bar"', "put the text in quotes"]),
         ('\ntitle "x"\n', ["at line 2, column 7", r'in "title "x""', "correct it"]),
-        (GOOD.replace("gap = 0.5", "gap = 0,5"), ["at line 11, column 8", '"gap = 0,5"']),
-        (GOOD.replace("gap", "length"), ["at line 11", '"length = 0.5"', "each key once"]),
-        ("title = 'a'\ntitle = 'b'\n", ["at line 2", "\"title = 'b'\"", "each key once"]),
-        ("[solve]\n[solve]\n", ["twice", "at line 2", "each key once"]),
+        (GOOD.replace("gap = 0.5", "gap = 0,5"), ["at line 11, column 8", '"gap = 0,5"', "with a dot, not a comma"]),
+        (GOOD.replace("gap", "length"), ["at line 11", '"length = 0.5"', "remove one"]),
+        ("title = 'a'\ntitle = 'b'\n", ["at line 2", "\"title = 'b'\"", "remove one"]),
+        ("[solve]\n[solve]\n", ["twice", "at line 2", "put its keys together"]),
         ("[[body]\n", ["at line 1", "correct it"]),
         ('title = "a\n', ["at line 1", "correct it"]),
         ("title = 'a'\rduration = 3", ["at line 1", "correct it"]),

@@ -173,7 +173,7 @@ CASES = {
     "two walls": ({"obstacle": [{"kind": "wall"}] * 2}, ["obstacle = ", "are 2", "exactly one"]),
     "same names": (
         {"obstacle.0.name": "bar"},
-        ['obstacle[0].name = "bar"', "a body too", "give another name"],
+        ['obstacle[0].name = "bar"', "body[0] too", "give another name"],
     ),
     # contradictions
     "courant and dt": (

@@ -81,7 +81,7 @@ CASES = {
         ["two obstacles"],
     ),
     "twice": (made(contact=[LAW, {**LAW, "between": ["floor", "ball"]}]), ["contact[1]", "twice"]),
-    "same names": (made(body__1__name="ball"), ["body[1].name", "a body too"]),
+    "same names": (made(body__1__name="ball"), ["body[1].name", "body[0] too"]),
     "nothing to hit": (made(obstacle=[], contact=[]), ["obstacle is missing", "two points"]),
     "a wall": (made(obstacle=[{"kind": "wall"}], contact=[]), ["obstacle[0].kind", "half_space"]),
     "a box": (

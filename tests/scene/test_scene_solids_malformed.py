@@ -230,7 +230,7 @@ CASES = {
         {"obstacle.1.name": "floor"},
         ['obstacle[1].name = "floor"', "obstacle[0] too", "another name"],
     ),
-    "name of the body": ({"obstacle.1.name": "disc"}, ["obstacle[1].name", "a body too"]),
+    "name of the body": ({"obstacle.1.name": "disc"}, ["obstacle[1].name", "body[0] too"]),
     "normal": ({"obstacle.0.normal": [0, 0]}, ["obstacle[0].normal = [0, 0]", "all 0"]),
     "long normal": ({"obstacle.0.normal": [0, 0, 1]}, ["obstacle[0].normal", "has 3", "give 2"]),
     "axis in 2D": ({"obstacle.1.axis": [0, 0, 1]}, ["obstacle[1].axis", "circle", "remove"]),

@@ -1,0 +1,64 @@
+"""Wrong scenes, more than a hundred: exit code 2, one message with a remedy, nothing written."""
+
+import jsonschema
+import pytest
+from conftest import contents, finish, start
+from mutations import by_hand, mutations
+
+from impactfem.cli import BAD_INPUT
+from impactfem.scene.json_schema import json_schema
+
+BY_HAND = {wrong.name: wrong for wrong in by_hand()}
+MADE = {wrong.name: wrong for wrong in mutations()}
+WRONG = BY_HAND | MADE
+SAMPLE = sorted(WRONG)[:: len(WRONG) // 10][:10]
+# Lines of a message without the list of known keys, which is as long as the table has keys.
+LONGEST = 700
+
+
+def write(folder, wrong):
+    (folder / "scene.toml").write_bytes(wrong.text)
+    for name, text in wrong.files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return contents(folder)
+
+
+def check(done, wrong):
+    assert done.code == BAD_INPUT, done.out
+    assert done.out == ""
+    for part in wrong.says:
+        assert part in done.err
+    assert "Traceback" not in done.err
+    message = done.err.partition(" Known keys:")[0].strip()
+    assert "\n" not in message
+    assert message.startswith("impactfem: ")
+    assert len(message) < LONGEST
+
+
+def test_there_are_many_of_all_kinds():
+    assert len(BY_HAND) >= 90
+    assert len(MADE) >= 150
+    assert len({name.rpartition(", ")[2] for name in MADE}) == 8
+    assert len({wrong.text for wrong in WRONG.values()}) >= 250
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_scene_is_refused_with_a_remedy(name, command, work):
+    wrong = WRONG[name]
+    before = write(work, wrong)
+    for action in ("validate", "run"):
+        check(command(action, "scene.toml"), wrong)
+    assert contents(work) == before
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_a_wrong_scene_in_a_process_of_its_own(name, work):
+    wrong = WRONG[name]
+    before = write(work, wrong)
+    check(finish(start(work, "run", "scene.toml")), wrong)
+    assert contents(work) == before
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_the_schema_refuses_mistakes_in_one_value_too(name):
+    assert not jsonschema.Draft7Validator(json_schema()).is_valid(MADE[name].data)
