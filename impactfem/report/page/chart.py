@@ -1,0 +1,172 @@
+"""A chart of the page as plain data for plotly.js, and what charts have in common."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+type Trace = dict[str, Any]
+type Spans = Sequence[Sequence[float]]
+
+BLUE, ORANGE, GREEN, GREY = "#0b559f", "#d95f02", "#1b7837", "#666666"
+COLOURS = (BLUE, ORANGE, GREEN, "#7b3294", "#b2182b", GREY)
+MOST_POINTS = 4000
+"""Points of a trace at most."""
+DIGITS = 7
+"""Significant digits of the numbers in the page."""
+
+_MOST_SPANS = 60  # contact intervals up to which they are shaded
+_HEIGHT = 340  # of a chart [px]
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A chart.
+
+    Attributes:
+        name: Short and unique, for anchors.
+        title: What it is.
+        caption: One sentence: what is seen and what to look for.
+        figure: ``{"data": [...], "layout": {...}}`` for plotly.js, plain data without NaN.
+    """
+
+    name: str
+    title: str
+    caption: str
+    figure: dict[str, Any]
+
+
+def thin(values: ArrayLike, most: int = MOST_POINTS) -> Integers:
+    """Choose points of a long curve that keep its look: the extremes of each part and both ends.
+
+    Args:
+        values: Shape (rows,), finite or not.
+        most: Points at most, from 4 on.
+
+    Returns:
+        Indices, increasing.
+    """
+    curve = np.asarray(values, dtype=np.float64)
+    count = len(curve)
+    if count <= most:
+        return np.arange(count, dtype=np.int64)
+    width = math.ceil(count / (most // 2 - 1))
+    parts = math.ceil(count / width)
+    found = [np.array([0, count - 1])]
+    for beyond, choose in ((np.inf, np.argmin), (-np.inf, np.argmax)):
+        padded = np.full(parts * width, beyond)
+        padded[:count] = np.where(np.isfinite(curve), curve, beyond)
+        found.append(choose(padded.reshape(parts, width), axis=1) + width * np.arange(parts))
+    chosen = np.unique(np.concatenate(found)).astype(np.int64)
+    return chosen[chosen < count]
+
+
+def numbers(values: ArrayLike, digits: int = DIGITS) -> list[float | None]:
+    """Plain numbers with some significant digits; None where they are not finite."""
+    form = f".{digits}g"
+    return [
+        float(format(value, form)) if math.isfinite(value) else None
+        for value in np.asarray(values, dtype=np.float64).ravel().tolist()
+    ]
+
+
+def line(
+    time: ArrayLike, values: ArrayLike, name: str, colour: str, unit: str, **more: Any
+) -> Trace:
+    """A curve over time, thinned if it is long.
+
+    Args:
+        time: [s], shape (rows,).
+        values: Shape (rows,).
+        name: For legend and hover.
+        colour: As CSS writes it.
+        unit: Of the values.
+        more: Further keys of the trace; those of ``line`` are merged.
+    """
+    kept = thin(values)
+    style = {"color": colour, "width": 1.6} | more.pop("line", {})
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": numbers(np.asarray(time)[kept]),
+        "y": numbers(np.asarray(values)[kept]),
+        "name": name,
+        "line": style,
+        "hovertemplate": f"t = %{{x:.6g}} s<br>%{{y:.6g}} {unit}<extra>{name}</extra>",
+    } | more
+
+
+def stairs(time: ArrayLike, values: ArrayLike, name: str, colour: str, unit: str) -> Trace:
+    """A curve that has the value of row m during (t_{m-1}, t_m]."""
+    return line(time, values, name, colour, unit, line={"shape": "vh", "width": 1.4})
+
+
+def axis(title: str, **more: Any) -> dict[str, Any]:
+    """An axis with its title, unit included."""
+    return {
+        "title": {"text": title, "standoff": 10},
+        "zeroline": False,
+        "gridcolor": "#e6e6e6",
+        "linecolor": "#999999",
+        "ticks": "outside",
+        "automargin": True,
+        "exponentformat": "power",
+    } | more
+
+
+def layout(x: dict[str, Any], y: dict[str, Any], **more: Any) -> dict[str, Any]:
+    """The layout that all charts share."""
+    return {
+        "xaxis": x,
+        "yaxis": y,
+        "height": _HEIGHT,
+        "autosize": True,
+        "margin": {"l": 70, "r": 40, "t": 30, "b": 50},
+        "modebar": {"orientation": "v", "bgcolor": "rgba(0,0,0,0)"},
+        "paper_bgcolor": "#ffffff",
+        "plot_bgcolor": "#ffffff",
+        "font": {"family": "system-ui, sans-serif", "size": 13, "color": "#222222"},
+        "hovermode": "closest",
+        "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
+    } | more
+
+
+def over_time(
+    time: ArrayLike, traces: Iterable[Trace], y: str, spans: Spans = (), **more: Any
+) -> dict[str, Any]:
+    """A figure of curves over time.
+
+    Args:
+        time: [s], for the range of the axis.
+        traces: The curves.
+        y: Title of the vertical axis, with its unit.
+        spans: Intervals to shade, such as those of contact [s]; none if there are too many.
+        more: Further keys of the layout; ``yaxis`` is merged.
+    """
+    data = list(traces)
+    start, *_, end = numbers(np.asarray(time)[[0, -1]])
+    x = axis("time [s]", range=[start, end])
+    vertical = axis(y) | more.pop("yaxis", {})
+    shapes = []
+    if 0 < len(spans) <= _MOST_SPANS:
+        shapes = [
+            {
+                "type": "rect", "xref": "x", "yref": "paper", "x0": first, "x1": last, "y0": 0,
+                "y1": 1, "layer": "below", "fillcolor": "#eeeeee",
+                "line": {"width": 0.5, "color": "#dddddd"},
+            }
+            for first, last in (numbers(span) for span in spans)
+        ]  # fmt: skip
+    legend = {"showlegend": len(data) > 1}
+    return {"data": data, "layout": layout(x, vertical, shapes=shapes, **(legend | more))}
+
+
+def is_told(values: ArrayLike) -> bool:
+    """Whether a column says anything: some value is finite and not 0."""
+    column = np.asarray(values, dtype=np.float64)
+    return bool((np.isfinite(column) & (column != 0.0)).any())

@@ -1,0 +1,63 @@
+"""The moving picture of a run: what motion.js draws beside the contact force."""
+
+from typing import Any
+
+import numpy as np
+
+from impactfem.report.page.chart import is_told, numbers, thin
+from impactfem.report.page.motion_bars import bars_motion
+from impactfem.report.page.motion_bodies import bodies_motion
+from impactfem.report.page.motion_data import rows_at
+from impactfem.report.page.motion_points import points_motion
+from impactfem.result import Fields, Result, SolidFields
+
+_CURVE = 2000  # points of the force beside the picture
+
+
+def motion(result: Result) -> dict[str, Any] | None:
+    """Make the data of the moving picture.
+
+    Args:
+        result: Bars and solids need their fields; points, rods and beams do not.
+
+    Returns:
+        Plain data: ``kind`` ("bars", "plane", "space" or "points"), ``caption``, ``times`` of the
+        frames with ``force`` and ``gap`` at each, ``curve`` of the force over time, and what the
+        kind needs. None if there is nothing to show.
+    """
+    fields = result.fields
+    if isinstance(fields, Fields):
+        own = bars_motion(result, fields)
+    elif isinstance(fields, SolidFields):
+        own = bodies_motion(result, fields)
+    elif result.scene.is_vibro:
+        own = points_motion(result)
+    else:
+        return None
+    if own is None or len(own["times"]) < 2:
+        return None
+    times = np.asarray(own.pop("times"))
+    rows = rows_at(result, times)
+    steps = np.diff(times)
+    if steps[1:-1].size and steps[1:-1].max() > 1.5 * steps[1:-1].min():
+        own["caption"] += " Frames lie closer together in contact: playing is slower there."
+    return own | {
+        "times": numbers(times),
+        "force": numbers(result.history["contact_force"].values[rows]),
+        "gap": numbers(result.history["gap"].values[rows]),
+        "curve": _curve(result),
+    }
+
+
+def _curve(result: Result) -> dict[str, Any]:
+    """Contact force over time, and the exact one if the run is not exact itself."""
+    time, force = result.history["time"].values, result.history["contact_force"].values
+    kept = thin(force, _CURVE)
+    curve: dict[str, Any] = {"time": numbers(time[kept]), "force": numbers(force[kept])}
+    exact = result.exact
+    if exact is not None and is_told(exact["contact_force"].values):
+        known = exact["contact_force"].values
+        shown = thin(known, _CURVE)
+        curve["exact_time"] = numbers(exact["time"].values[shown])
+        curve["exact_force"] = numbers(known[shown])
+    return curve

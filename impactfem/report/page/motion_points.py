@@ -1,0 +1,184 @@
+"""The moving picture of points with their trails, and of rods and beams as lines."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from impactfem.contact.distance import translation
+from impactfem.report.obstacle_faces import faces_of, grid_of_plane
+from impactfem.report.page.bar_charts import evenly
+from impactfem.report.page.chart import numbers
+from impactfem.report.page.motion_data import telling_frames
+from impactfem.report.page.motion_obstacles import plane_obstacles
+from impactfem.report.page.motion_poles import poles_motion
+from impactfem.report.space_picture import Camera
+from impactfem.result import Result
+from impactfem.scene import HalfSpace, Point, RigidPolyline
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+MOST_FRAMES = 240
+"""Frames of points at most: they take little room."""
+
+_ROWS = 1500  # of a trail
+_NUMBERS = 150_000  # of all trails together
+_TRAIL = 0.2  # share of the duration that is drawn behind a point on a line
+
+
+def points_motion(result: Result) -> dict[str, Any] | None:
+    """Data of points, a rod or a beam.
+
+    Returns:
+        None if no row of the history is finite.
+    """
+    if not isinstance(result.scene.bodies[0], Point):
+        return poles_motion(result)
+    rows, at = _rows(result)
+    if not len(rows):
+        return None
+    own = _on_a_line(result, rows) if result.scene.dim == 1 else _in_the_plane(result, rows, at)
+    time = result.history["time"].values[rows]
+    return {
+        "kind": "points", "times": time[at], "at": at.tolist(), "time": numbers(time),
+        "names": [body.name for body in result.scene.bodies],
+        "radii": [body.radius for body in result.scene.bodies if isinstance(body, Point)],
+        "factors": [1.0], "factor": 1.0,
+    } | own  # fmt: skip
+
+
+def _rows(result: Result) -> tuple[Integers, Integers]:
+    """Rows of the history for trails, and which of these are frames."""
+    history, scene = result.history, result.scene
+    columns = [f"{body.name}.{c}" for body in scene.bodies for c in "xyz"[: scene.dim]]
+    values = np.array([history[name].values for name in columns])
+    finite = np.flatnonzero(np.isfinite(values).all(axis=0))
+    if not len(finite):
+        return finite, finite
+    time = history["time"].values[finite]
+    most = int(np.clip(_NUMBERS / len(columns), 60, _ROWS))
+    frames = telling_frames(result, time, min(most, MOST_FRAMES))
+    kept = np.union1d(frames, evenly(len(finite), most)) if most > len(frames) else frames
+    return finite[kept], np.searchsorted(kept, frames)
+
+
+def _places(result: Result, rows: Integers) -> Floats:
+    """Places of all points, shape (rows, points, dim)."""
+    letters = "xyz"[: result.scene.dim]
+    columns = [
+        [result.history[f"{body.name}.{letter}"].values[rows] for letter in letters]
+        for body in result.scene.bodies
+    ]
+    return np.transpose(np.array(columns), (2, 0, 1))
+
+
+def _on_a_line(result: Result, rows: Integers) -> dict[str, Any]:
+    """Places and obstacles over time: a paper strip that the points draw on."""
+    scene, time = result.scene, result.history["time"].values[rows]
+    obstacles = []
+    for obstacle in scene.rigid_obstacles:
+        place = np.full(len(time), float(obstacle.point[0]))  # type: ignore[union-attr]
+        if obstacle.motion is not None:
+            place = place + obstacle.motion[0](t=time)
+        side = float(np.sign(obstacle.normal[0]))  # type: ignore[union-attr]
+        obstacles.append({"name": obstacle.name, "place": numbers(place), "side": side})
+    falls = scene.vector_gravity.at(0.0)[0] != 0.0
+    return {
+        "dim": 1,
+        "caption": (
+            "The points on their line, with the last part of their motion behind them as on a "
+            "moving strip of paper; grey is the obstacle."
+            if obstacles
+            else "The points on their line, with the last part of their motion behind them as on "
+            "a moving strip of paper."
+        ),
+        "places": [numbers(column) for column in _places(result, rows)[:, :, 0].T],
+        "obstacles": obstacles,
+        "upright": bool(falls or len(scene.bodies) == 1),
+        "trail": float(_TRAIL * (time[-1] - time[0])),
+    }
+
+
+def _in_the_plane(result: Result, rows: Integers, at: Integers) -> dict[str, Any]:
+    """Paths in the plane; those in space as a camera sees them."""
+    scene = result.scene
+    places = _places(result, rows)
+    times = result.history["time"].values[rows][at]
+    seen: dict[str, Any]
+    if scene.dim == 2:
+        seen = {"obstacles": plane_obstacles(scene.obstacles, times), "outlines": []}
+        caption = "The points in the plane with the way that they have gone; grey is rigid."
+        flat = places
+        anchors = [
+            [k, numbers(spring.anchor)]
+            for k, spring in _springs(result)
+            if spring.anchor is not None
+        ]
+    else:
+        camera = _camera(result)
+        flat = camera.flat(places)
+        seen = {"obstacles": [], "outlines": _outlines(result, camera, places, times)}
+        caption = "The points with the way that they have gone, in parallel projection."
+        anchors = [
+            [k, numbers(camera.flat(np.asarray(spring.anchor, dtype=np.float64)))]
+            for k, spring in _springs(result)
+            if spring.anchor is not None
+        ]
+    names = [body.name for body in scene.bodies]
+    links = [[k, names.index(spring.to)] for k, spring in _springs(result) if spring.to is not None]
+    return {
+        "dim": 2, "caption": caption, "links": links, "anchors": anchors,
+        "places": [numbers(column) for column in np.transpose(flat, (1, 0, 2))], **seen,
+    }  # fmt: skip
+
+
+def _springs(result: Result) -> list[tuple[int, Any]]:
+    """Springs with the index of the point that they pull."""
+    return [
+        (k, spring)
+        for k, body in enumerate(result.scene.bodies)
+        if isinstance(body, Point)
+        for spring in body.springs
+    ]
+
+
+def _camera(result: Result) -> Camera:
+    gravity = np.asarray(result.scene.vector_gravity.at(0.0), dtype=np.float64)
+    size = float(np.linalg.norm(gravity))
+    vertical = -gravity / size if size > 0.0 else np.eye(3)[1]
+    planes = [np.array(o.unit_normal) for o in result.scene.obstacles if isinstance(o, HalfSpace)]
+    return Camera.facing(vertical, planes)
+
+
+def _outlines(
+    result: Result, camera: Camera, places: Floats, times: Floats
+) -> list[dict[str, Any]]:
+    """Obstacles in space as lines of the picture: grids of planes, outlines of round ones."""
+    low, high = places.min(axis=(0, 1)), places.max(axis=(0, 1))
+    centre, reach = 0.5 * (low + high), 0.7 * float(np.max(high - low)) or 1.0
+    made: list[dict[str, Any]] = []
+    for obstacle in result.scene.rigid_obstacles:
+        if isinstance(obstacle, HalfSpace):
+            corners, grid = grid_of_plane(obstacle, np.zeros(3), centre, reach)
+            lines = [*grid, np.vstack([corners, corners[:1]])]
+        elif isinstance(obstacle, RigidPolyline):
+            chain = np.array(obstacle.points)
+            lines = [
+                np.column_stack([chain, np.full(len(chain), z)])
+                for z in centre[2] + reach * np.array([-1.0, 0.0, 1.0])
+            ]
+        else:
+            seen = np.unique(
+                camera.flat(faces_of(obstacle, centre, reach).reshape(-1, 3)).round(12), axis=0
+            )
+            hull = ConvexHull(seen).vertices
+            made.append({"lines": [numbers(seen[np.append(hull, hull[0])])]})
+            continue
+        made.append({"lines": [numbers(camera.flat(line)) for line in lines]})
+    for entry, obstacle in zip(made, result.scene.rigid_obstacles, strict=True):
+        if obstacle.motion is not None:
+            ways = np.array([np.zeros(3) + translation(obstacle, float(t)) for t in times])
+            entry["way"] = numbers(camera.flat(ways))
+    return made
