@@ -162,7 +162,7 @@ def _parser() -> argparse.ArgumentParser:
     command("scenes", _scenes, "list the shipped scenes")
     schema = command("schema", _schema, "print the JSON schema of scenes, for editors")
     schema.add_argument("--out", metavar="FILE", type=Path, help="write it to a file")
-    plot = command("plot", _plot, "draw the pictures of a result folder again")
+    plot = command("plot", _plot, "draw the pictures and the report of a result folder again")
     plot.add_argument("folder", metavar="DIR", type=Path)
     bench = command("bench", _bench, "measure errors of methods against time, or run hard cases")
     bench.add_argument(
@@ -217,7 +217,8 @@ def _run(given: argparse.Namespace) -> int:
 
         clear(given.restart or folder)
     if not given.quiet:
-        _say(f"{summary_table(result.summary)}\n\nResult and pictures: {folder}")
+        report = f"Report: {folder / 'report.html'}\n" * result.scene.output.report
+        _say(f"{summary_table(result.summary)}\n\n{report}Result and pictures: {folder}")
     if result.summary["status"] != "completed":
         remedy = _REMEDIES["vibro" if scene.is_vibro else scene.bodies[0].kind]
         complain(
@@ -363,7 +364,7 @@ def _schema(given: argparse.Namespace) -> int:
 
 
 def _plot(given: argparse.Namespace) -> int:
-    from impactfem.report.figures import write_pictures  # noqa: PLC0415
+    from impactfem.report.page.page import write_report  # noqa: PLC0415
     from impactfem.result import Result  # noqa: PLC0415
     from impactfem.result.store import replaced  # noqa: PLC0415
 
@@ -373,7 +374,7 @@ def _plot(given: argparse.Namespace) -> int:
         complain(str(error))
         return BAD_INPUT
     with replaced(given.folder) as stage:
-        names = [path.name for path in write_pictures(result, stage)[1]]
+        names = [path.name for path in write_report(result, stage)[1]]
     if result.fields is None and not result.scene.is_vibro:
         complain('no fields.vtkhdf: no pictures of the displacement; run with fields = ["vtkhdf"]')
     _say("\n".join(str(given.folder / name) for name in names))

@@ -21,7 +21,7 @@ _OWN = (
     "contact_force.png", "energy.png", "displacement.png", "position.png", "active_set.png",
     "centre_of_mass.png", "body.png", "motion.gif", "forces.png", "velocities.png",
     "world_lines.png", "path.png", "motion.png", "phase.png", "gaps.png", "impacts.png",
-    "impacts.csv",
+    "impacts.csv", "report.html",
     LAST,
 )  # fmt: skip
 

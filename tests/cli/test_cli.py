@@ -26,7 +26,7 @@ HISTORY = [
 ]  # fmt: skip
 PICTURES = {"contact_force.png", "energy.png", "displacement.png", "position.png", "active_set.png"}
 GLOBAL = ("--set", "solve.method=galerkin", "--set", "solve.window=all")  # the active-set loop
-FILES = {"scene.toml", "history.csv", "history.nc", "summary.json"}
+FILES = {"scene.toml", "history.csv", "history.nc", "report.html", "summary.json"}
 SUMMARY = {
     "": {
         "title", "status", "method", "num_dofs", "num_steps", "wall_time", "peak_memory_mib",

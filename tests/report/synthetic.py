@@ -102,7 +102,19 @@ def solid_result(path, dim=2, *, layers=25, obstacles=None, broken=False):
         "title": scene.title,
         "status": "unstable" if broken else "completed",
         "method": "massless",
-        "active_set": {"set_changes": []},
-        "contact": {"intervals": [list(CONTACT)]},
-    }
+        "num_dofs": 2 * len(local),
+        "num_steps": layers - 1,
+        "wall_time": 1.5,
+        "peak_memory_mib": 200.0,
+        "ranks": 1,
+        "active_set": {"iterations": 1, "set_changes": [], "converged": True, "message": "settled"},
+        "energy": {"initial": 0.125, "final": 0.125, "max_relative_drift": 0.0,
+                   "final_relative_drift": 0.0, "max_relative_growth": 0.0, "grows": False,
+                   "driven": False},
+        "contact": {"intervals": [list(CONTACT)], "max_force": PEAK_FORCE, "impulse": 318.0,
+                    "max_penetration": 0.0},
+        "error": None,
+        "details": {},
+        "plan": {"method": "massless", "model": "a disc", "reasons": {}, "warnings": []},
+    }  # fmt: skip
     return Result(scene, solid_history(motion, "body"), summary, SolidFields(path))

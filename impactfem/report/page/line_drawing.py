@@ -99,7 +99,9 @@ def draw_points_on_line(scene: Scene) -> Figure:
     anchors = [s.anchor[0] for p in points for s in p.springs if s.anchor is not None]
     ends = [p.position[0] + side * p.radius for p in points for side in (-1, 1)]
     places = [*stops, *anchors, *ends]
-    low, width = min(places), float(np.ptp(places)) or 1.0
+    low, width = min(places), float(np.ptp(places))
+    if not width:  # a single place says no scale
+        low, width = low - 0.5, 1.0
     axes.set_xlim(low - _ROOM * width, low + (1 + _ROOM) * width)
     axes.set_ylim(-1.25, 1.25)
     left, right = axes.get_xlim()

@@ -21,6 +21,7 @@
     show(false);
     console.error(problem);
   }
+  document.documentElement.classList.toggle("live", shown);
   if (still !== null) {
     if (shown) still.open = false;
     let open = still.open;

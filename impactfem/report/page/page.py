@@ -3,6 +3,7 @@
 import io
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,7 @@ PAGE = "report.html"
 """Name of the report in the folder of a result."""
 
 _HERE = Path(__file__).parent
+_BODY = "body"  # the picture that no chart replaces on paper
 
 _TITLES = {
     "verdict": "Verdict",
@@ -56,7 +58,9 @@ def write_report(result: Result, folder: Path) -> "tuple[dict[str, Figure], list
     """
     figures, paths = write_pictures(result, folder)
     if result.scene.output.report:
-        paths.append(write_page(result, folder / PAGE, paths))
+        target = folder / PAGE
+        if _guarded("everything", partial(write_page, path=target, pictures=paths), result):
+            paths.append(target)
     return figures, paths
 
 
@@ -104,7 +108,7 @@ def page(result: Result, pictures: Sequence[Path] | None = None) -> str:
         facts.origin(result),
         facts.files(result, names),
     ]
-    data = [{"name": e.name, "title": e.title, "figure": e.figure} for e in drawn]
+    data = [{"element": f"chart-{each.name}", "figure": each.figure} for each in drawn]
     template = Template((_HERE / "page.html").read_text(encoding="utf-8"))
     return template.substitute(
         title=text(result.summary["title"]),
@@ -121,9 +125,11 @@ def _guarded[T](what: str, make: Callable[[Result], T], result: Result) -> T | N
     """Make a part of the page; a fault in it must not cost the result of a long run."""
     try:
         return make(result)
+    except OSError:  # a full disk is said as for all files
+        raise
     except Exception as fault:  # noqa: BLE001  (said below, and an error in the tests)
-        text = f"{PAGE} lacks {what}: {type(fault).__name__}: {fault}"
-        warnings.warn(text, RuntimeWarning, stacklevel=2)
+        note = f"{PAGE} lacks {what}: {type(fault).__name__}: {fault}"
+        warnings.warn(note, RuntimeWarning, stacklevel=2)
         return None
 
 
@@ -189,7 +195,9 @@ def _motion(payload: dict[str, Any] | None) -> str:
     if payload is None:
         return ""
     view = '<div id="motion-view"></div>'
-    return _interactive(section("motion", "Motion and contact force", view))
+    return _interactive(
+        section("motion", "Motion and contact force", view), "interactive unprinted"
+    )
 
 
 def _charts(entries: Sequence[tuple[str, str, str]]) -> str:
@@ -202,22 +210,24 @@ def _charts(entries: Sequence[tuple[str, str, str]]) -> str:
     return _interactive(section("charts", "Charts", figures))
 
 
-def _interactive(part: str) -> str:
+def _interactive(part: str, kind: str = "interactive") -> str:
     """What needs scripts: hidden until they run."""
-    return f'<div class="interactive" hidden>{part}</div>' if part else ""
+    return f'<div class="{kind}" hidden>{part}</div>' if part else ""
 
 
 def _still(images: Sequence[tuple[str, bytes]]) -> str:
-    """Pictures that need no scripts; what is printed."""
+    """Pictures that need no scripts; of those the body is printed beside the charts too."""
     figures = "".join(
-        f'<figure><img src="{picture_address(data)}" alt="{text(name.replace("_", " "))}">'
+        f'<figure id="still-{text(name)}"><img src="{picture_address(data)}" '
+        f'alt="{text(name.replace("_", " "))}">'
         f"<figcaption>{text(name.replace('_', ' '))}</figcaption></figure>"
         for name, data in images
     )
     if not figures:
         return ""
     body = f'<details class="still" id="still" open><summary>Still pictures</summary>{figures}'
-    return section("still-pictures", "Pictures", f"{body}</details>")
+    kind = "bodily" if any(name == _BODY for name, _ in images) else ""
+    return section("still-pictures", "Pictures", f"{body}</details>", kind=kind)
 
 
 def _scripts(

@@ -1,0 +1,69 @@
+"""Checks in the report tell runs that obey the contact conditions from those that do not."""
+
+import numpy as np
+import pytest
+from synthetic import solid_result
+
+from impactfem import Result
+from impactfem.report.page.checks import checks, complementarity
+from impactfem.report.page.verdict import verdict
+
+
+@pytest.fixture
+def result(tmp_path):
+    return solid_result(tmp_path / "fields.vtkhdf")
+
+
+def answers(result):
+    return {check.name: check.holds for check in checks(result)}
+
+
+def changed(result, **columns):
+    history = result.history.copy(deep=True)
+    for name, values in columns.items():
+        history[name].values[:] = values
+    return Result(result.scene, history, result.summary)
+
+
+def test_a_pulse_with_closed_gap_passes_all_checks(result):
+    assert all(answers(result).values())
+
+
+def test_an_obstacle_that_pulls_is_found(result):
+    force = result.history["contact_force"].values.copy()
+    force[len(force) // 2 + 5] = -10.0
+    assert answers(changed(result, contact_force=force))["Obstacles push, never pull"] is False
+
+
+def test_force_across_an_open_gap_is_found(result):
+    """A force that acts at the middle of the flight back, with the gap half open."""
+    gap, force = result.history["gap"].values, result.history["contact_force"].values.copy()
+    row = int(np.argmin(np.abs(gap[-8:] - 0.5 * gap.max()))) + len(gap) - 8
+    force[row] = 0.3 * force.max()
+    found = complementarity(changed(result, contact_force=force))
+    assert found.holds is False
+    expected = 0.3 * min(gap[row - 1], gap[row]) / gap.max()
+    assert float(found.found.split("at most ")[1].split()[0]) == pytest.approx(expected, rel=5e-3)
+
+
+def test_penetration_counts_by_the_size_of_the_body(result):
+    contact = result.summary["contact"]
+    for depth, holds in ((1e-4, True), (1e-2, False)):  # the disc is 1 m wide
+        summary = {**result.summary, "contact": {**contact, "max_penetration": depth}}
+        judged = Result(result.scene, result.history, summary)
+        assert answers(judged)["Bodies do not penetrate"] is holds
+        told = " ".join(verdict(judged).reasons)
+        assert ("penetrate" in told) is not holds
+
+
+@pytest.mark.parametrize(
+    ("error", "level"),
+    [(None, "care"), (1e-3, "good"), (0.1, "care"), (0.7, "bad")],
+)
+def test_the_size_of_the_error_decides_how_far_to_trust(result, error, level):
+    figures = error and {
+        "reference": "same on elements twice as large", "displacement_max": error,
+        "displacement_l2": error, "force_l1": error,
+    }  # fmt: skip
+    judged = Result(result.scene, result.history, {**result.summary, "error": figures})
+    assert verdict(judged).level == level
