@@ -17,7 +17,7 @@ import numpy as np
 import impactfem
 
 _LIBRARIES = ("numpy", "scipy", "numba", "xarray", "h5py", "matplotlib", "plotly", "tqdm")
-_WITHOUT = "missing: bars with method exact, points, rods and beams work without it"
+_WITHOUT = "missing; bars with method exact, bars in a row, points, rods and beams need none"
 _PACKAGES = ("mumps", "superlu_dist", "hypre", "ptscotch", "slepc")
 _PAGE = Path(__file__).parent / "report" / "page"
 _RENDER = """
@@ -158,13 +158,12 @@ def _report(faults: list[str]) -> str:
 
 
 def _gmsh(faults: list[str]) -> str:
-    from impactfem.mesh.session import import_gmsh  # noqa: PLC0415
-
-    try:
-        return str(import_gmsh().__version__)
-    except impactfem.MissingDependencyError as error:
-        faults.append(str(error))
-        return "missing"
+    found = _version("gmsh")
+    if found.startswith(("missing", "broken")):
+        faults.append(
+            f"gmsh is {found}: pip install impactfem[fem], or apt-get install python3-gmsh"
+        )
+    return found
 
 
 def _rendering() -> str:

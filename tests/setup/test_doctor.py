@@ -59,6 +59,6 @@ def test_without_dolfinx_it_says_what_works_and_what_to_install(monkeypatch):
     monkeypatch.delitem(sys.modules, "impactfem.fem", raising=False)
     monkeypatch.setitem(sys.modules, "dolfinx", None)
     found, faults = rows()
-    assert "points, rods and beams work without it" in found["dolfinx"]
+    assert "points, rods and beams need none" in found["dolfinx"]
     assert any("pip install impactfem[fem]" in fault for fault in faults)
     assert found["cache of forms"] == "none"
