@@ -8,7 +8,6 @@ import numpy as np
 import xarray as xr
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from impactfem.report.film import BLUE, force_beside
 from impactfem.report.plane_picture import draw_obstacles
+from impactfem.report.sheet import Sheet
 from impactfem.report.solid_film import even_moments
 from impactfem.result import Result
 from impactfem.scene import Beam, HalfSpace
@@ -78,8 +78,7 @@ def axis_reel(result: Result, axis: xr.Dataset, frames: int | None) -> AxisReel 
     if not np.isfinite(places).all():
         return None
     moments = even_moments(axis["time"].values, frames or _FRAMES)
-    figure = Figure(figsize=(9.0, 4.0), dpi=90, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Sheet(9.0, 4.0, dpi=90)
     left, right = figure.subplots(1, 2, width_ratios=[1.2, 1.0])
     if isinstance(result.scene.bodies[0], Beam):
         curves = _way(left, result, axis["station"].values, places)

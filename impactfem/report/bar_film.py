@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from impactfem.report.bar_row_figures import magnified
 from impactfem.report.film import force_beside
+from impactfem.report.sheet import Sheet
 from impactfem.report.solid_film import even_moments
 from impactfem.result import Fields, Result
 
@@ -90,8 +90,7 @@ def bar_reel(result: Result, fields: Fields, frames: int | None) -> BarReel | No
     place, factor = magnified(fields)
     u, x = fields.displacement[moments], fields.positions
     stress = moduli * (u[:, far] - u[:, near]) / (x[far] - x[near])
-    figure = Figure(figsize=(8.0, 4.0), dpi=90, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Sheet(8.0, 4.0, dpi=90)
     above, below = figure.subplots(2, 1, height_ratios=[0.8, 1.0])
     wall = bool(result.scene.obstacles)
     low, high = float(place[moments].min()), float(place[moments].max())

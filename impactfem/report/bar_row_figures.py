@@ -6,10 +6,10 @@ from functools import partial
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from impactfem.report.sheet import Sheet
 from impactfem.result import Fields, Result
 
 _CONTACT, _GREY = "crimson", "0.45"
@@ -29,8 +29,7 @@ def bar_row_painters(result: Result) -> dict[str, Callable[[], Figure]]:
 
 
 def _draw(painter: Callable[[Axes, Result], None], result: Result, height: float = 4.2) -> Figure:
-    figure = Figure(figsize=(7.0, height), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Sheet(7.0, height)
     axes = figure.add_subplot()
     painter(axes, result)
     axes.set_xlabel("time [s]")

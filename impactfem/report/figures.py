@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from impactfem.errors import SceneError
 from impactfem.report.animation import film_if_any
 from impactfem.report.bar_row_figures import bar_row_painters
+from impactfem.report.sheet import Sheet
 from impactfem.report.solid_figures import solid_painters
 from impactfem.report.vibro_figures import vibro_painters
 from impactfem.result import Fields, Result
@@ -87,8 +87,7 @@ def write_all(figures: Mapping[str, Figure], folder: Path) -> list[Path]:
 
 
 def _draw(painter: Callable[[Axes, Result], None], result: Result) -> Figure:
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Sheet(7.0, 4.2)
     axes = figure.add_subplot()
     painter(axes, result)
     if result.summary["status"] != "completed":

@@ -6,10 +6,10 @@ from difflib import get_close_matches
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from impactfem.errors import SceneError
+from impactfem.report.sheet import Sheet
 from impactfem.result import Result
 
 DEFAULT = ("gap", "contact_force", "kinetic_energy", "elastic_energy", "total_energy")
@@ -30,8 +30,7 @@ def plot_history(result: Result, *names: str) -> Figure:
     groups: dict[str, list[xr.DataArray]] = {}
     for column in columns:
         groups.setdefault(str(column.attrs.get("units", "")), []).append(column)
-    figure = Figure(figsize=(7.0, 1.2 + 2.2 * len(groups)), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Sheet(7.0, 1.2 + 2.2 * len(groups))
     panels = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (unit, group) in zip(panels, groups.items(), strict=True):
         _draw(axes, unit, group)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Rectangle
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from impactfem.report.film import cursor
 from impactfem.report.plane_picture import draw_obstacles
+from impactfem.report.sheet import Sheet
 from impactfem.report.solid_film import even_moments
 from impactfem.report.vibro_figures import COLOURS, gaps, motion
 from impactfem.result import Result
@@ -106,8 +106,7 @@ def point_reel(result: Result, frames: int | None) -> PointReel | None:
     if not np.isfinite(places).all():
         return None
     line = scene.dim == 1
-    figure = Figure(figsize=(8.0, 4.2) if line else (9.0, 4.2), dpi=90, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Sheet(8.0 if line else 9.0, 4.2, dpi=90)
     panel, curve = _panels(figure, scene.dim)
     low, high = places.min(axis=(0, 1)), places.max(axis=(0, 1))
     radii = [float(getattr(body, "radius", 0.0)) for body in scene.bodies]

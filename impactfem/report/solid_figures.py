@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from impactfem.report.plane_picture import PRESSURE, WIDEST, PlanePainter
 from impactfem.report.pressure_maps import draw_pressure_maps
+from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin, Snapshot
 from impactfem.report.space_picture import SpacePainter
 from impactfem.result import Result, SolidFields
@@ -97,8 +97,7 @@ def body(result: Result) -> Figure | None:
     rows = -(-len(snapshots) // columns)
     width = min(12.0, 3.4 * columns) if columns > 1 else 9.0
     height = (width - 1.5) / columns * (aspect * rows + maps) + 0.3 * rows + 1.0
-    figure = Figure(figsize=(width, float(np.clip(height, 3.2, 11.0))), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Sheet(width, float(np.clip(height, 3.2, 11.0)))
     grid = figure.subplots(rows + maps, columns, squeeze=False)
     panels = grid[:rows].ravel()
     for axes, snapshot, extent in zip(panels, snapshots, extents, strict=False):
@@ -132,8 +131,7 @@ def body(result: Result) -> Figure | None:
 
 def centre_of_mass(result: Result) -> Figure:
     """Position and velocity of the centres of mass along the direction of the momentum."""
-    figure = Figure(figsize=(7.0, 5.0), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Sheet(7.0, 5.0)
     above, below = figure.subplots(2, 1, sharex=True)
     history, bodies = result.history, result.scene.bodies
     direction, several = direction_of(result), len(bodies) > 1

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -15,6 +14,7 @@ from matplotlib.text import Text
 from numpy.typing import NDArray
 
 from impactfem.report.film import force_beside
+from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin
 from impactfem.report.solid_figures import FLAT, Painter, survey
 from impactfem.result import Result, SolidFields
@@ -89,8 +89,7 @@ def solid_reel(result: Result, fields: SolidFields, frames: int | None) -> Solid
         return None
     window = painter.window(extents)
     aspect = float(np.ptp(window[1]) / np.ptp(window[0]))
-    figure = Figure(figsize=_size(aspect), dpi=90, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Sheet(*_size(aspect), dpi=90)
     if aspect < FLAT:
         left, right = figure.subplots(2, 1, height_ratios=[0.3 + 1.8 * aspect, 0.7])
     else:

@@ -4,9 +4,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
+
+from impactfem.report.sheet import Sheet
 
 if TYPE_CHECKING:
     from impactfem.report.study import Study
@@ -17,8 +18,7 @@ _MARKS = "osD^vP*X<>"
 
 def draw(study: "Study") -> Figure:
     """Displacement and force error against time, side by side, all axes logarithmic."""
-    figure = Figure(figsize=(10.5, 5.0), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Sheet(10.5, 5.0)
     axes = figure.subplots(1, 2, sharex=True)
     for ax, error, label in (
         (axes[0], "displacement_l2", "displacement, L2"),

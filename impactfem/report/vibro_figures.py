@@ -5,11 +5,11 @@ from functools import partial
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
+from impactfem.report.sheet import Sheet
 from impactfem.result import Result
 from impactfem.scene import HalfSpace, Point, RigidCylinder, RigidSphere
 
@@ -40,8 +40,7 @@ def vibro_painters(result: Result) -> dict[str, Callable[[], Figure]]:
 
 
 def _figure(painter: Callable[[Axes, Result], None], result: Result) -> Figure:
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Sheet(7.0, 4.2)
     axes = figure.add_subplot()
     painter(axes, result)
     return figure
