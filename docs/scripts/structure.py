@@ -1,6 +1,7 @@
-"""Draw the structure of the package as its imports make it: layers from pyproject, arrows counted."""
+"""Draw the structure of the package as its imports make it, layer by layer."""
 
 import tomllib
+from collections import Counter
 from pathlib import Path
 
 import grimp
@@ -12,7 +13,8 @@ ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "impactfem"
 _WIDTH, _HEIGHT = 2.0, 0.62  # of a box
 _ACROSS, _DOWN = 2.35, 1.05  # from box to box
-_SHOWN = 3  # imports from one part to another from which an arrow is drawn
+_SHOWN = 2  # imports from one part to another from which an arrow is drawn
+_COMMON = 7  # parts that import another from which on its arrows are left out
 
 
 def layers() -> list[list[str]]:
@@ -51,8 +53,13 @@ def imports() -> dict[tuple[str, str], int]:
     return found
 
 
+def _shift(row: list[str], level: int) -> float:
+    """Sideways shift of a layer with one box, so that arrows past it can be told apart."""
+    return (0.75 if level % 2 else -0.75) * _ACROSS if len(row) == 1 and level else 0.0
+
+
 def draw(path: Path) -> None:
-    """Write the picture.
+    """Write the picture; parts that nearly all others import are bold and have no arrows.
 
     Args:
         path: Target, by its ending an SVG or a PNG.
@@ -62,12 +69,15 @@ def draw(path: Path) -> None:
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     places = {
-        name: ((k - (len(row) - 1) / 2) * _ACROSS, -level * _DOWN)
+        name: ((k - (len(row) - 1) / 2) * _ACROSS + _shift(row, level), -level * _DOWN)
         for level, row in enumerate(rows)
         for k, name in enumerate(row)
     }
-    for (one, other), count in sorted(imports().items()):
-        if count < _SHOWN or one not in places or other not in places:
+    found = {pair: n for pair, n in imports().items() if n >= _SHOWN and set(pair) <= set(places)}
+    users = Counter(other for _, other in found)
+    common = {name for name, count in users.items() if count >= _COMMON}
+    for (one, other), count in sorted(found.items()):
+        if other in common:
             continue
         (x, y), (to_x, to_y) = places[one], places[other]
         bend = 0.0 if abs(y - to_y) <= 1.5 * _DOWN else 0.12 if x >= to_x else -0.12
@@ -75,8 +85,8 @@ def draw(path: Path) -> None:
             "", (to_x, to_y + _HEIGHT / 2), (x, y - _HEIGHT / 2),
             arrowprops={
                 "arrowstyle": "-|>", "color": "#0b559f", "alpha": 0.28, "shrinkA": 0, "shrinkB": 0,
-                "linewidth": 0.5 + 0.05 * min(count, 50), "connectionstyle": f"arc3,rad={bend}",
-            },
+                "linewidth": 0.5 + 0.08 * min(count, 30), "connectionstyle": f"arc3,rad={bend}",
+            }, zorder=1,
         )  # fmt: skip
     for name, (x, y) in places.items():
         folder = (PACKAGE / name).is_dir()
@@ -84,13 +94,15 @@ def draw(path: Path) -> None:
             FancyBboxPatch(
                 (x - _WIDTH / 2, y - _HEIGHT / 2), _WIDTH, _HEIGHT,
                 boxstyle="round,pad=0.02,rounding_size=0.08", linewidth=0.8, edgecolor="0.35",
-                facecolor="#dbe9f6" if folder else "#f6f1e3",
+                facecolor="#dbe9f6" if folder else "#f6f1e3", zorder=3,
             )
         )  # fmt: skip
-        axes.text(x, y + 0.1, f"{name}/" if folder else name, ha="center", va="center", fontsize=9)
+        style = {"ha": "center", "va": "center", "zorder": 4}
         axes.text(
-            x, y - 0.17, f"{lines(name)} lines", ha="center", va="center", fontsize=6.5, color="0.4"
-        )
+            x, y + 0.1, f"{name}/" if folder else name, fontsize=9,
+            fontweight="bold" if name in common else "normal", **style,
+        )  # fmt: skip
+        axes.text(x, y - 0.17, f"{lines(name)} lines", fontsize=6.5, color="0.4", **style)
     wide = max(len(row) for row in rows) * _ACROSS / 2
     axes.set_xlim(-wide, wide)
     axes.set_ylim(-(len(rows) - 1) * _DOWN - 0.6, 0.6)
