@@ -3,6 +3,7 @@
 #
 #   install.sh packages        Debian's packages, listed in packages.txt beside this script, and the user (as root)
 #   install.sh package SOURCE  impactfem itself, from its source folder, and the demos into the user's home (as root)
+#                              VERSION=X.Y.Z in the environment names its version, which the copied source does not know
 #   install.sh warm            compile what the methods need, so that a first run need not (as the user)
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
@@ -26,6 +27,8 @@ package)
     # Debian's packages are the dependencies: --no-deps keeps pip from replacing any of them.
     work=$(mktemp -d)
     cp -R "$2/pyproject.toml" "$2/README.md" "$2/LICENSE" "$2/impactfem" "$work"
+    # No history is copied: without VERSION it is the fallback of pyproject.toml.
+    [ -z "${VERSION:-}" ] || export SETUPTOOLS_SCM_PRETEND_VERSION_FOR_IMPACTFEM="$VERSION"
     python3 -m pip install --quiet --no-deps --no-build-isolation --no-index --break-system-packages \
         --root-user-action=ignore --force-reinstall "$work"
     rm -rf "$work"
@@ -54,7 +57,7 @@ warm)
     find "$cache" -user "$user" -type f -exec chmod a+rX {} +
     ;;
 *)
-    sed -n '2,6s/^# \{0,1\}//p' "$0" >&2
+    sed -n '2,7s/^# \{0,1\}//p' "$0" >&2
     exit 2
     ;;
 esac
