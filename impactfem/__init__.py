@@ -16,13 +16,14 @@ if TYPE_CHECKING:
     from impactfem.errors import (
         ConvergenceError,
         ImpactError,
+        ImpactWarning,
         MeshError,
         MissingDependencyError,
         OutputError,
         SceneError,
     )
     from impactfem.exact import ExactBar, ExactBarRow, RowBar
-    from impactfem.planning import Plan, SolidPlan, VibroPlan, plan
+    from impactfem.planning import BarRowPlan, Plan, SolidPlan, VibroPlan, plan
     from impactfem.report.hard_cases import Board, hard_cases
     from impactfem.report.study import Study
     from impactfem.report.work_precision import work_precision
@@ -69,6 +70,7 @@ if TYPE_CHECKING:
 # Public names and where they live; loaded when first used, so that `import impactfem` is fast.
 _HOMES = {
     "Bar": "impactfem.scene",
+    "BarRowPlan": "impactfem.planning",
     "Beam": "impactfem.scene",
     "Block": "impactfem.scene",
     "Board": "impactfem.report.hard_cases",
@@ -126,6 +128,7 @@ _HOMES = {
 
 __all__ = [
     "Bar",
+    "BarRowPlan",
     "Beam",
     "Block",
     "Board",
@@ -183,15 +186,17 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        value: Any = _installed_version()
-    elif name in _HOMES:
-        value = getattr(import_module(_HOMES[name]), name)
-    else:
-        raise AttributeError(f"module 'impactfem' has no attribute {name!r}")
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:  # type checkers shall tell names that do not exist
+
+    def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            value: Any = _installed_version()
+        elif name in _HOMES:
+            value = getattr(import_module(_HOMES[name]), name)
+        else:
+            raise AttributeError(f"module 'impactfem' has no attribute {name!r}")
+        globals()[name] = value
+        return value
 
 
 def _installed_version() -> str:

@@ -78,4 +78,6 @@ def make_grid(
     for name, values in arrays.items():
         grid.point_data[name] = values
     grid.field_data["time"] = np.array([time])
+    if "von_mises" in arrays:
+        grid.set_active_scalars("von_mises")
     return grid
