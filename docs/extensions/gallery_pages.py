@@ -177,7 +177,7 @@ def write(runs: Sequence[Run]) -> None:
     digest = sources()
     demos = read_demos(runs)
     for demo in demos:
-        text = f"# {demo.title}\n\n{demo.lead}\n{results(demo, digest, placed)}\n{demo.rest}"
+        text = f"# {demo.title}\n\n{demo.own_lead}\n{results(demo, digest, placed)}\n{demo.rest}"
         placed.text(PAGES / f"{demo.name}.md", text)
         thumbnail(demo, placed)
     placed.text(PAGES / "index.md", index(demos))

@@ -12,7 +12,8 @@ from gallery_runs import ROOT, Run
 PAGES = ROOT / "docs" / "generated" / "gallery"
 # Target of a relative link or picture, and its anchor.
 LINK = re.compile(r"(?<=\]\()(?!https?:|mailto:|#)([^)#\s]+)(#[^)\s]*)?(?=\))")
-SHORT = 45  # characters of a sentence that says too little alone
+GREEK = {"omega": "ω", "mu": "µ", "alpha": "α", "beta": "β"}
+SHORT, LONG = 45, 150  # characters of a sentence that says too little alone, of one to cut
 GROUPS = {"bar": "Bars", "solid": "Solids", "point": "Points, rods and beams"}
 
 
@@ -39,9 +40,18 @@ class Demo:
         """First sentence, or two if the first is short, without markup."""
         text = next(part for part in self.lead.split("\n\n") if part and not part.startswith("!["))
         plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", " ".join(text.split()))
-        sentences = re.split(r"(?<=[a-z0-9)])[.:] ", re.sub("[`*$]", "", plain))
-        short = len(sentences[0]) < SHORT
-        return ". ".join(sentences[: 2 if short else 1]).rstrip(".:") + "."
+        plain = re.sub(r"\\(\w+)", lambda name: GREEK.get(name[1], name[1]), plain)
+        sentences = re.split(r"(?<=[a-z0-9)])\. ", re.sub("[`*$]", "", plain).rstrip("."))
+        line = ". ".join(sentences[: 2 if len(sentences[0]) < SHORT else 1])
+        return (line.partition(": ")[0] if len(line) > LONG else line).rstrip(":") + "."
+
+    @property
+    def own_lead(self) -> str:
+        """The lead without pictures that its runs give too: they are called like the demo."""
+        if not self.runs:
+            return self.lead
+        parts = self.lead.split("\n\n")
+        return "\n\n".join(part for part in parts if f"/{self.name}.png)" not in part)
 
     @property
     def has_scene(self) -> bool:

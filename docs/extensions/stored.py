@@ -94,7 +94,9 @@ def write() -> None:
     for path in sorted(RESULTS.glob("*.md")):
         placed.text(PARTS / path.name, part(path.stem))
     overview, heading, rest = part("hard_cases").partition("\n## ")
-    placed.text(PARTS / "hard_cases_board.md", overview)
+    overview = overview.replace("| FAIL ", '| <span class="fail">FAIL</span> ')
+    said = f"\n\n*{measured(stamp('hard_cases'))}*\n"
+    placed.text(PARTS / "hard_cases_board.md", overview.rstrip() + said)
     placed.text(PARTS / "hard_cases_figures.md", heading.lstrip("\n") + rest)
     for name, content in vibrating_table().items():
         placed.text(PARTS / f"{name}.md", content)
