@@ -210,7 +210,7 @@ def _murty(
 ) -> tuple[Floats, int]:
     """Flip the first pair that is wrong until none is; finite for positive definite matrices.
 
-    Source: Murty, Linear Algebra Appl. 7 (1974) 153-160.
+    Source: Murty, Note on a Bard-type scheme, Opsearch 11 (1974) 123-130.
     """
     active = active.copy()
     for pivot in range(1, 50 * len(offset) + 1):
