@@ -6,7 +6,7 @@ from typing import Any
 from impactfem.methods import METHODS
 from impactfem.report.page.checks import checks
 from impactfem.report.page.elements import bullets, code, link, paragraph, section, table, terms
-from impactfem.report.page.numbers import counted, percent, quantity, span
+from impactfem.report.page.numbers import counted, number, percent, quantity, span
 from impactfem.report.page.omissions import omissions
 from impactfem.result import Result
 from impactfem.result.result import AXIS, FIELD_FILES, IMPACTS
@@ -38,7 +38,7 @@ def model(result: Result) -> str:
 
 def error(result: Result) -> str:
     """The error with its reference, and what the figures mean."""
-    found, note = result.summary["error"], result.summary["details"].get("error_estimate")
+    found, note = result.summary["error"], _note(result)
     if found is None:
         why = "This is the exact solution: its error is rounding."
         if result.summary["method"] != "exact":
@@ -63,6 +63,15 @@ def error(result: Result) -> str:
     lines.append(table(rows, ("figure", "value", "meaning")))
     lines.append(paragraph(_limits(exact=exact)))
     return section("error", "Error", *lines)
+
+
+def _note(result: Result) -> str:
+    """What the method says of its estimate: a text, or a message with what the second run took."""
+    note = result.summary["details"].get("error_estimate", "")
+    if isinstance(note, str):
+        return note
+    took = f", which took {span(note['seconds'])}" if "seconds" in note else ""
+    return f"{note['message']}{took}"
 
 
 def _limits(*, exact: bool) -> str:
@@ -95,6 +104,10 @@ def contact(result: Result) -> str:
     details = result.summary["details"]
     if "impacts" in details:
         rows.append(("Impacts", str(details["impacts"])))
+    if episode := details.get("episode"):
+        rows.append(("Apparent restitution", number(episode["restitution"], 4)))
+        rows.append(("Micro-impacts", str(episode["micro_impacts"])))
+        rows.append(("Energy left in vibrations", percent(episode["vibration"])))
     parts = [table(rows), _intervals(found["intervals"], "contact")]
     for pair in found.get("pairs", ()):
         names = " and ".join(pair["between"])

@@ -195,9 +195,8 @@ def _motion(payload: dict[str, Any] | None) -> str:
     if payload is None:
         return ""
     view = '<div id="motion-view"></div>'
-    return _interactive(
-        section("motion", "Motion and contact force", view), "interactive unprinted"
-    )
+    part = section("motion", "Motion and contact force", view)
+    return _interactive(part, "interactive unprinted")
 
 
 def _charts(entries: Sequence[tuple[str, str, str]]) -> str:

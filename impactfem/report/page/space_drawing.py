@@ -21,7 +21,7 @@ from impactfem.scene import HalfSpace, Point, Scene, Solid
 
 Floats = NDArray[np.float64]
 
-_SHADE = 0.62  # place in the colour scale for bodies without stress
+_SHADE = 0.45  # place in the colour scale for bodies without stress
 _ARROW = 0.22
 
 
@@ -52,7 +52,8 @@ def draw_solids_in_space(result: Result) -> Figure | None:
         centre = camera.flat(0.5 * (own.min(axis=0) + own.max(axis=0)))
         speed = [constant(entry) or 0.0 for entry in solid.velocity]
         _velocity(axes, camera, centre, np.array(speed), skin.size)
-        label(axes, centre, solid.name)
+        back = camera.flat(np.array(speed) / (np.linalg.norm(speed) or 1.0))
+        label(axes, centre - 0.08 * skin.size * back, solid.name)
     _gravity(axes, camera, result.scene, window, skin.size)
     return figure
 

@@ -117,4 +117,6 @@ def _contact(result: Result) -> list[tuple[Level, str]]:
 
 def _warnings(result: Result) -> list[str]:
     told = [*result.summary["plan"].get("warnings", []), *result.summary.get("warnings", [])]
+    if watched := result.summary["details"].get("watch"):
+        told.append(watched)
     return [f"{text[:1].upper()}{text[1:]}." for text in told]

@@ -1,0 +1,230 @@
+"""The report in a real browser: it loads without a network, moves, and prints."""
+
+import base64
+import json
+import os
+import re
+import shutil
+import time
+import zlib
+
+import pytest
+
+import impactfem
+from impactfem import Result, Scene
+from impactfem.shipped import shipped_scenes
+
+REQUIRED = os.environ.get("IMPACTFEM_BROWSER") == "required"
+ATTACK = "</script><script>document.body.textContent = 'taken over'</script>"
+
+SCENES = {
+    "bar": ("bar_impact", {"solve.method": "galerkin", "solve.elements": 10}),
+    "unstable": ("bar_impact", {"solve.method": "newmark", "solve.elements": 20, "duration": 8.0}),
+    "row": ("two_bars", {}),
+    "disc": (
+        "dropped_disc",
+        {"body.disc.mesh_size": 0.03, "duration": 0.08, "solve.estimate": False,
+         "output.every": 40},
+    ),
+    "corner": ("corner", {}),
+    "oscillator": ("oscillator", {"duration": 1.0}),
+    "beam": ("dropped_beam", {"duration": 1e-4, "solve.estimate": False}),
+}  # fmt: skip
+
+
+def unavailable(reason):
+    """A machine without a browser skips these tests; continuous integration must not."""
+    if REQUIRED:
+        pytest.fail(f"{reason}, but IMPACTFEM_BROWSER=required", pytrace=False)
+    pytest.skip(reason)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    """Chromium that finds no host, with its console and requests logged."""
+    try:
+        from selenium import webdriver
+        from selenium.webdriver.chrome.service import Service
+    except ImportError:
+        unavailable("selenium is not installed")
+    program = shutil.which("chromium") or shutil.which("google-chrome")
+    door = shutil.which("chromedriver")
+    if program is None or door is None:
+        unavailable("chromium or chromedriver is not installed")
+    options = webdriver.ChromeOptions()
+    options.binary_location = program
+    profile = tmp_path_factory.mktemp("profile")
+    for argument in (
+        "--headless=new", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader",
+        "--disable-dev-shm-usage", "--window-size=1000,1400", f"--user-data-dir={profile}",
+        "--host-resolver-rules=MAP * ~NOTFOUND", "--force-color-profile=srgb",
+    ):  # fmt: skip
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=Service(door))
+    driver.set_page_load_timeout(60)
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """Results by name, each solved and written once."""
+    made = {}
+
+    def folder(name):
+        if name not in made:
+            scene, settings = SCENES[name]
+            result = impactfem.solve(
+                Scene.from_toml(shipped_scenes()[scene]).with_settings(settings)
+            )
+            made[name] = result.save(tmp_path_factory.mktemp(name) / "out")
+        return made[name]
+
+    return folder
+
+
+def load(browser, page):
+    """Open a page; nothing but itself is asked for, and the console stays free of errors."""
+    browser.get_log("browser")
+    browser.get_log("performance")
+    browser.get(page.as_uri())
+    wait(browser, "return document.readyState === 'complete'")
+    for entry in browser.get_log("performance"):
+        message = json.loads(entry["message"])["message"]
+        if message["method"] == "Network.requestWillBeSent":
+            address = message["params"]["request"]["url"]
+            assert address == page.as_uri() or address.startswith(("data:", "blob:")), address[:200]
+    check_console(browser)
+
+
+def check_console(browser):
+    errors = [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
+    assert errors == []
+
+
+def wait(browser, condition, seconds=20.0):
+    end = time.monotonic() + seconds
+    while not browser.execute_script(condition):
+        assert time.monotonic() < end, condition
+        time.sleep(0.05)
+
+
+READOUT = "return document.querySelector('.motion-readout').textContent"
+PICTURE = "return document.querySelector('#motion-view canvas').toDataURL()"
+FRAMES = "return JSON.parse(document.getElementById('motion-data').textContent)"
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_page_loads_alone_and_its_charts_are_drawn(name, browser, folders):
+    load(browser, folders(name) / "report.html")
+    charts = browser.execute_script(
+        "return JSON.parse(document.getElementById('charts-data').textContent).map(c => c.element)"
+    )
+    assert {"chart-contact_force", "chart-gap", "chart-energy"} <= set(charts)
+    for element in charts:
+        drawn = f"document.querySelector('#{element} .main-svg') !== null"
+        assert browser.execute_script(f"return {drawn}"), element
+    assert not browser.execute_script("return document.getElementById('still').open")
+    verdict = browser.execute_script("return document.getElementById('verdict').textContent")
+    assert verdict.startswith("Do not trust this run" if name == "unstable" else "Trust this run")
+
+
+@pytest.mark.parametrize("name", ["bar", "row", "disc", "corner", "oscillator", "beam"])
+def test_the_slider_moves_time_force_and_body(name, browser, folders):
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.common.keys import Keys
+
+    load(browser, folders(name) / "report.html")
+    frames = browser.execute_script(FRAMES)
+    slider = browser.find_element(By.CSS_SELECTOR, "#motion-view input[type=range]")
+    before, picture = browser.execute_script(READOUT), browser.execute_script(PICTURE)
+    assert before.startswith("t = 0 s")
+    for _ in range(3):
+        slider.send_keys(Keys.ARROW_RIGHT)
+    assert shown_time(browser) == pytest.approx(frames["times"][3], rel=1e-4)
+    # To the end by a script's event, as dragging gives it.
+    browser.execute_script(
+        "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input'))",
+        slider, len(frames["times"]) // 2,
+    )  # fmt: skip
+    middle = len(frames["times"]) // 2
+    assert shown_time(browser) == pytest.approx(frames["times"][middle], rel=1e-4)
+    force = float(re.search(r"contact force (\S+) N", browser.execute_script(READOUT))[1])
+    largest = max(abs(value) for value in frames["force"])
+    assert force == pytest.approx(frames["force"][middle], rel=1e-4, abs=1e-8 * largest)
+    assert browser.execute_script(PICTURE) != picture
+    slider.send_keys(Keys.HOME)
+    assert browser.execute_script(READOUT) == before
+    check_console(browser)
+
+
+def shown_time(browser):
+    return float(re.match(r"t = (\S+) s", browser.execute_script(READOUT))[1])
+
+
+def test_playing_goes_on_and_stops(browser, folders):
+    from selenium.webdriver.common.by import By
+
+    load(browser, folders("bar") / "report.html")
+    button = browser.find_element(By.CSS_SELECTOR, "#motion-view button")
+    button.click()
+    wait(browser, f"{READOUT}.startsWith('t = 0 s') === false")
+    button.click()
+    stopped = browser.execute_script(READOUT)
+    time.sleep(0.3)
+    assert browser.execute_script(READOUT) == stopped
+
+
+@pytest.mark.parametrize("name", ["bar", "disc", "corner"])
+def test_it_prints_a_few_pages_of_text_and_vector_charts(name, browser, folders):
+    load(browser, folders(name) / "report.html")
+    document = base64.b64decode(browser.print_page())
+    pages = len(re.findall(rb"/Type\s*/Page\b", document))
+    assert 3 <= pages <= 14
+    content = b""
+    for stream in re.findall(rb"stream\r?\n(.*?)\r?\nendstream", document, re.DOTALL):
+        try:
+            content += zlib.decompress(stream)
+        except zlib.error:
+            continue
+    # Words are words and lines are lines: operators that show text and that stroke paths.
+    assert len(re.findall(rb"\bT[jJ]\b", content)) > 200
+    assert len(re.findall(rb"\bS\b", content)) > 20
+    check_console(browser)
+
+
+@pytest.mark.parametrize("width", [500, 1000])
+def test_nothing_sticks_out_of_the_window(width, browser, folders):
+    browser.set_window_size(width, 1400)
+    try:
+        for name in ("bar", "disc", "beam"):
+            load(browser, folders(name) / "report.html")
+            beyond = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+            assert browser.execute_script(f"return {beyond}") <= 0, name
+    finally:
+        browser.set_window_size(1000, 1400)
+
+
+def test_a_title_with_markup_is_shown_as_it_is(browser, folders, tmp_path):
+    run = Result.load(folders("bar"))
+    scene = run.scene.with_settings({"title": ATTACK})
+    strange = Result(scene, run.history, {**run.summary, "title": ATTACK}, run.fields, run.exact)
+    load(browser, strange.save(tmp_path / "out") / "report.html")
+    assert browser.execute_script("return document.querySelector('h1').textContent") == ATTACK
+    assert browser.title == ATTACK
+
+
+def test_without_scripts_the_pictures_are_there(browser, folders):
+    page = folders("bar") / "report.html"
+    browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
+    try:
+        browser.get(page.as_uri())
+        from selenium.webdriver.common.by import By
+
+        pictures = browser.find_elements(By.CSS_SELECTOR, "#still img")
+        assert len(pictures) == len(list(page.parent.glob("*.png")))
+        assert all(picture.is_displayed() for picture in pictures)
+        assert not browser.find_element(By.ID, "motion-view").is_displayed()
+    finally:
+        browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
