@@ -180,7 +180,7 @@ def interpolation_bound(time: Floats, at: Floats, values: Floats) -> Floats:
     Args:
         time: Where it is interpolated [s], shape (rows,).
         at: Times of the samples [s], at least two.
-        values: Samples of a curve with kinks.
+        values: Samples of a curve whose kinks and bends near each sample turn one way.
     """
     steps = np.diff(at)
     slopes = np.diff(values) / steps

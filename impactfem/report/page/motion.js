@@ -34,7 +34,7 @@
     traces.push({x: curve.time, y: curve.force, name: "run", mode: "lines", line: {color: "#0b559f", width: 1.4, shape: "vh"}, hovertemplate: hover + "<extra>run</extra>"});
     const axis = (title) => ({title: {text: title, standoff: 8}, zeroline: false, gridcolor: "#e6e6e6", linecolor: "#999999", ticks: "outside", fixedrange: true, automargin: true, exponentformat: "power"});
     const layout = {
-      height, margin: {l: 60, r: 15, t: 28, b: 45}, dragmode: false, showlegend: traces.length > 1,
+      height, margin: {l: 60, r: 20, t: 28, b: 45}, dragmode: false, showlegend: traces.length > 1,
       legend: {orientation: "h", x: 0, y: 1.02, yanchor: "bottom"}, font: {family: "system-ui, sans-serif", size: 12, color: "#222222"},
       paper_bgcolor: "#ffffff", plot_bgcolor: "#ffffff",
       xaxis: {...axis("time [s]"), range: [curve.time[0], curve.time[curve.time.length - 1]]}, yaxis: axis("contact force [N]"),
@@ -59,7 +59,7 @@
     const state = {frame: 0, factor: data.factor, timer: 0}, last = data.times.length - 1;
     const panes = make("div", "display:flex;flex-wrap:wrap;gap:12px;align-items:center", root);
     const picture = make("div", "flex:1.2 1 320px;min-width:0;max-width:100%", panes);
-    const force = make("div", "flex:1 1 300px;min-width:0;max-width:100%", panes);
+    const force = make("div", "flex:1 1 300px;min-width:0;max-width:100%;overflow:hidden", panes);
     const controls = make("div", "display:flex;flex-wrap:wrap;gap:10px;align-items:center;margin-top:6px", root);
     const play = make("button", "min-width:5em;font:inherit;padding:2px 10px", controls, "Play");
     play.type = "button";

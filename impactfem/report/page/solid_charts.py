@@ -52,9 +52,11 @@ def _centres(result: Result) -> list[Chart]:
                 if not prefix:
                     values = values - values[0]  # bodies far from each other, with small ways
                 curves.append((f"{body.name}, {letter}", values))
-        largest = max((float(np.nanmax(np.abs(v))) for _, v in curves), default=0.0)
-        told = [(n, v) for n, v in curves if np.nanmax(np.abs(v)) > _STILL * largest]
-        if not told or not largest > 0.0:
+        sizes = [float(np.abs(v[np.isfinite(v)]).max(initial=0.0)) for _, v in curves]
+        told = [
+            curve for curve, size in zip(curves, sizes, strict=True) if size > _STILL * max(sizes)
+        ]
+        if not told:
             continue
         traces = [
             line(time, values, label, COLOURS[k % len(COLOURS)], unit)
