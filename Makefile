@@ -37,6 +37,7 @@ lint: setup ## Check style, types and the order of the layers
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
+	@$(BIN)/mypy demos/user_project/src demos/user_project/tests
 	@$(BIN)/lint-imports
 
 docs: setup ## Run the demos, build the documentation, check its links: docs/_build/html/index.html
