@@ -80,7 +80,7 @@ def main() -> None:
     lines.append("| --- | --- | --- | --- | --- |")
     for name, *times, limit in rows:
         lines.append(f"| {name} | {' | '.join(f'{t:.2f}' for t in times)} | {limit or ''} |")
-    text = "\n".join(lines) + f"\n\nWall time and CPU time, {given.repeats} runs of each.\n"
+    text = "\n".join(lines) + f"\n\nWall time and CPU time; runs of each: {given.repeats}.\n"
     (given.results / "startup.md").write_text(text, encoding="utf-8")
     write_stamp("startup", folder=given.results)
 
