@@ -196,7 +196,7 @@ def _run(given: argparse.Namespace) -> int:
     from impactfem.log import Progress  # noqa: PLC0415
     from impactfem.planning import plan  # noqa: PLC0415
     from impactfem.report.table import summary_table  # noqa: PLC0415
-    from impactfem.result.store import check_writable  # noqa: PLC0415
+    from impactfem.resuming import claimed, clear  # noqa: PLC0415
 
     scene, folder = _to_run(given)
     progress = Progress(enabled=rank() == 0 and not given.quiet)
@@ -206,15 +206,12 @@ def _run(given: argparse.Namespace) -> int:
         progress.message(f"warning: {warning}")
     if chosen.method != "exact" and not scene.is_vibro and not scene.is_bar_row:
         _load_finite_elements()
-    on_root(lambda: check_writable(folder))
-    with progress.stages(4 if scene.bodies[0].kind == "bar" else 5):
+    stages = progress.stages(4 if scene.bodies[0].kind == "bar" else 5)
+    with claimed(folder, given.restart), stages:
         result = _solved(scene, given.restart, folder, progress)
         result = replace(result, summary={**result.summary, "run": _record(given, result)})
         progress.step("writing the result")
         on_root(lambda: result.save(folder))
-    if _is_solid(scene):
-        from impactfem.resuming import clear  # noqa: PLC0415
-
         clear(given.restart or folder)
     if not given.quiet:
         report = f"Report: {folder / 'report.html'}\n" * result.scene.output.report
@@ -239,10 +236,10 @@ def _record(given: argparse.Namespace, result: "Result") -> dict[str, Any]:
     for option in ("out", "restart"):
         if getattr(given, option) is not None:
             words += [f"--{option}", str(getattr(given, option))]
-    several = result.summary["ranks"]
-    return result.summary["run"] | {
-        "command": shell_command(["mpirun", "-n", str(several), *words] if several > 1 else words)
-    }
+    if result.summary["ranks"] > 1:
+        words = ["mpirun", "-n", str(result.summary["ranks"]), *words]
+    record: dict[str, Any] = result.summary["run"] | {"command": shell_command(words)}
+    return record
 
 
 def _to_run(given: argparse.Namespace) -> "tuple[Scene, Path]":
@@ -273,15 +270,11 @@ def _solved(scene: "Scene", restart: Path | None, folder: Path, progress: "Progr
 
     if not scene.output.checkpoint:
         return solve(scene, progress=progress)
-    from impactfem.resuming import make_place, what_is_kept  # noqa: PLC0415
+    from impactfem.resuming import kept  # noqa: PLC0415
 
     place = restart or folder
-    make_place(place)
-    try:
+    with kept(place):
         return solve(scene, progress=progress, checkpoints=place, restart=restart)
-    except InterruptedRunError as error:
-        error.kept = what_is_kept(place)
-        raise
 
 
 def _is_solid(scene: "Scene") -> bool:
@@ -367,13 +360,14 @@ def _plot(given: argparse.Namespace) -> int:
     from impactfem.report.page.page import write_report  # noqa: PLC0415
     from impactfem.result import Result  # noqa: PLC0415
     from impactfem.result.store import replaced  # noqa: PLC0415
+    from impactfem.resuming import claimed  # noqa: PLC0415
 
     try:
         result = Result.load(given.folder)
     except OutputError as error:
         complain(str(error))
         return BAD_INPUT
-    with replaced(given.folder) as stage:
+    with claimed(given.folder), replaced(given.folder) as stage:
         names = [path.name for path in write_report(result, stage)[1]]
     if result.fields is None and not result.scene.is_vibro:
         complain('no fields.vtkhdf: no pictures of the displacement; run with fields = ["vtkhdf"]')

@@ -1,11 +1,16 @@
-"""Runs of solids that were stopped: their scene, their files, and how to go on with them."""
+"""The folder of a run: claimed by it, and what serves to go on with a run that was stopped."""
 
-import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from impactfem.errors import OutputError, SceneError
-from impactfem.processes import on_root
+from impactfem.processes import on_root, rank
+from impactfem.result.claim import Claim
+from impactfem.result.store import CHECKPOINT, SPOOL
 from impactfem.scene import Scene
+from impactfem.scene.toml import parse_toml
+from impactfem.signals import InterruptedRunError
 
 
 def scene_to_continue(folder: Path) -> Scene:
@@ -20,43 +25,65 @@ def scene_to_continue(folder: Path) -> Scene:
         text = scene_of(folder)
     except OutputError as error:  # a wrong argument, not a fault of the disk
         raise SceneError(f"run: --restart {folder}: {error}") from None
-    return Scene.from_dict(tomllib.loads(text), base=folder)
+    return Scene.from_dict(parse_toml(text, str(folder / CHECKPOINT)), base=folder)
 
 
-def make_place(folder: Path) -> None:
-    """Make the folder of checkpoints (collective).
+@contextmanager
+def claimed(*folders: Path | None) -> Iterator[None]:
+    """Keep folders for this run: no other one may write there meanwhile (collective to begin).
+
+    Args:
+        *folders: Made if absent; those that are still empty at the end go. None stands for none.
 
     Raises:
-        OutputError: It cannot be made.
+        OutputError: Another run has one, or it cannot be written.
     """
+    claims: list[Claim] = []
 
-    def make() -> None:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(
-                f"{folder}: cannot be made ({error.strerror}); choose another folder (--out)"
-            ) from error
+    def take() -> None:
+        for folder in {path.resolve(): path for path in folders if path is not None}.values():
+            claim = Claim(folder)
+            claim.take()
+            claims.append(claim)
 
-    on_root(make)
+    try:
+        on_root(take)
+        yield
+    finally:  # each rank for itself: others may have gone
+        for claim in claims:
+            claim.release()
+
+
+@contextmanager
+def kept(folder: Path) -> Iterator[None]:
+    """Have a run that stops in a folder of checkpoints say what is left, and leave no rubbish."""
+    try:
+        yield
+    except InterruptedRunError as error:
+        error.kept = what_is_kept(folder)
+        raise
+    except OutputError as error:
+        if (folder / CHECKPOINT).exists():
+            raise OutputError(f"{error}. Then {what_is_kept(folder)}") from error
+        raise
+    finally:
+        if rank() == 0 and not (folder / CHECKPOINT).exists():
+            with suppress(OSError):  # fields without a checkpoint are of no use
+                (folder / SPOOL).unlink(missing_ok=True)
 
 
 def what_is_kept(folder: Path) -> str:
     """What a stopped run leaves in its folder, and how to go on with it."""
-    from impactfem.marching.checkpoint import FILE  # noqa: PLC0415  (loads DOLFINx)
-
-    if not (folder / FILE).exists():
+    if not (folder / CHECKPOINT).exists():
         return "nothing was written"
     return f"continue with: impactfem run --restart {folder}"
 
 
 def clear(folder: Path) -> None:
     """Remove what served to continue a run that is now complete (collective)."""
-    from impactfem.marching.checkpoint import FILE  # noqa: PLC0415  (loads DOLFINx)
-    from impactfem.solid_runs import SPOOL  # noqa: PLC0415
 
     def remove() -> None:
-        for name in (FILE, SPOOL):
+        for name in (CHECKPOINT, SPOOL):
             (folder / name).unlink(missing_ok=True)
 
     on_root(remove)

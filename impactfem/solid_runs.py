@@ -22,6 +22,7 @@ from impactfem.marching.solids import Level, SolidMarch
 from impactfem.result.cell_kinds import KINDS
 from impactfem.result.solid_fields import FieldSpool, SolidFields
 from impactfem.result.solid_motion import SolidMotion
+from impactfem.result.store import SPOOL
 from impactfem.scene import Scene
 from impactfem.solid_model import SolidModel, solid_model
 from impactfem.solid_rows import solid_motion
@@ -191,10 +192,6 @@ def _saver(
             writer.write(march, {"fields": kept, **seen})
 
     return save
-
-
-SPOOL = ".fields.partial.vtkhdf"
-"""Name of the fields of an unfinished run beside its checkpoint."""
 
 
 def _spool_place(comm: Any, folder: Path | None, *, keep: bool) -> tuple[Path | None, Path | None]:

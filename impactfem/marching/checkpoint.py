@@ -3,10 +3,12 @@
 import hashlib
 import io
 import os
+import stat
 import struct
 import zipfile
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -17,8 +19,9 @@ from impactfem.errors import OutputError
 from impactfem.fem import on_root
 from impactfem.marching.collect import Collector, Floats, total
 from impactfem.marching.solids import SolidMarch
+from impactfem.result.store import CHECKPOINT, in_mib
 
-FILE = "checkpoint.npz"
+FILE = CHECKPOINT
 """Name of the file in a result folder."""
 
 # What NumPy meets in files that are cut off, damaged, or none of its own.
@@ -86,16 +89,19 @@ class Checkpoints:
         buffer = io.BytesIO()
         np.savez(buffer, **data)
         try:
-            with partial.open("wb") as file:
-                file.write(buffer.getvalue())
+            partial.unlink(missing_ok=True)  # left by a killed run, or a link to another file
+            with partial.open("xb") as file:
+                file.write(buffer.getbuffer())
                 file.flush()
                 os.fsync(file.fileno())
             partial.replace(self._path)
         except OSError as error:
-            partial.unlink(missing_ok=True)
+            with suppress(OSError):
+                partial.unlink(missing_ok=True)
+            size = in_mib(buffer.getbuffer().nbytes)
             raise OutputError(
-                f"{self._path}: the checkpoint cannot be written ({error.strerror}); free some "
-                "space, or set output.checkpoint = 0"
+                f"{self._path}: the checkpoint of {size} cannot be written ({error.strerror}); "
+                "free some space, or set output.checkpoint = 0"
             ) from error
 
     def forget(self) -> None:
@@ -187,15 +193,25 @@ class Checkpoints:
         return inside | contact | rows | {"contact.speed": surface, "contact.surface": surface}
 
 
-def load(path: Path) -> dict[str, Any]:
-    """Arrays of a checkpoint by name.
+def load(path: Path, *names: str) -> dict[str, Any]:
+    """Arrays of a checkpoint by name: some, as far as they are there, or all.
 
     Raises:
         OutputError: There is no such file, or it is broken.
     """
     try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise OSError("not a file")
+        with zipfile.ZipFile(path) as archive:
+            # NumPy packs nothing: what is packed may be larger than any memory.
+            if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
+                raise ValueError("its arrays are packed")
+            if sum(entry.file_size for entry in archive.infolist()) > path.stat().st_size:
+                raise ValueError("its arrays overlap")
+        # No pickles: reading those would run whatever they say.
         with np.load(path, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
+            wanted = set(names or file.files)
+            return {name: file[name] for name in file.files if name in wanted}
     except _BROKEN as error:
         raise OutputError(
             f"{path}: no checkpoint that can be read ({error}); give the folder of a stopped run "
@@ -209,7 +225,7 @@ def scene_of(folder: Path) -> str:
     Raises:
         OutputError: There is no checkpoint.
     """
-    text = load(folder / FILE).get("scene")
+    text = load(folder / FILE, "scene").get("scene")
     if text is None:
         raise OutputError(
             f"{folder / FILE}: names no scene, so it is no checkpoint; give the folder of a "

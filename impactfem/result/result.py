@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -23,7 +24,7 @@ from impactfem.result.history import read_netcdf, write_csv, write_netcdf
 from impactfem.result.solid_export import needed_bytes as needed_bytes_of_solid
 from impactfem.result.solid_export import write_solid
 from impactfem.result.solid_fields import SolidFields
-from impactfem.result.store import LAST, reserve, staged
+from impactfem.result.store import LAST, finish, reserve, staged
 from impactfem.result.trajectory import Impacts
 from impactfem.scene import Scene
 
@@ -250,6 +251,8 @@ class Result:
             OutputError: The folder holds no complete result.
         """
         folder = Path(folder)
+        with suppress(OSError):  # one that cannot be written is read as it is
+            finish(folder)
         try:
             summary = json.loads((folder / LAST).read_text(encoding="utf-8"))
             history = read_netcdf(folder / "history.nc")

@@ -16,6 +16,7 @@ from impactfem.errors import OutputError
 from impactfem.result.cell_kinds import BY_VTK_TYPE
 from impactfem.result.fields import foreign_file
 from impactfem.result.grids import make_grid, nearest_layer
+from impactfem.result.killed_files import mend
 from impactfem.result.store import reserve
 from impactfem.signals import held_back
 
@@ -48,9 +49,11 @@ _CHUNK = 1 << 17  # values of a chunk: 1 MiB of floats
 class FieldSpool:
     """A temporal VTKHDF file of an unstructured grid that grows by one layer at a time.
 
-    ParaView and pyvista read it while and after it is written. What was appended is on disk when
-    `append` returns; only the layer being written is in memory. Format: VTK documentation, "VTKHDF
-    file format", temporal data with one static mesh. Write from one rank only.
+    ParaView and pyvista read it once it is closed. What was appended is on disk when `append`
+    returns, and whenever the writer is killed, `reopen` finds it: HDF5's mode of a single writer
+    and many readers orders its writes so that the file is consistent at any moment. Only the layer
+    being written is in memory. Format: VTK documentation, "VTKHDF file format", temporal data with
+    one static mesh. Write from one rank only.
 
     Attributes:
         path: The file.
@@ -83,41 +86,57 @@ class FieldSpool:
         self._nodes = len(nodes)
         try:
             reserve(self.path.parent, 131_072 + nodes.nbytes + connectivity.nbytes)
-            self._file = h5py.File(self.path, "w")
+            self.path.unlink(missing_ok=True)  # a link would have us write to its target
+            # The oldest format with that mode; ParaView reads it.
+            self._file = h5py.File(self.path, "w", libver=("v110", "v110"))
             self._write_grid(nodes, connectivity, vtk_cell_type)
             self._write_empty_steps()
+            self._file.swmr_mode = True
             self._file.flush()
         except (OSError, RuntimeError) as error:
             raise self._cannot(error) from error
 
     @classmethod
     def reopen(cls, path: str | Path, layers: int | None = None) -> Self:
-        """Open a file to go on with.
+        """Go on with a file: its layers are copied into a new one, which takes its place.
 
         Args:
             path: What an earlier spool has written, perhaps of a run that was killed.
             layers: Keep the first so many layers; None for all.
 
         Raises:
-            OutputError: The file is none of a spool, or has fewer layers.
+            OutputError: The file is none of a spool, or has fewer layers, or the disk is full.
         """
-        self = cls.__new__(cls)
-        self.path = Path(path)
+        path = Path(path)
         try:
-            self._file = h5py.File(self.path, "r+")
-            root = self._file["VTKHDF"]
-            self._nodes = int(root["NumberOfPoints"][0])
-            offsets = root["Steps/PointDataOffsets"]
-            self.point_data = {name: _components(root["PointData"][name]) for name in offsets}
-            there = len(self)
-        except (OSError, KeyError, ValueError) as error:
-            raise foreign_file(self.path, error) from error
-        if layers is not None and layers > there:
-            self.close()
-            raise OutputError(
-                f"{path}: {there} layers are there, {layers} are expected; start the run anew"
-            )
-        self.truncate(there if layers is None else layers)
+            mend(path)
+            with h5py.File(path, "r") as file:
+                root = file["VTKHDF"]
+                names = root["Steps/PointDataOffsets"]
+                data = {name: root["PointData"][name] for name in names}
+                there = int(root["Steps"].attrs["NSteps"])
+                if layers is not None and layers > there:
+                    raise OutputError(
+                        f"{path}: {there} layers are there, {layers} are expected; start the run "
+                        "anew"
+                    )
+                cells = root["Connectivity"][:].reshape(int(root["NumberOfCells"][0]), -1)
+                self = cls(
+                    path.with_name(f"{path.stem}.copy{path.suffix}"), root["Points"][:], cells,
+                    int(root["Types"][0]), {name: _components(data[name]) for name in data},
+                )  # fmt: skip
+                try:
+                    for layer in range(there if layers is None else layers):
+                        own = slice(layer * self._nodes, (layer + 1) * self._nodes)
+                        values = {name: data[name][own] for name in data}
+                        self.append(float(root["Steps/Values"][layer]), values)
+                    self.path = self.path.replace(path)
+                except BaseException:
+                    self.close()
+                    self.path.unlink(missing_ok=True)
+                    raise
+        except (OSError, RuntimeError, LookupError, ValueError, TypeError) as error:
+            raise foreign_file(path, error) from error
         return self
 
     def __len__(self) -> int:
@@ -155,20 +174,10 @@ class FieldSpool:
                 for name, value in self._steps(layer, time).items():
                     steps[name].resize(layer + 1, axis=0)
                     steps[name][layer] = value
-                steps.attrs["NSteps"] = np.int64(layer + 1)
+                steps.attrs.modify("NSteps", np.int64(layer + 1))  # in place, as the mode asks
                 self._file.flush()
         except (OSError, RuntimeError) as error:
             raise self._cannot(error) from error
-
-    def truncate(self, layers: int) -> None:
-        """Forget all but the first so many layers."""
-        root = self._file["VTKHDF"]
-        root["Steps"].attrs["NSteps"] = np.int64(layers)
-        for name in self.point_data:
-            root["PointData"][name].resize(layers * self._nodes, axis=0)
-        for name in self._steps(0, 0.0):
-            root["Steps"][name].resize(layers, axis=0)
-        self._file.flush()
 
     def close(self) -> None:
         """Close the file; nothing happens if it is closed."""

@@ -1,5 +1,7 @@
 """A result folder whose files appear whole or not at all."""
 
+import errno
+import fcntl
 import os
 import shutil
 import stat
@@ -14,6 +16,12 @@ from impactfem.signals import held_back
 LAST = "summary.json"
 """Written last: a folder with it is complete."""
 
+CHECKPOINT = "checkpoint.npz"
+"""State of an unfinished run in its folder."""
+
+SPOOL = ".fields.partial.vtkhdf"
+"""Fields of an unfinished run beside its checkpoint."""
+
 # What a result may hold. A new one removes what an older one left and it has not itself.
 _OWN = (
     "scene.toml", "history.csv", "history.nc", "exact.nc", "axis.nc",
@@ -24,6 +32,10 @@ _OWN = (
     "impacts.csv", "report.html",
     LAST,
 )  # fmt: skip
+
+# Parts of the names of hidden folders: files being collected, a whole result being moved in.
+_PARTIAL, _WHOLE = "partial", "whole"
+_STALE = ".stale"  # names of the files of the older result that go
 
 
 def check_writable(folder: Path) -> None:
@@ -39,13 +51,13 @@ def check_writable(folder: Path) -> None:
         except (FileNotFoundError, NotADirectoryError):
             continue
         except OSError as error:  # a name that is too long, or behind a closed folder
-            raise OutputError(_cannot(folder, error.strerror)) from error
+            raise OutputError(cannot(folder, error.strerror)) from error
         if not is_folder:
             raise OutputError(f"{folder}: {place} is a file; choose another folder (--out)")
         try:  # permissions do not bind root, and some file systems take no folders
             Path(tempfile.mkdtemp(prefix=".impactfem-", dir=place)).rmdir()
         except OSError as error:
-            raise OutputError(_cannot(folder, f"{place}: {error.strerror}")) from error
+            raise OutputError(cannot(folder, f"{place}: {error.strerror}")) from error
         return
 
 
@@ -59,6 +71,9 @@ def staged(folder: Path) -> Iterator[Path]:
     Args:
         folder: Where the files shall be; made if absent. The files of an older result are
             replaced or removed, others stay.
+
+    A run that is killed meanwhile leaves the older result and the hidden folder, which the next
+    one removes; one that is killed while it moves the files in has them moved in by `finish`.
 
     Yields:
         The staging folder to write into.
@@ -82,24 +97,113 @@ def _collected(folder: Path, *, complete: bool) -> Iterator[Path]:
     """Stage files and publish them; ``complete`` says that they are a whole result."""
     check_writable(folder)
     made = [path for path in folder.absolute().parents if not path.exists()]
-    stage: Path | None = None
+    stage: _Stage | None = None
     try:
+        clean(folder)
         folder.parent.mkdir(parents=True, exist_ok=True)
         # A folder that exists may be a mount or a link to another disk: files are moved within it.
-        place = folder if folder.is_dir() else folder.parent
-        stage = Path(tempfile.mkdtemp(prefix=f".{folder.name}.partial-", dir=place))
-        stage.chmod(0o777 & ~_umask())  # mkdtemp is private to its user; results are not
-        yield stage
-        _publish(stage, folder, complete=complete)
+        stage = _Stage(folder, folder if folder.is_dir() else folder.parent)
+        stage.path.chmod(0o777 & ~_umask())  # mkdtemp is private to its user; results are not
+        yield stage.path
+        _publish(stage.path, folder, complete=complete)
         made = []
     except (OSError, RuntimeError) as error:  # HDF5 and ADIOS2 raise RuntimeError on a full disk
-        raise OutputError(_cannot(folder, getattr(error, "strerror", None) or error)) from error
+        raise OutputError(cannot(folder, getattr(error, "strerror", None) or error)) from error
     finally:
         if stage is not None:
-            shutil.rmtree(stage, ignore_errors=True)
+            stage.remove()
         for path in made:
             with suppress(OSError):
                 path.rmdir()
+
+
+class _Stage:
+    """A hidden folder, locked as long as its process lives: others tell so that it is in use."""
+
+    def __init__(self, folder: Path, place: Path) -> None:
+        while True:
+            self.path = Path(tempfile.mkdtemp(prefix=_prefix(folder, _PARTIAL), dir=place))
+            lock = _lock(self.path)
+            if lock is not None and self.path.is_dir():  # nobody has cleaned it up meanwhile
+                self._lock = lock
+                return
+
+    def remove(self) -> None:
+        """Remove what is left of it."""
+        shutil.rmtree(self.path, ignore_errors=True)
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
+
+
+def _prefix(folder: Path, what: str) -> str:
+    """How the names of hidden folders of a result begin."""
+    return f".{folder.name[:40]}.{what}-"  # names end at 255 bytes
+
+
+def _lock(folder: Path) -> int | None:
+    """Lock a folder; None if a living process has it, -1 if its file system knows no locks."""
+    file = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(file)
+        return None
+    except OSError:
+        os.close(file)
+        return -1
+    return file
+
+
+def clean(folder: Path) -> None:
+    """Finish what a killed run was publishing, remove what another was collecting.
+
+    Raises:
+        OSError: The folder cannot be written.
+    """
+    finish(folder)
+    for place in (folder, folder.parent):
+        for path in _hidden(folder, place, _PARTIAL):
+            with _dead(path) as dead:
+                if dead:
+                    shutil.rmtree(path, ignore_errors=True)
+
+
+def finish(folder: Path) -> bool:
+    """Move in the rest of a whole result whose run was killed meanwhile; whether there was one.
+
+    Raises:
+        OSError: The folder cannot be written.
+    """
+    found = False
+    for path in _hidden(folder, folder, _WHOLE):
+        with _dead(path) as dead:
+            if dead:
+                _move_in(path, folder)
+                found = True
+    return found
+
+
+def _hidden(folder: Path, place: Path, what: str) -> list[Path]:
+    """Hidden folders of a result; none where that cannot be seen."""
+    prefix = _prefix(folder, what)
+    try:
+        found = [path for path in place.iterdir() if path.name.startswith(prefix)]
+    except OSError:
+        return []
+    return sorted(path for path in found if path.is_dir() and not path.is_symlink())
+
+
+@contextmanager
+def _dead(path: Path) -> Iterator[bool]:
+    """Lock a hidden folder whose process is gone; whether it is."""
+    try:
+        file = _lock(path)
+    except OSError:  # it went meanwhile
+        file = None
+    yield file is not None and file >= 0
+    if file is not None and file >= 0:
+        os.close(file)
 
 
 def reserve(folder: Path, size: int) -> None:
@@ -115,10 +219,22 @@ def reserve(folder: Path, size: int) -> None:
         OSError: There is no room, or a limit of the file size or a quota forbids it.
     """
     with tempfile.TemporaryFile(dir=folder) as file:
-        os.posix_fallocate(file.fileno(), 0, size)
+        try:
+            os.posix_fallocate(file.fileno(), 0, size)
+        except OSError as error:
+            if error.errno not in {errno.ENOSPC, errno.EFBIG, errno.EDQUOT}:
+                raise
+            needs = f"{error.strerror}; {in_mib(size)} are needed"
+            raise OSError(error.errno, needs) from error
 
 
-def _cannot(folder: Path, why: object) -> str:
+def in_mib(size: int) -> str:
+    """A number of bytes for people."""
+    return f"{size / 2**20:.3g} MiB"
+
+
+def cannot(folder: Path, why: object) -> str:
+    """Message about a folder that cannot be written."""
     return f"{folder}: cannot be written ({why}); free some space or choose another folder (--out)"
 
 
@@ -130,15 +246,32 @@ def _publish(stage: Path, folder: Path, *, complete: bool) -> None:
         if not folder.is_dir():
             stage.rename(folder)
             return
-        entries = {path.name: path for path in stage.iterdir()}
-        if complete:
-            (folder / LAST).unlink(missing_ok=True)
-            for name in _OWN:
-                if name not in entries:
-                    _remove(folder / name)
-        for name in sorted(entries, key=lambda name: (name == LAST, name)):
-            _remove(folder / name, keep_file=entries[name].is_file())
-            entries[name].replace(folder / name)
+        there = {path.name for path in stage.iterdir()}
+        stale = [name for name in _OWN if name not in there] if complete else []
+        (stage / _STALE).write_text("\n".join([LAST, *stale] if complete else []), encoding="utf-8")
+        _flush(stage / _STALE)
+        # From here on the result is whole, and `finish` goes on if this process is killed.
+        own = stage.name.removeprefix(_prefix(folder, _PARTIAL))
+        whole = stage.with_name(_prefix(folder, _WHOLE) + own)
+        stage.rename(whole)
+        _move_in(whole, folder)
+
+
+def _move_in(stage: Path, folder: Path) -> None:
+    """Move a whole result in; killed at any moment, it may be called again."""
+    try:
+        names = (stage / _STALE).read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError:  # killed while it removed the empty folder
+        names = []
+    entries = {path.name: path for path in stage.iterdir() if path.name != _STALE}
+    if LAST in entries or LAST not in names:  # else all are in, and the summary is the new one
+        for name in names:
+            if name in {LAST, *_OWN}:  # whatever a stranger may have written there
+                _remove(folder / name)
+    for name in sorted(entries, key=lambda name: (name == LAST, name)):
+        _remove(folder / name, keep_file=entries[name].is_file())
+        entries[name].replace(folder / name)
+    shutil.rmtree(stage, ignore_errors=True)
 
 
 def _remove(path: Path, *, keep_file: bool = False) -> None:

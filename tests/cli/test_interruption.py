@@ -200,7 +200,7 @@ def mounted(work):
 
 @pytest.mark.parametrize("free", [8, 60, 300])
 def test_a_full_disk_keeps_the_older_result(command, mounted, free, monkeypatch):
-    disk = mounted("-t", "tmpfs", "-o", "size=2m", "tmpfs")
+    disk = mounted("-t", "tmpfs", "-o", "size=20m", "tmpfs")
     monkeypatch.chdir(disk)
     assert command(*SHORT, "--quiet").code == 0
     status = os.statvfs(disk)
