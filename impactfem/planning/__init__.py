@@ -1,8 +1,11 @@
 """The plan: the least model and method that a scene needs, with the reasons, before solving."""
 
+from dataclasses import replace
+
 from impactfem.planning.bar_rows import BarRowPlan, plan_bar_row
 from impactfem.planning.bars import Plan, plan_bar
 from impactfem.planning.bodies import plan_bodies
+from impactfem.planning.doubts import doubts
 from impactfem.planning.solids import SolidPlan, plan_solid
 from impactfem.planning.vibro import VibroPlan, plan_vibro
 from impactfem.scene import Scene
@@ -31,8 +34,13 @@ def plan(scene: Scene) -> AnyPlan:
         SceneError: The settings cannot work, or need more memory than the machine has.
         MeshError: The mesh cannot be made.
     """
-    if scene.is_vibro:
-        return plan_vibro(scene)
-    if not isinstance(scene.bodies[0], Solid):
+    if not scene.is_vibro and not isinstance(scene.bodies[0], Solid):
         return plan_bar_row(scene) if scene.is_bar_row else plan_bar(scene)
-    return plan_bodies(scene) if scene.has_pairs else plan_solid(scene)
+    made: VibroPlan | SolidPlan
+    if scene.is_vibro:
+        made = plan_vibro(scene)
+    else:
+        made = plan_bodies(scene) if scene.has_pairs else plan_solid(scene)
+    if any("flies freely" in text or "touches nothing" in text for text in made.warnings):
+        return made  # which says more
+    return replace(made, warnings=(*made.warnings, *doubts(scene)))

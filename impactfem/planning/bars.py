@@ -6,6 +6,7 @@ from typing import Any
 from impactfem.exact import ExactBar
 from impactfem.methods import METHODS
 from impactfem.planning.card import ShowsItself
+from impactfem.planning.doubts import doubts_of_bar
 from impactfem.reference import exact_bar
 from impactfem.scene import Scene
 from impactfem.sizing import (
@@ -119,7 +120,7 @@ def plan_bar(scene: Scene) -> Plan:
         memory_mib=memory,
         seconds=seconds,
         reasons=reasons,
-        warnings=_warnings(name, grid, exact),
+        warnings=(*_warnings(name, grid, exact), *doubts_of_bar(scene, exact)),
     )
 
 

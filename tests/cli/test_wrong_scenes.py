@@ -51,6 +51,33 @@ def test_a_wrong_scene_is_refused_with_a_remedy(name, command, work):
     assert contents(work) == before
 
 
+DOUBTED = {
+    "velocity away from the wall": (
+        ("bar_impact", "body.bar.velocity=0.5"), "never presses on the wall",
+    ),
+    "gravity upwards": (("dropped_disc", "gravity=[0.0, 9.81]"), "disc meets nothing"),
+    "too short": (("dropped_disc", "duration=0.01"), "flies freely"),
+    "modulus in GPa": (("dropped_beam", "body.beam.youngs_modulus=210"), "check the units"),
+    "no restitution": (("bouncing_ball", "contact=[]"), "add [[contact]]"),
+    "degree that locks": (
+        ("dropped_disc", "body.disc.poisson_ratio=0.4995", "body.disc.degree=1"), "lock",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", DOUBTED)
+def test_what_is_probably_not_meant_is_in_order_with_a_warning(name, command, work):
+    (scene, *changes), warning = DOUBTED[name]
+    before = contents(work)
+    done = command("validate", scene, *(part for text in changes for part in ("--set", text)))
+    assert done.code == 0, done.err
+    assert "in order" in done.out.splitlines()[0]
+    assert any(
+        line.startswith("warning: ") and warning in line for line in done.out.splitlines()[1:]
+    ), done.out
+    assert contents(work) == before
+
+
 @pytest.mark.parametrize("name", SAMPLE)
 def test_a_wrong_scene_in_a_process_of_its_own(name, work):
     wrong = WRONG[name]

@@ -102,8 +102,9 @@ def test_who_meets_nobody_is_warned_of():
         block("a", (0, 0)), block("b", (1.1, 0)), block("c", (2.2, 0)),
         contacts=[("a", "b"), ("b", "c/left"), ("a/left", "c")],
     )  # fmt: skip
-    (warning,) = impactfem.plan(chosen).warnings
+    warning, rest = impactfem.plan(chosen).warnings
     assert "bodies a and c cannot meet" in warning
+    assert "the bodies meet nothing" in rest  # they are at rest
 
 
 BALL = {"kind": "sphere", "radius": 0.5, "center": [0.0, 0.3, 0.0]}
