@@ -183,6 +183,18 @@ def test_a_run_with_numbers_that_are_not_finite_is_not_trusted(bar):
     assert "Largest force not finite" in words
 
 
+def test_what_an_estimate_took_and_an_episode_are_told(bar):
+    """Notes of an estimate are texts or tables; a beam's rebound has figures of its own."""
+    note = {"message": "run on elements twice as large", "seconds": 0.25, "num_steps": 9}
+    episode = {"restitution": 0.6125, "micro_impacts": 7, "vibration": 0.11}
+    details = {"error_estimate": note, "episode": episode, "watch": "a node enters the floor"}
+    summary = {**bar.summary, "details": details}
+    _, words = read(page(Result(bar.scene, bar.history, summary, bar.fields, bar.exact), []))
+    assert "Run on elements twice as large, which took 250 ms." in words
+    assert "Apparent restitution 0.6125" in words
+    assert "Trust this run with care A node enters the floor." in words
+
+
 def test_without_plotly_the_pictures_remain(bar, monkeypatch):
     from impactfem.report.page import page as module
 

@@ -1,3 +1,5 @@
+import json
+import os
 import re
 import shlex
 import subprocess
@@ -28,3 +30,26 @@ def test_date_has_an_offset_and_the_command_can_be_pasted():
     assert shlex.split(record["command"]) == words
     assert re.match(r"\d+\.\d+\.\d+", record["versions"]["Python"])
     assert record["machine"]["cores"] >= 1
+
+
+def test_the_command_noted_by_a_run_repeats_it(tmp_path):
+    """With a folder whose name needs quotes, and a setting with quotes of its own."""
+    words = ["impactfem", "run", "bar_impact", "--set", 'solve.method="exact"', "--quiet"]
+    environment = os.environ | {"PATH": f"{os.path.dirname(sys.executable)}:{os.environ['PATH']}"}  # noqa: PTH120
+
+    def run(command, folder):
+        subprocess.run(
+            command,
+            check=True,
+            timeout=120,
+            cwd=tmp_path,
+            env=environment,
+            shell=isinstance(command, str),
+        )
+        summary = json.loads((tmp_path / folder / "summary.json").read_text())
+        return (tmp_path / folder / "history.csv").read_text(), summary["run"]["command"]
+
+    history, command = run([*words, "--out", "my results"], "my results")
+    assert command == "impactfem run bar_impact --set 'solve.method=\"exact\"' --out 'my results'"
+    (tmp_path / "my results/history.csv").unlink()
+    assert run(command, "my results") == (history, command)

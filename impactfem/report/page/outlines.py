@@ -1,15 +1,18 @@
 """Outlines of solids in the plane as their shapes say, and the parts that are held or loaded."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.report.page.numbers import formula, formulas
 from impactfem.scene import Solid
+from impactfem.scene.shapes import Block, Cylinder
 
 Floats = NDArray[np.float64]
 
+_CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 _AROUND = 97  # the outermost places of a circle and of half of one are among them
 
 
@@ -22,23 +25,21 @@ def outline_of(solid: Solid) -> Floats | None:
     moved = any(entry.plain != 0.0 for entry in solid.displacement)
     if shape is None or shape.symmetry or moved or shape.kind == "ring":
         return None
-    if shape.kind == "block":
-        low = np.array(shape.corner, dtype=np.float64)  # type: ignore[union-attr]
-        corners = low + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * np.array(shape.size)  # type: ignore[union-attr]
-    elif shape.kind == "cylinder":
-        base = np.array(shape.center, dtype=np.float64)[-2:]  # type: ignore[union-attr]
-        box = np.array([shape.radius, shape.height])  # type: ignore[union-attr]
-        corners = base + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * box
+    if isinstance(shape, Block):
+        corners = np.array(shape.corner) + _CORNERS * np.array(shape.size)
+    elif isinstance(shape, Cylinder):
+        corners = np.array(shape.center)[-2:] + _CORNERS * [shape.radius, shape.height]
     else:
-        corners = _round(shape.center, shape.radius, half=solid.is_axisymmetric)  # type: ignore[union-attr]
+        corners = _round(shape.center, shape.radius, half=solid.is_axisymmetric)
     if not shape.angle:
         return corners
     centre = np.array(shape.centre, dtype=np.float64)[:2]
     cosine, sine = math.cos(shape.angle), math.sin(shape.angle)
-    return centre + (corners - centre) @ np.array([[cosine, sine], [-sine, cosine]])
+    turned: Floats = (corners - centre) @ np.array([[cosine, sine], [-sine, cosine]])
+    return centre + turned
 
 
-def _round(center: tuple[float, ...], radius: float, *, half: bool) -> Floats:
+def _round(center: Sequence[float], radius: float, *, half: bool) -> Floats:
     half = half and not center[0]
     angles = np.linspace(-0.5 * np.pi, (0.5 if half else 1.5) * np.pi, _AROUND)
     return np.array(center) + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
