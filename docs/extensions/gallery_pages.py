@@ -11,7 +11,7 @@ from gallery_runs import ROOT, Run, is_current, sources
 from md_tables import table
 from PIL import Image
 from placing import Placed
-from readmes import GROUPS, PAGES, Demo, read_demos
+from readmes import GROUPS, NO_SCENE, PAGES, Demo, read_demos
 
 EXTRA = ROOT / "docs" / "generated" / "extra" / "gallery"  # copied to the site as it is
 THUMB = (480, 320)  # pixels
@@ -133,15 +133,18 @@ def thumbnail(demo: Demo, placed: Placed) -> None:
 
 def card(demo: Demo) -> str:
     """A demo on the index page, as HTML."""
-    words = "not run yet" if demo.has_scene else "closed formulas, no scene"
+    words = "not run yet" if demo.has_scene else ""
     if demo.runs:
         facts = summary(demo.runs[0])
         error = number(_at(facts, "error", "displacement_max"), ".1e")
         known = "error not estimated" if error == "-" else f"error {error}"
         seconds = demo.runs[0].stamp["seconds"]
         words = f"{facts['method']}, {facts['num_dofs']} unknowns, {known}, {seconds:.0f} s"
+    shown = ""
+    if demo.runs or demo.images:
+        shown = f'<img src="../../gallery/{demo.name}.png" alt="">'
     return (
-        f'<a class="card" href="{demo.name}.html"><img src="../../gallery/{demo.name}.png" alt="">'
+        f'<a class="card" href="{demo.name}.html">{shown}'
         f"<strong>{escape(demo.title)}</strong><span>{escape(demo.line)}</span>"
         f"<small>{escape(words)}</small></a>"
     )
@@ -163,8 +166,10 @@ def index(demos: Sequence[Demo]) -> str:
             "last picture.\n"
         )
     parts = ["# Gallery\n", lead]
-    for group in GROUPS.values():
+    for group in (*GROUPS.values(), NO_SCENE):
         cards = "\n".join(card(demo) for demo in demos if demo.group == group)
+        if not cards:
+            continue
         parts.append(f'## {group}\n\n<div class="gallery">\n{cards}\n</div>\n')
     pages = "\n".join(demo.name for demo in demos)
     parts.append(f"```{{toctree}}\n:hidden:\n\n{pages}\n```\n")

@@ -15,6 +15,7 @@ LINK = re.compile(r"(?<=\]\()(?!https?:|mailto:|#)([^)#\s]+)(#[^)\s]*)?(?=\))")
 GREEK = {"omega": "ω", "mu": "µ", "alpha": "α", "beta": "β"}
 SHORT, LONG = 45, 150  # characters of a sentence that says too little alone, of one to cut
 GROUPS = {"bar": "Bars", "solid": "Solids", "point": "Points, rods and beams"}
+NO_SCENE = "Without a scene"
 
 
 @dataclass(frozen=True)
@@ -60,10 +61,10 @@ class Demo:
 
     @property
     def group(self) -> str:
-        """Kind of its first body, as a heading."""
+        """Kind of its first body, as a heading; the rods and beams are with the points."""
         path = ROOT / "demos" / self.name / "scene.toml"
         if not path.is_file():
-            return GROUPS["point"]
+            return NO_SCENE
         kind = tomllib.loads(path.read_text(encoding="utf-8"))["body"][0]["kind"]
         return GROUPS.get(kind, GROUPS["point"])
 
