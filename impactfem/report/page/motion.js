@@ -1,4 +1,4 @@
-/* Draws the charts and the moving picture of a run; needs Plotly and motion_views.js, nothing else.
+/* Draws the charts and the moving picture of a run; needs Plotly, motion_tools.js and motion_views.js, nothing else.
    impactfemCharts([{element: "id", figure: {data, layout}}, ...]) draws every chart into its element.
    impactfemMotion("id", payload) builds the moving picture of report/page/motion.py in an element. */
 "use strict";
@@ -9,7 +9,7 @@
   const FLAT = 0.3; // height over width below which the force stands below the picture
   const ROUNDING = 1e-9; // of the largest number, below which the readout says 0,
   const NOTHING = 1e-15; // as below this
-  const {make, short} = impactfemViews;
+  const {make, short} = impactfemTools;
   const plots = [];
 
   function draw(element, figure, config) {

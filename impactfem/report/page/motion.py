@@ -11,6 +11,9 @@ from impactfem.report.page.motion_data import rows_at
 from impactfem.report.page.motion_points import points_motion
 from impactfem.result import Fields, Result, SolidFields
 
+SCRIPTS = ("motion_tools.js", "motion_views.js", "motion.js")
+"""Scripts beside this module that draw charts and moving pictures, in the order of loading."""
+
 _CURVE = 2000  # points of the force beside the picture
 
 

@@ -19,7 +19,7 @@ from impactfem.report.page.embedding import (
     plotly_script,
     script_text,
 )
-from impactfem.report.page.motion import motion
+from impactfem.report.page.motion import SCRIPTS, motion
 from impactfem.report.page.numbers import percent, quantity, span
 from impactfem.report.page.verdict import verdict
 from impactfem.report.page.words import in_words
@@ -241,7 +241,7 @@ def _scripts(
         data = json_text(moving)
         parts.append(f'<script type="application/json" id="motion-data">{data}</script>')
     parts.append(f"<script>{plotly}</script>")
-    for name in ("motion_views.js", "motion.js", "page.js"):
+    for name in (*SCRIPTS, "page.js"):
         code = (_HERE / name).read_text(encoding="utf-8")
         parts.append(f"<script>{script_text(code)}</script>")
     return "\n".join(parts)

@@ -1,0 +1,170 @@
+/* What the views of the moving picture share: numbers, colours, canvas, scales, obstacles, windows. */
+"use strict";
+const impactfemTools = (function () {
+  const VIRIDIS = [[68, 1, 84], [71, 45, 123], [59, 82, 139], [44, 114, 142], [33, 145, 140], [40, 174, 128], [94, 201, 98], [173, 220, 48], [253, 231, 37]];
+  const SIGNED = [[178, 24, 43], [239, 138, 98], [240, 240, 240], [103, 169, 207], [33, 102, 172]];
+  const SOLID = "#d0d0d0", EDGE = "#666666"; // of obstacles
+  const FOOT = 34; // height of scale and colours below a picture [px]
+  const FAR = 2.5; // a body that moves farther than so many of its sizes is followed
+
+  /* Numbers low + step * q, with unsigned integers q in base64. */
+  function unpack(entry) {
+    const bytes = Uint8Array.from(atob(entry.data), (c) => c.charCodeAt(0));
+    const whole = entry.bits === 8 ? bytes : entry.bits === 16 ? new Uint16Array(bytes.buffer) : new Uint32Array(bytes.buffer);
+    return Float64Array.from(whole, (q) => entry.low + entry.step * q);
+  }
+
+  function tint(stops, share) {
+    const at = Math.min(Math.max(share, 0), 1) * (stops.length - 1), k = Math.min(Math.floor(at), stops.length - 2);
+    return "rgb(" + stops[k].map((c, i) => Math.round(c + (at - k) * (stops[k + 1][i] - c))).join(",") + ")";
+  }
+
+  /* A number for people: 0.0123, 1.46e-5, 9.1e7. */
+  function short(number, digits = 5) {
+    if (number === null || number === undefined) return "unknown";
+    const size = Math.abs(number);
+    if (size === 0 || (size >= 1e-3 && size < 1e6)) return String(Number(number.toPrecision(digits)));
+    return number.toExponential(digits - 1).replace(/\.?0*e/, "e").replace("e+", "e");
+  }
+
+  function make(tag, style, parent, text) {
+    const element = document.createElement(tag);
+    element.style.cssText = style;
+    if (text !== undefined) element.textContent = text;
+    parent.append(element);
+    return element;
+  }
+
+  /* A crisp canvas that is painted anew when its width changes; returns the function that paints. */
+  function stage(pane, heightOf, paint) {
+    const canvas = make("canvas", "display:block;width:100%", pane);
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", "The bodies at the time of the slider");
+    const redraw = () => {
+      const width = pane.clientWidth, ratio = window.devicePixelRatio || 1;
+      if (!width) return;
+      const height = Math.round(heightOf(width));
+      canvas.style.height = height + "px";
+      canvas.width = Math.round(width * ratio);
+      canvas.height = Math.round(height * ratio);
+      const ctx = canvas.getContext("2d");
+      ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
+      ctx.font = "12px system-ui, sans-serif";
+      ctx.lineJoin = "round";
+      paint(ctx, width, height);
+    };
+    new ResizeObserver(redraw).observe(pane);
+    return redraw;
+  }
+
+  /* Where a window [x0, x1, y0, y1] of the plane lies on a canvas, at one scale. */
+  function mapping(win, width, height, foot) {
+    const tall = height - foot, scale = Math.min(width / (win[1] - win[0]), tall / (win[3] - win[2]));
+    const cx = (win[0] + win[1]) / 2, cy = (win[2] + win[3]) / 2;
+    return {scale, cx, cy, X: (x) => width / 2 + scale * (x - cx), Y: (y) => tall / 2 - scale * (y - cy)};
+  }
+
+  function widened(win, share) {
+    const room = share * Math.max(win[1] - win[0], win[3] - win[2]) || 1;
+    return [win[0] - room, win[1] + room, win[2] - room, win[3] + room];
+  }
+
+  const rounded = (number) => { const power = 10 ** Math.floor(Math.log10(number)); return power * (number / power >= 5 ? 5 : number / power >= 2 ? 2 : 1); };
+
+  /* Lines at rest behind a picture that follows its bodies. */
+  function grid(ctx, map, width, height) {
+    const step = rounded(width / 4 / map.scale);
+    ctx.strokeStyle = "#e8e8e8";
+    ctx.lineWidth = 1;
+    ctx.beginPath();
+    for (let x = step * Math.ceil((map.cx - width / 2 / map.scale) / step); map.X(x) < width; x += step) { ctx.moveTo(map.X(x), 0); ctx.lineTo(map.X(x), height); }
+    for (let y = step * Math.ceil((map.cy - height / 2 / map.scale) / step); map.Y(y) > 0; y += step) { ctx.moveTo(0, map.Y(y)); ctx.lineTo(width, map.Y(y)); }
+    ctx.stroke();
+    ctx.fillStyle = "#666666";
+    ctx.textAlign = "left";
+    ctx.fillText("follows the motion; lines every " + short(step) + " m", 8, 14);
+  }
+
+  /* The lower edge: a scale to the left, colours to the right. */
+  function legend(ctx, width, height, scale, factor, stops, low, high, name) {
+    const length = rounded(width / 5 / scale), y = height - 10;
+    ctx.fillStyle = "#ffffff";
+    ctx.fillRect(0, height - FOOT, width, FOOT);
+    ctx.strokeStyle = ctx.fillStyle = "#222222";
+    ctx.lineWidth = 2;
+    ctx.beginPath();
+    ctx.moveTo(8, y);
+    ctx.lineTo(8 + length * scale, y);
+    ctx.stroke();
+    ctx.textAlign = "left";
+    ctx.fillText(short(length) + " m" + (factor > 1 ? ", motion × " + factor : ""), 8, y - 6);
+    if (!stops) return;
+    const wide = Math.min(240, width * 0.58), left = width - wide - 8, fade = ctx.createLinearGradient(left, 0, left + wide, 0);
+    stops.forEach((c, k) => fade.addColorStop(k / (stops.length - 1), "rgb(" + c.join(",") + ")"));
+    ctx.fillStyle = fade;
+    ctx.fillRect(left, y - 4, wide, 8);
+    ctx.fillStyle = "#222222";
+    ctx.textAlign = "left";
+    ctx.fillText(short(low, 3), left, y - 9);
+    ctx.textAlign = "right";
+    ctx.fillText(short(high, 3), left + wide, y - 9);
+    ctx.textAlign = "center";
+    ctx.fillText(name, left + wide / 2, y - 9);
+  }
+
+  function drawObstacles(ctx, map, obstacles, frame, width, height, mirror) {
+    const far = 2 * (width + height) / map.scale;
+    for (const o of obstacles) {
+      const dx = o.way ? o.way[2 * frame] : 0, dy = o.way ? o.way[2 * frame + 1] : 0;
+      const path = new Path2D();
+      let fill = true;
+      if (o.shape === "half") {
+        const [nx, ny] = o.normal, px = o.point[0] + dx, py = o.point[1] + dy, along = -ny * (map.cx - px) + nx * (map.cy - py);
+        const bx = px - ny * along, by = py + nx * along;
+        [[-1, 0], [1, 0], [1, -1], [-1, -1]].forEach(([s, d], k) =>
+          path[k ? "lineTo" : "moveTo"](map.X(bx - s * far * ny + d * far * nx), map.Y(by + s * far * nx + d * far * ny)));
+        path.closePath();
+      } else if (o.shape === "circle") {
+        path.arc(map.X(o.point[0] + dx), map.Y(o.point[1] + dy), o.radius * map.scale, 0, 2 * Math.PI);
+      } else {
+        for (let k = 0; k < o.points.length; k += 2) path[k ? "lineTo" : "moveTo"](map.X(o.points[k] + dx), map.Y(o.points[k + 1] + dy));
+        fill = o.closed;
+      }
+      if (o.inside) path.rect(-10, -10, width + 20, height + 20);
+      ctx.save();
+      if (mirror) { ctx.translate(2 * map.X(0), 0); ctx.scale(-1, 1); }
+      ctx.fillStyle = SOLID;
+      ctx.strokeStyle = EDGE;
+      ctx.lineWidth = fill ? 1 : 3;
+      if (fill) ctx.fill(path, "evenodd");
+      ctx.stroke(path);
+      ctx.restore();
+    }
+  }
+
+  /* Extents of nodes (x, y, x, y, ...) in each frame, and the window that follows or holds them all. */
+  function windows(frames, count, place, mirror, size) {
+    const boxes = [];
+    for (let f = 0; f < frames; f++) {
+      const box = [Infinity, -Infinity, Infinity, -Infinity];
+      for (let k = 0; k < count; k++) {
+        const x = place(f, 2 * k), y = place(f, 2 * k + 1);
+        box[0] = Math.min(box[0], mirror ? -x : x, x); box[1] = Math.max(box[1], x, mirror ? -x : x);
+        box[2] = Math.min(box[2], y); box[3] = Math.max(box[3], y);
+      }
+      boxes.push(box);
+    }
+    const all = boxes.reduce((a, b) => [Math.min(a[0], b[0]), Math.max(a[1], b[1]), Math.min(a[2], b[2]), Math.max(a[3], b[3])]);
+    if (Math.max(all[1] - all[0], all[3] - all[2]) <= FAR * size) return {follows: false, at: () => widened(all, 0.06)};
+    const half = 0.65 * boxes.reduce((a, b) => Math.max(a, b[1] - b[0], b[3] - b[2]), 0);
+    const at = (f) => {
+      const x = (boxes[f][0] + boxes[f][1]) / 2, y = (boxes[f][2] + boxes[f][3]) / 2;
+      return [x - half, x + half, y - half, y + half];
+    };
+    return {follows: true, at};
+  }
+
+  const fitted = (win, most) => (width) => Math.min(most, Math.max(130, width * (win[3] - win[2]) / (win[1] - win[0]) + FOOT));
+
+  return {VIRIDIS, SIGNED, SOLID, EDGE, FOOT, unpack, tint, short, make, stage, mapping, widened, legend, grid, drawObstacles, windows, fitted};
+})();
