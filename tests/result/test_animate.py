@@ -1,0 +1,260 @@
+"""Films and grids show where bodies are."""
+
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from matplotlib.animation import FuncAnimation
+from PIL import Image
+
+import impactfem
+from impactfem.errors import MissingDependencyError, OutputError, SceneError
+from impactfem.report.animation import film_if_any
+from impactfem.report.axis_film import axis_reel
+from impactfem.report.bar_film import bar_reel
+from impactfem.report.point_film import point_reel
+from impactfem.shipped import shipped_scenes
+
+
+def solved(name, **settings):
+    scene = impactfem.Scene.from_toml(shipped_scenes()[name])
+    return impactfem.solve(scene.with_settings(settings))
+
+
+def floor(**more):
+    return impactfem.HalfSpace(name="floor", **more)
+
+
+def rod_run(duration=0.6):
+    rod = impactfem.Rod(name="rod", mass=1.0, length=0.5, center=[0.0, 0.6], inclination=0.5)
+    scene = impactfem.Scene(
+        title="Rod", duration=duration, gravity=[0.0, -9.81], bodies=[rod],
+        obstacles=[floor(point=[0.0, 0.0], normal=[0.0, 1.0])],
+        contacts=[impactfem.Contact(between=["rod", "floor"], restitution=0.5)],
+    )  # fmt: skip
+    return impactfem.solve(scene)
+
+
+def points_run(dim):
+    up = [0.0] * (dim - 1)
+    moving = {"motion": ["0"] * (dim - 1) + ["0.05*sin(10*t)"]} if dim == 2 else {}
+    ball = impactfem.Point(
+        name="ball", mass=1.0, position=[*up, 0.5], radius=0.05 * (dim < 3), velocity=[*up, 0.0]
+    )
+    scene = impactfem.Scene(
+        title="Ball", duration=1.0, gravity=[*up, -9.81], bodies=[ball],
+        obstacles=[floor(point=[0.0] * dim, normal=[*up, 1.0], **moving)],
+    )  # fmt: skip
+    return impactfem.solve(scene, method="moreau_jean", dt=2e-3)
+
+
+RUNS = {
+    "bar": lambda: solved("bar_impact_between"),
+    "row": lambda: solved("two_bars"),
+    "point 1D": lambda: points_run(1),
+    "point 2D": lambda: points_run(2),
+    "point 3D": lambda: points_run(3),
+    "rod": rod_run,
+    "beam": lambda: solved("dropped_beam", duration=2e-4),
+    "solid": lambda: solved("elastic_sphere", **{"solve.estimate": False, "duration": 1e-3}),
+}
+
+
+@pytest.fixture(scope="module", params=RUNS)
+def run(request):
+    return RUNS[request.param]()
+
+
+def test_every_body_is_filmed(run, tmp_path):
+    path = run.animate(tmp_path / "motion.gif", frames=5)
+    with Image.open(path) as film:
+        assert film.n_frames == 5
+        frames = []
+        for k in range(5):
+            film.seek(k)
+            frames.append(np.array(film.convert("RGB")).astype(int))
+    for one, other in pairwise(frames):
+        assert np.abs(one - other).max() > 100
+    assert np.abs(frames[0] - frames[-1]).mean() < 30  # most of the paper stays as it is
+
+
+def test_a_film_without_a_path_shows_itself(run):
+    film = run.animate(frames=3)
+    assert isinstance(film, FuncAnimation)
+    page = film._repr_html_()
+    assert page.count("iVBORw0KGgo") == 3  # PNG, in letters
+    assert 'max="2"' in page
+    assert "http" not in page
+
+
+def test_a_film_saved_by_matplotlib_is_the_same_motion(tmp_path):
+    rod_run(0.1).animate(frames=4).save(tmp_path / "film.gif", writer="pillow")
+    with Image.open(tmp_path / "film.gif") as film:
+        assert film.n_frames == 4
+
+
+def test_bars_are_where_their_nodes_are():
+    result = solved("bar_impact_between")
+    reel = bar_reel(result, result.fields, 9)
+    for moment, time in enumerate(reel.times):
+        layer = int(np.abs(result.fields.times - time).argmin())
+        place = result.fields.positions + result.fields.displacement[layer]
+        assert reel.near[moment, 0] == pytest.approx(place[0], abs=1e-12)
+        assert reel.far[moment, -1] == pytest.approx(place[-1], abs=1e-12)
+    # The wave behind its front carries rho c v0 = 0.5 Pa, pressed.
+    assert reel.stress.min() == pytest.approx(-0.5, rel=1e-9)
+
+
+def test_bars_of_a_row_keep_apart_and_touch_in_the_picture():
+    result = solved("two_bars")
+    reel = bar_reel(result, result.fields, 31)
+    second = reel.first[1]
+    gap = reel.near[:, second] - reel.far[:, second - 1]
+    pair = np.interp(reel.times, result.history["time"], result.history["gap.0"])
+    assert np.allclose(gap, 200.0 * pair, atol=1e-6)
+
+
+def test_points_are_where_the_history_says():
+    result = points_run(2)
+    reel = point_reel(result, 7)
+    for moment in range(reel.count):
+        reel.show(moment)
+        row = reel.rows[moment]
+        x, y = reel.dots[0].get_data()
+        assert (x[0], y[0]) == (result.history["ball.x"][row], result.history["ball.y"][row])
+        assert reel.balls[0].get_center() == (x[0], y[0])
+        assert reel.trails[0].get_data()[1][-1] == y[0]
+        time = float(result.history["time"][row])
+        assert list(reel.now.get_xdata()) == [time, time]
+
+
+def test_ends_of_a_rod_are_as_far_from_the_floor_as_its_gaps_say():
+    result = rod_run()
+    axis, history = result.axis, result.history
+    ends = [axis["y"].values[:, k] for k in (0, 1)]
+    for k, end in enumerate(ends):
+        gap = np.interp(axis["time"], history["time"], history[f"gap.{k}"])
+        assert np.allclose(end, gap, atol=1e-12)
+    span = np.hypot(np.diff(axis["x"], axis=1), np.diff(axis["y"], axis=1))
+    assert np.allclose(span, 0.5, rtol=1e-12)
+    assert np.allclose(axis["station"], [0.0, 0.5])
+
+
+def test_a_beam_moves_above_its_floor():
+    result = solved("dropped_beam", duration=2e-4)
+    reel = axis_reel(result, result.axis, 5)
+    contact = reel.figure.axes[0].lines[0].get_ydata()  # where the floor would be touched
+    assert contact[0] == pytest.approx(-6e-6, abs=1e-9)
+    assert (result.axis["y"].values.min(axis=1) >= -1e-9).all()
+    assert (reel.curves[:, 0, 1] >= contact[0] - 1e-9).all()
+    assert reel.curves[0, :, 1] == pytest.approx(0.0)
+
+
+def test_the_axis_is_saved_and_loaded(tmp_path):
+    result = rod_run(0.1)
+    again = impactfem.Result.load(result.save(tmp_path / "rod", pictures=False))
+    assert again.axis.identical(result.axis)
+    assert again.animate(tmp_path / "rod.gif", frames=2).exists()
+
+
+def test_what_cannot_be_filmed_says_why(tmp_path):
+    result = solved("bar_impact_between")
+    without = impactfem.Result(result.scene, result.history, result.summary)
+    with pytest.raises(OutputError, match="no fields of a bar"):
+        without.animate()
+    assert film_if_any(without, tmp_path / "motion.gif") is None
+    result.fields.displacement[:] = np.nan
+    with pytest.raises(OutputError, match="no frame is finite"):
+        result.animate(tmp_path / "motion.gif")
+    with pytest.raises(OutputError, match="choose one of these endings"):
+        result.animate(tmp_path / "motion.png")
+
+
+@pytest.fixture(scope="module")
+def disc():
+    return RUNS["solid"]()
+
+
+def test_a_grid_holds_the_fields_of_its_layer(disc):
+    pytest.importorskip("pyvista")
+    fields = disc.fields
+    grid = fields.grid(2)
+    assert set(fields.point_data) == set(grid.point_data.keys())
+    for name, values in fields.read(2).items():
+        assert np.array_equal(np.asarray(grid.point_data[name]), values, equal_nan=True)
+    assert np.allclose(grid.points, fields.points)
+    assert grid.field_data["time"][0] == fields.times[2]
+    assert fields.grid().field_data["time"][0] == fields.times[-1]
+    # Half a disc of radius 20 mm, the section of the ball.
+    assert grid.compute_cell_sizes()["Area"].sum() == pytest.approx(0.5 * np.pi * 0.02**2, rel=0.02)
+
+
+def test_the_mesh_at_a_time_is_the_deformed_body(disc):
+    pytest.importorskip("pyvista")
+    fields = disc.fields
+    middle = float(fields.times[3])
+    step = float(np.diff(fields.times).min())
+    mesh = disc.mesh_at(middle + 0.3 * step)
+    place = fields.points + fields.read(3)["displacement"]
+    assert np.allclose(mesh.points, place, atol=1e-9)
+    assert mesh.field_data["time"][0] == middle
+
+
+def test_bars_give_grids_too():
+    pytest.importorskip("pyvista")
+    result = solved("two_bars")
+    grid = result.mesh_at(1e-3)
+    layer = int(np.abs(result.fields.times - 1e-3).argmin())
+    assert grid.n_cells == len(result.fields.starts)
+    assert np.allclose(
+        grid.points[:, 0], result.fields.positions + result.fields.displacement[layer]
+    )
+    lengths = grid.compute_cell_sizes()["Length"]
+    assert lengths.sum() == pytest.approx(3.0, rel=1e-3)
+
+
+def test_times_beyond_the_fields_are_told(disc):
+    with pytest.raises(SceneError, match=r"time = 7 s: the fields are from 0 to"):
+        disc.fields.grid(time=7.0)
+    with pytest.raises(IndexError):
+        disc.fields.grid(10_000)
+
+
+def test_a_result_without_fields_has_no_mesh():
+    result = points_run(1)
+    with pytest.raises(OutputError, match="has no fields"):
+        result.mesh_at(0.1)
+
+
+def test_without_pyvista_it_is_told_how_to_get_it(disc, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    for asked in (disc.fields.grid, lambda: disc.mesh_at(0.0), lambda: disc.plotter(0.0)):
+        with pytest.raises(MissingDependencyError, match="pip install pyvista"):
+            asked()
+
+
+def test_a_plotter_shows_the_body(disc, monkeypatch):
+    pyvista = pytest.importorskip("pyvista")
+    added = {}
+
+    class Paper:  # VTK as Debian builds it cannot draw without a display
+        def __init__(self, off_screen):
+            added["off_screen"] = off_screen
+
+        def add_mesh(self, mesh, **settings):
+            added["mesh"], added["scalars"] = mesh, settings["scalars"]
+
+        def add_text(self, text, **_):
+            added["text"] = text
+
+        def view_xy(self):
+            added["flat"] = True
+
+    monkeypatch.setattr(pyvista, "Plotter", Paper)
+    assert isinstance(disc.plotter(5e-4, off_screen=True), Paper)
+    assert added["scalars"] == "von_mises"
+    assert added["off_screen"]
+    assert added["flat"]
+    assert added["mesh"].n_points == disc.fields.num_points
+    assert f"t = {float(added['mesh'].field_data['time'][0]):.6g} s" in added["text"]
