@@ -42,7 +42,7 @@ class Demo:
         text = next(part for part in self.lead.split("\n\n") if part and not part.startswith("!["))
         plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", " ".join(text.split()))
         plain = re.sub(r"\\(\w+)", lambda name: GREEK.get(name[1], name[1]), plain)
-        sentences = re.split(r"(?<=[a-z0-9)])\. ", re.sub("[`*]", "", plain).rstrip("."))
+        sentences = re.split(r"(?<=[a-z0-9)$])\. ", re.sub("[`*]", "", plain).rstrip("."))
         line = ". ".join(sentences[: 2 if len(sentences[0]) < SHORT else 1])
         head, _, tail = line.partition(": ")
         line = head if len(line) > LONG or "$" in tail else line

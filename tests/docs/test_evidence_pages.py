@@ -27,7 +27,7 @@ def test_every_stored_result_says_when_and_where_it_was_measured(path):
 
 @pytest.mark.parametrize("name", sorted(stored.names()))
 def test_a_table_is_shown_whole_and_with_one_stamp(name):
-    part = stored.part(name)
+    part = re.sub(r"</?span[^>]*>", "", stored.part(name))
     rows = [line for line in stored.text(name).splitlines() if line.startswith("|")]
     assert [line for line in part.splitlines() if line.startswith("|")] == rows
     assert len(re.findall(r"Measured (on )?\d{4}|Measured on", part)) == 1
