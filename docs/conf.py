@@ -11,6 +11,7 @@ import choices
 import claims
 import gallery_pages
 import gallery_runs
+import messages
 import reference_tables
 import stored
 from placing import write_changed
@@ -88,4 +89,5 @@ if tags.has("gallery"):  # noqa: F821  (defined by Sphinx)
 gallery_pages.write(runs)
 stored.write()
 choices.write(GENERATED)
+messages.write(GENERATED)
 claims.write(runs, GENERATED / "claims.md")

@@ -13,6 +13,14 @@ from impactfem.scene.toml_hints import toml_hint
 from impactfem.scene.values import show
 
 MAX_BYTES = 2**20
+MAX_PARTS = 16
+
+# A key of more parts than any scene has. tomllib's time and memory grow with their square; such a
+# row of words in a text is refused as well. Each word is tried from its beginning only.
+_LONG_KEY = re.compile(
+    r"(?<![\w-])(?:(?:[\w-]++|\"[^\"\n]*+\"|'[^'\n]*+')[ \t]*+\.[ \t]*+){" + str(MAX_PARTS) + "}",
+    re.ASCII,
+)
 
 
 def read_toml(path: str | PathLike[str]) -> dict[str, Any]:
@@ -60,6 +68,13 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
     Raises:
         SceneError: with line, column and the line itself.
     """
+    long = _LONG_KEY.search(text)
+    if long:
+        line = text.count("\n", 0, long.start()) + 1
+        raise SceneError(
+            f"{name}: not valid TOML: line {line} has a key of more than {MAX_PARTS} parts "
+            f"{show(long[0])}; shorten it."
+        )
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -67,7 +82,7 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
         number = int(found[1]) if found else 0
         lines = text.split("\n")  # tomllib counts these only
         line = lines[number - 1].strip() if 0 < number <= len(lines) else ""
-        shown = f" in {show(line)}" if line else ""
+        shown = f" in {show(' '.join(line.split()))}" if line else ""
         why = f"{error}{shown}; correct it: {toml_hint(str(error), line)}"
     except RecursionError:
         why = "lists or tables are nested too deeply; simplify them"
