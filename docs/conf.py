@@ -15,6 +15,7 @@ import messages
 import reference_tables
 import stored
 from placing import write_changed
+from sphinx.errors import ConfigError
 
 import impactfem
 
@@ -85,7 +86,10 @@ write_changed(GENERATED / "columns.md", reference_tables.history_columns())
 folder = Path(os.environ.get("IMPACTFEM_GALLERY") or gallery_runs.DEFAULT).resolve()
 runs = gallery_runs.find_runs(folder)
 if tags.has("gallery"):  # noqa: F821  (defined by Sphinx)
-    runs, _ = gallery_runs.execute_all(folder)
+    try:
+        runs, _ = gallery_runs.execute_all(folder)
+    except gallery_runs.GalleryError as fault:
+        raise ConfigError(f"a demo of the gallery fails\n{fault}") from None
 gallery_pages.write(runs)
 stored.write()
 choices.write(GENERATED)
