@@ -47,7 +47,7 @@ def card(
     )
     return (
         f'<div class="impactfem-card" style="{_FRAME}"><b>{escape(title)}</b>{mark}'
-        f'<table style="margin:4px 0;border:0">{body}</table>{"".join(parts)}</div>'
+        f'<table style="margin:4px 0;border:0;font-size:inherit">{body}</table>{"".join(parts)}</div>'
     )
 
 
@@ -63,7 +63,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         + "</tr>"
         for row in rows
     )
-    return f'<table style="margin:4px 0;border:0"><tr>{top}</tr>{lines}</table>'
+    return f'<table style="margin:4px 0;border:0;font-size:inherit"><tr>{top}</tr>{lines}</table>'
 
 
 def curve(times: ArrayLike, values: ArrayLike, text: str) -> str:

@@ -185,7 +185,7 @@ class Result:
         plotter.add_mesh(
             grid,
             scalars="von_mises" if stressed else "velocity",
-            scalar_bar_args={"title": title},
+            scalar_bar_args={"title": f"{title}\n"},
             line_width=6.0,
             cmap="viridis",
         )
