@@ -177,7 +177,7 @@ def test_between_obstacles_a_node_is_held_off_the_one_it_meets_first() -> None:
         (
             HalfSpace(name="floor", point=(0.0, 0.1), normal=(0.0, 1.0)),
             (
-                r"5 of its nodes lies inside obstacle 'floor', deepest at \(.*, 0\.01\) by 0\.09 m;"
+                r"5 of its nodes lie inside obstacle 'floor', deepest at \(.*, 0\.01\) by 0\.09 m;"
                 r" move the body by 0\.09 m along \(0, 1\)"
             ),
         ),
