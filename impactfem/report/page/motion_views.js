@@ -6,6 +6,7 @@ const impactfemViews = (function () {
   const BODIES = ["#0b559f", "#d95f02", "#1b7837", "#7b3294", "#b2182b", "#666666"];
   const PRESSED = "#d95f02"; // boundary under contact pressure
   const LEVELS = 48; // of colours
+  const LIGHT = {x: 4e4, y: 8e4, z: -1e5}; // as the camera sees it: right, up, negative towards it
   const ZOOM = 1.5; // of bodies in space
 
   function barsView(pane, data, state) {
@@ -88,23 +89,25 @@ const impactfemViews = (function () {
     });
   }
 
+  /* Lengths are shares of the body's size: Plotly takes normals of faces of millimetres for zero. */
   function spaceView(pane, data, state) {
-    const reference = unpack(data.reference), moved = unpack(data.displacement), value = unpack(data.value), corners = Array.from(unpack(data.triangles));
+    const size = data.size, reference = unpack(data.reference), moved = unpack(data.displacement), value = unpack(data.value), corners = Array.from(unpack(data.triangles));
     const nodes = reference.length / 3, box = [[Infinity, -Infinity], [Infinity, -Infinity], [Infinity, -Infinity]];
-    const place = (f, k) => reference[k] + state.factor * moved[f * reference.length + k];
+    const place = (f, k) => (reference[k] + state.factor * moved[f * reference.length + k]) / size;
     const parts = (f) => [0, 1, 2].map((a) => Float64Array.from({length: nodes}, (_, k) => place(f, 3 * k + a)));
     const every = (list, offset) => list.filter((_, k) => k % 3 === offset);
     const traces = [], ways = [];
-    const mesh = (xyz, index) => ({type: "mesh3d", x: xyz[0], y: xyz[1], z: xyz[2], i: every(index, 0), j: every(index, 1), k: every(index, 2), flatshading: false, hoverinfo: "skip"});
+    const mesh = (xyz, index) => ({type: "mesh3d", x: xyz[0], y: xyz[1], z: xyz[2], i: every(index, 0), j: every(index, 1), k: every(index, 2), flatshading: false, hoverinfo: "skip",
+      lighting: {ambient: 0.7, diffuse: 0.4, specular: 0, fresnel: 0}, lightposition: LIGHT});
     traces.push({...mesh(parts(0), corners), intensity: value.slice(0, nodes), cmin: 0, cmax: data.limit, colorscale: "Viridis",
-      lighting: {ambient: 0.75, diffuse: 0.4, specular: 0.05}, hovertemplate: "%{intensity:.4g}<extra></extra>",
+      hovertemplate: "%{intensity:.4g}<extra></extra>",
       colorbar: {title: {text: data.valueName, side: "top"}, orientation: "h", y: -0.02, yanchor: "bottom", thickness: 8, len: 0.7, nticks: 5, exponentformat: "power"}});
     for (const o of data.obstacles) {
-      const at = unpack(o.corners), xyz = [0, 1, 2].map((a) => at.filter((_, k) => k % 3 === a));
+      const at = unpack(o.corners).map((v) => v / size), xyz = [0, 1, 2].map((a) => at.filter((_, k) => k % 3 === a));
       traces.push({...mesh(xyz, Array.from(unpack(o.triangles))), color: "#bbbbbb", opacity: o.lines.length ? 0.35 : 1, showscale: false});
       ways.push({xyz, way: o.way});
       const line = [[], [], []];
-      for (let k = 0; k < o.lines.length; k += 6) for (let a = 0; a < 3; a++) line[a].push(o.lines[k + a], o.lines[k + 3 + a], null);
+      for (let k = 0; k < o.lines.length; k += 6) for (let a = 0; a < 3; a++) line[a].push(o.lines[k + a] / size, o.lines[k + 3 + a] / size, null);
       if (o.lines.length) {
         traces.push({type: "scatter3d", mode: "lines", x: line[0], y: line[1], z: line[2], line: {color: "#999999", width: 1}, hoverinfo: "skip", showlegend: false});
         ways.push({xyz: line, way: o.way});
@@ -112,7 +115,7 @@ const impactfemViews = (function () {
     }
     for (let f = 0; f < data.times.length; f++) parts(f).forEach((axis, a) => axis.forEach((v) => { box[a][0] = Math.min(box[a][0], v); box[a][1] = Math.max(box[a][1], v); }));
     ways.forEach((o) => o.xyz.forEach((axis, a) => axis.forEach((v) => { if (v !== null && o.way === undefined) { box[a][0] = Math.min(box[a][0], v); box[a][1] = Math.max(box[a][1], v); } })));
-    const ranges = box.map(([low, high]) => [low - 0.02 * data.size, high + 0.02 * data.size]), spans = ranges.map((r) => r[1] - r[0]);
+    const ranges = box.map(([low, high]) => [low - 0.02, high + 0.02]), spans = ranges.map((r) => r[1] - r[0]);
     const most = Math.max(...spans) / ZOOM, axis = (a) => ({range: ranges[a], visible: false});
     const [ux, uy, uz] = data.up, eye = data.towards.map((v) => 1.9 * v);
     Plotly.newPlot(pane, traces, {height: 440, margin: {l: 0, r: 0, t: 0, b: 0}, paper_bgcolor: "#ffffff", scene: {xaxis: axis(0), yaxis: axis(1), zaxis: axis(2), aspectmode: "manual",
@@ -123,7 +126,7 @@ const impactfemViews = (function () {
       Plotly.restyle(pane, {x: [x], y: [y], z: [z], intensity: [value.slice(f * nodes, (f + 1) * nodes)]}, [0]);
       ways.forEach((o, k) => {
         if (!o.way) return;
-        const shifted = o.xyz.map((axis, a) => Array.from(axis, (v) => (v === null ? null : v + o.way[3 * f + a])));
+        const shifted = o.xyz.map((axis, a) => Array.from(axis, (v) => (v === null ? null : v + o.way[3 * f + a] / size)));
         Plotly.restyle(pane, {x: [shifted[0]], y: [shifted[1]], z: [shifted[2]]}, [k + 1]);
       });
     };
