@@ -27,6 +27,8 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGES = sorted(
     [DOCS / "start.md", *(DOCS / "tutorial").glob("*.md"), *(DOCS / "howto").glob("*.md")]
 )
+# The scene of the page on obstacles needs the kind that the page adds.
+SHOWING = sorted({*DOCS.glob("*.md"), *PAGES} - {DOCS / "howto" / "obstacle.md"})
 BLOCK = re.compile(
     r"^```(?:\{code-block\} )?(?P<language>\w+)\n(?::caption: (?P<caption>[^\n]+)\n)?"
     r"(?::[^\n]*\n)*(?P<text>.*?)^```$",
@@ -127,16 +129,27 @@ def test_page_works_as_printed(page, folder):
             (folder / caption).write_text(text, encoding="utf-8")
 
 
-def test_pages_hold_code():
+def test_pages_hold_commands():
     blocks = [block for page in PAGES for block in BLOCK.finditer(page.read_text("utf-8"))]
     assert sum(block["language"] == "sh" for block in blocks) > 10
-    for block in blocks:
-        if block["language"] in {"python", "diff"}:
-            assert block["caption"], block["text"]
-        if block["language"] == "toml":
-            scene = tomllib.loads(block["text"])
-            if "body" in scene and not block["caption"]:
-                impactfem.Scene.from_dict(scene)
+    named = {"python", "diff"}
+    assert all(block["caption"] for block in blocks if block["language"] in named)
+
+
+def shown(page, language):
+    """Texts of the blocks of a language, written `{code-block}` or plainly."""
+    found = BLOCK.finditer(page.read_text("utf-8"))
+    return [block["text"] for block in found if block["language"] == language]
+
+
+@pytest.mark.parametrize("page", SHOWING, ids=lambda page: page.stem)
+def test_shown_scenes_can_be_read(page):
+    for text in shown(page, "toml"):
+        scene = tomllib.loads(text)
+        if {"body", "duration"} <= set(scene):
+            impactfem.Scene.from_dict(scene)
+    for text in shown(page, "python"):
+        compile(text, str(page), "exec")
 
 
 @pytest.mark.parametrize(
