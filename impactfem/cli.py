@@ -11,7 +11,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from impactfem.errors import ConvergenceError, ImpactError, MeshError, OutputError, SceneError
+from impactfem.errors import (
+    ConvergenceError,
+    ImpactError,
+    MeshError,
+    OutputError,
+    SceneError,
+    plain,
+)
 from impactfem.first_use import announce_to
 from impactfem.processes import abort, complain, end_together, join, on_root, rank, ranks
 from impactfem.shipped import find_scene, shipped_scenes
@@ -409,7 +416,7 @@ def _say(text: str) -> None:
     if rank() != 0:
         return
     try:
-        print(text, flush=True)
+        print(plain(text), flush=True)
     except OSError as error:
         # What is buffered could not be written at the end either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -27,3 +27,16 @@ class OutputError(ImpactError):
 
 class ImpactWarning(UserWarning):
     """A result is correct but must be read with care, as an impact without a unique outcome."""
+
+
+# Control characters but tab and line break, and those that turn the direction of writing.
+_CONTROLS = {
+    code: ascii(chr(code))[1:-1]
+    for code in (*range(9), *range(11, 32), *range(127, 160), *range(0x202A, 0x202F),
+                 *range(0x2066, 0x206A))
+}  # fmt: skip
+
+
+def plain(text: str) -> str:
+    """A message whose control characters are spelt out: names in foreign files may hold them."""
+    return text.translate(_CONTROLS)

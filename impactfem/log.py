@@ -8,6 +8,8 @@ from typing import Any
 
 from tqdm import tqdm
 
+from impactfem.errors import plain
+
 
 @dataclass
 class Progress:
@@ -52,4 +54,4 @@ class Progress:
     def message(self, text: str) -> None:
         """Print one line, warnings included, to standard error."""
         if self.enabled:
-            tqdm.write(text, file=sys.stderr)
+            tqdm.write(plain(text), file=sys.stderr)

@@ -7,6 +7,7 @@ import traceback
 from collections.abc import Callable
 from typing import Any, NoReturn
 
+from impactfem.errors import plain
 from impactfem.signals import listen
 
 # As launchers set them before MPI is loaded: Hydra (MPICH), Open MPI, PMIx, Intel MPI, Slurm.
@@ -69,7 +70,7 @@ def on_root(action: Callable[[], Any]) -> None:
 def complain(text: str) -> None:
     """One message on standard error, from rank 0."""
     if rank() == 0:
-        print(f"impactfem: {text}", file=sys.stderr, flush=True)
+        print(f"impactfem: {plain(text)}", file=sys.stderr, flush=True)
 
 
 def end_together(code: int, reason: str, patience: float = 5.0) -> None:
@@ -86,7 +87,7 @@ def end_together(code: int, reason: str, patience: float = 5.0) -> None:
     limit = time.monotonic() + patience
     while not request.Test():
         if time.monotonic() > limit:
-            print(f"impactfem: rank {rank()} alone: {reason}", file=sys.stderr)
+            print(f"impactfem: rank {rank()} alone: {plain(reason)}", file=sys.stderr)
             abort(code)
         time.sleep(0.01)
 

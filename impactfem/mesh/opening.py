@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -21,6 +22,10 @@ MAX_SCRIPT_BYTES = 16 * 2**20
 
 _MOST_ALONG = 1e5  # elements along a body's largest extent; their square would fill any memory
 
+# For reading a file, not for meshing it: processor time [s] and address space, by its size.
+_SECONDS, _SECONDS_PER_MIB = 20, 60
+_BYTES, _BYTES_PER_BYTE = 2**32, 50
+
 # Gmsh's script language can start programs, read and write files: a mesh needs none of it.
 _FORBIDDEN = re.compile(
     rb"\b(\w*SystemCall|System|Include|Merge\w*|ShapeFromFile|Save|Printf?|Plugin|Onelab\w*|"
@@ -33,18 +38,28 @@ _TOKEN = re.compile(rb"\"[^\"]*\"|'[^']*'|//[^\n]*|/\*.*?\*/", re.DOTALL)
 
 # What only Gmsh knows is done here; the rest happens outside, where it can be tested.
 _PROGRAM = """
+import ctypes
 import json
 import os
 import resource
+import signal
 import sys
+import time
+
+# Whatever ends the parent ends this process; it may have gone already.
+ctypes.CDLL(None, use_errno=True).prctl(1, signal.SIGKILL)  # 1: PR_SET_PDEATHSIG
+source, target, job, parent = sys.argv[1:]
+if os.getppid() != int(parent):
+    sys.exit("the run has ended")
 import gmsh
 
 # A mesh that is too fine must end this process, not the machine.
+def limit(kind, most):
+    _, hard = resource.getrlimit(kind)
+    resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 memory = max(2**33, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-_, hard = resource.getrlimit(resource.RLIMIT_AS)
-if hard == resource.RLIM_INFINITY or hard > memory:
-    resource.setrlimit(resource.RLIMIT_AS, (memory, hard))
-source, target, job = sys.argv[1:]
 job = json.loads(job)
 dim, degree = job["dim"], job["degree"]
 gmsh.initialize(readConfigFiles=False, interruptible=False)
@@ -76,7 +91,13 @@ def grade():
         field.setAsBackgroundMesh(least)
 
 try:
+    # A file may ask for more than it holds, and the loops of a script need not end.
+    limit(resource.RLIMIT_AS, min(memory, job["bytes"]))
+    before = resource.getrlimit(resource.RLIMIT_CPU)
+    limit(resource.RLIMIT_CPU, int(time.process_time() + job["seconds"]))
     gmsh.open(source)
+    resource.setrlimit(resource.RLIMIT_CPU, before)
+    limit(resource.RLIMIT_AS, memory)
     step = source.endswith((".step", ".stp"))
     if step:
         label()
@@ -205,9 +226,10 @@ def _bytes(path: Path, job: Job) -> bytes:
                 f"mesh file {path}: {size} bytes, more than the {most} that are read; {remedy}"
             )
         content = path.read_bytes()
-    except OSError as error:
+    except (OSError, UnicodeError) as error:  # names this locale cannot spell
+        why = getattr(error, "strerror", None) or error
         raise MeshError(
-            f"mesh file {path}: cannot be read ({error.strerror}); check `{job.key}`, which is "
+            f"mesh file {path}: cannot be read ({why}); check `{job.key}`, which is "
             "relative to the scene file"
         ) from error
     if not content.strip():
@@ -226,11 +248,18 @@ def _convert(path: Path, source: Path, target: Path, job: Job) -> None:
         "dim": job.dim, "degree": job.degree, "kinds": job.kinds, "options": dict(job.options),
         "balls": [dict(ball) for ball in job.balls],
         "size": job.options.get("Mesh.MeshSizeMax"), "most": _MOST_ALONG, "unit": job.unit,
+        "seconds": int(_SECONDS + _SECONDS_PER_MIB * source.stat().st_size / 2**20),
+        "bytes": _BYTES + _BYTES_PER_BYTE * source.stat().st_size,
     })  # fmt: skip
     done = subprocess.run(  # noqa: S603  (our own program)
-        [sys.executable, "-P", "-c", _PROGRAM, str(source), str(target), orders],
+        [sys.executable, "-P", "-c", _PROGRAM, str(source), str(target), orders, str(os.getpid())],
         env=environment, stdin=subprocess.DEVNULL, capture_output=True, check=False,
     )  # fmt: skip
+    if done.returncode == -signal.SIGXCPU:
+        raise MeshError(
+            f"mesh file {path}: reading it takes too long (a loop without end?); write fewer "
+            "commands, or save its mesh as .msh"
+        )
     if done.returncode < 0:
         raise MeshError(
             f"mesh file {path}: Gmsh crashed on it (signal {-done.returncode}); the file is broken "

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -14,6 +14,9 @@ from impactfem.result.grids import make_grid, nearest_layer
 
 if TYPE_CHECKING:
     import pyvista as pv
+
+MAX_LAYERS = 10_000_000
+"""Most layers of a file that is read: it may claim any number."""
 
 _VTK_LINE = 3  # VTK's number of the two-node line
 
@@ -71,6 +74,30 @@ class Fields:
 
     def __repr__(self) -> str:
         return f"Fields({len(self.times)} layers of {len(self.positions)} nodes of bars)"
+
+
+class StoredFields(Fields):
+    """A bar's motion in a file, read when it is first asked for."""
+
+    def __init__(
+        self, path: Path, times: Any, positions: Any, counts: tuple[int, ...] | None
+    ) -> None:
+        for name, value in {
+            "_path": path, "times": times, "positions": positions, "counts": counts,
+        }.items():  # fmt: skip
+            object.__setattr__(self, name, value)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in {"displacement", "velocity"}:
+            raise AttributeError(name)
+        try:
+            with h5py.File(self._path, "r") as file:
+                data = file[f"VTKHDF/PointData/{name}"]
+                values = data[:, 0].reshape(len(self.times), len(self.positions))
+        except (OSError, KeyError, ValueError) as error:
+            raise foreign_file(self._path, error) from error
+        object.__setattr__(self, name, values)
+        return values
 
 
 def foreign_file(path: Path, error: Exception) -> OutputError:
@@ -144,7 +171,7 @@ def is_bar_file(path: Path) -> bool:
 
 
 def read_vtkhdf(path: Path) -> Fields:
-    """Read back what `write_vtkhdf` wrote.
+    """Read back what `write_vtkhdf` wrote: displacement and velocity when they are asked for.
 
     Raises:
         OutputError: The file is not such a file.
@@ -152,21 +179,32 @@ def read_vtkhdf(path: Path) -> Fields:
     try:
         with h5py.File(path, "r") as file:
             root = file["VTKHDF"]
-            times = root["Steps/Values"][:]
-            shape = (len(times), -1)
+            times = read_times(root)
             # A node that starts no element is the last one of its bar.
             nodes = np.arange(len(root["Points"]))
             ends = np.setdiff1d(nodes, root["Connectivity"][0::2])
             counts = tuple(np.diff(np.append(-1, ends)).tolist())
-            return Fields(
-                times,
-                root["Points"][:, 0],
-                root["PointData/displacement"][:, 0].reshape(shape),
-                root["PointData/velocity"][:, 0].reshape(shape),
-                counts if len(counts) > 1 else None,
+            size = len(times) * len(nodes)
+            if any(len(root["PointData"][name]) != size for name in ("displacement", "velocity")):
+                raise ValueError("not one value for each node and layer")
+            return StoredFields(
+                path, times, root["Points"][:, 0], counts if len(counts) > 1 else None
             )
     except (OSError, KeyError, ValueError) as error:
         raise foreign_file(path, error) from error
+
+
+def read_times(root: Any) -> NDArray[np.float64]:
+    """Times of the layers of a file.
+
+    Raises:
+        ValueError: It claims to have more than any run writes.
+    """
+    values = root["Steps/Values"]
+    if values.ndim != 1 or len(values) > MAX_LAYERS:
+        raise ValueError(f"its times have the shape {values.shape}")
+    times: NDArray[np.float64] = values[:]
+    return times
 
 
 def write_with_dolfinx(fields: Fields, path: Path, kind: str) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impactfem.errors import OutputError
 from impactfem.result.cell_kinds import BY_VTK_TYPE
-from impactfem.result.fields import foreign_file
+from impactfem.result.fields import foreign_file, read_times
 from impactfem.result.grids import make_grid, nearest_layer
 from impactfem.result.killed_files import mend
 from impactfem.result.store import reserve
@@ -279,7 +279,7 @@ class SolidFields:
         try:
             with h5py.File(self.path, "r") as file:
                 root = file["VTKHDF"]
-                self.times: Floats = root["Steps/Values"][:]
+                self.times: Floats = read_times(root)
                 self.num_points = int(root["NumberOfPoints"][0])
                 self.num_cells = int(root["NumberOfCells"][0])
                 self.vtk_cell_type = int(root["Types"][0])
