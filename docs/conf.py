@@ -3,7 +3,6 @@
 import os
 import sys
 from pathlib import Path
-from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
@@ -24,7 +23,7 @@ author = "The impactfem developers"
 copyright = author  # noqa: A001  (the name that Sphinx reads)
 version = release = impactfem.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "mathml", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "api_text"]
 myst_enable_extensions = ["dollarmath", "amsmath"]
 myst_heading_anchors = 3
 exclude_patterns = [
@@ -55,29 +54,6 @@ napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 
 GENERATED = Path(__file__).parent / "generated"
-
-
-COLON = "\N{SYMBOL FOR UNIT SEPARATOR}"  # stands for a colon that separates nothing
-
-
-def protect(*event: Any) -> None:
-    """Take bars for absolute values, and the first line of a property for text without a type."""
-    what, lines = event[1], event[-1]
-    lines[:] = [line.replace("|", "\\|") for line in lines]
-    if what == "property" and lines:
-        lines[0] = lines[0].replace(":", COLON)
-
-
-def restore(*event: Any) -> None:
-    """Put back what `protect` has hidden."""
-    event[-1][:] = [line.replace(COLON, ":") for line in event[-1]]
-
-
-def setup(app: Any) -> None:
-    """Wrap napoleon (priority 500), which writes markup of its own."""
-    app.connect("autodoc-process-docstring", protect, priority=400)
-    app.connect("autodoc-process-docstring", restore, priority=600)
-
 
 write_changed(GENERATED / "scene.md", reference_tables.scene_reference())
 write_changed(GENERATED / "columns.md", reference_tables.history_columns())
