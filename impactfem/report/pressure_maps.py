@@ -48,8 +48,11 @@ def draw_pressure_maps(
         eligible = carries if pressed[carries].any() else eligible
     shown = skin.bodies[int(np.argmax(np.where(eligible, pressed, 0.0)))]
     own = skin.bodies == shown
-    touching = np.any([s.may_touch[skin.triangles].all(axis=1) for s in snapshots], axis=0)
-    faces = skin.triangles[touching & own[skin.triangles[:, 0]]]
+    near = np.any([s.may_touch[skin.triangles] for s in snapshots], axis=0)
+    near &= own[skin.triangles]
+    # On a coarse mesh perhaps no face may touch with all corners.
+    touching = near.all(axis=1) if near.all(axis=1).any() else near.any(axis=1)
+    faces = skin.triangles[touching]
     loaded = (pressed > 0.0) & own
     # Several bodies: a body may touch on many sides, so that the loaded faces say from where.
     bearing = faces[loaded[faces].all(axis=1)] if len(names) > 1 else faces

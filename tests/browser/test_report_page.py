@@ -7,7 +7,9 @@ import re
 import shutil
 import time
 import zlib
+from itertools import pairwise
 
+import numpy as np
 import pytest
 
 import impactfem
@@ -29,6 +31,11 @@ SCENES = {
     "corner": ("corner", {}),
     "oscillator": ("oscillator", {"duration": 1.0}),
     "beam": ("dropped_beam", {"duration": 1e-4, "solve.estimate": False}),
+    "ball": (
+        "elastic_sphere_3d",
+        {"body.ball.mesh_size": 0.008, "body.ball.refine": None, "duration": 1.5e-3,
+         "solve.estimate": False, "output.every": 2},
+    ),
 }  # fmt: skip
 
 
@@ -161,6 +168,50 @@ def test_the_slider_moves_time_force_and_body(name, browser, folders):
 
 def shown_time(browser):
     return float(re.match(r"t = (\S+) s", browser.execute_script(READOUT))[1])
+
+
+def test_pressing_in_the_force_plot_jumps_there(browser, folders):
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.by import By
+
+    load(browser, folders("bar") / "report.html")
+    frames = browser.execute_script(FRAMES)
+    area = browser.find_element(By.CSS_SELECTOR, "#motion-view .plotly .nsewdrag")
+    ActionChains(browser).move_to_element_with_offset(area, 0, 0).click().perform()
+    spacing = max(b - a for a, b in pairwise(frames["times"]))
+    assert shown_time(browser) == pytest.approx(frames["times"][-1] / 2, abs=spacing)
+    check_console(browser)
+
+
+def test_small_motion_can_be_seen_at_its_true_scale(browser, folders):
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.support.ui import Select
+
+    load(browser, folders("row") / "report.html")
+    choice = Select(browser.find_element(By.CSS_SELECTOR, "#motion-view select"))
+    magnified = browser.execute_script(PICTURE)
+    choice.select_by_visible_text("1")
+    assert browser.execute_script(PICTURE) != magnified
+    load(browser, folders("bar") / "report.html")
+    assert not browser.find_elements(By.CSS_SELECTOR, "#motion-view select")
+
+
+def test_a_body_in_space_moves_with_the_slider(browser, folders):
+    load(browser, folders("ball") / "report.html")
+    last = len(browser.execute_script(FRAMES)["times"]) - 1
+    # Heights of the mesh that is drawn, in sizes of the body.
+    heights = "return Array.from(document.querySelector('#motion-view .js-plotly-plot').data[0].y)"
+    before = browser.execute_script(heights)
+    browser.execute_script(
+        "const s = document.querySelector('#motion-view input[type=range]');"
+        "s.value = arguments[0]; s.dispatchEvent(new Event('input'))", last,
+    )  # fmt: skip
+    fields = Result.load(folders("ball")).fields
+    top = [(fields.points + fields.read(k)["displacement"])[:, 1].max() for k in (0, -1)]
+    size = float(np.ptp(fields.points, axis=0).max())
+    assert max(before) == pytest.approx(top[0] / size, rel=1e-3)
+    assert max(browser.execute_script(heights)) == pytest.approx(top[1] / size, rel=1e-3)
+    check_console(browser)
 
 
 def test_playing_goes_on_and_stops(browser, folders):
