@@ -35,6 +35,7 @@ _OWN = (
 
 # Parts of the names of hidden folders: files being collected, a whole result being moved in.
 _PARTIAL, _WHOLE = "partial", "whole"
+_PROBE = ".impactfem-"  # an empty folder, to see whether one can be made
 _STALE = ".stale"  # names of the files of the older result that go
 
 
@@ -55,7 +56,9 @@ def check_writable(folder: Path) -> None:
         if not is_folder:
             raise OutputError(f"{folder}: {place} is a file; choose another folder (--out)")
         try:  # permissions do not bind root, and some file systems take no folders
-            Path(tempfile.mkdtemp(prefix=".impactfem-", dir=place)).rmdir()
+            probe = Path(tempfile.mkdtemp(prefix=_PROBE, dir=place))
+            with suppress(FileNotFoundError):  # another run has cleaned it up
+                probe.rmdir()
         except OSError as error:
             raise OutputError(cannot(folder, f"{place}: {error.strerror}")) from error
         return
@@ -167,6 +170,9 @@ def clean(folder: Path) -> None:
             with _dead(path) as dead:
                 if dead:
                     shutil.rmtree(path, ignore_errors=True)
+        for path in place.glob(f"{_PROBE}*"):
+            with suppress(OSError):
+                path.rmdir()
 
 
 def finish(folder: Path) -> bool:

@@ -1,0 +1,91 @@
+"""A run is killed while it writes its fields: what was appended is found again."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import h5py
+import numpy as np
+import pytest
+from trouble_process import environment
+
+from impactfem.result import FieldSpool, SolidFields
+from impactfem.result.killed_files import mend
+
+NODES = 4
+
+WRITER = """
+import sys
+import numpy as np
+from impactfem.result import FieldSpool
+spool = FieldSpool(sys.argv[1], np.zeros((4, 2)), [[0, 1, 2], [1, 2, 3]], 5, {"u": 3, "gap": 1})
+for layer in range(10_000):
+    spool.append(layer, {"u": np.full((4, 3), layer), "gap": np.full(4, -layer)})
+    print(layer, flush=True)
+"""
+
+
+def written(path, lines, delay):
+    """Start a writer and kill it a moment after it has appended some layers; returns how many."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", WRITER, str(path)],
+        env=environment(), stdout=subprocess.PIPE,
+    )  # fmt: skip
+    try:
+        for _ in range(lines):
+            assert process.stdout.readline()
+        # Further layers are written meanwhile; the moment is anywhere in one.
+        for _ in range(delay):
+            os.sched_yield()
+    finally:
+        process.send_signal(signal.SIGKILL)
+        rest, _ = process.communicate()
+    return lines + rest.count(b"\n")
+
+
+# Around 64 layers the index of the chunks grows.
+@pytest.mark.parametrize("lines", [1, 2, 62, 64, 65])
+def test_what_was_appended_before_a_kill_is_found(tmp_path, lines):
+    path = tmp_path / "fields.vtkhdf"
+    done = written(path, lines, 7 * lines)
+    with FieldSpool.reopen(path, done) as spool:
+        spool.append(-1.0, {"u": np.full((NODES, 3), 0.5), "gap": np.zeros(NODES)})
+    fields = SolidFields(path)
+    assert fields.times.tolist() == [*range(done), -1.0]
+    for layer in {0, done // 2, done - 1}:
+        assert (fields.read(layer)["u"] == layer).all()
+        assert (fields.read(layer)["gap"] == -layer).all()
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+
+
+def test_the_first_block_is_as_the_library_writes_it(tmp_path):
+    """The checksum is that of HDF5: a file that is told to be closed equals one that was closed."""
+    path, copy = tmp_path / "a.h5", tmp_path / "b.h5"
+    with h5py.File(path, "w", libver=("v110", "v110")) as file:
+        file["x"] = np.arange(5)
+        file.swmr_mode = True
+        file.flush()
+        copy.write_bytes(path.read_bytes())
+        with pytest.raises(OSError, match="already open"):
+            h5py.File(copy, "r")
+    mend(copy)
+    assert copy.read_bytes()[:48] == path.read_bytes()[:48]
+    with h5py.File(copy, "r") as file:
+        assert file["x"][:].tolist() == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89HDF", b"\x89HDF\r\n\x1a\n" + bytes(60), b"x" * 99])
+def test_other_files_are_left_alone(tmp_path, content):
+    path = tmp_path / "a"
+    path.write_bytes(content)
+    mend(path)
+    assert path.read_bytes() == content
+
+
+def test_a_link_in_place_of_the_fields_is_not_followed(tmp_path):
+    (tmp_path / "victim").write_text("dear")
+    link = tmp_path / "fields.vtkhdf"
+    link.symlink_to("victim")
+    FieldSpool(link, np.zeros((NODES, 2)), [[0, 1, 2]], 5, {"u": 3}).close()
+    assert (tmp_path / "victim").read_text() == "dear"

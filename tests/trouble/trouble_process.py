@@ -1,0 +1,128 @@
+"""Runs in processes of their own, killed whatever happens, and the scenes they solve."""
+
+import contextlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from impactfem.result import Result
+
+LAUNCHER = re.compile(r"(PMI|OMPI|PRTE|HYDRA|SLURM|MPI_LOCAL)")
+SHORT = ("run", "bar_impact", "--set", "solve.method=exact", "--quiet", "--out")
+
+DISC = """
+title = "Schütte Ω, a disc that is killed"
+duration = 6.0
+gravity = [0.0, -0.1]
+
+[[body]]
+name = "disc"
+kind = "solid"
+model = "plane_strain"
+shape = { kind = "disc", radius = 0.5, center = [0.0, 0.51] }
+mesh_size = 0.15
+density = 1.0
+youngs_modulus = 0.75
+poisson_ratio = 0.3
+
+[[obstacle]]
+name = "floor"
+kind = "half_space"
+point = [0.0, 0.0]
+normal = [0.0, 1.0]
+
+[solve]
+method = "explicit"
+estimate = false
+
+[output]
+report = false
+checkpoint = 5
+"""
+
+
+def environment(**changes):
+    kept = {name: value for name, value in os.environ.items() if not LAUNCHER.match(name)}
+    return kept | {"OMP_NUM_THREADS": "1"} | changes
+
+
+@contextlib.contextmanager
+def started(folder, *command, env=None, **options):
+    """A process group that is gone afterwards."""
+    process = subprocess.Popen(
+        [str(word) for word in command], cwd=folder, env=environment(**(env or {})),
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        start_new_session=True, **options,
+    )  # fmt: skip
+    try:
+        yield process
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+def run(folder, *arguments, timeout=60, **options):
+    """Run the command line, or a script; returns code, standard output and error."""
+    words = arguments if str(arguments[0]).endswith(".py") else ("-m", "impactfem", *arguments)
+    with started(folder, sys.executable, *words, **options) as process:
+        out, err = process.communicate(timeout=timeout)
+        return process.returncode, out.decode("utf-8", "replace"), err.decode("utf-8", "replace")
+
+
+def launched(folder, ranks, *words, timeout=60):
+    """Run Python on several ranks; returns code, standard error, and the seconds it took."""
+    mpirun = Path(sys.executable).parent / "mpirun"
+    found = str(mpirun) if mpirun.exists() else shutil.which("mpirun")
+    if found is None:
+        pytest.skip("no mpirun beside this Python or on PATH")
+    env = {"PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe"}
+    if os.geteuid() == 0:  # else Open MPI refuses
+        env |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    with started(folder, found, "-n", ranks, sys.executable, *words, env=env) as process:
+        _, err = process.communicate(timeout=timeout)
+        return process.returncode, err.decode("utf-8", "replace")
+
+
+def until(condition, seconds=30.0):
+    """Wait for something; whether it came."""
+    limit = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > limit:
+            return False
+        time.sleep(0.002)
+    return True
+
+
+def contents(folder):
+    """Every file and folder below, with its content."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else None
+        for path in sorted(folder.rglob("*"))
+    }
+
+
+def hidden(folder):
+    return sorted(path.name for path in folder.rglob(".*"))
+
+
+def equal(one, other):
+    """Assert that two results are the same."""
+    one, other = Result.load(one), Result.load(other)
+    for name in one.history.data_vars:
+        a, b = one.history[name].values, other.history[name].values
+        np.testing.assert_allclose(b, a, rtol=1e-10, atol=1e-12, err_msg=name)
+    if one.fields is not None:
+        assert one.fields.times.tolist() == other.fields.times.tolist()
+        for layer in range(0, len(one.fields), 7):
+            a, b = one.fields.read(layer), other.fields.read(layer)
+            for name in a:
+                np.testing.assert_allclose(b[name], a[name], rtol=1e-10, atol=1e-12)
