@@ -76,7 +76,8 @@ def write_page(result: Result, path: Path, pictures: Sequence[Path] | None = Non
     Returns:
         The path.
     """
-    path.write_text(page(result, pictures), encoding="utf-8")
+    # Paths in the command may hold bytes that are no text.
+    path.write_text(page(result, pictures), encoding="utf-8", errors="backslashreplace")
     return path
 
 
