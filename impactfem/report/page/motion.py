@@ -8,7 +8,6 @@ from impactfem.report.page.chart import is_told, numbers, thin
 from impactfem.report.page.motion_bars import bars_motion
 from impactfem.report.page.motion_bodies import bodies_motion
 from impactfem.report.page.motion_data import rows_at
-from impactfem.report.page.motion_points import points_motion
 from impactfem.result import Fields, Result, SolidFields
 
 SCRIPTS = ("motion_tools.js", "motion_views.js", "motion.js")
@@ -34,6 +33,9 @@ def motion(result: Result) -> dict[str, Any] | None:
     elif isinstance(fields, SolidFields):
         own = bodies_motion(result, fields)
     elif result.scene.is_vibro:
+        # It loads the systems of points, which bars and solids need not wait for.
+        from impactfem.report.page.motion_points import points_motion  # noqa: PLC0415
+
         own = points_motion(result)
     else:
         return None

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from impactfem.contact.distance import translation
 from impactfem.report.obstacle_faces import faces_of, grid_of_plane
@@ -173,7 +172,7 @@ def _outlines(
             seen = np.unique(
                 camera.flat(faces_of(obstacle, centre, reach).reshape(-1, 3)).round(12), axis=0
             )
-            hull = ConvexHull(seen).vertices
+            hull = _hull(seen)
             made.append({"lines": [numbers(seen[np.append(hull, hull[0])])]})
             continue
         made.append({"lines": [numbers(camera.flat(line)) for line in lines]})
@@ -182,3 +181,10 @@ def _outlines(
             ways = np.array([np.zeros(3) + translation(obstacle, float(t)) for t in times])
             entry["way"] = numbers(camera.flat(ways))
     return made
+
+
+def _hull(places: Floats) -> Integers:
+    """Places in the plane (count, 2) that their convex hull goes through, in order."""
+    from scipy.spatial import ConvexHull  # noqa: PLC0415  # slow to load, seldom needed
+
+    return np.asarray(ConvexHull(places).vertices, dtype=np.int64)
