@@ -55,6 +55,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=5, help="runs of each command")
     parser.add_argument("--results", type=Path, default=RESULTS, help="folder of the tables")
+    parser.add_argument("--note", default="", help="what the stamp shall say besides")
     given = parser.parse_args()
     rows = []
     with tempfile.TemporaryDirectory() as place:
@@ -82,7 +83,7 @@ def main() -> None:
         lines.append(f"| {name} | {' | '.join(f'{t:.2f}' for t in times)} | {limit or ''} |")
     text = "\n".join(lines) + f"\n\nWall time and CPU time; runs of each: {given.repeats}.\n"
     (given.results / "startup.md").write_text(text, encoding="utf-8")
-    write_stamp("startup", folder=given.results)
+    write_stamp("startup", folder=given.results, note=given.note)
 
 
 if __name__ == "__main__":
