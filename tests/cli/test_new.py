@@ -6,7 +6,7 @@ import tomllib
 
 import jsonschema
 import pytest
-from conftest import contents, finish, start
+from conftest import contents, finish, launch, start
 
 from impactfem.cli import BAD_INPUT, DONE, FAILED
 from impactfem.planning import plan
@@ -147,6 +147,16 @@ def test_the_schema_is_printed_or_written(command, work):
     assert command("schema", "--out", "x.json").code == DONE
     assert (work / "x.json").read_text() == json_schema_text()
     assert command("schema", "--out", "no/x.json").code == FAILED
+
+
+def test_on_two_ranks_one_writes(work):
+    done = launch(work, 2, "-m", "impactfem", "new", "point")
+    assert done.code == DONE, done.err
+    assert done.out.count("wrote point.toml") == 1
+    assert sorted(contents(work)) == [SCHEMA_NAME, "point.toml"]
+    again = launch(work, 2, "-m", "impactfem", "new", "point")
+    assert again.code == BAD_INPUT
+    assert again.err.count("is there already") == 1
 
 
 def test_in_a_process_of_its_own(work):
