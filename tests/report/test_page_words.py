@@ -112,8 +112,8 @@ def test_springs_rods_and_forces_are_told():
 
 
 def test_shares_and_times_have_handy_units():
-    assert [percent(v) for v in (0.5, 0.0123, 3e-9, 0.0, None)] == [
-        "50 %", "1.2 %", "3e-09", "0 %", "not finite",
+    assert [percent(v) for v in (0.5, 0.0123, 3e-9, 0.0, None, 9.3, -1e4)] == [
+        "50 %", "1.2 %", "3e-09", "0 %", "not finite", "930 %", "-1e+04-fold",
     ]  # fmt: skip
     assert [span(v) for v in (2e-9, 3.5e-5, 0.25, 12.0, 4000.0)] == [
         "2 ns", "35 µs", "250 ms", "12 s", "4000 s",

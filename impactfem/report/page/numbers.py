@@ -18,10 +18,12 @@ def quantity(value: float | None, unit: str, digits: int = 6) -> str:
 
 
 def percent(share: float | None) -> str:
-    """A share as a percentage; tiny ones as they are."""
+    """A share as a percentage; tiny ones as they are, huge ones as a multiple."""
     if share is None:
         return NOT_FINITE
-    return f"{100 * share:.2g} %" if abs(share) >= 1e-4 or share == 0.0 else f"{share:.2g}"
+    if share != 0.0 and not 1e-4 <= abs(share) < 100.0:
+        return f"{share:.2g}" if abs(share) < 1.0 else f"{share:.2g}-fold"
+    return f"{float(f'{100 * share:.2g}'):g} %"
 
 
 def vector(values: Iterable[float], unit: str = "") -> str:

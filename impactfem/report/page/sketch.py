@@ -19,6 +19,7 @@ BODY, EDGE, VELOCITY, GRAVITY, SUPPORT, OBSTACLE = (
 SMALL = 8.5
 """Size of labels [pt]."""
 
+_MAGNIFIED = 1.5  # pixels of the page for a point of the drawing
 _NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
 
 
@@ -97,10 +98,13 @@ def svg(figure: Figure, title: str) -> str:
         figure.savefig(buffer, format="svg", metadata=_NO_METADATA)
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
-    opening = re.compile(r'<svg [^>]*?viewBox="([^"]*)"[^>]*>', re.DOTALL)
-    return opening.sub(
-        rf'<svg class="drawing" viewBox="\1" role="img" aria-label="{title}" '
-        'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink">',
-        text,
-        count=1,
+    opening = re.search(r'<svg [^>]*?viewBox="0 0 ([\d.]+) ([\d.]+)"[^>]*>', text, re.DOTALL)
+    if opening is None:
+        raise ValueError("Matplotlib's SVG has no viewBox")
+    width, height = float(opening[1]), float(opening[2])
+    element = (
+        f'<svg class="drawing" width="{_MAGNIFIED * width:.0f}" viewBox="0 0 {width} {height}" '
+        f'role="img" aria-label="{title}" xmlns="http://www.w3.org/2000/svg" '
+        'xmlns:xlink="http://www.w3.org/1999/xlink">'
     )
+    return element + text[opening.end() :]
