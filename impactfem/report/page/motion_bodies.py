@@ -16,7 +16,7 @@ from impactfem.report.page.motion_data import (
     telling_frames,
 )
 from impactfem.report.page.motion_obstacles import plane_obstacles, space_obstacles
-from impactfem.report.skin import Skin, Snapshot
+from impactfem.report.skin import Skin
 from impactfem.report.space_picture import Camera
 from impactfem.result import Result, SolidFields
 from impactfem.scene import HalfSpace, Solid
@@ -44,6 +44,23 @@ class Shown:
     segments: Integers
 
 
+@dataclass(frozen=True)
+class Frame:
+    """What is kept of a layer.
+
+    Attributes:
+        time: [s].
+        way: Displacement of the nodes that are drawn [m], shape (shown, 3).
+        stress: Von Mises stress there [Pa], shape (shown,).
+        pressed: Segments under contact pressure at both ends.
+    """
+
+    time: float
+    way: Floats
+    stress: Floats
+    pressed: list[int]
+
+
 def bodies_motion(result: Result, fields: SolidFields) -> dict[str, Any] | None:
     """Data of one or several solids in the plane or in space.
 
@@ -55,17 +72,16 @@ def bodies_motion(result: Result, fields: SolidFields) -> dict[str, Any] | None:
     most = int(np.clip(BUDGET / (weight * len(skin.nodes)), _LEAST_FRAMES, MOST_FRAMES))
     layers = telling_frames(result, fields.times, most)
     shown = choose(skin, int(BUDGET / (weight * len(layers))))
-    snapshots = [skin.snapshot(int(layer)) for layer in layers]
-    snapshots = [snapshot for snapshot in snapshots if snapshot.is_finite]
-    if not snapshots:
+    frames = [frame for layer in layers if (frame := _frame(skin, shown, int(layer))) is not None]
+    if not frames:
         return None
-    times = np.array([snapshot.time for snapshot in snapshots])
-    way = np.array([s.place[shown.nodes] for s in snapshots]) - skin.points[shown.nodes]
-    stress = np.array([s.von_mises[shown.nodes] for s in snapshots])
+    times = np.array([frame.time for frame in frames])
+    way = np.array([frame.way for frame in frames])
+    stress = np.array([frame.stress for frame in frames])
     limit = float(max(np.quantile(part, _MOST_STRESSED) for part in stress)) or 1.0
     farthest = float(np.linalg.norm(way, axis=2).max())
     factors = factors_of(farthest, skin.size)
-    own = _plane(result, shown, snapshots) if skin.dim == 2 else _space(result, skin, times)
+    own = _plane(result, shown, frames) if skin.dim == 2 else _space(result, skin, times)
     return {
         "caption": _caption(result, skin, shown, factors, limit),
         "times": times,
@@ -84,22 +100,49 @@ def bodies_motion(result: Result, fields: SolidFields) -> dict[str, Any] | None:
 def choose(skin: Skin, most: int) -> Shown:
     """Draw all nodes, or one for each cell of a grid that is as coarse as needed.
 
+    Nodes of different bodies, and those on and off the boundary in the plane, stay apart; the
+    boundary gets a grid of half the width.
+
     Args:
         skin: Of the solids.
         most: Nodes at most.
     """
     nodes = skin.nodes
-    spacing = skin.size / np.sqrt(max(most, 4))
+    points = skin.points[nodes] - skin.points.min(axis=0)
+    rim = np.isin(nodes, skin.segments)
+    width = skin.size / np.sqrt(max(most, 4)) / np.where(rim, 2.0, 1.0)
     groups, kept = np.arange(len(nodes)), np.arange(len(nodes))
     while len(kept) > most:
-        cells = np.floor(skin.points[nodes] / spacing).astype(np.int64)
-        keys = np.column_stack([skin.bodies[nodes], cells])  # bodies stay apart
-        _, kept, groups = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-        groups = groups.ravel()
-        spacing *= 1.15
+        cells = np.floor(points / width[:, None]).astype(np.int64)
+        keys = np.column_stack([skin.bodies[nodes], rim, cells])
+        groups = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
+        kept = _middles(points, groups)
+        width *= 1.15
     place = np.full(len(skin.points), -1, dtype=np.int64)
     place[nodes] = groups
     return Shown(nodes[kept], _proper(place[skin.triangles]), _proper(place[skin.segments]))
+
+
+def _middles(points: Floats, groups: Integers) -> Integers:
+    """Index of the point of each group that is nearest to the mean of the group."""
+    counts = np.bincount(groups)
+    means = np.stack([np.bincount(groups, axis) / counts for axis in points.T], axis=1)
+    order = np.lexsort([np.linalg.norm(points - means[groups], axis=1), groups])
+    return np.asarray(order[np.append(0, np.cumsum(counts)[:-1])])
+
+
+def _frame(skin: Skin, shown: Shown, layer: int) -> Frame | None:
+    """Read a layer and keep what is drawn of it: all layers at once may not fit in memory."""
+    snapshot = skin.snapshot(layer)
+    if not snapshot.is_finite:
+        return None
+    ends = snapshot.pressure[shown.nodes[shown.segments]]
+    return Frame(
+        snapshot.time,
+        (snapshot.place - skin.points)[shown.nodes],
+        snapshot.von_mises[shown.nodes],
+        np.flatnonzero((ends > 0.0).all(axis=1)).tolist(),
+    )
 
 
 def _proper(parts: Integers) -> Integers:
@@ -110,16 +153,14 @@ def _proper(parts: Integers) -> Integers:
     return np.asarray(parts[apart][np.sort(first)])
 
 
-def _plane(result: Result, shown: Shown, snapshots: list[Snapshot]) -> dict[str, Any]:
+def _plane(result: Result, shown: Shown, frames: list[Frame]) -> dict[str, Any]:
     body = cast("Solid", result.scene.bodies[0])
-    times = np.array([snapshot.time for snapshot in snapshots])
-    ends = shown.nodes[shown.segments]
-    pressed = [np.flatnonzero((s.pressure[ends] > 0.0).all(axis=1)).tolist() for s in snapshots]
+    times = np.array([frame.time for frame in frames])
     return {
         "kind": "plane",
         "mirror": body.is_axisymmetric,
         "segments": packed_indices(shown.segments),
-        "pressed": pressed,
+        "pressed": [frame.pressed for frame in frames],
         "obstacles": plane_obstacles(result.scene.obstacles, times),
     }
 
