@@ -142,6 +142,13 @@ def shown(page, language):
     return [block["text"] for block in found if block["language"] == language]
 
 
+def test_first_scene_is_the_one_to_start_from():
+    starter = Path(impactfem.__file__).parent / "starters" / "bar.toml"
+    written = tomllib.loads(starter.read_text("utf-8"))
+    (text,) = shown(DOCS / "start.md", "toml")
+    assert tomllib.loads(text) == {name: value for name, value in written.items() if value}
+
+
 @pytest.mark.parametrize("page", SHOWING, ids=lambda page: page.stem)
 def test_shown_scenes_can_be_read(page):
     for text in shown(page, "toml"):
