@@ -10,7 +10,14 @@ from impactfem.scene.formula import Formula
 from impactfem.scene.kinds import FormulaOf, Kind
 from impactfem.scene.schema import KeyedError, keys_of
 from impactfem.scene.tables import read_object
-from impactfem.scene.values import NotAllowedError, is_number, number, show, type_in_words
+from impactfem.scene.values import (
+    EntryNotAllowedError,
+    NotAllowedError,
+    is_number,
+    number,
+    show,
+    type_in_words,
+)
 
 MAX_ENTRIES = 10_000
 
@@ -32,7 +39,8 @@ class Vector(Kind):
 
     @override
     def read(self, value: object) -> tuple[float, ...]:
-        result = tuple(_number(entry) for entry in entries_of(value, self.lengths))
+        entries = entries_of(value, self.lengths)
+        result = tuple(_number(index, entry) for index, entry in enumerate(entries))
         if self.positive and not all(entry > 0 for entry in result):
             raise NotAllowedError("its entries must be > 0")
         if self.nonzero and not any(result):
@@ -82,16 +90,17 @@ class Formulas(Kind):
 
     @override
     def read(self, value: object) -> tuple[Formula | None, ...]:
-        return tuple(self._entry(entry) for entry in entries_of(value, self.lengths))
+        entries = entries_of(value, self.lengths)
+        return tuple(self._entry(index, entry) for index, entry in enumerate(entries))
 
-    def _entry(self, value: object) -> Formula | None:
+    def _entry(self, index: int, value: object) -> Formula | None:
         empty = value is None or (isinstance(value, str) and not value.strip())
         if self.blank and empty:
             return None
         try:
             formula: Formula = FormulaOf(self.variables).read(value)
         except NotAllowedError as error:
-            raise NotAllowedError(f"the entry {show(value)} is not allowed, {error}") from None
+            raise EntryNotAllowedError(f"[{index}]", value, str(error)) from None
         return formula
 
     @override
@@ -159,8 +168,10 @@ class ListOf(Kind):
                 found.append(self.inner.read(entry))
             except KeyedError as error:
                 raise error.under(f"[{index}]") from None
+            except EntryNotAllowedError as error:
+                raise error.inside(index) from None
             except NotAllowedError as error:
-                raise NotAllowedError(f"the entry {show(entry)} is not allowed, {error}") from None
+                raise EntryNotAllowedError(f"[{index}]", entry, str(error)) from None
             if self.different and found[-1] in found[:-1]:
                 raise NotAllowedError(f"{show(entry)} is given twice, remove one")
         if len(found) < self.at_least:
@@ -193,11 +204,11 @@ def _counts(lengths: tuple[int, ...]) -> str:
     return " or ".join(str(length) for length in lengths)
 
 
-def _number(value: object) -> float:
+def _number(index: int, value: object) -> float:
     try:
         return number(value)
     except NotAllowedError as error:
-        raise NotAllowedError(f"the entry {show(value)} is not allowed, {error}") from None
+        raise EntryNotAllowedError(f"[{index}]", value, str(error)) from None
 
 
 def plain(instance: Any) -> dict[str, Any]:  # any dataclass with keys

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 from impactfem.errors import SceneError
 from impactfem.scene.kinds import Kind
 from impactfem.scene.nearest import nearest, same_as
-from impactfem.scene.values import NotAllowedError, show
+from impactfem.scene.values import EntryNotAllowedError, NotAllowedError, show
 
 TOP = "top level"
 
@@ -79,6 +79,9 @@ class Key:
             return self.kind.read(value)
         except KeyedError as error:  # inside a table
             raise error.under(self.name, where) from None
+        except EntryNotAllowedError as error:
+            text = f" = {show(error.value)} is not allowed: {error.why}; give {self.wanted}."
+            raise KeyedError(where, self.name + error.place, text) from None
         except NotAllowedError as error:
             text = f" = {show(value)} is not allowed: {error}; give {self.wanted}."
             raise KeyedError(where, self.name, text) from None

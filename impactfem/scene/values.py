@@ -18,6 +18,24 @@ class NotAllowedError(Exception):
     """A value is refused; the message says why."""
 
 
+class EntryNotAllowedError(NotAllowedError):
+    """An entry of a list is refused.
+
+    Attributes:
+        place: which one, as ``[2]`` or ``[2][0]``.
+        value: the entry.
+        why: the reason.
+    """
+
+    def __init__(self, place: str, value: object, why: str) -> None:
+        super().__init__(f"the entry {show(value)} is not allowed, {why}")
+        self.place, self.value, self.why = place, value, why
+
+    def inside(self, index: int) -> "EntryNotAllowedError":
+        """Return the same error for a list that is itself an entry."""
+        return EntryNotAllowedError(f"[{index}]{self.place}", self.value, self.why)
+
+
 def number(value: object) -> float:
     """Return a finite float.
 

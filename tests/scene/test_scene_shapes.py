@@ -161,7 +161,7 @@ def test_defaults_are_the_origin():
         (lambda: Block(size=[1]), ["block.size = [1]", "1 entries, not 2 or 3", "give a list"]),
         (lambda: Block(size=[1, 0]), ["block.size = [1, 0]", "must be > 0"]),
         (lambda: Block(size=1), ["block.size = 1", "a number, not a list"]),
-        (lambda: Block(size=[1, "2"]), ["block.size", 'entry "2"', "without quotes"]),
+        (lambda: Block(size=[1, "2"]), ['block.size[1] = "2"', "without quotes"]),
         (
             lambda: Block(size=[1, 2], corner=[0, 0, 0]),
             ["block.corner", "size = [1.0, 2.0]", "2 en"],

@@ -32,7 +32,7 @@ from impactfem.scene import (
 
 lengths = st.floats(1e-3, 1e3)
 places = st.floats(-1e3, 1e3)
-angles = st.floats(-7, 7)
+angles = st.floats(-6.28, 6.28)
 texts = st.sampled_from(["0", "x", "0.1*sin(pi*x)", "where(y < 0.5, 1, -1)", "2*pi"])
 in_time = st.floats(-1, 1) | st.sampled_from(["t", "0.1*sin(5*t)", "min(t, 1)"])
 formulas = st.floats(-1, 1) | texts

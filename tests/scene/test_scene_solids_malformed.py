@@ -81,7 +81,7 @@ CASES = {
         {"body.0.supports.0.surface": ABSENT},
         ["body[0].supports[0].surface is missing", "give a text"],
     ),
-    "support as text": ({"body.0.supports": ["left"]}, ["body[0].supports", 'entry "left"', "{"]),
+    "support as text": ({"body.0.supports": ["left"]}, ['body[0].supports[0] = "left"', "{"]),
     "support as table": (
         {"body.0.supports": {"surface": "rim"}},
         ["body[0].supports = ", "a table, not a list"],
