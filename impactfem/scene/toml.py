@@ -81,9 +81,9 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
         found = re.search(r"at line (\d+), column", str(error))
         number = int(found[1]) if found else 0
         lines = text.split("\n")  # tomllib counts these only
-        line = lines[number - 1].strip() if 0 < number <= len(lines) else ""
-        shown = f" in {show(' '.join(line.split()))}" if line else ""
-        why = f"{error}{shown}; correct it: {toml_hint(str(error), line)}"
+        wrong = lines[number - 1].strip() if 0 < number <= len(lines) else ""
+        shown = f" in {show(' '.join(wrong.split()))}" if wrong else ""
+        why = f"{error}{shown}; correct it: {toml_hint(str(error), wrong)}"
     except RecursionError:
         why = "lists or tables are nested too deeply; simplify them"
     except ValueError as error:  # integers of thousands of digits

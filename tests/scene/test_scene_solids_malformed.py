@@ -86,7 +86,10 @@ CASES = {
         {"body.0.supports": {"surface": "rim"}},
         ["body[0].supports = ", "a table, not a list"],
     ),
-    "key of a bar": ({"body.0.length": 1}, ["body[0].length", 'only kind = "bar" or "rod" or "beam" has it']),
+    "key of a bar": (
+        {"body.0.length": 1},
+        ["body[0].length", 'only kind = "bar" or "rod" or "beam" has it'],
+    ),
     "key of a body": ({"solve.mesh_size": 1}, ["solve.mesh_size", '[[body]] with kind = "solid"']),
     "key of a solid": (
         {**OF_BAR, "body.0.mesh_size": 0.1},
