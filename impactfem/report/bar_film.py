@@ -87,13 +87,13 @@ def bar_reel(result: Result, fields: Fields, frames: int | None) -> BarReel | No
     if not np.isfinite(fields.displacement[moments]).all():
         return None
     near, far, moduli, first = _pieces(result, fields)
-    place, factor = magnified(fields)
+    place, factor = magnified(fields, moments)
     u, x = fields.displacement[moments], fields.positions
     stress = moduli * (u[:, far] - u[:, near]) / (x[far] - x[near])
     figure = Sheet(8.0, 4.0, dpi=90)
     above, below = figure.subplots(2, 1, height_ratios=[0.8, 1.0])
     wall = bool(result.scene.obstacles)
-    low, high = float(place[moments].min()), float(place[moments].max())
+    low, high = float(place.min()), float(place.max())
     room = 0.04 * (high - low)
     low = min(low, 0.0) if wall else low
     above.set_xlim(low - room, high + room)
@@ -115,7 +115,7 @@ def bar_reel(result: Result, fields: Fields, frames: int | None) -> BarReel | No
     now = force_beside(below, result)
     figure.suptitle(result.scene.title, fontsize=11)
     times = fields.times[moments]
-    ends = place[np.ix_(moments, near)], place[np.ix_(moments, far)]
+    ends = place[:, near], place[:, far]
     return BarReel(figure, times, *ends, stress, first, pieces, outlines, clock, now)
 
 

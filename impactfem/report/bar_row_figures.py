@@ -123,13 +123,21 @@ def velocities(axes: Axes, result: Result) -> None:
         axes.legend(frameon=False)
 
 
-def magnified(fields: Fields) -> tuple[NDArray[np.float64], float]:
-    """Places of all nodes at the kept levels with magnified motion, and the factor."""
+def magnified(
+    fields: Fields, levels: NDArray[np.int64] | None = None
+) -> tuple[NDArray[np.float64], float]:
+    """Places of all nodes with magnified motion, and the factor.
+
+    Args:
+        fields: The motion.
+        levels: Which of the kept levels; all if None.
+    """
     counts = np.array(fields.counts or (len(fields.positions),))
     lengths = fields.positions[np.cumsum(counts) - 1]
     # Places if all bars touched, the first one at 0.
     stacked = fields.positions + np.repeat(np.cumsum(lengths) - lengths, counts)
-    motion = fields.positions + fields.displacement - stacked
+    displacement = fields.displacement if levels is None else fields.displacement[levels]
+    motion = fields.positions + displacement - stacked
     span = float(np.nanmax(motion) - np.nanmin(motion))
     factor = 1.0
     if 0.0 < span < _SHARE * lengths.sum():

@@ -108,7 +108,11 @@ def solid_reel(result: Result, fields: SolidFields, frames: int | None) -> Solid
 def even_moments(times: NDArray[np.float64], frames: int) -> NDArray[np.int64]:
     """Layers at about equal distances in time, at most so many."""
     wanted = np.linspace(times[0], times[-1], min(frames, len(times)))
-    return np.unique(np.abs(times[None] - wanted[:, None]).argmin(axis=1))
+    after = np.clip(np.searchsorted(times, wanted), 1, max(1, len(times) - 1))
+    before = after - 1
+    after = np.minimum(after, len(times) - 1)
+    nearer = wanted - times[before] <= times[after] - wanted
+    return np.unique(np.where(nearer, before, after))
 
 
 def _size(aspect: float) -> tuple[float, float]:

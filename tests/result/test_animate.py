@@ -14,6 +14,7 @@ from impactfem.report.animation import film_if_any
 from impactfem.report.axis_film import axis_reel
 from impactfem.report.bar_film import bar_reel
 from impactfem.report.point_film import point_reel
+from impactfem.report.solid_film import even_moments
 from impactfem.shipped import shipped_scenes
 
 
@@ -258,3 +259,12 @@ def test_a_plotter_shows_the_body(disc, monkeypatch):
     assert added["flat"]
     assert added["mesh"].n_points == disc.fields.num_points
     assert f"t = {float(added['mesh'].field_data['time'][0]):.6g} s" in added["text"]
+
+
+@pytest.mark.parametrize("frames", [1, 2, 7, 60, 5000])
+def test_moments_are_the_rows_nearest_to_even_times(frames):
+    times = np.cumsum(np.random.default_rng(3).random(1000)) + 5.0
+    wanted = np.linspace(times[0], times[-1], min(frames, len(times)))
+    nearest = np.unique(np.abs(times[None] - wanted[:, None]).argmin(axis=1))
+    assert np.array_equal(even_moments(times, frames), nearest)
+    assert even_moments(times[:1], frames).tolist() == [0]
