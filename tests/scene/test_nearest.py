@@ -1,0 +1,49 @@
+"""Hints at the nearest correct name: slips of the finger, and words of textbooks."""
+
+import re
+
+import pytest
+
+from impactfem.scene import describe
+from impactfem.scene.grammar import FUNCTIONS
+from impactfem.scene.nearest import _SAME, nearest
+
+TABLES = {table.name: [row.key for row in table.keys] for table in describe()}
+
+
+def slips(word):
+    """The word with a letter left out, doubled or exchanged with the next."""
+    for i in range(len(word)):
+        yield word[:i] + word[i + 1 :]
+        yield word[:i] + word[i] + word[i:]
+        yield word[:i] + word[i : i + 2][::-1] + word[i + 2 :]
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_a_slip_is_understood(table):
+    known = TABLES[table]
+    for key in known:
+        for wrong in {*slips(key)} - {*known, "", *_SAME}:
+            assert nearest(wrong, known) == key
+            assert nearest(wrong.upper(), known) == key
+
+
+def test_words_of_textbooks_stand_for_what_there_is():
+    words = {key for keys in TABLES.values() for key in keys} | set(FUNCTIONS)
+    words |= {
+        word for t in describe() for r in t.keys for word in re.findall(r'"(\w+)"', r.allowed)
+    }
+    words |= {"fixed", "sphere", "disc"}  # words of inline tables
+    assert {word for words in _SAME.values() for word in words} <= words
+
+
+def test_what_is_known_is_not_replaced():
+    assert nearest("ANGLE", ["angle", "inclination"]) == "angle"
+    assert nearest("angle", ["inclination", "angles"]) == "inclination"
+
+
+def test_nonsense_has_no_hint():
+    assert nearest("colour", TABLES["[solve]"]) == ""
+    assert nearest("x" * 1000, TABLES["[solve]"]) == ""
+    assert nearest("\0", TABLES["[solve]"]) == ""
+    assert nearest("Left", ["Left side", "Left"]) == "Left"
