@@ -203,7 +203,7 @@ def _run(given: argparse.Namespace) -> int:
     from impactfem.log import Progress  # noqa: PLC0415
     from impactfem.planning import plan  # noqa: PLC0415
     from impactfem.report.table import summary_table  # noqa: PLC0415
-    from impactfem.resuming import claimed, clear  # noqa: PLC0415
+    from impactfem.resuming import claimed, clear, kept  # noqa: PLC0415
 
     scene, folder = _to_run(given)
     progress = Progress(enabled=rank() == 0 and not given.quiet)
@@ -214,12 +214,13 @@ def _run(given: argparse.Namespace) -> int:
     if chosen.method != "exact" and not scene.is_vibro and not scene.is_bar_row:
         _load_finite_elements()
     stages = progress.stages(4 if scene.bodies[0].kind == "bar" else 5)
-    with claimed(folder, given.restart), stages:
+    place = given.restart or folder
+    with claimed(folder, given.restart), stages, kept(place, bool(scene.output.checkpoint)):
         result = _solved(scene, given.restart, folder, progress)
         result = replace(result, summary={**result.summary, "run": _record(given, result)})
         progress.step("writing the result")
         on_root(lambda: result.save(folder))
-        clear(given.restart or folder)
+        clear(place)
     if not given.quiet:
         report = f"Report: {folder / 'report.html'}\n" * result.scene.output.report
         _say(f"{summary_table(result.summary)}\n\n{report}Result and pictures: {folder}")
@@ -277,11 +278,7 @@ def _solved(scene: "Scene", restart: Path | None, folder: Path, progress: "Progr
 
     if not scene.output.checkpoint:
         return solve(scene, progress=progress)
-    from impactfem.resuming import kept  # noqa: PLC0415
-
-    place = restart or folder
-    with kept(place):
-        return solve(scene, progress=progress, checkpoints=place, restart=restart)
+    return solve(scene, progress=progress, checkpoints=restart or folder, restart=restart)
 
 
 def _is_solid(scene: "Scene") -> bool:

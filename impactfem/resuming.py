@@ -55,8 +55,16 @@ def claimed(*folders: Path | None) -> Iterator[None]:
 
 
 @contextmanager
-def kept(folder: Path) -> Iterator[None]:
-    """Have a run that stops in a folder of checkpoints say what is left, and leave no rubbish."""
+def kept(folder: Path, active: bool) -> Iterator[None]:
+    """Have a run that stops say what is left in its folder of checkpoints, and leave no rubbish.
+
+    Args:
+        folder: Of the checkpoints.
+        active: Whether the run writes any.
+    """
+    if not active:
+        yield
+        return
     try:
         yield
     except InterruptedRunError as error:

@@ -163,7 +163,7 @@ class FieldSpool:
         layer = len(self)
         first, last = layer * self._nodes, (layer + 1) * self._nodes
         try:
-            reserve(self.path.parent, self.layer_bytes)
+            reserve(self.path.parent, self.layer_bytes, self.path.stat().st_size)
             with held_back():  # an interrupt in the midst would leave half a layer
                 for name, components in self.point_data.items():
                     data = root["PointData"][name]

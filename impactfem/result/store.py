@@ -2,7 +2,9 @@
 
 import errno
 import fcntl
+import math
 import os
+import resource
 import shutil
 import stat
 import tempfile
@@ -110,6 +112,11 @@ def _collected(folder: Path, *, complete: bool) -> Iterator[Path]:
         yield stage.path
         _publish(stage.path, folder, complete=complete)
         made = []
+    except OutputError as error:
+        inside = f"{stage.path}/" if stage else "/"
+        if inside not in str(error):
+            raise
+        raise OutputError(cannot(folder, str(error).replace(inside, ""))) from error
     except (OSError, RuntimeError) as error:  # HDF5 and ADIOS2 raise RuntimeError on a full disk
         raise OutputError(cannot(folder, getattr(error, "strerror", None) or error)) from error
     finally:
@@ -212,7 +219,7 @@ def _dead(path: Path) -> Iterator[bool]:
         os.close(file)
 
 
-def reserve(folder: Path, size: int) -> None:
+def reserve(folder: Path, size: int, there: int = 0) -> None:
     """Make sure that there is room before a library writes that crashes on a full disk.
 
     HDF5, ADIOS2 and DOLFINx do: they write again when their objects are destroyed.
@@ -220,18 +227,27 @@ def reserve(folder: Path, size: int) -> None:
     Args:
         folder: Where to write.
         size: Bytes that will be written.
+        there: Bytes that the file has already; a limit of the file size counts them too.
 
     Raises:
         OSError: There is no room, or a limit of the file size or a quota forbids it.
     """
     with tempfile.TemporaryFile(dir=folder) as file:
         try:
+            if there + size > _most_of_a_file():
+                raise OSError(errno.EFBIG, os.strerror(errno.EFBIG))
             os.posix_fallocate(file.fileno(), 0, size)
         except OSError as error:
             if error.errno not in {errno.ENOSPC, errno.EFBIG, errno.EDQUOT}:
                 raise
             needs = f"{error.strerror}; {in_mib(size)} are needed"
             raise OSError(error.errno, needs) from error
+
+
+def _most_of_a_file() -> float:
+    """Bytes that the limits of this process allow a file to have."""
+    soft, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
+    return math.inf if soft == resource.RLIM_INFINITY else soft
 
 
 def in_mib(size: int) -> str:
