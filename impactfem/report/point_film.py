@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 
 _FRAMES = 60
 _TRAIL = 0.15  # share of the duration that a trail is long
+_NARROWEST = 0.25  # share of its longer side that a picture is wide or high at least
 _ROOM = 0.08  # share of the extent that is left free around the points
 
 
@@ -148,11 +149,12 @@ def _frame(panel: Any, low: Floats, high: Floats) -> None:
     if len(low) == 3:
         half = np.full(3, half.max())
         panel.set_box_aspect(None, zoom=0.85)  # room for the labels, which the layout forgets
+    half = np.maximum(half, _NARROWEST * half.max())
     for letter, m, h in zip("xyz", middle, half, strict=False):
         getattr(panel, f"set_{letter}lim")(m - h, m + h)
         getattr(panel, f"set_{letter}label")(f"{letter} [m]")
     if len(low) == 2:
-        panel.set_aspect("equal", adjustable="datalim" if half.min() < 0.2 * half.max() else "box")
+        panel.set_aspect("equal")
 
 
 def _balls(panel: Axes, radii: Sequence[float], dim: int) -> list[Circle | Rectangle | None]:
