@@ -113,8 +113,12 @@ def nearest(word: str, known: Iterable[str]) -> str:
     same = next((name for name in same_as(word) if name in names), "")
     if same:
         return same
-    cutoff = _CLOSE_SHORT if len(small) <= _SHORT else _CLOSE
-    near = get_close_matches(small, names, 1, cutoff)
-    if not near:  # names in capitals, as those of surfaces of a mesh file
-        near = get_close_matches(word[:80], names, 1, cutoff)
-    return near[0] if near else ""
+    # Names in capitals, as those of surfaces of a mesh file, are near to the word as it stands.
+    return _close(small, names) or _close(word[:80], names)
+
+
+def _close(word: str, names: list[str]) -> str:
+    if len(word) > _SHORT:
+        return next(iter(get_close_matches(word, names, 1, _CLOSE)), "")
+    near = get_close_matches(word, names, 3, _CLOSE_SHORT)
+    return min(near, key=lambda name: abs(len(name) - len(word)), default="")

