@@ -26,7 +26,7 @@ def outline_of(solid: Solid) -> Floats | None:
     if shape is None or shape.symmetry or moved or shape.kind == "ring":
         return None
     if isinstance(shape, Block):
-        corners = np.array(shape.corner) + _CORNERS * np.array(shape.size)
+        corners: Floats = np.array(shape.corner) + _CORNERS * np.array(shape.size)
     elif isinstance(shape, Cylinder):
         corners = np.array(shape.center)[-2:] + _CORNERS * [shape.radius, shape.height]
     else:
@@ -35,8 +35,8 @@ def outline_of(solid: Solid) -> Floats | None:
         return corners
     centre = np.array(shape.centre, dtype=np.float64)[:2]
     cosine, sine = math.cos(shape.angle), math.sin(shape.angle)
-    turned: Floats = (corners - centre) @ np.array([[cosine, sine], [-sine, cosine]])
-    return centre + turned
+    turned: Floats = centre + (corners - centre) @ np.array([[cosine, sine], [-sine, cosine]])
+    return turned
 
 
 def _round(center: Sequence[float], radius: float, *, half: bool) -> Floats:
