@@ -195,6 +195,12 @@ def test_what_an_estimate_took_and_an_episode_are_told(bar):
     assert "Trust this run with care A node enters the floor." in words
 
 
+def test_results_from_before_runs_noted_their_origin_are_reported_too(bar):
+    summary = {key: value for key, value in bar.summary.items() if key != "run"}
+    _, words = read(page(Result(bar.scene, bar.history, summary, bar.fields, bar.exact), []))
+    assert "did not note where it came from" in words
+
+
 def test_without_plotly_the_pictures_remain(bar, monkeypatch):
     from impactfem.report.page import page as module
 

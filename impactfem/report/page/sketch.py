@@ -68,7 +68,7 @@ def label(
     axes.text(
         place[0], place[1], text, fontsize=SMALL, color=colour, ha="center", va=va, zorder=7,
         parse_math=False,
-        bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.75, "linewidth": 0},
+        bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.9, "linewidth": 0},
     )  # fmt: skip
 
 
