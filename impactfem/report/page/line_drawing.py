@@ -86,7 +86,8 @@ def _gap(axes: Axes, left: float, right: float, width: float, index: int) -> Non
         dimension(axes, (left, -0.5), (right, -0.5), text, below=0.1)
     elif index <= _MOST_LABELS:
         axes.plot([0.5 * (left + right)] * 2, [-0.35, -0.9], color="0.3", linewidth=0.8, zorder=2)
-        label(axes, (0.5 * (left + right), -0.95), f"gap {text}")
+        # Beside the pointer: the name of a wall stands on its other side.
+        label(axes, (0.5 * (left + right) + 0.07 * width, -0.95), f"gap {text}")
 
 
 def draw_points_on_line(scene: Scene) -> Figure:
