@@ -25,7 +25,7 @@ def compiled(function: Callable[..., Any]) -> Any:
 def cache_folder(function: Callable[..., Any]) -> Path | None:
     """Where the machine code of a function is kept; None if it cannot be."""
     folder = compiled(function).stats.cache_path
-    return Path(folder) if folder else None
+    return _told(Path(folder)) if folder else None
 
 
 class _Announcer(event.Listener):

@@ -72,7 +72,7 @@ def _finite_elements(faults: list[str]) -> list[tuple[str, str]]:
     except impactfem.MissingDependencyError as error:
         faults.append(str(error))
         return [("dolfinx", _WITHOUT)]
-    mpi = MPI.Get_library_version().split("\n")[0].replace("\t", " ").strip()
+    mpi = MPI.Get_library_version().split("\n")[0].replace("\t", " ").strip(" \0")
     petsc = ".".join(str(part) for part in PETSc.Sys.getVersion())
     has = {name: PETSc.Sys.hasExternalPackage(name) for name in _PACKAGES}
     if not has["mumps"]:
@@ -144,7 +144,7 @@ def _cannot_write(folder: Path) -> str:
 
 def _held(folder: Path, pattern: str) -> str:
     size = sum(path.stat().st_size for path in folder.glob(pattern))
-    return f", {size / 2**20:.0f} MiB" if size else ", empty"
+    return f", {size / 2**20:.1f} MiB" if size else ", empty"
 
 
 def _report(faults: list[str]) -> str:
