@@ -11,6 +11,7 @@ _FRAME = (
     "display:inline-block;max-width:56em;padding:8px 12px;border:1px solid #8888;"
     "border-radius:6px;line-height:1.4;font-size:13px"
 )
+_TABLE = "margin:4px 0;border:0;font-size:inherit"
 _WIDTH, _HEIGHT = 320, 56  # of a curve, in pixels
 _BINS = 320
 _GOOD, _BAD = "#1b7837", "#b2182b"
@@ -47,7 +48,7 @@ def card(
     )
     return (
         f'<div class="impactfem-card" style="{_FRAME}"><b>{escape(title)}</b>{mark}'
-        f'<table style="margin:4px 0;border:0;font-size:inherit">{body}</table>{"".join(parts)}</div>'
+        f'<table style="{_TABLE}">{body}</table>{"".join(parts)}</div>'
     )
 
 
@@ -63,7 +64,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         + "</tr>"
         for row in rows
     )
-    return f'<table style="margin:4px 0;border:0;font-size:inherit"><tr>{top}</tr>{lines}</table>'
+    return f'<table style="{_TABLE}"><tr>{top}</tr>{lines}</table>'
 
 
 def curve(times: ArrayLike, values: ArrayLike, text: str) -> str:
