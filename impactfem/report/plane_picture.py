@@ -148,8 +148,6 @@ def draw_obstacles(axes: Axes, obstacles: Sequence[Any], time: float) -> list[Ar
     gap = np.min(gaps, axis=0).reshape(len(y), len(x))
     if gap.min() > 0.0:
         return []
-    filled = axes.contourf(
-        x, y, gap, levels=[gap.min() - 1.0, 0.0], colors=[_OBSTACLE], zorder=0.3
-    )
+    filled = axes.contourf(x, y, gap, levels=[gap.min() - 1.0, 0.0], colors=[_OBSTACLE], zorder=0.3)
     edge = axes.contour(x, y, gap, levels=[0.0], colors=[_EDGE], linewidths=1.0, zorder=0.4)
     return [filled, edge]
