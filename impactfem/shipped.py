@@ -19,7 +19,11 @@ def find_scene(text: str) -> Path:
         SceneError: It is neither.
     """
     path, scenes = Path(text), shipped_scenes()
-    if path.exists() or path.suffix:
+    try:
+        is_path = path.exists() or bool(path.suffix)
+    except (OSError, ValueError):  # too long a name; whoever reads it says so
+        is_path = True
+    if is_path:
         return path
     if text in scenes:
         return scenes[text]

@@ -33,8 +33,9 @@ def mend(path: Path) -> None:
 
 def _checksum(data: bytes) -> int:
     """Bob Jenkins' hash "lookup3" of 44 bytes, as HDF5 has it in its metadata."""
-    a = b = c = (0xDEADBEEF + len(data)) & _MASK
-    words = struct.unpack("<11I", data)
+    a: int = (0xDEADBEEF + len(data)) & _MASK
+    b = c = a
+    words: tuple[int, ...] = struct.unpack("<11I", data)
     for k in (0, 3, 6):
         a, b, c = (a + words[k]) & _MASK, (b + words[k + 1]) & _MASK, (c + words[k + 2]) & _MASK
         for turn in (4, 6, 8, 16, 19, 4):
