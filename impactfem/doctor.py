@@ -84,14 +84,19 @@ def _finite_elements(faults: list[str]) -> list[tuple[str, str]]:
         ("dolfinx", dolfinx.__version__),
         ("ADIOS2", adios),
         ("mpi4py", f"{_version('mpi4py')}, {mpi}"),
-        ("mpirun", shutil.which("mpirun") or _beside_python("mpirun") or "not on PATH"),
+        ("mpirun", _mpirun()),
         ("petsc", f"{petsc}, {np.dtype(PETSc.ScalarType).name}"),
         ("petsc packages", ", ".join(f"{k} {'yes' if v else 'no'}" for k, v in has.items())),
     ]
 
 
-def _beside_python(name: str) -> str | None:
-    return shutil.which(name, path=os.path.dirname(sys.executable))  # noqa: PTH120
+def _mpirun() -> str:
+    """The mpirun that starts this MPI; that of another one starts runs side by side."""
+    first = shutil.which("mpirun")
+    own = shutil.which("mpirun", path=Path(sys.executable).parent)
+    if first and own and not Path(first).samefile(own):
+        return f"{own} (not {first}, the first on PATH)"
+    return own or first or "not on PATH"
 
 
 def _compiler(faults: list[str]) -> str:

@@ -62,3 +62,19 @@ def test_without_dolfinx_it_says_what_works_and_what_to_install(monkeypatch):
     assert "points, rods and beams need none" in found["dolfinx"]
     assert any("pip install impactfem[fem]" in fault for fault in faults)
     assert found["cache of forms"] == "none"
+
+
+def test_another_mpirun_on_the_path_is_told_from_the_own_one(monkeypatch, tmp_path):
+    for folder in ("own", "other"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "mpirun").write_text("#!/bin/sh\n")
+        (tmp_path / folder / "mpirun").chmod(0o755)
+    own, other = tmp_path / "own", tmp_path / "other"
+    monkeypatch.setattr(sys, "executable", str(own / "python"))
+    monkeypatch.setenv("PATH", str(other))
+    assert doctor._mpirun() == f"{own}/mpirun (not {other}/mpirun, the first on PATH)"
+    monkeypatch.setenv("PATH", str(own))
+    assert doctor._mpirun() == f"{own}/mpirun"
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    monkeypatch.setenv("PATH", str(other))
+    assert doctor._mpirun() == f"{other}/mpirun"
