@@ -3,7 +3,7 @@
 import time
 
 import pytest
-from trouble_process import DISC, contents, launched
+from trouble_process import DISC, SHORT, contents, launched
 
 PAIR = """
 title = "two discs"
@@ -74,3 +74,18 @@ def test_one_rank_fails(tmp_path, scene, action):
     assert err.count("Traceback") <= (action == "defect")
     left = set(contents(tmp_path)) - {"scene.toml", "run.py"}
     assert not any(name.endswith(("summary.json", "history.csv")) for name in left)
+
+
+def test_a_folder_in_use_is_refused_on_all_ranks(tmp_path):
+    from impactfem.result.claim import Claim
+
+    claim = Claim(tmp_path / "o")
+    claim.take()
+    try:
+        words = ("-m", "impactfem", *SHORT, "o")
+        done, err = launched(tmp_path, 2, *words)
+    finally:
+        claim.release()
+    assert done == 1
+    assert err.count("another run writes into this folder") == 1
+    assert contents(tmp_path) == {}
