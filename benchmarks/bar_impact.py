@@ -12,7 +12,7 @@ import sys
 
 from stamp import RESULTS, write_stamp
 
-from impactfem.report.study import markdown_table
+from impactfem.studies.study import markdown_table
 
 SIZES = (10, 20, 40, 80, 160)
 REPEATS = 3

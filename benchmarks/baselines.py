@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix, diags
 from scipy.sparse.linalg import splu
 
-from impactfem.report.work_precision import Baseline
 from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
 from impactfem.scene import Scene
+from impactfem.studies.work_precision import Baseline
 
 Floats = NDArray[np.float64]
 KEPT = 400

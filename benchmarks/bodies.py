@@ -18,7 +18,7 @@ import impactfem
 from impactfem.contact.gaps import Gaps
 from impactfem.contact.pairs import PairGaps
 from impactfem.marching.solids import SolidMarch
-from impactfem.report.study import markdown_table
+from impactfem.studies.study import markdown_table
 
 SIZES = (0.08, 0.04, 0.02, 0.01)
 METHODS = ("explicit", "massless")

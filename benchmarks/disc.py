@@ -20,8 +20,8 @@ from disc_scene import Run, Samples, clock, load_references, prepare, run, save_
 from scipy_disc import newmark
 from stamp import write_stamp
 
-from impactfem.report.study import Row, Study, markdown_table
-from impactfem.report.variant import Variant
+from impactfem.studies.study import Row, Study, markdown_table
+from impactfem.studies.variant import Variant
 
 SCHEMES = (
     "explicit", "massless", "conserving", "galerkin", "moreau_jean", "newmark",

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.error_estimate import Track
 from impactfem.log import Progress
+from impactfem.models.solid import solid_model
 from impactfem.planning import plan
+from impactfem.runs.error_estimate import Track
+from impactfem.runs.solids import run_solid
 from impactfem.scene import Scene
-from impactfem.solid_model import solid_model
-from impactfem.solid_runs import run_solid
 
 Floats = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ import numpy as np
 from stamp import write_stamp
 
 import impactfem
-from impactfem.reference import exact_bar
-from impactfem.report.study import markdown_table
+from impactfem.reference.bar import exact_bar
+from impactfem.studies.study import markdown_table
 
 VARIANTS = (
     ("galerkin", 1.0, 1.0), ("galerkin", 0.5, 2 / 3), ("conserving", 0.5, 2 / 3),

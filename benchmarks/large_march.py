@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from stamp import write_stamp
 
-from impactfem.report.study import markdown_table
+from impactfem.studies.study import markdown_table
 
 # Elements and layers: three decades of nodes, of one shape; the third is the one with 5 million.
 SIZES = ((141, 707), (447, 2237), (1000, 5000), (1414, 7071), (4472, 22360))

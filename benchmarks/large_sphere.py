@@ -17,7 +17,7 @@ from pathlib import Path
 
 from stamp import write_stamp
 
-from impactfem.report.study import markdown_table
+from impactfem.studies.study import markdown_table
 
 STEPS = 200
 SHARE = 0.3  # time step in elements; about 0.4 is stable
@@ -32,8 +32,8 @@ from impactfem.log import Progress
 from impactfem.marching import solids
 from impactfem.planning import plan
 from impactfem.scene import Scene
-from impactfem.solid_model import solid_model
-from impactfem.solid_runs import run_solid
+from impactfem.models.solid import solid_model
+from impactfem.runs.solids import run_solid
 
 comm = MPI.COMM_WORLD
 scene = Scene.from_dict(json.loads(sys.argv[1]))

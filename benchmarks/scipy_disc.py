@@ -29,9 +29,9 @@ from scipy.linalg import solve as dense_solve
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 
-from impactfem.error_estimate import Track
 from impactfem.fem import MPI, dolfinx
 from impactfem.mesh.body import build_body_mesh
+from impactfem.runs.error_estimate import Track
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

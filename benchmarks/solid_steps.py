@@ -17,7 +17,7 @@ from statistics import mean, median, quantiles
 
 from stamp import write_stamp
 
-from impactfem.report.study import markdown_table
+from impactfem.studies.study import markdown_table
 
 _RUN = """
 import json, resource, sys, time
@@ -27,8 +27,8 @@ from impactfem.log import Progress
 from impactfem.marching import solids
 from impactfem.planning import plan
 from impactfem.scene import Scene
-from impactfem.solid_model import solid_model
-from impactfem.solid_runs import run_solid
+from impactfem.models.solid import solid_model
+from impactfem.runs.solids import run_solid
 from impactfem.system.matrices import to_blocked
 
 

@@ -16,8 +16,8 @@ from baselines import BASELINES
 from stamp import write_stamp
 
 import impactfem
-from impactfem.report.study import Study, markdown_table
 from impactfem.shipped import find_scene
+from impactfem.studies.study import Study, markdown_table
 
 OURS = ("galerkin", "conserving", "conserving@courant=0.5", "conserving@courant=2")
 ERRORS = {"displacement_l2": "displacement L2", "force_l1": "force L1", "drift": "energy drift"}

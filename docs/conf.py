@@ -13,6 +13,7 @@ import gallery_runs
 import messages
 import reference_tables
 import stored
+import structure
 from placing import write_changed
 from sphinx.errors import ConfigError
 
@@ -70,4 +71,5 @@ gallery_pages.write(runs)
 stored.write()
 choices.write(GENERATED)
 messages.write(GENERATED)
+write_changed(GENERATED / "structure.svg", structure.picture())
 claims.write(runs, GENERATED / "claims.md")

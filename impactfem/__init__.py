@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     )
     from impactfem.exact import ExactBar, ExactBarRow, RowBar
     from impactfem.planning import BarRowPlan, Plan, SolidPlan, VibroPlan, plan
-    from impactfem.report.hard_cases import Board, hard_cases
-    from impactfem.report.study import Study
-    from impactfem.report.work_precision import work_precision
     from impactfem.result import Result
     from impactfem.result.trajectory import Trajectory
     from impactfem.scene import (
@@ -61,6 +58,9 @@ if TYPE_CHECKING:
     )
     from impactfem.scene.signal import Signal
     from impactfem.solving import solve
+    from impactfem.studies.hard.cases import Board, hard_cases
+    from impactfem.studies.study import Study
+    from impactfem.studies.work_precision import work_precision
     from impactfem.system.generalized import GeneralizedSystem, LinearSystem
     from impactfem.vibro.ensemble import integrate_ensemble
     from impactfem.vibro.integrating import integrate
@@ -73,7 +73,7 @@ _HOMES = {
     "BarRowPlan": "impactfem.planning",
     "Beam": "impactfem.scene",
     "Block": "impactfem.scene",
-    "Board": "impactfem.report.hard_cases",
+    "Board": "impactfem.studies.hard.cases",
     "Contact": "impactfem.scene",
     "ConvergenceError": "impactfem.errors",
     "Cylinder": "impactfem.scene",
@@ -112,18 +112,18 @@ _HOMES = {
     "Solve": "impactfem.scene",
     "Sphere": "impactfem.scene",
     "Spring": "impactfem.scene",
-    "Study": "impactfem.report.study",
+    "Study": "impactfem.studies.study",
     "Support": "impactfem.scene",
     "Traction": "impactfem.scene",
     "Trajectory": "impactfem.result.trajectory",
     "VibroPlan": "impactfem.planning",
     "Wall": "impactfem.scene",
-    "hard_cases": "impactfem.report.hard_cases",
+    "hard_cases": "impactfem.studies.hard.cases",
     "integrate": "impactfem.vibro.integrating",
     "integrate_ensemble": "impactfem.vibro.ensemble",
     "plan": "impactfem.planning",
     "solve": "impactfem.solving",
-    "work_precision": "impactfem.report.work_precision",
+    "work_precision": "impactfem.studies.work_precision",
 }
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""The command line: new, run, plan, validate, methods, scenes, schema, plot, bench, doctor."""
+"""The command line: arguments, exit codes, and how a run ends; `commands` does the work."""
 
 import argparse
 import contextlib
@@ -7,37 +7,19 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
+from impactfem import commands
+from impactfem.commands import BAD_INPUT, DONE, FAILED, NOT_CONVERGED
 from impactfem.errors import (
     ConvergenceError,
     ImpactError,
     MeshError,
-    OutputError,
     SceneError,
-    plain,
 )
 from impactfem.first_use import announce_to
-from impactfem.processes import abort, complain, end_together, join, on_root, rank, ranks
-from impactfem.shipped import find_scene, shipped_scenes
-from impactfem.signals import InterruptedRunError, held_back, listen
-
-if TYPE_CHECKING:
-    from impactfem.log import Progress
-    from impactfem.result import Result
-    from impactfem.scene import Scene
-
-DONE, FAILED, BAD_INPUT, NOT_CONVERGED = 0, 1, 2, 3
-
-# What to do about a run that did not complete, by the body.
-_REMEDIES = {
-    "bar": 'courant = 1, a layered mesh, a shorter duration or method = "exact"',
-    "solid": 'method = "massless" or "conserving", a smaller step or a shorter duration',
-    "vibro": "a smaller dt, a larger stick_speed or another method",
-}
-"""Exit codes; an interrupted run ends with 128 + the signal's number."""
+from impactfem.processes import abort, complain, end_together, join, rank, ranks, say
+from impactfem.signals import InterruptedRunError, listen
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -112,7 +94,7 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from impactfem import __version__  # noqa: PLC0415
 
-        _say(f"impactfem {__version__}")
+        say(f"impactfem {__version__}")
         parser.exit()
 
 
@@ -127,16 +109,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--version", action=_Version, nargs=0, help="show the version of impactfem and exit"
     )
-    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    parsers = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     def command(
-        name: str,
-        action: Callable[[argparse.Namespace], int],
-        text: str,
-        *,
-        scene: str | int | None = 0,
+        action: Callable[[argparse.Namespace], int], *, scene: str | int | None = 0
     ) -> argparse.ArgumentParser:
-        sub = commands.add_parser(name, help=text, description=text)
+        text = str(action.__doc__).partition("\n")[0].rstrip(".")
+        text = text[0].lower() + text[1:]
+        sub = parsers.add_parser(action.__name__, help=text, description=text)
         sub.set_defaults(action=action)
         if scene != 0:
             sub.add_argument(
@@ -149,29 +129,29 @@ def _parser() -> argparse.ArgumentParser:
             )  # fmt: skip
         return sub
 
-    new = command("new", _new, "write a commented scene to start from, or list the kinds")
+    new = command(commands.new)
     new.add_argument("kind", metavar="KIND", nargs="?", help="kind, or name of a shipped scene")
     new.add_argument("--out", metavar="FILE", type=Path, help="scene file (default KIND.toml)")
     new.add_argument(
         "--schema", metavar="PATH",
         help="path or URL of the schema for editors (default: written beside the scene)",
     )  # fmt: skip
-    run = command("run", _run, "solve a scene and write its result", scene="?")
+    run = command(commands.run, scene="?")
     run.add_argument("--out", metavar="DIR", type=Path, help="result folder (default results/NAME)")
     run.add_argument(
         "--restart", metavar="DIR", type=Path,
         help="continue the stopped run of a solid from its checkpoint in DIR (output.checkpoint)",
     )  # fmt: skip
     run.add_argument("--quiet", action="store_true", help="no progress, no table")
-    command("plan", _plan, "say what would be modelled, why, and what it would cost", scene=None)
-    command("validate", _validate, "read a scene and say whether it is in order", scene=None)
-    command("methods", _methods, "list the solution methods and their limits")
-    command("scenes", _scenes, "list the shipped scenes")
-    schema = command("schema", _schema, "print the JSON schema of scenes, for editors")
+    command(commands.plan, scene=None)
+    command(commands.validate, scene=None)
+    command(commands.methods)
+    command(commands.scenes)
+    schema = command(commands.schema)
     schema.add_argument("--out", metavar="FILE", type=Path, help="write it to a file")
-    plot = command("plot", _plot, "draw the pictures and the report of a result folder again")
+    plot = command(commands.plot)
     plot.add_argument("folder", metavar="DIR", type=Path)
-    bench = command("bench", _bench, "measure errors of methods against time, or run hard cases")
+    bench = command(commands.bench)
     bench.add_argument(
         "scene", metavar="SCENE", nargs="?", help="scene file, or name of a shipped scene"
     )
@@ -185,216 +165,8 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     bench.add_argument("--repeats", metavar="N", type=int, default=3, help="runs of each size")
     bench.add_argument("--out", metavar="DIR", type=Path, help="folder for tables and pictures")
-    command("doctor", _doctor, "say what is installed, what works and what is missing")
+    command(commands.doctor)
     return parser
-
-
-def _read(given: argparse.Namespace) -> "tuple[Path, Scene]":
-    """Read the scene with its --set assignments."""
-    from impactfem.scene import Scene, parse_assignment  # noqa: PLC0415  (fast --help)
-
-    path = find_scene(given.scene)
-    scene = Scene.from_toml(path)
-    settings = dict(parse_assignment(text) for text in given.settings)
-    return path, scene.with_settings(settings) if settings else scene
-
-
-def _run(given: argparse.Namespace) -> int:
-    from impactfem.log import Progress  # noqa: PLC0415
-    from impactfem.planning import plan  # noqa: PLC0415
-    from impactfem.report.table import summary_table  # noqa: PLC0415
-    from impactfem.resuming import claimed, clear, kept  # noqa: PLC0415
-
-    scene, folder = _to_run(given)
-    progress = Progress(enabled=rank() == 0 and not given.quiet)
-    _prepare(scene)
-    chosen = plan(scene)
-    for warning in chosen.warnings:
-        progress.message(f"warning: {warning}")
-    if chosen.method != "exact" and not scene.is_vibro and not scene.is_bar_row:
-        _load_finite_elements()
-    stages = progress.stages(4 if scene.bodies[0].kind == "bar" else 5)
-    place = given.restart or folder
-    with claimed(folder, given.restart), stages, kept(place, bool(scene.output.checkpoint)):
-        result = _solved(scene, given.restart, folder, progress)
-        result = replace(result, summary={**result.summary, "run": _record(given, result)})
-        progress.step("writing the result")
-        on_root(lambda: result.save(folder))
-        clear(place)
-    if not given.quiet:
-        report = f"Report: {folder / 'report.html'}\n" * result.scene.output.report
-        _say(f"{summary_table(result.summary)}\n\n{report}Result and pictures: {folder}")
-    if result.summary["status"] != "completed":
-        remedy = _REMEDIES["vibro" if scene.is_vibro else scene.bodies[0].kind]
-        complain(
-            f"{result.summary['status']}: {result.summary['active_set']['message']}; the result "
-            f"is kept in {folder}. Remedy: {remedy}"
-        )
-        return NOT_CONVERGED
-    return DONE
-
-
-def _record(given: argparse.Namespace, result: "Result") -> dict[str, Any]:
-    """Date, versions and machine of a run, with the command that repeats it."""
-    from impactfem.provenance import shell_command  # noqa: PLC0415
-
-    words = ["impactfem", "run"] if given.scene is None else ["impactfem", "run", given.scene]
-    for text in given.settings:
-        words += ["--set", text]
-    for option in ("out", "restart"):
-        if getattr(given, option) is not None:
-            words += [f"--{option}", str(getattr(given, option))]
-    if result.summary["ranks"] > 1:
-        words = ["mpirun", "-n", str(result.summary["ranks"]), *words]
-    record: dict[str, Any] = result.summary["run"] | {"command": shell_command(words)}
-    return record
-
-
-def _to_run(given: argparse.Namespace) -> "tuple[Scene, Path]":
-    """The scene and the folder of its result.
-
-    Raises:
-        SceneError: Neither a scene nor a checkpoint is given, or both.
-    """
-    if given.restart is None:
-        if given.scene is None:
-            raise SceneError("run: no scene is given; name one, or use --restart DIR")
-        path, scene = _read(given)
-        return scene, given.out or Path("results") / _name(path)
-    if given.scene is not None or given.settings:
-        raise SceneError(
-            f"run: --restart {given.restart} continues the scene of its checkpoint; leave SCENE "
-            "and --set out"
-        )
-    _load_finite_elements()
-    from impactfem.resuming import scene_to_continue  # noqa: PLC0415
-
-    return scene_to_continue(given.restart), given.out or given.restart
-
-
-def _solved(scene: "Scene", restart: Path | None, folder: Path, progress: "Progress") -> "Result":
-    """Solve a scene, with checkpoints if it asks for them."""
-    from impactfem.solving import solve  # noqa: PLC0415
-
-    if not scene.output.checkpoint:
-        return solve(scene, progress=progress)
-    return solve(scene, progress=progress, checkpoints=restart or folder, restart=restart)
-
-
-def _is_solid(scene: "Scene") -> bool:
-    return scene.bodies[0].kind == "solid"
-
-
-def _prepare(scene: "Scene") -> None:
-    """Load what a plan needs: that of a solid is made of its mesh."""
-    body = scene.bodies[0]
-    if body.kind == "solid" or getattr(body, "theory", "") == "timoshenko":
-        _load_finite_elements()
-
-
-def _load_finite_elements() -> None:
-    """Load DOLFINx: if it is missing, say so now; a signal meanwhile would crash its modules."""
-    with held_back():
-        import impactfem.fem  # noqa: F401, PLC0415
-
-
-def _name(path: Path) -> str:
-    """Name of a scene's result folder: the file's, or its folder's if it is scene.toml."""
-    return (path.stem if path.stem != "scene" else path.absolute().parent.name) or "scene"
-
-
-def _plan(given: argparse.Namespace) -> int:
-    from impactfem.planning import plan  # noqa: PLC0415
-    from impactfem.report.table import plan_table  # noqa: PLC0415
-
-    _, scene = _read(given)
-    _prepare(scene)
-    _say(plan_table(plan(scene)))
-    return DONE
-
-
-def _validate(given: argparse.Namespace) -> int:
-    from impactfem.planning import plan  # noqa: PLC0415
-
-    path, scene = _read(given)
-    _prepare(scene)
-    warnings = plan(scene).warnings
-    if scene.mesh_path is not None and not _is_solid(scene):
-        _load_finite_elements()
-        from impactfem.fem import MPI  # noqa: PLC0415
-        from impactfem.mesh.files import read_mesh  # noqa: PLC0415
-
-        bar = scene.bar
-        read_mesh(MPI.COMM_WORLD, scene.mesh_path, bar.length, scene.duration, bar.wave_speed)
-    _say("\n".join([f"{path}: in order ({scene.title})", *(f"warning: {w}" for w in warnings)]))
-    return DONE
-
-
-def _methods(_: argparse.Namespace) -> int:
-    from impactfem.methods import METHODS  # noqa: PLC0415
-    from impactfem.report.table import table  # noqa: PLC0415
-
-    _say(table([(name, method.text) for name, method in METHODS.items()]))
-    return DONE
-
-
-def _scenes(_: argparse.Namespace) -> int:
-    from impactfem.report.table import table  # noqa: PLC0415
-    from impactfem.scene import Scene  # noqa: PLC0415
-
-    _say(table([(name, Scene.from_toml(path).title) for name, path in shipped_scenes().items()]))
-    return DONE
-
-
-def _new(given: argparse.Namespace) -> int:
-    from impactfem.starting import new  # noqa: PLC0415
-
-    new(given, _say)
-    return DONE
-
-
-def _schema(given: argparse.Namespace) -> int:
-    from impactfem.starting import schema  # noqa: PLC0415
-
-    schema(given, _say)
-    return DONE
-
-
-def _plot(given: argparse.Namespace) -> int:
-    from impactfem.report.page.page import write_report  # noqa: PLC0415
-    from impactfem.result import Result  # noqa: PLC0415
-    from impactfem.result.store import replaced  # noqa: PLC0415
-    from impactfem.resuming import claimed  # noqa: PLC0415
-
-    try:
-        result = Result.load(given.folder)
-    except OutputError as error:
-        complain(str(error))
-        return BAD_INPUT
-    with claimed(given.folder), replaced(given.folder) as stage:
-        names = [path.name for path in write_report(result, stage)[1]]
-    if result.fields is None and not result.scene.is_vibro:
-        complain('no fields.vtkhdf: no pictures of the displacement; run with fields = ["vtkhdf"]')
-    _say("\n".join(str(given.folder / name) for name in names))
-    return DONE
-
-
-def _bench(given: argparse.Namespace) -> int:
-    from impactfem.report.bench import bench  # noqa: PLC0415  (fast --help)
-
-    return DONE if bench(given, _say) else FAILED
-
-
-def _doctor(_: argparse.Namespace) -> int:
-    from impactfem.doctor import examine  # noqa: PLC0415
-    from impactfem.report.table import table  # noqa: PLC0415
-
-    rows, faults = examine()
-    _say(table(rows))
-    for fault in faults:
-        complain(fault)
-    _say("everything needed is there" if not faults else f"{len(faults)} faults")
-    return FAILED if faults else DONE
 
 
 def _announce(text: str) -> None:
@@ -402,25 +174,6 @@ def _announce(text: str) -> None:
     from impactfem.log import Progress  # noqa: PLC0415
 
     Progress(enabled=True).message(text)
-
-
-def _say(text: str) -> None:
-    """Print on standard output, from rank 0.
-
-    Raises:
-        OutputError: The output goes to a full disk. A reader that has gone is no fault.
-    """
-    if rank() != 0:
-        return
-    try:
-        print(plain(text), flush=True)
-    except OSError as error:
-        # What is buffered could not be written at the end either.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if not isinstance(error, BrokenPipeError):
-            raise OutputError(
-                f"standard output: cannot be written ({error.strerror}); free some space"
-            ) from error
 
 
 if __name__ == "__main__":

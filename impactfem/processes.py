@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-from impactfem.errors import plain
+from impactfem.errors import OutputError, plain
 from impactfem.signals import listen
 
 # As launchers set them before MPI is loaded: Hydra (MPICH), Open MPI, PMIx, Intel MPI, Slurm.
@@ -51,6 +51,25 @@ def join() -> None:
             f"started as {_number(_SIZE, 1)} processes, but MPI knows one: mpirun belongs to "
             "another MPI than mpi4py; use the mpirun that `impactfem doctor` names"
         )
+
+
+def say(text: str) -> None:
+    """Print on standard output, from rank 0.
+
+    Raises:
+        OutputError: The output goes to a full disk. A reader that has gone is no fault.
+    """
+    if rank() != 0:
+        return
+    try:
+        print(plain(text), flush=True)
+    except OSError as error:
+        # What is buffered could not be written at the end either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            raise OutputError(
+                f"standard output: cannot be written ({error.strerror}); free some space"
+            ) from error
 
 
 def on_root(action: Callable[[], Any]) -> None:

@@ -7,22 +7,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from impactfem.bar_row_runs import contact_figures, measure_row, row_curves, run_bar_row
-from impactfem.error_estimate import estimate_error
 from impactfem.errors import SceneError
 from impactfem.log import Progress
 from impactfem.methods import METHODS
 from impactfem.planning import BarRowPlan, Plan, SolidPlan, VibroPlan, plan
 from impactfem.provenance import run_record
-from impactfem.reference import exact_bar, exact_curves, measure
+from impactfem.reference.bar import exact_bar, exact_curves, measure
+from impactfem.reference.bar_row import exact_row_if_known
 from impactfem.result import Result
 from impactfem.result.bar_motion import bar_fields, bar_history
 from impactfem.result.bar_row_motion import row_fields, row_history
 from impactfem.result.solid_motion import solid_history
-from impactfem.row_reference import exact_row_if_known
-from impactfem.runners import RUNNERS
+from impactfem.runs.bar_rows import contact_figures, measure_row, row_curves, run_bar_row
+from impactfem.runs.bars import RUNNERS
+from impactfem.runs.error_estimate import estimate_error
+from impactfem.runs.summary import Cost, summarise
 from impactfem.scene import Scene, Solid
-from impactfem.summary import Cost, summarise
 
 
 def solve(
@@ -127,8 +127,8 @@ def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Resu
 
 
 def _solve_bodies(scene: Scene, chosen: SolidPlan, progress: Progress) -> Result:
-    from impactfem.bodies_runs import run_bodies  # noqa: PLC0415  (loads DOLFINx)
     from impactfem.planning.bodies import degrees  # noqa: PLC0415
+    from impactfem.runs.bodies import run_bodies  # noqa: PLC0415  (loads DOLFINx)
 
     start = time.perf_counter()
     motion, fields = run_bodies(scene, chosen, progress)
@@ -156,7 +156,7 @@ def _solve_solid(
     checkpoints: Path | None,
     restart: Path | None,
 ) -> Result:
-    from impactfem.solid_runs import run_solid  # noqa: PLC0415  (loads DOLFINx)
+    from impactfem.runs.solids import run_solid  # noqa: PLC0415  (loads DOLFINx)
 
     start = time.perf_counter()
     motion, fields = run_solid(scene, chosen, progress, checkpoints=checkpoints, restart=restart)
@@ -179,7 +179,7 @@ def _solve_solid(
 
 
 def _solve_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> Result:
-    from impactfem.vibro_runs import run_vibro  # noqa: PLC0415  (loads Numba)
+    from impactfem.runs.vibro import run_vibro  # noqa: PLC0415  (loads Numba)
 
     run = run_vibro(scene, chosen, progress)
     cost = _cost(run.seconds)

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import impactfem
-from impactfem.reference import exact_bar
+from impactfem.reference.bar import exact_bar
 from impactfem.shipped import shipped_scenes
 
 BLUE, ORANGE = "#0b559f", "#d95f02"

@@ -10,7 +10,7 @@ import numpy as np
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBarRow
 from impactfem.planning.card import ShowsItself
-from impactfem.row_reference import exact_row_if_known
+from impactfem.reference.bar_row import exact_row_if_known
 from impactfem.scene import Bar, Scene
 from impactfem.sizing import DEFAULT_ELEMENTS, Grid, marching_cost
 

@@ -7,7 +7,7 @@ from impactfem.exact import ExactBar
 from impactfem.methods import METHODS
 from impactfem.planning.card import ShowsItself
 from impactfem.planning.doubts import doubts_of_bar
-from impactfem.reference import exact_bar
+from impactfem.reference.bar import exact_bar
 from impactfem.scene import Scene
 from impactfem.sizing import (
     DEFAULT_ELEMENTS,

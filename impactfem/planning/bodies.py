@@ -25,7 +25,7 @@ def plan_bodies(scene: Scene) -> SolidPlan:
         SceneError: The settings cannot work, or need more memory than the machine has.
         MeshError: A mesh cannot be made.
     """
-    from impactfem.bodies_model import bodies_model  # noqa: PLC0415  (loads DOLFINx)
+    from impactfem.models.bodies import bodies_model  # noqa: PLC0415  (loads DOLFINx)
 
     solve, solids = scene.solve, [body for body in scene.bodies if isinstance(body, Solid)]
     reasons: dict[str, str] = {}

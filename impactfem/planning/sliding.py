@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from impactfem.scene.pairing import body_pairs, friction_of, obstacles_of
 
 if TYPE_CHECKING:
-    from impactfem.bodies_model import BodiesModel
     from impactfem.contact.body_pairs import SurfacePair
+    from impactfem.models.bodies import BodiesModel
 
 Floats = NDArray[np.float64]
 

@@ -102,7 +102,7 @@ def plan_solid(scene: Scene) -> SolidPlan:
         SceneError: The settings cannot work, or need more memory than the machine has.
         MeshError: The mesh cannot be made.
     """
-    from impactfem.solid_model import solid_model  # noqa: PLC0415  (loads DOLFINx)
+    from impactfem.models.solid import solid_model  # noqa: PLC0415  (loads DOLFINx)
 
     solid, solve = scene.solid, scene.solve
     reasons: dict[str, str] = {}

@@ -13,7 +13,7 @@ from impactfem.scene import Scene
 from impactfem.scene.values import show
 
 if TYPE_CHECKING:
-    from impactfem.vibro_model import VibroModel
+    from impactfem.models.vibro import VibroModel
 
 _ROWS = 1000
 _LIVELY = 0.85
@@ -74,7 +74,7 @@ def plan_vibro(scene: Scene) -> VibroPlan:
     Raises:
         SceneError: The start or the settings cannot work.
     """
-    from impactfem.vibro_model import vibro_model  # noqa: PLC0415  (loads SciPy)
+    from impactfem.models.vibro import vibro_model  # noqa: PLC0415  (loads SciPy)
 
     model = vibro_model(scene)
     solve = scene.solve

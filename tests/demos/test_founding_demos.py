@@ -9,8 +9,8 @@ import pytest
 from demo_process import run
 
 import impactfem
-from impactfem.reference import exact_bar
-from impactfem.row_reference import exact_row
+from impactfem.reference.bar import exact_bar
+from impactfem.reference.bar_row import exact_row
 from impactfem.shipped import shipped_scenes
 
 TOP = Path(__file__).resolve().parents[2]

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 import impactfem
-import impactfem.solid_model
+import impactfem.models.solid
 
 METHODS = ("explicit", "massless", "conserving", "galerkin", "moreau_jean", "newmark")
 FLOOR = {"kind": "half_space", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
@@ -119,10 +119,10 @@ def alone(monkeypatch):
 
     own = SimpleNamespace(COMM_WORLD=MPI.COMM_SELF, MAX=MPI.MAX)
     with monkeypatch.context() as patch:
-        patch.setattr(impactfem.solid_model, "MPI", own)
-        impactfem.solid_model._model.cache_clear()
+        patch.setattr(impactfem.models.solid, "MPI", own)
+        impactfem.models.solid._model.cache_clear()
         yield
-    impactfem.solid_model._model.cache_clear()
+    impactfem.models.solid._model.cache_clear()
 
 
 def differences(one, other):

@@ -9,7 +9,7 @@ import impactfem
 from impactfem.marching.chain import Chain
 from impactfem.marching.march import SCHEMES, Marching, march
 from impactfem.mesh.spacetime import layered_mesh
-from impactfem.reference import exact_bar
+from impactfem.reference.bar import exact_bar
 from impactfem.result.bar_motion import BarMotion
 from impactfem.spacetime.galerkin import GalerkinSettings, solve_galerkin
 

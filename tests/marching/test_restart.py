@@ -19,7 +19,7 @@ from moving_scenes import (
 import impactfem
 from impactfem.errors import OutputError
 from impactfem.marching.checkpoint import FILE
-from impactfem.solid_runs import SPOOL
+from impactfem.runs.solids import SPOOL
 
 solve = impactfem.solve
 
@@ -200,7 +200,7 @@ def test_a_mesh_file_that_was_changed_is_noticed(tmp_path, monkeypatch):
     case = impactfem.Scene.from_dict(case.to_dict(), base=tmp_path)
     with stopping(monkeypatch, 8):
         solve(case, checkpoints=tmp_path)
-    impactfem.solid_model._model.cache_clear()
+    impactfem.models.solid._model.cache_clear()
     (tmp_path / "body.geo").write_text(script.format(height=0.6))
     with pytest.raises(OutputError, match="another mesh of this scene"):
         solve(case, restart=tmp_path)

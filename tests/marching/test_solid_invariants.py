@@ -6,9 +6,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import impactfem
-from impactfem import solid_runs
 from impactfem.marching.solids import SolidMarch
-from impactfem.solid_model import solid_model
+from impactfem.models.solid import solid_model
+from impactfem.runs import solids as solid_runs
 
 
 @pytest.fixture

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from impactfem import solve
-from impactfem.report.hard_solid_facts import CONTROLLED, FLOOR, facts_of, solid_scene
-from impactfem.report.hard_solids import INSIDE
+from impactfem.studies.hard.solid_facts import CONTROLLED, FLOOR, facts_of, solid_scene
+from impactfem.studies.hard.solids import INSIDE
 
 
 @pytest.mark.parametrize("method", CONTROLLED)

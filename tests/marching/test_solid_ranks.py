@@ -137,7 +137,7 @@ def test_a_continued_run_equals_the_whole_one_on_as_many_ranks(settings, folder,
     stop = int(0.6 * whole.summary["num_steps"])
     with stopping(monkeypatch, stop):
         impactfem.solve(case, checkpoints=folder)
-    impactfem.solid_model._model.cache_clear()  # as in a new process
+    impactfem.models.solid._model.cache_clear()  # as in a new process
     again = impactfem.solve(case, checkpoints=folder, restart=folder)
     found = differences(whole, again)
     parallel_assert(found == {}, msg=str(found))

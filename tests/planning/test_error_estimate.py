@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from solid_scenes import solid_scene
 
-from impactfem.error_estimate import Track, difference, resized
 from impactfem.planning import plan
+from impactfem.runs.error_estimate import Track, difference, resized
 
 
 def track(layers, height, force):

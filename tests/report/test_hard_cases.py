@@ -7,9 +7,9 @@ import pytest
 import impactfem
 from impactfem.errors import SceneError
 from impactfem.methods import METHODS
-from impactfem.report.board import Case, Claim
-from impactfem.report.hard_cases import CASES
-from impactfem.report.hard_solid_facts import facts_of, solid_scene, solved, total_variation
+from impactfem.studies.hard.board import Case, Claim
+from impactfem.studies.hard.cases import CASES
+from impactfem.studies.hard.solid_facts import facts_of, solid_scene, solved, total_variation
 
 # Cells that fail, as the board shows: to be mended, and not to become more.
 KNOWN = {

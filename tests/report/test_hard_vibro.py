@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import impactfem
-from impactfem.report.hard_vibro import CASES
-from impactfem.report.hard_vibro_facts import Sizes, facts_of, run
-from impactfem.report.hard_vibro_special import hop_height
+from impactfem.studies.hard.vibro import CASES
+from impactfem.studies.hard.vibro_facts import Sizes, facts_of, run
+from impactfem.studies.hard.vibro_special import hop_height
 from impactfem.system.generalized import LinearSystem
 
 NEXT_TO_VERTEX = "corner 2pi/5, 5e-5 and 1e-6 beside the vertex"

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from synthetic import solid_result
 
 from impactfem import Result, solve
-from impactfem.reference import exact_bar
+from impactfem.reference.bar import exact_bar
 from impactfem.report.page.chart import MOST_POINTS, is_told, numbers, thin
 from impactfem.report.page.charts import charts, interpolation_bound
 from impactfem.scene import Scene

@@ -11,9 +11,9 @@ import pytest
 
 import impactfem
 from impactfem.cards import card, curve, table
-from impactfem.report.board import Board, Cell, Claim
 from impactfem.result import FieldSpool, SolidFields
 from impactfem.shipped import shipped_scenes
+from impactfem.studies.hard.board import Board, Cell, Claim
 
 VOID = {"br", "img", "input", "line", "polyline"}
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from impactfem.summary import contact_intervals
+from impactfem.runs.summary import contact_intervals
 
 
 def flight(times, start, end, speed=0.5):

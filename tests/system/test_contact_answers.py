@@ -7,10 +7,10 @@ import pytest
 
 from impactfem.log import Progress
 from impactfem.marching import leapfrog
+from impactfem.models.solid import solid_model
 from impactfem.planning import plan
+from impactfem.runs.solids import run_solid
 from impactfem.scene import Scene
-from impactfem.solid_model import solid_model
-from impactfem.solid_runs import run_solid
 from impactfem.system.massless import lumped_mass, mass_transfer
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 

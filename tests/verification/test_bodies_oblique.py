@@ -38,7 +38,7 @@ def masses(case, model_of):
 
 
 def model(case):
-    from impactfem.bodies_model import bodies_model
+    from impactfem.models.bodies import bodies_model
 
     return bodies_model(case, [1, 1], updated=case.solve.normals == "updated")
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.sparse import csr_matrix
 from solid_pairs import block, scene
 
-from impactfem.bodies_model import bodies_model
+from impactfem.models.bodies import bodies_model
 
 PRESSURE, NU = 0.01, 0.3
 

@@ -6,7 +6,7 @@ import pytest
 import impactfem
 from impactfem.exact import ExactBar
 from impactfem.fem import MPI
-from impactfem.reference import exact_bar, measure
+from impactfem.reference.bar import exact_bar, measure
 from impactfem.spacetime.discontinuous import DiscontinuousSettings, solve_discontinuous
 
 

@@ -7,8 +7,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import impactfem
-from impactfem.reference import exact_bar
-from impactfem.report.hard_scenes import bound
+from impactfem.reference.bar import exact_bar
+from impactfem.studies.hard.scenes import bound
 
 ELEMENTS = 80
 LONGEST = 120.0  # transits of a wave through the bar

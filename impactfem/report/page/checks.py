@@ -7,7 +7,7 @@ import numpy as np
 from impactfem.report.page.numbers import counted, number, percent, quantity
 from impactfem.report.page.scales import size_of
 from impactfem.result import Result
-from impactfem.summary import GROWTH_NOTED
+from impactfem.runs.summary import GROWTH_NOTED
 
 _ROUNDING = 1e-9  # share of the largest value that counts as rounding
 _COMPLEMENTARY = 1e-6  # share of the largest gap times the largest force that counts as none

@@ -1,0 +1,244 @@
+"""The sub-commands: what each does with its arguments; heavy libraries are loaded when needed."""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from impactfem.errors import OutputError, SceneError
+from impactfem.processes import complain, on_root, rank, say
+from impactfem.shipped import find_scene, shipped_scenes
+from impactfem.signals import held_back
+
+if TYPE_CHECKING:
+    from impactfem.log import Progress
+    from impactfem.result import Result
+    from impactfem.scene import Scene
+
+DONE, FAILED, BAD_INPUT, NOT_CONVERGED = 0, 1, 2, 3
+"""Exit codes; an interrupted run ends with 128 + the signal's number."""
+
+# What to do about a run that did not complete, by the body.
+_REMEDIES = {
+    "bar": 'courant = 1, a layered mesh, a shorter duration or method = "exact"',
+    "solid": 'method = "massless" or "conserving", a smaller step or a shorter duration',
+    "vibro": "a smaller dt, a larger stick_speed or another method",
+}
+
+
+def _read(given: argparse.Namespace) -> "tuple[Path, Scene]":
+    """Read the scene with its --set assignments."""
+    from impactfem.scene import Scene, parse_assignment  # noqa: PLC0415  (fast --help)
+
+    path = find_scene(given.scene)
+    scene = Scene.from_toml(path)
+    settings = dict(parse_assignment(text) for text in given.settings)
+    return path, scene.with_settings(settings) if settings else scene
+
+
+def run(given: argparse.Namespace) -> int:
+    """Solve a scene and write its result."""
+    from impactfem.log import Progress  # noqa: PLC0415
+    from impactfem.planning import plan as plan_of  # noqa: PLC0415
+    from impactfem.report.table import summary_table  # noqa: PLC0415
+    from impactfem.resuming import claimed, clear, kept  # noqa: PLC0415
+
+    scene, folder = _to_run(given)
+    progress = Progress(enabled=rank() == 0 and not given.quiet)
+    _prepare(scene)
+    chosen = plan_of(scene)
+    for warning in chosen.warnings:
+        progress.message(f"warning: {warning}")
+    if chosen.method != "exact" and not scene.is_vibro and not scene.is_bar_row:
+        _load_finite_elements()
+    stages = progress.stages(4 if scene.bodies[0].kind == "bar" else 5)
+    place = given.restart or folder
+    with claimed(folder, given.restart), stages, kept(place, bool(scene.output.checkpoint)):
+        result = _solved(scene, given.restart, folder, progress)
+        result = replace(result, summary={**result.summary, "run": _record(given, result)})
+        progress.step("writing the result")
+        on_root(lambda: result.save(folder))
+        clear(place)
+    if not given.quiet:
+        report = f"Report: {folder / 'report.html'}\n" * result.scene.output.report
+        say(f"{summary_table(result.summary)}\n\n{report}Result and pictures: {folder}")
+    if result.summary["status"] != "completed":
+        remedy = _REMEDIES["vibro" if scene.is_vibro else scene.bodies[0].kind]
+        complain(
+            f"{result.summary['status']}: {result.summary['active_set']['message']}; the result "
+            f"is kept in {folder}. Remedy: {remedy}"
+        )
+        return NOT_CONVERGED
+    return DONE
+
+
+def _record(given: argparse.Namespace, result: "Result") -> dict[str, Any]:
+    """Date, versions and machine of a run, with the command that repeats it."""
+    from impactfem.provenance import shell_command  # noqa: PLC0415
+
+    words = ["impactfem", "run"] if given.scene is None else ["impactfem", "run", given.scene]
+    for text in given.settings:
+        words += ["--set", text]
+    for option in ("out", "restart"):
+        if getattr(given, option) is not None:
+            words += [f"--{option}", str(getattr(given, option))]
+    if result.summary["ranks"] > 1:
+        words = ["mpirun", "-n", str(result.summary["ranks"]), *words]
+    record: dict[str, Any] = result.summary["run"] | {"command": shell_command(words)}
+    return record
+
+
+def _to_run(given: argparse.Namespace) -> "tuple[Scene, Path]":
+    """The scene and the folder of its result.
+
+    Raises:
+        SceneError: Neither a scene nor a checkpoint is given, or both.
+    """
+    if given.restart is None:
+        if given.scene is None:
+            raise SceneError("run: no scene is given; name one, or use --restart DIR")
+        path, scene = _read(given)
+        return scene, given.out or Path("results") / _name(path)
+    if given.scene is not None or given.settings:
+        raise SceneError(
+            f"run: --restart {given.restart} continues the scene of its checkpoint; leave SCENE "
+            "and --set out"
+        )
+    _load_finite_elements()
+    from impactfem.resuming import scene_to_continue  # noqa: PLC0415
+
+    return scene_to_continue(given.restart), given.out or given.restart
+
+
+def _solved(scene: "Scene", restart: Path | None, folder: Path, progress: "Progress") -> "Result":
+    """Solve a scene, with checkpoints if it asks for them."""
+    from impactfem.solving import solve  # noqa: PLC0415
+
+    if not scene.output.checkpoint:
+        return solve(scene, progress=progress)
+    return solve(scene, progress=progress, checkpoints=restart or folder, restart=restart)
+
+
+def _is_solid(scene: "Scene") -> bool:
+    return scene.bodies[0].kind == "solid"
+
+
+def _prepare(scene: "Scene") -> None:
+    """Load what a plan needs: that of a solid is made of its mesh."""
+    body = scene.bodies[0]
+    if body.kind == "solid" or getattr(body, "theory", "") == "timoshenko":
+        _load_finite_elements()
+
+
+def _load_finite_elements() -> None:
+    """Load DOLFINx: if it is missing, say so now; a signal meanwhile would crash its modules."""
+    with held_back():
+        import impactfem.fem  # noqa: F401, PLC0415
+
+
+def _name(path: Path) -> str:
+    """Name of a scene's result folder: the file's, or its folder's if it is scene.toml."""
+    return (path.stem if path.stem != "scene" else path.absolute().parent.name) or "scene"
+
+
+def plan(given: argparse.Namespace) -> int:
+    """Say what would be modelled, why, and what it would cost."""
+    from impactfem.planning import plan as plan_of  # noqa: PLC0415
+    from impactfem.report.table import plan_table  # noqa: PLC0415
+
+    _, scene = _read(given)
+    _prepare(scene)
+    say(plan_table(plan_of(scene)))
+    return DONE
+
+
+def validate(given: argparse.Namespace) -> int:
+    """Read a scene and say whether it is in order."""
+    from impactfem.planning import plan as plan_of  # noqa: PLC0415
+
+    path, scene = _read(given)
+    _prepare(scene)
+    warnings = plan_of(scene).warnings
+    if scene.mesh_path is not None and not _is_solid(scene):
+        _load_finite_elements()
+        from impactfem.fem import MPI  # noqa: PLC0415
+        from impactfem.mesh.files import read_mesh  # noqa: PLC0415
+
+        bar = scene.bar
+        read_mesh(MPI.COMM_WORLD, scene.mesh_path, bar.length, scene.duration, bar.wave_speed)
+    say("\n".join([f"{path}: in order ({scene.title})", *(f"warning: {w}" for w in warnings)]))
+    return DONE
+
+
+def methods(_: argparse.Namespace) -> int:
+    """List the solution methods and their limits."""
+    from impactfem.methods import METHODS  # noqa: PLC0415
+    from impactfem.report.table import table  # noqa: PLC0415
+
+    say(table([(name, method.text) for name, method in METHODS.items()]))
+    return DONE
+
+
+def scenes(_: argparse.Namespace) -> int:
+    """List the shipped scenes."""
+    from impactfem.report.table import table  # noqa: PLC0415
+    from impactfem.scene import Scene  # noqa: PLC0415
+
+    say(table([(name, Scene.from_toml(path).title) for name, path in shipped_scenes().items()]))
+    return DONE
+
+
+def new(given: argparse.Namespace) -> int:
+    """Write a commented scene to start from, or list the kinds."""
+    from impactfem import starting  # noqa: PLC0415
+
+    starting.new(given, say)
+    return DONE
+
+
+def schema(given: argparse.Namespace) -> int:
+    """Print the JSON schema of scenes, for editors."""
+    from impactfem import starting  # noqa: PLC0415
+
+    starting.schema(given, say)
+    return DONE
+
+
+def plot(given: argparse.Namespace) -> int:
+    """Draw the pictures and the report of a result folder again."""
+    from impactfem.report.page.page import write_report  # noqa: PLC0415
+    from impactfem.result import Result  # noqa: PLC0415
+    from impactfem.result.store import replaced  # noqa: PLC0415
+    from impactfem.resuming import claimed  # noqa: PLC0415
+
+    try:
+        result = Result.load(given.folder)
+    except OutputError as error:
+        complain(str(error))
+        return BAD_INPUT
+    with claimed(given.folder), replaced(given.folder) as stage:
+        names = [path.name for path in write_report(result, stage)[1]]
+    if result.fields is None and not result.scene.is_vibro:
+        complain('no fields.vtkhdf: no pictures of the displacement; run with fields = ["vtkhdf"]')
+    say("\n".join(str(given.folder / name) for name in names))
+    return DONE
+
+
+def bench(given: argparse.Namespace) -> int:
+    """Measure errors of methods against time, or run hard cases."""
+    from impactfem.studies import bench as studies  # noqa: PLC0415
+
+    return DONE if studies.bench(given, say) else FAILED
+
+
+def doctor(_: argparse.Namespace) -> int:
+    """Say what is installed, what works and what is missing."""
+    from impactfem.doctor import examine  # noqa: PLC0415
+    from impactfem.report.table import table  # noqa: PLC0415
+
+    rows, faults = examine()
+    say(table(rows))
+    for fault in faults:
+        complain(fault)
+    say("everything needed is there" if not faults else f"{len(faults)} faults")
+    return FAILED if faults else DONE

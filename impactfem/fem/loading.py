@@ -1,0 +1,79 @@
+"""DOLFINx, PETSc and MPI, loaded in the order they need, or a clear word about what is missing."""
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from impactfem.errors import MissingDependencyError
+from impactfem.first_use import compiling
+
+# h5py's own HDF5 library must load before that of DOLFINx, which it would take for its own.
+import h5py  # isort: skip  # noqa: F401
+
+try:
+    # mpi4py must load and initialise MPI before DOLFINx is loaded.
+    from mpi4py import MPI  # isort: skip
+    import basix.ufl
+    import dolfinx
+    import dolfinx.jit
+    import ffcx.compiler
+    import ufl
+    from dolfinx import fem as dolfinx_fem
+    from dolfinx import mesh as dolfinx_mesh
+    from dolfinx.fem import petsc as petsc_assembly
+    from petsc4py import PETSc as _PETSc
+except ImportError as error:
+    raise MissingDependencyError(
+        f"DOLFINx, PETSc or mpi4py cannot be imported ({error}). Remedy: "
+        "`pip install impactfem[fem]`, or on Debian 13 `apt-get install python3-dolfinx`; "
+        "`impactfem doctor` says what is missing."
+    ) from error
+
+try:  # DOLFINx >= 0.10
+    from dolfinx.io import gmsh as dolfinx_gmsh
+except ImportError:  # DOLFINx 0.9
+    from dolfinx.io import gmshio as dolfinx_gmsh
+
+# The type stubs of petsc4py, where there are any, refuse NumPy arrays and mpi4py communicators.
+PETSc: Any = _PETSc
+
+
+def form_cache() -> Path:
+    """Folder in which FFCx keeps compiled forms."""
+    return Path(dolfinx.jit.get_options()["cache_dir"])
+
+
+def _announced(compile_objects: Callable[..., Any]) -> Callable[..., Any]:
+    """FFCx's compiler, which is not called for forms that its cache holds, with an announcement."""
+
+    @functools.wraps(compile_objects)
+    def announcing(*arguments: Any, **settings: Any) -> Any:
+        compiling("finite-element forms", form_cache())
+        return compile_objects(*arguments, **settings)
+
+    return announcing
+
+
+# FFCx tells nobody when it compiles: its log can only be had together with all of its details.
+ffcx.compiler.compile_ufl_objects = _announced(ffcx.compiler.compile_ufl_objects)
+
+# Another process may be compiling the same form on a busy machine: ten seconds are too few for that.
+_patience, _meaning = dolfinx.jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"]
+dolfinx.jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (max(120, _patience), _meaning)
+
+ADD = dolfinx.la.InsertMode.add
+"""Adds in `scatter_reverse` what ghosts hold to their owners."""
+
+__all__ = [
+    "ADD",
+    "MPI",
+    "PETSc",
+    "basix",
+    "dolfinx",
+    "dolfinx_fem",
+    "dolfinx_gmsh",
+    "dolfinx_mesh",
+    "petsc_assembly",
+    "ufl",
+]

@@ -1,0 +1,197 @@
+"""What the solids of a scene are that may strike each other: shared by plan and run."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.body_pairs import SurfacePair, make_pair
+from impactfem.contact.boundary import Boundary, boundary, everywhere
+from impactfem.contact.overlap import overlap
+from impactfem.contact.reach import Reach
+from impactfem.contact.surfaces import ContactNodes
+from impactfem.errors import SceneError
+from impactfem.fem import MPI
+from impactfem.mesh.body import BodyMesh, build_body_mesh
+from impactfem.models.key import SceneKey
+from impactfem.models.solid_contact import contact_of, reach_of
+from impactfem.scene import Scene, Solid
+from impactfem.scene.pairing import body_pairs, obstacles_of
+from impactfem.system.elastic import ElasticSystem, elastic_system
+from impactfem.system.surface import SurfaceNodes
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class BodyPart:
+    """One of the solids.
+
+    Attributes:
+        solid: The body.
+        degree: Degree of its elements.
+        mesh: Its mesh.
+        system: Mass, stiffness, supports, loads.
+        outside: Its faces, on every rank.
+        places: Places of the nodes of the outside at t = 0 [m], (nodes, dim).
+        reach: Bound of its way within the duration.
+        obstacle: Nodes that can touch an obstacle; None without obstacles.
+    """
+
+    solid: Solid
+    degree: int
+    mesh: BodyMesh
+    system: ElasticSystem
+    outside: Boundary
+    places: Floats
+    reach: Reach
+    obstacle: ContactNodes | None
+
+
+@dataclass(frozen=True)
+class BodiesModel:
+    """Several solids, meshed and discretised.
+
+    Attributes:
+        comm: MPI communicator.
+        scene: The scene.
+        parts: The solids, in the order of the scene.
+        updated: Whether pairs of surfaces follow the bodies.
+    """
+
+    comm: Any
+    scene: Scene
+    parts: tuple[BodyPart, ...]
+    updated: bool
+
+    @cached_property
+    def pairs(self) -> tuple[SurfacePair, ...]:
+        """Pairs of surfaces that can meet within the duration.
+
+        Raises:
+            SceneError: Two bodies overlap at t = 0, or a surface is unknown.
+        """
+        names = [part.solid.name for part in self.parts]
+        found = []
+        for (one, first), (two, second) in body_pairs(self.scene):
+            a, b = names.index(one), names.index(two)
+            self._check_apart(a, b)
+            pair = make_pair(
+                (a, b),
+                tuple(self._faces(k, surfaces) for k, surfaces in ((a, first), (b, second))),
+                (names[a], names[b]),
+                self.parts[a].reach.distance + self.parts[b].reach.distance,
+                updated=self.updated,
+                thickness=self.parts[a].solid.thickness,
+                axisymmetric=self.parts[a].solid.is_axisymmetric,
+            )
+            if pair is not None:
+                found.append(pair)
+        return tuple(found)
+
+    def _check_apart(self, a: int, b: int) -> None:
+        one, two = self.parts[a], self.parts[b]
+        found = overlap(one.outside, one.places, two.outside, two.places)
+        if found is not None:
+            depth, place = found
+            raise SceneError(
+                f"bodies {one.solid.name} and {two.solid.name} overlap by at least {depth:.3g} m "
+                f"at t = 0 near ({', '.join(f'{x:.4g}' for x in place)}): move one, "
+                "by its shape or displacement"
+            )
+
+    def _faces(self, body: int, surfaces: Sequence[str] | None) -> tuple[Boundary, Floats, Any]:
+        """Outside, places of its nodes, and which of its faces may strike."""
+        part = self.parts[body]
+        solid, outside = part.solid, part.outside
+        cuts = [s.surface for s in solid.all_supports if s.kind == "symmetry"]
+        asked = ~outside.on([*cuts, "axis"])
+        chosen = surfaces or solid.contact_surfaces
+        if chosen is not None:
+            for name in chosen:
+                if name not in outside.names:
+                    near = get_close_matches(name, outside.names, 1)
+                    meant = f"did you mean {near[0]!r}? " if near else ""
+                    raise SceneError(
+                        f"contact.between = '{solid.name}/{name}': the body has no surface "
+                        f"{name!r}; {meant}give one of {', '.join(outside.names)}"
+                    )
+            asked &= outside.on(chosen)
+        return outside, part.places, asked
+
+    @cached_property
+    def numbers(self) -> tuple[Integers, ...]:
+        """Canonical numbers of the contact nodes of each body, increasing."""
+        found = []
+        for k, part in enumerate(self.parts):
+            sets = [np.zeros(0, dtype=np.int64)]
+            if part.obstacle is not None:
+                sets.append(part.obstacle.numbers)
+            sets += [
+                part.outside.numbers[pair.nodes[side]]
+                for pair in self.pairs
+                for side in (0, 1)
+                if pair.bodies[side] == k
+            ]
+            found.append(np.unique(np.concatenate(sets)))
+        return tuple(found)
+
+    def surface(self, body: int) -> SurfaceNodes:
+        """Contact nodes of a body on this rank."""
+        part = self.parts[body]
+        return SurfaceNodes.of(self.comm, part.solid.dim, self.numbers[body], part.system.numbers)
+
+    @property
+    def contact_count(self) -> int:
+        """Number of gaps."""
+        obstacles = sum(part.obstacle.count for part in self.parts if part.obstacle is not None)
+        return obstacles + sum(pair.count for pair in self.pairs)
+
+    @property
+    def unknowns(self) -> int:
+        """Displacement components of all bodies."""
+        return sum(part.system.num_dofs for part in self.parts)
+
+
+def bodies_model(scene: Scene, degrees: Sequence[int], *, updated: bool) -> BodiesModel:
+    """Mesh the solids of a scene (collective); the last model is kept for plan and run to share.
+
+    Raises:
+        MeshError: A mesh cannot be made, or does not fit the scene.
+        MissingDependencyError: DOLFINx or Gmsh is not installed.
+        SceneError: A body is inside an obstacle at t = 0.
+    """
+    return _model(SceneKey(scene), tuple(degrees), updated)
+
+
+@lru_cache(maxsize=1)
+def _model(key: SceneKey, degrees: tuple[int, ...], updated: bool) -> BodiesModel:  # hashed
+    return BodiesModel(MPI.COMM_WORLD, key.scene, _parts(key, degrees), updated)
+
+
+@lru_cache(maxsize=1)
+def _parts(key: SceneKey, degrees: tuple[int, ...]) -> tuple[BodyPart, ...]:
+    """The bodies, meshed once for pairs that are fixed and for those that follow."""
+    solids = [body for body in key.scene.bodies if isinstance(body, Solid)]
+    return tuple(_part(key.scene, s, d) for s, d in zip(solids, degrees, strict=True))
+
+
+def _part(scene: Scene, solid: Solid, degree: int) -> BodyPart:
+    comm = MPI.COMM_WORLD
+    mesh = build_body_mesh(comm, solid, degree, scene.folder or Path())
+    system = elastic_system(solid, scene.vector_gravity, mesh)
+    outside = boundary(mesh, thickness=solid.thickness, axisymmetric=solid.is_axisymmetric)
+    own = np.concatenate(
+        [system.displacement.reshape(-1, solid.dim), system.positions * 0.0], axis=1
+    )
+    moved = everywhere(comm, outside.numbers, system.numbers, own)[:, : solid.dim]
+    obstacles = obstacles_of(scene, solid.name)
+    bound = reach_of(comm, scene, solid, system, obstacles)
+    contact = contact_of(comm, solid, system, outside, obstacles, bound) if obstacles else None
+    return BodyPart(solid, degree, mesh, system, outside, outside.points + moved, bound, contact)

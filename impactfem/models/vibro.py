@@ -1,0 +1,201 @@
+"""What a scene of points, a rod or a beam is as a system: shared by plan and run."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import SceneError
+from impactfem.models.key import SceneKey
+from impactfem.result.history import BodyMotion
+from impactfem.scene import Beam, HalfSpace, PiecewiseVector, Point, Rod, Scene
+from impactfem.system.beam import FreeBeam, free_beam
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
+from impactfem.system.points import contact_pairs, points_system, start_state
+from impactfem.system.rod import rod_system
+
+Floats = NDArray[np.float64]
+Bodies = Callable[[Floats, Floats], Mapping[str, BodyMotion]]
+
+
+@dataclass(frozen=True)
+class VibroModel:
+    """A scene as a system.
+
+    Attributes:
+        system: The system.
+        position: u at t = 0, shape (d,).
+        velocity: u' at t = 0, shape (d,).
+        labels: Names of the constraints, as "ball on floor".
+        masses: Mass of each body [kg], in the order of `bodies`.
+        bodies: Centres of mass and their velocities, from positions and velocities (rows, d).
+        elastic: Elastic energy [J] of u (d,).
+        conservative: Whether the potential energy is known; then energy may not grow.
+        words: What it is, in words.
+        beam: The beam, None for other bodies.
+        axis: Distances of the nodes of a rod's or beam's axis from its first end [m], (nodes,),
+            and their places [m], (nodes, 2), from a position (d,); None for points.
+    """
+
+    system: GeneralizedSystem
+    position: Floats
+    velocity: Floats
+    labels: tuple[str, ...]
+    masses: tuple[float, ...]
+    bodies: Bodies
+    elastic: Callable[[Floats], float]
+    conservative: bool
+    words: str
+    beam: FreeBeam | None = None
+    axis: tuple[Floats, Callable[[Floats], Floats]] | None = None
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the free motion is linear with loads that can be followed exactly."""
+        return isinstance(self.system, LinearSystem) and self.system.is_exact
+
+
+def vibro_model(scene: Scene) -> VibroModel:
+    """Make the system of a scene; the last one is kept for plan and run to share.
+
+    Raises:
+        SceneError: The start cannot work, as a body inside an obstacle.
+    """
+    return _model(SceneKey(scene))
+
+
+@lru_cache(maxsize=1)
+def _model(key: SceneKey) -> VibroModel:
+    scene = key.scene
+    body = scene.bodies[0]
+    if isinstance(body, Rod):
+        model = _of_rod(scene, body)
+    elif isinstance(body, Beam):
+        model = _of_beam(scene, body)
+    else:
+        model = _of_points(scene)
+    check_start(model.system, model.position, model.velocity)
+    return model
+
+
+def _of_points(scene: Scene) -> VibroModel:
+    found = points_system(scene)
+    position, velocity = start_state(scene)
+    points = [body for body in scene.bodies if isinstance(body, Point)]
+    dim = scene.dim
+
+    def bodies(u: Floats, v: Floats) -> dict[str, BodyMotion]:
+        columns = {p.name: slice(k * dim, (k + 1) * dim) for k, p in enumerate(points)}
+        return {n: BodyMotion(_in_space(u[:, c]), _in_space(v[:, c])) for n, c in columns.items()}
+
+    count = "a point" if len(points) == 1 else f"{len(points)} points"
+    linear = isinstance(found.system, LinearSystem)
+    kind = "linear free motion, flat constraints" if linear else "nonlinear"
+    return VibroModel(
+        found.system,
+        position,
+        velocity,
+        found.labels,
+        tuple(p.mass for p in points),
+        bodies,
+        found.elastic,
+        found.conservative,
+        f"{count} in {dim}D, {_count(len(found.labels), 'constraint')}, {kind}",
+    )
+
+
+def _of_rod(scene: Scene, rod: Rod) -> VibroModel:
+    planes, restitution, names = _planes(scene)
+    system = rod_system(
+        rod.mass,
+        rod.length,
+        planes,
+        _gravity(scene),
+        np.repeat(restitution, 2).tolist(),
+        rod.radius,
+    )
+    labels = [f"{rod.name} {end} on {name}" for name in names for end in ("first end", "last end")]
+    position = np.array([*rod.center, rod.inclination])
+    velocity = np.array([*rod.velocity, rod.angular_velocity])
+    _refuse_overlap(system, position, labels)
+
+    def bodies(u: Floats, v: Floats) -> dict[str, BodyMotion]:
+        return {rod.name: BodyMotion(_in_space(u[:, :2]), _in_space(v[:, :2]))}
+
+    ends = 0.5 * rod.length * np.array([-1.0, 1.0])
+
+    def places(u: Floats) -> Floats:
+        return np.asarray(u[:2] + ends[:, None] * np.array([np.cos(u[2]), np.sin(u[2])]))
+
+    words = f"a rigid rod in the plane, {_count(len(labels), 'constraint')}, nonlinear"
+    return VibroModel(
+        system, position, velocity, tuple(labels), (rod.mass,), bodies, _none, True, words,
+        axis=(ends - ends[0], places),
+    )  # fmt: skip
+
+
+def _of_beam(scene: Scene, beam: Beam) -> VibroModel:
+    planes, restitution, names = _planes(scene)
+    free = free_beam(beam)
+    nodes = len(free.matrices.nodes) if beam.contact == "along" else 2
+    system = free.system(planes, _gravity(scene), np.repeat(restitution, nodes).tolist())
+    places = ("first end", "last end") if nodes == 2 else [f"node {k}" for k in range(nodes)]
+    labels = [f"{beam.name} {place} on {name}" for name in names for place in places]
+    position, velocity = free.start
+    _refuse_overlap(system, position, labels)
+    center = np.asarray(beam.center, dtype=float)
+
+    def bodies(u: Floats, v: Floats) -> dict[str, BodyMotion]:
+        place, speed = free.rigid_part(u)[:, :2] + center, free.rigid_part(v)[:, :2]
+        return {beam.name: BodyMotion(_in_space(place), _in_space(speed))}
+
+    def elastic(u: Floats) -> float:
+        return 0.5 * float(u @ (free.matrices.stiffness @ u))
+
+    theory = {"euler_bernoulli": "Euler-Bernoulli", "timoshenko": "Timoshenko"}[beam.theory]
+    words = f"a free {theory} beam of {beam.elements} elements in the plane, small displacements, "
+    words += f"{_count(len(labels), 'constraint')}, linear free motion"
+    return VibroModel(
+        system, position, velocity, tuple(labels), (beam.mass,), bodies, elastic, True, words, free,
+        axis=(free.matrices.nodes - free.matrices.nodes[0], free.points),
+    )  # fmt: skip
+
+
+def _planes(scene: Scene) -> tuple[list[HalfSpace], list[float], list[str]]:
+    """Half-spaces that the body may meet, with their restitution and names."""
+    pairs = contact_pairs(scene)
+    by_name = {o.name: o for o in scene.rigid_obstacles if isinstance(o, HalfSpace)}
+    names = [pair[1] for pair, _ in pairs]
+    return [by_name[name] for name in names], [e for _, e in pairs], names
+
+
+def _gravity(scene: Scene) -> tuple[float, ...]:
+    gravity: PiecewiseVector = scene.vector_gravity
+    if not gravity.is_constant:
+        raise SceneError(
+            f"gravity changes at t = {gravity.times[1]:g} s: rods and beams take constant gravity; "
+            "give one vector"
+        )
+    return gravity.values[0]
+
+
+def _refuse_overlap(system: GeneralizedSystem, position: Floats, labels: list[str]) -> None:
+    gap = system.gap(0.0, position)
+    worst = int(np.argmin(gap))
+    if gap[worst] < -1e-12 * max(1.0, float(np.abs(position).max())):
+        raise SceneError(f"{labels[worst]}: it is {-gap[worst]:.6g} m inside at t = 0; move it")
+
+
+def _in_space(values: Floats) -> Floats:
+    """Coordinates (rows, dim) with zeros up to three."""
+    return np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
+
+
+def _none(_: Floats) -> float:
+    return 0.0
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}{'s' * (number != 1)}"

@@ -1,0 +1,1 @@
+"""Exact solutions of scenes, and the errors of motions against them."""

@@ -1,0 +1,180 @@
+"""Run bars in a row as the plan says: motion, error against the exact one, curves, figures."""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from impactfem.exact import ExactBarRow
+from impactfem.log import Progress
+from impactfem.planning.bar_rows import BarRowPlan
+from impactfem.reference.bar import Errors
+from impactfem.reference.bar_row import exact_row
+from impactfem.result.bar_motion import Effort, kept_levels
+from impactfem.result.bar_row_motion import RowMotion, pair_labels
+from impactfem.runs.summary import contact_intervals
+from impactfem.scene import Scene
+
+Floats = NDArray[np.float64]
+
+_SAMPLES = 1001  # times of the exact curves besides the jumps
+_JUMPS = 2000  # jumps of a force that a picture shows
+
+
+def run_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> RowMotion:
+    """Compute the motion of bars in a row.
+
+    Raises:
+        SceneError: There are too many waves to follow.
+    """
+    if chosen.method == "exact":
+        progress.step("following the characteristics")
+        end = max(scene.duration, chosen.layers * chosen.dt)
+        return exact_row_motion(scene, exact_row(scene, end), chosen)
+    progress.step("loading the time loops (compiled at their first use)")
+    from impactfem.marching.bar_row import march_row  # noqa: PLC0415  (loads Numba)
+
+    progress.step("marching")
+    return march_row(
+        scene.bars, chosen.elements, chosen.dt, chosen.layers,
+        wall=_wall(scene), every=scene.output.every,
+    )  # fmt: skip
+
+
+def exact_row_motion(scene: Scene, exact: ExactBarRow, chosen: BarRowPlan) -> RowMotion:
+    """The exact motion at the planned levels and nodes; forces are those just before a level."""
+    times = chosen.dt * np.arange(chosen.layers + 1, dtype=np.float64)
+    kept = kept_levels(chosen.layers, scene.output.every)
+    count, pairs = len(scene.bars), len(exact.contacts)
+    positions = tuple(
+        np.linspace(0.0, bar.length, n + 1)
+        for bar, n in zip(scene.bars, chosen.elements, strict=True)
+    )
+    kinetic, elastic = exact.energy(times)
+    t = times[kept, None]
+    return RowMotion(
+        times=times,
+        labels=pair_labels(scene.bars, _wall(scene)),
+        positions=positions,
+        kept=kept,
+        displacement=tuple(exact.displacement(k, t, x[None]) for k, x in enumerate(positions)),
+        velocity=tuple(exact.velocity(k, t, x[None]) for k, x in enumerate(positions)),
+        gap=np.stack([exact.gap(j, times) for j in range(pairs)], axis=1),
+        force=np.stack([exact.force(j, times[1:]) for j in range(pairs)], axis=1),
+        kinetic=kinetic.T,
+        elastic=elastic.T,
+        mean_displacement=np.stack([exact.mean_displacement(k, times) for k in range(count)], 1),
+        mean_velocity=np.stack([exact.mean_velocity(k, times) for k in range(count)], 1),
+        effort=Effort(message="closed form"),
+    )
+
+
+def _wall(scene: Scene) -> str | None:
+    return scene.obstacles[0].name if scene.obstacles else None
+
+
+def measure_row(motion: RowMotion, exact: ExactBarRow) -> Errors:
+    """Errors at the nodes of the kept levels, of the gaps, and of the forces of all pairs."""
+    t = motion.times[motion.kept]
+    largest, size, wrong, norm = 0.0, 0.0, 0.0, 0.0
+    for k, (x, values) in enumerate(zip(motion.positions, motion.displacement, strict=True)):
+        reference = exact.displacement(k, t[:, None], x[None, :])
+        weights = _trapezoidal(t)[:, None] * _trapezoidal(x)[None, :]
+        largest = max(largest, float(np.abs(values - reference).max()))
+        # From where the bar starts: its place on the axis is no motion.
+        way = reference - exact.displacement(k, 0.0, x)[None, :]
+        size = max(size, float(np.abs(way).max()))
+        wrong += float((weights * (values - reference) ** 2).sum())
+        norm += float((weights * way**2).sum())
+    missed, force = 0.0, 0.0
+    for j in range(motion.gap.shape[1]):
+        largest = max(largest, float(np.abs(motion.gap[:, j] - exact.gap(j, motion.times)).max()))
+        # Split the layers where the exact force jumps: between it is constant.
+        edges = np.union1d(motion.times, exact.force_breaks(j))
+        edges = edges[edges <= motion.times[-1]]
+        middle, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
+        layer = np.searchsorted(motion.times, middle, side="left") - 1
+        truth = exact.force(j, middle)
+        missed += float(width @ np.abs(motion.force[layer, j] - truth))
+        force += float(width @ truth)
+    how = "exact solution by characteristics"
+    if exact.sampled:
+        how += ", initial state sampled"
+    return Errors(
+        how,
+        _relative(largest, size),
+        _relative(np.sqrt(wrong), np.sqrt(norm)),
+        _relative(missed, force),
+    )
+
+
+def _trapezoidal(grid: Floats) -> Floats:
+    """Weights of the trapezoidal rule on a grid."""
+    h = np.diff(grid)
+    return 0.5 * (np.append(h, 0.0) + np.insert(h, 0, 0.0))
+
+
+def _relative(error: float, value: float) -> float:
+    return float(error / value) if value > 0.0 else float(error)
+
+
+def row_curves(exact: ExactBarRow, end: float) -> xr.Dataset:
+    """Exact smallest gap, sum of forces and force.K of each pair, with both sides of jumps."""
+    pairs = range(len(exact.contacts))
+    jumps = np.unique(np.concatenate([exact.force_breaks(j) for j in pairs]))
+    jumps = jumps[jumps < end]
+    jumps = jumps[:: len(jumps) // _JUMPS + 1]
+    times = np.unique(np.concatenate([np.linspace(0.0, end, _SAMPLES), jumps, jumps + 1e-9 * end]))
+    times = times[times <= end]
+    forces = np.array([exact.force(j, times) for j in pairs])
+    gaps = np.array([exact.gap(j, times) for j in pairs])
+    columns: dict[str, Any] = {
+        "gap": ("time", gaps.min(axis=0), {"units": "m", "long_name": "smallest exact gap"}),
+        "contact_force": ("time", forces.sum(axis=0), {"units": "N", "long_name": "exact force"}),
+    }
+    for j in pairs:
+        name = f"exact force of pair {j}"
+        columns[f"force.{j}"] = ("time", forces[j], {"units": "N", "long_name": name})
+    clock = {"units": "s", "long_name": "time"}
+    return xr.Dataset(columns, coords={"time": ("time", times, clock)})
+
+
+def contact_figures(motion: RowMotion, exact: ExactBarRow | None) -> dict[str, Any]:
+    """Contact intervals of all pairs together, and figures of each, for the summary.
+
+    Args:
+        motion: The motion.
+        exact: The exact solution, if that is the motion; None: contacts are those of its layers.
+    """
+    pairs, intervals, total = [], [], 0.0
+    for j, label in enumerate(motion.labels):
+        force, gap = np.append(0.0, motion.force[:, j]), motion.gap[:, j]
+        if exact is None:
+            spells = contact_intervals(motion.times, force, gap) if force.any() else []
+            impulse = float(force[1:] @ np.diff(motion.times))
+        else:
+            spells = [[begin, end] for begin, end in exact.contacts[j]]
+            impulse = float(exact.impulse(j, motion.times[-1]))
+        intervals += spells
+        total += impulse
+        pairs.append(
+            {
+                "between": label.split("|"),
+                "intervals": spells,
+                "max_force": float(force.max()),
+                "impulse": impulse,
+            }
+        )
+    return {"pairs": pairs, "intervals": _joined(intervals), "impulse": total}
+
+
+def _joined(intervals: list[list[float]]) -> list[list[float]]:
+    """Times in which at least one of the intervals lasts."""
+    spells: list[list[float]] = []
+    for begin, end in sorted(intervals):
+        if spells and begin <= spells[-1][1]:
+            spells[-1][1] = max(spells[-1][1], end)
+        else:
+            spells.append([begin, end])
+    return spells

@@ -1,0 +1,153 @@
+"""How each family of methods is run for a scene; heavy libraries are loaded when needed."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import MeshError, SceneError
+from impactfem.log import Progress
+from impactfem.planning import Plan
+from impactfem.reference.bar import exact_bar, exact_motion
+from impactfem.result import BarMotion
+from impactfem.scene import Scene
+from impactfem.sizing import DEFAULT_ELEMENTS
+
+Floats = NDArray[np.float64]
+
+
+def _solve_exact(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
+    progress.step("following the characteristics")
+    bar = scene.bar
+    times = np.linspace(0.0, scene.duration, (chosen.layers or 1) + 1)
+    positions = np.linspace(0.0, bar.length, (chosen.elements or DEFAULT_ELEMENTS) + 1)
+    exact = exact_bar(scene)
+    return exact_motion(exact, bar, scene.axial_gravity, times, positions, scene.output.every)
+
+
+def _solve_marching(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
+    progress.step("loading the time loops (compiled at their first use)")
+    from impactfem.marching.march import SCHEMES, Marching, march  # noqa: PLC0415  (loads Numba)
+
+    bar, scheme = scene.bar, SCHEMES[chosen.method]
+    if scene.mesh_path is not None:
+        positions, dt, layers = _layers_of_mesh(scene, chosen.method)
+    elif chosen.elements and chosen.layers and chosen.dt:
+        positions = np.linspace(0.0, bar.length, chosen.elements + 1)
+        dt, layers = chosen.dt, chosen.layers
+    else:
+        raise SceneError("solve: the plan has neither elements nor a mesh; give solve.elements")
+    progress.step("marching")
+    numbers = Marching(
+        dt,
+        layers,
+        window=layers if chosen.window == "all" else int(chosen.window),
+        gamma=chosen.gamma,
+        tolerance=chosen.tolerance,
+        max_iterations=chosen.max_iterations,
+        every=scene.output.every,
+    )
+    return march(bar, scene.axial_gravity, positions, scheme, numbers)
+
+
+def _layers_of_mesh(scene: Scene, method: str) -> tuple[Floats, float, int]:
+    """Node positions [m], time step [s] and layers of a user's mesh, if a sweep can use it.
+
+    Raises:
+        MeshError: The mesh has no layers of equal height, or they are beyond the stability limit.
+    """
+    from impactfem.fem import MPI  # noqa: PLC0415
+    from impactfem.marching.chain import Chain  # noqa: PLC0415
+    from impactfem.marching.march import SCHEMES  # noqa: PLC0415
+    from impactfem.mesh.files import read_mesh  # noqa: PLC0415
+
+    bar, path = scene.bar, scene.mesh_path
+    if path is None:
+        raise MeshError("solve.mesh: no mesh file is given")
+    space = read_mesh(MPI.COMM_WORLD, path, bar.length, scene.duration, bar.wave_speed)
+    times, nodes = space.layout.times, space.layout.nodes
+    remedy = 'use method = "dg", which works on any triangles'
+    if times is None or nodes is None:
+        raise MeshError(
+            f"mesh file {path}: its nodes form no layers, {method} sweeps layers; {remedy}"
+        )
+    steps = bar.transit_time * np.diff(times)
+    if np.ptp(steps) > 1e-9 * steps.max():
+        raise MeshError(
+            f"mesh file {path}: layers are {steps.min():g} to {steps.max():g} s high, {method} "
+            f"needs equal ones; {remedy}"
+        )
+    limit = SCHEMES[method].stable_dt(Chain.of_bar(bar, bar.length * nodes))
+    if steps[0] > limit * (1 + 1e-9):
+        raise MeshError(
+            f"mesh file {path}: layers of {steps[0]:g} s are beyond the stability limit 2 / "
+            f"omega_max = {limit:g} s of {method} on its elements; use thinner layers, or {remedy}"
+        )
+    return bar.length * nodes, float(steps[0]), len(steps)
+
+
+def _solve_monolithic(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
+    # DOLFINx and Gmsh load slowly: only for methods that need them.
+    from impactfem.fem import MPI  # noqa: PLC0415
+    from impactfem.mesh.files import read_mesh  # noqa: PLC0415
+    from impactfem.mesh.spacetime import layered_mesh  # noqa: PLC0415
+    from impactfem.spacetime.galerkin import GalerkinSettings, solve_galerkin  # noqa: PLC0415
+    from impactfem.spacetime.stability import refuse_growth  # noqa: PLC0415
+
+    comm = MPI.COMM_WORLD
+    bar, path = scene.bar, scene.mesh_path
+    progress.step("building the space-time mesh")
+    if path is not None:
+        space = read_mesh(comm, path, bar.length, scene.duration, bar.wave_speed)
+        refuse_growth(space, path)
+    elif chosen.elements and chosen.layers and chosen.courant:
+        space = layered_mesh(comm, chosen.elements, chosen.layers, chosen.courant)
+    else:
+        raise SceneError("solve: the plan has neither elements nor a mesh; give solve.elements")
+    progress.step("solving")
+    settings = GalerkinSettings(
+        chosen.active_set, chosen.gamma, chosen.tolerance, chosen.max_iterations
+    )
+    return solve_galerkin(space, bar, scene.axial_gravity, settings, progress, scene.output.every)
+
+
+def _solve_dg(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
+    from impactfem.fem import MPI  # noqa: PLC0415
+    from impactfem.mesh.files import read_mesh  # noqa: PLC0415
+    from impactfem.spacetime.discontinuous import (  # noqa: PLC0415
+        DiscontinuousSettings,
+        solve_discontinuous,
+    )
+
+    bar, path, asked = scene.bar, scene.mesh_path, scene.solve
+    progress.step("building the space-time mesh")
+    mesh = None
+    if path is not None:
+        mesh = read_mesh(MPI.COMM_WORLD, path, bar.length, scene.duration, bar.wave_speed)
+    settings = DiscontinuousSettings(
+        degree=1 if chosen.degree is None else chosen.degree,
+        elements=chosen.elements or DEFAULT_ELEMENTS,
+        fitted=bool(chosen.fitted),
+        accuracy=asked.accuracy,
+        mesh=mesh,
+        window=chosen.window,
+        gamma=chosen.gamma,
+        tolerance=chosen.tolerance,
+        max_iterations=chosen.max_iterations,
+        every=scene.output.every,
+    )
+    progress.step("solving")
+    motion, details = solve_discontinuous(
+        MPI.COMM_WORLD, bar, scene.axial_gravity, scene.duration, settings, progress
+    )
+    return replace(motion, effort=replace(motion.effort, details=details))
+
+
+RUNNERS: Mapping[str, Callable[[Scene, Plan, Progress], BarMotion]] = {
+    "dg": _solve_dg,
+    "exact": _solve_exact,
+    "marching": _solve_marching,
+    "monolithic": _solve_monolithic,
+}
+"""Runner of each family in `impactfem.methods`."""

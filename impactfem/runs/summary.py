@@ -1,0 +1,158 @@
+"""The figures of a run, as written to ``summary.json``."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from impactfem.planning import AnyPlan
+from impactfem.reference.bar import Errors
+from impactfem.result import Effort
+from impactfem.scene import Scene
+
+Floats = NDArray[np.float64]
+
+# Share of the largest force that counts as none: displacements right to 1e-9 at an impact on a
+# layer can make a pair active one layer early, with about this force.
+_NO_FORCE = 1e-6
+
+# Share of the largest gap that counts as none.
+_SHUT = 1e-9
+
+GROWTH_NOTED = 1e-6
+"""Relative growth of energy that a report points out; no method the plan may choose exceeds it."""
+
+GROWTH_LIMIT = 1e-2
+"""Relative growth of energy from which a run counts as unstable."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a run took."""
+
+    wall_time: float
+    memory_mib: float
+    ranks: int
+
+
+def summarise(
+    scene: Scene, chosen: AnyPlan, history: xr.Dataset, effort: Effort, errors: Errors | None,
+    cost: Cost, *, driven: bool = False,
+) -> dict[str, Any]:  # fmt: skip
+    """Figures of a run, as in ``summary.json``; None stands for numbers that are not finite.
+
+    Args:
+        scene: What was modelled.
+        chosen: The plan.
+        history: History of the run.
+        effort: How the method got there.
+        errors: Errors against a reference, None if not measured.
+        cost: What the run took.
+        driven: Whether loads do work that the history does not hold: then energy may grow.
+    """
+    t, force = history["time"].values, history["contact_force"].values
+    energy = history["total_energy"].values
+    # Kinetic and elastic energy too: the potential may make the sum nearly vanish. And the work on
+    # a body that starts at rest.
+    moving = history["kinetic_energy"].values + history["elastic_energy"].values
+    worked = history["potential_energy"].values - history["potential_energy"].values[0]
+    scale = max(abs(energy[0]), moving[0], np.abs(worked).max()) or moving.max() or 1.0
+    growth = (energy - energy[0]) / scale
+    status = "completed" if effort.converged else "not_converged"
+    if (
+        effort.converged
+        and not (driven and np.isfinite(growth).all())
+        and (not growth.max() <= GROWTH_LIMIT)
+    ):
+        status = "unstable"
+    summary = {
+        "title": scene.title,
+        "status": status,
+        "method": chosen.method,
+        "num_dofs": effort.num_unknowns,
+        "num_steps": len(t) - 1,
+        "wall_time": cost.wall_time,
+        "peak_memory_mib": cost.memory_mib,  # of all ranks together
+        "ranks": cost.ranks,
+        "active_set": {
+            "iterations": effort.iterations,
+            "set_changes": list(effort.set_changes),
+            "converged": effort.converged,
+            "message": effort.message,
+        },
+        "energy": {
+            "initial": energy[0],
+            "final": energy[-1],
+            "max_relative_drift": np.abs(growth).max(),
+            "final_relative_drift": growth[-1],
+            "max_relative_growth": max(0.0, growth.max()),
+            "grows": bool(growth.max() > GROWTH_NOTED) and not driven,
+            "driven": driven,
+        },
+        "contact": {
+            "intervals": contact_intervals(t, force, history["gap"].values),
+            "max_force": force.max(),
+            "impulse": float(np.sum(force[1:] * np.diff(t))),
+            "max_penetration": max(0.0, -float(history["gap"].min())),
+        },
+        "error": asdict(errors) if errors else None,
+        "details": effort.details,
+        "plan": chosen.as_dict(),
+    }
+    plain: dict[str, Any] = _plain(summary)
+    return plain
+
+
+def contact_intervals(times: Floats, force: Floats, gap: Floats) -> list[list[float]]:
+    """Join the layers in which the obstacle pushes to intervals.
+
+    A pair that is active without a force (gap and force both zero to rounding) does not count.
+    Where the gap is still open when the force sets in, or open again when it ends, contact begins
+    and ends inside layers: where the gap of the two levels beside would close, as in free flight.
+
+    Args:
+        times: Layer times [s], shape (rows,).
+        force: Contact force during (t_{m-1}, t_m] [N], shape (rows,); row 0 is ignored.
+        gap: Gap at t_m [m], shape (rows,).
+
+    Returns:
+        Pairs [t_in, t_out] in seconds.
+    """
+    on = np.concatenate([[False], force[1:] > _NO_FORCE * force.max(), [False]])
+    changes = np.flatnonzero(on[1:] != on[:-1])
+    shut = ~(gap > _SHUT * np.abs(gap).max())
+    found = []
+    for first, last in zip(changes[::2], changes[1::2], strict=True):
+        closed = first + np.flatnonzero(shut[first : last + 1])
+        begin, end = (closed[0], closed[-1]) if len(closed) else (first + 1, last - 1)
+        before, after = max(begin - 1, first), min(end + 1, last)
+        begins = _closing_time(times, gap, before - 1, before)
+        ends = _closing_time(times, gap, after + 1, after)
+        t_in = float(np.clip(begins, times[first], times[begin]))
+        t_out = float(np.clip(ends, times[end], times[last]))
+        found.append([t_in, max(t_in, t_out)])
+    return found
+
+
+def _closing_time(times: Floats, gap: Floats, far: int, near: int) -> float:
+    """When a gap that goes on changing as from one level to another closes [s]."""
+    if not 0 <= far < len(times) or not gap[far] > gap[near]:
+        return float(times[near])
+    way = gap[near] / (gap[far] - gap[near])
+    return float(times[near] + way * (times[near] - times[far]))
+
+
+def _plain(value: Any) -> Any:
+    """Make plain JSON data: Python numbers, None for what is not finite."""
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

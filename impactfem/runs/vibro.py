@@ -1,0 +1,295 @@
+"""Run points, rods and beams as the plan says: motion, history, error."""
+
+import time
+from dataclasses import asdict, dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from impactfem.errors import ConvergenceError, SceneError
+from impactfem.log import Progress
+from impactfem.models.vibro import VibroModel, vibro_model
+from impactfem.planning.vibro import VibroPlan
+from impactfem.reference.bar import Errors
+from impactfem.result.axis import kept_rows, make_axis
+from impactfem.result.history import Columns, make_history
+from impactfem.result.trajectory import Trajectory
+from impactfem.scene import Scene
+from impactfem.system.episode import contact_episode
+from impactfem.system.generalized import LinearSystem
+from impactfem.vibro.integrating import INTEGRATORS
+from impactfem.vibro.together import find_together, resolution
+
+Floats = NDArray[np.float64]
+
+_COLUMNS = 20  # constraints up to which each has columns of its own
+_INTERVALS = 1000  # contact intervals that the summary lists
+_SHIFT = 1e-9  # change of the start whose growth tells how sensitive the motion is
+_ROUNDING, _RTOL = 1e-15, 1e-10  # precision of exact flights, and of an integrator's
+_LOST = 1e-2  # difference from which two motions count as different
+_EVENTS = 200_000  # impacts up to which a reference run is made
+
+
+@dataclass(frozen=True)
+class VibroRun:
+    """What a run gives.
+
+    Attributes:
+        motion: The motion in generalised coordinates.
+        history: History in the columns of the contract.
+        model: The system.
+        errors: Errors against a second run; None if none was made.
+        warnings: What showed up during the run.
+        intervals: Contacts [start, end] [s], impacts have length 0.
+        seconds: Time of the run itself, without that for the error [s].
+        axis: Where the axis of a rod or beam is; None for points.
+    """
+
+    motion: Trajectory
+    history: xr.Dataset
+    model: VibroModel
+    errors: Errors | None
+    warnings: tuple[str, ...]
+    intervals: list[list[float]]
+    seconds: float
+    axis: xr.Dataset | None = None
+
+
+def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
+    """Integrate the motion of points, a rod or a beam.
+
+    Raises:
+        SceneError: The start or the settings cannot work.
+        ConvergenceError: A step or an event could not be solved.
+    """
+    begin = time.perf_counter()
+    progress.step("building the system")
+    model = vibro_model(scene)
+    progress.step("integrating")
+    settings = _settings(scene, chosen)
+    motion = _integrate(scene, chosen, model)
+    seconds = time.perf_counter() - begin
+    warnings = []
+    within = resolution(chosen.method, scene.duration, settings)
+    together = find_together(model.system, motion, within)
+    if together is not None:
+        warnings.append(together.text(model.labels))
+    if model.beam is not None and (turned := model.beam.angle(motion.position)) > 0.05:
+        warnings.append(
+            f"the beam turns by {turned:.2g} rad, but rotations are linearised about the start: "
+            "shorten the duration to the contact"
+        )
+    errors, note = None, ""
+    if chosen.estimate and motion.is_finite:
+        progress.step("estimating the error by a second run")
+        errors, note = _estimate(scene, chosen, model, motion)
+    details = dict(motion.effort.details) | {"constraints": list(model.labels)}
+    if note:
+        details["error_estimate"] = note
+    if together is not None:
+        details["together"] = {
+            "count": together.count,
+            "first_time": together.time,
+            "constraints": [model.labels[k] for k in together.constraints],
+            "angle": together.angle,
+        }
+    details |= _episode(scene, model, motion)
+    effort = replace(motion.effort, num_unknowns=model.system.dofs, details=details)
+    motion = replace(motion, effort=effort)
+    history = vibro_history(motion, model)
+    axis = _axis(motion, model, scene.bodies[0].name)
+    found = _intervals(motion)
+    return VibroRun(motion, history, model, errors, tuple(warnings), found, seconds, axis)
+
+
+def _axis(motion: Trajectory, model: VibroModel, name: str) -> xr.Dataset | None:
+    if model.axis is None:
+        return None
+    stations, places = model.axis
+    rows = kept_rows(len(motion.times))
+    return make_axis(
+        motion.times[rows], stations, np.stack([places(u) for u in motion.position[rows]]), name
+    )
+
+
+def _episode(scene: Scene, model: VibroModel, motion: Trajectory) -> dict[str, Any]:
+    """Apparent restitution and micro-impacts of a beam that falls without gravity."""
+    touched = bool((motion.contact_force > 0.0).any())
+    still = isinstance(model.system, LinearSystem) and not any(scene.vector_gravity.values[0])
+    if model.beam is None or not still or not touched:
+        return {}
+    found = contact_episode(model.beam, cast("LinearSystem", model.system), motion)
+    return {"episode": asdict(found) | {"is_over": found.is_over}}
+
+
+def _settings(scene: Scene, chosen: VibroPlan) -> Any:
+    """Settings of the method as the plan says."""
+    settings: dict[str, Any] = {}
+    if chosen.method == "event_driven":
+        settings = {
+            "rows": max(1, chosen.steps // scene.output.every),
+            "stick_speed": chosen.stick_speed,
+            "law": chosen.impact_law,
+        }
+        if scene.solve.tolerance is not None:
+            settings |= {"rtol": scene.solve.tolerance, "atol": 1e-2 * scene.solve.tolerance}
+    elif chosen.method == "penalty":
+        settings = {
+            "stiffness": chosen.penalty_stiffness,
+            "damping": chosen.penalty_damping,
+            "integrator": chosen.penalty_integrator,
+            "dt": chosen.dt,
+        }
+    else:
+        settings = {"dt": chosen.dt, "every": scene.output.every}
+    return INTEGRATORS[chosen.method].settings(**settings)
+
+
+def _integrate(
+    scene: Scene, chosen: VibroPlan, model: VibroModel, start: Floats | None = None
+) -> Trajectory:
+    entry = INTEGRATORS[chosen.method]
+    begin = model.position if start is None else start
+    motion: Trajectory = entry.integrate(
+        model.system, begin, model.velocity, scene.duration, _settings(scene, chosen)
+    )
+    return motion
+
+
+def _estimate(
+    scene: Scene, chosen: VibroPlan, model: VibroModel, motion: Trajectory
+) -> tuple[Errors | None, str]:
+    """Errors against a second run, and what it says in words."""
+    if chosen.method == "event_driven":
+        return _sensitivity(scene, chosen, model, motion)
+    other = replace(chosen, method="event_driven", impact_law="simultaneous")
+    reference, name = None, "event-driven method"
+    if model.beam is None:
+        try:
+            reference = _integrate(scene, other, model)
+        except ConvergenceError:
+            reference = None
+    if reference is None:
+        other, name = replace(chosen, dt=0.5 * chosen.dt, steps=2 * chosen.steps), "same with dt/2"
+        fine = replace(scene, output=replace(scene.output, every=2 * scene.output.every))
+        reference = _integrate(fine, other, model)
+    return compare(motion, reference, name), f"against the {name}"
+
+
+def _sensitivity(
+    scene: Scene, chosen: VibroPlan, model: VibroModel, motion: Trajectory
+) -> tuple[Errors | None, str]:
+    """Precision of the flights times the growth of a small change of the start."""
+    if int(motion.effort.details.get("impacts", 0)) > _EVENTS:
+        return None, f"left out: more than {_EVENTS} impacts"
+    size = float(np.abs(motion.position).max()) or 1.0
+    # Away from closed constraints, so that the start stays allowed.
+    gradient = model.system.jacobian(model.position).sum(axis=0)
+    length = float(np.linalg.norm(gradient))
+    way = gradient / length if length > 0.0 else np.eye(model.system.dofs)[0]
+    try:
+        other = _integrate(scene, chosen, model, model.position + _SHIFT * size * way)
+    except (ConvergenceError, SceneError) as error:
+        return None, f"left out: {error}"
+    found = compare(motion, other, "")
+    growth = found.displacement_max / _SHIFT
+    precision = _ROUNDING if model.is_exact else max(_ROUNDING, scene.solve.tolerance or _RTOL)
+    share = precision / _SHIFT
+    errors = Errors(
+        f"own precision {precision:g} of flights, grown like a change of the start by {_SHIFT:g}",
+        min(1.0, share * found.displacement_max),
+        min(1.0, share * found.displacement_l2),
+        min(1.0, share * found.force_l1),
+    )
+    note = f"a change of the start by {_SHIFT:g} of the motion's size grows {growth:.3g}-fold"
+    if found.displacement_max > _LOST:
+        note += ": the motion forgets its start, single trajectories mean nothing after a while"
+    return errors, note
+
+
+def compare(motion: Trajectory, reference: Trajectory, name: str) -> Errors:
+    """Relative differences of two motions with the same rows.
+
+    The force is compared by its impulse up to each time, since an impact that falls into the next
+    row is no error of the force.
+    """
+    count = min(len(motion.times), len(reference.times))
+    u, exact = motion.position[:count], reference.position[:count]
+    way = exact - exact[0]
+    impulse, other = (
+        np.cumsum(m.contact_force[1:count] * np.diff(m.times[:count])[:, None], axis=0)
+        for m in (motion, reference)
+    )
+    return Errors(
+        f"{name}; force by its impulse up to each time",
+        _relative(np.abs(u - exact).max(), np.abs(way).max()),
+        _relative(np.linalg.norm(u - exact), np.linalg.norm(way)),
+        _relative(np.abs(impulse - other).sum(), np.abs(other).sum()),
+    )
+
+
+def _relative(error: float, size: float) -> float:
+    return float(error / size) if size > 0.0 else float(error)
+
+
+def vibro_history(motion: Trajectory, model: VibroModel) -> xr.Dataset:
+    """History of a motion, in the columns of the contract."""
+    elastic = np.array([model.elastic(u) for u in motion.position])
+    bodies = model.bodies(motion.position, motion.velocity)
+    momentum = np.zeros((len(motion.times), 3))
+    for mass, body in zip(model.masses, bodies.values(), strict=True):
+        momentum += mass * body.velocity
+    direction = _direction(model)
+    history = make_history(
+        Columns(
+            time=motion.times,
+            gap=motion.gap.min(axis=1),
+            contact_force=motion.contact_force.sum(axis=1) + 0.0,
+            kinetic_energy=motion.kinetic,
+            elastic_energy=elastic,
+            potential_energy=motion.potential - elastic,
+            momentum=momentum @ direction,
+            active=np.count_nonzero(motion.contact_force > 0.0, axis=1),
+            bodies=bodies,
+        )
+    )
+    if len(model.labels) <= _COLUMNS:
+        for k, label in enumerate(model.labels):
+            history[f"gap.{k}"] = _column(motion.gap[:, k], "m", "gap", label)
+            force = motion.contact_force[:, k] + 0.0
+            history[f"contact_force.{k}"] = _column(force, "N", "force", label)
+    history["momentum"].attrs["direction"] = direction
+    history["momentum"].attrs["long_name"] = (
+        f"linear momentum along ({', '.join(f'{c:.6g}' for c in direction)})"
+    )
+    history["contact_force"].attrs["comment"] = (
+        "sum of the normal forces during (t_{m-1}, t_m], impulses divided by its length"
+    )
+    history["potential_energy"].attrs["comment"] = "potential energy of gravity and forces"
+    return history
+
+
+def _column(values: Floats, unit: str, what: str, label: str) -> xr.Variable:
+    return xr.Variable(
+        "time", values, {"units": unit, "long_name": f"{what} of {label}", "label": label}
+    )
+
+
+def _direction(model: VibroModel) -> Floats:
+    """Unit vector of the first constraint on the first body, in space."""
+    unit = np.zeros((1, model.system.dofs))
+    unit[0] = model.system.jacobian(model.position)[0]
+    body = next(iter(model.bodies(unit, unit).values()))
+    vector = np.asarray(body.velocity[0])
+    length = float(np.linalg.norm(vector))
+    return vector / length if length > 0.0 else np.array([1.0, 0.0, 0.0])
+
+
+def _intervals(motion: Trajectory) -> list[list[float]]:
+    """Lasting contacts and impacts [start, end] [s], the first of them."""
+    spells = [[float(s[0]), float(s[1])] for s in motion.effort.details.get("sticking", [])]
+    times = [] if motion.impacts is None else np.unique(motion.impacts.time)[:_INTERVALS].tolist()
+    hits = [[t, t] for t in times if not any(a <= t <= b for a, b in spells)]
+    return sorted(spells + hits)[:_INTERVALS]

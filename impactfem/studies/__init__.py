@@ -1,0 +1,1 @@
+"""Studies over many runs: errors against time, and the board of hard cases."""

@@ -1,0 +1,90 @@
+"""Run the board of hard cases."""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+
+from impactfem.errors import ImpactError, SceneError
+from impactfem.methods import METHODS
+from impactfem.studies.hard.board import Board, Case, Cell, Claim, Facts, Verdict
+from impactfem.studies.hard.bodies import CASES as BODIES_CASES
+from impactfem.studies.hard.scenes import CASES as SCENE_CASES
+from impactfem.studies.hard.solid_special import CASES as SOLID_SPECIAL_CASES
+from impactfem.studies.hard.solids import CASES as SOLID_CASES
+from impactfem.studies.hard.special import CASES as SPECIAL_CASES
+from impactfem.studies.hard.vibro import CASES as VIBRO_CASES
+
+CASES: tuple[Case, ...] = (
+    *SCENE_CASES,
+    *SPECIAL_CASES,
+    *SOLID_CASES,
+    *SOLID_SPECIAL_CASES,
+    *BODIES_CASES,
+    *VIBRO_CASES,
+)
+"""All hard cases."""
+
+__all__ = ["CASES", "Board", "hard_cases"]
+
+
+def hard_cases(
+    methods: Sequence[str] | None = None,
+    *,
+    quick: bool = False,
+    cases: Sequence[Case] = CASES,
+    progress: Callable[[str], None] | None = None,
+) -> Board:
+    """Run hard cases and say what holds.
+
+    Args:
+        methods: Names of methods; all if None.
+        quick: Only the cases of the quick part.
+        cases: The cases.
+        progress: Told of each cell.
+
+    Returns:
+        The board.
+
+    Raises:
+        SceneError: A method is unknown.
+    """
+    for name in methods or ():
+        if name not in METHODS:
+            raise SceneError(f'method = "{name}" is unknown; choose from {", ".join(METHODS)}')
+    cells: list[Cell] = []
+    claims: dict[str, tuple[Claim, ...]] = {}
+    for case in cases:
+        if quick and not case.quick:
+            continue
+        chosen = [m for m in case.methods if m in METHODS and (methods is None or m in methods)]
+        claims[case.name] = tuple(c for m in chosen for c in case.claims(m))
+        for method in chosen:
+            cells.append(_cell(case, method))
+            if progress:
+                last = cells[-1]
+                progress(f"{last.verdict:7}  {case.name}  {method}  {last.faults or last.figures}")
+    return Board(tuple(cells), claims)
+
+
+def _cell(case: Case, method: str) -> Cell:
+    start = time.perf_counter()
+    facts: Facts = {}
+    failed: tuple[Claim, ...] = ()
+    right, message = method in case.refusals, ""
+    verdict: Verdict = "FAIL"
+    try:
+        facts = case.run(method)
+    except ImpactError as error:
+        verdict, message = "refused" if right else "FAIL", str(error)
+    else:
+        failed = tuple(claim for claim in case.claims(method) if not claim.holds(facts))
+        # A number that is no number fails even where nothing is claimed of it.
+        lost = [name for name, value in facts.items() if math.isnan(value)]
+        if right:
+            failed, message = (), "it should be refused"
+        elif lost:
+            message = f"not a number: {', '.join(lost)}"
+        elif not failed:
+            verdict = "pass"
+    seconds = time.perf_counter() - start
+    return Cell(case.name, method, verdict, facts, failed, message, seconds, case.body)
