@@ -11,12 +11,7 @@ from pathlib import Path
 
 from impactfem import commands
 from impactfem.commands import BAD_INPUT, DONE, FAILED, NOT_CONVERGED
-from impactfem.errors import (
-    ConvergenceError,
-    ImpactError,
-    MeshError,
-    SceneError,
-)
+from impactfem.errors import ConvergenceError, ImpactError, MeshError, SceneError
 from impactfem.first_use import announce_to
 from impactfem.processes import abort, complain, end_together, join, rank, ranks, say
 from impactfem.signals import InterruptedRunError, listen

@@ -13,15 +13,7 @@ from impactfem.fem.assembly import (
     set_entries,
     sparse_matrix,
 )
-from impactfem.fem.loading import (
-    ADD,
-    MPI,
-    PETSc,
-    dolfinx_fem,
-    dolfinx_mesh,
-    form_cache,
-    ufl,
-)
+from impactfem.fem.loading import ADD, MPI, PETSc, dolfinx_fem, dolfinx_mesh, form_cache, ufl
 from impactfem.fem.meshes import (
     cell_nodes,
     cell_quadrature,
@@ -41,11 +33,7 @@ from impactfem.fem.meshes import (
     serial_mesh,
     tag_facets,
 )
-from impactfem.fem.ranks import (
-    gather,
-    on_root,
-    raise_together,
-)
+from impactfem.fem.ranks import gather, on_root, raise_together
 
 __all__ = [
     "ADD",

@@ -8,12 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from impactfem.fem.loading import (
-    PETSc,
-    dolfinx,
-    dolfinx_fem,
-    petsc_assembly,
-)
+from impactfem.fem.loading import PETSc, dolfinx, dolfinx_fem, petsc_assembly
 
 
 def compile_form(form: Any, entity_maps: Any = None) -> Any:

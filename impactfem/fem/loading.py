@@ -58,7 +58,7 @@ def _announced(compile_objects: Callable[..., Any]) -> Callable[..., Any]:
 # FFCx tells nobody when it compiles: its log can only be had together with all of its details.
 ffcx.compiler.compile_ufl_objects = _announced(ffcx.compiler.compile_ufl_objects)
 
-# Another process may be compiling the same form on a busy machine: ten seconds are too few for that.
+# Another process may be compiling the same form on a busy machine: ten seconds are too few.
 _patience, _meaning = dolfinx.jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"]
 dolfinx.jit.DOLFINX_DEFAULT_JIT_OPTIONS["timeout"] = (max(120, _patience), _meaning)
 

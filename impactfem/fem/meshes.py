@@ -5,14 +5,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.fem.loading import (
-    MPI,
-    basix,
-    dolfinx,
-    dolfinx_gmsh,
-    dolfinx_mesh,
-    ufl,
-)
+from impactfem.fem.loading import MPI, basix, dolfinx, dolfinx_gmsh, dolfinx_mesh, ufl
 
 
 def mesh_from_gmsh(model: Any, comm: Any) -> tuple[Any, Any]:

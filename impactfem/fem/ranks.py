@@ -7,9 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import ImpactError
-from impactfem.fem.loading import (
-    MPI,
-)
+from impactfem.fem.loading import MPI
 
 
 def gather(comm: Any, values: Sequence[Any] | NDArray[Any]) -> NDArray[Any]:
