@@ -125,6 +125,8 @@ try:
     for option, value in (("SaveAll", 1), ("MshFileVersion", 4.1), ("Binary", 1)):
         gmsh.option.setNumber("Mesh." + option, value)
     gmsh.write(target)
+except UnicodeError:  # Gmsh repeats what it cannot read, which here is no text
+    errors.insert(0, "the file holds bytes that are no text where a mesh file has words")
 except Exception as error:
     errors.insert(0, str(error))
 sys.exit(errors[0] if errors else 0)

@@ -58,8 +58,8 @@ def made(bodies, method, normals, duration, dt, obstacles=()):
 @contextmanager
 def alone(monkeypatch):
     """Have every rank run all bodies by itself."""
-    from impactfem import bodies_model
     from impactfem.fem import MPI
+    from impactfem.models import bodies as bodies_model
 
     own = SimpleNamespace(COMM_WORLD=MPI.COMM_SELF, MAX=MPI.MAX, SUM=MPI.SUM)
     with monkeypatch.context() as patch:

@@ -139,7 +139,7 @@ def test_scripts_end(tmp_path, monkeypatch, text):
 
 
 MESHES = {
-    "noise": b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n" + os.urandom(100_000),
+    "noise": b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n" + np.random.default_rng(0).bytes(100_000),
     "nodes": b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 100000000000 1 100000000000\n",
     "entities": b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Entities\n99999999999 0 0 0\n",
     "binary": b"$MeshFormat\n4.1 1 8\n\1\0\0\0\n$EndMeshFormat\n$Nodes\n" + b"\xff" * 64,
