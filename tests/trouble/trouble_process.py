@@ -75,7 +75,10 @@ def run(folder, *arguments, timeout=60, **options):
     words = arguments if str(arguments[0]).endswith(".py") else ("-m", "impactfem", *arguments)
     with started(folder, sys.executable, *words, **options) as process:
         out, err = process.communicate(timeout=timeout)
-        return process.returncode, out.decode("utf-8", "replace"), err.decode("utf-8", "replace")
+        lines = err.decode("utf-8", "replace").splitlines(keepends=True)
+        # Whether something is compiled depends on caches.
+        told = "".join(line for line in lines if not line.startswith("compiling "))
+        return process.returncode, out.decode("utf-8", "replace"), told
 
 
 def launched(folder, ranks, *words, timeout=60):
