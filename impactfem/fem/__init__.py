@@ -13,7 +13,16 @@ from impactfem.fem.assembly import (
     set_entries,
     sparse_matrix,
 )
-from impactfem.fem.loading import ADD, MPI, PETSc, dolfinx_fem, dolfinx_mesh, form_cache, ufl
+from impactfem.fem.loading import (
+    ADD,
+    MPI,
+    PETSc,
+    dolfinx,
+    dolfinx_fem,
+    dolfinx_mesh,
+    form_cache,
+    ufl,
+)
 from impactfem.fem.meshes import (
     cell_nodes,
     cell_quadrature,
@@ -46,6 +55,7 @@ __all__ = [
     "cell_quadrature",
     "compile_form",
     "coordinate_basis",
+    "dolfinx",
     "dolfinx_fem",
     "dolfinx_mesh",
     "facet_nodes",
