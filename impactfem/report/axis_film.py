@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from numpy.typing import NDArray
 
-from impactfem.report.film import BLUE, force_beside
+from impactfem.report.film import BLUE, force_beside, tell_time
 from impactfem.report.plane_picture import draw_obstacles
 from impactfem.report.sheet import Sheet
 from impactfem.report.solid_film import even_moments
@@ -53,11 +53,8 @@ class AxisReel:
 
     def show(self, moment: int) -> Sequence[Artist]:
         """Let the figure show a moment; returns what moves."""
-        time = float(self.times[moment])
         self.line.set_data(*self.curves[moment].T)
-        self.clock.set_text(f"t = {time:.4g} s")
-        self.now.set_xdata([time, time])
-        return [self.line, self.clock, self.now]
+        return [self.line, *tell_time(self.clock, self.now, float(self.times[moment]))]
 
 
 def axis_reel(result: Result, axis: xr.Dataset, frames: int | None) -> AxisReel | None:

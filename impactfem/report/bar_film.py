@@ -13,7 +13,7 @@ from matplotlib.text import Text
 from numpy.typing import NDArray
 
 from impactfem.report.bar_row_figures import magnified
-from impactfem.report.film import force_beside
+from impactfem.report.film import force_beside, tell_time
 from impactfem.report.sheet import Sheet
 from impactfem.report.solid_film import even_moments
 from impactfem.result import Fields, Result
@@ -64,10 +64,8 @@ class BarReel:
         self.pieces.set_array(self.stress[moment])
         ends = zip(a[self.first], b[np.append(self.first[1:], len(b)) - 1], strict=True)
         self.outlines.set_segments([[*_box(x, y), (x, -1.0)] for x, y in ends])
-        time = float(self.times[moment])
-        self.clock.set_text(f"t = {time:.4g} s")
-        self.now.set_xdata([time, time])
-        return [self.pieces, self.outlines, self.clock, self.now]
+        told = tell_time(self.clock, self.now, float(self.times[moment]))
+        return [self.pieces, self.outlines, *told]
 
 
 def bar_reel(result: Result, fields: Fields, frames: int | None) -> BarReel | None:

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -87,6 +88,13 @@ def cursor(axes: Axes) -> Line2D:
     line = axes.axvline(0.0, color="black", linewidth=1.0)
     line.set_animated(True)
     return line
+
+
+def tell_time(clock: Text, now: Line2D, time: float) -> list[Artist]:
+    """Let the clock of a reel say a time [s] and its cursor mark it; returns both."""
+    clock.set_text(f"t = {time:.4g} s")
+    now.set_xdata([time, time])
+    return [clock, now]
 
 
 def write_film(reel: Reel, path: Path) -> Path:

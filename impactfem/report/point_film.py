@@ -13,7 +13,7 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.text import Text
 from numpy.typing import NDArray
 
-from impactfem.report.film import cursor
+from impactfem.report.film import cursor, tell_time
 from impactfem.report.plane_picture import draw_obstacles
 from impactfem.report.sheet import Sheet
 from impactfem.report.solid_film import even_moments
@@ -82,10 +82,9 @@ class PointReel:
                 ball.set_center((float(way[row, 0]), float(way[row, 1])))
             elif ball is not None:
                 ball.set_x(float(way[row, 0]) - 0.5 * ball.get_width())
-        self.clock.set_text(f"t = {time:.4g} s")
-        self.now.set_xdata([time, time])
         balls = [ball for ball in self.balls if ball is not None]
-        return [*self.drawn, *self.trails, *balls, *self.dots, self.clock, self.now]
+        told = tell_time(self.clock, self.now, time)
+        return [*self.drawn, *self.trails, *balls, *self.dots, *told]
 
 
 def point_reel(result: Result, frames: int | None) -> PointReel | None:

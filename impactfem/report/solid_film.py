@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from numpy.typing import NDArray
 
-from impactfem.report.film import force_beside
+from impactfem.report.film import force_beside, tell_time
 from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin
 from impactfem.report.solid_figures import FLAT, Painter, survey
@@ -64,9 +64,8 @@ class SolidReel:
             self.drawn.extend(self.painter.draw(self.panel, snapshot))
         for artist in self.drawn:
             artist.set_animated(True)
-        self.clock.set_text(f"t = {snapshot.time:.4g} s")
-        self.now.set_xdata([snapshot.time, snapshot.time])
-        return [*self.drawn, *self.above, self.clock, self.now]
+        told = tell_time(self.clock, self.now, snapshot.time)
+        return [*self.drawn, *self.above, *told]
 
 
 def solid_reel(result: Result, fields: SolidFields, frames: int | None) -> SolidReel | None:
