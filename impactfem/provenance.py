@@ -5,6 +5,7 @@ import platform
 import sys
 from collections.abc import Sequence
 from datetime import datetime
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -82,6 +83,7 @@ def _of_module(name: str, module: Any) -> str:
     return str(getattr(module, "__version__", ""))
 
 
+@cache  # a study solves many times: what does not change is looked up once
 def _of_distribution(name: str) -> str:
     try:
         return version(name)
@@ -89,6 +91,7 @@ def _of_distribution(name: str) -> str:
         return ""
 
 
+@cache
 def _processor() -> str:
     """Name of the processor as Linux tells it, as the platform does elsewhere."""
     try:
