@@ -3,12 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from impactfem.methods import METHODS
 from impactfem.scene.bar_row_checks import check_bar_row
 from impactfem.scene.bodies import Bar
-from impactfem.scene.formula import Formula
+from impactfem.scene.breaks import check_motion
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
 from impactfem.scene.obstacles import Wall
 from impactfem.scene.pair_checks import check_pairs
@@ -20,8 +18,6 @@ from impactfem.scene.vibro_checks import FAMILY, check_vibro
 
 if TYPE_CHECKING:
     from impactfem.scene.scene import Body, Scene
-
-_SAMPLES = 1001
 
 # Keys of [solve] that only one kind of body knows, and what to do instead.
 _BAR_ONLY: Mapping[str, str] = {
@@ -66,7 +62,7 @@ def check_scene(scene: "Scene", gravity: object) -> None:
         check_vibro(scene, gravity)
         for index, obstacle in enumerate(scene.rigid_obstacles):
             if obstacle.motion is not None:
-                _check_times(scene, f"obstacle[{index}]", "motion", obstacle.motion)
+                check_motion(f"obstacle[{index}]", "motion", obstacle.motion, scene.duration)
     _check_settings(scene, body)
     if scene.solve.dt is not None and scene.solve.dt > scene.duration:
         text = f" = {scene.solve.dt} exceeds duration = {scene.duration}: give a smaller step."
@@ -148,9 +144,9 @@ def _check_solid(scene: "Scene", solid: Solid, gravity: object, place: str) -> N
         except KeyedError as error:
             raise error.moved(where) from None
         if obstacle.motion is not None:
-            _check_times(scene, where, "motion", obstacle.motion)
+            check_motion(where, "motion", obstacle.motion, scene.duration)
     for index, support in enumerate(solid.supports):
-        _check_times(scene, place, f"supports[{index}].value", support.value or ())
+        check_motion(place, f"supports[{index}].value", support.value or (), scene.duration)
     _check_gravity(scene, solid, gravity)
 
 
@@ -176,19 +172,6 @@ def _shown(given: object) -> object:
         value = given.values[0]
         return list(value) if isinstance(value, tuple) else value
     return given
-
-
-def _check_times(scene: "Scene", where: str, name: str, formulas: Sequence[Formula | None]) -> None:
-    """Refuse motions that are not finite within the duration."""
-    times = np.linspace(0.0, scene.duration, _SAMPLES)
-    for formula in formulas:
-        if formula is None:
-            continue
-        bad = np.flatnonzero(~np.isfinite(formula(t=times)))
-        if bad.size:
-            when = f"at t = {times[bad[0]]:.6g}"
-            text = f" = {show(formula.text)} has no finite value {when}"
-            raise KeyedError(where, name, f"{text}: give one for 0 <= t <= {scene.duration:g}.")
 
 
 def _check_settings(scene: "Scene", body: "Body") -> None:

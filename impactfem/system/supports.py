@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from impactfem import fem
 from impactfem.errors import MeshError, SceneError
 from impactfem.scene import Formula
-from impactfem.system.motion import motion_at
+from impactfem.scene.jets import motion_at
 from impactfem.system.nodes import Floats, Integers, Nodes
 
 _AXES = "xyz"

@@ -74,6 +74,10 @@ def integrate(
     needed = [name for name in ("dt", "stiffness") if name in known and name not in settings]
     if needed:
         raise SceneError(f'method = "{method}" needs {" and ".join(needed)}: give them')
+    if "dt" in settings and settings["dt"] > duration:
+        raise SceneError(
+            f"dt = {settings['dt']} exceeds duration = {duration:g}: give a smaller step"
+        )
     chosen = entry.settings(**settings)
     u, v = (np.atleast_1d(np.asarray(value, dtype=float)) for value in (position, velocity))
     motion = entry.integrate(system, u, v, float(duration), chosen)

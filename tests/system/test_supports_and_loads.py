@@ -7,7 +7,7 @@ from structured import block
 
 from impactfem.errors import MeshError, SceneError
 from impactfem.scene import Formula
-from impactfem.system.motion import motion_at
+from impactfem.scene.jets import motion_at
 
 FIXED = {"surface": "s0-", "kind": "fixed"}
 

@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from impactfem import ImpactWarning, LinearSystem, integrate
+from impactfem import ImpactWarning, LinearSystem, SceneError, integrate
 
 METHODS = {"event_driven": {}, "paoli_schatzman": {"dt": 1e-3}, "moreau_jean": {"dt": 1e-3}}
 
@@ -45,3 +45,9 @@ def test_ball_that_falls_on_a_resting_one_is(method, settings):
     assert found["time"] == pytest.approx(np.sqrt(0.4 / 9.81), abs=5e-3)
     # M = I, normals (1, 0) and (-1, 1): their corner has 45 degrees.
     assert found["angle"] == pytest.approx(np.pi / 4)
+
+
+@pytest.mark.parametrize("method", ["paoli_schatzman", "moreau_jean"])
+def test_a_step_longer_than_the_motion_is_refused(method):
+    with pytest.raises(SceneError, match="dt = 10 exceeds duration = 1"):
+        integrate(row_of_balls([1.0]), [1.0], [0.0], 1.0, method=method, dt=10)
