@@ -126,7 +126,11 @@ def _is_solid(scene: "Scene") -> bool:
 def _prepare(scene: "Scene") -> None:
     """Load what a plan needs: that of a solid is made of its mesh."""
     body = scene.bodies[0]
-    if body.kind == "solid" or getattr(body, "theory", "") == "timoshenko":
+    if (
+        body.kind == "solid"
+        or getattr(body, "theory", "") == "timoshenko"
+        or scene.mesh_path is not None
+    ):
         _load_finite_elements()
 
 

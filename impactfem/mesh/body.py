@@ -16,7 +16,7 @@ from impactfem import fem
 from impactfem.errors import MeshError
 from impactfem.mesh.body_files import read_body
 from impactfem.mesh.checks import check_body, check_names
-from impactfem.mesh.raw import Cell, RawMesh, facet_keys
+from impactfem.mesh.raw import Cell, RawMesh, Source, facet_keys
 from impactfem.mesh.shapes import shape_mesh
 from impactfem.mesh.structured import structured_mesh
 
@@ -54,6 +54,7 @@ class BodyMesh:
         num_cells: Cells of the whole mesh.
         volume: Area [m^2] (2D) or volume [m^3] of the mesh, without thickness or revolution.
         cost: What it took to make.
+        source: The file it comes from; None for shapes.
     """
 
     mesh: Any
@@ -66,6 +67,7 @@ class BodyMesh:
     num_cells: int
     volume: float
     cost: MeshCost
+    source: Source | None = None
 
     def facets(self, name: str) -> Integers:
         """Local facets of a surface.
@@ -96,15 +98,15 @@ def build_body_mesh(comm: Any, solid: Any, degree: int, folder: Path) -> BodyMes
     """
     found: list[RawMesh] = []
 
-    def make() -> tuple[Cell, int, int, int, int, float, MeshCost, dict[str, NDArray[np.int64]]]:
+    def make() -> tuple[Any, ...]:
         begin = time.perf_counter()
         raw, volume = _made(solid, degree, folder)
         found.append(raw)
         cost = MeshCost(time.perf_counter() - begin, _peak_memory())
         sizes = raw.dim, raw.cells.shape[1], len(raw.points), len(raw.cells)
-        return (raw.cell, *sizes, volume, cost, dict(raw.surfaces))
+        return (raw.cell, *sizes, volume, cost, dict(raw.surfaces), raw.source)
 
-    cell, dim, nodes, num_nodes, num_cells, volume, cost, surfaces = fem.on_root(comm, make)
+    cell, dim, nodes, num_nodes, num_cells, volume, cost, surfaces, source = fem.on_root(comm, make)
     raw = found.pop() if found else None
     points = raw.points if raw else np.empty((0, dim))
     cells = raw.cells if raw else np.empty((0, nodes), dtype=np.int64)
@@ -121,6 +123,7 @@ def build_body_mesh(comm: Any, solid: Any, degree: int, folder: Path) -> BodyMes
         num_cells=num_cells,
         volume=volume,
         cost=cost,
+        source=source,
     )
 
 

@@ -1,7 +1,7 @@
 """Meshes of bodies from a user's .msh, .geo or STEP file, with their faults reported."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from impactfem import fem
 from impactfem.errors import MeshError
+from impactfem.mesh.holdings import Holdings
 from impactfem.mesh.opening import Job, opened
-from impactfem.mesh.raw import Cell, RawMesh, cell_facets, facet_keys, without_loose_nodes
+from impactfem.mesh.raw import Cell, RawMesh, Source, cell_facets, facet_keys, without_loose_nodes
 from impactfem.mesh.session import gmsh_session
 from impactfem.mesh.sizes import ball_field, options
 
@@ -66,16 +67,17 @@ def read_body(
         balls=tuple(ball_field(ball, mesh_size or 0.0, unit) for ball in refine),
         unit=unit,
     )
-    with opened(path, job) as file, gmsh_session() as gmsh:
-        gmsh.merge(str(file))
-        reader = _Reader(gmsh, path, model, dim)
+    with opened(path, job) as found, gmsh_session() as gmsh:
+        gmsh.merge(str(found.path))
+        reader = _Reader(gmsh, path, model, dim, found.holdings)
+        reader.check_kept(degree)
         raw = reader.mesh(used)
     if cells == "hexahedron" and raw.cell in {"triangle", "tetrahedron"}:
         raise reader.fault(
             f"cells = {cells!r}, but Gmsh made a {raw.cell} mesh of it; make its curves, surfaces "
             'and volumes Transfinite and Recombine them, or use cells = "simplex"'
         )
-    return RawMesh(unit * raw.points, raw.cells, raw.cell, raw.degree, raw.surfaces)
+    return replace(raw, points=unit * raw.points)
 
 
 def _options(
@@ -94,16 +96,38 @@ def _options(
 
 @dataclass(frozen=True)
 class _Reader:
-    """Takes a body out of the model that Gmsh has read from ``path``."""
+    """Takes a body out of the model that Gmsh has read from ``path``, which holds ``holdings``."""
 
     gmsh: Any
     path: Path
     model: str
     dim: int
+    holdings: Holdings
 
     def fault(self, text: str) -> MeshError:
         """An error about the file."""
         return MeshError(f"mesh file {self.path}: {text}")
+
+    def check_kept(self, degree: int) -> None:
+        """Refuse what elements of a degree would lose, and several materials."""
+        order, bent = self.holdings.order, self.holdings.bent
+        if order > degree and self.holdings.is_curved:
+            lower = "save the mesh with order 1 (gmsh -order 1), fine enough for its curves"
+            remedy = f"use body.degree = 2 with an implicit method, or {lower}" * (order == 2)
+            raise self.fault(
+                f"its elements are curved, of order {order}: nodes lie up to {bent:.2g} of an "
+                f"element's size off straight edges, which elements of degree {degree} would lose; "
+                + (remedy or f"save it with order 2, or {lower}")
+            )
+        parts = self.holdings.of_dim(self.dim)
+        if len(parts) > 1:
+            what = "Volume" if self.dim == 3 else "Surface"
+            raise self.fault(
+                f"holds {len(parts)} groups of elements, {', '.join(map(str, parts))}; a body has "
+                "one material, and of several nothing is known: put all elements of the body into "
+                f'one physical group (Physical {what}("body") = {{...}}), or make each group a '
+                "body with a file of its own"
+            )
 
     def mesh(self, used: Collection[str]) -> RawMesh:
         """Check what the file holds and take it."""
@@ -118,7 +142,30 @@ class _Reader:
         points, cells, groups = without_loose_nodes(points, cells, self._groups(number))
         raw = RawMesh(points, cells, *_KINDS[kind])
         surfaces = self._on_boundary(raw, groups, used)
-        return RawMesh(points, cells, raw.cell, raw.degree, surfaces)
+        return replace(raw, surfaces=surfaces, source=self._source(raw, surfaces))
+
+    def _source(self, raw: RawMesh, surfaces: Mapping[str, Indices]) -> Source:
+        """What the file holds and what of it is used."""
+        holdings, dim = self.holdings, self.dim
+        sides = [g for g in holdings.of_dim(dim - 1) if g.name in surfaces]
+        uses = dict.fromkeys(sides, "a surface") | dict.fromkeys(holdings.of_dim(dim), "the body")
+        unused = []
+        away = sum(holdings.elements.values()) - len(raw.cells)
+        if away:
+            unused.append(
+                f"{away} of {away + len(raw.cells)} elements are in no physical group and left out"
+            )
+        unused += [
+            f"the {group} does not lie on the boundary of the body and is no surface of it"
+            for group in holdings.of_dim(dim - 1)
+            if group not in uses
+        ]
+        if holdings.order > raw.degree:
+            unused.append(
+                f"its geometry is of order {holdings.order}, but straight: read as {raw.degree}"
+            )
+        left = "".join(f"; {text}" for text in unused)
+        return Source(f"{self.path.name}: {holdings.told(uses)}{left}", tuple(unused))
 
     def _body_entities(self) -> list[int]:
         """Gmsh's tags of the parts of the body: all, or those in physical groups."""

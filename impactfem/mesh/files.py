@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import MeshError
-from impactfem.mesh.opening import opened
+from impactfem.mesh.holdings import Holdings
+from impactfem.mesh.opening import look, opened
 from impactfem.mesh.session import distribute
 from impactfem.mesh.spacetime import BOUNDARIES, Layout, SpaceTimeMesh, find_layers, finish
 
@@ -36,8 +37,9 @@ def read_mesh(
     scale = np.array([wave_speed / length, 1.0 / length])
 
     def build(gmsh: Any) -> Layout:
-        with opened(path) as file:
-            gmsh.merge(str(file))
+        with opened(path) as found:
+            gmsh.merge(str(found.path))
+            _check_one_material(path, found.holdings, length)
         reader = _Reader(gmsh, path, np.array([duration, length]))
         triangulation = reader.triangulation()
         tags = reader.boundaries(triangulation)
@@ -202,6 +204,33 @@ class _Reader:
             found += [n for kind, n in zip(kinds, nodes, strict=True) if kind == _LINE]
         pairs = np.searchsorted(triangulation.tags, np.concatenate(found).astype(np.int64))
         return np.sort(pairs.reshape(-1, 2))
+
+
+def told(path: Path) -> str:
+    """What a space-time mesh holds and what of it is used, in words.
+
+    Raises:
+        MeshError: The file cannot be read.
+    """
+    holdings = look(path)
+    uses = {group: f"the side {group.name!r}" for group in holdings.of_dim(1)}
+    uses = {group: use for group, use in uses.items() if group.name in BOUNDARIES}
+    uses |= dict.fromkeys(holdings.of_dim(2), "the bar")
+    return f"{path.name}: {holdings.told(uses)}"
+
+
+def _check_one_material(path: Path, holdings: Holdings, length: float) -> None:
+    """Refuse groups of triangles that divide the bar along its axis: it has one material."""
+    groups = holdings.of_dim(2)
+    for group in groups:
+        low, high = group.low[1], group.high[1]
+        if max(low, length - high) > _TOLERANCE * length and len(groups) > 1:
+            raise MeshError(
+                f"mesh file {path}: holds {', '.join(map(str, groups))}; {group.name!r} covers x = "
+                f"{low:g} to {high:g} m of a bar of {length:g} m, which has one material: put all "
+                'triangles into one group (Physical Surface("bar")), or make each material a bar '
+                "of its own, without solve.mesh"
+            )
 
 
 def _keep_groups(gmsh: Any, tags: dict[str, int]) -> None:

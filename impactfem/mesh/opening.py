@@ -10,9 +10,11 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 from impactfem.errors import MeshError
+from impactfem.mesh.holdings import Holdings
 
 MAX_BYTES = 512 * 2**20
 """Largest mesh file that is read."""
@@ -73,8 +75,8 @@ def label():
         named = {}
         for entity, tag in gmsh.model.getEntities(side):
             name = gmsh.model.getEntityName(entity, tag).split("/")[-1]
-            fallback = "edge" if side == 1 else "face" if side == 2 else "solid"
-            named.setdefault(name or fallback + "_" + str(tag), []).append(tag)
+            fallback = "body" if side == dim else ("edge_", "face_")[side - 1] + str(tag)
+            named.setdefault(name or fallback, []).append(tag)
         for name, tags in named.items():
             gmsh.model.addPhysicalGroup(side, tags, name=name)
 
@@ -89,6 +91,53 @@ def grade():
         least = field.add("Min")
         field.setNumbers(least, "FieldsList", tags)
         field.setAsBackgroundMesh(least)
+
+def off_straight(kind):
+    # Largest distance of nodes from where the corners alone would have them, over the element.
+    import numpy as np
+    mesh = gmsh.model.mesh
+    name, _, order, count, local, corners = mesh.getElementProperties(kind)
+    if order == 1:
+        return 0.0
+    first = mesh.getElementType(name.split()[0], 1)
+    places = np.zeros((count, 3))
+    places[:, :dim] = np.reshape(local, (count, dim))
+    _, values, _ = mesh.getBasisFunctions(first, places.ravel(), "Lagrange")
+    shapes = np.reshape(values, (count, corners))
+    tags, points, _ = mesh.getNodes()
+    sort = np.argsort(tags)
+    tags, points = tags[sort], np.reshape(points, (-1, 3))[sort]
+    nodes = np.reshape(mesh.getElementsByType(kind)[1], (-1, count))
+    worst = 0.0
+    for some in np.array_split(nodes, 1 + len(nodes) // 100000):
+        at = points[np.searchsorted(tags, some)]
+        away = np.linalg.norm(at - np.einsum("nc,ecd->end", shapes, at[:, :corners]), axis=2)
+        size = np.ptp(at, axis=1).max(axis=1)
+        worst = max(worst, float((away.max(axis=1) / size).max(initial=0.0)))
+    return worst
+
+def holdings():
+    mesh = gmsh.model.mesh
+    elements, order, bent, groups = {}, 1, 0.0, []
+    for kind in mesh.getElementTypes(dim):
+        name, _, degree, *_ = mesh.getElementProperties(kind)
+        name = name.split()[0].lower()
+        elements[name] = elements.get(name, 0) + len(mesh.getElementsByType(kind)[0])
+        order = max(order, degree)
+        if source.endswith(".msh"):  # others are meshed here, with nodes on the geometry
+            bent = max(bent, off_straight(kind))
+    for side, tag in gmsh.model.getPhysicalGroups():
+        entities = [int(entity) for entity in gmsh.model.getEntitiesForPhysicalGroup(side, tag)]
+        lists = [tags for entity in entities for tags in mesh.getElements(side, abs(entity))[1]]
+        points = mesh.getNodesForPhysicalGroup(side, tag)[1]
+        axes = [points[axis::3] for axis in range(3)]
+        groups.append({
+            "name": gmsh.model.getPhysicalName(side, tag) or str(tag), "dim": side,
+            "elements": sum(len(tags) for tags in lists), "entities": entities,
+            "low": [float(min(axis, default=0.0)) for axis in axes],
+            "high": [float(max(axis, default=0.0)) for axis in axes],
+        })
+    return {"elements": elements, "order": order, "bent": bent, "groups": groups}
 
 try:
     # A file may ask for more than it holds, and the loops of a script need not end.
@@ -116,6 +165,7 @@ try:
             gmsh.option.setNumber(name, value)
         grade()
         gmsh.model.mesh.generate(dim)
+    found = holdings()
     kinds = [int(kind) for kind in gmsh.model.mesh.getElementTypes(dim)]
     if degree and kinds and not set(kinds) <= set(job["kinds"]):
         gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 0)
@@ -125,6 +175,8 @@ try:
     for option, value in (("SaveAll", 1), ("MshFileVersion", 4.1), ("Binary", 1)):
         gmsh.option.setNumber("Mesh." + option, value)
     gmsh.write(target)
+    with open(target + ".json", "w", encoding="utf-8") as file:
+        json.dump(found, file)
 except UnicodeError:  # Gmsh repeats what it cannot read, which here is no text
     errors.insert(0, "the file holds bytes that are no text where a mesh file has words")
 except Exception as error:
@@ -166,8 +218,21 @@ SPACE_TIME = Job()
 """Triangles of a space-time mesh, as the file has them."""
 
 
+@dataclass(frozen=True)
+class Opened:
+    """A file that Gmsh has read and written anew.
+
+    Attributes:
+        path: The temporary ``.msh``.
+        holdings: What the user's file holds.
+    """
+
+    path: Path
+    holdings: Holdings
+
+
 @contextmanager
-def opened(path: Path, job: Job = SPACE_TIME) -> Iterator[Path]:
+def opened(path: Path, job: Job = SPACE_TIME) -> Iterator[Opened]:
     """Check a file and give it as a temporary ``.msh`` that Gmsh wrote itself.
 
     Args:
@@ -183,7 +248,47 @@ def opened(path: Path, job: Job = SPACE_TIME) -> Iterator[Path]:
         target = Path(folder, "mesh.msh")
         source.write_bytes(content)
         _convert(path, source, target, job)
-        yield target
+        holdings = Holdings.of(json.loads(Path(f"{target}.json").read_text(encoding="utf-8")))
+        _check_told_apart(path, content, holdings)
+        yield Opened(target, holdings)
+
+
+def look(path: Path, dim: int = 2, key: str = "solve.mesh") -> Holdings:
+    """What a mesh or a script holds; that of the last files looked at is kept.
+
+    Args:
+        path: A ``.geo`` or ``.msh`` file.
+        dim: Dimension of the elements.
+        key: Key of the scene that names the file.
+
+    Raises:
+        MeshError: As `opened`.
+    """
+    try:
+        known = path.stat()
+    except OSError:
+        return _look(path, dim, key, 0, 0)  # which says what is wrong
+    return _look(path, dim, key, known.st_mtime_ns, known.st_size)
+
+
+@lru_cache(maxsize=8)
+def _look(path: Path, dim: int, key: str, _changed: int, _size: int) -> Holdings:
+    with opened(path, Job(key=key, dim=dim)) as found:
+        return found.holdings
+
+
+def _check_told_apart(path: Path, content: bytes, holdings: Holdings) -> None:
+    """Refuse groups that Gmsh has mixed: in format 2 a part of the geometry has one group."""
+    if not re.match(rb"\$MeshFormat\s+2", content):
+        return
+    shared = holdings.shared()
+    if shared is not None:
+        one, other, entity = shared
+        raise MeshError(
+            f"mesh file {path}: the {one} and the {other} share the elementary entity {entity}, "
+            "and format 2 does not tell which of its elements belong to which; save it as .msh "
+            "4.1, or give each group entities of its own"
+        )
 
 
 def _content(path: Path, job: Job) -> bytes:

@@ -17,6 +17,19 @@ _PACKED = 2**21  # three node numbers below this fit into one 64-bit integer
 
 
 @dataclass(frozen=True)
+class Source:
+    """The file that a mesh comes from, in words.
+
+    Attributes:
+        text: What it holds and what of it is used.
+        unused: What is left out, one sentence each.
+    """
+
+    text: str
+    unused: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class RawMesh:
     """A whole mesh on this rank.
 
@@ -26,6 +39,7 @@ class RawMesh:
         cell: Kind of the cells.
         degree: Degree of the geometry, 1 or 2.
         surfaces: Vertices of the facets of each named surface, shape (facets, vertices).
+        source: The file it comes from; None for shapes.
     """
 
     points: Floats
@@ -33,6 +47,7 @@ class RawMesh:
     cell: Cell
     degree: int
     surfaces: Mapping[str, Indices] = field(default_factory=dict)
+    source: Source | None = None
 
     @property
     def dim(self) -> int:

@@ -86,6 +86,12 @@ def plan_bar(scene: Scene) -> Plan:
         "model": "one homogeneous bar that moves along its axis: nothing in the scene bends it or "
         "varies across it; one contact point, frictionless",
     }
+    if scene.mesh_path is not None:
+        from impactfem.fem import MPI, on_root  # noqa: PLC0415  (loads slowly)
+        from impactfem.mesh.files import told  # noqa: PLC0415
+
+        path = scene.mesh_path
+        reasons["mesh"] = on_root(MPI.COMM_WORLD, lambda: told(path))
     name = _choose_method(scene, exact, reasons)
     method = METHODS[name]
     fitted = fitting_pays(scene, exact) if solve.fitted is None else solve.fitted

@@ -2,7 +2,13 @@
 
 from impactfem.errors import SceneError
 from impactfem.planning.sliding import choose_sliding, told_pairs, warnings_of
-from impactfem.planning.solid_choices import COURANT, EXPLICIT, refuse_unstable, stiff_elements
+from impactfem.planning.solid_choices import (
+    COURANT,
+    EXPLICIT,
+    curved_file,
+    refuse_unstable,
+    stiff_elements,
+)
 from impactfem.planning.solid_costs import (
     NATURAL_STEP,
     Size,
@@ -44,6 +50,9 @@ def plan_bodies(scene: Scene) -> SolidPlan:
     layers = None if dt is None else count_layers(scene.duration, dt)
     solver = "none" if method in EXPLICIT else solve.linear_solver or "mumps"
     reasons |= told_pairs(model)
+    for part in model.parts:
+        if part.mesh.source is not None:
+            reasons[f"mesh of {part.solid.name}"] = part.mesh.source.text
     fastest = [
         NATURAL_STEP * size.least / s.p_wave_speed for s, size in zip(solids, sizes, strict=True)
     ]
@@ -97,7 +106,7 @@ def _degree(scene: Scene, solid: Solid, reasons: dict[str, str]) -> int:
         )
     if solid.degree is not None:
         return solid.degree
-    stiff = "" if explicit else stiff_elements(solid)
+    stiff = "" if explicit else stiff_elements(solid) or curved_file(scene, solid)
     if stiff:
         reasons[f"degree of {solid.name}"] = stiff
     return 2 if stiff else 1

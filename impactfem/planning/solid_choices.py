@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from impactfem.errors import SceneError
 from impactfem.planning.solid_costs import (
@@ -87,6 +88,7 @@ def choose_degree(scene: Scene, reasons: dict[str, str], warnings: list[str]) ->
         return solid.degree
     if method in EXPLICIT:
         return 1
+    stiff = stiff or curved_file(scene, solid)
     if stiff:
         reasons["degree"] = stiff
         return 2
@@ -111,6 +113,20 @@ def stiff_elements(solid: Solid) -> str:
     if ratio is not None and ratio >= _SLENDER:
         return f"the body is {ratio:.3g} times as long as thick: it bends, linear elements lock"
     return ""
+
+
+def curved_file(scene: Scene, solid: Solid) -> str:
+    """Why the mesh file of a body asks for elements of degree 2, or nothing (collective)."""
+    if solid.mesh is None or not solid.mesh.lower().endswith(".msh"):
+        return ""
+    from impactfem.fem import MPI, on_root  # noqa: PLC0415  (loads DOLFINx)
+    from impactfem.mesh.opening import look  # noqa: PLC0415
+
+    path = Path(scene.folder or "", solid.mesh)
+    holdings = on_root(MPI.COMM_WORLD, lambda: look(path, solid.dim, "body.mesh"))
+    if holdings.order == 1 or not holdings.is_curved:
+        return ""
+    return f"the elements of {path.name} are curved, of order {holdings.order}"
 
 
 def slenderness(solid: Solid) -> float | None:

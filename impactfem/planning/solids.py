@@ -110,6 +110,8 @@ def plan_solid(scene: Scene) -> SolidPlan:
     degree = choose_degree(scene, reasons, warnings)
     check_before_meshing(solid, degree)
     model = solid_model(scene, degree)
+    if model.mesh.source is not None:
+        reasons["mesh"] = model.mesh.source.text
     size, extent = measured(solid, model.mesh, degree)
     sizes = extents(solid)
     method = choose_method(scene, size, extent, reasons)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from pytest_mpi import parallel_assert
 
+import impactfem
 from impactfem.errors import MeshError
 from impactfem.fem import MPI
 from impactfem.mesh.body import build_body_mesh
@@ -145,11 +146,60 @@ def test_centres_of_arcs_are_no_nodes_and_degree_2_is_curved(write, degree):
 def test_meshes_of_each_format_and_order(tmp_path, version, binary, order, degree):
     options = {"version": version, "binary": binary, "everything": 0}
     path = saved(tmp_path / "body.msh", DISC, 2, order, **options)
+    if order > degree:
+        message = refused(path, degree=degree)
+        assert "curved, of order 2: nodes lie up to 0.03 of an element" in message
+        assert "use body.degree = 2 with an implicit method, or save the mesh" in message
+        return
     body = read(path, degree=degree)
     # Middles of edges that are not in the file lie on straight edges.
-    missed = MISSED[min(order, degree)]
-    assert math.pi / 4 - body.volume == pytest.approx(missed, rel=1e-6)
+    assert math.pi / 4 - body.volume == pytest.approx(MISSED[order], rel=1e-6)
     assert len(body.facets("rim")) == EDGES
+    told = f"order {order}{', curved' * (order == 2)}; curve 'rim' (32 elements) = a surface"
+    assert told in body.source.text
+    assert not body.source.unused
+
+
+def test_curved_elements_of_order_3_are_refused(tmp_path):
+    message = refused(saved(tmp_path / "body.msh", DISC, 2, 3), degree=2)
+    assert "curved, of order 3" in message
+    assert "save it with order 2" in message
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_straight_elements_of_higher_order_lose_nothing_and_it_is_said(tmp_path, order):
+    body = read(saved(tmp_path / "body.msh", SQUARE, 2, order))
+    assert body.volume == pytest.approx(1.0)
+    assert body.source.unused == (f"its geometry is of order {order}, but straight: read as 1",)
+    assert body.source.unused[0] in body.source.text
+
+
+SECOND = """
+Point(5) = {2, 0, 0, 0.25}; Point(6) = {2, 1, 0, 0.25};
+Line(5) = {2, 5}; Line(6) = {5, 6}; Line(7) = {6, 3};
+Curve Loop(2) = {5, 6, 7, -2}; Plane Surface(2) = {2};
+"""
+
+
+def test_two_groups_of_elements_are_refused(write, tmp_path):
+    two = SQUARE.replace('"body"', '"rubber"') + SECOND + 'Physical Surface("steel") = {2};'
+    for path in (write(two, "body.geo"), saved(tmp_path / "body.msh", two, 2)):
+        message = refused(path)
+        assert re.search(r"2 groups .* 'rubber' \(\d+ elements\), surface 'steel'", message)
+        assert 'Physical Surface("body")' in message
+    box = 'Box(2) = {1, 0, 0, 1, 2, 3}; Coherence; Physical Volume("steel", 2) = {2};'
+    message = refused(write(CUBE + box, "cube.geo"), "3d")
+    assert "volume 'body'" in message
+    assert "volume 'steel'" in message
+
+
+def test_groups_that_format_2_mixes_are_refused(write):
+    """Gmsh puts all elements of an elementary entity into the groups of any of them."""
+    lines = listed(UNIT, ["1 7 1 2", "1 8 2 3", *TWO], ['1 7 "left"', '1 8 "right"', '2 1 "body"'])
+    assert sorted(read(write(lines)).surfaces) == ["left", "right"]
+    message = refused(write(lines.replace("1 2 8 8 2 3", "1 2 8 7 2 3")))
+    assert "curve 'left'" in message
+    assert "share the elementary entity 7" in message
 
 
 def test_a_solid_in_space(write):
@@ -163,12 +213,10 @@ def test_a_solid_in_space(write):
 
 
 def test_elements_outside_the_physical_groups_are_left_out(write):
-    second = """
-    Point(5) = {2, 0, 0, 0.25}; Point(6) = {2, 1, 0, 0.25};
-    Line(5) = {2, 5}; Line(6) = {5, 6}; Line(7) = {6, 3};
-    Curve Loop(2) = {5, 6, 7, -2}; Plane Surface(2) = {2};
-    """
-    assert read(write(SQUARE + second, "body.geo")).volume == pytest.approx(1.0)
+    body = read(write(SQUARE + SECOND, "body.geo"))
+    assert body.volume == pytest.approx(1.0)
+    (unused,) = body.source.unused
+    assert re.fullmatch(r"44 of 86 elements are in no physical group and left out", unused)
 
 
 def test_groups_of_numbers_are_names(write):
@@ -355,7 +403,9 @@ def test_surfaces_that_do_not_exist_are_named_with_those_that_do(write):
 
 def test_surfaces_inside_the_body(write):
     path = write(listed(UNIT, ["1 7 1 3", "1 8 1 2", *TWO]))
-    assert sorted(read(path).surfaces) == ["8"]
+    body = read(path)
+    assert sorted(body.surfaces) == ["8"]
+    assert "the curve '7' (1 element) does not lie on the boundary" in body.source.unused[0]
     message = refused(path, pressures=[{"surface": "7", "value": 1.0}])
     assert "surface '7': 1 of its 1 facets are not on the boundary" in message
 
@@ -364,3 +414,18 @@ def test_the_name_axis_is_kept(write):
     path = write(SQUARE.replace('"lid"', '"axis"'), "body.geo")
     assert "surface 'axis' leaves r = 0" in refused(path, "axisymmetric")
     assert "axis" in read(path).surfaces
+
+
+def test_the_plan_honours_curves_and_lists_what_the_file_holds(tmp_path):
+    body = {"name": "disc", "kind": "solid", "model": "plane_strain", "velocity": [0.0, -0.1]}
+    floor = {"kind": "half_space", "name": "floor", "point": [0, -0.6], "normal": [0, 1]}
+    scene = impactfem.Scene.from_dict({
+        "title": "from a file", "duration": 1.0, "obstacle": [floor],
+        "body": [body | MATERIAL | {"mesh": str(saved(tmp_path / "disc.msh", DISC, 2, 2))}],
+    })  # fmt: skip
+    plan = impactfem.plan(scene)
+    assert (plan.method, plan.degree) == ("massless", 2)
+    assert plan.reasons["degree"] == "the elements of disc.msh are curved, of order 2"
+    assert plan.reasons["mesh"].startswith("disc.msh: 212 triangle elements of order 2, curved; ")
+    with pytest.raises(MeshError, match="curved, of order 2"):
+        impactfem.plan(scene.with_settings({"solve.method": "explicit"}))

@@ -9,7 +9,7 @@ import pytest
 from impactfem.errors import MeshError
 from impactfem.fem import MPI
 from impactfem.mesh import opening
-from impactfem.mesh.files import read_mesh
+from impactfem.mesh.files import read_mesh, told
 from impactfem.mesh.session import gmsh_session
 
 T, L = 2.0, 1.0
@@ -153,6 +153,30 @@ def test_a_side_of_several_curves_and_surfaces(write):
     """
     check_good(read(write(split + 'Physical Surface("bar") = {1, 2};')))
     check_good(read(write(split + 'Physical Surface("a") = {1}; Physical Surface("b") = {2};')))
+
+
+def test_groups_along_the_bar_are_materials_that_it_cannot_have(write):
+    """One bar has one material; groups that divide time do no harm."""
+    split = """
+    T = 2; L = 1; n = 4;
+    Point(1) = {0, 0, 0}; Point(2) = {T, 0, 0}; Point(3) = {T, L/2, 0};
+    Point(4) = {T, L, 0}; Point(5) = {0, L, 0}; Point(6) = {0, L/2, 0};
+    Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 5}; Line(5) = {5, 6};
+    Line(6) = {6, 1}; Line(7) = {6, 3};
+    Curve Loop(1) = {1, 2, -7, 6}; Plane Surface(1) = {1};
+    Curve Loop(2) = {7, 3, 4, 5}; Plane Surface(2) = {2};
+    Transfinite Curve {1:7} = n + 1; Transfinite Surface {1, 2};
+    Physical Curve("wall") = {1}; Physical Curve("far") = {4};
+    Physical Curve("start") = {5, 6}; Physical Curve("end") = {2, 3};
+    """
+    one = write(split + 'Physical Surface("bar") = {1, 2};', "one.geo")
+    assert len(read(one).facets("start")) == 8
+    assert "curve 'wall' (4 elements) = the side 'wall'" in told(one)
+    assert "surface 'bar' (64 elements) = the bar" in told(one)
+    two = 'Physical Surface("rubber") = {1}; Physical Surface("steel") = {2};'
+    message = refused(write(split + two))
+    assert "surface 'rubber' (32 elements), surface 'steel' (32 elements)" in message
+    assert "'rubber' covers x = 0 to 0.5 m of a bar of 1 m, which has one material" in message
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,14 @@
 """What the plan chooses, and that it says why."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import impactfem
 from impactfem.shipped import shipped_scenes
+
+MESHES = Path(__file__).parents[2] / "meshes"
 
 
 def scene(duration=5.0, gravity=0.0, solve=None, **bar):
@@ -32,7 +36,7 @@ def scene(duration=5.0, gravity=0.0, solve=None, **bar):
         (scene(solve={"accuracy": 1e-3}), "exact"),
         (scene(solve={"active_set": "snes_vi"}), "monolithic"),
         (scene(solve={"degree": 0}), "dg"),
-        (scene(solve={"mesh": "bar.msh"}), "dg"),
+        (scene(solve={"mesh": MESHES / "bar_spacetime.geo"}), "dg"),
         (scene(solve={"method": "newmark"}), "newmark"),
     ],
 )

@@ -1,7 +1,7 @@
 """Hard cases of solids beyond one scene: units, slivers, nearly incompressible bodies."""
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
 from impactfem.errors import MeshError
+from impactfem.result import Result
 from impactfem.studies.hard.board import Case, Claim, Facts
 from impactfem.studies.hard.solid_facts import (
     DISC,
@@ -107,17 +108,58 @@ def _square_mesh(near: float, number: int = 8) -> str:
     return gmsh_text(names, points + np.array([-0.5, 0.02]), elements)
 
 
-def _slivers(method: str) -> Facts:
-    """A square falls flat on triangles with angles of 1e-2 and less."""
+def _from_file(text: str, method: str, duration: float, **body: Any) -> Result:
+    """A body falls whose mesh is in a file."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "square.msh"
-        path.write_text(_square_mesh(1e-3), encoding="ascii")
+        path = Path(folder) / "body.msh"
+        path.write_text(text, encoding="ascii")
         try:
-            # The plan's step would follow the slivers.
+            # The plan's step would follow slivers.
             settings = {} if method in EXPLICIT else {"dt": _DT}
-            return facts_of(solved(method, solid_scene(4.0, mesh=str(path)), **settings))
+            return solved(method, solid_scene(duration, mesh=str(path), **body), **settings)
         except MeshError as error:
             raise MeshError(str(error).replace(f"{folder}/", "")) from error
+
+
+def _slivers(method: str) -> Facts:
+    """A square falls flat on triangles with angles of 1e-2 and less."""
+    return facts_of(_from_file(_square_mesh(1e-3), method, 4.0))
+
+
+def _two_materials(method: str) -> Facts:
+    """A square whose file has its triangles in a group of rubber and one of steel."""
+    one, last = '2 1 "square"', "2 2 1 1 "
+    text = _square_mesh(1e-3).replace(one, '2 1 "rubber"\n2 9 "steel"')
+    text = text.replace("$PhysicalNames\n5", "$PhysicalNames\n6")
+    head, tail = text.rsplit(last, 1)
+    return facts_of(_from_file(f"{head}2 2 9 9 {tail}", method, 1.0))
+
+
+def _curved_mesh(number: int = 16) -> str:
+    """A disc of radius 1/2 above the floor by .02: a fan of triangles of order 2."""
+    turns = np.pi * np.arange(2 * number) / number - np.pi / 2.0
+    rim = 0.5 * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    points = np.concatenate([[[0.0, 0.0]], rim, 0.5 * rim[::2]]) + np.array([0.0, 0.52])
+    elements = []
+    for k in range(number):
+        one, middle, two = 1 + 2 * k, 2 + 2 * k, 1 + (2 * k + 2) % (2 * number)
+        spokes = [1 + 2 * number + k, 1 + 2 * number + (k + 1) % number]
+        nodes = [0, one, two, spokes[0], middle, spokes[1]]
+        elements += [f"9 2 1 1 {' '.join(str(node + 1) for node in nodes)}"]
+        elements += [f"8 2 2 2 {one + 1} {two + 1} {middle + 1}"]
+    return gmsh_text(['2 1 "disc"', '1 2 "rim"'], points, elements)
+
+
+def _curved(degree: int) -> Callable[[str], Facts]:
+    def fall(method: str) -> Facts:
+        """A disc from a file of order 2; 16 straight edges would lose 2.6 % of its mass."""
+        result = _from_file(_curved_mesh(), method, 2.0, degree=degree)
+        history = result.history
+        speed = np.hypot(history["body.vx"].values, history["body.vy"].values)[0]
+        mass = abs(float(history["momentum"].values[0])) / speed
+        return facts_of(result) | {"mass": abs(mass / (np.pi / 4.0) - 1.0)}
+
+    return fall
 
 
 def _same(_: str) -> Sequence[Claim]:
@@ -133,5 +175,13 @@ CASES: tuple[Case, ...] = (
          SOLID, frozenset(EXPLICIT), quick=False, body="solid"),
     Case("square of slivers", _slivers, lambda m: [*claims(m, pulse=False), IMPULSE], SOLID,
          quick=False, body="solid"),
+    Case("mesh file of two materials", _two_materials, lambda _: [], SOLID, frozenset(SOLID),
+         quick=False, body="solid"),
+    Case("curved mesh file, degree 1", _curved(1), lambda _: [], SOLID, frozenset(SOLID),
+         quick=False, body="solid"),
+    Case("curved mesh file, degree 2", _curved(2),
+         lambda m: [*claims(m, pulse=False), IMPULSE,
+                    Claim("mass", 1e-3, "the curves of the file are kept")],
+         SOLID, frozenset(EXPLICIT), quick=False, body="solid"),
 )  # fmt: skip
 """Hard cases of solids that compare runs or bring their own meshes."""
