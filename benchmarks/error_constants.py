@@ -17,8 +17,8 @@ from impactfem.reference.bar import exact_bar
 from impactfem.studies.study import markdown_table
 
 VARIANTS = (
-    ("galerkin", 1.0, 1.0), ("galerkin", 0.5, 2 / 3), ("conserving", 0.5, 2 / 3),
-    ("conserving", 1.0, 2 / 3), ("conserving", 2.0, 2 / 3),
+    ("galerkin", 1.0, 1.0), ("galerkin", 0.5, 2 / 3), ("conserving", 0.5, 1.0),
+    ("conserving", 1.0, 1.0), ("conserving", 2.0, 1.0),
     ("dg", None, 2 / 3),
 )  # fmt: skip
 SIZES = (20, 80, 320)

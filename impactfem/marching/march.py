@@ -1,5 +1,6 @@
 """The time loop of bars: schemes by name, windows of layers, and what is kept of the motion."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -7,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.active_set import ActiveSetResult, primal_dual_active_set
-from impactfem.marching import kernels, negative_control
+from impactfem.marching import kernels, negative_control, wave_kernels
 from impactfem.marching.chain import Chain
+from impactfem.marching.waves import Waves
 from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
 from impactfem.scene import Bar, PiecewiseConstant
 
@@ -107,7 +109,10 @@ def march(
     if scheme.kernel == "two_step":
         effort, potential = _two_step(chain, numbers, means, tolerance, record, bar)
     else:
-        effort = _one_step(chain, scheme, numbers, means, tolerance, record)
+        if scheme.kernel == "conserving":
+            effort = _waves(bar, gravity, positions, numbers, means, record)
+        else:
+            effort = _one_step(chain, numbers, means, tolerance, record)
         # Work of gravity: load of the layer times its path, as the schemes have it.
         work = np.cumsum(means * np.diff(record.mean))
         potential = means[0] * record.mean[0] + np.concatenate([[0.0], work])
@@ -142,22 +147,38 @@ def _scale(chain: Chain, gravity: PiecewiseConstant, transit: float) -> float:
 
 
 def _one_step(
-    chain: Chain, scheme: Scheme, numbers: Marching, means: Floats, tolerance: float,
-    record: _Record,
-) -> Effort:  # fmt: skip
-    """Schemes that advance (u, v); gravity is that of the layer."""
+    chain: Chain, numbers: Marching, means: Floats, tolerance: float, record: _Record
+) -> Effort:
+    """The scheme that advances (u, v); gravity is that of the layer."""
     u, v = chain.displacement.copy(), chain.velocity.copy()
-    filled = (
-        record.kept, record.displacement, record.rate, record.gap, record.multiplier,
-        record.kinetic, record.elastic, record.mean, record.momentum,
+    negative_control.newmark(
+        chain.mass, chain.stiffness, numbers.dt, chain.clamped, means, tolerance, u, v,
+        numbers.layers, record.kept, record.displacement, record.rate, record.gap,
+        record.multiplier, record.kinetic, record.elastic, record.mean, record.momentum,
     )  # fmt: skip
-    common = (chain.mass, chain.stiffness, numbers.dt, chain.clamped, means)
-    if scheme.kernel == "conserving":
-        kernels.conserving(*common, u, v, numbers.layers, *filled)
-    else:
-        negative_control.newmark(*common, tolerance, u, v, numbers.layers, *filled)
     unknowns = len(chain.positions) * numbers.layers
     return Effort(unknowns, 1, (), True, "decided in each layer")
+
+
+def _waves(
+    bar: Bar, gravity: PiecewiseConstant, positions: Floats, numbers: Marching, means: Floats,
+    record: _Record,
+) -> Effort:  # fmt: skip
+    """The scheme that follows waves, in layers of at most a transit."""
+    parts = max(1, math.ceil(numbers.dt / bar.transit_time - 1e-9))
+    layers, c = parts * numbers.layers, bar.wave_speed
+    if parts > 1 and not gravity.is_constant:  # one load in all parts, as the energy counts it
+        gravity = PiecewiseConstant(tuple(numbers.dt * np.arange(numbers.layers)), tuple(means))
+    waves = Waves.of_bar(bar, gravity, numbers.dt / parts, layers)
+    wave_kernels.conserving(
+        *vars(waves).values(), positions / c, layers, parts,
+        record.gap, record.multiplier, record.kinetic, record.elastic, record.mean,
+        record.momentum, record.kept, record.displacement, record.rate,
+    )  # fmt: skip
+    record.multiplier *= c
+    record.kinetic *= c
+    record.elastic *= c
+    return Effort(2 * layers, 1, (), True, "closed form in each layer")
 
 
 def _two_step(

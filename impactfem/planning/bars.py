@@ -172,8 +172,8 @@ def _choose_method(scene: Scene, exact: ExactBar, reasons: dict[str, str]) -> st
             True,
             "conserving",
             (
-                "events fall between layers or courant is not 1: there galerkin rings or its "
-                "energy is not bounded; this one keeps it to rounding"
+                "events fall between layers or courant is not 1: there galerkin rings or loses "
+                "energy; this one keeps it to rounding, with a quarter of the error"
             ),
         ),
     )
