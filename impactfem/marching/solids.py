@@ -95,6 +95,16 @@ class Rows:
         """The first so many rows."""
         return Rows(*(getattr(self, entry.name)[:count] for entry in fields(self)))
 
+    def times(self, factor: int) -> "Rows":
+        """Those of so many bodies that move alike; gaps and counts are the same."""
+        counts = {"gap", "active", "iterations"}
+        return Rows(
+            *(
+                getattr(self, entry.name) * (1 if entry.name in counts else factor)
+                for entry in fields(self)
+            )
+        )
+
     def put(self, row: int, sums: Sums) -> None:
         """Store the sums of a row."""
         self.sums[row] = [sums.kinetic, sums.elastic, sums.work, *sums.momentum, *sums.moment]

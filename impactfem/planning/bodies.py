@@ -19,6 +19,7 @@ from impactfem.planning.solid_costs import (
     seconds,
 )
 from impactfem.planning.solids import SolidPlan, in_words, measured
+from impactfem.planning.wholes import find_whole
 from impactfem.scene import Scene, Solid
 
 _ALONE = ", linear elastic, rigid obstacles without friction"
@@ -81,6 +82,7 @@ def plan_bodies(scene: Scene) -> SolidPlan:
         memory_mib=sum(memory_mib(size, solver) for size in sizes),
         seconds=sum(each),
         estimate=False,
+        whole=find_whole(scene, model.parts, reasons),
         reasons=reasons,
         warnings=warnings_of(model),
     )

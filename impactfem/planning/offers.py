@@ -120,13 +120,16 @@ def _modulus(solid: Solid, axis: int, supports: Mapping[str, Support]) -> tuple[
 
 
 def _section(solid: Solid, axis: int) -> float:
-    """Area across an axis of a block [m^2]."""
+    """Area across an axis of a block, with all its mirror images beside it [m^2]."""
     shape = solid.shape
     volume = solid.volume
     if shape is None or volume is None:
         raise ValueError("a mesh file has no shape")
     lower, upper = shape.bounds(axisymmetric=solid.is_axisymmetric)
-    return volume / (upper[axis] - lower[axis])
+    planes = {support.surface for support in solid.all_supports if support.kind == "symmetry"}
+    beside = [k for k in range(int(solid.is_axisymmetric), solid.dim) if k != axis]
+    cuts = [_AXES[k] in shape.symmetry or len(planes & {*_SIDES[k]}) == 1 for k in beside]
+    return 2.0 ** sum(cuts) * volume / (upper[axis] - lower[axis])
 
 
 def _axisymmetric(scene: Scene) -> str:
@@ -192,9 +195,10 @@ def _plane_strain(scene: Scene) -> str:
     if not flat or not all(_runs_along_z(o, lower[2], upper[2]) for o in scene.rigid_obstacles):
         return ""
     corner, size = list(shape.corner[:2]), list(shape.size[:2])
+    thickness = (upper[2] - lower[2]) * (2.0 if "z" in shape.symmetry else 1.0)
     return (
         f'front and back are planes of symmetry and nothing varies along z: model = "plane_strain" '
-        f"with size = {size}, corner = {corner}, thickness = {upper[2] - lower[2]:g} and the "
+        f"with size = {size}, corner = {corner}, thickness = {thickness:g} and the "
         "obstacles in the plane would give the same motion in 2D"
     )
 
@@ -229,7 +233,7 @@ def _symmetry(scene: Scene) -> str:
         f"the scene is symmetric about {'each plane' if len(axes) > 1 else 'the plane'} "
         f"{' and '.join(f'{axis} = {_centre(solid, axis):g}' for axis in axes)}: shape = {{ ..., "
         f"symmetry = [{listed}] }} would give the same motion with {fraction} of the unknowns "
-        "(forces and energies then are those of the part)"
+        "(forces and energies are told of the whole)"
     )
 
 

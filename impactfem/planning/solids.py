@@ -25,6 +25,8 @@ from impactfem.planning.solid_costs import (
     memory_mib,
     seconds,
 )
+from impactfem.planning.wholes import find_whole
+from impactfem.result.whole import Whole
 from impactfem.scene import Scene
 from impactfem.scene.solids import Solid
 
@@ -65,6 +67,7 @@ class SolidPlan(ShowsItself):
         memory_mib: Estimated peak memory [MiB].
         seconds: Estimated time [s], output excluded.
         estimate: Whether the error is estimated by a second run.
+        whole: What is told of, if planes of symmetry leave only a part to be computed.
         reasons: Why each choice was made, by key; "offer ..." are cheaper models of the scene.
         warnings: What the user should know before trusting the answer.
     """
@@ -87,6 +90,7 @@ class SolidPlan(ShowsItself):
     memory_mib: float
     seconds: float
     estimate: bool
+    whole: Whole
     reasons: dict[str, str]
     warnings: tuple[str, ...]
 
@@ -150,6 +154,7 @@ def plan_solid(scene: Scene) -> SolidPlan:
         memory_mib=memory_mib(size, linear_solver),
         seconds=time * (1.0 + 0.5 ** (solid.dim + 1) * estimate),
         estimate=estimate,
+        whole=find_whole(scene, [model], reasons),
         reasons=reasons,
         warnings=tuple(warnings),
     )

@@ -1,7 +1,7 @@
 """What is seen of a solid: triangles to colour, its outline, and where it carries pressure."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,9 +11,12 @@ from scipy.sparse.csgraph import connected_components
 
 from impactfem.result import SolidFields
 from impactfem.result.cell_kinds import BY_VTK_TYPE, boundary_facets, face_triangles
+from impactfem.result.whole import Whole
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+_SAME = 1e-9  # of the size: nodes nearer to a plane of symmetry lie on it
 
 
 @dataclass(frozen=True)
@@ -46,13 +49,15 @@ class Skin:
 
     Attributes:
         fields: Fields of the solid.
-        points: Undeformed nodes [m], shape (nodes, 3).
+        points: Undeformed nodes [m], shape (nodes, 3); mirror images follow the nodes of the mesh.
         dim: Dimension of the cells, 2 or 3.
         triangles: All cells of a plane solid, or the surface of a solid in space with its normals
             outward, split at all nodes; shape (triangles, 3).
-        facets: Facets of the boundary, nodes as in `CellKind.facets`.
+        facets: Facets of the boundary of the mesh, nodes as in `CellKind.facets`.
         segments: Boundary of a plane solid with the body on the left, shape (segments, 2); empty
             in space.
+        mirrors: Axis and coordinate [m] of the planes that the body is mirrored at, in this order.
+        opened: Whether one image is left out, so that cut faces are seen.
     """
 
     fields: SolidFields
@@ -61,10 +66,21 @@ class Skin:
     triangles: Integers
     facets: Integers
     segments: Integers
+    mirrors: tuple[tuple[int, float], ...] = ()
+    opened: bool = False
 
     @classmethod
-    def of(cls, fields: SolidFields) -> "Skin":
-        """Take the skin of a solid."""
+    def of(
+        cls, fields: SolidFields, whole: Whole | None = None, towards: Floats | None = None
+    ) -> "Skin":
+        """Take the skin of a solid.
+
+        Args:
+            fields: Of the solid.
+            whole: What it is a part of, shown with its mirror images.
+            towards: Towards the viewer, shape (3,): of quarters and eighths the one in front is
+                left out. Absent or zero: none is.
+        """
         kind = BY_VTK_TYPE[fields.vtk_cell_type]
         points, cells = fields.points, fields.cells
         facets, owners = boundary_facets(cells, kind)
@@ -82,7 +98,41 @@ class Skin:
             beyond = np.repeat(outward, len(triangles) // len(facets), axis=0)
             turned = np.einsum("ij,ij->i", normals(points, triangles), beyond) < 0.0
             triangles[turned] = triangles[turned, ::-1]
-        return cls(fields, points, kind.dim, triangles, facets, segments)
+        skin = cls(fields, points, kind.dim, triangles, facets, segments)
+        mirrors = tuple((whole or Whole()).levels.items())
+        return skin._with_images(mirrors, towards) if mirrors else skin
+
+    def _with_images(
+        self, mirrors: tuple[tuple[int, float], ...], towards: Floats | None
+    ) -> "Skin":
+        """The skin with its mirror images; planes between two images are inside."""
+        planes = [
+            np.abs(self.points[:, axis] - level) <= _SAME * self.size for axis, level in mirrors
+        ]
+        left_out = -1
+        if len(mirrors) > 1 and towards is not None and towards.any():
+            middles = _mirrored(self.points.mean(axis=0)[None], mirrors)
+            left_out = int(np.argmax(middles @ towards))
+        triangles, segments = [], []
+        for image in range(2 ** len(mirrors)):
+            if image == left_out:
+                continue
+            cells, edges = self.triangles, self.segments
+            for k, inside in enumerate(planes):
+                if image ^ 1 << k != left_out:
+                    edges = edges[~inside[edges].all(axis=1)]
+                    cells = cells[~inside[cells].all(axis=1)] if self.dim == 3 else cells
+            way = -1 if image.bit_count() % 2 else 1  # images of odd number are inside out
+            triangles.append(cells[:, ::way] + image * len(self.points))
+            segments.append(edges[:, ::way] + image * len(self.points))
+        return replace(
+            self,
+            points=_mirrored(self.points, mirrors),
+            triangles=np.concatenate(triangles),
+            segments=np.concatenate(segments),
+            mirrors=mirrors,
+            opened=left_out >= 0,
+        )
 
     @cached_property
     def nodes(self) -> Integers:
@@ -97,12 +147,12 @@ class Skin:
     @cached_property
     def bodies(self) -> Integers:
         """Which of the parts without common cells a node belongs to, in the order of nodes."""
-        cells, count = self.fields.cells, len(self.points)
+        cells, count = self.fields.cells, self.fields.num_points
         ends = np.broadcast_to(cells[:, :1], cells.shape).ravel()
         graph = coo_array((np.ones(cells.size), (ends, cells.ravel())), shape=(count, count))
         found: Integers = connected_components(graph, directed=False)[1].astype(np.int64)
         first = np.unique(found, return_index=True)[1]
-        return np.argsort(np.argsort(first))[found]
+        return np.tile(np.argsort(np.argsort(first))[found], 2 ** len(self.mirrors))
 
     def snapshot(self, layer: int) -> Snapshot:
         """Read a layer."""
@@ -110,12 +160,12 @@ class Skin:
         touching = np.isfinite(values["gap"])
         pressure = np.where(touching, np.nan_to_num(values["contact_pressure"]), 0.0)
         self._fill_middles(pressure, touching)
+        place = self.points[: self.fields.num_points] + values["displacement"]
+        images = 2 ** len(self.mirrors)
         return Snapshot(
             float(self.fields.times[layer]),
-            self.points + values["displacement"],
-            values["von_mises"],
-            pressure,
-            touching,
+            _mirrored(place, self.mirrors),
+            *(np.tile(part, images) for part in (values["von_mises"], pressure, touching)),
         )
 
     def _fill_middles(self, pressure: Floats, touching: NDArray[np.bool_]) -> None:
@@ -136,6 +186,15 @@ class Skin:
             missing = ~had[node] & had[around].all(axis=1)
             pressure[node[missing]] = pressure[around[missing]].mean(axis=1)
             touching[node[missing]] = True
+
+
+def _mirrored(places: Floats, mirrors: tuple[tuple[int, float], ...]) -> Floats:
+    """Places (nodes, 3) and their images; bit k of an image's number says mirror k."""
+    for axis, level in mirrors:
+        image = places.copy()
+        image[:, axis] = 2.0 * level - places[:, axis]
+        places = np.concatenate([places, image])
+    return places
 
 
 def normals(points: Floats, triangles: Integers) -> Floats:

@@ -18,8 +18,9 @@ from impactfem.report.plane_picture import PRESSURE, WIDEST, PlanePainter
 from impactfem.report.pressure_maps import draw_pressure_maps
 from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin, Snapshot
-from impactfem.report.space_picture import SpacePainter
+from impactfem.report.space_picture import Camera, SpacePainter, skin_of
 from impactfem.result import Result, SolidFields
+from impactfem.result.whole import Whole
 
 if TYPE_CHECKING:
     from impactfem.scene import Solid
@@ -68,17 +69,14 @@ def _painter(result: Result, skin: Skin) -> Painter:
         body = cast("Solid", result.scene.bodies[0])
         several = len(result.scene.bodies) > 1
         return PlanePainter(skin, result.scene.obstacles, body.is_axisymmetric, several=several)
-    shapes = [cast("Solid", body).shape for body in result.scene.bodies]
-    axes = sorted({axis for shape in shapes if shape is not None for axis in shape.symmetry})
-    cuts = tuple(-np.eye(3)["xyz".index(axis)] for axis in axes)
-    return SpacePainter(skin, result.scene.obstacles, _vertical(result), cuts=cuts)
+    return SpacePainter(skin, result.scene.obstacles, Camera.of(result.scene))
 
 
 def body(result: Result) -> Figure | None:
     """Snapshots of the deformed body with its obstacles, true to scale; None if nothing can be."""
     if not isinstance(result.fields, SolidFields):
         return None
-    skin = Skin.of(result.fields)
+    skin = skin_of(result, result.fields)
     snapshots = [
         skin.snapshot(layer) for layer in telling_layers(result, 6 if skin.dim == 2 else 4)
     ]
@@ -112,8 +110,9 @@ def body(result: Result) -> Figure | None:
     colours = ScalarMappable(Normalize(0.0, painter.stress), "viridis")
     figure.colorbar(colours, ax=list(panels), label="von Mises stress [Pa]", shrink=0.9)
     if maps:
+        closed = Skin.of(result.fields, Whole.of_summary(result.summary))
         draw_pressure_maps(
-            figure, list(grid[rows]), skin, snapshots, painter.pressure,
+            figure, list(grid[rows]), closed, snapshots, painter.pressure,
             [body.name for body in result.scene.bodies],
             result.summary.get("details", {}).get("carriers", {}).values(),
         )  # fmt: skip
@@ -187,13 +186,6 @@ def telling_layers(result: Result, most: int = 6) -> list[int]:
         wanted = np.array([times[0], *around, times[-1]])
     nearest = np.abs(fields.times[None] - wanted[:, None]).argmin(axis=1)
     return [int(layer) for layer in np.unique(nearest)]
-
-
-def _vertical(result: Result) -> Floats:
-    """What points up: against gravity, or along y without any."""
-    gravity = np.asarray(result.scene.vector_gravity.at(0.0), dtype=np.float64)
-    size = np.linalg.norm(gravity)
-    return -gravity / size if size > 0.0 else np.eye(3)[1]
 
 
 def _square(window: Floats) -> Floats:

@@ -17,6 +17,7 @@ from impactfem.report.film import force_beside, tell_time
 from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin
 from impactfem.report.solid_figures import FLAT, Painter, survey
+from impactfem.report.space_picture import skin_of
 from impactfem.result import Result, SolidFields
 
 _MOST, _LEAST = 60, 12  # frames
@@ -79,7 +80,7 @@ def solid_reel(result: Result, fields: SolidFields, frames: int | None) -> Solid
     Returns:
         None if nothing of the motion is finite.
     """
-    skin = Skin.of(fields)
+    skin = skin_of(result, fields)
     if frames is None:
         frames = int(np.clip(_TRIANGLES // max(1, len(skin.triangles)), _LEAST, _MOST))
     layers = even_moments(fields.times, frames)

@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 from impactfem.contact.distance import translation
 from impactfem.report.obstacle_faces import faces_of, grid_of_plane, spacing
 from impactfem.report.skin import Skin, Snapshot, normals, union
+from impactfem.result import Result, SolidFields
+from impactfem.result.whole import Whole
+from impactfem.scene import HalfSpace, Scene
 
 Floats = NDArray[np.float64]
 
@@ -59,9 +62,22 @@ class Camera:
         right /= np.linalg.norm(right)
         return cls(right, np.cross(towards, right), towards)
 
+    @classmethod
+    def of(cls, scene: Scene) -> "Camera":
+        """The view of a scene."""
+        planes = [np.array(o.unit_normal) for o in scene.obstacles if isinstance(o, HalfSpace)]
+        return cls.facing(vertical_of(scene), planes)
+
     def flat(self, places: Floats) -> Floats:
         """Where places appear, shape (..., 2)."""
         return np.stack([places @ self.right, places @ self.up], axis=-1)
+
+
+def vertical_of(scene: Scene) -> Floats:
+    """What points up: against gravity, or along y without any; shape (3,)."""
+    gravity = np.asarray(scene.vector_gravity.at(0.0), dtype=np.float64)
+    size = float(np.linalg.norm(gravity))
+    return -gravity / size if size > 0.0 else np.eye(3)[1]
 
 
 @dataclass(frozen=True)
@@ -71,24 +87,16 @@ class SpacePainter:
     Attributes:
         skin: Skin of the solid.
         obstacles: Obstacles of the scene.
-        vertical: Unit vector that shall point up, shape (3,).
+        camera: Where it is looked from.
         stress: Largest von Mises stress of the colours [Pa].
         pressure: Largest contact pressure of all pictures [Pa].
-        cuts: Outward normals of cuts through the body, which show its inside, shape (3,) each.
     """
 
     skin: Skin
     obstacles: Sequence[Any]
-    vertical: Floats
+    camera: Camera
     stress: float = 1.0
     pressure: float = 0.0
-    cuts: tuple[Floats, ...] = ()
-
-    @cached_property
-    def camera(self) -> Camera:
-        """Where it is looked from."""
-        planes = [np.array(o.unit_normal) for o in self.obstacles if o.kind == "half_space"]
-        return Camera.facing(self.vertical, [*planes, *self.cuts])
 
     def extent(self, snapshot: Snapshot) -> Floats:
         """Range of the body in the picture, shape (2, 2): rows are directions."""
@@ -191,6 +199,14 @@ class SpacePainter:
             )
             drawn += [arrow, letter]
         return drawn
+
+
+def skin_of(result: Result, fields: SolidFields) -> Skin:
+    """Skin of the solids of a result; a quarter or eighth is completed but for what hides it."""
+    whole = Whole.of_summary(result.summary)
+    scene = result.scene
+    towards = Camera.of(scene).towards if scene.dim == 3 else np.zeros(3)
+    return Skin.of(fields, whole, towards)
 
 
 def _unit_normals(faces: Floats) -> Floats:

@@ -102,7 +102,7 @@ def run_bodies(
     progress.step("marching")
     try:
         fields = _march(scene, model, march, gaps)
-        motion = bodies_motion(model, scheme, march, interior, limit)
+        motion = bodies_motion(model, scheme, march, interior, limit, plan.whole)
     finally:
         interior.destroy()
         for transfer in transfers:

@@ -13,6 +13,7 @@ from impactfem.marching.solids import SolidMarch
 from impactfem.models.bodies import BodiesModel
 from impactfem.result.bar_motion import Effort
 from impactfem.result.history import BodyMotion, Columns, make_history
+from impactfem.result.whole import Whole
 from impactfem.runs.solid_rows import elastic_and_force, work_done
 
 Floats = NDArray[np.float64]
@@ -39,6 +40,7 @@ def bodies_motion(
     march: SolidMarch,
     interior: Composite,
     limit: float | None,
+    whole: Whole,
 ) -> BodiesMotion:
     """Make the motions of the rows of all ranks (collective).
 
@@ -48,22 +50,23 @@ def bodies_motion(
         march: At its end, or where it failed.
         interior: Of the solids, with the sums of each.
         limit: Least stable time step [s] of an explicit scheme.
+        whole: What the solids are parts of; the motions are those of the whole.
     """
     dim = model.parts[0].solid.dim
     each = total(model.comm, interior.rows)
     bad = ~np.isfinite(each).all(axis=(0, 2))
     done = min(march.layer + 1, int(np.argmax(bad)) if bad.any() else each.shape[1])
-    rows, each = march.rows.first(done), each[:, :done]
+    rows, each = march.rows.first(done).times(whole.factor), whole.factor * each[:, :done]
     sums = each.sum(axis=0)
     times: Floats = march.interior.dt * np.arange(done, dtype=np.float64)
     explicit = scheme.interior == "leapfrog"
     elastic, force = elastic_and_force(scheme, rows, sums[:, 1])
     bodies = {}
     for k, part in enumerate(model.parts):
-        mass, centre = part.system.total_mass, part.system.center_of_mass
+        mass, centre = whole.factor * part.system.total_mass, part.system.center_of_mass
         position, velocity = np.zeros((done, 3)), np.zeros((done, 3))
-        position[:, :dim] = centre + each[k, :, 3 + dim :] / mass
-        velocity[:, :dim] = each[k, :, 3 : 3 + dim] / mass
+        position[:, :dim] = whole.mean_place(centre + each[k, :, 3 + dim :] / mass)
+        velocity[:, :dim] = whole.mean(each[k, :, 3 : 3 + dim]) / mass
         bodies[part.solid.name] = BodyMotion(position, velocity)
     direction = _direction(model)
     history = make_history(
@@ -73,8 +76,8 @@ def bodies_motion(
             contact_force=force + 0.0,
             kinetic_energy=sums[:, 0],
             elastic_energy=elastic,
-            potential_energy=-work_done(march, sums, sums[:, 3 + dim :], explicit=explicit),
-            momentum=sums[:, 3 : 3 + dim] @ direction[:dim],
+            potential_energy=-work_done(march, rows, sums, sums[:, 3 + dim :], explicit=explicit),
+            momentum=whole.mean(sums[:, 3 : 3 + dim]) @ direction[:dim],
             active=rows.active,
             bodies=bodies,
         )
@@ -104,6 +107,7 @@ def bodies_motion(
             "friction_work": float(rows.friction_work.sum()),
             "cells": sum(part.mesh.num_cells for part in model.parts),
             "nodes": sum(part.mesh.num_nodes for part in model.parts),
+            **whole.details(),
         },
     )
     finite = bool(np.isfinite(sums).all() and np.isfinite(force).all())

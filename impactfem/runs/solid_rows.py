@@ -10,12 +10,18 @@ from impactfem.marching.solids import Rows, SolidMarch
 from impactfem.models.solid import SolidModel
 from impactfem.result.bar_motion import Effort
 from impactfem.result.solid_motion import SolidMotion
+from impactfem.result.whole import Whole
 
 Floats = NDArray[np.float64]
 
 
 def solid_motion(
-    model: SolidModel, scheme: SolidScheme, march: SolidMarch, watch: Watch, limit: float | None
+    model: SolidModel,
+    scheme: SolidScheme,
+    march: SolidMarch,
+    watch: Watch,
+    limit: float | None,
+    whole: Whole,
 ) -> SolidMotion:
     """Make the motion of the rows of all ranks (collective).
 
@@ -25,24 +31,25 @@ def solid_motion(
         march: At its end, or where it failed.
         watch: What was seen of nodes without contact unknowns.
         limit: Stable time step [s] of an explicit scheme.
+        whole: What the body is a part of; the motion is that of the whole.
     """
     dim = model.solid.dim
     sums = total(model.comm, march.rows.sums)
     # After a failure the last rows are empty or not finite.
     bad = ~np.isfinite(sums).all(axis=1)
     done = min(march.layer + 1, int(np.argmax(bad)) if bad.any() else len(sums))
-    rows, sums = march.rows.first(done), sums[:done]
-    momentum, moment = sums[:, 3 : 3 + dim], sums[:, 3 + dim :]
+    rows, sums = march.rows.first(done).times(whole.factor), whole.factor * sums[:done]
+    momentum, moment = whole.mean(sums[:, 3 : 3 + dim]), sums[:, 3 + dim :]
     times: Floats = march.interior.dt * np.arange(done, dtype=np.float64)
     explicit = scheme.interior == "leapfrog"
     elastic, force = elastic_and_force(scheme, rows, sums[:, 1])
-    work = work_done(march, sums, moment, explicit=explicit)
+    work = work_done(march, rows, sums, moment, explicit=explicit)
     direction = np.zeros(3)
     first = model.contact.normal[np.argmin(model.contact.gap)] if model.contact.count else None
     direction[:dim] = np.eye(dim)[dim - 1 if dim == 2 else 1] if first is None else first
-    mass, centre = model.system.total_mass, model.system.center_of_mass
+    mass, centre = whole.factor * model.system.total_mass, model.system.center_of_mass
     position, velocity = np.zeros((len(times), 3)), np.zeros((len(times), 3))
-    position[:, :dim] = centre + moment / mass
+    position[:, :dim] = whole.mean_place(centre + moment / mass)
     velocity[:, :dim] = momentum / mass
     changes = np.abs(np.diff(rows.active))
     effort = Effort(
@@ -61,6 +68,7 @@ def solid_motion(
             "watch": watch.message,
             "cells": model.mesh.num_cells,
             "nodes": model.mesh.num_nodes,
+            **whole.details(),
         },
     )
     along: Floats = momentum @ direction[:dim]
@@ -70,7 +78,7 @@ def solid_motion(
         contact_force=force,
         kinetic=sums[:, 0],
         elastic=elastic,
-        potential=_level(model) - work,
+        potential=whole.factor * _level(model) - work,
         momentum=along,
         direction=direction,
         active=rows.active,
@@ -102,11 +110,14 @@ def _mean(values: NDArray[np.int64]) -> float:
     return float(values.mean()) if len(values) else 0.0
 
 
-def work_done(march: SolidMarch, sums: Floats, moment: Floats, *, explicit: bool) -> Floats:
+def work_done(
+    march: SolidMarch, rows: Rows, sums: Floats, moment: Floats, *, explicit: bool
+) -> Floats:
     """Work of gravity, loads and moved obstacles up to each layer [J], as the scheme does it.
 
     Args:
         march: At its end.
+        rows: As the march has left them, of the whole.
         sums: Of all ranks and bodies, as `Rows.sums` has them, (rows, 3 + 2 dim).
         moment: Mass times displacement [kg m], (rows, dim).
         explicit: Whether energies belong to the middle of layers.
@@ -118,7 +129,7 @@ def work_done(march: SolidMarch, sums: Floats, moment: Floats, *, explicit: bool
         step = 0.5 * (step + np.vstack([np.zeros_like(step[:1]), step[:-1]]))
     pulled = np.einsum("ij,ij->i", gravity, step)
     done = np.zeros(len(sums))
-    done[1:] = np.cumsum(pulled + sums[1:, 2] + march.rows.obstacle_work[1 : len(sums)])
+    done[1:] = np.cumsum(pulled + sums[1:, 2] + rows.obstacle_work[1 : len(sums)])
     return done
 
 

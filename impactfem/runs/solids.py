@@ -93,7 +93,7 @@ def run_solid(
     progress.step("marching")
     try:
         fields, watch = _march(scene, model, march, checkpoints, restart)
-        motion = solid_motion(model, scheme, march, watch, limit)
+        motion = solid_motion(model, scheme, march, watch, limit, plan.whole)
     finally:
         interior.destroy()
         if transfer is not None:

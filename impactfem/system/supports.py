@@ -27,12 +27,15 @@ class Supports:
         moved: Owned degrees of freedom that follow a formula, shape (moved,).
         which: Index of the formula of each of ``moved``, shape (moved,).
         formulas: Displacements [m] in t, the same on all ranks.
+        planes: Axis and coordinate [m] of symmetry supports that bound the body, of axes that have
+            one only; the same on all ranks.
     """
 
     constrained: NDArray[np.bool_]
     moved: Integers
     which: Integers
     formulas: tuple[Formula, ...]
+    planes: tuple[tuple[int, float], ...] = ()
 
     def motion(self, t: float, *, inertia: bool = False) -> tuple[Floats, Floats, Floats]:
         """Displacement [m], velocity [m/s] and acceleration [m/s^2] of ``moved`` at time t.
@@ -91,12 +94,15 @@ def find_supports(
         labels.append("axis of symmetry")
         on_axis = np.flatnonzero(np.abs(nodes.positions[: nodes.owned, 0]) <= nodes.same)
         _hold(nodes, state, by, nodes.dofs(on_axis, 0), 0, len(supports), labels, formulas)
+    levels: list[Floats] = [np.zeros(0)] * nodes.dim
     for k, support in enumerate(supports):
         facets = surface_facets(surfaces, support.surface, "support")
         if support.kind == "symmetry":
             for direction, part in enumerate(_plane_facets(nodes, facets, support.surface)):
                 dofs = nodes.dofs(nodes.on_facets(part), direction)
                 _hold(nodes, state, by, dofs, 0, k, labels, formulas)
+                own = nodes.positions[nodes.of_facets(part), direction].ravel()
+                levels[direction] = np.append(levels[direction], own)
             continue
         found = nodes.on_facets(facets)
         for direction, index in holder[k]:
@@ -104,7 +110,24 @@ def find_supports(
                 dofs = nodes.dofs(found, direction)
                 _hold(nodes, state, by, dofs, index, k, labels, formulas)
     moved = np.flatnonzero(state > 0)
-    return Supports(state != _FREE, moved, state[moved] - 1, tuple(formulas[1:]))
+    planes = _bounding_planes(nodes, levels, axisymmetric=axisymmetric)
+    return Supports(state != _FREE, moved, state[moved] - 1, tuple(formulas[1:]), planes)
+
+
+def _bounding_planes(
+    nodes: Nodes, levels: Sequence[Floats], *, axisymmetric: bool
+) -> tuple[tuple[int, float], ...]:
+    """Axes along which all levels are one, with the body on one side of it (collective)."""
+    found = []
+    for axis in range(int(axisymmetric), nodes.dim):  # at r = 0 the model itself is symmetric
+        places = nodes.positions[:, axis]
+        ends = [(x.min(initial=np.inf), x.max(initial=-np.inf)) for x in (levels[axis], places)]
+        low, high = np.array(nodes.comm.allgather(ends)).transpose(2, 1, 0)
+        (held, body), (last, beyond) = low.min(axis=1), high.max(axis=1)
+        bounds = [end for end in (body, beyond) if abs(held - end) <= nodes.same]
+        if bounds and last - held <= nodes.same:
+            found.append((axis, float(bounds[0])))
+    return tuple(found)
 
 
 def surface_facets(

@@ -13,7 +13,8 @@ from impactfem.errors import MissingDependencyError, OutputError
 from impactfem.report.obstacle_faces import faces_of
 from impactfem.report.skin import Skin, normals
 from impactfem.report.solid_figures import survey, telling_layers
-from impactfem.result import SolidMotion, solid_history
+from impactfem.result import SolidFields, SolidMotion, solid_history
+from impactfem.result.whole import Whole
 from impactfem.scene import HalfSpace, RigidBox, RigidCylinder, RigidPolyline, RigidSphere
 
 BOTH = pytest.mark.parametrize("dim", [2, 3])
@@ -193,6 +194,38 @@ def test_the_skin_is_closed_and_looks_outward(dim, tmp_path):
         a, b = rest[skin.segments[:, 0]], rest[skin.segments[:, 1]]
         assert (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).min() > 0.0  # counter-clockwise
         assert np.array_equal(np.sort(skin.segments[:, 0]), np.sort(skin.segments[:, 1]))
+
+
+@pytest.mark.parametrize("axes", ["x", "xz", "xyz"])
+def test_a_part_is_shown_with_its_mirror_images(tmp_path, axes):
+    """As a closed surface round the whole; opened, cut faces close it where a part is left out."""
+    from impactfem.result.solid_fields import FieldSpool
+
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+    points = np.concatenate([corners, corners + np.eye(3)[2]]) + 1.0
+    with FieldSpool(tmp_path / "f.vtkhdf", points, [list(range(8))], 12) as spool:
+        moved = 0.1 * (points - 1.0)
+        spool.append(0.0, {"displacement": moved, "velocity": moved, "von_mises": np.arange(8.0),
+                           "contact_pressure": np.ones(8), "gap": np.zeros(8),
+                           "active": np.ones(8)})  # fmt: skip
+    fields = SolidFields(tmp_path / "f.vtkhdf")
+    whole = Whole(tuple((axis, 1.0) for axis in axes))
+
+    def volume(skin):
+        place = skin.snapshot(0).place
+        normal = normals(place, skin.triangles)
+        assert normal.sum(axis=0) == pytest.approx(0.0, abs=1e-12)
+        return np.einsum("ij,ij->", place[skin.triangles].mean(axis=1), normal) / 6.0
+
+    assert volume(Skin.of(fields)) == pytest.approx(1.1**3)
+    closed = Skin.of(fields, whole)
+    assert volume(closed) == pytest.approx(whole.factor * 1.1**3)
+    assert not closed.bodies.any()
+    assert closed.snapshot(0).von_mises.sum() == whole.factor * 28.0
+    opened = Skin.of(fields, whole, np.array([0.5, 0.3, 0.8]))
+    assert opened.opened is (len(axes) > 1)
+    assert volume(opened) == pytest.approx((whole.factor - opened.opened) * 1.1**3)
+    assert opened.opened is not bool((opened.snapshot(0).place[opened.nodes] > 1.05).all(1).any())
 
 
 SHIFT = ["0.1*sin(10*t)", "0.2*t", "0"]

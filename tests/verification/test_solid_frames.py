@@ -104,8 +104,6 @@ def test_a_supported_block_slides_down_its_guide_as_half_of_a_symmetric_one(meth
     whole = BLOCK | {"velocity": [0.0, -0.15]}
     other = impactfem.solve(solid_scene(whole, [floor(2)], duration=2.0, **solve)).history
     assert other["contact_force"].max() > 0.05
-    assert (
-        largest(2 * one["contact_force"] - other["contact_force"], other["contact_force"]) < 1e-10
-    )
+    assert largest(one["contact_force"] - other["contact_force"], other["contact_force"]) < 1e-10
     assert np.abs(one["gap"] - other["gap"]).max() <= 1e-12
     assert np.abs(one["body.y"] - other["body.y"]).max() <= 1e-12

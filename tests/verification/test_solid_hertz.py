@@ -59,8 +59,7 @@ class Impact:
             )
         )  # fmt: skip
         history = result.history
-        whole = 4.0 if deep else 1.0
-        self.forces = whole * history["contact_force"].values
+        self.forces = history["contact_force"].values
         touching = np.flatnonzero(self.forces)
         self.time = (touching[-1] - touching[0] + 1) * dt / time
         self.force = self.forces.max() / force
@@ -142,7 +141,7 @@ def line_contact(degree, per_width, *, width=0.05):
             }
         )
     )  # fmt: skip
-    force = 2.0 * float(result.history["contact_force"][-1])
+    force = float(result.history["contact_force"][-1])
     width, peak = math.sqrt(4 * force / (math.pi * STIFF)), math.sqrt(force * STIFF / math.pi)
     fields, points = result.fields.read(-1, "contact_pressure", "gap"), result.fields.points
     on = np.isfinite(fields["gap"])

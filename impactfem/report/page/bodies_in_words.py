@@ -78,8 +78,9 @@ def _solid(_: Scene, solid: Any) -> str:
         f"{number(solid.poisson_ratio)}, density {quantity(solid.density, 'kg/m³')}; its fastest "
         f"waves run at {quantity(solid.p_wave_speed, 'm/s')}."
     )
-    if solid.mass is not None:
-        text += f" Its mass is {quantity(solid.mass, 'kg')}."
+    if solid.mass is not None and solid.shape is not None:
+        parts = 2 ** len(solid.shape.symmetry)
+        text += f" Its mass is {quantity(parts * solid.mass, 'kg')}."
     return text + _boundary(solid) + _damping(solid)
 
 

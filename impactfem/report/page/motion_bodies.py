@@ -1,7 +1,7 @@
 """The moving picture of solids: deformed triangles coloured by stress, obstacles, pressed faces."""
 
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,11 @@ from impactfem.report.page.motion_data import (
 )
 from impactfem.report.page.motion_obstacles import plane_obstacles, space_obstacles
 from impactfem.report.skin import Skin
-from impactfem.report.space_picture import Camera
+from impactfem.report.space_picture import Camera, skin_of, vertical_of
 from impactfem.result import Result, SolidFields
-from impactfem.scene import HalfSpace, Solid
+
+if TYPE_CHECKING:
+    from impactfem.scene import Solid
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -67,7 +69,7 @@ def bodies_motion(result: Result, fields: SolidFields) -> dict[str, Any] | None:
     Returns:
         None if no kept layer is finite.
     """
-    skin = Skin.of(fields)
+    skin = skin_of(result, fields)
     weight = (2 * skin.dim + 1) * 4 / 3  # bytes of a node in a frame
     most = int(np.clip(BUDGET / (weight * len(skin.nodes)), _LEAST_FRAMES, MOST_FRAMES))
     layers = telling_frames(result, fields.times, most)
@@ -168,19 +170,11 @@ def _plane(result: Result, shown: Shown, frames: list[Frame]) -> dict[str, Any]:
 def _space(result: Result, skin: Skin, times: Floats) -> dict[str, Any]:
     points = skin.points[skin.nodes]
     centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    gravity = np.asarray(result.scene.vector_gravity.at(0.0), dtype=np.float64)
-    size = float(np.linalg.norm(gravity))
-    vertical = -gravity / size if size > 0.0 else np.eye(3)[1]
-    planes = [np.array(o.unit_normal) for o in result.scene.obstacles if isinstance(o, HalfSpace)]
-    shapes = [cast("Solid", body).shape for body in result.scene.bodies]
-    axes = sorted({axis for shape in shapes if shape is not None for axis in shape.symmetry})
-    cuts = [-np.eye(3)["xyz".index(axis)] for axis in axes]
-    camera = Camera.facing(vertical, [*planes, *cuts])
     reach = _REACH * skin.size
     return {
         "kind": "space",
-        "towards": numbers(camera.towards),
-        "up": numbers(vertical),
+        "towards": numbers(Camera.of(result.scene).towards),
+        "up": numbers(vertical_of(result.scene)),
         "obstacles": space_obstacles(result.scene.obstacles, times, centre, reach),
     }
 
@@ -197,8 +191,9 @@ def _caption(result: Result, skin: Skin, shown: Shown, factors: list[float], lim
         text += "; orange is the boundary under contact pressure"
         if cast("Solid", result.scene.bodies[0]).is_axisymmetric:
             text += "; the section through the axis, mirrored"
-    elif any(shape.symmetry for b in result.scene.bodies if (shape := cast("Solid", b).shape)):
-        text += "; the part that is computed, cut at its planes of symmetry"
+    if skin.mirrors:
+        text += f"; 1 of {2 ** len(skin.mirrors)} parts is computed, the others are mirror images"
+        text += ", the one in front left out" if skin.opened else ""
     if len(shown.nodes) < len(skin.nodes):
         text += f"; {len(shown.nodes)} of {len(skin.nodes)} nodes are drawn"
     return text + "."

@@ -44,7 +44,7 @@ def _solids(scene: Scene) -> list[str]:
     if not any(solid.rayleigh_mass or solid.rayleigh_stiffness for solid in solids):
         found.append("Damping of the material: the scene gives none.")
     if solids[0].shape is not None and any(s.shape.symmetry for s in solids if s.shape):
-        found.append("The mirrored parts: forces and energies are those of what is modelled.")
+        found.append("Whatever is not symmetric about the cuts: one part is computed.")
     return found
 
 

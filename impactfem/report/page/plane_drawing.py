@@ -28,7 +28,7 @@ from impactfem.report.page.sketch import (
     spring,
 )
 from impactfem.report.plane_picture import draw_obstacles
-from impactfem.report.skin import Skin
+from impactfem.report.space_picture import skin_of
 from impactfem.result import Result, SolidFields
 from impactfem.scene import Beam, HalfSpace, Point, Rod, Scene, Solid
 
@@ -136,7 +136,7 @@ def _outlines(result: Result, solids: Sequence[Solid]) -> list[Floats] | None:
         return [cast("Floats", outline)[None] for outline in known]
     if not isinstance(result.fields, SolidFields):
         return None
-    skin = Skin.of(result.fields)
+    skin = skin_of(result, result.fields)
     place = skin.snapshot(0).place[:, :2]
     bodies = skin.bodies[skin.segments[:, 0]]
     return [place[skin.segments[bodies == k]] for k in range(len(solids))]

@@ -13,9 +13,8 @@ from impactfem.contact.distance import signed_distance
 from impactfem.report.obstacle_faces import grid_of_plane
 from impactfem.report.page.numbers import constant, quantity
 from impactfem.report.page.sketch import EDGE, GRAVITY, VELOCITY, arrow, empty, label
-from impactfem.report.skin import Skin
 from impactfem.report.solid_figures import survey
-from impactfem.report.space_picture import Camera, SpacePainter
+from impactfem.report.space_picture import Camera, SpacePainter, skin_of
 from impactfem.result import Result, SolidFields
 from impactfem.scene import HalfSpace, Point, Scene, Solid
 
@@ -29,7 +28,7 @@ def draw_solids_in_space(result: Result) -> Figure | None:
     """Solids in space with obstacles and velocities; None if their fields were not kept."""
     if not isinstance(result.fields, SolidFields):
         return None
-    skin = Skin.of(result.fields)
+    skin = skin_of(result, result.fields)
     snapshot = skin.snapshot(0)
     painter, extents = survey(result, skin, [snapshot])
     if not isinstance(painter, SpacePainter) or not extents:

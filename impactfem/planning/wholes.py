@@ -1,0 +1,92 @@
+"""Of which part of a symmetric whole a scene is: then results are told of the whole."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
+
+from impactfem.planning.images import Mirror, is_image
+from impactfem.result.whole import Whole
+from impactfem.scene import Scene, Solid
+from impactfem.scene.scene import Rigid
+
+if TYPE_CHECKING:
+    from impactfem.system.elastic import ElasticSystem
+
+_AXES = "xyz"
+_SAME = 1e-9  # of the size of the body, for places of planes
+
+
+class Part(Protocol):
+    """A discretised solid."""
+
+    @property
+    def solid(self) -> Solid:
+        """The body."""
+
+    @property
+    def system(self) -> "ElasticSystem":
+        """Its supports."""
+
+
+def find_whole(scene: Scene, parts: Sequence[Part], reasons: dict[str, str]) -> Whole:
+    """Find the planes of symmetry that cut every body of a scene.
+
+    A cut of a shape is one as the scene says. A support of kind "symmetry" is one where it says
+    so of a half: all nodes lie on one side of the only such plane across its axis (two of them are
+    guides, as of a wave guide), and gravity and obstacles are symmetric about it.
+
+    Args:
+        scene: The scene.
+        parts: Its solids.
+        reasons: Gets what was decided.
+    """
+    each = [_planes(scene, part) for part in parts]
+    size = max(part.system.nodes.size for part in parts)
+    common = {
+        axis: level
+        for axis, level in sorted(each[0].items())
+        if all(abs(planes.get(axis, float("inf")) - level) <= _SAME * size for planes in each)
+    }
+    whole = Whole(tuple((_AXES[axis], level) for axis, level in common.items()))
+    if common:
+        where = " and ".join(f"{axis} = {level:g} m" for axis, level in whole.planes)
+        reasons["symmetry"] = (
+            f"cut at {where}: forces, impulses, energies and masses are told of the whole, "
+            f"{whole.factor} times what is computed"
+        )
+        mirrors = (Mirror(axis, level, size) for axis, level in common.items())
+        if not all(_is_symmetric(scene, mirror) for mirror in mirrors):
+            reasons["symmetry"] += "; gravity and obstacles have mirror images there, too"
+    elif any(each):
+        reasons["symmetry"] = (
+            "not all bodies are cut by the same planes: forces, energies and masses are those of "
+            "the parts that are computed"
+        )
+    return whole
+
+
+def _planes(scene: Scene, part: Part) -> dict[int, float]:
+    """Coordinate [m] of the planes that cut a body, by the number of the axis across."""
+    shape = part.solid.shape
+    cuts = () if shape is None else shape.symmetry
+    found = {} if shape is None else {_AXES.index(a): shape.centre[_AXES.index(a)] for a in cuts}
+    for axis, level in part.system.supports.planes:
+        mirror = Mirror(axis, level, part.system.nodes.size)
+        if axis not in found and _is_symmetric(scene, mirror):
+            found[axis] = level
+    return {axis: level + 0.0 for axis, level in found.items()}
+
+
+def _is_symmetric(scene: Scene, mirror: Mirror) -> bool:
+    """Whether gravity and obstacles are their own mirror images."""
+    pulled = any(value[mirror.axis] != 0.0 for value in scene.vector_gravity.values)
+    obstacles = scene.rigid_obstacles
+    return not pulled and all(any(_images(o, p, mirror) for p in obstacles) for o in obstacles)
+
+
+def _images(one: Rigid, other: Rigid, mirror: Mirror) -> bool:
+    if one.motion is not None or other.motion is not None:
+        across = None if one.motion is None else one.motion[mirror.axis]
+        stays = across is not None and across.is_constant and float(across(t=0.0)) == 0.0
+        if one is not other or not stays:
+            return False
+    return is_image(one, other, mirror)
