@@ -58,6 +58,7 @@ GENERATED = Path(__file__).parent / "generated"
 
 write_changed(GENERATED / "scene.md", reference_tables.scene_reference())
 write_changed(GENERATED / "columns.md", reference_tables.history_columns())
+write_changed(GENERATED / "findings.md", reference_tables.finding_codes())
 
 # The demos are run for `-t gallery` (make docs); other builds show what is stored.
 folder = Path(os.environ.get("IMPACTFEM_GALLERY") or gallery_runs.DEFAULT).resolve()

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from impactfem import commands
-from impactfem.commands import BAD_INPUT, DONE, FAILED, NOT_CONVERGED
+from impactfem.commands import BAD_INPUT, DONE, FAILED, NOT_TRUSTED
 from impactfem.errors import ConvergenceError, ImpactError, MeshError, SceneError
 from impactfem.first_use import announce_to
 from impactfem.processes import abort, complain, end_together, join, rank, ranks, say
@@ -80,7 +80,7 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
 def _code(error: ImpactError) -> int:
     if isinstance(error, SceneError | MeshError):
         return BAD_INPUT
-    return NOT_CONVERGED if isinstance(error, ConvergenceError) else FAILED
+    return NOT_TRUSTED if isinstance(error, ConvergenceError) else FAILED
 
 
 class _Version(argparse.Action):
@@ -98,7 +98,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="impactfem",
         description="Non-smooth impact dynamics: give it a scene, it answers with displacement, "
         "contact force and energy, with their error and cost.",
-        epilog="Exit codes: 0 done, 1 failed, 2 bad input, 3 no convergence (result kept and "
+        epilog="Exit codes: 0 done, 1 failed, 2 bad input, 3 not to be trusted (result kept and "
         "marked), 128 + signal interrupted.",
     )
     parser.add_argument(
@@ -138,7 +138,8 @@ def _parser() -> argparse.ArgumentParser:
         help="continue the stopped run of a solid from its checkpoint in DIR (output.checkpoint)",
     )  # fmt: skip
     run.add_argument("--quiet", action="store_true", help="no progress, no table")
-    command(commands.plan, scene=None)
+    plan = command(commands.plan, scene=None)
+    plan.add_argument("--json", action="store_true", help="print the plan as JSON")
     command(commands.validate, scene=None)
     command(commands.methods)
     command(commands.scenes)

@@ -1,6 +1,7 @@
 """The sub-commands: what each does with its arguments; heavy libraries are loaded when needed."""
 
 import argparse
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,15 +16,8 @@ if TYPE_CHECKING:
     from impactfem.result import Result
     from impactfem.scene import Scene
 
-DONE, FAILED, BAD_INPUT, NOT_CONVERGED = 0, 1, 2, 3
+DONE, FAILED, BAD_INPUT, NOT_TRUSTED = 0, 1, 2, 3
 """Exit codes; an interrupted run ends with 128 + the signal's number."""
-
-# What to do about a run that did not complete, by the body.
-_REMEDIES = {
-    "bar": 'courant = 1, a layered mesh, a shorter duration or method = "exact"',
-    "solid": 'method = "massless" or "conserving", a smaller step or a shorter duration',
-    "vibro": "a smaller dt, a larger stick_speed or another method",
-}
 
 
 def _read(given: argparse.Namespace) -> "tuple[Path, Scene]":
@@ -62,14 +56,16 @@ def run(given: argparse.Namespace) -> int:
     if not given.quiet:
         report = f"Report: {folder / 'report.html'}\n" * result.scene.output.report
         say(f"{summary_table(result.summary)}\n\n{report}Result and pictures: {folder}")
-    if result.summary["status"] != "completed":
-        remedy = _REMEDIES["vibro" if scene.is_vibro else scene.bodies[0].kind]
-        complain(
-            f"{result.summary['status']}: {result.summary['active_set']['message']}; the result "
-            f"is kept in {folder}. Remedy: {remedy}"
-        )
-        return NOT_CONVERGED
-    return DONE
+    verdict = result.summary["verdict"]
+    if verdict["level"] != "do_not_trust":
+        return DONE
+    worst = verdict["findings"][0]
+    remedy = f". Remedy: {worst['remedy']}" if worst["remedy"] else ""
+    complain(
+        f"do not trust this run ({result.summary['status'].replace('_', ' ')}): {worst['text']}; "
+        f"the result is kept in {folder}{remedy}"
+    )
+    return NOT_TRUSTED
 
 
 def _record(given: argparse.Namespace, result: "Result") -> dict[str, Any]:
@@ -152,7 +148,8 @@ def plan(given: argparse.Namespace) -> int:
 
     _, scene = _read(given)
     _prepare(scene)
-    say(plan_table(plan_of(scene)))
+    made = plan_of(scene)
+    say(json.dumps(made.as_json(), indent=2) if given.json else plan_table(made))
     return DONE
 
 

@@ -183,14 +183,13 @@ def _solve_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> Result:
 
     run = run_vibro(scene, chosen, progress)
     cost = _cost(run.seconds)
-    for warning in run.warnings:
-        progress.message(f"warning: {warning}")
+    for finding in run.motion.effort.findings:
+        progress.message(f"{finding.severity}: {finding.sentence}")
     summary = summarise(
         scene, chosen, run.history, run.motion.effort, run.errors, cost,
         driven=not run.model.conservative,
     )  # fmt: skip
     summary["contact"]["intervals"] = run.intervals
-    summary["warnings"] = list(run.warnings)
     settings = replace(
         scene.solve,
         method=chosen.method,

@@ -4,6 +4,7 @@ import re
 
 from md_tables import code, table
 
+from impactfem.findings import CODES
 from impactfem.result.history import COLUMNS
 from impactfem.scene.schema import describe
 
@@ -33,6 +34,11 @@ def scene_reference() -> str:
         parts.append(f"(scene-{anchor})=\n## {title}\n\n")
         parts.append(table(("key", "meaning", "unit", "default", "allowed"), rows) + "\n")
     return "".join(parts)
+
+
+def finding_codes() -> str:
+    """Codes of findings, from the module that names them."""
+    return table(("code", "says"), [(code(name), text) for name, text in CODES.items()])
 
 
 def history_columns() -> str:

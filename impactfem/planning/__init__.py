@@ -5,7 +5,7 @@ from dataclasses import replace
 from impactfem.planning.bar_rows import BarRowPlan, plan_bar_row
 from impactfem.planning.bars import Plan, plan_bar
 from impactfem.planning.bodies import plan_bodies
-from impactfem.planning.doubts import doubts
+from impactfem.planning.doubts import MEETS_NOTHING, doubts
 from impactfem.planning.solids import SolidPlan, plan_solid
 from impactfem.planning.vibro import VibroPlan, plan_vibro
 from impactfem.scene import Scene
@@ -41,6 +41,7 @@ def plan(scene: Scene) -> AnyPlan:
         made = plan_vibro(scene)
     else:
         made = plan_bodies(scene) if scene.has_pairs else plan_solid(scene)
-    if any("flies freely" in text or "touches nothing" in text for text in made.warnings):
-        return made  # which says more
-    return replace(made, warnings=(*made.warnings, *doubts(scene)))
+    found = doubts(scene)
+    if any(finding.code == MEETS_NOTHING for finding in made.findings):  # which says more
+        found = tuple(finding for finding in found if finding.code != MEETS_NOTHING)
+    return replace(made, findings=(*made.findings, *found))

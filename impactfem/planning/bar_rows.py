@@ -2,14 +2,15 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBarRow
-from impactfem.planning.card import ShowsItself
+from impactfem.findings import Finding, warning
+from impactfem.planning.card import Foresees
 from impactfem.reference.bar_row import exact_row_if_known
 from impactfem.scene import Bar, Scene
 from impactfem.sizing import DEFAULT_ELEMENTS, Grid, marching_cost
@@ -23,7 +24,7 @@ _STABLE = 1.0 + 1e-9
 
 
 @dataclass(frozen=True, repr=False)
-class BarRowPlan(ShowsItself):
+class BarRowPlan(Foresees):
     """What will be modelled and how.
 
     Attributes:
@@ -42,7 +43,6 @@ class BarRowPlan(ShowsItself):
         memory_mib: Estimated peak memory [MiB].
         seconds: Estimated time [s] on a 2-core machine.
         reasons: Why each choice was made, by key.
-        warnings: What the user should know before trusting the answer.
     """
 
     method: str
@@ -59,12 +59,6 @@ class BarRowPlan(ShowsItself):
     memory_mib: float
     seconds: float
     reasons: dict[str, str]
-    warnings: tuple[str, ...]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain data for ``summary.json``."""
-        lists = {name: list(getattr(self, name)) for name in ("elements", "courant", "warnings")}
-        return asdict(self) | lists
 
     @property
     def longest(self) -> int:
@@ -113,7 +107,7 @@ def plan_bar_row(scene: Scene) -> BarRowPlan:
         memory_mib=memory,
         seconds=seconds,
         reasons=reasons,
-        warnings=_warnings(method, exact, courant, aligned=aligned),
+        findings=_findings(method, exact, courant, aligned=aligned),
     )
 
 
@@ -233,18 +227,19 @@ def _choose_method(
     return "galerkin"
 
 
-def _warnings(
+def _findings(
     method: str, exact: ExactBarRow | None, courant: Sequence[float], *, aligned: bool
-) -> tuple[str, ...]:
+) -> tuple[Finding, ...]:
     if exact is None:
-        return ("too many waves for the exact solution: the error is not measured",)
+        text = "too many waves for the exact solution: the error is not measured"
+        return (warning("no_estimate", text),)
     if method == "exact":
         sampled = "velocity or strain vary along a bar: they are sampled"
-        return (sampled,) if exact.sampled else ()
+        return (warning("setting", sampled),) if exact.sampled else ()
     if min(courant) < 1.0 - _WHOLE:
-        return (
-            f'c dt / h is {min(courant):g} in a bar: the forces ring; method = "exact" does not',
-        )
+        text = f"c dt / h is {min(courant):g} in a bar: the forces ring"
+        return (warning("ringing", text, remedy='method = "exact" does not'),)
     if not aligned:
-        return ("an impact or release lies between layers: errors of first order in h",)
+        text = "an impact or release lies between layers: errors of first order in h"
+        return (Finding("error_large", "note", text),)
     return ()

@@ -1,11 +1,11 @@
 """The plan of a bar: the least model and method that it needs, with the reasons."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from impactfem.exact import ExactBar
+from impactfem.findings import Finding, warning
 from impactfem.methods import METHODS
-from impactfem.planning.card import ShowsItself
+from impactfem.planning.card import Foresees
 from impactfem.planning.doubts import doubts_of_bar
 from impactfem.reference.bar import exact_bar
 from impactfem.scene import Scene
@@ -24,7 +24,7 @@ _NEARLY_ONE = 1.0 - 1e-9
 
 
 @dataclass(frozen=True, repr=False)
-class Plan(ShowsItself):
+class Plan(Foresees):
     """What will be modelled and how.
 
     Attributes:
@@ -46,7 +46,6 @@ class Plan(ShowsItself):
         memory_mib: Estimated peak memory [MiB]; None if not known beforehand.
         seconds: Estimated time [s] on a 2-core machine; None if not known beforehand.
         reasons: Why each choice was made, by key.
-        warnings: What the user should know before trusting the answer.
     """
 
     method: str
@@ -67,11 +66,6 @@ class Plan(ShowsItself):
     memory_mib: float | None
     seconds: float | None
     reasons: dict[str, str]
-    warnings: tuple[str, ...]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain data for ``summary.json``."""
-        return asdict(self) | {"warnings": list(self.warnings)}
 
 
 def plan_bar(scene: Scene) -> Plan:
@@ -126,7 +120,7 @@ def plan_bar(scene: Scene) -> Plan:
         memory_mib=memory,
         seconds=seconds,
         reasons=reasons,
-        warnings=(*_warnings(name, grid, exact), *doubts_of_bar(scene, exact)),
+        findings=(*_findings(name, grid, exact), *doubts_of_bar(scene, exact)),
     )
 
 
@@ -207,15 +201,18 @@ def _choose_window(
     return window, everything if window == "all" else 3
 
 
-def _warnings(name: str, grid: Grid, exact: ExactBar) -> tuple[str, ...]:
+def _findings(name: str, grid: Grid, exact: ExactBar) -> tuple[Finding, ...]:
     """What the user should know before trusting the answer."""
     if name == "newmark":
-        return ("newmark is a negative control: its energy grows at every impact",)
+        text = "newmark is a negative control: its energy grows at every impact"
+        return (warning("control_method", text),)
     if name not in {"galerkin", "monolithic"} or grid.courant is None or grid.elements is None:
         return ()
     if grid.courant < _NEARLY_ONE:
         ringing = "the contact force of this method rings (overshoot up to 4 times)"
-        return (f'courant = {grid.courant:g} < 1: {ringing}; method = "conserving" does not',)
+        text = f"courant = {grid.courant:g} < 1: {ringing}"
+        return (warning("ringing", text, remedy='method = "conserving" does not'),)
     if not on_layers(exact, grid.elements):
-        return ("an impact or release lies between layers: errors of first order in h",)
+        text = "an impact or release lies between layers: errors of first order in h"
+        return (Finding("error_large", "note", text),)
     return ()

@@ -1,7 +1,7 @@
 """The plan of several solids that may strike each other."""
 
 from impactfem.errors import SceneError
-from impactfem.planning.sliding import choose_sliding, told_pairs, warnings_of
+from impactfem.planning.sliding import choose_sliding, findings_of, told_pairs
 from impactfem.planning.solid_choices import (
     COURANT,
     EXPLICIT,
@@ -84,7 +84,7 @@ def plan_bodies(scene: Scene) -> SolidPlan:
         estimate=False,
         whole=find_whole(scene, model.parts, reasons),
         reasons=reasons,
-        warnings=warnings_of(model),
+        findings=findings_of(model),
     )
 
 

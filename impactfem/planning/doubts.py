@@ -12,8 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.exact import ExactBar
+from impactfem.findings import Finding, warning
 from impactfem.scene import Beam, HalfSpace, Point, RigidCylinder, RigidSphere, Rod, Scene, Solid
 from impactfem.scene.pairing import body_pairs, obstacles_of
+
+MEETS_NOTHING = "meets_nothing"
+"""Code of bodies that meet nothing."""
 
 _SAMPLES = 2000
 _FAST = 3.0  # times the speed of waves
@@ -34,26 +38,24 @@ class _Path:
         return float(np.abs(np.diff(self.centres, axis=0)).max(initial=0.0))
 
 
-def doubts(scene: Scene) -> tuple[str, ...]:
+def doubts(scene: Scene) -> tuple[Finding, ...]:
     """Warnings about points, rods, beams and solids that meet nothing, and about units."""
-    found = [text for body in scene.bodies for text in _units(body)]
+    found = [doubt for body in scene.bodies for doubt in _units(body)]
     if _meet_nothing(scene):
         what = f"{scene.bodies[0].name} meets" if len(scene.bodies) == 1 else "the bodies meet"
-        found.append(
-            f"{what} nothing within duration = {scene.duration:g} s: check the signs of velocity "
-            "and gravity, and the duration"
-        )
+        text = f"{what} nothing within duration = {scene.duration:g} s"
+        remedy = "check the signs of velocity and gravity, and the duration"
+        found.append(warning(MEETS_NOTHING, text, remedy=remedy))
     return tuple(found)
 
 
-def doubts_of_bar(scene: Scene, exact: ExactBar) -> tuple[str, ...]:
+def doubts_of_bar(scene: Scene, exact: ExactBar) -> tuple[Finding, ...]:
     """Warnings about a bar that never meets the wall, and about units."""
     found = list(_units(scene.bar))
     if not float(exact.force_integral(0.0, scene.duration)):
-        found.append(
-            f"the bar never presses on the wall within duration = {scene.duration:g} s: "
-            "velocities towards the wall are negative, gravity towards it is positive"
-        )
+        text = f"the bar never presses on the wall within duration = {scene.duration:g} s"
+        remedy = "velocities towards the wall are negative, gravity towards it is positive"
+        found.append(warning(MEETS_NOTHING, text, scene.bar.name, remedy))
     return tuple(found)
 
 
@@ -72,7 +74,7 @@ def _meet_nothing(scene: Scene) -> bool:
     ) and not any(_may_touch(paths[one], paths[two]) for one, two in pairs)
 
 
-def _units(body: Any) -> list[str]:
+def _units(body: Any) -> list[Finding]:
     """A body that moves faster than its waves: its modulus is perhaps in GPa or MPa."""
     if not hasattr(body, "youngs_modulus"):
         return []
@@ -83,8 +85,9 @@ def _units(body: Any) -> list[str]:
     if not speed > _FAST * waves:
         return []
     text = f"body {body.name} moves {speed / waves:.2g} times as fast as the waves in it: strains "
-    text += "are not small; check the units, youngs_modulus in Pa (210 GPa is 210e9)"
-    return [text]
+    text += "are not small"
+    remedy = "check the units, youngs_modulus in Pa (210 GPa is 210e9)"
+    return [warning("units", text, body.name, remedy)]
 
 
 def _path(scene: Scene, body: Any, times: Floats) -> _Path | None:

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.findings import Finding, warning
 from impactfem.scene import Scene
 from impactfem.scene.obstacles import (
     HalfSpace,
@@ -91,8 +92,8 @@ def _features(obstacle: Rigid) -> float:
             return math.inf
 
 
-def rotation_warnings(scene: Scene) -> list[str]:
-    """A warning where a rotation is too large for linear strains."""
+def rotation_findings(scene: Scene) -> list[Finding]:
+    """A finding where a rotation is too large for linear strains."""
     spin = scene.solid.angular_velocity
     rate = math.hypot(*spin) if isinstance(spin, tuple) else abs(spin)
     turned = rate * scene.duration
@@ -102,4 +103,5 @@ def rotation_warnings(scene: Scene) -> list[str]:
     text = (
         f"the body turns by about {turned:.2g} rad: linear elasticity takes this for a stretch of"
     )
-    return [f"{text} {stretch:.2g}; it holds for small rotations"]
+    text += f" {stretch:.2g}; it holds for small rotations"
+    return [warning("model_rotation", text, scene.solid.name)]

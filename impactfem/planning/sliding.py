@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.findings import Finding, warning
 from impactfem.scene.pairing import body_pairs, friction_of, obstacles_of
 
 if TYPE_CHECKING:
@@ -87,9 +88,9 @@ def told_pairs(model: "BodiesModel") -> dict[str, str]:
     return found
 
 
-def warnings_of(model: "BodiesModel") -> tuple[str, ...]:
+def findings_of(model: "BodiesModel") -> tuple[Finding, ...]:
     """What may be a mistake: bodies that nothing can touch, and pairs that cannot meet."""
-    scene, warnings = model.scene, []
+    scene, found = model.scene, []
     met = {name for pair in model.pairs for name in pair.names}
     for part in model.parts:
         name, touches = part.solid.name, part.obstacle is not None and part.obstacle.count
@@ -98,9 +99,10 @@ def warnings_of(model: "BodiesModel") -> tuple[str, ...]:
             why = "no face of it looks at another body or an obstacle"
             if not asked and not obstacles_of(scene, name):
                 why = "no [[contact]] names it"
-            warnings.append(f"body {name} touches nothing: {why}")
+            found.append(warning("meets_nothing", f"body {name} touches nothing: {why}", name))
     pairs = [set(pair.names) for pair in model.pairs]
     for (one, _), (two, _) in body_pairs(scene) if scene.contacts else []:
         if {one, two} <= met and {one, two} not in pairs:
-            warnings.append(f"bodies {one} and {two} cannot meet: none of their faces are opposite")
-    return tuple(warnings)
+            text = f"bodies {one} and {two} cannot meet: none of their faces are opposite"
+            found.append(warning("meets_nothing", text, f"{one}.{two}"))
+    return tuple(found)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from impactfem.errors import SceneError
+from impactfem.findings import Finding, warning
 from impactfem.planning.solid_costs import (
     NATURAL_STEP,
     NEARLY_INCOMPRESSIBLE,
@@ -63,7 +64,7 @@ class Steps:
     layers: int | None
 
 
-def choose_degree(scene: Scene, reasons: dict[str, str], warnings: list[str]) -> int:
+def choose_degree(scene: Scene, reasons: dict[str, str], findings: list[Finding]) -> int:
     """Degree of the elements.
 
     Raises:
@@ -80,11 +81,13 @@ def choose_degree(scene: Scene, reasons: dict[str, str], warnings: list[str]) ->
         if solid.degree is None:
             reasons["degree"] = f"{method} lumps the mass, which needs degree 1"
         if stiff:
-            warnings.append(f'{stiff}: degree = 2 with method = "massless" would be more accurate')
+            remedy = 'degree = 2 with method = "massless" would be more accurate'
+            findings.append(warning("locking", stiff, solid.name, remedy))
     if solid.degree is not None:
         reasons["degree"] = "as asked"
         if solid.degree == 1 and stiff and method not in EXPLICIT:
-            warnings.append(f"{stiff}: degree = 2 would be more accurate")
+            remedy = "degree = 2 would be more accurate"
+            findings.append(warning("locking", stiff, solid.name, remedy))
         return solid.degree
     if method in EXPLICIT:
         return 1
@@ -282,7 +285,7 @@ def _step(solid: Solid, size: Size) -> float:
     return COURANT * size.mesh_size / leading_speed(solid)
 
 
-def ringing_warnings(solid: Solid, method: str, size: Size) -> list[str]:
+def ringing_findings(solid: Solid, method: str, size: Size) -> list[Finding]:
     """What nearly incompressible bodies need for a smooth force.
 
     Each node that lands sends out a wave of pressure as strong as its element is large. Nothing
@@ -293,13 +296,15 @@ def ringing_warnings(solid: Solid, method: str, size: Size) -> list[str]:
     if not keeps_volume(solid) or ratio < _RINGING or damped or method in EXPLICIT:
         return []
     damping = size.mesh_size / solid.p_wave_speed
-    return [
-        (
-            f"pressure waves are {ratio:.3g} times as fast as shear waves, nothing damps them, and "
-            "those that the elements excite ring in the contact force; body.rayleigh_stiffness = "
-            f"{damping:.1g} damps waves as short as an element and leaves slower motion as it is"
-        )
-    ]
+    text = (
+        f"pressure waves are {ratio:.3g} times as fast as shear waves, nothing damps them, and "
+        "those that the elements excite ring in the contact force"
+    )
+    remedy = (
+        f"body.rayleigh_stiffness = {damping:.1g} damps waves as short as an element and leaves "
+        "slower motion as it is"
+    )
+    return [warning("ringing", text, solid.name, remedy)]
 
 
 def choose_linear_solver(scene: Scene, method: str, size: Size, reasons: dict[str, str]) -> str:
@@ -363,10 +368,11 @@ def choose_estimate(scene: Scene, smallest: float | None, reasons: dict[str, str
     return True
 
 
-def method_warnings(method: str, courant: float | None) -> list[str]:
+def method_findings(method: str, courant: float | None) -> list[Finding]:
     """What the user should know of a method before trusting its answer."""
     text = _WARNINGS.get(method)
     if text is None:
         return []
     below = method == "galerkin" and courant is not None and courant < 1.0 - 1e-9
-    return [f"{text} (here courant = {courant:g})" if below else text]
+    text = f"{text} (here courant = {courant:g})" if below else text
+    return [warning("control_method", text)]

@@ -1,12 +1,13 @@
 """The plan of a solid: degree, method, step and solver, with the reasons, and cheaper models."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from impactfem.planning.card import ShowsItself
-from impactfem.planning.normals import choose_normals, rotation_warnings
+from impactfem.findings import Finding, warning
+from impactfem.planning.card import Foresees
+from impactfem.planning.normals import choose_normals, rotation_findings
 from impactfem.planning.offers import offers
 from impactfem.planning.solid_choices import (
     choose_degree,
@@ -15,8 +16,8 @@ from impactfem.planning.solid_choices import (
     choose_method,
     choose_steps,
     extents,
-    method_warnings,
-    ringing_warnings,
+    method_findings,
+    ringing_findings,
 )
 from impactfem.planning.solid_costs import (
     NATURAL_STEP,
@@ -44,7 +45,7 @@ _CELLS = {
 
 
 @dataclass(frozen=True, repr=False)
-class SolidPlan(ShowsItself):
+class SolidPlan(Foresees):
     """What will be modelled and how, for a solid.
 
     Attributes:
@@ -69,7 +70,6 @@ class SolidPlan(ShowsItself):
         estimate: Whether the error is estimated by a second run.
         whole: What is told of, if planes of symmetry leave only a part to be computed.
         reasons: Why each choice was made, by key; "offer ..." are cheaper models of the scene.
-        warnings: What the user should know before trusting the answer.
     """
 
     method: str
@@ -92,11 +92,6 @@ class SolidPlan(ShowsItself):
     estimate: bool
     whole: Whole
     reasons: dict[str, str]
-    warnings: tuple[str, ...]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain data for ``summary.json``."""
-        return asdict(self) | {"warnings": list(self.warnings)}
 
 
 def plan_solid(scene: Scene) -> SolidPlan:
@@ -110,8 +105,8 @@ def plan_solid(scene: Scene) -> SolidPlan:
 
     solid, solve = scene.solid, scene.solve
     reasons: dict[str, str] = {}
-    warnings: list[str] = []
-    degree = choose_degree(scene, reasons, warnings)
+    findings: list[Finding] = []
+    degree = choose_degree(scene, reasons, findings)
     check_before_meshing(solid, degree)
     model = solid_model(scene, degree)
     if model.mesh.source is not None:
@@ -122,15 +117,15 @@ def plan_solid(scene: Scene) -> SolidPlan:
     steps = choose_steps(scene, method, size, reasons)
     linear_solver = choose_linear_solver(scene, method, size, reasons)
     normals = choose_normals(scene, model.contact.gap, model.contact.normal, reasons)
-    warnings += rotation_warnings(scene) + ringing_warnings(solid, method, size)
+    findings += rotation_findings(scene) + ringing_findings(solid, method, size)
     estimate = choose_estimate(scene, None if sizes is None else min(sizes), reasons)
     for number, text in enumerate(model.contact.why, 1):
         if text.startswith(_WARNING):
-            warnings.append(text.removeprefix(_WARNING))
+            findings.append(warning("meets_nothing", text.removeprefix(_WARNING), solid.name))
         else:
             reasons[f"contact {number}"] = text
     reasons |= {f"offer {name}": text for name, text in offers(scene).items()}
-    warnings += method_warnings(method, steps.courant)
+    findings += method_findings(method, steps.courant)
     count = steps.layers or scene.duration * solid.p_wave_speed / (
         (steps.courant or 1.0) / 0.9 * NATURAL_STEP * size.least
     )
@@ -156,7 +151,7 @@ def plan_solid(scene: Scene) -> SolidPlan:
         estimate=estimate,
         whole=find_whole(scene, [model], reasons),
         reasons=reasons,
-        warnings=tuple(warnings),
+        findings=tuple(findings),
     )
 
 

@@ -1,14 +1,15 @@
 """The plan of points, rods and beams: method and step, with the reasons."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from impactfem.errors import SceneError
+from impactfem.findings import Finding, warning
 from impactfem.methods import METHODS
-from impactfem.planning.card import ShowsItself
+from impactfem.planning.card import Foresees
 from impactfem.scene import Scene
 from impactfem.scene.values import show
 
@@ -24,7 +25,7 @@ _BYTES = 8.0 * 24.0
 
 
 @dataclass(frozen=True, repr=False)
-class VibroPlan(ShowsItself):
+class VibroPlan(Foresees):
     """What will be modelled and how, for few degrees of freedom.
 
     Attributes:
@@ -43,7 +44,6 @@ class VibroPlan(ShowsItself):
         memory_mib: Estimated memory of the history [MiB].
         seconds: Estimated time [s]; None for "event_driven", whose impacts are not known before.
         reasons: Why each choice was made, by key.
-        warnings: What the user should know before trusting the answer.
     """
 
     method: str
@@ -61,11 +61,6 @@ class VibroPlan(ShowsItself):
     memory_mib: float
     seconds: float | None
     reasons: dict[str, str]
-    warnings: tuple[str, ...]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain data for ``summary.json``."""
-        return asdict(self) | {"warnings": list(self.warnings)}
 
 
 def plan_vibro(scene: Scene) -> VibroPlan:
@@ -111,7 +106,7 @@ def plan_vibro(scene: Scene) -> VibroPlan:
         memory_mib=memory,
         seconds=_seconds(model, method, steps),
         reasons=reasons,
-        warnings=tuple(_warnings(scene, model, method)),
+        findings=tuple(_findings(scene, model, method)),
     )
 
 
@@ -213,24 +208,25 @@ def _seconds(model: "VibroModel", method: str, steps: int) -> float | None:
     return steps * (1e-7 * d * d + 1e-6 if hasattr(model.system, "stiffness") else 2e-4)
 
 
-def _warnings(scene: Scene, model: "VibroModel", method: str) -> list[str]:
+def _findings(scene: Scene, model: "VibroModel", method: str) -> list[Finding]:
     found = []
     if not scene.contacts:
+        text = "no [[contact]] gives a restitution: 0 is taken, nothing rebounds"
         found.append(
-            "no [[contact]] gives a restitution: 0 is taken, nothing rebounds; add [[contact]] "
-            "with between and restitution"
+            warning("setting", text, remedy="add [[contact]] with between and restitution")
         )
     if not METHODS[method].plannable:
-        found.append(f"method {method} is for comparison: {METHODS[method].text}")
+        text = f"method {method} is for comparison: {METHODS[method].text}"
+        found.append(warning("control_method", text))
     if method == "paoli_schatzman" and float(model.system.restitution.max()) > _LIVELY:
-        found.append(
+        text = (
             "paoli_schatzman can gain energy with restitution near 1: beside corners, and at some "
-            "steps over thousands of bounces; event_driven or moreau_jean do not"
+            "steps over thousands of bounces"
         )
+        remedy = "event_driven or moreau_jean do not"
+        found.append(warning("energy_growth", text, remedy=remedy))
     pairs = model.system.num_constraints
     if model.beam is None and pairs > 1 and np.unique(model.system.restitution).size > 1:
-        found.append(
-            "the constraints have different restitution: no law of impact is settled for several "
-            "of them at once"
-        )
+        text = "the constraints have different restitution: no law of impact is settled for several"
+        found.append(warning("impact_law", f"{text} of them at once"))
     return found

@@ -1,16 +1,15 @@
 """A result as a card in a notebook: its figures and a small curve of the contact force."""
 
 from impactfem.cards import card, curve
+from impactfem.report.page.verdict import headline
 from impactfem.report.table import summary_rows
 from impactfem.result import Result
 
 
 def result_card(result: Result) -> str:
-    """The figures of ``impactfem run``'s table, warnings, and the contact force over time."""
+    """The figures of ``impactfem run``'s table, findings, and the contact force over time."""
     summary, history = result.summary, result.history
-    rows = [(name, text) for name, text in summary_rows(summary) if name != "status"]
-    warnings = [*summary["plan"].get("warnings", ()), *summary.get("warnings", ())]
-    rows += [("warning", text) for text in dict.fromkeys(warnings)]
+    rows = [(name, text) for name, text in summary_rows(summary) if name != "verdict"]
     times, force = history["time"].values, history["contact_force"].values
     largest = summary["contact"]["max_force"]
     most = "not finite" if largest is None else f"at most {largest:.4g} N"
@@ -18,7 +17,7 @@ def result_card(result: Result) -> str:
     return card(
         summary["title"],
         rows,
-        badge=summary["status"].replace("_", " "),
-        good=summary["status"] == "completed",
+        badge=headline(summary),
+        good=summary["verdict"]["level"] == "trust",
         parts=[curve(times, force, text)],
     )

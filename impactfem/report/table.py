@@ -5,9 +5,6 @@ from typing import Any
 
 from impactfem.planning import AnyPlan, BarRowPlan, Plan, SolidPlan, VibroPlan
 
-FOLLOWED = 2e-3
-"""Relative growth of energy that contact which follows the bodies may cause."""
-
 
 def table(rows: Sequence[tuple[str, str]], title: str = "") -> str:
     """Two aligned columns under an optional title; long texts are wrapped by the terminal."""
@@ -26,7 +23,9 @@ def plan_table(plan: AnyPlan) -> str:
         rows = _vibro_rows(plan) if isinstance(plan, VibroPlan) else _bar_rows(plan)
     for key, reason in plan.reasons.items():
         rows.append((key if key.startswith("offer") else f"why {key}", reason))
-    rows += [("warning", warning) for warning in plan.warnings]
+    if plan.predicted_error is not None:
+        rows.append(("predicted error", f"{plan.predicted_error:.2g} of the displacement"))
+    rows += [(finding.severity, finding.sentence) for finding in plan.findings]
     return table(rows, "Plan")
 
 
@@ -139,7 +138,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         f"largest relative drift {_number(energy['max_relative_drift'])}"
     )
     if energy["grows"]:
-        energies += _growth(summary)
+        energies += f"; IT GROWS by {_number(energy['max_relative_growth'])}"
     ranks = f"{summary['ranks']} rank{'s' if summary['ranks'] != 1 else ''}"
     if energy.get("driven"):
         energies += " (loads or moving obstacles do work)"
@@ -163,18 +162,13 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         text = f"apparent restitution {episode['restitution']:.4g}, {episode['micro_impacts']} "
         text += f"micro-impacts, {episode['vibration']:.2%} of the energy left in vibrations"
         rows.insert(4, ("rebound", text))
-    return rows
+    found = summary["verdict"]["findings"]
+    rows += [(finding["severity"], _sentence(finding)) for finding in found]
+    return [*rows, ("verdict", summary["verdict"]["level"].replace("_", " "))]
 
 
-def _growth(summary: Mapping[str, Any]) -> str:
-    """What to think of an energy that grows."""
-    growth = summary["energy"]["max_relative_growth"]
-    follows = summary["plan"].get("normals") == "updated"
-    if follows and growth is not None and growth < FOLLOWED:
-        return (
-            f"; grows by {_number(growth)}, since normals follow the bodies: less on finer meshes"
-        )
-    return f"; IT GROWS by {_number(growth)}: do not trust this run"
+def _sentence(finding: Mapping[str, Any]) -> str:
+    return f"{finding['text']}; {finding['remedy']}" if finding["remedy"] else finding["text"]
 
 
 def _impacts(summary: Mapping[str, Any]) -> str:

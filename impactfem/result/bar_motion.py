@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from impactfem.findings import Finding
 from impactfem.result.fields import Fields
 from impactfem.result.history import BodyMotion, Columns, make_history
 from impactfem.scene import Bar
@@ -26,6 +27,8 @@ class Effort:
         converged: Whether every active set stood still.
         message: How the iteration ended, in words.
         details: Further figures of the method, for the summary (plain data).
+        findings: What the run found that a user should know before trusting it.
+        measured: Codes of findings that the run has looked for; its plan's are then settled.
     """
 
     num_unknowns: int = 0
@@ -34,6 +37,8 @@ class Effort:
     converged: bool = True
     message: str = ""
     details: Mapping[str, Any] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    measured: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from impactfem.planning import AnyPlan
 from impactfem.reference.bar import Errors
 from impactfem.result import Effort
+from impactfem.runs.verdict import GROWTH_LIMITS, judge
 from impactfem.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -21,12 +22,6 @@ _NO_FORCE = 1e-6
 
 # Share of the largest gap that counts as none.
 _SHUT = 1e-9
-
-GROWTH_NOTED = 1e-6
-"""Relative growth of energy that a report points out; no method the plan may choose exceeds it."""
-
-GROWTH_LIMIT = 1e-2
-"""Relative growth of energy from which a run counts as unstable."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +37,7 @@ def summarise(
     scene: Scene, chosen: AnyPlan, history: xr.Dataset, effort: Effort, errors: Errors | None,
     cost: Cost, *, driven: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
-    """Figures of a run, as in ``summary.json``; None stands for numbers that are not finite.
+    """Figures and verdict of a run, as in ``summary.json``; None for what is not finite.
 
     Args:
         scene: What was modelled.
@@ -61,16 +56,9 @@ def summarise(
     worked = history["potential_energy"].values - history["potential_energy"].values[0]
     scale = max(abs(energy[0]), moving[0], np.abs(worked).max()) or moving.max() or 1.0
     growth = (energy - energy[0]) / scale
-    status = "completed" if effort.converged else "not_converged"
-    if (
-        effort.converged
-        and not (driven and np.isfinite(growth).all())
-        and (not growth.max() <= GROWTH_LIMIT)
-    ):
-        status = "unstable"
     summary = {
         "title": scene.title,
-        "status": status,
+        "status": "",  # filled in by the verdict
         "method": chosen.method,
         "num_dofs": effort.num_unknowns,
         "num_steps": len(t) - 1,
@@ -89,7 +77,7 @@ def summarise(
             "max_relative_drift": np.abs(growth).max(),
             "final_relative_drift": growth[-1],
             "max_relative_growth": max(0.0, growth.max()),
-            "grows": bool(growth.max() > GROWTH_NOTED) and not driven,
+            "grows": bool(growth.max() > GROWTH_LIMITS[0]) and not driven,
             "driven": driven,
         },
         "contact": {
@@ -103,6 +91,8 @@ def summarise(
         "plan": chosen.as_dict(),
     }
     plain: dict[str, Any] = _plain(summary)
+    found = judge(scene, history, plain, chosen.findings, effort.findings, effort.measured)
+    plain |= _plain(found)
     return plain
 
 

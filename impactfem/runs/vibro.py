@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError, SceneError
+from impactfem.findings import ROTATION_LIMITS, Finding, by_limits, warning
 from impactfem.log import Progress
 from impactfem.models.vibro import VibroModel, vibro_model
 from impactfem.planning.vibro import VibroPlan
@@ -41,7 +42,6 @@ class VibroRun:
         history: History in the columns of the contract.
         model: The system.
         errors: Errors against a second run; None if none was made.
-        warnings: What showed up during the run.
         intervals: Contacts [start, end] [s], impacts have length 0.
         seconds: Time of the run itself, without that for the error [s].
         axis: Where the axis of a rod or beam is; None for points.
@@ -51,7 +51,6 @@ class VibroRun:
     history: xr.Dataset
     model: VibroModel
     errors: Errors | None
-    warnings: tuple[str, ...]
     intervals: list[list[float]]
     seconds: float
     axis: xr.Dataset | None = None
@@ -71,16 +70,17 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
     settings = _settings(scene, chosen)
     motion = _integrate(scene, chosen, model)
     seconds = time.perf_counter() - begin
-    warnings = []
+    findings: list[Finding] = []
     within = resolution(chosen.method, scene.duration, settings)
     together = find_together(model.system, motion, within)
     if together is not None:
-        warnings.append(together.text(model.labels))
-    if model.beam is not None and (turned := model.beam.angle(motion.position)) > 0.05:
-        warnings.append(
-            f"the beam turns by {turned:.2g} rad, but rotations are linearised about the start: "
-            "shorten the duration to the contact"
-        )
+        findings.append(warning("impact_law", together.text(model.labels)))
+    if model.beam is not None:
+        turned = float(model.beam.angle(motion.position))
+        text = f"the beam turns by {turned:.2g} rad, but rotations are linearised about the start"
+        remedy = "shorten the duration to the contact"
+        name = scene.bodies[0].name
+        findings += by_limits("model_rotation", turned, ROTATION_LIMITS, text, name, remedy)
     errors, note = None, ""
     if chosen.estimate and motion.is_finite:
         progress.step("estimating the error by a second run")
@@ -96,12 +96,18 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
             "angle": together.angle,
         }
     details |= _episode(scene, model, motion)
-    effort = replace(motion.effort, num_unknowns=model.system.dofs, details=details)
+    effort = replace(
+        motion.effort,
+        num_unknowns=model.system.dofs,
+        details=details,
+        findings=tuple(findings),
+        measured=("impact_law", "model_rotation"),
+    )
     motion = replace(motion, effort=effort)
     history = vibro_history(motion, model)
     axis = _axis(motion, model, scene.bodies[0].name)
     found = _intervals(motion)
-    return VibroRun(motion, history, model, errors, tuple(warnings), found, seconds, axis)
+    return VibroRun(motion, history, model, errors, found, seconds, axis)
 
 
 def _axis(motion: Trajectory, model: VibroModel, name: str) -> xr.Dataset | None:

@@ -69,7 +69,8 @@ def test_warning_reaches_the_terminal_and_the_summary(command, work):
     done = command("run", "corner", "--set", both, "--out", work / "out")
     assert done.code == DONE
     assert "two constraints meet" in done.err
-    (text,) = json.loads((work / "out/summary.json").read_text())["warnings"]
+    (found,) = json.loads((work / "out/summary.json").read_text())["verdict"]["findings"]
+    text = found["text"]
     assert "no part pi/n" in text
 
 

@@ -103,7 +103,7 @@ def test_first_order_where_transit_times_have_no_common_measure():
     errors = []
     for elements in (40, 640):
         result = impactfem.solve(scene(bars, method="galerkin", elements=elements))
-        assert "forces ring" in result.summary["plan"]["warnings"][0]
+        assert "forces ring" in result.summary["plan"]["findings"][0]["text"]
         errors.append([result.summary["error"][k] for k in ("displacement_l2", "force_l1")])
     rates = np.log(np.array(errors[0]) / errors[1]) / np.log(16.0)
     assert (rates > 0.8).all()
@@ -145,7 +145,7 @@ def test_where_waves_split_too_often_the_march_still_serves(monkeypatch):
     assert result.summary["method"] == "galerkin"
     assert result.summary["status"] == "completed"
     assert result.summary["error"] is None
-    assert "not measured" in result.summary["plan"]["warnings"][0]
+    assert "not measured" in result.summary["plan"]["findings"][0]["text"]
     assert result.history["contact_force"].values[-1] > 0.0
     with pytest.raises(SceneError, match='or method = "galerkin"'):
         plan(squeezed.with_settings({"solve.method": "exact"}))

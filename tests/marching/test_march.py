@@ -180,7 +180,7 @@ def test_newmark_is_a_negative_control():
     assert result.summary["status"] == "unstable"
     assert result.summary["energy"]["grows"]
     assert result.summary["energy"]["max_relative_growth"] > 10.0
-    assert "negative control" in result.summary["plan"]["warnings"][0]
+    assert "negative control" in result.summary["plan"]["findings"][0]["text"]
 
 
 def test_highest_frequency_of_equal_elements_is_two_c_over_h():

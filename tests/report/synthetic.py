@@ -115,6 +115,7 @@ def solid_result(path, dim=2, *, layers=25, obstacles=None, broken=False):
                     "max_penetration": 0.0},
         "error": None,
         "details": {},
-        "plan": {"method": "massless", "model": "a disc", "reasons": {}, "warnings": []},
+        "plan": {"method": "massless", "model": "a disc", "reasons": {}, "findings": []},
+        "verdict": {"level": "care", "findings": []},
     }  # fmt: skip
     return Result(scene, solid_history(motion, "body"), summary, SolidFields(path))

@@ -10,6 +10,7 @@ from synthetic import solid_result
 
 import impactfem
 from impactfem import Result, Scene
+from impactfem.findings import warning
 from impactfem.report.figures import painters
 from impactfem.report.page.embedding import json_text, plotly_script, script_text
 from impactfem.report.page.page import page, write_page
@@ -130,9 +131,11 @@ def test_the_page_lies_in_the_folder_with_its_run(bar, tmp_path):
 
 def test_what_strangers_write_stays_text(bar):
     scene = bar.scene.with_settings({"title": ATTACK, "body.bar.velocity": "-0.5 + 0*min(x, 1)"})
-    summary = {**bar.summary, "title": ATTACK, "warnings": [ATTACK]}
+    found = [warning("setting", ATTACK, remedy=ATTACK).as_dict()]
+    summary = {**bar.summary, "title": ATTACK}
+    summary["verdict"] = {"level": "care", "findings": found}
     summary["run"] = summary["run"] | {"command": ATTACK}
-    summary["plan"] = summary["plan"] | {"warnings": [ATTACK], "reasons": {ATTACK: ATTACK}}
+    summary["plan"] = summary["plan"] | {"findings": found, "reasons": {ATTACK: ATTACK}}
     text = page(Result(scene, bar.history, summary, bar.fields, bar.exact), [])
     reader, words = read(text)
     assert words.count(ATTACK) >= 5

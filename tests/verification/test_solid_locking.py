@@ -86,7 +86,7 @@ def test_nearly_incompressible_disc_does_not_lock():
     assert coarse.largest == pytest.approx(fine.largest, rel=0.03)
     locked = Rebound(1 / 16, degree=1)
     assert locked.largest > 1.5 * fine.largest
-    assert any("lock" in text for text in locked.plan["warnings"])
+    assert any("lock" in found["text"] for found in locked.plan["findings"])
     # Quadrilaterals of degree 1 keep their volume in the mean and need no second degree.
     other = Rebound(1 / 16, cells="hexahedron")
     assert other.plan["degree"] == 1
@@ -98,7 +98,7 @@ def test_nearly_incompressible_disc_does_not_lock():
 
 def test_damping_as_the_plan_says_smooths_the_force():
     free = Rebound(1 / 16)
-    (text,) = (text for text in free.plan["warnings"] if "rayleigh_stiffness = " in text)
+    (text,) = (f["remedy"] for f in free.plan["findings"] if "rayleigh_stiffness = " in f["remedy"])
     damping = float(text.split("rayleigh_stiffness = ")[1].split()[0])
     damped = Rebound(1 / 16, rayleigh_stiffness=damping)
     assert damped.variation <= 0.9 * free.variation
@@ -136,7 +136,7 @@ def test_slender_bar_vibrates_as_a_beam():
     assert period == pytest.approx(PERIOD, rel=5e-3)
     locked, plan = first_period(degree=1)
     assert locked < 0.65 * PERIOD
-    assert any("lock" in text for text in plan["warnings"])
+    assert any("lock" in found["text"] for found in plan["findings"])
 
 
 EDGE = {"kind": "cylinder", "axis": [0.0, 0.0, 1.0], "radius": 0.05}

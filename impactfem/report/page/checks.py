@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from impactfem.report.page.numbers import counted, number, percent, quantity
-from impactfem.report.page.scales import size_of
 from impactfem.result import Result
-from impactfem.runs.summary import GROWTH_NOTED
+from impactfem.runs.scales import size_of
+from impactfem.runs.verdict import GROWTH_LIMITS, PENETRATION_LIMITS
 
 _ROUNDING = 1e-9  # share of the largest value that counts as rounding
 _COMPLEMENTARY = 1e-6  # share of the largest gap times the largest force that counts as none
@@ -62,18 +62,18 @@ def _energy(result: Result) -> Check:
         return Check(name, "loads or moving obstacles do work, which is not in the history", None)
     drift = percent(energy["final_relative_drift"])
     found = f"largest relative growth {percent(growth)}, change at the end {drift}"
-    return Check(name, found, growth is not None and growth <= GROWTH_NOTED)
+    return Check(name, found, growth is not None and growth <= GROWTH_LIMITS[0])
 
 
 def _penetration(result: Result) -> Check:
-    deep, size = result.summary["contact"]["max_penetration"], size_of(result)
+    deep, size = result.summary["contact"]["max_penetration"], size_of(result.scene, result.history)
     name = "Bodies do not penetrate"
     if deep is None:
         return Check(name, "not finite", holds=False)
     found = f"at most {quantity(deep, 'm', 3)}"
     if size:
         found += f", {percent(deep / size)} of the size of a body"
-    return Check(name, found, deep <= 1e-3 * size if size else deep == 0.0)
+    return Check(name, found, deep <= PENETRATION_LIMITS[0] * size if size else deep == 0.0)
 
 
 def _pull(result: Result) -> Check:

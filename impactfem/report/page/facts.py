@@ -22,6 +22,7 @@ def model(result: Result) -> str:
     reasons = {k: v for k, v in plan["reasons"].items() if not k.startswith("offer")}
     offers = [v for k, v in plan["reasons"].items() if k.startswith("offer")]
     rows = [("Model", plan["model"]), ("Method", f"{method}: {known.text}" if known else method)]
+    foreseen = [finding["text"] for finding in plan["findings"]]
     heading = "<h3>{}</h3>".format
     return section(
         "model",
@@ -32,7 +33,7 @@ def model(result: Result) -> str:
         heading("Left out"),
         bullets(omissions(result.scene)),
         heading("Cheaper models of the same motion") + bullets(offers) if offers else "",
-        heading("Warnings of the plan") + bullets(plan["warnings"]) if plan["warnings"] else "",
+        heading("Foreseen by the plan") + bullets(foreseen) if foreseen else "",
     )
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
+from impactfem import findings
 from impactfem.scene.formula import Formula
 
 NOT_FINITE = "not finite"
@@ -19,11 +20,7 @@ def quantity(value: float | None, unit: str, digits: int = 6) -> str:
 
 def percent(share: float | None) -> str:
     """A share as a percentage; tiny ones as they are, huge ones as a multiple."""
-    if share is None:
-        return NOT_FINITE
-    if share != 0.0 and not 1e-4 <= abs(share) < 100.0:
-        return f"{share:.2g}" if abs(share) < 1.0 else f"{share:.2g}-fold"
-    return f"{float(f'{100 * share:.2g}'):g} %"
+    return NOT_FINITE if share is None else findings.percent(share)
 
 
 def vector(values: Iterable[float], unit: str = "") -> str:

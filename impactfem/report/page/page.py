@@ -21,7 +21,7 @@ from impactfem.report.page.embedding import (
 )
 from impactfem.report.page.motion import SCRIPTS, motion
 from impactfem.report.page.numbers import percent, quantity, span
-from impactfem.report.page.verdict import verdict
+from impactfem.report.page.verdict import headline, reasons
 from impactfem.report.page.words import in_words
 from impactfem.result import Result
 
@@ -153,7 +153,7 @@ def _byline(result: Result) -> str:
 
 def _verdict(result: Result) -> str:
     """What a person must see first: whether to trust it, and the main figures."""
-    summary, found = result.summary, verdict(result)
+    summary = result.summary
     error, energy = summary["error"], summary["energy"]
     shown = "not measured" if summary["method"] != "exact" else "exact"
     if error is not None:
@@ -168,8 +168,9 @@ def _verdict(result: Result) -> str:
     ]
     cells = "".join(f"<div><dt>{text(a)}</dt><dd>{text(b)}</dd></div>" for a, b in glance)
     return (
-        f'<section id="verdict" class="verdict {found.level}"><h2>{text(found.headline)}</h2>'
-        f'{bullets(found.reasons)}<dl class="glance">{cells}</dl></section>'
+        f'<section id="verdict" class="verdict {summary["verdict"]["level"]}">'
+        f"<h2>{text(headline(summary))}</h2>"
+        f'{bullets(reasons(summary))}<dl class="glance">{cells}</dl></section>'
     )
 
 

@@ -1,0 +1,26 @@
+"""How large the bodies of a scene are, to judge lengths by."""
+
+from typing import Any
+
+import xarray as xr
+
+from impactfem.scene import Scene
+
+
+def size_of(scene: Scene, history: xr.Dataset) -> float | None:
+    """Smallest characteristic length of the bodies [m].
+
+    The length of bars, rods and beams, the largest extent of a solid's shape, the way of a point.
+    None if nothing has a length.
+    """
+    known = [size for body in scene.bodies if (size := _size(body, history))]
+    return min(known) if known else None
+
+
+def _size(body: Any, history: xr.Dataset) -> float | None:
+    if hasattr(body, "length"):
+        return float(body.length)
+    if hasattr(body, "shape"):
+        return None if body.shape is None else 2.0 * max(body.shape.half_extents)
+    columns = [history[f"{body.name}.{axis}"].values for axis in "xyz"]
+    return max(float(column.max() - column.min()) for column in columns)

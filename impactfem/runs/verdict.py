@@ -1,0 +1,135 @@
+"""Whether to trust a run: what its own figures say, as findings and one word."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from impactfem.findings import Finding, by_limits, level_of, percent, settled, warning
+from impactfem.runs.scales import size_of
+from impactfem.scene import Scene
+
+ERROR_LIMITS = (0.05, 0.5)
+"""Relative error of the displacement from which a run is looked at with care, and is no answer."""
+
+PENETRATION_LIMITS = (1e-3, 0.1)
+"""Share of a body's size from which penetration calls for care, and is no contact."""
+
+GROWTH_LIMITS = (1e-6, 1e-2)
+"""Relative growth of energy from which it is pointed out, and from which a run is unstable.
+
+No method that the plan may choose exceeds the first on normals that stay.
+"""
+
+# Codes that every run looks for itself, so that what its plan foresaw of them is settled.
+_JUDGED = ("energy_growth", "penetration", "not_finite", "not_converged")
+
+_STATUS = {
+    "not_converged": "not_converged",
+    "not_finite": "unstable",
+    "model_rotation": "out_of_model",
+    "model_strain": "out_of_model",
+    "energy_growth": "unstable",
+}
+"""Status of a run by the code of its worst fault; "completed" for all others."""
+
+
+def judge(
+    scene: Scene, history: xr.Dataset, summary: Mapping[str, Any],
+    foreseen: Sequence[Finding], found: Sequence[Finding], measured: Sequence[str] = (),
+) -> dict[str, Any]:  # fmt: skip
+    """Status and verdict of a run, for its summary.
+
+    Args:
+        scene: What was modelled.
+        history: History of the run.
+        summary: Its figures: method, active_set, energy, contact, error, details, plan.
+        foreseen: Findings of the plan.
+        found: What the run has found besides.
+        measured: Codes that the run has looked for besides.
+
+    Returns:
+        ``status`` and ``verdict``, as they stand in ``summary.json``.
+    """
+    own = [
+        *_ending(history, summary),
+        *_energy(summary),
+        *_error(summary),
+        *_contact(scene, history, summary),
+    ]
+    codes = [*_JUDGED, *measured]
+    if summary["error"] is not None or summary["method"] == "exact":
+        codes += ["error_large", "no_estimate"]
+    every = settled(foreseen, [*own, *found], codes)
+    faults = [finding.code for finding in every if finding.severity == "fault"]
+    status = next((status for code, status in _STATUS.items() if code in faults), "completed")
+    return {
+        "status": status,
+        "verdict": {
+            "level": level_of(every),
+            "findings": [finding.as_dict() for finding in every],
+        },
+    }
+
+
+def _ending(history: xr.Dataset, summary: Mapping[str, Any]) -> Iterator[Finding]:
+    active = summary["active_set"]
+    remedy = "take a smaller step, another method or a shorter duration"
+    if not active["converged"]:
+        why = f": {active['message']}" if active["message"] else ""
+        text = f"it did not converge{why}; what was computed is kept"
+        yield Finding("not_converged", "fault", text, remedy=remedy)
+    elif not all(np.isfinite(column.values).all() for column in history.values()):
+        text = "its history holds numbers that are not finite"
+        yield Finding("not_finite", "fault", text, remedy=remedy)
+    if watched := summary["details"].get("watch"):
+        yield warning("outside_contact", str(watched))
+
+
+def _energy(summary: Mapping[str, Any]) -> tuple[Finding, ...]:
+    energy = summary["energy"]
+    growth = energy["max_relative_growth"]
+    if energy["driven"] or growth is None:
+        return ()
+    remedy = "take a smaller step or another method"
+    text = f"the energy grows by {percent(growth)}, though nothing feeds it"
+    if summary["plan"].get("normals") == "updated":
+        text = f"the energy grows by {percent(growth)}: contact that follows the bodies is right "
+        text += "to the first order of step and faces only"
+        remedy = "take smaller elements and steps"
+    return by_limits("energy_growth", growth, GROWTH_LIMITS, text, remedy=remedy)
+
+
+def _error(summary: Mapping[str, Any]) -> tuple[Finding, ...]:
+    error = summary["error"]
+    if error is None:
+        if summary["method"] == "exact":
+            return ()
+        why = summary["details"].get("error_estimate", {})
+        why = why.get("message", "") if isinstance(why, Mapping) else why
+        why = why or summary["plan"]["reasons"].get("estimate", "")
+        text = "its error was neither measured nor estimated" + (f": {why}" if why else "")
+        return (warning("no_estimate", text, remedy="compare runs of two mesh sizes or steps"),)
+    largest = error["displacement_max"], error["force_l1"]
+    if None in largest:
+        return (Finding("error_large", "fault", "its error is not finite"),)
+    how = "measured" if "exact" in error["reference"] else "estimated"
+    text = f"{how} error: displacement {percent(largest[0])}, force {percent(largest[1])}"
+    remedy = "take smaller elements or steps, or another method"
+    small, large = ERROR_LIMITS
+    if largest[0] > large:
+        text = f"{text}: the course of the motion is not predicted"
+        return by_limits("error_large", largest[0], ERROR_LIMITS, text, remedy=remedy)
+    # A force that is wrong does not make the motion worthless: it calls for care at most.
+    return by_limits("error_large", max(largest), (small, np.inf), text, remedy=remedy)
+
+
+def _contact(scene: Scene, history: xr.Dataset, summary: Mapping[str, Any]) -> tuple[Finding, ...]:
+    deep, size = summary["contact"]["max_penetration"], size_of(scene, history)
+    if not deep or not size:
+        return ()
+    share = deep / size
+    text = f"bodies penetrate by up to {deep:.3g} m, {percent(share)} of a body"
+    remedy = "take smaller elements or steps, or another method"
+    return by_limits("penetration", share, PENETRATION_LIMITS, text, remedy=remedy)

@@ -1,0 +1,79 @@
+"""Verdict, findings and exit codes agree, and a run's findings replace those of its plan."""
+
+import json
+
+import pytest
+
+import impactfem
+from impactfem.cli import DONE, NOT_TRUSTED, main
+from impactfem.findings import CODES, Finding, by_limits, level_of, settled, warning
+
+TURNS = Finding("model_rotation", "fault", "it will turn", "disc", 1.0, 0.3)
+
+
+def test_a_code_that_nobody_knows_is_refused():
+    with pytest.raises(ValueError, match="no code"):
+        warning("surprise", "text")
+
+
+def test_limits_make_warnings_and_faults():
+    found = [by_limits("error_large", value, (0.05, 0.5), "text") for value in (0.05, 0.06, 0.6)]
+    assert [[entry.severity for entry in each] for each in found] == [[], ["warning"], ["fault"]]
+    assert found[2][0].limit == 0.5
+    (lost,) = by_limits("error_large", float("nan"), (0.05, 0.5), "text")
+    assert lost.severity == "fault"
+
+
+def test_what_was_measured_replaces_what_was_foreseen():
+    assert settled([TURNS], []) == (TURNS,)
+    assert settled([TURNS], [], ["model_rotation"]) == ()
+    less = warning("model_rotation", "it turned a little", "disc")
+    other = warning("model_rotation", "so did this", "block")
+    assert settled([TURNS], [less]) == (less,)
+    assert settled([TURNS], [other]) == (TURNS, other)  # the worst first
+
+
+def test_the_worst_finding_decides():
+    note = Finding("error_large", "note", "text")
+    assert level_of([]) == level_of([note]) == "trust"
+    assert level_of([note, warning("units", "text")]) == "care"
+    assert level_of([warning("units", "text"), TURNS]) == "do_not_trust"
+
+
+@pytest.mark.parametrize(
+    ("settings", "level", "code"),
+    [
+        (("solve.elements=10",), "trust", None),
+        (("solve.method=conserving", "solve.elements=4"), "care", "error_large"),
+        (("solve.method=newmark", "solve.elements=40"), "do_not_trust", "energy_growth"),
+    ],
+)
+def test_exit_code_and_verdict_agree(tmp_path, capsys, settings, level, code):
+    words = [word for text in settings for word in ("--set", text)]
+    out = tmp_path / "out"
+    assert main(["run", "bar_impact", *words, "--out", str(out), "--quiet"]) == (
+        NOT_TRUSTED if level == "do_not_trust" else DONE
+    )
+    summary = json.loads((out / "summary.json").read_text())
+    verdict = summary["verdict"]
+    assert verdict["level"] == level
+    found = {finding["code"]: finding for finding in verdict["findings"]}
+    assert code is None or code in found
+    assert set(found) <= set(CODES)
+    if level == "do_not_trust":
+        assert summary["status"] == "unstable"
+        assert found[code]["remedy"] in capsys.readouterr().err
+    assert impactfem.Result.load(out).summary == summary
+
+
+def test_the_plan_as_json(capsys):
+    assert main(["plan", "bar_impact", "--json", "--set", "solve.method=newmark"]) == DONE
+    made = json.loads(capsys.readouterr().out)
+    assert made["method"] == "newmark"
+    assert {"choices", "predicted_error", "findings", "cost"} <= set(made)
+    (found,) = made["findings"]
+    assert found["code"] == "control_method"
+    chosen = {choice["key"]: choice for choice in made["choices"]}
+    assert chosen["dt"]["unit"] == "s"
+    assert chosen["elements"]["why"]
+    assert set(made["cost"]) == {"seconds", "memory_mib"}
