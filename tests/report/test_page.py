@@ -15,6 +15,7 @@ from impactfem.report.figures import painters
 from impactfem.report.page.embedding import json_text, plotly_script, script_text
 from impactfem.report.page.page import page, write_page
 from impactfem.result.store import _OWN
+from impactfem.runs.verdict import judge
 from impactfem.shipped import shipped_scenes
 
 EMPTY = {"meta", "link", "img", "br", "input", "path", "use", "rect"}
@@ -158,21 +159,26 @@ def test_plotly_is_found_without_importing_it():
     assert "plotly.js v" in (plotly_script() or "")[:200]
 
 
+def judged(result, **figures):
+    """A result with other figures, judged anew."""
+    summary = {**result.summary, **figures}
+    summary |= judge(result.scene, result.history, summary, [], [])
+    return Result(result.scene, result.history, summary, result.fields, result.exact)
+
+
 def test_a_run_that_did_not_converge_says_so_first(bar):
     active = bar.summary["active_set"] | {"converged": False, "message": "the sets alternate"}
-    summary = {**bar.summary, "status": "not_converged", "active_set": active}
-    _, words = read(page(Result(bar.scene, bar.history, summary, bar.fields, bar.exact), []))
+    _, words = read(page(judged(bar, active_set=active), []))
     start = words[: words.index("The scene at t = 0")]
-    assert "Do not trust this run It did not converge: the sets alternate." in start
+    assert "Do not trust this run It did not converge: the sets alternate;" in start
     assert "Trust this run" not in start
     assert "The active set settled NO" in words
 
 
 def test_a_run_whose_energy_grows_is_not_trusted(bar):
     energy = bar.summary["energy"] | {"grows": True, "max_relative_growth": 0.5}
-    summary = {**bar.summary, "energy": energy}
-    _, words = read(page(Result(bar.scene, bar.history, summary, bar.fields, bar.exact), []))
-    assert "Do not trust this run Energy grows by 50 %, though nothing feeds it." in words
+    _, words = read(page(judged(bar, energy=energy), []))
+    assert "Do not trust this run The energy grows by 50 %, though nothing feeds it;" in words
     assert "Energy does not grow NO" in words
 
 
@@ -180,9 +186,9 @@ def test_a_run_with_numbers_that_are_not_finite_is_not_trusted(bar):
     history = bar.history.copy(deep=True)
     history["contact_force"][-1] = np.nan
     contact = bar.summary["contact"] | {"max_force": None, "impulse": None}
-    summary = {**bar.summary, "contact": contact, "status": "unstable"}
-    _, words = read(page(Result(bar.scene, history, summary, bar.fields, bar.exact), []))
-    assert "Do not trust this run Its history holds numbers that are not finite." in words
+    lost = Result(bar.scene, history, bar.summary, bar.fields, bar.exact)
+    _, words = read(page(judged(lost, contact=contact), []))
+    assert "Do not trust this run Its history holds numbers that are not finite;" in words
     assert "Largest force not finite" in words
 
 
@@ -191,8 +197,7 @@ def test_what_an_estimate_took_and_an_episode_are_told(bar):
     note = {"message": "run on elements twice as large", "seconds": 0.25, "num_steps": 9}
     episode = {"restitution": 0.6125, "micro_impacts": 7, "vibration": 0.11}
     details = {"error_estimate": note, "episode": episode, "watch": "a node enters the floor"}
-    summary = {**bar.summary, "details": details}
-    _, words = read(page(Result(bar.scene, bar.history, summary, bar.fields, bar.exact), []))
+    _, words = read(page(judged(bar, details=details), []))
     assert "Run on elements twice as large, which took 250 ms." in words
     assert "Apparent restitution 0.6125" in words
     assert "Trust this run with care A node enters the floor." in words
