@@ -21,6 +21,8 @@ _MAX_ELEMENTS = 200_000
 
 # Costs on a 2-core machine. Monolithic: fitted to runs with 2e4 to 5e5 unknowns.
 _MONOLITHIC_SECONDS, _MONOLITHIC_PER_ITERATION, _MONOLITHIC_KIB = 11e-6, 3e-6, 2.9
+# Discontinuous: fitted to runs with 2e3 to 1.2e5 triangles, fitted meshes among them.
+_TRIANGLE_SECONDS, _DISCONTINUOUS_KIB = 1.2e-4, 0.6  # of a triangle, of an unknown
 _SWEEP_SECONDS = 8e-9  # of a node in a layer
 _LOADING_SECONDS = 0.5  # of Numba and its cached loops
 _BASE_MIB, _DOLFINX_MIB = 220.0, 260.0  # of the process with Numba, and with DOLFINx too
@@ -156,6 +158,17 @@ def monolithic_cost(unknowns: int, iterations: int) -> tuple[float, float]:
     memory = _DOLFINX_MIB + _MONOLITHIC_KIB * unknowns / 1024
     _check_memory(memory, f"{unknowns:.3g} space-time unknowns")
     return memory, unknowns * (_MONOLITHIC_SECONDS + _MONOLITHIC_PER_ITERATION * iterations)
+
+
+def discontinuous_cost(triangles: int, unknowns: int) -> tuple[float, float]:
+    """Memory [MiB] and time [s] of method dg on one mesh.
+
+    Raises:
+        SceneError: The machine has less memory.
+    """
+    memory = _BASE_MIB + _DOLFINX_MIB / 2 + _DISCONTINUOUS_KIB * unknowns / 1024
+    _check_memory(memory, f"{unknowns:.3g} unknowns of space-time triangles")
+    return memory, _LOADING_SECONDS + triangles * _TRIANGLE_SECONDS
 
 
 def marching_cost(grid: Grid, every: int, passes: int) -> tuple[float, float]:

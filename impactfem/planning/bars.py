@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from impactfem.exact import ExactBar
 from impactfem.findings import Finding, warning
 from impactfem.methods import METHODS
+from impactfem.planning.bar_costs import cost_of_bar
 from impactfem.planning.card import Foresees
 from impactfem.planning.doubts import doubts_of_bar
 from impactfem.reference.bar import exact_bar
@@ -14,8 +15,6 @@ from impactfem.sizing import (
     Grid,
     choose_grid,
     fitting_pays,
-    marching_cost,
-    monolithic_cost,
     on_its_own_mesh,
     on_layers,
 )
@@ -41,8 +40,8 @@ class Plan(Foresees):
         gamma: Dimensionless merit constant.
         tolerance: Relative rounding level of the merit.
         max_iterations: Limit of linear solves of one active-set loop.
-        contact_pairs: Complementarity pairs; None as for the layers.
-        unknowns: Number of unknowns; None if a mesh file decides.
+        contact_pairs: Complementarity pairs; None as for the unknowns, and if there are none.
+        unknowns: Number of unknowns; None if only the run decides (accuracy of dg).
         memory_mib: Estimated peak memory [MiB]; None if not known beforehand.
         seconds: Estimated time [s] on a 2-core machine; None if not known beforehand.
         reasons: Why each choice was made, by key.
@@ -91,16 +90,8 @@ def plan_bar(scene: Scene) -> Plan:
     fitted = fitting_pays(scene, exact) if solve.fitted is None else solve.fitted
     grid = choose_grid(scene, method, exact, reasons)
     window, iterations = _choose_window(scene, name, exact, grid, reasons)
-    unknowns, memory, seconds = None, None, None
-    if method.family == "exact":
-        unknowns = 0
-        memory, seconds = marching_cost(grid, scene.output.every, 20)
-    elif grid.elements and grid.layers:
-        unknowns = (grid.layers + 1) * (grid.elements + 1) + grid.layers
-        if method.family == "monolithic":
-            memory, seconds = monolithic_cost(unknowns, iterations)
-        else:
-            memory, seconds = marching_cost(grid, scene.output.every, iterations)
+    degree = 1 if solve.degree is None else solve.degree
+    cost = cost_of_bar(scene, method, grid, degree, iterations)
     return Plan(
         method=name,
         model=f"elastic bar in 1D, far end {bar.far_end}, rigid wall at its near end",
@@ -109,16 +100,16 @@ def plan_bar(scene: Scene) -> Plan:
         dt=grid.dt,
         courant=grid.courant,
         window=window,
-        degree=None if method.family != "dg" else 1 if solve.degree is None else solve.degree,
+        degree=degree if method.family == "dg" else None,
         fitted=None if method.family != "dg" else fitted,
         active_set="none" if method.family == "exact" else solve.active_set or "pdas",
         gamma=solve.gamma or 1.0,
         tolerance=solve.tolerance or (1e-13 if method.family == "marching" else 1e-10),
         max_iterations=solve.max_iterations or 3 * iterations + 50,
-        contact_pairs=None if method.family == "exact" else grid.layers,
-        unknowns=unknowns,
-        memory_mib=memory,
-        seconds=seconds,
+        contact_pairs=cost.contact_pairs,
+        unknowns=cost.unknowns,
+        memory_mib=cost.memory_mib,
+        seconds=cost.seconds,
         reasons=reasons,
         findings=(*_findings(name, grid, exact), *doubts_of_bar(scene, exact)),
     )

@@ -137,7 +137,7 @@ def _settings(scene: Scene, chosen: VibroPlan) -> Any:
         settings = {
             "rows": max(1, chosen.steps // scene.output.every),
             "stick_speed": chosen.stick_speed,
-            "law": chosen.impact_law,
+            "impact_law": chosen.impact_law,
         }
         if scene.solve.tolerance is not None:
             settings |= {"rtol": scene.solve.tolerance, "atol": 1e-2 * scene.solve.tolerance}

@@ -66,14 +66,22 @@ def _table(cls: type[Any], found: dict[str, Schema]) -> Schema:
         properties["kind"] = {"const": cls.kind, "type": "string", "description": text}
         required.append("kind")
     properties |= {entry.name: _described(entry, found) for entry in keys}
-    required += [entry.name for entry in keys if entry.default is REQUIRED]
-    return {
+    required += [entry.name for entry in keys if entry.default is REQUIRED and not entry.also]
+    twins = [entry for entry in keys if entry.also]
+    for entry in twins:
+        said = f"Another name of {entry.name}."
+        properties[entry.also] = properties[entry.name] | {"description": said}
+    schema = {
         "type": "object",
         "description": _first_line(cls),
         "properties": properties,
         "required": required,
         "additionalProperties": False,
     }
+    if twins:  # one of both names
+        names = ((entry.name, entry.also) for entry in twins)
+        schema["allOf"] = [{"oneOf": [{"required": [n]} for n in both]} for both in names]
+    return schema
 
 
 def _first_line(cls: type[Any]) -> str:

@@ -41,7 +41,7 @@ _SAME: Mapping[str, tuple[str, ...]] = {
     "origin": ("center", "corner", "point"),
     "centre": ("center",),
     "position": ("center", "corner", "point"),
-    "center": ("position", "point", "corner"),
+    "center": ("position", "point", "corner", "points"),
     "angle": ("inclination",),
     "bodies": ("body",),
     "obstacles": ("obstacle",),
@@ -50,6 +50,7 @@ _SAME: Mapping[str, tuple[str, ...]] = {
     "type": ("kind",),
     "file": ("mesh",),
     "pair": ("between",),
+    "law": ("impact_law",),
     "formats": ("fields",),
     # words that are values
     "plane": ("half_space", "plane_strain"),

@@ -87,7 +87,7 @@ class HalfSpace(RigidObstacle):
     _vectors: ClassVar[tuple[str, ...]] = ("point", "normal")
 
     name: str = key(Name(), _NAME, default="half_space")
-    point: Sequence[float] = key(Vector((1, 2, 3)), "a point of the plane", unit="m")
+    point: Sequence[float] = key(Vector((1, 2, 3)), "a point of the plane", unit="m", also="center")
     normal: Sequence[float] = key(
         Vector((1, 2, 3), nonzero=True), "direction from the plane to the body, of any length"
     )
@@ -128,7 +128,7 @@ class RigidSphere(RigidObstacle):
     _vectors: ClassVar[tuple[str, ...]] = ("center",)
 
     name: str = key(Name(), _NAME, default="sphere")
-    center: Sequence[float] = key(Vector(), "centre", unit="m")
+    center: Sequence[float] = key(Vector(), "centre", unit="m", also="point")
     radius: float = key(Real(above=0), "radius", unit="m")
     side: str = key(Choice(SIDES), _SIDE, default="outside")
     motion: tuple[Formula, ...] | None = key(
@@ -164,7 +164,7 @@ class RigidCylinder(RigidObstacle):
     _vectors: ClassVar[tuple[str, ...]] = ("point",)
 
     name: str = key(Name(), _NAME, default="cylinder")
-    point: Sequence[float] = key(Vector(), "a point of the axis", unit="m")
+    point: Sequence[float] = key(Vector(), "a point of the axis", unit="m", also="center")
     axis: Sequence[float] | None = key(
         Vector((3,), nonzero=True),
         "direction of the axis, of any length; required in 3D",
@@ -222,7 +222,7 @@ class RigidBox(RigidObstacle):
     _vectors: ClassVar[tuple[str, ...]] = ("center", "size")
 
     name: str = key(Name(), _NAME, default="box")
-    center: Sequence[float] = key(Vector(), "centre", unit="m")
+    center: Sequence[float] = key(Vector(), "centre", unit="m", also="point")
     size: Sequence[float] = key(Vector(positive=True), "edges along x, y and z", unit="m")
     angle: float = key(
         Real(), "angle by which it is turned about its centre (about z)", unit="rad", default=0.0

@@ -1,6 +1,6 @@
 """Keys of the scene language: declared once as dataclass fields, checked and described."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar, NamedTuple, Protocol
 
@@ -58,6 +58,7 @@ class Key:
     unit: str
     default: object
     absent: str = ""
+    also: str = ""
 
     @property
     def wanted(self) -> str:
@@ -129,6 +130,7 @@ def key(
     default: object = REQUIRED,
     name: str = "",
     absent: str = "",
+    also: str = "",
 ) -> Any:  # as dataclasses.field, to fit fields of any type
     """Declare a dataclass field as a key of the scene language.
 
@@ -139,8 +141,9 @@ def key(
         default: value when absent; None means that the plan chooses, unless `absent` says more.
         name: name in scene files, when it is not the name of the field.
         absent: what None means, for the scene reference.
+        also: another name that scene files may use for it.
     """
-    return field(default=default, metadata={"key": (kind, doc, unit, name, absent)})
+    return field(default=default, metadata={"key": (kind, doc, unit, name, absent, also)})
 
 
 def keys_of(cls: type[DataclassLike]) -> dict[str, Key]:
@@ -148,8 +151,8 @@ def keys_of(cls: type[DataclassLike]) -> dict[str, Key]:
     found = {}
     for entry in fields(cls):
         if "key" in entry.metadata:
-            kind, doc, unit, name, absent = entry.metadata["key"]
-            found[entry.name] = Key(name or entry.name, kind, doc, unit, entry.default, absent)
+            kind, doc, unit, name, *words = entry.metadata["key"]
+            found[entry.name] = Key(name or entry.name, kind, doc, unit, entry.default, *words)
     return found
 
 
@@ -190,7 +193,7 @@ def check_keys(table: object, known: list[str], where: str, own: str = "") -> Ma
 
 def _hint(name: str, known: list[str], own: str) -> str:
     """What to do about an unknown key: where it belongs, or what is meant."""
-    homes = _homes(name)
+    homes = [] if name == "kind" else _homes(name)  # each kind of table has kinds of its own
     if TOP in homes and own != TOP:
         return "it belongs to the top of the file; move it before the first table."
     near = nearest(name, known)
@@ -232,14 +235,31 @@ def from_table[T: DataclassLike](cls: type[T], table: object, where: str, *extra
     Raises:
         KeyedError: unknown keys first (one may be misspelt), then missing and wrong ones.
     """
-    names = {entry.name: name for name, entry in keys_of(cls).items()}
+    keys = keys_of(cls)
+    names = {entry.name: name for name, entry in keys.items()}
     own = next((heading for heading, known in _TABLES.items() if known is cls), "")
-    given = check_keys(table, [*extra, *names], where, own)
+    given = check_keys(_renamed(table, keys.values(), where), [*extra, *names], where, own)
     values = {names[k]: v for k, v in given.items() if k in names and v is not None}
     try:
         return cls(**values)
     except KeyedError as error:
         raise error.moved(where) from None
+
+
+def _renamed(table: object, keys: Iterable[Key], where: str) -> object:
+    """Return the table with the names of the reference for keys that go by another one.
+
+    Raises:
+        KeyedError: a key is there by both names.
+    """
+    others = {entry.also: entry.name for entry in keys if entry.also}
+    if not isinstance(table, Mapping) or not others.keys() & table.keys():
+        return table
+    for other, name in others.items():
+        if other in table and name in table:
+            text = f" = {show(table[other])} and {name} = {show(table[name])} say the same place"
+            raise KeyedError(where, other, f"{text}: remove one of them.")
+    return {others.get(name, name): value for name, value in table.items()}
 
 
 _TABLES: dict[str, type[DataclassLike]] = {}

@@ -74,7 +74,7 @@ def integrate_ensemble(
         raise SceneError(
             f"positions has shape {u.shape}, velocities {v.shape}; give both as (n, {system.dofs})"
         )
-    steps, h = count_steps(duration, settings.dt, every or 1, settings.law)
+    steps, h = count_steps(duration, settings.dt, every or 1, settings.impact_law)
     _check_members(system, u, v)
     if isinstance(settings, PositionSettings):
         kernel, loads, matrices, states, extra = _positions(system, u, v, h, settings)

@@ -39,7 +39,7 @@ class Contacts:
 
     Attributes:
         system: The system.
-        law: Impact law of several constraints.
+        impact_law: Impact law of several constraints.
         stick_speed: Threshold [m/s]; None: a share of the largest impact speed so far.
         share: That share.
         closed: Linearly independent constraints that are closed.
@@ -54,7 +54,7 @@ class Contacts:
     """
 
     system: GeneralizedSystem
-    law: Law
+    impact_law: Law
     stick_speed: float | None
     share: float
     closed: tuple[int, ...] = ()
@@ -152,7 +152,7 @@ class Contacts:
             restitution = self.system.restitution[rows]
             state = factor, jacobian[rows], v, rate[rows], restitution
             try:
-                hit = accumulate(mass, *state) if again else resolve_impact(*state, self.law)
+                hit = accumulate(mass, *state) if again else resolve_impact(*state, self.impact_law)
             except ConvergenceError as error:
                 raise ConvergenceError(
                     f"events: the impact on constraints {rows.tolist()} at t = {t:.9g} has no "

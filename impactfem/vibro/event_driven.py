@@ -38,7 +38,7 @@ class EventSettings:
         stick_speed: Normal speed [m/s] at or below which a rebound that is pressed back ends in
             lasting contact; None: `EXACT_SHARE` or `GENERAL_SHARE` of
             the largest impact speed so far.
-        law: How several constraints share an impact.
+        impact_law: How several constraints share an impact.
         rtol: Relative tolerance of flights that are not exact.
         atol: Absolute tolerance of these.
         max_impacts: Limit of the number of impacts.
@@ -50,7 +50,7 @@ class EventSettings:
 
     rows: int = 1000
     stick_speed: float | None = None
-    law: Law = "simultaneous"
+    impact_law: Law = "simultaneous"
     rtol: float = 1e-10
     atol: float = 1e-12
     max_impacts: int = 10_000_000
@@ -59,8 +59,10 @@ class EventSettings:
     def __post_init__(self) -> None:
         if self.rows < 1:
             raise SceneError(f"rows = {self.rows}: give at least 1")
-        if self.law not in {"simultaneous", "sequential"}:
-            raise SceneError(f'law = "{self.law}": give "simultaneous" or "sequential"')
+        if self.impact_law not in {"simultaneous", "sequential"}:
+            raise SceneError(
+                f'impact_law = "{self.impact_law}": give "simultaneous" or "sequential"'
+            )
         if self.stick_speed is not None and not 0.0 <= self.stick_speed < math.inf:
             raise SceneError(f"stick_speed = {self.stick_speed}: give a speed >= 0, or None")
         for name in ("rtol", "atol"):
@@ -107,7 +109,7 @@ def integrate_events(
     record = Record(system, duration, settings.rows, settings.max_impacts, settings.keep_impacts)
     exact = isinstance(system, LinearSystem) and system.is_exact
     share = EXACT_SHARE if exact else GENERAL_SHARE
-    contacts = Contacts(system, settings.law, settings.stick_speed, share)
+    contacts = Contacts(system, settings.impact_law, settings.stick_speed, share)
     if isinstance(system, LinearSystem) and system.is_exact:
         fly_linear(system, u, v, duration, contacts, record)
     else:

@@ -63,13 +63,13 @@ class PositionSettings:
         implicit: Whether stiffness forces are averaged over three levels (linear systems); None
             to do so where h omega_max > 1.
         every: Steps between two rows of the trajectory.
-        law: Only "simultaneous", which the scheme realises by itself.
+        impact_law: Only "simultaneous", which the scheme realises by itself.
     """
 
     dt: float
     implicit: bool | None = None
     every: int = 1
-    law: Law = "simultaneous"
+    impact_law: Law = "simultaneous"
 
 
 def integrate_positions(
@@ -100,7 +100,7 @@ def integrate_positions(
     """
     u = np.array(position, dtype=float).reshape(-1)
     v = np.array(velocity, dtype=float).reshape(-1)
-    steps, h = count_steps(duration, settings.dt, settings.every, settings.law)
+    steps, h = count_steps(duration, settings.dt, settings.every, settings.impact_law)
     check_start(system, u, v)
     implicit = choose_implicit(system, u, v, h, settings.implicit)
     if isinstance(system, LinearSystem):

@@ -57,13 +57,13 @@ class VelocitySettings:
         dt: Longest time step h [s]; the one used divides the duration.
         theta: Weight of the end of the step, in [1/2, 1]; 1/2 keeps the energy of free motion.
         every: Steps between two rows of the trajectory.
-        law: Only "simultaneous".
+        impact_law: Only "simultaneous".
     """
 
     dt: float
     theta: float = 0.5
     every: int = 1
-    law: Law = "simultaneous"
+    impact_law: Law = "simultaneous"
 
 
 def integrate_velocities(
@@ -91,7 +91,7 @@ def integrate_velocities(
     """
     u = np.array(position, dtype=float).reshape(-1)
     v = np.array(velocity, dtype=float).reshape(-1)
-    steps, h = count_steps(duration, settings.dt, settings.every, settings.law)
+    steps, h = count_steps(duration, settings.dt, settings.every, settings.impact_law)
     check_theta(settings.theta)
     check_start(system, u, v)
     if isinstance(system, LinearSystem):

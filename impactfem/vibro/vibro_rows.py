@@ -26,7 +26,7 @@ _MOST_STEPS = 32768  # steps whose loads are tabulated at once
 _MAX_SWEEPS = 200  # of the splitting for gyroscopic or follower forces
 
 
-def count_steps(duration: float, dt: float, every: int, law: Law) -> tuple[int, float]:
+def count_steps(duration: float, dt: float, every: int, impact_law: Law) -> tuple[int, float]:
     """Number of equal steps that are not longer than dt, and their length.
 
     Raises:
@@ -38,10 +38,10 @@ def count_steps(duration: float, dt: float, every: int, law: Law) -> tuple[int, 
         raise SceneError(f"duration = {duration!r}: give a number > 0 [s]")
     if every < 1:
         raise SceneError(f"every = {every}: give a number >= 1 of steps between two rows")
-    if law != "simultaneous":
+    if impact_law != "simultaneous":
         raise SceneError(
-            f'law = "{law}": schemes with time steps solve all impacts of a step at once; use '
-            'law = "simultaneous", or the event-driven method'
+            f'impact_law = "{impact_law}": schemes with time steps solve all impacts of a step at '
+            'once; use impact_law = "simultaneous", or the event-driven method'
         )
     steps = max(1, math.ceil(duration / dt * (1.0 - 1e-12)))
     return steps, duration / steps

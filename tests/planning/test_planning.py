@@ -8,7 +8,7 @@ import pytest
 import impactfem
 from impactfem.shipped import shipped_scenes
 
-MESHES = Path(__file__).parents[2] / "meshes"
+MESH = str(Path(__file__).parents[2] / "meshes" / "bar_spacetime.geo")
 
 
 def scene(duration=5.0, gravity=0.0, solve=None, **bar):
@@ -36,7 +36,7 @@ def scene(duration=5.0, gravity=0.0, solve=None, **bar):
         (scene(solve={"accuracy": 1e-3}), "exact"),
         (scene(solve={"active_set": "snes_vi"}), "monolithic"),
         (scene(solve={"degree": 0}), "dg"),
-        (scene(solve={"mesh": MESHES / "bar_spacetime.geo"}), "dg"),
+        (scene(solve={"mesh": MESH}), "dg"),
         (scene(solve={"method": "newmark"}), "newmark"),
     ],
 )
@@ -57,6 +57,37 @@ def test_beyond_the_stability_limit_is_refused_with_the_limit():
     with pytest.raises(impactfem.SceneError, match=r"courant = 1\.5.*omega_max.*conserving"):
         impactfem.plan(scene(solve={"method": "galerkin", "courant": 1.5}))
     assert impactfem.plan(scene(solve={"courant": 1.5})).method == "conserving"
+
+
+@pytest.mark.parametrize(
+    ("solve", "unknowns"),
+    [  # 40 elements in 200 layers, a force for each: (40 + 1) (200 + 1) + 200
+        ({"mesh": MESH, "method": "monolithic"}, 8441),
+        ({"mesh": MESH, "method": "galerkin"}, 8441),
+        ({"mesh": MESH}, 16000 * 6),  # dg: 6 values on each of two triangles of a cell
+        ({"mesh": MESH, "degree": 0}, 16000 * 2),
+    ],
+)
+def test_cost_with_a_mesh_file(solve, unknowns):
+    plan = impactfem.plan(scene(solve=solve))
+    assert (plan.unknowns, plan.contact_pairs) == (unknowns, 200)
+    assert plan.memory_mib > 200
+    assert plan.seconds > 0
+
+
+def test_a_mesh_file_that_does_not_fit_is_noticed_before_the_run():
+    with pytest.raises(impactfem.MeshError, match="t runs from 0 to 5 s, the scene needs 0 to 4"):
+        impactfem.plan(scene(duration=4.0, solve={"mesh": MESH}))
+
+
+@pytest.mark.parametrize("fitted", [True, False])
+def test_cost_on_triangles_that_the_run_makes(fitted):
+    case = scene(gap=0.5123, solve={"method": "dg", "elements": 20, "fitted": fitted})
+    plan, summary = impactfem.plan(case), impactfem.solve(case).summary
+    assert plan.unknowns == pytest.approx(summary["num_dofs"], rel=0.15)
+    assert plan.contact_pairs == 100
+    assert plan.seconds > 0
+    assert impactfem.plan(case.with_settings({"solve.accuracy": 1e-3})).unknowns is None
 
 
 def test_what_cannot_fit_in_memory_is_refused():

@@ -7,6 +7,7 @@ import re
 import tomllib
 from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -30,7 +31,9 @@ from impactfem.scene import (
     Support,
     Wall,
 )
+from impactfem.scene.json_schema import json_schema
 
+VALIDATOR = jsonschema.Draft7Validator(json_schema())
 STEEL = {"density": 7800.0, "youngs_modulus": 2.1e11, "poisson_ratio": 0.3}
 
 
@@ -143,6 +146,25 @@ def test_obstacles():
     moving = floor(motion=["0", "0.01*sin(t)"])
     assert floor().offset(1.0) is None
     np.testing.assert_allclose(moving.offset(math.pi / 2), [0, 0.01])
+
+
+@pytest.mark.parametrize(
+    ("known", "other", "rest"),
+    [
+        ("point", "center", {"kind": "half_space", "normal": [0.0, 1.0]}),
+        ("point", "center", {"kind": "cylinder", "radius": 1.0}),
+        ("center", "point", {"kind": "sphere", "radius": 1.0}),
+        ("center", "point", {"kind": "box", "size": [1.0, 1.0]}),
+    ],
+)
+def test_the_place_of_an_obstacle_goes_by_two_names(known, other, rest):
+    data = make().to_dict() | {"obstacle": [rest | {"name": "it", other: [0.0, -1.0]}]}
+    scene = Scene.from_dict(data)
+    VALIDATOR.validate(data)
+    assert getattr(scene.obstacles[0], known) == (0.0, -1.0)
+    assert scene.to_dict()["obstacle"][0][known] == [0.0, -1.0], "one name is written"
+    for wrong in (rest, rest | {known: [0.0, -1.0], other: [0.0, -1.0]}):
+        assert not VALIDATOR.is_valid(data | {"obstacle": [wrong]})
 
 
 @pytest.mark.parametrize(

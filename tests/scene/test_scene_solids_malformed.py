@@ -97,6 +97,24 @@ CASES = {
     ),
     "friction": ({"obstacle.0.friction_coefficient": 0.3}, ["belongs to [[contact]]", "move it"]),
     "restitution": ({"obstacle.0.restitution": 0.3}, ["belongs to [[contact]]", "move it"]),
+    "mass of an obstacle": (
+        {"obstacle.0.mass": 1.0},
+        ["obstacle[0].mass = 1.0", "it belongs to bodies", "remove it"],
+    ),
+    "kind of a contact": (
+        {"contact": [{"between": ["disc", "floor"], "kind": "tied"}]},
+        ['contact[0].kind = "tied" is not a known key: remove it'],
+    ),
+    "place twice": (
+        {"obstacle.1.center": [3, 1]},
+        ["obstacle[1].center = [3, 1] and point = [3, 0] say the same place", "remove one"],
+    ),
+    "no place": ({"obstacle.1.point": ABSENT}, ["obstacle[1].point is missing"]),
+    "place of a chain": (
+        {"obstacle.1": {"kind": "polyline", "center": [3, 0]}},
+        ["obstacle[1].center", 'did you mean "points"?'],
+    ),
+    "law": ({"solve.law": "sequential"}, ["solve.law", 'did you mean "impact_law"?']),
     # bounds
     "ratio": ({"body.0.poisson_ratio": 0.5}, ["poisson_ratio = 0.5", "must be < 0.5"]),
     "negative ratio": ({"body.0.poisson_ratio": -1}, ["poisson_ratio = -1", "must be > -1"]),

@@ -150,7 +150,7 @@ def test_cradle_of_three(law, e, after):
     cradle = LinearSystem(
         mass=[1.0, 1.0, 1.0], normals=[[-1, 1, 0], [0, -1, 1]], offsets=[0.0, 0.0], restitution=e
     )
-    settings = EventSettings(rows=10, law=law)
+    settings = EventSettings(rows=10, impact_law=law)
     run = integrate_events(cradle, [-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], 2.0, settings)
     assert run.velocity[-1] == pytest.approx(after, abs=1e-14)
     assert run.impacts.time == pytest.approx(1.0, abs=1e-15)
@@ -310,7 +310,7 @@ def test_limits_and_errors_are_named():
         integrate_events(ball(1.0), [1.0], [0.0], -1.0)
     with pytest.raises(SceneError, match="outside constraint 0"):
         integrate_events(ball(1.0), [-1.0], [0.0], 1.0)
-    for wrong in ({"rows": 0}, {"law": "other"}, {"stick_speed": -1.0}, {"rtol": 0.0},
+    for wrong in ({"rows": 0}, {"impact_law": "other"}, {"stick_speed": -1.0}, {"rtol": 0.0},
                   {"max_impacts": 0}, {"keep_impacts": -1}):  # fmt: skip
         with pytest.raises(SceneError, match=next(iter(wrong))):
             EventSettings(**wrong)

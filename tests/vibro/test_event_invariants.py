@@ -54,7 +54,9 @@ restitution = st.one_of(st.just(0.0), st.just(1.0), st.floats(0.0, 1.0))
 )  # fmt: skip
 def test_random_linear_systems(seed, d, count, e, law):
     system, start, velocity = random_system(seed, d, count, e)
-    run = integrate_events(system, start, velocity, DURATION, EventSettings(rows=3000, law=law))
+    run = integrate_events(
+        system, start, velocity, DURATION, EventSettings(rows=3000, impact_law=law)
+    )
     size = 1.0 + np.abs(run.position).max()
     assert run.gap.min() >= -1e-11 * size
     assert (run.impacts.impulse > 0.0).all()

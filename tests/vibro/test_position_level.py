@@ -268,7 +268,7 @@ def test_stiff_systems_are_implicit_by_themselves():
     [
         (PositionSettings(0.0), "dt = 0.0"),
         (PositionSettings(0.1, every=0), "every = 0"),
-        (PositionSettings(0.1, law="sequential"), "sequential"),
+        (PositionSettings(0.1, impact_law="sequential"), "sequential"),
     ],
 )
 def test_bad_settings_are_named(choice, message):

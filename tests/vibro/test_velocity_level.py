@@ -144,7 +144,9 @@ def test_bad_input_is_named():
     with pytest.raises(SceneError, match=r"theta = 0\.2"):
         integrate_velocities(ball(0.0), [0.1], [0.0], 1.0, VelocitySettings(0.05, theta=0.2))
     with pytest.raises(SceneError, match="sequential"):
-        integrate_velocities(ball(0.0), [0.1], [0.0], 1.0, VelocitySettings(0.1, law="sequential"))
+        integrate_velocities(
+            ball(0.0), [0.1], [0.0], 1.0, VelocitySettings(0.1, impact_law="sequential")
+        )
     damped = GeneralizedSystem(
         mass=1.0, force=lambda _t, _u, v: -1e4 * v, constraints=lambda u: u + 1
     )
