@@ -11,7 +11,7 @@ from pathlib import Path
 
 from impactfem import commands
 from impactfem.commands import BAD_INPUT, DONE, FAILED, NOT_TRUSTED
-from impactfem.errors import ConvergenceError, ImpactError, MeshError, SceneError
+from impactfem.errors import ConvergenceError, FolderError, ImpactError, MeshError, SceneError
 from impactfem.first_use import announce_to
 from impactfem.processes import abort, complain, end_together, join, rank, ranks, say
 from impactfem.signals import InterruptedRunError, listen
@@ -78,7 +78,7 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _code(error: ImpactError) -> int:
-    if isinstance(error, SceneError | MeshError):
+    if isinstance(error, SceneError | MeshError | FolderError):
         return BAD_INPUT
     return NOT_TRUSTED if isinstance(error, ConvergenceError) else FAILED
 
@@ -91,6 +91,13 @@ class _Version(argparse.Action):
 
         say(f"impactfem {__version__}")
         parser.exit()
+
+
+def _folder(name: str) -> Path:
+    """The folder that an argument names; an empty name, as of an unset variable, is none."""
+    if not name:
+        raise argparse.ArgumentTypeError('"" names no folder; "." is the present one')
+    return Path(name)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -132,9 +139,11 @@ def _parser() -> argparse.ArgumentParser:
         help="path or URL of the schema for editors (default: written beside the scene)",
     )  # fmt: skip
     run = command(commands.run, scene="?")
-    run.add_argument("--out", metavar="DIR", type=Path, help="result folder (default results/NAME)")
     run.add_argument(
-        "--restart", metavar="DIR", type=Path,
+        "--out", metavar="DIR", type=_folder, help="result folder (default results/NAME)"
+    )
+    run.add_argument(
+        "--restart", metavar="DIR", type=_folder,
         help="continue the stopped run of a solid from its checkpoint in DIR (output.checkpoint)",
     )  # fmt: skip
     run.add_argument("--quiet", action="store_true", help="no progress, no table")
@@ -146,7 +155,7 @@ def _parser() -> argparse.ArgumentParser:
     schema = command(commands.schema)
     schema.add_argument("--out", metavar="FILE", type=Path, help="write it to a file")
     plot = command(commands.plot)
-    plot.add_argument("folder", metavar="DIR", type=Path)
+    plot.add_argument("folder", metavar="DIR", type=_folder)
     bench = command(commands.bench)
     bench.add_argument(
         "scene", metavar="SCENE", nargs="?", help="scene file, or name of a shipped scene"
@@ -160,7 +169,7 @@ def _parser() -> argparse.ArgumentParser:
         "20,40,80 for bars, 8,16 for solids, 1000,4000,16000 steps)",
     )  # fmt: skip
     bench.add_argument("--repeats", metavar="N", type=int, default=3, help="runs of each size")
-    bench.add_argument("--out", metavar="DIR", type=Path, help="folder for tables and pictures")
+    bench.add_argument("--out", metavar="DIR", type=_folder, help="folder for tables and pictures")
     command(commands.doctor)
     return parser
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from impactfem.errors import OutputError, SceneError
 from impactfem.processes import complain, on_root, rank, say
 from impactfem.shipped import find_scene, shipped_scenes
-from impactfem.signals import held_back
+from impactfem.signals import InterruptedRunError, held_back
 
 if TYPE_CHECKING:
     from impactfem.log import Progress
@@ -35,9 +35,11 @@ def run(given: argparse.Namespace) -> int:
     from impactfem.log import Progress  # noqa: PLC0415
     from impactfem.planning import plan as plan_of  # noqa: PLC0415
     from impactfem.report.table import summary_table  # noqa: PLC0415
+    from impactfem.result.occupied import check_free  # noqa: PLC0415
+    from impactfem.result.store import CHECKPOINT, SPOOL  # noqa: PLC0415
     from impactfem.resuming import claimed, clear, kept  # noqa: PLC0415
 
-    scene, folder = _to_run(given)
+    path, scene, folder = _to_run(given)
     progress = Progress(enabled=rank() == 0 and not given.quiet)
     _prepare(scene)
     chosen = plan_of(scene)
@@ -47,12 +49,15 @@ def run(given: argparse.Namespace) -> int:
         _load_finite_elements()
     stages = progress.stages(4 if scene.bodies[0].kind == "bar" else 5)
     place = given.restart or folder
+    on_root(lambda: check_free(folder, path))
     with claimed(folder, given.restart), stages, kept(place, bool(scene.output.checkpoint)):
         result = _solved(scene, given.restart, folder, progress)
         result = replace(result, summary={**result.summary, "run": _record(given, result)})
         progress.step("writing the result")
-        on_root(lambda: result.save(folder))
-        clear(place)
+        on_root(lambda: result.write_data(folder))
+        clear(place, CHECKPOINT)
+        on_root(lambda: _add_pictures(result, folder, progress))
+        clear(place, SPOOL)  # pictures were drawn from it
     if not given.quiet:
         report = f"Report: {folder / 'report.html'}\n" * result.scene.output.report
         say(f"{summary_table(result.summary)}\n\n{report}Result and pictures: {folder}")
@@ -84,8 +89,21 @@ def _record(given: argparse.Namespace, result: "Result") -> dict[str, Any]:
     return record
 
 
-def _to_run(given: argparse.Namespace) -> "tuple[Scene, Path]":
-    """The scene and the folder of its result.
+def _add_pictures(result: "Result", folder: Path, progress: "Progress") -> None:
+    """Draw a result whose data are in its folder; an interrupt does not touch them."""
+    from impactfem.report.adding import add_pictures  # noqa: PLC0415
+
+    progress.note("drawing")
+    try:
+        for line in add_pictures(result, folder):
+            complain(f"warning: {line}")
+    except InterruptedRunError as error:
+        error.kept = f"the result is in {folder}; draw it with: impactfem plot {folder}"
+        raise
+
+
+def _to_run(given: argparse.Namespace) -> "tuple[Path | None, Scene, Path]":
+    """File of the scene (None: that of a checkpoint), the scene, the folder of its result.
 
     Raises:
         SceneError: Neither a scene nor a checkpoint is given, or both.
@@ -94,7 +112,7 @@ def _to_run(given: argparse.Namespace) -> "tuple[Scene, Path]":
         if given.scene is None:
             raise SceneError("run: no scene is given; name one, or use --restart DIR")
         path, scene = _read(given)
-        return scene, given.out or Path("results") / _name(path)
+        return path, scene, given.out or Path("results") / _name(path)
     if given.scene is not None or given.settings:
         raise SceneError(
             f"run: --restart {given.restart} continues the scene of its checkpoint; leave SCENE "
@@ -103,7 +121,7 @@ def _to_run(given: argparse.Namespace) -> "tuple[Scene, Path]":
     _load_finite_elements()
     from impactfem.resuming import scene_to_continue  # noqa: PLC0415
 
-    return scene_to_continue(given.restart), given.out or given.restart
+    return None, scene_to_continue(given.restart), given.out or given.restart
 
 
 def _solved(scene: "Scene", restart: Path | None, folder: Path, progress: "Progress") -> "Result":
@@ -207,22 +225,27 @@ def schema(given: argparse.Namespace) -> int:
 
 def plot(given: argparse.Namespace) -> int:
     """Draw the pictures and the report of a result folder again."""
+    from impactfem.report.adding import Faults  # noqa: PLC0415
     from impactfem.report.page.page import write_report  # noqa: PLC0415
     from impactfem.result import Result  # noqa: PLC0415
     from impactfem.result.store import replaced  # noqa: PLC0415
     from impactfem.resuming import claimed  # noqa: PLC0415
+    from impactfem.scene import Output  # noqa: PLC0415
 
     try:
         result = Result.load(given.folder)
     except OutputError as error:
         complain(str(error))
         return BAD_INPUT
+    faults = Faults()
     with claimed(given.folder), replaced(given.folder) as stage:
-        names = [path.name for path in write_report(result, stage)[1]]
+        names = [path.name for path in write_report(result, stage, faults, Output())]
+    for line in faults.lines:
+        complain(line)
     if result.fields is None and not result.scene.is_vibro:
         complain('no fields.vtkhdf: no pictures of the displacement; run with fields = ["vtkhdf"]')
     say("\n".join(str(given.folder / name) for name in names))
-    return DONE
+    return FAILED if faults.lines else DONE
 
 
 def bench(given: argparse.Namespace) -> int:

@@ -25,6 +25,10 @@ class OutputError(ImpactError):
     """A result cannot be written or read back."""
 
 
+class FolderError(OutputError):
+    """The folder for a result holds other files, which it could replace."""
+
+
 class ImpactWarning(UserWarning):
     """A result is correct but must be read with care, as an impact without a unique outcome."""
 

@@ -68,7 +68,8 @@ def kept(folder: Path, active: bool) -> Iterator[None]:
     try:
         yield
     except InterruptedRunError as error:
-        error.kept = what_is_kept(folder)
+        if (folder / CHECKPOINT).exists():
+            error.kept = what_is_kept(folder)
         raise
     except OutputError as error:
         if (folder / CHECKPOINT).exists():
@@ -81,17 +82,10 @@ def kept(folder: Path, active: bool) -> Iterator[None]:
 
 
 def what_is_kept(folder: Path) -> str:
-    """What a stopped run leaves in its folder, and how to go on with it."""
-    if not (folder / CHECKPOINT).exists():
-        return "nothing was written"
+    """How to go on with a stopped run that has left a checkpoint in its folder."""
     return f"continue with: impactfem run --restart {folder}"
 
 
-def clear(folder: Path) -> None:
+def clear(folder: Path, name: str) -> None:
     """Remove what served to continue a run that is now complete (collective)."""
-
-    def remove() -> None:
-        for name in (CHECKPOINT, SPOOL):
-            (folder / name).unlink(missing_ok=True)
-
-    on_root(remove)
+    on_root(lambda: (folder / name).unlink(missing_ok=True))

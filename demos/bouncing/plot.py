@@ -1,4 +1,6 @@
-"""Draw regular and irregular bounces of a bar: plot.py [FOLDER] (default results/bouncing).
+"""Draw regular and irregular bounces of a bar: plot.py [FOLDER].
+
+Default folder: results/bouncing_script.
 
 bounces.png: displacement of both ends, and the share of the energy that the centre of mass carries.
 """
@@ -27,7 +29,7 @@ def centre_share(run: impactfem.Result) -> np.ndarray:
 def main() -> None:
     """Solve both scenes exactly and draw them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", nargs="?", type=Path, default=Path("results/bouncing"))
+    parser.add_argument("folder", nargs="?", type=Path, default=Path("results/bouncing_script"))
     folder: Path = parser.parse_args().folder
     folder.mkdir(parents=True, exist_ok=True)
     figure = Figure(figsize=(9.5, 6.0), layout="constrained")

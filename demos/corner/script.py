@@ -1,6 +1,6 @@
 """Where a lossless point leaves a corner, against the offset of its start.
 
-python demos/corner/script.py [FOLDER]     # results/corner/angles.png
+python demos/corner/script.py [FOLDER]     # results/corner_script/angles.png
 """
 
 import math
@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 import impactfem
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/corner")
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/corner_script")
 folder.mkdir(parents=True, exist_ok=True)
 warnings.simplefilter("ignore", impactfem.ImpactWarning)  # the middle offset hits both sides
 

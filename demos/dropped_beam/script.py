@@ -1,6 +1,6 @@
 """Drop an elastic beam at 30 degrees and look at its micro-impacts.
 
-python demos/dropped_beam/script.py [FOLDER] [--degrees 30]     # results/dropped_beam/axis.png
+python demos/dropped_beam/script.py [FOLDER] [--degrees 30]  # results/dropped_beam_script/axis.png
 """
 
 import argparse
@@ -18,7 +18,7 @@ from impactfem.system.episode import contact_episode
 from impactfem.vibro.position_level import PositionSettings, integrate_positions
 
 arguments = argparse.ArgumentParser(description="Drop an elastic beam at an angle.")
-arguments.add_argument("folder", nargs="?", type=Path, default=Path("results/dropped_beam"))
+arguments.add_argument("folder", nargs="?", type=Path, default=Path("results/dropped_beam_script"))
 arguments.add_argument("--degrees", type=float, default=30.0)
 given = arguments.parse_args()
 folder, degrees = given.folder, given.degrees

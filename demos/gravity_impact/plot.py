@@ -1,4 +1,6 @@
-"""Draw benchmark K2, a bar falling onto a wall: plot.py [FOLDER] (default results/gravity_impact).
+"""Draw benchmark K2, a bar falling onto a wall: plot.py [FOLDER].
+
+Default folder: results/gravity_impact_script.
 
 motion.png: world lines by the generalised d'Alembert formula, with its five regions.
 check.png: contact force of the formula, of a finite-element run and as the slides' printed sign of
@@ -116,7 +118,9 @@ def draw_series(axes: Axes, formula: GravityImpact) -> None:
 def main() -> None:
     """Draw both pictures and say what was compared."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", nargs="?", type=Path, default=Path("results/gravity_impact"))
+    parser.add_argument(
+        "folder", nargs="?", type=Path, default=Path("results/gravity_impact_script")
+    )
     folder: Path = parser.parse_args().folder
     folder.mkdir(parents=True, exist_ok=True)
     formula = closed_form()

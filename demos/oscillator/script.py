@@ -1,6 +1,6 @@
 """Draw the driven oscillator by detection, by the position-level scheme and by penalty.
 
-python demos/oscillator/script.py [FOLDER]     # results/oscillator/methods.png
+python demos/oscillator/script.py [FOLDER]     # results/oscillator_script/methods.png
 """
 
 import sys
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 import impactfem
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/oscillator")
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/oscillator_script")
 folder.mkdir(parents=True, exist_ok=True)
 scene = impactfem.Scene.from_toml(Path(__file__).parent / "scene.toml")
 

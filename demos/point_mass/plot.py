@@ -1,4 +1,6 @@
-"""Draw solutions of the point mass at a wall: plot.py [FOLDER] (default results/point_mass).
+"""Draw solutions of the point mass at a wall: plot.py [FOLDER].
+
+Default folder: results/point_mass_script.
 
 family.png: trajectories and kinetic energy for some rebound times and speeds.
 """
@@ -18,7 +20,7 @@ BLUE, GREYS = "#0b559f", ("#d95f02", "#1b7837", "#984ea3", "0.45")
 def main() -> None:
     """Draw the family; print its energies."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", nargs="?", type=Path, default=Path("results/point_mass"))
+    parser.add_argument("folder", nargs="?", type=Path, default=Path("results/point_mass_script"))
     folder: Path = parser.parse_args().folder
     folder.mkdir(parents=True, exist_ok=True)
     tau = HEIGHT / SPEED

@@ -1,4 +1,6 @@
-"""Draw benchmark K3, a load that ends at the impact: plot.py [FOLDER] (default results/step_load).
+"""Draw benchmark K3, a load that ends at the impact: plot.py [FOLDER].
+
+Default folder: results/step_load_script.
 
 motion.png: both ends and the contact force with the load switched off (K3) and kept on (K2).
 """
@@ -19,7 +21,7 @@ SCENE = impactfem.Scene.from_toml(Path(__file__).with_name("scene.toml"))
 def main() -> None:
     """Solve with the load switched off and kept on, compare, draw."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", nargs="?", type=Path, default=Path("results/step_load"))
+    parser.add_argument("folder", nargs="?", type=Path, default=Path("results/step_load_script"))
     folder: Path = parser.parse_args().folder
     folder.mkdir(parents=True, exist_ok=True)
     kept_on = SCENE.with_settings({"gravity": SCENE.gravity.values[0]})

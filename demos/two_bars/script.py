@@ -1,6 +1,6 @@
 """What a strike leaves of the speeds, against the ratios of lengths and of impedances.
 
-python demos/two_bars/script.py [FOLDER]     # results/two_bars/speeds.png
+python demos/two_bars/script.py [FOLDER]     # results/two_bars_script/speeds.png
 """
 
 import sys
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from impactfem.exact import ExactBarRow, RowBar
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/two_bars")
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/two_bars_script")
 folder.mkdir(parents=True, exist_ok=True)
 
 

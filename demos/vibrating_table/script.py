@@ -1,6 +1,6 @@
 """Impact speeds of a ball on a vibrating table against the strength of the vibration.
 
-python demos/vibrating_table/script.py [FOLDER]     # results/vibrating_table/bifurcation.png
+python demos/vibrating_table/script.py [FOLDER]     # results/vibrating_table_script/bifurcation.png
 """
 
 import sys
@@ -15,7 +15,7 @@ import impactfem
 GRAVITY, OMEGA, RESTITUTION = 9.81, 100.0, 0.8
 SETTLE, KEEP = 300, 60  # impacts
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/vibrating_table")
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/vibrating_table_script")
 folder.mkdir(parents=True, exist_ok=True)
 period = 2.0 * np.pi / OMEGA
 strengths, points, speeds = np.linspace(1.1, 6.0, 120), [], []

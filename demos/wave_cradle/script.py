@@ -1,6 +1,6 @@
 """Speeds of five bars struck by one, if one bar of the row has another impedance.
 
-python demos/wave_cradle/script.py [FOLDER]     # results/wave_cradle/odd_one.png
+python demos/wave_cradle/script.py [FOLDER]     # results/wave_cradle_script/odd_one.png
 """
 
 import sys
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 import impactfem
 from impactfem.shipped import find_scene
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/wave_cradle")
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results/wave_cradle_script")
 folder.mkdir(parents=True, exist_ok=True)
 scene = impactfem.Scene.from_toml(find_scene("wave_cradle"))
 names = [bar.name for bar in scene.bars]

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from impactfem.errors import SceneError
-from impactfem.report.animation import film_if_any
+from impactfem.report.adding import Faults
 from impactfem.report.bar_row_figures import bar_row_painters
 from impactfem.report.sheet import Sheet
 from impactfem.report.solid_figures import solid_painters
@@ -64,16 +64,30 @@ def draw_one(result: Result, name: str) -> Figure:
     return figure
 
 
-def write_pictures(result: Result, folder: Path) -> tuple[dict[str, Figure], list[Path]]:
-    """Draw everything that the result allows and write it, with a film of the motion.
+def write_pictures(result: Result, folder: Path, faults: Faults) -> list[Path]:
+    """Draw everything that the result allows, and write it one after the other.
+
+    Args:
+        result: What to draw.
+        folder: Where.
+        faults: Told of pictures that cannot be drawn.
 
     Returns:
-        The figures by name, and the paths of all files.
+        The paths.
     """
-    figures = draw_all(result)
-    paths = write_all(figures, folder)
-    film = film_if_any(result, folder / "motion.gif")
-    return figures, paths if film is None else [*paths, film]
+    paths = []
+    for name, paint in (faults.guarded("pictures", lambda: painters(result)) or {}).items():
+        path = folder / f"{name}.png"
+        if faults.guarded(path.name, partial(_painted, paint, path), path):
+            paths.append(path)
+    return paths
+
+
+def _painted(paint: Callable[[], Figure | None], path: Path) -> bool:
+    figure = paint()
+    if figure is not None:
+        figure.savefig(path, dpi=_DOTS_PER_INCH)
+    return figure is not None
 
 
 def write_all(figures: Mapping[str, Figure], folder: Path) -> list[Path]:

@@ -1,6 +1,7 @@
 """The result of a run."""
 
 import json
+import warnings
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -21,10 +22,11 @@ from impactfem.result.fields import (
 )
 from impactfem.result.grids import load_pyvista
 from impactfem.result.history import read_netcdf, write_csv, write_netcdf
+from impactfem.result.occupied import check_free
 from impactfem.result.solid_export import needed_bytes as needed_bytes_of_solid
 from impactfem.result.solid_export import write_solid
 from impactfem.result.solid_fields import SolidFields
-from impactfem.result.store import LAST, finish, reserve, staged
+from impactfem.result.store import LAST, finish, replaced, reserve, staged, write_summary
 from impactfem.result.trajectory import Impacts
 from impactfem.scene import Scene
 
@@ -73,12 +75,15 @@ class Result:
             Matplotlib figures by name.
         """
         # A convenience door to the layer above, opened only on demand.
-        from impactfem.report.figures import draw_all, write_pictures  # noqa: PLC0415
+        from impactfem.report.animation import film_if_any  # noqa: PLC0415
+        from impactfem.report.figures import draw_all, write_all  # noqa: PLC0415
 
-        if folder is None:
-            return draw_all(self)
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        return write_pictures(self, Path(folder))[0]
+        figures = draw_all(self)
+        if folder is not None:
+            with replaced(Path(folder)) as stage:
+                write_all(figures, stage)
+                film_if_any(self, stage / "motion.gif")
+        return figures
 
     @property
     def figures(self) -> tuple[str, ...]:
@@ -196,19 +201,38 @@ class Result:
         return plotter
 
     def save(self, folder: str | Path, *, pictures: bool = True) -> Path:
-        """Write scene, histories, fields, pictures and summary into a folder.
+        """Write scene, histories, fields and summary into a folder, then pictures and report.
+
+        The data are there, whole, before anything is drawn: whatever happens to the pictures,
+        `load` reads them, and ``impactfem plot FOLDER`` draws anew.
 
         Args:
-            folder: Made if absent. The files appear together when all are written.
-            pictures: Whether to draw them, and to write the report with them.
+            folder: Made if absent. The data appear together when all are written, and so do the
+                pictures.
+            pictures: Whether to draw what ``[output]`` asks for; what fails is a `RuntimeWarning`.
 
         Returns:
             The folder.
 
         Raises:
+            FolderError: The folder holds other files than those of a result.
             OutputError: The folder cannot be written, or the disk is full.
         """
+        from impactfem.report.adding import add_pictures  # noqa: PLC0415
+
         folder = Path(folder)
+        check_free(folder)
+        self.write_data(folder)
+        for line in add_pictures(self, folder) if pictures else ():
+            warnings.warn(f"{folder}: {line}", RuntimeWarning, stacklevel=2)
+        return folder
+
+    def write_data(self, folder: Path) -> None:
+        """Write all but what is drawn, whatever files of others the folder holds.
+
+        Raises:
+            OutputError: The folder cannot be written, or the disk is full.
+        """
         with staged(folder) as stage:
             (stage / "scene.toml").write_text(self.scene.to_toml(folder=folder), encoding="utf-8")
             write_csv(self.history, stage / "history.csv")
@@ -220,13 +244,7 @@ class Result:
             if self.impacts is not None:
                 self.impacts.write_csv(stage / IMPACTS)
             self._write_fields(stage)
-            if pictures:
-                from impactfem.report.page.page import write_report  # noqa: PLC0415
-
-                write_report(self, stage)
-            text = json.dumps(self.summary, indent=2, allow_nan=False)
-            (stage / LAST).write_text(text + "\n", encoding="utf-8")
-        return folder
+            write_summary(self.summary, stage)
 
     def _write_fields(self, stage: Path) -> None:
         if self.fields is None:
@@ -255,6 +273,7 @@ class Result:
             finish(folder)
         try:
             summary = json.loads((folder / LAST).read_text(encoding="utf-8"))
+            summary.pop("files", None)  # tells of the folder, not of the run
             history = read_netcdf(folder / "history.nc")
             scene = Scene.from_toml(folder / "scene.toml")
             exact = folder / "exact.nc"
@@ -264,7 +283,7 @@ class Result:
             listed = folder / IMPACTS
             impacts = Impacts.read_csv(listed) if listed.exists() else None
         # xarray and SciPy meet noise with TypeError, KeyError and IndexError.
-        except (OSError, ValueError, TypeError, LookupError, SceneError) as error:
+        except (OSError, ValueError, TypeError, LookupError, AttributeError, SceneError) as error:
             raise OutputError(
                 f"{folder}: no complete result ({error}); run the scene with --out {folder}"
             ) from error

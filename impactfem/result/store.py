@@ -2,18 +2,20 @@
 
 import errno
 import fcntl
+import json
 import math
 import os
 import resource
 import shutil
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from impactfem.errors import OutputError
-from impactfem.signals import held_back
+from impactfem.signals import InterruptedRunError, held_back
 
 LAST = "summary.json"
 """Written last: a folder with it is complete."""
@@ -73,9 +75,11 @@ def staged(folder: Path) -> Iterator[Path]:
     If anything fails meanwhile (an error, an interrupt, a full disk) the hidden folder is removed
     and ``folder`` stays as it was.
 
+    A summary among the files is given the key ``files``: the names of all of them.
+
     Args:
         folder: Where the files shall be; made if absent. The files of an older result are
-            replaced or removed, others stay.
+            replaced or removed, others stay (`impactfem.result.occupied` refuses them before).
 
     A run that is killed meanwhile leaves the older result and the hidden folder, which the next
     one removes; one that is killed while it moves the files in has them moved in by `finish`.
@@ -92,7 +96,7 @@ def staged(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def replaced(folder: Path) -> Iterator[Path]:
-    """Like `staged`, for some files of a result whose other files stay."""
+    """Like `staged`, for some files of a result whose other files stay; its summary lists all."""
     with _collected(folder, complete=False) as stage:
         yield stage
 
@@ -110,6 +114,7 @@ def _collected(folder: Path, *, complete: bool) -> Iterator[Path]:
         stage = _Stage(folder, folder if folder.is_dir() else folder.parent)
         stage.path.chmod(0o777 & ~_umask())  # mkdtemp is private to its user; results are not
         yield stage.path
+        _list_files(stage.path, None if complete else folder)
         _publish(stage.path, folder, complete=complete)
         made = []
     except OutputError as error:
@@ -260,23 +265,84 @@ def cannot(folder: Path, why: object) -> str:
     return f"{folder}: cannot be written ({why}); free some space or choose another folder (--out)"
 
 
+def summary_in(folder: Path) -> dict[str, Any] | None:
+    """The summary in a folder; None if there is none that impactfem may have written."""
+    try:
+        if not (folder / LAST).is_file():  # a pipe would be read for ever
+            return None
+        text = (folder / LAST).read_text(encoding="utf-8")
+        found = json.loads(text, parse_constant=lambda _: None)  # numbers that are none
+    except (OSError, ValueError, RecursionError):
+        return None
+    ours = isinstance(found, dict) and {"title", "status", "method"} <= found.keys()
+    return found if ours else None
+
+
+def write_summary(summary: Mapping[str, Any], folder: Path) -> None:
+    """Write a summary into a stage.
+
+    Raises:
+        OSError: There is no room.
+    """
+    text = json.dumps(summary, indent=2, allow_nan=False)
+    (folder / LAST).write_text(text + "\n", encoding="utf-8")
+
+
+def listed(summary: Mapping[str, Any]) -> set[str]:
+    """Names of the files of a result; version 0.1 listed none."""
+    names = summary.get("files", _OWN)
+    return {name for name in names if isinstance(name, str)} if isinstance(names, list) else {*_OWN}
+
+
+def names_of_results(folder: Path) -> set[str]:
+    """Names of the files that results of ours have in a folder, a killed run's half among them."""
+    found: set[str] = set()
+    for place in (folder, *_hidden(folder, folder, _WHOLE)):
+        with suppress(OSError, UnicodeDecodeError):
+            found.update((place / _STALE).read_text(encoding="utf-8").splitlines())
+        if (summary := summary_in(place)) is not None:
+            found |= listed(summary)
+    return found
+
+
+def _list_files(stage: Path, older: Path | None) -> None:
+    """Have the summary in a stage list its files, with those of an older result that stay."""
+    summary, names = summary_in(stage), {path.name for path in stage.iterdir()}
+    if older is not None and (before := summary_in(older)):
+        summary = summary or before
+        names |= listed(before) & {path.name for path in older.iterdir()}
+    if summary is not None:
+        write_summary(summary | {"files": sorted(names | {LAST})}, stage)
+
+
 def _publish(stage: Path, folder: Path, *, complete: bool) -> None:
     """Move the staged files in: all at once into a new folder, the summary last into an old one."""
     for path in stage.rglob("*"):
         _flush(path)
-    with held_back():
-        if not folder.is_dir():
-            stage.rename(folder)
-            return
-        there = {path.name for path in stage.iterdir()}
-        stale = [name for name in _OWN if name not in there] if complete else []
-        (stage / _STALE).write_text("\n".join([LAST, *stale] if complete else []), encoding="utf-8")
-        _flush(stage / _STALE)
-        # From here on the result is whole, and `finish` goes on if this process is killed.
-        own = stage.name.removeprefix(_prefix(folder, _PARTIAL))
-        whole = stage.with_name(_prefix(folder, _WHOLE) + own)
-        stage.rename(whole)
-        _move_in(whole, folder)
+    done = False
+    try:
+        with held_back():
+            _put_in_place(stage, folder, complete=complete)
+            done = True
+    except InterruptedRunError as error:
+        if done:
+            error.kept = f"the result is in {folder}; draw it with: impactfem plot {folder}"
+        raise
+
+
+def _put_in_place(stage: Path, folder: Path, *, complete: bool) -> None:
+    if not folder.is_dir():
+        stage.rename(folder)
+        return
+    there = {path.name for path in stage.iterdir()}
+    stale = [name for name in _OWN if name not in there] if complete else []
+    (stage / _STALE).write_text("\n".join([LAST, *stale] if complete else []), encoding="utf-8")
+    _flush(stage / _STALE)
+    # From here on the result is whole, and `finish` goes on if this process is killed.
+    own = stage.name.removeprefix(_prefix(folder, _PARTIAL))
+    whole = stage.with_name(_prefix(folder, _WHOLE) + own)
+    stage.rename(whole)
+    _move_in(whole, folder)
 
 
 def _move_in(stage: Path, folder: Path) -> None:

@@ -158,7 +158,7 @@ class Solve:
 @table("[output]")
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """Which field files and checkpoints to write.
+    """Which field files, checkpoints and pictures to write.
 
     Raises:
         SceneError: a value is not allowed.
@@ -173,6 +173,8 @@ class Output:
         "checkpoint every so many time layers (solid), 0 for none",
         default=0,
     )
+    pictures: bool = key(Switch(), "whether to draw pictures, as PNG files", default=True)
+    film: bool = key(Switch(), "whether to write motion.gif", default=True)
     report: bool = key(Switch(), "whether to write report.html", default=True)
 
     def __post_init__(self) -> None:

@@ -157,14 +157,27 @@ def test_set_replaces_keys_and_empty_removes_them(command, work):
 def test_a_second_run_replaces_the_first_whole(command, work):
     exact = ("run", "bar_impact", "--set", "solve.method=exact", "--quiet", "--out", "o")
     assert command(*exact).code == 0
-    (work / "o/notes.txt").write_text("mine")
     before = (work / "o/summary.json").read_text()
+    assert set(json.loads(before)["files"]) == names(work / "o")
     assert command(*exact, "--set", "output.fields=[]", "--set", "title=b").code == 0
     found = names(work / "o")
-    assert (work / "o/notes.txt").read_text() == "mine"
-    assert found == FILES | {"contact_force.png", "energy.png", "exact.nc", "notes.txt"}
+    assert found == FILES | {"contact_force.png", "energy.png", "exact.nc"}
     assert (work / "o/summary.json").read_text() != before
     assert names(work) == {"o"}
+
+
+@pytest.mark.parametrize(
+    ("switch", "gone"),
+    [("pictures", {".png"}), ("film", {".gif"}), ("report", {".html"}), ("", set())],
+)
+def test_what_is_drawn_can_be_switched_off(command, work, switch, gone):
+    off = ("--set", f"output.{switch}=false") if switch else ()
+    run = ("run", "bar_impact", "--set", "solve.method=exact", "--quiet", "--out", "o")
+    assert command(*run, *off).code == 0
+    drawn = {".png", ".gif", ".html"}
+    assert {path.suffix for path in (work / "o").iterdir()} & drawn == drawn - gone
+    assert command("plot", "o").code == 0
+    assert {path.suffix for path in (work / "o").iterdir()} & drawn == drawn
 
 
 def test_the_files_of_every_result_are_known_to_the_store(ran):

@@ -40,7 +40,7 @@ def shipped(name):
 def test_plot_draws_its_pictures(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     said = plot(name, *(["elsewhere"] if name == "point_mass" else []))
-    folder = tmp_path / ("elsewhere" if name == "point_mass" else f"results/{name}")
+    folder = tmp_path / ("elsewhere" if name == "point_mass" else f"results/{name}_script")
     for picture in PICTURES[name]:
         file = folder / f"{picture}.png"
         assert file.read_bytes().startswith(b"\x89PNG")

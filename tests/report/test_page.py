@@ -13,7 +13,7 @@ from impactfem import Result, Scene
 from impactfem.findings import warning
 from impactfem.report.figures import painters
 from impactfem.report.page.embedding import json_text, plotly_script, script_text
-from impactfem.report.page.page import page, write_page
+from impactfem.report.page.page import page
 from impactfem.result.store import _OWN
 from impactfem.runs.verdict import judge
 from impactfem.shipped import shipped_scenes
@@ -128,6 +128,7 @@ def test_the_page_lies_in_the_folder_with_its_run(bar, tmp_path):
     quiet = bar.scene.with_settings(["output.report=false"])
     Result(quiet, bar.history, bar.summary, bar.fields, bar.exact).save(folder)
     assert not (folder / "report.html").exists()
+    assert (folder / "energy.png").exists()
 
 
 def test_what_strangers_write_stays_text(bar):
@@ -223,14 +224,16 @@ def test_a_fault_in_a_part_costs_neither_page_nor_result(bar, monkeypatch, tmp_p
     from impactfem.report.page import page as module
 
     def faulty(_):
-        raise IndexError("beyond the end")
+        raise IndexError("beyond\nthe end")
 
     monkeypatch.setattr(module, "charts", faulty)
-    with pytest.warns(RuntimeWarning, match="lacks the charts: IndexError: beyond the end"):
-        write_page(bar, tmp_path / "report.html", [])
+    with pytest.warns(RuntimeWarning, match=r"not drawn: the charts.*\(IndexError: beyond the end"):
+        bar.save(tmp_path / "out")
+    _, words = read((tmp_path / "out/report.html").read_text(encoding="utf-8"))
+    assert "not drawn: the charts on the page (IndexError: beyond the end)" in words
     monkeypatch.undo()
     monkeypatch.setattr(module.facts, "cost", faulty)
-    with pytest.warns(RuntimeWarning, match="lacks everything"):
+    with pytest.warns(RuntimeWarning, match=r"not drawn: report\.html"):
         folder = bar.save(tmp_path / "out")
     assert {path.name for path in folder.iterdir()} > {"summary.json", "energy.png"}
     assert not (folder / "report.html").exists()

@@ -1,6 +1,7 @@
 """Scenes, meshes and checkpoints of strangers: refused at once, and nothing of them is run."""
 
 import io
+import json
 import os
 import resource
 import time
@@ -14,6 +15,7 @@ from trouble_process import DISC, contents, run
 from impactfem.errors import MeshError, OutputError, SceneError, plain
 from impactfem.marching.checkpoint import FILE, load, scene_of
 from impactfem.mesh import opening
+from impactfem.result.store import LAST
 from impactfem.scene import Scene
 from impactfem.scene.toml import MAX_BYTES, MAX_PARTS, read_toml
 
@@ -208,9 +210,11 @@ def test_links_in_a_folder_do_no_harm(tmp_path):
     (tmp_path / "victim").write_text("dear")
     out = tmp_path / "o"
     out.mkdir()
-    names = (".fields.partial.vtkhdf", f".{FILE}.partial", FILE, "summary.json", "history.csv")
+    names = (".fields.partial.vtkhdf", f".{FILE}.partial", "history.csv")
     for name in names:
         (out / name).symlink_to("../victim")
+    listed = {"title": "", "status": "", "method": "", "files": ["history.csv", LAST]}
+    (out / LAST).write_text(json.dumps(listed))
     code, _, err = run(tmp_path, "run", "scene.toml", "--out", "o", "--quiet")
     assert (code, err) == (0, "")
     assert (tmp_path / "victim").read_text() == "dear"

@@ -180,12 +180,13 @@ def origin(result: Result) -> str:
     )  # fmt: skip
 
 
-def files(result: Result, pictures: Sequence[str]) -> str:
+def files(result: Result, pictures: Sequence[str], faults: Sequence[str]) -> str:
     """The files of the folder, as links.
 
     Args:
         result: Whose files.
         pictures: Names of the pictures that were written beside the page.
+        faults: What could not be drawn, a line each.
     """
     kept = [("scene.toml", "the scene as used"), ("summary.json", "all figures of this page")]
     kept += [("history.csv", "one row per step"), ("history.nc", "the same for xarray, with units")]
@@ -200,4 +201,4 @@ def files(result: Result, pictures: Sequence[str]) -> str:
         kept += [(FIELD_FILES[name], "fields, for ParaView and pyvista") for name in formats]
     kept += [(name, "film" if name.endswith(".gif") else "picture") for name in pictures]
     entries = "".join(f"<li>{link(name)}: {words}</li>" for name, words in kept)
-    return section("files", "Files of this folder", f"<ul>{entries}</ul>")
+    return section("files", "Files of this folder", f"<ul>{entries}</ul>", bullets(faults))

@@ -1,13 +1,13 @@
 """Put the report of a run together: one HTML file with everything in it."""
 
 import io
-import warnings
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from impactfem.report.adding import Faults
+from impactfem.report.animation import film_if_any
 from impactfem.report.figures import draw_all, write_pictures
 from impactfem.report.page import facts
 from impactfem.report.page.charts import charts
@@ -24,12 +24,10 @@ from impactfem.report.page.numbers import percent, quantity, span
 from impactfem.report.page.verdict import headline, reasons
 from impactfem.report.page.words import in_words
 from impactfem.result import Result
+from impactfem.scene import Output
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-PAGE = "report.html"
-"""Name of the report in the folder of a result."""
+FILM, PAGE = "motion.gif", "report.html"
+"""Names of the film and the report in the folder of a result."""
 
 _HERE = Path(__file__).parent
 _BODY = "body"  # the picture that no chart replaces on paper
@@ -50,21 +48,35 @@ _TITLES = {
 }
 
 
-def write_report(result: Result, folder: Path) -> "tuple[dict[str, Figure], list[Path]]":
-    """Write the pictures of a result, and its page unless ``output.report`` is false.
+def write_report(result: Result, folder: Path, faults: Faults, wanted: Output) -> list[Path]:
+    """Write pictures, film and page.
+
+    Args:
+        result: What to report.
+        folder: Where.
+        faults: Told of what cannot be drawn.
+        wanted: Which of them.
 
     Returns:
-        The figures by name, and the paths of all files.
+        The paths of all files.
     """
-    figures, paths = write_pictures(result, folder)
-    if result.scene.output.report:
+    paths = list[Path]()
+    if wanted.pictures:
+        paths += write_pictures(result, folder, faults)
+    if wanted.film:
+        film = folder / FILM
+        if faults.guarded(FILM, lambda: film_if_any(result, film), film):
+            paths.append(film)
+    if wanted.report:
         target = folder / PAGE
-        if _guarded("everything", partial(write_page, path=target, pictures=paths), result):
+        if faults.guarded(PAGE, lambda: write_page(result, target, paths, faults), target):
             paths.append(target)
-    return figures, paths
+    return paths
 
 
-def write_page(result: Result, path: Path, pictures: Sequence[Path] | None = None) -> Path:
+def write_page(
+    result: Result, path: Path, pictures: Sequence[Path] | None = None, faults: Faults | None = None
+) -> Path:
     """Write the page of a result.
 
     Args:
@@ -72,32 +84,39 @@ def write_page(result: Result, path: Path, pictures: Sequence[Path] | None = Non
         path: Target.
         pictures: Files that lie beside the page; those in PNG are put into it. Drawn anew, and
             not written, if None.
+        faults: Told of parts that cannot be drawn.
 
     Returns:
         The path.
     """
     # Paths in the command may hold bytes that are no text.
-    path.write_text(page(result, pictures), encoding="utf-8", errors="backslashreplace")
+    made = page(result, pictures, faults)
+    path.write_text(made, encoding="utf-8", errors="backslashreplace")
     return path
 
 
-def page(result: Result, pictures: Sequence[Path] | None = None) -> str:
+def page(
+    result: Result, pictures: Sequence[Path] | None = None, faults: Faults | None = None
+) -> str:
     """The page of a result as HTML.
 
     Args:
         result: What to report.
         pictures: As for `write_page`.
+        faults: As for `write_page`.
     """
+    faults = faults or Faults()
     if pictures is None:
         images, names = _drawn(result), []
     else:
         images = [(path.stem, path.read_bytes()) for path in pictures if path.suffix == ".png"]
         names = [path.name for path in pictures]
     script = plotly_script()
-    moving = _guarded("the motion", motion, result) if script else None
-    drawn = (_guarded("the charts", charts, result) or []) if script else []
+    moving = faults.guarded("the motion on the page", lambda: motion(result)) if script else None
+    plots = faults.guarded("the charts on the page", lambda: charts(result)) if script else None
+    drawn = plots or []
     sections = [
-        _scene(result),
+        _scene(result, faults),
         _motion(moving),
         _charts([(each.name, each.title, each.caption) for each in drawn]),
         _still(images),
@@ -107,7 +126,7 @@ def page(result: Result, pictures: Sequence[Path] | None = None) -> str:
         facts.contact(result),
         facts.cost(result),
         facts.origin(result),
-        facts.files(result, names),
+        facts.files(result, names, faults.lines),
     ]
     data = [{"element": f"chart-{each.name}", "figure": each.figure} for each in drawn]
     template = Template((_HERE / "page.html").read_text(encoding="utf-8"))
@@ -120,18 +139,6 @@ def page(result: Result, pictures: Sequence[Path] | None = None) -> str:
         sections="".join(sections),
         scripts=_scripts(script, moving, data),
     )
-
-
-def _guarded[T](what: str, make: Callable[[Result], T], result: Result) -> T | None:
-    """Make a part of the page; a fault in it must not cost the result of a long run."""
-    try:
-        return make(result)
-    except OSError:  # a full disk is said as for all files
-        raise
-    except Exception as fault:  # noqa: BLE001  (said below, and an error in the tests)
-        note = f"{PAGE} lacks {what}: {type(fault).__name__}: {fault}"
-        warnings.warn(note, RuntimeWarning, stacklevel=2)
-        return None
 
 
 def _drawn(result: Result) -> list[tuple[str, bytes]]:
@@ -183,8 +190,8 @@ def _contents(sections: Sequence[str]) -> str:
     )
 
 
-def _scene(result: Result) -> str:
-    picture = _guarded("the drawing", drawing, result)
+def _scene(result: Result, faults: Faults) -> str:
+    picture = faults.guarded("the drawing on the page", lambda: drawing(result))
     caption = (
         "The scene at t = 0. Orange: velocities, purple: supports and loads, green: gravity; "
         "arrows show directions, not sizes. Grey: rigid obstacles."

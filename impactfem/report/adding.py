@@ -1,0 +1,80 @@
+"""What is drawn into the folder of a result, when its data are already there."""
+
+import errno
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from impactfem.errors import OutputError
+from impactfem.result.store import replaced
+
+if TYPE_CHECKING:
+    from impactfem.result import Result
+
+_MOST = 300  # characters of a fault that are told
+_NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
+
+
+@dataclass
+class Faults:
+    """What could not be drawn, a line each: the one place that catches the faults of painters.
+
+    Attributes:
+        lines: In the order in which they were met.
+    """
+
+    lines: list[str] = field(default_factory=list)
+
+    def guarded[T](self, what: str, make: Callable[[], T], path: Path | None = None) -> T | None:
+        """Make something; None, and a line about it, if that fails.
+
+        A fault in a picture must not cost the result of a long run.
+
+        Args:
+            what: What is made, in words.
+            make: Makes it.
+            path: The file that is made: it goes if that fails.
+
+        Raises:
+            OSError: There is no room: nothing else could be written either.
+            OutputError: The same.
+        """
+        try:
+            return make()
+        except Exception as fault:  # (told, and an error in the tests)
+            cause = fault.__cause__ or fault
+            if isinstance(cause, OSError) and cause.errno in _NO_ROOM:
+                raise
+            text = " ".join(f"{type(fault).__name__}: {fault}".split())[:_MOST]
+            self.lines.append(f"not drawn: {what} ({text})")
+            if path is not None:
+                path.unlink(missing_ok=True)
+            return None
+
+
+def add_pictures(result: "Result", folder: Path) -> list[str]:
+    """Draw what the scene asks for into the folder of a result, and its report.
+
+    Args:
+        result: What to draw.
+        folder: Holds the result.
+
+    Returns:
+        What could not be drawn, a line each: no fault of a painter and no full disk is raised.
+    """
+    faults, wanted = Faults(), result.scene.output
+    if not (wanted.pictures or wanted.film or wanted.report):
+        return faults.lines
+    try:
+        with replaced(folder) as stage:
+            faults.guarded("all pictures", lambda: _draw(result, stage, faults))
+    except OutputError as error:
+        faults.lines.append(f"not drawn: {error}, then draw with: impactfem plot {folder}")
+    return faults.lines
+
+
+def _draw(result: "Result", stage: Path, faults: Faults) -> None:
+    from impactfem.report.page.page import write_report  # noqa: PLC0415  (may itself be broken)
+
+    write_report(result, stage, faults, result.scene.output)
