@@ -9,7 +9,7 @@ from impactfem.errors import MissingDependencyError
 from impactfem.first_use import compiling
 
 # h5py's own HDF5 library must load before that of DOLFINx, which it would take for its own.
-import h5py  # isort: skip  # noqa: F401
+import impactfem.hdf5  # isort: skip  # noqa: F401
 
 try:
     # mpi4py must load and initialise MPI before DOLFINx is loaded.

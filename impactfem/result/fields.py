@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import OutputError
+from impactfem.hdf5 import h5py
 from impactfem.result.dolfinx_files import write_functions
 from impactfem.result.grids import make_grid, nearest_layer
 

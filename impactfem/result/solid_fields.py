@@ -8,11 +8,11 @@ from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impactfem.errors import OutputError
+from impactfem.hdf5 import h5py
 from impactfem.result.cell_kinds import BY_VTK_TYPE
 from impactfem.result.fields import foreign_file, read_times
 from impactfem.result.grids import make_grid, nearest_layer
