@@ -95,7 +95,7 @@ def _add_pictures(result: "Result", folder: Path, progress: "Progress") -> None:
 
     progress.note("drawing")
     try:
-        for line in add_pictures(result, folder):
+        for line in add_pictures(result, folder)[1]:
             complain(f"warning: {line}")
     except InterruptedRunError as error:
         error.kept = f"the result is in {folder}; draw it with: impactfem plot {folder}"
@@ -225,10 +225,8 @@ def schema(given: argparse.Namespace) -> int:
 
 def plot(given: argparse.Namespace) -> int:
     """Draw the pictures and the report of a result folder again."""
-    from impactfem.report.adding import Faults  # noqa: PLC0415
-    from impactfem.report.page.page import write_report  # noqa: PLC0415
+    from impactfem.report.adding import add_pictures  # noqa: PLC0415
     from impactfem.result import Result  # noqa: PLC0415
-    from impactfem.result.store import replaced  # noqa: PLC0415
     from impactfem.resuming import claimed  # noqa: PLC0415
     from impactfem.scene import Output  # noqa: PLC0415
 
@@ -237,15 +235,14 @@ def plot(given: argparse.Namespace) -> int:
     except OutputError as error:
         complain(str(error))
         return BAD_INPUT
-    faults = Faults()
-    with claimed(given.folder), replaced(given.folder) as stage:
-        names = [path.name for path in write_report(result, stage, faults, Output())]
-    for line in faults.lines:
+    with claimed(given.folder):
+        names, faults = add_pictures(result, given.folder, Output())
+    for line in faults:
         complain(line)
     if result.fields is None and not result.scene.is_vibro:
         complain('no fields.vtkhdf: no pictures of the displacement; run with fields = ["vtkhdf"]')
     say("\n".join(str(given.folder / name) for name in names))
-    return FAILED if faults.lines else DONE
+    return FAILED if faults else DONE
 
 
 def bench(given: argparse.Namespace) -> int:

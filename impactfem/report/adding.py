@@ -1,16 +1,18 @@
 """What is drawn into the folder of a result, when its data are already there."""
 
 import errno
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from impactfem.errors import OutputError
-from impactfem.result.store import replaced
+from impactfem.findings import Finding
+from impactfem.result.store import replaced, write_summary
 
 if TYPE_CHECKING:
     from impactfem.result import Result
+    from impactfem.scene import Output
 
 _MOST = 300  # characters of a fault that are told
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
@@ -53,28 +55,43 @@ class Faults:
             return None
 
 
-def add_pictures(result: "Result", folder: Path) -> list[str]:
-    """Draw what the scene asks for into the folder of a result, and its report.
+def add_pictures(
+    result: "Result", folder: Path, wanted: "Output | None" = None
+) -> tuple[list[str], list[str]]:
+    """Draw into the folder of a result, and note in its summary what could not be drawn.
 
     Args:
         result: What to draw.
         folder: Holds the result.
+        wanted: What to draw; what the scene asks for if None.
 
     Returns:
-        What could not be drawn, a line each: no fault of a painter and no full disk is raised.
+        Names of the files that were drawn, and what could not be drawn, a line each: no fault of a
+        painter and no full disk is raised.
     """
-    faults, wanted = Faults(), result.scene.output
+    faults, wanted, names = Faults(), wanted or result.scene.output, list[str]()
     if not (wanted.pictures or wanted.film or wanted.report):
-        return faults.lines
+        return [], []
     try:
         with replaced(folder) as stage:
-            faults.guarded("all pictures", lambda: _draw(result, stage, faults))
+            made = faults.guarded("all pictures", lambda: _draw(result, stage, faults, wanted))
+            write_summary(_noted(result.summary, faults.lines), stage)
+            names = made or []
     except OutputError as error:
         faults.lines.append(f"not drawn: {error}, then draw with: impactfem plot {folder}")
-    return faults.lines
+    return names, faults.lines
 
 
-def _draw(result: "Result", stage: Path, faults: Faults) -> None:
+def _draw(result: "Result", stage: Path, faults: Faults, wanted: "Output") -> list[str]:
     from impactfem.report.page.page import write_report  # noqa: PLC0415  (may itself be broken)
 
-    write_report(result, stage, faults, result.scene.output)
+    return [path.name for path in write_report(result, stage, faults, wanted)]
+
+
+def _noted(summary: Mapping[str, Any], lines: Sequence[str]) -> dict[str, Any]:
+    """A summary whose verdict notes what could not be drawn this time."""
+    verdict = summary.get("verdict", {"level": "trust", "findings": []})
+    others = [finding for finding in verdict["findings"] if finding["code"] != "drawing"]
+    remedy = "draw it again with: impactfem plot"
+    notes = [Finding("drawing", "note", line, remedy=remedy).as_dict() for line in lines]
+    return {**summary, "verdict": verdict | {"findings": [*others, *notes]}}

@@ -223,7 +223,7 @@ class Result:
         folder = Path(folder)
         check_free(folder)
         self.write_data(folder)
-        for line in add_pictures(self, folder) if pictures else ():
+        for line in add_pictures(self, folder)[1] if pictures else ():
             warnings.warn(f"{folder}: {line}", RuntimeWarning, stacklevel=2)
         return folder
 

@@ -1,6 +1,7 @@
 """Whatever happens to the pictures, the data of a result are there, and are read."""
 
 import errno
+import json
 import os
 import signal
 import sys
@@ -55,6 +56,12 @@ def test_a_picture_that_fails_is_one_line(result, tmp_path, monkeypatch, fault):
         assert f".png ({type(fault).__name__}" in line
     assert whole(folder, result)
     assert set(contents(folder)) == DATA
+    verdict = json.loads((folder / LAST).read_text())["verdict"]
+    assert verdict["level"] == result.summary["verdict"]["level"]
+    assert [each["code"] for each in verdict["findings"]].count("drawing") == 4
+    monkeypatch.undo()
+    assert impactfem.report.adding.add_pictures(Result.load(folder), folder)[1] == []
+    assert "not drawn" not in (folder / LAST).read_text()
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EFBIG])
