@@ -10,6 +10,11 @@ BAR, SOLID, BOTH = frozenset({"bar"}), frozenset({"solid"}), frozenset({"bar", "
 VIBRO = frozenset({"point", "rod", "beam"})
 
 
+DISPERSIVE = (3.0, 2.0 / 3.0)
+"""`Method.error` of schemes that disperse waves, as galerkin below courant 1: the rate 2/3 is that
+of second order at a jump of velocity."""
+
+
 @dataclass(frozen=True)
 class Method:
     """A method as data.
@@ -25,8 +30,7 @@ class Method:
         bodies: Kinds of bodies it solves: "bar", "solid", "point", "rod", "beam".
         error: For bars, constant and rate of the largest relative displacement error seen for
             events between layers: error <= constant * contacts / elements^rate
-            (benchmarks/error_constants.py). The rate 2/3 is that of schemes of second order at a
-            jump of velocity.
+            (benchmarks/error_constants.py).
     """
 
     family: Family
@@ -34,7 +38,7 @@ class Method:
     stable: Literal["limited", "always"] = "always"
     plannable: bool = True
     bodies: frozenset[str] = BAR
-    error: tuple[float, float] = (3.0, 2.0 / 3.0)
+    error: tuple[float, float] = DISPERSIVE
 
 
 METHODS: Mapping[str, Method] = {

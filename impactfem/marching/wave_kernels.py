@@ -13,7 +13,7 @@ from impactfem.compiled import compiled
 
 _VALUE = 64 * float(np.finfo(float).eps)  # waves below this share of the largest are 0
 _REACH = 16 * float(np.finfo(float).eps)  # penetration below this share of the gap is rounding
-_SNAP = 1e-9
+SNAP = 1e-9
 """Events closer than this share of a layer to an end of a piece happen there: rounding then
 cannot move them from one layer into the next, whatever the number of contacts."""
 
@@ -40,7 +40,7 @@ def _impact(width, a, b, gap, least):
 
 
 @compiled
-def _cross(start, end, snap, a, b, gap, contact, speed, reach, out, count):
+def cross(start, end, snap, a, b, gap, contact, speed, reach, out, count):
     """Let a linear piece of the arriving wave, from a to b, meet the wall.
 
     Args:
@@ -48,7 +48,8 @@ def _cross(start, end, snap, a, b, gap, contact, speed, reach, out, count):
         snap: [s].
         gap, contact: At its start.
         speed, reach: Largest wave and gap so far.
-        out, count: Rows (start, width, left, right) of the leaving wave, to which some are added.
+        out, count: Rows (start, width, left, right, in contact) of the arriving wave, 1 or 0 in the
+            last column, to which some are added.
 
     Returns:
         Gap and contact at its end, the impulse [m] of lambda / c, and the number of rows.
@@ -69,9 +70,8 @@ def _cross(start, end, snap, a, b, gap, contact, speed, reach, out, count):
                 at, until = b, end
             else:
                 width, until = after, start + after
-            sign = -1.0 if contact else 1.0
-            out[count, 0], out[count, 1] = start, width
-            out[count, 2], out[count, 3] = sign * a, sign * at
+            out[count, 0], out[count, 1], out[count, 2], out[count, 3] = start, width, a, at
+            out[count, 4] = contact
             count += 1
             if contact:
                 impulse += 0.5 * width * (a + at)
@@ -84,7 +84,7 @@ def _cross(start, end, snap, a, b, gap, contact, speed, reach, out, count):
 
 
 @compiled
-def _line(out, count, dt):
+def line(out, count, dt):
     """Straight line in place of the leaving wave of a layer: mean and half the rise.
 
     It has the mean of the wave, so the momentum stays, and its mean square, so the energy does
@@ -92,7 +92,7 @@ def _line(out, count, dt):
     cancels). It rises as the L2 projection does.
 
     Args:
-        out, count: Rows as in `_cross`, over [0, dt].
+        out, count: Rows (start, width, left, right) of the wave, over [0, dt].
         dt: Layer [s].
     """
     if count == 1:
@@ -116,14 +116,16 @@ def _line(out, count, dt):
 
 
 @compiled
-def _measure(
-    mean, rise, past, m, breaks, cells, extra, drops, loads, dt, transit, sign, gap, nodes,
-    displacement, rate,
+def measure(
+    away, away_rise, mean, rise, past, m, breaks, cells, extra, drops, loads, dt, transit, sign,
+    gap, nodes, displacement, rate,
 ):  # fmt: skip
     """Integrals over the bar at level m, and its fields at some nodes.
 
     Args:
-        mean, rise, past, breaks, cells, extra, drops, loads, dt, sign: As in `conserving`.
+        away, away_rise: Mean and half the rise of the waves that left the near end, by layer.
+        mean, rise: Of those that left where the waves towards the near end come from.
+        past, breaks, cells, extra, drops, loads, dt, sign: As in `conserving`.
         m: Level.
         transit: l = L / c [s].
         gap: u(t_m, 0) [m].
@@ -155,8 +157,8 @@ def _measure(
             start, end = (k + x) * dt, (k + y) * dt
             if start >= transit - tiny:
                 break
-            away0 = mean[c] + (1.0 - 2.0 * x) * rise[c] - behind - x * dt * before
-            away1 = mean[c] + (1.0 - 2.0 * y) * rise[c] - behind - y * dt * before
+            away0 = away[c] + (1.0 - 2.0 * x) * away_rise[c] - behind - x * dt * before
+            away1 = away[c] + (1.0 - 2.0 * y) * away_rise[c] - behind - y * dt * before
             d = m + k - cells[q] + past
             shift = 2.0 * extra[q] - 1.0
             left = sign * (mean[d] + (shift + 2.0 * x) * rise[d]) + drops[row, q, 0]
@@ -225,15 +227,15 @@ def conserving(
         kept: Recorded levels at which fields are stored, increasing.
         displacement, rate: Fields at those levels, filled from row 1 on.
     """
-    out = np.empty((8 * len(breaks), 4))
+    out = np.empty((8 * len(breaks), 5))
     nowhere = nodes[:0]
     now, contact, push = gap[0], False, 0.0
     speed, reach = 0.0, now
     for c in range(past):
         speed = max(speed, abs(mean[c]) + abs(rise[c]))
-    kinetic[0], elastic[0], place[0], momentum[0] = _measure(
-        mean, rise, past, 0, breaks, cells, extra, drops, loads, dt, transit, sign, now, nowhere,
-        displacement[0], rate[0],
+    kinetic[0], elastic[0], place[0], momentum[0] = measure(
+        mean, rise, mean, rise, past, 0, breaks, cells, extra, drops, loads, dt, transit, sign,
+        now, nowhere, displacement[0], rate[0],
     )  # fmt: skip
     slot = 0
     while slot < len(kept) and kept[slot] <= 0:
@@ -246,13 +248,16 @@ def conserving(
             a = sign * (mean[d] + (shift + 2.0 * breaks[q]) * rise[d]) + drops[row, q, 0]
             b = sign * (mean[d] + (shift + 2.0 * breaks[q + 1]) * rise[d]) + drops[row, q, 1]
             speed = max(speed, abs(a), abs(b))
-            now, contact, impulse, count = _cross(
-                breaks[q] * dt, breaks[q + 1] * dt, _SNAP * dt, a, b, now, contact, speed, reach,
+            now, contact, impulse, count = cross(
+                breaks[q] * dt, breaks[q + 1] * dt, SNAP * dt, a, b, now, contact, speed, reach,
                 out, count,
             )  # fmt: skip
             reach = max(reach, now)
             push += impulse
-        mean[m + past], rise[m + past] = _line(out, count, dt)
+        for k in range(count):
+            if out[k, 4] > 0.0:
+                out[k, 2], out[k, 3] = -out[k, 2], -out[k, 3]
+        mean[m + past], rise[m + past] = line(out, count, dt)
         if (m + 1) % every:
             continue
         row = (m + 1) // every
@@ -260,8 +265,8 @@ def conserving(
         push = 0.0
         is_kept = slot < len(kept) and kept[slot] == row
         at = slot if is_kept else 0
-        kinetic[row], elastic[row], place[row], momentum[row] = _measure(
-            mean, rise, past, m + 1, breaks, cells, extra, drops, loads, dt, transit, sign, now,
-            nodes if is_kept else nowhere, displacement[at], rate[at],
+        kinetic[row], elastic[row], place[row], momentum[row] = measure(
+            mean, rise, mean, rise, past, m + 1, breaks, cells, extra, drops, loads, dt, transit,
+            sign, now, nodes if is_kept else nowhere, displacement[at], rate[at],
         )  # fmt: skip
         slot += is_kept

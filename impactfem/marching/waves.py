@@ -63,7 +63,7 @@ class Waves:
         breaks = np.unique([0.0, once.share, twice.share, 1.0])
         late = breaks[:-1] < twice.share  # arrives from one layer earlier
         mean, rise = np.zeros((2, past + layers))
-        mean[:past], rise[:past] = _lines(_initial(bar, past), dt, past, twice.share)
+        mean[:past], rise[:past] = lines(left_before(bar, past), dt, past, twice.share)
         # Rows repeat once gravity has been constant for two transits.
         settled = past + math.ceil(gravity.times[-1] / dt) + 1
         all_layers = np.arange(min(layers + once.layers, settled) + 1)
@@ -90,7 +90,7 @@ class Waves:
         )  # fmt: skip
 
 
-def _initial(bar: Bar, cells: int) -> Line:
+def left_before(bar: Bar, cells: int) -> Line:
     """Wave that left the wall in the two transits before t = 0, as if nothing had acted."""
     x, u, v, middle = initial.sample(
         bar.length,
@@ -104,7 +104,7 @@ def _initial(bar: Bar, cells: int) -> Line:
     return initial.wave(x / c, v, c * strain, clamped=bar.far_end == "clamped")
 
 
-def _lines(wave: Line, dt: float, count: int, share: float) -> tuple[Floats, Floats]:
+def lines(wave: Line, dt: float, count: int, share: float) -> tuple[Floats, Floats]:
     """L2 projection of a wave on one line a layer, the layers counted back from its end.
 
     The first layer holds only the given share of the wave, if any; its line goes on beyond it.

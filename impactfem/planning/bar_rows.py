@@ -28,7 +28,7 @@ class BarRowPlan(Foresees):
     """What will be modelled and how.
 
     Attributes:
-        method: "galerkin" or "exact".
+        method: "galerkin", "conserving" or "exact".
         model: The model in words.
         elements: Elements along each bar.
         layers: Time layers.

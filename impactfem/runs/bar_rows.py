@@ -38,7 +38,7 @@ def run_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> RowMoti
     progress.step("marching")
     return march_row(
         scene.bars, chosen.elements, chosen.dt, chosen.layers,
-        wall=_wall(scene), every=scene.output.every,
+        wall=_wall(scene), every=scene.output.every, method=chosen.method,
     )  # fmt: skip
 
 

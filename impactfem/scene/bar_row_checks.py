@@ -12,7 +12,7 @@ from impactfem.scene.values import show
 if TYPE_CHECKING:
     from impactfem.scene.scene import Scene
 
-METHODS_OF_ROWS = ("galerkin", "exact")
+METHODS_OF_ROWS = ("galerkin", "conserving", "exact")
 
 _ROUNDING = 1e-12  # share of a place by which ends that meet may overlap
 _UNKNOWN = (
@@ -48,7 +48,8 @@ def check_bar_row(scene: "Scene") -> None:
         raise KeyedError("", "gravity", text)
     solve = scene.solve
     if solve.method is not None and solve.method not in METHODS_OF_ROWS:
-        fitting = " or ".join(map(show, METHODS_OF_ROWS))
+        *others, last = map(show, METHODS_OF_ROWS)
+        fitting = f"{', '.join(others)} or {last}"
         text = f" = {show(solve.method)} does not solve a row of bars: give {fitting}."
         raise KeyedError("solve", "method", text)
     for name in _UNKNOWN:

@@ -62,7 +62,7 @@ CASES = {
     ),
     "method": (
         {"solve": {"method": "dg"}},
-        ['solve.method = "dg"', "row of bars", '"galerkin" or "exact"'],
+        ['solve.method = "dg"', "row of bars", '"galerkin", "conserving" or "exact"'],
     ),
     "window": ({"solve": {"window": 5}}, ["solve.window = 5", "single bar", "remove it"]),
     "accuracy": ({"solve": {"accuracy": 0.1}}, ["solve.accuracy = 0.1", "remove it"]),

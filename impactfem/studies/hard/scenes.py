@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from impactfem.errors import ConvergenceError
-from impactfem.methods import METHODS
+from impactfem.methods import DISPERSIVE, METHODS
 from impactfem.reference.bar import exact_bar
 from impactfem.result import Fields, Result
 from impactfem.scene import Bar, Scene, Solve, Wall
@@ -18,7 +18,6 @@ from impactfem.studies.rounding import rounding_of_exact
 ALL = ("galerkin", "conserving", "dg", "exact", "monolithic")
 SWEPT = ("galerkin", "conserving")
 LIMITED = frozenset({"galerkin", "monolithic"})
-_DISPERSIVE = (3.0, 2.0 / 3.0)  # as `Method.error`, of methods whose waves are dispersed
 OFF_GRID = 0.5 + 2**0.5 / 100  # [m] a gap that is no fraction of the length
 
 SIZES = {"dg": 16, "exact": 4, "monolithic": 20}
@@ -49,7 +48,7 @@ def bound(method: str, elements: int, contacts: int, courant: float = 1.0) -> fl
     """Largest relative displacement error to expect of a method."""
     constant, rate = METHODS[method].error
     if method in LIMITED and courant < 1.0 - 1e-9:
-        constant, rate = _DISPERSIVE
+        constant, rate = DISPERSIVE
     return float(constant * max(1, contacts) / elements**rate * max(1.0, courant))
 
 
