@@ -67,7 +67,7 @@ def run(given: argparse.Namespace) -> int:
     worst = verdict["findings"][0]
     remedy = f". Remedy: {worst['remedy']}" if worst["remedy"] else ""
     complain(
-        f"do not trust this run ({result.summary['status'].replace('_', ' ')}): {worst['text']}; "
+        f"do not trust this run ({result.summary['status']}): {worst['text']}; "
         f"the result is kept in {folder}{remedy}"
     )
     return NOT_TRUSTED

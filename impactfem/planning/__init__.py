@@ -42,6 +42,7 @@ def plan(scene: Scene) -> AnyPlan:
     else:
         made = plan_bodies(scene) if scene.has_pairs else plan_solid(scene)
     found = doubts(scene)
-    if any(finding.code == MEETS_NOTHING for finding in made.findings):  # which says more
+    told = {finding.subject for finding in made.findings if finding.code == MEETS_NOTHING}
+    if told & {body.name for body in scene.bodies}:  # which says more
         found = tuple(finding for finding in found if finding.code != MEETS_NOTHING)
     return replace(made, findings=(*made.findings, *found))

@@ -78,7 +78,7 @@ def _ending(history: xr.Dataset, summary: Mapping[str, Any]) -> Iterator[Finding
     remedy = "take a smaller step, another method or a shorter duration"
     if not active["converged"]:
         why = f": {active['message']}" if active["message"] else ""
-        text = f"it did not converge{why}; what was computed is kept"
+        text = f"it did not converge{why}"
         yield Finding("not_converged", "fault", text, remedy=remedy)
     elif not all(np.isfinite(column.values).all() for column in history.values()):
         text = "its history holds numbers that are not finite"

@@ -133,26 +133,3 @@ def test_overlap_knows_the_inside_of_a_hole_from_that_of_the_body(radius):
         return
     with pytest.raises(SceneError, match=r"a and b overlap by at least 0\.0\d+ m"):
         impactfem.plan(case)
-
-
-@pytest.mark.parametrize(
-    ("normals", "growth", "said"),
-    [
-        ("updated", 5e-4, "grows by 0.0005, since normals follow the bodies"),
-        ("updated", 5e-3, "IT GROWS by 0.005: do not trust this run"),
-        ("fixed", 5e-4, "IT GROWS by 0.0005: do not trust this run"),
-    ],
-)
-def test_growth_of_energy_is_judged_by_whether_normals_follow(normals, growth, said):
-    energy = {
-        "initial": 1.0, "final": 1.0, "max_relative_drift": growth, "grows": True,
-        "max_relative_growth": growth,
-    }  # fmt: skip
-    contact = {"intervals": [], "max_force": 1.0, "impulse": 1.0, "max_penetration": 0.0}
-    summary = {
-        "title": "bodies", "status": "completed", "method": "explicit", "num_dofs": 1,
-        "num_steps": 1, "wall_time": 1.0, "peak_memory_mib": 1.0, "ranks": 1, "error": None,
-        "active_set": {"iterations": 1, "set_changes": [], "message": ""}, "details": {},
-        "energy": energy, "contact": contact, "plan": {"normals": normals},
-    }  # fmt: skip
-    assert said in summary_table(summary)

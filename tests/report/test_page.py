@@ -171,7 +171,7 @@ def test_a_run_that_did_not_converge_says_so_first(bar):
     active = bar.summary["active_set"] | {"converged": False, "message": "the sets alternate"}
     _, words = read(page(judged(bar, active_set=active), []))
     start = words[: words.index("The scene at t = 0")]
-    assert "Do not trust this run It did not converge: the sets alternate;" in start
+    assert "Do not trust this run It did not converge: the sets alternate; take" in start
     assert "Trust this run" not in start
     assert "The active set settled NO" in words
 

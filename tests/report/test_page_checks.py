@@ -74,3 +74,21 @@ def test_the_size_of_the_error_decides_how_far_to_trust(result, error, level):
     }  # fmt: skip
     judged = Result(result.scene, result.history, {**result.summary, "error": figures})
     assert verdict(judged)["level"] == level
+
+
+@pytest.mark.parametrize(
+    ("normals", "growth", "level", "why"),
+    [
+        ("updated", 5e-4, "care", "contact that follows the bodies"),
+        ("fixed", 5e-4, "care", "nothing feeds it"),
+        ("updated", 2e-2, "do_not_trust", "contact that follows the bodies"),
+        ("fixed", 5e-7, "care", None),  # for want of an estimate
+    ],
+)
+def test_growth_of_energy_is_judged_by_its_size(result, normals, growth, level, why):
+    summary = {**result.summary, "plan": {**result.summary["plan"], "normals": normals}}
+    summary["energy"] = {**summary["energy"], "grows": True, "max_relative_growth": growth}
+    found = verdict(Result(result.scene, result.history, summary))
+    assert found["level"] == level
+    texts = [each["text"] for each in found["findings"] if each["code"] == "energy_growth"]
+    assert [why in text for text in texts] == [True] * (why is not None)

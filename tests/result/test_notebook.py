@@ -74,9 +74,10 @@ def test_the_card_of_a_result_holds_its_figures_and_no_foreign_markup(result):
 
 
 def test_a_run_that_failed_is_marked(result):
-    summary = dict(result.summary) | {"status": "not_converged"}
+    verdict = {"level": "do_not_trust", "findings": []}
+    summary = dict(result.summary) | {"verdict": verdict}
     page = Page(impactfem.Result(result.scene, result.history, summary)._repr_html_())
-    assert "not converged" in page.text
+    assert "Do not trust this run" in page.text
 
 
 def test_a_short_peak_among_many_rows_is_seen():
