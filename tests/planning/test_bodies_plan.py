@@ -4,7 +4,7 @@ import pytest
 
 import impactfem
 from impactfem.errors import SceneError
-from impactfem.report.table import plan_table, summary_table
+from impactfem.report.table import plan_table
 
 SOLID = {
     "kind": "solid", "model": "plane_strain", "density": 1.0, "youngs_modulus": 1.0,

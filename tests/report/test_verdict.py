@@ -44,7 +44,7 @@ def test_the_worst_finding_decides():
     ("settings", "level", "code"),
     [
         (("solve.elements=10",), "trust", None),
-        (("solve.method=conserving", "solve.elements=4"), "care", "error_large"),
+        (("solve.method=galerkin", "solve.courant=0.9"), "care", "ringing"),
         (("solve.method=newmark", "solve.elements=40"), "do_not_trust", "energy_growth"),
     ],
 )
@@ -63,7 +63,7 @@ def test_exit_code_and_verdict_agree(tmp_path, capsys, settings, level, code):
     if level == "do_not_trust":
         assert summary["status"] == "unstable"
         assert found[code]["remedy"] in capsys.readouterr().err
-    assert impactfem.Result.load(out).summary == summary
+    assert impactfem.Result.load(out).summary["verdict"] == verdict
 
 
 def test_the_plan_as_json(capsys):
