@@ -122,12 +122,3 @@ def _fault(formula: Formula, at: Break, end: float, scale: tuple[float, float]) 
             f"let it move in a finite time, as by {ramp}",
         )
     return "", ""
-
-
-def kicks(formula: Formula, end: float) -> list[tuple[Break, float, float]]:
-    """Breaks of a motion that `check_motion` accepts, with the velocity before and after [m/s]."""
-
-    def speed(t: float) -> float:
-        return float(motion_at(formula, t).rate)
-
-    return [(at, speed(at.before), speed(at.after)) for at in find_breaks(formula, end)]

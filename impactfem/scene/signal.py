@@ -8,23 +8,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impactfem.scene.breaks import Break, find_breaks
+from impactfem.scene.formula import Formula
+from impactfem.scene.jets import motion_at
+
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Signal:
-    """A scalar function of time: ``constant + slope t + sum of a cos(w t) + b sin(w t) + rest(t)``.
+    """A scalar function of time: ``constant + slope t + sum of a cos(w t) + b sin(w t) + more``.
 
     Attributes:
         constant: Value at t = 0 of the polynomial part.
         slope: Its rate [1/s].
         harmonics: Entries (w, a, b), w > 0 [rad/s], each w once.
-        rest: Anything else, a function of time that takes arrays; None if the form above is all.
+        formulas: Entries (factor, formula in t): further terms, with exact derivatives and breaks.
+        rest: Anything else, a function of time that takes arrays; None if there is nothing else.
     """
 
     constant: float = 0.0
     slope: float = 0.0
     harmonics: tuple[tuple[float, float, float], ...] = ()
+    formulas: tuple[tuple[float, Formula], ...] = ()
     rest: Callable[[Any], Any] | None = field(default=None, compare=False)
 
     @property
@@ -35,12 +41,12 @@ class Signal:
     @property
     def is_constant(self) -> bool:
         """Whether it does not depend on time."""
-        return not self.slope and not self.harmonics and self.rest is None
+        return not self.slope and not self.harmonics and self.is_exact
 
     @property
     def is_exact(self) -> bool:
-        """Whether there is no rest."""
-        return self.rest is None
+        """Whether constant, slope and harmonics are all."""
+        return self.rest is None and not self.formulas
 
     def __call__(self, t: ArrayLike) -> Any:  # float or array of floats
         """Value at the times t [s], shape of t."""
@@ -48,6 +54,8 @@ class Signal:
         value = self.constant + self.slope * times
         for w, a, b in self.harmonics:
             value = value + a * np.cos(w * times) + b * np.sin(w * times)
+        for factor, formula in self.formulas:
+            value = value + factor * formula(t=times)
         if self.rest is not None:
             value = value + self.rest(times)
         return value if np.ndim(value) else value[()]
@@ -58,6 +66,8 @@ class Signal:
         value = self.slope + 0.0 * times
         for w, a, b in self.harmonics:
             value = value + w * (b * np.cos(w * times) - a * np.sin(w * times))
+        for factor, formula in self.formulas:
+            value = value + factor * motion_at(formula, times).rate
         if self.rest is not None:
             h = 1e-5 * np.maximum(1.0, np.abs(times))
             value = value + (self.rest(times + h) - self.rest(times - h)) / (2.0 * h)
@@ -69,11 +79,21 @@ class Signal:
         value = 0.0 * times
         for w, a, b in self.harmonics:
             value = value - w * w * (a * np.cos(w * times) + b * np.sin(w * times))
+        for factor, formula in self.formulas:
+            value = value + factor * motion_at(formula, times).second
         if self.rest is not None:
             h = 1e-4 * np.maximum(1.0, np.abs(times))
             outer = self.rest(times + h) + self.rest(times - h)
             value = value + (outer - 2.0 * self.rest(times)) / (h * h)
         return value if np.ndim(value) else value[()]
+
+    def kicks(self, end: float) -> list[tuple[Break, float, float]]:
+        """Breaks of its formulas up to a time, with its rate before and after each."""
+        breaks = {at for _, formula in self.formulas for at in find_breaks(formula, end)}
+        return [
+            (at, float(self.rate(at.before)), float(self.rate(at.after)))
+            for at in sorted(breaks, key=lambda at: at.before)
+        ]
 
     def plus(self, other: "Signal") -> "Signal":
         """The sum of two signals."""
@@ -92,6 +112,7 @@ class Signal:
             self.constant + other.constant,
             self.slope + other.slope,
             tuple((w, a, b) for w, (a, b) in sorted(terms.items()) if a or b),
+            (*self.formulas, *other.formulas),
             rest,
         )
 
@@ -110,12 +131,13 @@ class Signal:
             factor * self.constant,
             factor * self.slope,
             tuple((w, factor * a, factor * b) for w, a, b in self.harmonics),
+            tuple((factor * own, formula) for own, formula in self.formulas),
             rest,
         )
 
     def sine(self, phase: float = 0.0) -> "Signal | None":
         """sin(signal + phase) of a signal that is linear in time; None of another."""
-        if self.harmonics or self.rest is not None:
+        if self.harmonics or not self.is_exact:
             return None
         start, w = self.constant + phase, self.slope
         if w == 0.0:

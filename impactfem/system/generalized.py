@@ -7,6 +7,7 @@ t, u and p = M(u) u', here of t, u and v = u'.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import LinAlgError, cholesky
 
 from impactfem.errors import SceneError
+from impactfem.scene.breaks import Break
 from impactfem.scene.signal import Signal
 
 Floats = NDArray[np.float64]
@@ -24,6 +26,16 @@ Constraints = Callable[[Floats], ArrayLike] | Sequence[Callable[[Floats], Any]]
 _COMPLEX_STEP = 1e-30
 _REAL_STEP = 6e-6  # about eps^(1/3): the error of central differences is 1e-10 of the curvature
 _SAME_JACOBIAN = 1e-5  # share of the largest entry by which a given Jacobian may differ
+
+
+@dataclass(frozen=True)
+class Kick:
+    """A constraint whose motion b(t) changes its velocity at once, from before to after [m/s]."""
+
+    at: Break
+    constraint: int
+    before: float
+    after: float
 
 
 class GeneralizedSystem:
@@ -121,6 +133,15 @@ class GeneralizedSystem:
         if not self.moves:
             return np.zeros(self.num_constraints)
         return np.array([float(signal.curvature(t)) for signal in self.motion])
+
+    def kicks(self, end: float) -> list[Kick]:
+        """Where motions change their velocity at once, up to a time [s], in the order of time."""
+        found = [
+            Kick(at, constraint, before, after)
+            for constraint, signal in enumerate(self.motion)
+            for at, before, after in signal.kicks(end)
+        ]
+        return sorted(found, key=lambda kick: kick.at.before)
 
     def jacobian(self, u: Floats) -> Floats:
         """Jacobian d phi / d u, shape (J, d)."""

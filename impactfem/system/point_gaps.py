@@ -119,6 +119,7 @@ def _motion(obstacle: HalfSpace) -> Signal:
     total = Signal()
     for share, formula in zip(obstacle.unit_normal, obstacle.motion or (), strict=False):
         parts = affine_parts(formula, ())
-        if parts is not None:  # a formula in t alone always has parts
-            total = total.plus(parts[1].times(share))
+        exact = parts is not None and parts[1].is_exact
+        whole = parts[1] if parts is not None and exact else Signal(formulas=((1.0, formula),))
+        total = total.plus(whole.times(share))
     return total

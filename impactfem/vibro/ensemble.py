@@ -11,6 +11,7 @@ from scipy.linalg import cho_solve
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.system.generalized import LinearSystem, check_start
 from impactfem.vibro import position_level, velocity_level
+from impactfem.vibro.kicks import Kicks
 from impactfem.vibro.position_kernels import march_members, march_positions, march_velocities
 from impactfem.vibro.position_level import PositionSettings, choose_implicit
 from impactfem.vibro.position_start import start_positions
@@ -76,10 +77,11 @@ def integrate_ensemble(
         )
     steps, h = count_steps(duration, settings.dt, every or 1, settings.impact_law)
     _check_members(system, u, v)
+    kicks = Kicks(system, steps, h)
     if isinstance(settings, PositionSettings):
-        kernel, loads, matrices, states, extra = _positions(system, u, v, h, settings)
+        kernel, loads, matrices, states, extra = _positions(system, kicks, u, v, h, settings)
     else:
-        kernel, loads, matrices, states, extra = _velocities(system, u, v, h, settings)
+        kernel, loads, matrices, states, extra = _velocities(system, kicks, u, v, h, settings)
     levels = row_levels(steps, every or steps)
     n, count = len(u), system.num_constraints
     rows = (*np.zeros((2, n, len(levels), system.dofs)), *np.zeros((2, n, len(levels), count)))
@@ -119,7 +121,7 @@ def _check_members(system: LinearSystem, u: Floats, v: Floats) -> None:
 
 
 def _positions(
-    system: LinearSystem, u: Floats, v: Floats, h: float, settings: PositionSettings
+    system: LinearSystem, kicks: Kicks, u: Floats, v: Floats, h: float, settings: PositionSettings
 ) -> tuple[Any, ...]:
     implicit = choose_implicit(system, u[0], v[0], h, settings.implicit)
     loads, *matrices = position_level.step_matrices(system, h, implicit=implicit)
@@ -138,19 +140,19 @@ def _positions(
         change[member], gap[member], before[member] = own.change, own.gap, own.before
 
     def tables(begin: int, end: int) -> tuple[Floats, Floats]:
-        return position_level.tabulate(system, loads, h, begin, end)
+        return position_level.tabulate(system, kicks, loads, h, begin, end)
 
     return march_positions, tables, tuple(matrices), (u, change, gap, before), ()
 
 
 def _velocities(
-    system: LinearSystem, u: Floats, v: Floats, h: float, settings: VelocitySettings
+    system: LinearSystem, kicks: Kicks, u: Floats, v: Floats, h: float, settings: VelocitySettings
 ) -> tuple[Any, ...]:
     theta = velocity_level.check_theta(settings.theta)
     loads, *matrices = velocity_level.step_matrices(system, h, theta)
     gap = u @ system.normals.T + system.offsets - system.motion_at(0.0)
 
     def tables(begin: int, end: int) -> tuple[Floats, Floats]:
-        return velocity_level.tabulate(system, loads, h, theta, begin, end)
+        return velocity_level.tabulate(system, kicks, loads, h, theta, begin, end)
 
     return march_velocities, tables, tuple(matrices), (u, v, gap, np.zeros_like(gap)), (theta,)

@@ -75,8 +75,9 @@ class Contacts:
         return self.share * self.fastest if given is None else given
 
     def settle(
-        self, t: float, u: Floats, v: Floats, near: Booleans, released: int | None = None
-    ) -> tuple[Floats, Floats, list[Row], Floats]:
+        self, t: float, u: Floats, v: Floats, near: Booleans, released: int | None = None,
+        earlier: Floats | None = None,
+    ) -> tuple[Floats, Floats, list[Row], Floats]:  # fmt: skip
         """Treat an event.
 
         Args:
@@ -85,6 +86,8 @@ class Contacts:
             v: Velocity just before, shape (d,).
             near: Which constraints are closed to rounding, shape (J,) of bool.
             released: Constraint whose contact force has just vanished.
+            earlier: Rates of the motions just before (J,), where they have just changed: what is
+                in contact is struck or left by that.
 
         Returns:
             Position and velocity just after, and rows (time, constraint, before, after, impulse)
@@ -103,7 +106,7 @@ class Contacts:
         factor = factor_mass(system, u, t)
         jacobian, mass = system.jacobian(u), system.mass(u)
         rate = system.motion_rate(t)
-        drift = jacobian @ v - rate
+        drift = jacobian @ v - (rate if earlier is None else earlier)
         u, v, _, _ = self._close(t, mass, jacobian, u, v, drift, self.closed)
         noise = 64.0 * _EPS * (np.abs(jacobian) @ np.abs(v) + np.abs(rate))
         # Impacts that follow each other within some thousand times the rounding of places.

@@ -6,6 +6,7 @@ rounding. A gap that closes and opens between samples without a minimum seen by 
 the steps of the integrator, which resolve the motion, make that unlikely.
 """
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -66,21 +67,27 @@ def fly_general(
     """
     t, row, d = 0.0, 0, system.dofs
     stalled = 0
+    kicks = deque(system.kicks(duration))
     released, watched = None, -1
     step: float | None = None
     while True:
+        earlier = None
+        while kicks and kicks[0].at.before <= t:
+            at = kicks.popleft().at
+            earlier = system.motion_rate(at.before) if earlier is None else earlier
+            t = max(t, at.after)
         near = record.near(t, u, v)
         if watched >= 0:
             near[watched] = True
-        u, v, impacts, impulses = contacts.settle(t, u, v, near, released)
+        u, v, impacts, impulses = contacts.settle(t, u, v, near, released, earlier)
         record.add(impacts, impulses, row)
         if t >= duration:
             record.fill(row, u, v)
             return
         motion = _Motion(system, contacts.closed)
-        start = t
+        start, stop = t, kicks[0].at.before if kicks else duration
         t, y, row, watched, step = _flight(
-            motion, t, np.concatenate([u, v, np.zeros(len(motion.closed))]), duration, contacts,
+            motion, t, np.concatenate([u, v, np.zeros(len(motion.closed))]), stop, contacts,
             record, row, tolerances, step,
         )  # fmt: skip
         u, v = y[:d].copy(), y[d : 2 * d].copy()
@@ -94,7 +101,7 @@ def fly_general(
 
 
 def _flight(
-    motion: _Motion, t: float, y: Floats, duration: float, contacts: Contacts, record: Record,
+    motion: _Motion, t: float, y: Floats, stop: float, contacts: Contacts, record: Record,
     row: int, tolerances: tuple[float, float], step: float | None,
 ) -> tuple[float, Floats, int, int, float]:  # fmt: skip
     """One flight up to the next event.
@@ -105,8 +112,8 @@ def _flight(
     """
     system, d = motion.system, motion.system.dofs
     rtol, atol = tolerances
-    first = min(step, duration - t) if step else None
-    solver = DOP853(motion, t, y, duration, rtol=rtol, atol=atol, first_step=first)
+    first = min(step, stop - t) if step else None
+    solver = DOP853(motion, t, y, stop, rtol=rtol, atol=atol, first_step=first)
     held = np.zeros(len(motion.closed))
     fresh = t
     while True:

@@ -8,6 +8,7 @@ from impactfem.errors import ConvergenceError
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem, factor_mass
+from impactfem.vibro.kicks import Kicks
 from impactfem.vibro.position_kernels import note
 from impactfem.vibro.position_start import start_positions
 from impactfem.vibro.projection import project
@@ -34,13 +35,15 @@ def march_general(
     wall_old, wall = system.gap(0.0, u - s) - before, system.motion_at(0.0)
     wall_old = wall_old + wall
     linearisations = 0
+    kicks = Kicks(system, steps, h)
     for m in range(steps + 1):
         t = m * h
         if system.constant_mass is None:
             factor = factor_mass(system, u, t)
             inverse = cho_solve((factor, True), np.eye(system.dofs))
         wall_new = system.motion_at(t + h)
-        mean = (wall_new + e * wall_old) / (1.0 + e)
+        (shift_old,), (shift,) = kicks.shifts(m, m + 1)
+        mean = (wall_new + e * (wall_old - shift_old)) / (1.0 + e)
         new, impulse, solved = _step(system, (factor, inverse), t, h, u, s, mean)
         linearisations = max(linearisations, solved)
         following = system.gap(t + h, u + new)
@@ -52,7 +55,8 @@ def march_general(
         worst = min(worst, float(gap.min(initial=0.0)))
         written = 0
         for c in range(count):
-            speed, after = (gap[c] - before[c]) / h, (following[c] - gap[c]) / h
+            speed = (gap[c] - before[c] + shift[c] - shift_old[c]) / h
+            after = (following[c] - gap[c]) / h
             when = t + (min(max(gap[c] / -speed, -h), h) if speed < 0.0 else 0.0)
             if impulse[c] == 0.0 and episodes[c, 4]:
                 episodes[c, 3] = after

@@ -97,7 +97,8 @@ def march_positions(
         s_new = s + loads_m - stiff U - damp s + response P,   U_new = U + s_new,
         0 <= P _|_ gap(U_new) + e gap(U_old) >= 0.
 
-    The column of walls is b(t_{m+1}); P / h is an impulse.
+    The columns of walls are b(t_{m+1}), and how much further gap(U_old) and gap(U) are for the law
+    (`kicks.Kicks.shifts`); P / h is an impulse.
     """  # fmt: skip
     m, begin, end, last, every = span
     d, count = len(u), len(gap)
@@ -119,7 +120,7 @@ def march_positions(
             for i in range(d):
                 place += normals[c, i] * (u[i] + new[i])
             following[c] = place
-            offset[c] = place + restitution[c] * before[c]
+            offset[c] = place + restitution[c] * (before[c] + walls[k, count + c])
         if not np.isnan(given[0]):
             for c in range(count):
                 impulse[c] = given[c]
@@ -143,7 +144,8 @@ def march_positions(
         for c in range(count):
             total[c] += impulse[c] / dt
             worst[0] = min(worst[0], gap[c])
-            speed = (gap[c] - before[c]) / dt
+            nearer = walls[k, 2 * count + c] - walls[k, count + c]
+            speed = (gap[c] - before[c] + nearer) / dt
             after = (following[c] - gap[c]) / dt
             time = m * dt
             if speed < 0.0:

@@ -4,7 +4,8 @@
 
 P_K the projection on K = {phi >= b} in the metric of M(U^m). In words: without contact the central
 difference scheme, and Z = (U^{m+1} + e U^{m-1}) / (1 + e) is kept in K. Where walls move, b is
-(b(t_{m+1}) + e b(t_{m-1})) / (1 + e): this is the scheme in the frame of a translating wall.
+(b(t_{m+1}) + e b(t_{m-1})) / (1 + e): this is the scheme in the frame of a translating wall. Where
+a wall changes its velocity at once, b(t_{m-1}) is that of its motion after it (`kicks`).
 
 For a `LinearSystem` F contains the unknown: with velocities (U^{m+1} - U^{m-1}) / 2h and forces
 K (beta U^{m+1} + (1 - 2 beta) U^m + beta U^{m-1}) of the stiffness the step reads
@@ -36,6 +37,7 @@ from impactfem.errors import SceneError
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
+from impactfem.vibro.kicks import Kicks
 from impactfem.vibro.position_general import march_general
 from impactfem.vibro.position_kernels import march_positions
 from impactfem.vibro.position_start import highest_frequency, start_positions
@@ -163,14 +165,17 @@ def start_weight(system: LinearSystem, h: float, *, implicit: bool) -> Floats:
 
 
 def tabulate(
-    system: LinearSystem, loads: Floats, h: float, begin: int, end: int
+    system: LinearSystem, kicks: Kicks, loads: Floats, h: float, begin: int, end: int
 ) -> tuple[Floats, Floats]:
-    """Tables: h^2 A^-1 p(t_m) (steps, d) and b(t_{m+1}) (steps, J) of the steps begin to end."""
+    """Tables of the steps begin to end: h^2 A^-1 p(t_m) (steps, d), and walls (steps, 3 J).
+
+    Of walls b(t_{m+1}) and both `Kicks.shifts`.
+    """
     levels = np.arange(begin, end)
     forces = system.load_at(h * levels) @ loads.T
     ahead = h * (levels + 1.0)
     walls = np.stack([signal(ahead) + 0.0 * ahead for signal in system.motion], axis=1)
-    return np.ascontiguousarray(forces), walls
+    return np.ascontiguousarray(forces), np.hstack([walls, *kicks.shifts(begin, end)])
 
 
 def _linear(
@@ -179,9 +184,10 @@ def _linear(
     loads, *matrices = step_matrices(system, h, implicit=implicit)
     first = start_positions(system, u, v, h, start_weight(system, h, implicit=implicit))
     rows = empty_rows(system, steps, every)
+    kicks = Kicks(system, steps, h)
     march = LinearMarch(
         march_positions, steps, h, every,
-        lambda begin, end: tabulate(system, loads, h, begin, end), tuple(matrices),
+        lambda begin, end: tabulate(system, kicks, loads, h, begin, end), tuple(matrices),
         (first.position, first.change, first.gap, first.before), rows,
     )  # fmt: skip
     impacts = np.concatenate([first.impacts, march.run()])

@@ -30,6 +30,7 @@ from impactfem.errors import ConvergenceError, SceneError
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start, factor_mass
+from impactfem.vibro.kicks import Kicks
 from impactfem.vibro.position_kernels import ROUNDING, march_velocities, note
 from impactfem.vibro.position_start import highest_frequency
 from impactfem.vibro.vibro_rows import (
@@ -136,7 +137,7 @@ def step_matrices(system: LinearSystem, h: float, theta: float) -> tuple[Floats,
 
 
 def tabulate(
-    system: LinearSystem, loads: Floats, h: float, theta: float, begin: int, end: int
+    system: LinearSystem, kicks: Kicks, loads: Floats, h: float, theta: float, begin: int, end: int
 ) -> tuple[Floats, Floats]:
     """Tables: h A^-1 p_t (steps, d) and b, b at the midpoint, b' before and after (steps, 4 J)."""
     times = h * np.arange(begin, end + 1)
@@ -145,9 +146,10 @@ def tabulate(
     at, middle = times[:-1], times[:-1] + 0.5 * h
     places = [signal(at) + 0.0 * at for signal in system.motion]
     halves = [signal(middle) + 0.0 * at for signal in system.motion]
-    rates = [signal.rate(times) + 0.0 * times for signal in system.motion]
-    columns = [*places, *halves, *(rate[:-1] for rate in rates), *(rate[1:] for rate in rates)]
-    return np.ascontiguousarray(forces), np.stack(columns, axis=1)
+    rates = np.stack([signal.rate(times) + 0.0 * times for signal in system.motion], axis=1)
+    where = np.stack([*places, *halves], axis=1)
+    walls = np.hstack([where, *kicks.rates(rates, begin)])
+    return np.ascontiguousarray(forces), walls
 
 
 def _linear(
@@ -156,9 +158,10 @@ def _linear(
     theta = settings.theta
     loads, *matrices = step_matrices(system, h, theta)
     rows = empty_rows(system, steps, settings.every)
+    kicks = Kicks(system, steps, h)
     march = LinearMarch(
         march_velocities, steps, h, settings.every,
-        lambda begin, end: tabulate(system, loads, h, theta, begin, end), tuple(matrices),
+        lambda begin, end: tabulate(system, kicks, loads, h, theta, begin, end), tuple(matrices),
         (u, v, system.gap(0.0, u), np.zeros(system.num_constraints)), rows, (theta,),
     )  # fmt: skip
     impacts = march.run()
@@ -185,6 +188,7 @@ def _general(
     episodes, total, worst = np.zeros((count, 5)), np.zeros(count), 0.0
     room = np.zeros((count, 5))
     impacts: list[tuple[float, ...]] = []
+    kicks = Kicks(system, steps, h)
     for m in range(steps + 1):
         t = m * h
         gap = system.gap(t, u)
@@ -192,7 +196,9 @@ def _general(
         if m % every == 0 or m == steps:
             row = -(-m // every)
             rows[0][row], rows[1][row], rows[2][row], rows[3][row] = u, v, gap, total
-        new, impulse, speed, after = _step(system, t, h, u, v)
+        ends = np.stack([system.motion_rate(t), system.motion_rate(t + h)])
+        (wall,), (wall_new,) = kicks.rates(ends, m)
+        new, impulse, speed, after = _step(system, t, h, u, v, (wall, wall_new))
         total += impulse
         written = 0
         for c in range(count):
@@ -207,9 +213,13 @@ def _general(
 
 
 def _step(
-    system: GeneralizedSystem, t: float, h: float, u: Floats, v: Floats
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """v^{m+1}, P, and normal velocities before and after; velocities in f by fixed point."""
+    system: GeneralizedSystem, t: float, h: float, u: Floats, v: Floats,
+    walls: tuple[Floats, Floats],
+) -> tuple[Floats, Floats, Floats, Floats]:  # fmt: skip
+    """v^{m+1}, P, and normal velocities before and after; velocities in f by fixed point.
+
+    ``walls`` are the velocities of the walls before and after, each of shape (J,).
+    """
     middle = u + 0.5 * h * v
     factor = factor_mass(system, middle, t)
     tolerance = ROUNDING * float(np.abs(middle).max())
@@ -220,8 +230,8 @@ def _step(
     if len(closed):
         jacobian = system.jacobian(middle)[closed]
         coupling, answers = delassus(factor, jacobian)
-        speed[closed] = jacobian @ v - system.motion_rate(t)[closed]
-    rate = system.motion_rate(t + h)[closed]
+        speed[closed] = jacobian @ v - walls[0][closed]
+    rate = walls[1][closed]
     inverse = cho_solve((factor, True), np.eye(len(u)))
     force = system.force(t + 0.5 * h, middle, v)
     for _ in range(_MAX_FIXED_POINT):

@@ -5,7 +5,8 @@ import pytest
 
 from impactfem.errors import SceneError
 from impactfem.scene import Formula, Scene
-from impactfem.scene.breaks import check_motion, kicks
+from impactfem.scene.breaks import check_motion
+from impactfem.scene.signal import Signal
 
 
 def motion(text):
@@ -102,7 +103,7 @@ def test_other_motions_without_velocity_are_refused(text, why):
 def test_changes_of_velocity_are_accepted_and_found(text, expected):
     formula = motion(text)
     check_motion("obstacle[0]", "motion", [formula], 1.0)
-    found = kicks(formula, 1.0)
+    found = Signal(formulas=((1.0, formula),)).kicks(1.0)
     assert len(found) == len(expected)
     for (at, before, after), (when, slow, fast) in zip(found, expected, strict=True):
         assert at.before < at.after
