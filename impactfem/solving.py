@@ -189,7 +189,7 @@ def _solve_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> Result:
         scene, chosen, run.history, run.motion.effort, run.errors, cost,
         driven=not run.model.conservative,
     )  # fmt: skip
-    summary["contact"]["intervals"] = run.intervals
+    summary["contact"] |= run.contact
     settings = replace(
         scene.solve,
         method=chosen.method,

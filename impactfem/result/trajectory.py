@@ -77,10 +77,13 @@ class Trajectory:
         velocity: u' just after t_m, shape (rows, d). Of the position-level scheme the difference
             (u_{m+1} - u_{m-1}) / 2h, also at both ends.
         gap: phi_j(u) - b_j(t) at t_m, shape (rows, J).
-        contact_force: Mean force of each constraint during (t_{m-1}, t_m], impulses of impacts
-            divided by its length included [N], shape (rows, J); row 0 is 0.
+        contact_force: Mean force of lasting contact of each constraint during (t_{m-1}, t_m] [N],
+            without the impulses of impacts, shape (rows, J); row 0 is 0.
+        impulse: Impulses of impacts and of lasting contact during (t_{m-1}, t_m] [N s], (rows, J).
         kinetic: Kinetic energy at t_m [J], shape (rows,).
         potential: Potential energy at t_m [J], shape (rows,); 0 if unknown.
+        peak: Largest sum of the forces of lasting contact [N]; None if there was none.
+        window: Time over which `peak` is a mean [s]; 0 for its value at an instant.
         impacts: Impacts one by one, as far as the method resolves them; None if it does not.
         effort: How the method got there.
     """
@@ -90,8 +93,11 @@ class Trajectory:
     velocity: Floats
     gap: Floats
     contact_force: Floats
+    impulse: Floats
     kinetic: Floats
     potential: Floats
+    peak: float | None = None
+    window: float = 0.0
     impacts: Impacts | None = None
     effort: Effort = field(default_factory=Effort)
 
@@ -126,7 +132,7 @@ class Trajectory:
         ]
         if self.effort.message:
             found.append(("method", self.effort.message))
-        text = "mean force of all constraints in each row [N]"
+        text = "force of lasting contact, of all constraints [N]"
         return card("Trajectory", found, parts=[curve(self.times, force, text)])
 
     def to_xarray(self) -> xr.Dataset:
@@ -137,6 +143,7 @@ class Trajectory:
                 "velocity": (("time", "dof"), self.velocity),
                 "gap": (("time", "constraint"), self.gap),
                 "contact_force": (("time", "constraint"), self.contact_force, {"units": "N"}),
+                "impulse": (("time", "constraint"), self.impulse, {"units": "N s"}),
                 "kinetic_energy": ("time", self.kinetic, {"units": "J"}),
                 "potential_energy": ("time", self.potential, {"units": "J"}),
             },

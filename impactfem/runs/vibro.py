@@ -17,6 +17,7 @@ from impactfem.reference.bar import Errors
 from impactfem.result.axis import kept_rows, make_axis
 from impactfem.result.history import Columns, make_history
 from impactfem.result.trajectory import Trajectory
+from impactfem.runs.vibro_contact import contact_figures
 from impactfem.scene import Scene
 from impactfem.system.episode import contact_episode
 from impactfem.system.generalized import LinearSystem
@@ -26,10 +27,10 @@ from impactfem.vibro.together import find_together, resolution
 Floats = NDArray[np.float64]
 
 _COLUMNS = 20  # constraints up to which each has columns of its own
-_INTERVALS = 1000  # contact intervals that the summary lists
 _SHIFT = 1e-9  # change of the start whose growth tells how sensitive the motion is
 _ROUNDING, _RTOL = 1e-15, 1e-10  # precision of exact flights, and of an integrator's
 _LOST = 1e-2  # difference from which two motions count as different
+_TRACE = 1e-9  # share of the impulse of a row that is none
 _EVENTS = 200_000  # impacts up to which a reference run is made
 
 
@@ -42,7 +43,7 @@ class VibroRun:
         history: History in the columns of the contract.
         model: The system.
         errors: Errors against a second run; None if none was made.
-        intervals: Contacts [start, end] [s], impacts have length 0.
+        contact: Intervals, largest force and impulses, for the summary.
         seconds: Time of the run itself, without that for the error [s].
         axis: Where the axis of a rod or beam is; None for points.
     """
@@ -51,7 +52,7 @@ class VibroRun:
     history: xr.Dataset
     model: VibroModel
     errors: Errors | None
-    intervals: list[list[float]]
+    contact: dict[str, Any]
     seconds: float
     axis: xr.Dataset | None = None
 
@@ -81,10 +82,10 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
         remedy = "shorten the duration to the contact"
         name = scene.bodies[0].name
         findings += by_limits("model_rotation", turned, ROTATION_LIMITS, text, name, remedy)
-    errors, note = None, ""
+    errors, note, reference = None, "", None
     if chosen.estimate and motion.is_finite:
         progress.step("estimating the error by a second run")
-        errors, note = _estimate(scene, chosen, model, motion)
+        errors, note, reference = _estimate(scene, chosen, model, motion)
     details = dict(motion.effort.details) | {"constraints": list(model.labels)}
     if note:
         details["error_estimate"] = note
@@ -96,18 +97,19 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
             "angle": together.angle,
         }
     details |= _episode(scene, model, motion)
+    contact, found = contact_figures(motion, reference)
+    findings += found
     effort = replace(
         motion.effort,
         num_unknowns=model.system.dofs,
         details=details,
         findings=tuple(findings),
-        measured=("impact_law", "model_rotation"),
+        measured=("impact_law", "model_rotation", "force_peak"),
     )
     motion = replace(motion, effort=effort)
     history = vibro_history(motion, model)
     axis = _axis(motion, model, scene.bodies[0].name)
-    found = _intervals(motion)
-    return VibroRun(motion, history, model, errors, found, seconds, axis)
+    return VibroRun(motion, history, model, errors, contact, seconds, axis)
 
 
 def _axis(motion: Trajectory, model: VibroModel, name: str) -> xr.Dataset | None:
@@ -122,7 +124,7 @@ def _axis(motion: Trajectory, model: VibroModel, name: str) -> xr.Dataset | None
 
 def _episode(scene: Scene, model: VibroModel, motion: Trajectory) -> dict[str, Any]:
     """Apparent restitution and micro-impacts of a beam that falls without gravity."""
-    touched = bool((motion.contact_force > 0.0).any())
+    touched = bool((motion.impulse > 0.0).any())
     still = isinstance(model.system, LinearSystem) and not any(scene.vector_gravity.values[0])
     if model.beam is None or not still or not touched:
         return {}
@@ -166,10 +168,10 @@ def _integrate(
 
 def _estimate(
     scene: Scene, chosen: VibroPlan, model: VibroModel, motion: Trajectory
-) -> tuple[Errors | None, str]:
-    """Errors against a second run, and what it says in words."""
+) -> tuple[Errors | None, str, Trajectory | None]:
+    """Errors against a second run, what it says in words, and that run if its step is another."""
     if chosen.method == "event_driven":
-        return _sensitivity(scene, chosen, model, motion)
+        return *_sensitivity(scene, chosen, model, motion), None
     other = replace(chosen, method="event_driven", impact_law="simultaneous")
     reference, name = None, "event-driven method"
     if model.beam is None:
@@ -181,7 +183,7 @@ def _estimate(
         other, name = replace(chosen, dt=0.5 * chosen.dt, steps=2 * chosen.steps), "same with dt/2"
         fine = replace(scene, output=replace(scene.output, every=2 * scene.output.every))
         reference = _integrate(fine, other, model)
-    return compare(motion, reference, name), f"against the {name}"
+    return compare(motion, reference, name), f"against the {name}", reference
 
 
 def _sensitivity(
@@ -224,10 +226,7 @@ def compare(motion: Trajectory, reference: Trajectory, name: str) -> Errors:
     count = min(len(motion.times), len(reference.times))
     u, exact = motion.position[:count], reference.position[:count]
     way = exact - exact[0]
-    impulse, other = (
-        np.cumsum(m.contact_force[1:count] * np.diff(m.times[:count])[:, None], axis=0)
-        for m in (motion, reference)
-    )
+    impulse, other = (np.cumsum(m.impulse[1:count], axis=0) for m in (motion, reference))
     return Errors(
         f"{name}; force by its impulse up to each time",
         _relative(np.abs(u - exact).max(), np.abs(way).max()),
@@ -257,22 +256,28 @@ def vibro_history(motion: Trajectory, model: VibroModel) -> xr.Dataset:
             elastic_energy=elastic,
             potential_energy=motion.potential - elastic,
             momentum=momentum @ direction,
-            active=np.count_nonzero(motion.contact_force > 0.0, axis=1),
+            active=np.count_nonzero(motion.impulse > 0.0, axis=1),
             bodies=bodies,
         )
     )
+    struck = motion.impulse.copy()
+    struck[1:] -= motion.contact_force[1:] * np.diff(motion.times)[:, None]
+    struck[struck < _TRACE * motion.impulse] = 0.0
+    history["contact_impulse"] = _column(struck.sum(axis=1), "N s", "impulse", "all impacts")
     if len(model.labels) <= _COLUMNS:
         for k, label in enumerate(model.labels):
             history[f"gap.{k}"] = _column(motion.gap[:, k], "m", "gap", label)
             force = motion.contact_force[:, k] + 0.0
             history[f"contact_force.{k}"] = _column(force, "N", "force", label)
+            history[f"contact_impulse.{k}"] = _column(struck[:, k], "N s", "impulse", label)
     history["momentum"].attrs["direction"] = direction
     history["momentum"].attrs["long_name"] = (
         f"linear momentum along ({', '.join(f'{c:.6g}' for c in direction)})"
     )
     history["contact_force"].attrs["comment"] = (
-        "sum of the normal forces during (t_{m-1}, t_m], impulses divided by its length"
+        "sum of the mean normal forces of lasting contact during (t_{m-1}, t_m], without impacts"
     )
+    history["contact_impulse"].attrs["comment"] = "impulses of impacts during (t_{m-1}, t_m]"
     history["potential_energy"].attrs["comment"] = "potential energy of gravity and forces"
     return history
 
@@ -291,11 +296,3 @@ def _direction(model: VibroModel) -> Floats:
     vector = np.asarray(body.velocity[0])
     length = float(np.linalg.norm(vector))
     return vector / length if length > 0.0 else np.array([1.0, 0.0, 0.0])
-
-
-def _intervals(motion: Trajectory) -> list[list[float]]:
-    """Lasting contacts and impacts [start, end] [s], the first of them."""
-    spells = [[float(s[0]), float(s[1])] for s in motion.effort.details.get("sticking", [])]
-    times = [] if motion.impacts is None else np.unique(motion.impacts.time)[:_INTERVALS].tolist()
-    hits = [[t, t] for t in times if not any(a <= t <= b for a, b in spells)]
-    return sorted(spells + hits)[:_INTERVALS]

@@ -71,15 +71,15 @@ def contact_episode(
     """
     period = 2.0 * math.pi / body.beam.first_frequency
     pause = PAUSE * period if pause is None else pause
-    times, force = motion.times, motion.contact_force
-    touched = np.flatnonzero((force > 0.0).any(axis=1))
-    first = int(np.argmax(force[touched[0]])) if len(touched) else int(np.argmin(motion.gap[0]))
-    others = np.flatnonzero(np.delete(force, first, axis=1).any(axis=1))
+    times, pushed = motion.times, motion.impulse
+    touched = np.flatnonzero((pushed > 0.0).any(axis=1))
+    first = int(np.argmax(pushed[touched[0]])) if len(touched) else int(np.argmin(motion.gap[0]))
+    others = np.flatnonzero(np.delete(pushed, first, axis=1).any(axis=1))
     stop = int(others[0]) - 1 if len(others) else len(times) - 1
     own = slice(None, system.dofs)
     rigid = body.rigid_part(motion.velocity[[0, stop], own])
     before, after = rigid @ (system.normals[first] @ body.rigid_modes)
-    acting = np.flatnonzero(force[: stop + 1, first] > 0.0)
+    acting = np.flatnonzero(pushed[: stop + 1, first] > 0.0)
     ends = times[acting]
     starts = times[np.maximum(acting - 1, 0)]
     kinetic = 0.5 * np.einsum("ij,jk,ik->i", rigid, body.rigid_mass, rigid)
@@ -91,7 +91,7 @@ def contact_episode(
         last_contact=float(ends[-1]) if len(ends) else math.nan,
         end=float(times[stop]),
         duration=float(times[-1]),
-        impulse=float(force[1 : stop + 1, first] @ np.diff(times[: stop + 1])),
+        impulse=float(pushed[: stop + 1, first].sum()),
         vibration=float((total[stop] - kinetic[1]) / total[0]),
         lost=float(1.0 - total[stop] / total[0]),
         angle=body.angle(motion.position[: stop + 1, own]),

@@ -84,8 +84,12 @@ def integrate_ensemble(
         kernel, loads, matrices, states, extra = _velocities(system, kicks, u, v, h, settings)
     levels = row_levels(steps, every or steps)
     n, count = len(u), system.num_constraints
-    rows = (*np.zeros((2, n, len(levels), system.dofs)), *np.zeros((2, n, len(levels), count)))
-    logs = (np.zeros((n, count, 5)), np.zeros((n, count)), np.zeros((n, 1)))
+    rows = (
+        *np.zeros((2, n, len(levels), system.dofs)),
+        np.zeros((n, len(levels), count)),
+        np.zeros((n, len(levels), 2 * count)),
+    )
+    logs = (np.zeros((n, count, 6)), np.zeros((n, 2 * count)), np.zeros((n, 1)))
     given, offset = np.full(count, np.nan), np.zeros(count)
     handed_back = 0
     for begin in range(0, steps + 1, _MOST_STEPS):
@@ -105,7 +109,7 @@ def integrate_ensemble(
     details = {"dt": h, "handed_back": handed_back}
     deepest = np.maximum(0.0, -logs[2][:, 0])
     times = row_times(levels, h)
-    return EnsembleResult(times, rows[0], rows[1], rows[2], rows[3], deepest, details)
+    return EnsembleResult(times, rows[0], rows[1], rows[2], rows[3][..., :count], deepest, details)
 
 
 def _check_members(system: LinearSystem, u: Floats, v: Floats) -> None:

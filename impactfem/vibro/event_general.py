@@ -130,14 +130,19 @@ def _flight(
         while row < len(record.times) and record.times[row] < now:
             at = dense(record.times[row])
             record.fill(row, at[:d], at[d : 2 * d])
-            record.impulse[row, list(motion.closed)] += at[2 * d :] - held
+            record.lasting[row, list(motion.closed)] += at[2 * d :] - held
             held = at[2 * d :]
             row += 1
         end = dense(now) if event != -1 else solver.y
+        if motion.closed:
+            for s in np.linspace(before, now, _SAMPLES + 1):
+                at = dense(s)
+                pressed = motion.forces(s, at[:d], at[d : 2 * d])[1]
+                record.peak = max(record.peak, float(pressed.sum()))
         drift = float(np.abs(system.gap(now, end[:d])[list(motion.closed)]).max(initial=0.0))
         drifted = drift > _DRIFT * max(1e-300, float(np.abs(end[:d]).max()))
         if event != -1 or solver.status == "finished" or drifted:
-            record.impulse[min(row, len(record.times) - 1), list(motion.closed)] += (
+            record.lasting[min(row, len(record.times) - 1), list(motion.closed)] += (
                 end[2 * d :] - held
             )
             return now, end, row, event, solver.step_size or step or 0.0

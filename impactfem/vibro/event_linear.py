@@ -31,7 +31,7 @@ class _Run:
         self.flights = Flights(system, duration)
         self.duration = duration
         self.z = np.zeros(self.flights.size)
-        self.clock, self.counts = np.zeros(2), np.zeros(3, dtype=np.int64)
+        self.clock, self.counts = np.zeros(3), np.zeros(3, dtype=np.int64)
         self.table, self.who = np.empty((_TABLE, 5)), np.full(1, -1, dtype=np.int64)
         self.put(u, v)
         stick = contacts.stick_speed
@@ -42,7 +42,7 @@ class _Run:
         )  # fmt: skip
         self.output: tuple[Any, ...] = (
             self.z, self.clock, self.counts, duration, record.times, record.position,
-            record.velocity, record.impulse, self.table, self.who,
+            record.velocity, record.impulse, record.lasting, self.table, self.who,
         )  # fmt: skip
 
     @property
@@ -75,6 +75,7 @@ class _Run:
         self.record.extend(self.table[: self.counts[1]])
         self.counts[1] = 0
         self.record.steps = int(self.counts[2])
+        self.record.peak = float(self.clock[2])
         self.contacts.fastest = float(self.clock[1])
         if status == BROKEN:
             raise ConvergenceError(

@@ -32,7 +32,9 @@ class Record:
         times: t_m [s], shape (rows + 1,).
         position: u at t_m, shape (rows + 1, d).
         velocity: u' just after t_m, shape (rows + 1, d).
-        impulse: Impulses and integrals of the contact forces since t_{m-1} [N s], (rows + 1, J).
+        impulse: Impulses of impacts since t_{m-1} [N s], shape (rows + 1, J).
+        lasting: Integrals of the forces of lasting contact since t_{m-1} [N s], (rows + 1, J).
+        peak: Largest sum of these forces so far [N].
         count: Impacts so far.
         steps: Substeps so far.
     """
@@ -46,6 +48,8 @@ class Record:
         self.position: Floats = np.zeros((rows + 1, system.dofs))
         self.velocity: Floats = np.zeros((rows + 1, system.dofs))
         self.impulse: Floats = np.zeros((rows + 1, system.num_constraints))
+        self.lasting: Floats = np.zeros((rows + 1, system.num_constraints))
+        self.peak = 0.0
         self.count = 0
         self.steps = 0
         self._max, self._keep = max_impacts, keep
@@ -98,9 +102,11 @@ class Record:
     def trajectory(self, contacts: Contacts) -> Trajectory:
         """The trajectory of the run."""
         system, times = self.system, self.times
-        force = np.zeros_like(self.impulse)
-        force[1:] = self.impulse[1:] / np.diff(times)[:, None]
-        force[1] += self.impulse[0] / (times[1] - times[0])  # impacts at the start
+        for pushed in (self.impulse, self.lasting):
+            pushed[1] += pushed[0]  # at the start
+            pushed[0] = 0.0
+        force = np.zeros_like(self.lasting)
+        force[1:] = self.lasting[1:] / np.diff(times)[:, None]
         states = list(zip(times, self.position, self.velocity, strict=True))
         table = np.concatenate([np.empty((0, 5)), *self._tables])
         if self._keep is not None:
@@ -111,10 +117,12 @@ class Record:
             velocity=self.velocity,
             gap=np.array([system.gap(t, u) for t, u, _ in states]),
             contact_force=force,
+            impulse=self.impulse + self.lasting,
             kinetic=np.array([system.kinetic_energy(u, v) for _, u, v in states]),
             potential=np.array(
                 [system.potential(t, u) if system.potential else 0.0 for t, u, _ in states]
             ),
+            peak=self.peak if contacts.spell_count else None,
             impacts=Impacts(table[:, 0], table[:, 1].astype(np.int64), *table[:, 2:].T),
             effort=Effort(iterations=self.steps, details=self._details(contacts)),
         )

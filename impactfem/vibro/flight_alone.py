@@ -21,7 +21,7 @@ def fly_alone(
     held_powers, held_whole, held_gaps, held_h, forces, doubt,
     rates, waves, none, one, watched, unwatched, order,
     answers, response, restitution, stick, relative,
-    z, clock, counts, duration, times, position, velocity, impulse, table, who,
+    z, clock, counts, duration, times, position, velocity, impulse, lasting, table, who,
     mode, spells, drops,
 ):  # fmt: skip
     """Fly, hit, rest and be released until the end.
@@ -31,8 +31,8 @@ def fly_alone(
         held_powers, held_whole, held_gaps, held_h, forces, doubt: That along the constraint.
         rates, waves, answers, response, restitution, stick, relative: See `fly`.
         none, one, watched, unwatched: Empty (0,), [0] and [False], [True] (1,): constants.
-        order, z, clock, counts, duration, times, position, velocity, impulse, table, who: See
-            `fly`.
+        order, z, clock, counts, duration, times, position, velocity, impulse, lasting, table,
+            who: See `fly`.
         mode: 1 in lasting contact, else 0 (1,); changed.
         spells: Start and end of the first lasting contacts [s] (kept, 2); changed.
         drops: Largest speed dropped, energy dropped [J], number of lasting contacts (3,); changed.
@@ -48,13 +48,13 @@ def fly_alone(
             status = fly(
                 free_powers, free_whole, free_gaps, rates, forces[:, :0], doubt[:0], free_h,
                 waves, none, watched, order, answers, response, restitution, stick, relative, z,
-                clock, counts, duration, times, position, velocity, impulse, table, who,
+                clock, counts, duration, times, position, velocity, impulse, lasting, table, who,
             )  # fmt: skip
         else:
             status = fly(
                 held_powers, held_whole, held_gaps, rates, forces, doubt, held_h, waves, one,
                 unwatched, order, answers, response, restitution, stick, relative, z, clock,
-                counts, duration, times, position, velocity, impulse, table, who,
+                counts, duration, times, position, velocity, impulse, lasting, table, who,
             )  # fmt: skip
         if status != EVENT:
             return status

@@ -25,6 +25,7 @@ from impactfem.system.generalized import GeneralizedSystem, check_start
 from impactfem.vibro.penalty_legs import Legs, Record
 from impactfem.vibro.penalty_plain import integrate_plainly
 from impactfem.vibro.penalty_projection import Projector
+from impactfem.vibro.vibro_rows import largest_force
 
 Floats = NDArray[np.float64]
 Integrator = Literal["radau", "bdf", "lsoda", "dop853", "rk45"]
@@ -37,6 +38,7 @@ _SOLVERS: Mapping[str, Any] = {
     "rk45": integrate.RK45,
 }
 _KEPT_RATIOS = 1000
+_SETTLED = 10.0  # times of an impact after which contact lasts
 
 
 @dataclass(frozen=True)
@@ -197,8 +199,7 @@ def _trajectory(projector: Projector, record: Record) -> Trajectory:
     potential = np.array(spring)
     if system.potential is not None:
         potential += np.array([system.potential(times[m], place[m]) for m in rows])
-    force = np.zeros_like(gap)
-    force[1:] = np.diff(record.impulse, axis=0) / np.diff(times)[:, None]
+    impulse = np.diff(record.impulse, axis=0, prepend=0.0)
     ratios = [out / -come for _, _, come, out, _ in record.episodes if come < 0.0]
     summary = {"count": len(ratios), "ratios": ratios[:_KEPT_RATIOS]}
     if ratios:
@@ -214,8 +215,35 @@ def _trajectory(projector: Projector, record: Record) -> Trajectory:
     last = system.gap_rate(times[-1], place[-1], speed[-1])
     lasting = [(start, j, come, float(last[j]), float(record.impulse[-1, j]) - earlier)
                for j, (start, come, earlier) in record.open.items()]  # fmt: skip
+    contacts = [*record.episodes, *lasting]
+    ends = [*record.ends, *(float(times[-1]) for _ in lasting)]
+    held = _lasting(projector, times, impulse, contacts, ends)
+    force = np.zeros_like(gap)
+    force[1:] = held[1:] / np.diff(times)[:, None]
+    peak, window = largest_force(times, held, float(times[1] - times[0]) / 4.0)
     return Trajectory(
-        times, place, speed, gap, force,
+        times, place, speed, gap, force, impulse,
         np.array([system.kinetic_energy(place[m], speed[m]) for m in rows]), potential,
-        Impacts.of_rows(sorted(record.episodes + lasting)), Effort(details=details),
+        peak, window, Impacts.of_rows(sorted(contacts)), Effort(details=details),
     )  # fmt: skip
+
+
+def _lasting(
+    projector: Projector, times: Floats, impulse: Floats,
+    contacts: list[tuple[float, int, float, float, float]], ends: list[float],
+) -> Floats:  # fmt: skip
+    """The impulses of rows within lasting contact [N s], (rows, J).
+
+    A contact lasts after the time of `_SETTLED` impacts, pi / sqrt(k) each; what its rows push then
+    is taken from its impulse, of which that of the impact remains.
+    """
+    settled = _SETTLED * math.pi / math.sqrt(projector.stiffness)
+    held = np.zeros_like(impulse)
+    for k, ((start, j, come, out, pushed), end) in enumerate(zip(contacts, ends, strict=True)):
+        rows = np.flatnonzero((times[:-1] >= start + settled) & (times[1:] <= end)) + 1
+        if not len(rows):
+            continue
+        held[rows, j] = impulse[rows, j]
+        force = float(held[rows, j].sum() / (times[rows[-1]] - times[rows[0] - 1]))
+        contacts[k] = (start, j, come, out, max(0.0, pushed - force * (end - start)))
+    return held

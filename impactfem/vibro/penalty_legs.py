@@ -39,6 +39,7 @@ class Record:
         impulse: Integral of the contact forces from t = 0 on [N s], shape (rows, J).
         row: The next row to be written.
         episodes: Finished contacts (start, constraint, speed in, speed out, impulse).
+        ends: When each of them ended [s].
         open: Contacts under way: constraint -> (start, speed in, impulse before).
         penetration: Largest penetration met at the samples [m].
         steps: Steps of the integrator.
@@ -51,6 +52,7 @@ class Record:
     impulse: Floats
     row: int = 0
     episodes: list[tuple[float, int, float, float, float]] = field(default_factory=list)
+    ends: list[float] = field(default_factory=list)
     open: dict[int, tuple[float, float, float]] = field(default_factory=dict)
     penetration: float = 0.0
     steps: int = 0
@@ -67,10 +69,11 @@ class Record:
         """A constraint starts to act."""
         self.open[constraint] = (t, speed, impulse)
 
-    def finish(self, constraint: int, speed: float, impulse: float) -> None:
+    def finish(self, t: float, constraint: int, speed: float, impulse: float) -> None:
         """A constraint stops acting."""
         if constraint in self.open:
             start, before, earlier = self.open.pop(constraint)
+            self.ends.append(t)
             self.episodes.append((start, constraint, before, speed, impulse - earlier))
 
 
@@ -135,7 +138,7 @@ class Legs:
             if after[j]:
                 self._record.begin(t, j, float(rate[j]), float(q[j]))
             else:
-                self._record.finish(j, float(rate[j]), float(q[j]))
+                self._record.finish(t, j, float(rate[j]), float(q[j]))
 
     def _first_set(self, u: Floats, v: Floats) -> Booleans:
         """The constraints that act just after the start: closed ones that the motion presses."""

@@ -112,4 +112,4 @@ class _Watch:
         if acts:
             self._record.begin(t, j, rate, float(y[2 * d + j]))
         else:
-            self._record.finish(j, rate, float(y[2 * d + j]))
+            self._record.finish(t, j, rate, float(y[2 * d + j]))

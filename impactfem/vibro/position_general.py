@@ -12,7 +12,15 @@ from impactfem.vibro.kicks import Kicks
 from impactfem.vibro.position_kernels import note
 from impactfem.vibro.position_start import start_positions
 from impactfem.vibro.projection import project
-from impactfem.vibro.vibro_rows import empty_rows, row_levels, row_times, trajectory, unfinished
+from impactfem.vibro.vibro_rows import (
+    empty_rows,
+    pushed,
+    row_levels,
+    row_times,
+    starting_episodes,
+    trajectory,
+    unfinished,
+)
 
 Floats = NDArray[np.float64]
 
@@ -27,7 +35,7 @@ def march_general(
     u, s, gap, before = first.position.copy(), first.change, first.gap, first.before
     e, count = system.restitution, system.num_constraints
     rows = empty_rows(system, steps, every)
-    episodes, total, worst = np.zeros((count, 5)), np.zeros(count), 0.0
+    episodes, total, worst = starting_episodes(system, u, v), np.zeros(2 * count), 0.0
     room = np.zeros((count, 5))
     impacts: list[tuple[float, ...]] = list(map(tuple, first.impacts))
     factor = factor_mass(system, u)
@@ -47,11 +55,12 @@ def march_general(
         new, impulse, solved = _step(system, (factor, inverse), t, h, u, s, mean)
         linearisations = max(linearisations, solved)
         following = system.gap(t + h, u + new)
+        both = pushed(impulse / h, episodes)
         if m % every == 0 or m == steps:
             row = -(-m // every)
             rows[0][row], rows[1][row] = u, 0.5 * (s + new) / h
-            rows[2][row], rows[3][row] = gap, total + 0.5 * impulse / h
-        total += impulse / h
+            rows[2][row], rows[3][row] = gap, total + 0.5 * both
+        total += both
         worst = min(worst, float(gap.min(initial=0.0)))
         written = 0
         for c in range(count):

@@ -13,10 +13,12 @@ Arguments shared by both loops:
 - stiff, damp (d, d), response (d, J), coupling = normals @ response (J, J): the step, divided by A.
 - normals (J, d), offsets (J,), restitution (J,): the constraints.
 - u, s (d,), gap, before (J,): the state at t_m, changed in place.
-- episodes (J, 5): of each constraint that acts [since, speed before, impulse, speed after, 1].
-- total (J,): impulse of all steps so far; worst (1,): least gap so far.
+- episodes (J, 6): of each constraint that acts [since, speed before, impulse, speed after, steps
+  since the last impact, last impulse].
+- total (2 J,): impulse of all steps so far, and that of lasting contact; worst (1,): least gap.
 - given (J,): impulses of step m from the solver, given[0] = nan for none; offset (J,): see above.
-- rows: (positions, velocities, gaps, impulses): filled at every ``every``-th level and the last.
+- rows: (positions, velocities, gaps, impulses (rows, 2 J)): filled at every
+  ``every``-th level and the last.
 - events (n, 5): room for [time, constraint, speed before, after, impulse]; none kept if n = 0.
 
 Both return the step they stopped before, the number of events written, and whether that step waits
@@ -29,6 +31,10 @@ from impactfem.compiled import compiled
 
 ROUNDING = 1e-12
 """Share of the terms of a gap below which it is no distance."""
+
+_IMPACT = 2.0  # steps for which an impact acts at most
+_SPIKE = 3.0  # growth of the impulse from one step to the next that is an impact
+_TRACE = 1e-9  # share of the impulses that is no impact
 
 
 @compiled
@@ -51,8 +57,21 @@ def single_impulse(offset, coupling, impulse):
 
 
 @compiled
+def lasts(c, impulse, episodes):
+    """Whether an impulse of this step belongs to lasting contact, not to an impact.
+
+    An impact acts for two steps at most. The impulse of lasting contact is that of the step before
+    but for a share of the order of the step: one that is several times as large is an impact.
+    """
+    return 0.0 < impulse <= _SPIKE * episodes[c, 5] and episodes[c, 4] >= _IMPACT
+
+
+@compiled
 def note(c, impulse, time, speed, after, episodes, events, written):
-    """Follow the episode of a constraint; write it when it ends.
+    """Follow the impacts of a constraint; write each when it has ended.
+
+    From the impulse of an impact that ends in lasting contact the share of that contact is taken
+    away. What is left of a contact that begins without an impact is nothing.
 
     Args:
         c: The constraint.
@@ -67,16 +86,14 @@ def note(c, impulse, time, speed, after, episodes, events, written):
     Returns:
         Events written.
     """
-    if impulse > 0.0:
-        if episodes[c, 4] == 0.0:
-            episodes[c, 0] = time
-            episodes[c, 1] = speed
-            episodes[c, 2] = 0.0
-            episodes[c, 4] = 1.0
-        episodes[c, 2] += impulse
+    steps = episodes[c, 4]
+    stays = lasts(c, impulse, episodes)
+    if stays and steps == _IMPACT:
+        left = episodes[c, 2] - _IMPACT * impulse
+        episodes[c, 2] = left if left > _TRACE * episodes[c, 2] else 0.0
         episodes[c, 3] = after
-    elif episodes[c, 4] != 0.0:
-        episodes[c, 4] = 0.0
+    over = steps >= _IMPACT or (steps > 0.0 and impulse == 0.0)
+    if over and episodes[c, 2] > 0.0:
         if events.shape[0] > 0:
             events[written, 0] = episodes[c, 0]
             events[written, 1] = c
@@ -84,6 +101,20 @@ def note(c, impulse, time, speed, after, episodes, events, written):
             events[written, 3] = episodes[c, 3]
             events[written, 4] = episodes[c, 2]
             written += 1
+        episodes[c, 2] = 0.0
+    if impulse == 0.0:
+        episodes[c, 4] = 0.0
+        return written
+    if not stays:
+        if over or steps == 0.0:
+            steps = 0.0
+            episodes[c, 0] = time
+            episodes[c, 1] = speed
+            episodes[c, 2] = 0.0
+        episodes[c, 2] += impulse
+        episodes[c, 3] = after
+    episodes[c, 4] = steps + 1.0
+    episodes[c, 5] = impulse
     return written
 
 
@@ -140,9 +171,14 @@ def march_positions(
                 rows[1][row, i] = 0.5 * (s[i] + new[i]) / dt
             for c in range(count):
                 rows[2][row, c] = gap[c]
-                rows[3][row, c] = total[c] + 0.5 * impulse[c] / dt
+                half = 0.5 * impulse[c] / dt
+                stays = lasts(c, impulse[c] / dt, episodes)
+                rows[3][row, c] = total[c] + half
+                rows[3][row, count + c] = total[count + c] + (half if stays else 0.0)
         for c in range(count):
             total[c] += impulse[c] / dt
+            if lasts(c, impulse[c] / dt, episodes):
+                total[count + c] += impulse[c] / dt
             worst[0] = min(worst[0], gap[c])
             nearer = walls[k, 2 * count + c] - walls[k, count + c]
             speed = (gap[c] - before[c] + nearer) / dt
@@ -225,8 +261,11 @@ def march_velocities(
             for c in range(count):
                 rows[2][row, c] = gap[c]
                 rows[3][row, c] = total[c]
+                rows[3][row, count + c] = total[count + c]
         for c in range(count):
             total[c] += impulse[c]
+            if lasts(c, impulse[c], episodes):
+                total[count + c] += impulse[c]
             worst[0] = min(worst[0], gap[c])
             time = m * dt
             if speed[c] < 0.0:
@@ -253,9 +292,9 @@ def march_members(
         tables: loads, walls.
         matrices: stiff, damp, response, coupling, normals, offsets, restitution.
         states: u, s (n, d), gap, before (n, J).
-        logs: episodes (n, J, 5), total (n, J), worst (n, 1).
+        logs: episodes (n, J, 6), total (n, 2 J), worst (n, 1).
         handing: given, offset (J,).
-        rows: (positions, velocities (n, rows, d), gaps, impulses (n, rows, J)).
+        rows: (positions, velocities (n, rows, d), gaps (n, rows, J), impulses (n, rows, 2 J)).
         extra: Further arguments of the loop.
 
     Returns:

@@ -47,6 +47,7 @@ from impactfem.vibro.vibro_rows import (
     empty_rows,
     row_levels,
     row_times,
+    starting_episodes,
     trajectory,
 )
 
@@ -86,8 +87,8 @@ def integrate_positions(
     Rows hold U^m, the velocity (U^{m+1} - U^{m-1}) / 2h, also at the start and the end (one step
     more is taken), and the mean contact force, for which momentum is balanced exactly. Gaps may
     be negative: it is Z that stays in K. Impacts are the intervals in which a constraint acts, from
-    the crossing of the line of approach; a lasting contact is one with a long impulse. Their speeds
-    are one-sided differences.
+    the crossing of the line of approach, for two steps at most: what goes on is lasting contact.
+    Their speeds are one-sided differences.
 
     Args:
         system: The system.
@@ -183,12 +184,12 @@ def _linear(
 ) -> Trajectory:
     loads, *matrices = step_matrices(system, h, implicit=implicit)
     first = start_positions(system, u, v, h, start_weight(system, h, implicit=implicit))
-    rows = empty_rows(system, steps, every)
+    rows, episodes = empty_rows(system, steps, every), starting_episodes(system, u, v)
     kicks = Kicks(system, steps, h)
     march = LinearMarch(
         march_positions, steps, h, every,
         lambda begin, end: tabulate(system, kicks, loads, h, begin, end), tuple(matrices),
-        (first.position, first.change, first.gap, first.before), rows,
+        (first.position, first.change, first.gap, first.before), rows, episodes,
     )  # fmt: skip
     impacts = np.concatenate([first.impacts, march.run()])
     details = {

@@ -117,7 +117,7 @@ def _onto_lasting(motion: Trajectory) -> list[tuple[float, int, int]]:
         return []
     rows = np.clip(np.searchsorted(motion.times, impacts.time), 2, len(motion.times) - 1)
     shut = np.abs(motion.gap) <= _CLOSED * np.abs(motion.gap).max(axis=0, initial=1e-300)
-    lasting = shut[rows] & shut[rows - 1] & (motion.contact_force[rows - 1] > 0.0)
+    lasting = shut[rows] & shut[rows - 1] & (motion.impulse[rows - 1] > 0.0)
     lasting[np.arange(len(rows)), impacts.constraint] = False
     lasting[-impacts.before <= _least_speed(motion)] = False
     hits = np.argwhere(lasting)[:_LOOKED_AT]

@@ -37,9 +37,11 @@ from impactfem.vibro.vibro_rows import (
     LinearMarch,
     count_steps,
     empty_rows,
+    pushed,
     row_levels,
     row_times,
     solve_impulses,
+    starting_episodes,
     trajectory,
     unfinished,
 )
@@ -76,8 +78,8 @@ def integrate_velocities(
 ) -> Trajectory:
     """Integrate by the velocity-level scheme.
 
-    Impacts are the intervals in which a constraint acts, dated by the line of approach; a lasting
-    contact is one with a long impulse.
+    Impacts are the intervals in which a constraint acts, dated by the line of approach, for two
+    steps at most: what goes on is lasting contact.
 
     Args:
         system: The system.
@@ -157,12 +159,13 @@ def _linear(
 ) -> Trajectory:
     theta = settings.theta
     loads, *matrices = step_matrices(system, h, theta)
-    rows = empty_rows(system, steps, settings.every)
+    rows, episodes = empty_rows(system, steps, settings.every), starting_episodes(system, u, v)
     kicks = Kicks(system, steps, h)
     march = LinearMarch(
         march_velocities, steps, h, settings.every,
         lambda begin, end: tabulate(system, kicks, loads, h, theta, begin, end), tuple(matrices),
-        (u, v, system.gap(0.0, u), np.zeros(system.num_constraints)), rows, (theta,),
+        (u, v, system.gap(0.0, u), np.zeros(system.num_constraints)), rows,
+        episodes, (theta,),
     )  # fmt: skip
     impacts = march.run()
     details = {
@@ -185,7 +188,7 @@ def _general(
 ) -> Trajectory:
     theta, every, count = settings.theta, settings.every, system.num_constraints
     rows = empty_rows(system, steps, every)
-    episodes, total, worst = np.zeros((count, 5)), np.zeros(count), 0.0
+    episodes, total, worst = starting_episodes(system, u, v), np.zeros(2 * count), 0.0
     room = np.zeros((count, 5))
     impacts: list[tuple[float, ...]] = []
     kicks = Kicks(system, steps, h)
@@ -199,7 +202,7 @@ def _general(
         ends = np.stack([system.motion_rate(t), system.motion_rate(t + h)])
         (wall,), (wall_new,) = kicks.rates(ends, m)
         new, impulse, speed, after = _step(system, t, h, u, v, (wall, wall_new))
-        total += impulse
+        total += pushed(impulse, episodes)
         written = 0
         for c in range(count):
             when = t + (min(max(gap[c] / -speed[c], 0.0), h) if speed[c] < 0.0 else 0.0)

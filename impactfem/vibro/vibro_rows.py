@@ -13,16 +13,19 @@ from impactfem.errors import ConvergenceError, SceneError
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Impacts, Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.vibro.position_kernels import lasts
 
 Floats = NDArray[np.float64]
 Arrays = tuple[Floats, Floats, Floats, Floats]
-"""Positions, velocities (rows, d), gaps, impulses so far (rows, J)."""
+"""Positions, velocities (rows, d), gaps (rows, J), impulses so far, all and lasting (rows, 2 J)."""
 
 Tables = Callable[[int, int], tuple[Floats, Floats]]
 """Loads and walls of the steps from a first one to one before a last one."""
 
 _ROOM = 4096  # events between two visits of Python
 _MOST_STEPS = 32768  # steps whose loads are tabulated at once
+_WINDOW = 4.0  # steps over which a force is a mean
+_RESTS = 1e-12  # share of the lengths and speeds that is no distance and no motion
 _MAX_SWEEPS = 200  # of the splitting for gyroscopic or follower forces
 
 
@@ -68,7 +71,7 @@ def empty_rows(system: GeneralizedSystem, steps: int, every: int) -> Arrays:
         np.zeros((rows, d)),
         np.zeros((rows, d)),
         np.zeros((rows, constraints)),
-        np.zeros((rows, constraints)),
+        np.zeros((rows, 2 * constraints)),
     )
 
 
@@ -84,15 +87,17 @@ def trajectory(
     Raises:
         ConvergenceError: It is not finite.
     """
-    position, velocity, gap, impulse = rows
+    position, velocity, gap, impulses = rows
     bad = np.flatnonzero(~(np.isfinite(position).all(axis=1) & np.isfinite(velocity).all(axis=1)))
     if len(bad):
         raise ConvergenceError(
             f"the motion is not finite from t = {times[bad[0]]:.6g} s on: the step is too large "
             "for the forces; use a smaller dt"
         )
+    impulse, lasting = np.split(np.diff(impulses, axis=0, prepend=0.0), 2, axis=1)
     force = np.zeros_like(gap)
-    force[1:] = np.diff(impulse, axis=0) / np.diff(times)[:, None]
+    force[1:] = lasting[1:] / np.diff(times)[:, None]
+    peak, window = largest_force(times, lasting, effort.details["dt"])
     order = np.array(impacts, dtype=float).reshape(-1, 5)
     order = order[np.argsort(order[:, 0], kind="stable")]
     return Trajectory(
@@ -101,11 +106,37 @@ def trajectory(
         velocity=velocity,
         gap=gap,
         contact_force=force,
+        impulse=impulse,
         kinetic=_kinetic(system, position, velocity),
         potential=_potential(system, times, position),
+        peak=peak,
+        window=window,
         impacts=Impacts.of_rows(list(map(tuple, order[order[:, 0] <= times[-1]]))),
         effort=effort,
     )
+
+
+def pushed(impulse: Floats, episodes: Floats) -> Floats:
+    """The impulses of a step (J,), followed by those of lasting contact, shape (2 J,)."""
+    stays = [bool(lasts(c, one, episodes)) for c, one in enumerate(impulse)]
+    return np.concatenate([impulse, np.where(stays, impulse, 0.0)])
+
+
+def largest_force(times: Floats, lasting: Floats, dt: float) -> tuple[float | None, float]:
+    """Largest mean force of lasting contact over four steps [N], None if there is none; their time.
+
+    Args:
+        times: Of the rows [s], shape (rows,).
+        lasting: Impulses of lasting contact of each row [N s], (rows, J).
+        dt: Time step [s].
+    """
+    if not lasting.any():
+        return None, 0.0
+    row = float(times[1] - times[0])
+    count = min(max(1, math.ceil(_WINDOW * dt / row - 1e-9)), len(times) - 1)
+    so_far = np.cumsum(lasting.sum(axis=1))
+    means = (so_far[count:] - so_far[:-count]) / (times[count:] - times[:-count])
+    return float(means.max()), count * row
 
 
 def _kinetic(system: GeneralizedSystem, position: Floats, velocity: Floats) -> Floats:
@@ -131,9 +162,19 @@ def _potential(system: GeneralizedSystem, times: Floats, position: Floats) -> Fl
     return np.array([system.potential(float(t), u) for t, u in pairs])
 
 
+def starting_episodes(system: GeneralizedSystem, u: Floats, v: Floats) -> Floats:
+    """Episodes (J, 6) at t = 0, as of the kernels: what rests in contact goes on to do so."""
+    rate, flow = system.gap_rate(0.0, u, v), np.abs(system.jacobian(u)) @ np.abs(v)
+    still = np.abs(rate) <= _RESTS * (flow + np.abs(system.motion_rate(0.0)))
+    closed = system.gap(0.0, u) <= _RESTS * float(np.abs(u).max(initial=0.0))
+    episodes = np.zeros((system.num_constraints, 6))
+    episodes[still & closed, 4:] = 2.0, np.inf
+    return episodes
+
+
 def unfinished(episodes: Floats) -> list[tuple[float, ...]]:
     """Impacts of the constraints that still act at the end; ``episodes`` as of the kernels."""
-    acting = np.flatnonzero(episodes[:, 4])
+    acting = np.flatnonzero((episodes[:, 4] > 0.0) & (episodes[:, 2] > 0.0))
     rows = [(int(c), *episodes[c, :4]) for c in acting]
     return [(since, c, before, after, impulse) for c, since, before, impulse, after in rows]
 
@@ -181,6 +222,7 @@ class LinearMarch:
         matrices: stiff, damp, response, coupling, normals, offsets, restitution.
         state: u, s (d,), gap, gap before (J,).
         rows: Where rows are written.
+        episodes: Those at the start (J, 6), changed in place.
         extra: Further arguments of the loop.
     """
 
@@ -192,6 +234,7 @@ class LinearMarch:
     matrices: tuple[Floats, ...]
     state: Arrays
     rows: Arrays
+    episodes: Floats
     extra: tuple[Any, ...] = ()
     handed_back: int = 0
     worst: Floats = field(default_factory=lambda: np.zeros(1))
@@ -199,7 +242,7 @@ class LinearMarch:
     def run(self) -> Floats:
         """March to the end; returns the impacts, shape (impacts, 5)."""
         count = len(self.state[2])
-        episodes, total = np.zeros((count, 5)), np.zeros(count)
+        episodes, total = self.episodes, np.zeros(2 * count)
         given, offset = np.full(count, np.nan), np.zeros(count)
         room = np.zeros((_ROOM + count, 5))
         found: list[Floats] = []

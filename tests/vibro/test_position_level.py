@@ -76,7 +76,7 @@ def test_an_impact_leaves_with_e_times_the_speed_and_two_steps_late(e, share):
 
 def test_momentum_balances_exactly():
     found = integrate_positions(ball(0.6, 9.81), [1.0], [0.5], 1.5, PositionSettings(1e-3, every=7))
-    pushed = (found.contact_force[1:, 0] - 2.0 * 9.81) * np.diff(found.times)
+    pushed = found.impulse[1:, 0] - 2.0 * 9.81 * np.diff(found.times)
     assert np.diff(2.0 * found.velocity[:, 0]) == pytest.approx(pushed, abs=1e-10)
 
 
@@ -196,7 +196,7 @@ def test_a_curved_wall_keeps_energy_and_angular_momentum():
         found = integrate_positions(system, [0.5, 0.0], [0.3, 1.0], 6.0, PositionSettings(h))
         u, v = found.position, found.velocity
         free = np.ones(len(u), dtype=bool)
-        acts = np.flatnonzero(found.contact_force[:, 0] > 0.0)
+        acts = np.flatnonzero(found.impulse[:, 0] > 0.0)
         for shift in (-1, 0, 1):
             free[np.clip(acts + shift, 0, len(u) - 1)] = False
         moment = (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])[free]

@@ -47,7 +47,8 @@ def _zeno(method: str) -> Facts:
     if method == "event_driven":
         stop = result.summary["details"]["sticking"][0][0]
     else:
-        stop = times[np.flatnonzero(np.abs(force / G - 1.0) > 1e-6)[-1]]
+        pushed = force[1:] * np.diff(times) + history["contact_impulse"].values[1:]
+        stop = times[1 + np.flatnonzero(np.abs(pushed / np.diff(times) / G - 1.0) > 1e-6)[-1]]
     total = history["total_energy"].values
     return {
         "stop": abs(stop - ZenoBall(1.0, _ZENO_E, G).stopping_time),
@@ -141,7 +142,7 @@ def _table(method: str) -> Facts:
     if method == "event_driven":
         found = motion.effort.details["sticking"][0][1]
     else:
-        found = motion.times[np.flatnonzero(motion.contact_force[:, 0] > 0.0)[-1]]
+        found = motion.times[np.flatnonzero(motion.impulse[:, 0] > 0.0)[-1]]
     rest = 0.5 - leaving
     speed = _HIGH * _TURN * math.cos(_TURN * leaving)
     place = _HIGH * math.sin(_TURN * leaving) + speed * rest - 0.5 * G * rest**2

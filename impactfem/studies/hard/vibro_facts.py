@@ -109,7 +109,7 @@ def unwarned(motion: Trajectory) -> float:
 
 def facts_of(motion: Trajectory, energy: float, size: float = 1.0) -> dict[str, float]:
     """Penetration over a size, pulling force over the largest, growth over an energy."""
-    force = motion.contact_force
+    force = motion.impulse
     return {
         "penetration": max(0.0, -float(motion.gap.min())) / size,
         "pull": max(0.0, -float(force.min())) / max(float(force.max()), 1e-300),
@@ -142,7 +142,7 @@ def basic_claims(sizes: Sizes, method: str, speed: float, growth: float) -> list
 def away_from_impacts(motion: Trajectory) -> NDArray[np.bool_]:
     """Rows whose velocity is not a mean over an impact: two rows about each are left out."""
     free = np.ones(len(motion.times), dtype=bool)
-    acts = np.flatnonzero((motion.contact_force > 0.0).any(axis=1))
+    acts = np.flatnonzero((motion.impulse > 0.0).any(axis=1))
     for shift in (-2, -1, 0, 1, 2):
         free[np.clip(acts + shift, 0, len(free) - 1)] = False
     return free
