@@ -166,7 +166,15 @@ def contact_force(axes: Axes, result: Result) -> None:
     _time_label(axes, result)
     axes.set_ylabel("contact force [N]")
     axes.set_title(f"{result.scene.title}: contact force")
-    axes.legend(frameon=False)
+    if result.impacts is None:
+        axes.legend(frameon=False)
+        return
+    axes.set_ylabel("force of lasting contact [N]", color=_BLUE)
+    if len(result.impacts):
+        right = axes.twinx()
+        right.vlines(result.impacts.time, 0.0, result.impacts.impulse, color=_ORANGE, linewidth=0.9)
+        right.set_ylim(bottom=0.0)
+        right.set_ylabel("impulse of an impact [N s]", color=_ORANGE)
 
 
 def energy(axes: Axes, result: Result) -> None:

@@ -1,6 +1,7 @@
 """A result as a card in a notebook: its figures and a small curve of the contact force."""
 
 from impactfem.cards import card, curve
+from impactfem.report.page.numbers import largest
 from impactfem.report.page.verdict import headline
 from impactfem.report.table import summary_rows
 from impactfem.result import Result
@@ -11,9 +12,9 @@ def result_card(result: Result) -> str:
     summary, history = result.summary, result.history
     rows = [(name, text) for name, text in summary_rows(summary) if name != "verdict"]
     times, force = history["time"].values, history["contact_force"].values
-    largest = summary["contact"]["max_force"]
-    most = "not finite" if largest is None else f"at most {largest:.4g} N"
-    text = f"contact force, {most}, from {times[0]:g} to {times[-1]:g} s"
+    most = largest(summary["contact"], "max_force", "N", 4)
+    what = "force of lasting contact" if "max_impulse" in summary["contact"] else "contact force"
+    text = f"{what}, at most {most}, from {times[0]:g} to {times[-1]:g} s"
     return card(
         summary["title"],
         rows,

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from impactfem.planning import AnyPlan, BarRowPlan, Plan, SolidPlan, VibroPlan
+from impactfem.report.page.numbers import largest
 
 
 def table(rows: Sequence[tuple[str, str]], title: str = "") -> str:
@@ -129,10 +130,12 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Names and values of the figures of a run."""
     active, energy, contact = summary["active_set"], summary["energy"], summary["contact"]
     sets = f"{active['iterations']} iterations, changes {_changes(active['set_changes'])}"
-    force = (
-        f"max {_number(contact['max_force'])} N, impulse {_number(contact['impulse'])} N s, "
-        f"max penetration {_number(contact['max_penetration'])} m"
-    )
+    force = f"max {largest(contact, 'max_force', 'N')}"
+    if "max_impulse" in contact:
+        force = f"of lasting contact {force}; of impacts max "
+        force += largest(contact, "max_impulse", "N s")
+    force += f", impulse {_number(contact['impulse'])} N s, "
+    force += f"max penetration {_number(contact['max_penetration'])} m"
     energies = (
         f"{_number(energy['initial'])} J -> {_number(energy['final'])} J, "
         f"largest relative drift {_number(energy['max_relative_drift'])}"

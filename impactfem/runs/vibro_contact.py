@@ -31,6 +31,7 @@ def contact_figures(
         "intervals": _intervals(motion),
         "force_window": motion.window,
         "impulse": float(motion.impulse.sum()),
+        "unknown": [],
     }
     findings = []
     for name, (what, unit) in _NAMES.items():
@@ -45,6 +46,7 @@ def contact_figures(
         figures[name] = None if why else own
         if why:
             remedy = "take a smaller step with estimate = true, or method event_driven"
+            figures["unknown"].append(name)
             text = f"the largest {what} is not known: {why}"
             findings.append(Finding("force_peak", "note", text, name, own, remedy=remedy))
     return figures, findings

@@ -6,7 +6,7 @@ from typing import Any
 from impactfem.methods import METHODS
 from impactfem.report.page.checks import checks
 from impactfem.report.page.elements import bullets, code, link, paragraph, section, table, terms
-from impactfem.report.page.numbers import counted, number, percent, quantity, span
+from impactfem.report.page.numbers import counted, largest, number, percent, quantity, span
 from impactfem.report.page.omissions import omissions
 from impactfem.result import Result
 from impactfem.result.result import AXIS, FIELD_FILES, IMPACTS
@@ -98,10 +98,13 @@ def contact(result: Result) -> str:
     """Contact intervals and figures, of pairs too."""
     found = result.summary["contact"]
     rows = [
-        ("Largest force", quantity(found["max_force"], "N")),
+        ("Largest force", largest(found, "max_force", "N")),
         ("Impulse", quantity(found["impulse"], "N s")),
         ("Largest penetration", quantity(found["max_penetration"], "m", 3)),
     ]
+    if "max_impulse" in found:
+        rows[0] = ("Largest force of lasting contact", rows[0][1])
+        rows.insert(1, ("Largest impulse of an impact", largest(found, "max_impulse", "N s")))
     details = result.summary["details"]
     if "impacts" in details:
         rows.append(("Impacts", str(details["impacts"])))

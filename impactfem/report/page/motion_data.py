@@ -79,7 +79,9 @@ def telling_frames(result: Result, times: ArrayLike, most: int = MOST_FRAMES) ->
         return np.arange(len(at), dtype=np.int64)
     rows = rows_at(result, at)
     force = np.nan_to_num(result.history["contact_force"].values, posinf=0.0)
-    touching = np.append(0, np.cumsum(force > 0.0))
+    struck = result.history.get("contact_impulse")
+    acts = force > 0.0 if struck is None else (force > 0.0) | (struck.values > 0.0)
+    touching = np.append(0, np.cumsum(acts))
     before = np.append(0, rows[:-1])
     # Whether there is contact since the picture before.
     loaded = (touching[rows + 1] > touching[before + 1]).astype(np.float64)

@@ -1,6 +1,7 @@
 """Numbers with units, vectors and formulas as the report prints them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from impactfem import findings
 from impactfem.scene.formula import Formula
@@ -16,6 +17,13 @@ def number(value: float | None, digits: int = 6) -> str:
 def quantity(value: float | None, unit: str, digits: int = 6) -> str:
     """A number with its unit; "1" stands for none."""
     return f"{number(value, digits)} {unit}" if unit not in {"", "1"} else number(value, digits)
+
+
+def largest(contact: Mapping[str, Any], name: str, unit: str, digits: int = 6) -> str:
+    """Largest force or impulse of a summary's contact; says if there is none, or none is known."""
+    if contact[name] is None and "unknown" in contact:
+        return "not known" if name in contact["unknown"] else "none"
+    return quantity(contact[name], unit, digits)
 
 
 def percent(share: float | None) -> str:

@@ -1,7 +1,7 @@
 """Put the report of a run together: one HTML file with everything in it."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -20,7 +20,7 @@ from impactfem.report.page.embedding import (
     script_text,
 )
 from impactfem.report.page.motion import SCRIPTS, motion
-from impactfem.report.page.numbers import percent, quantity, span
+from impactfem.report.page.numbers import largest, percent, span
 from impactfem.report.page.verdict import headline, reasons
 from impactfem.report.page.words import in_words
 from impactfem.result import Result
@@ -170,7 +170,7 @@ def _verdict(result: Result) -> str:
         ("Status", summary["status"].replace("_", " ")),
         ("Error (displacement / force)", shown),
         ("Change of energy", change),
-        ("Largest contact force", quantity(summary["contact"]["max_force"], "N", 4)),
+        *_pushes(summary["contact"]),
         ("Cost", f"{span(summary['wall_time'])}, {summary['peak_memory_mib']:.0f} MiB"),
     ]
     cells = "".join(f"<div><dt>{text(a)}</dt><dd>{text(b)}</dd></div>" for a, b in glance)
@@ -179,6 +179,15 @@ def _verdict(result: Result) -> str:
         f"<h2>{text(headline(summary))}</h2>"
         f'{bullets(reasons(summary))}<dl class="glance">{cells}</dl></section>'
     )
+
+
+def _pushes(contact: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Largest force; where impacts act at instants, that of lasting contact and their impulse."""
+    force = largest(contact, "max_force", "N", 4)
+    if "max_impulse" not in contact:
+        return [("Largest contact force", force)]
+    impulse = largest(contact, "max_impulse", "N s", 4)
+    return [("Largest force of lasting contact", force), ("Largest impulse", impulse)]
 
 
 def _contents(sections: Sequence[str]) -> str:

@@ -161,7 +161,7 @@ def _forces(result: Result) -> Chart | None:
                _colour(k), "N")
         for k, name in enumerate(names)
     ]  # fmt: skip
-    caption = "Mean force of each contact during a step; an impact is its impulse over the step."
+    caption = "Mean force of each lasting contact during a step, without the impulses of impacts."
     return Chart("forces", "Forces by contact", caption, over_time(time, traces, "force [N]"))
 
 
