@@ -174,6 +174,7 @@ def contact_force(axes: Axes, result: Result) -> None:
         right = axes.twinx()
         right.vlines(result.impacts.time, 0.0, result.impacts.impulse, color=_ORANGE, linewidth=0.9)
         right.set_ylim(bottom=0.0)
+        axes.set_ylim(0.0, None if force.any() else 1.0)
         right.set_ylabel("impulse of an impact [N s]", color=_ORANGE)
 
 
