@@ -108,7 +108,7 @@ def test_a_wrong_restitution_a_pull_and_a_hole_in_the_floor_show():
     right = facts_of(motion, 9.81)
     assert max(right.values()) < 1e-12
     motion.gap[5] = -0.1
-    motion.contact_force[7] = -0.5 * motion.contact_force.max()
+    motion.impulse[7] = -0.5 * motion.impulse.max()
     motion.potential[9] += 1.0
     wrong = facts_of(motion, 9.81)
     assert wrong["penetration"] == pytest.approx(0.1)

@@ -70,7 +70,7 @@ def contact_force(result: Result) -> Chart | None:
     if exact is not None and method != "exact":
         caption += ". The run should lie on the exact force: look at height, start and end"
     elif result.impacts is not None:
-        caption += ". Impacts without duration have impulses, shown below, and no force"
+        caption += ". Impacts have impulses instead, which the chart of impacts tells"
     spans = result.summary["contact"]["intervals"]
     figure = over_time(time, traces, "contact force [N]", spans)
     return Chart("contact_force", "Contact force", f"{caption}.", figure)
