@@ -134,3 +134,6 @@ METHODS: Mapping[str, Method] = {
     ),
 }
 """Methods by name."""
+
+DISPERSIVE = (3.0, 2.0 / 3.0)
+"""As `Method.error`, of methods for bars whose waves are dispersed."""

@@ -112,15 +112,19 @@ def _choose_elements(scene: Scene, method: Method, exact: ExactBar, reasons: dic
     return aligned or DEFAULT_ELEMENTS
 
 
-def on_its_own_mesh(scene: Scene, exact: ExactBar) -> bool:
-    """Whether the galerkin method would be exact at the nodes with the scene's settings."""
+def on_its_own_mesh(scene: Scene, exact: ExactBar) -> int | None:
+    """Elements with which galerkin is exact at the nodes but for rounding; None: there are none.
+
+    Courant 1, contacts and changes of gravity on layers, an initial state without curvature.
+    """
     bar, solve = scene.bar, scene.solve
     elements = solve.elements or _aligned_elements(exact)
-    if elements is None:
-        return False
+    if elements is None or exact.sampled:
+        return None
     h = bar.length / elements
     courant = bar.wave_speed * solve.dt / h if solve.dt else solve.courant or 1.0
-    return abs(courant - 1.0) <= _ON_LAYER and on_layers(exact, elements)
+    fits = abs(courant - 1.0) <= _ON_LAYER and on_layers(exact, elements)
+    return elements if fits else None
 
 
 def fitting_pays(scene: Scene, exact: ExactBar) -> bool:
@@ -138,9 +142,10 @@ def fitting_pays(scene: Scene, exact: ExactBar) -> bool:
 
 
 def on_layers(exact: ExactBar, elements: int) -> bool:
-    """Whether every contact event falls on a layer at courant 1."""
+    """Whether every contact event and change of gravity falls on a layer at courant 1."""
     ends = np.array(exact.contacts).ravel()
-    layer = ends[ends < exact.duration] * elements / exact.transit_time
+    events = np.concatenate([ends[ends < exact.duration], exact.load_switches])
+    layer = events * elements / exact.transit_time
     return bool(np.all(np.abs(layer - np.rint(layer)) < _ON_LAYER))
 
 

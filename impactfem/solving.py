@@ -11,9 +11,12 @@ from impactfem.errors import SceneError
 from impactfem.log import Progress
 from impactfem.methods import METHODS
 from impactfem.planning import BarRowPlan, Plan, SolidPlan, VibroPlan, plan
+from impactfem.planning.bar_errors import rounding_findings
 from impactfem.provenance import run_record
+from impactfem.reference.bar import contact_figures as contact_figures_of_bar
 from impactfem.reference.bar import exact_bar, exact_curves, measure
 from impactfem.reference.bar_row import exact_row_if_known
+from impactfem.reference.rounding import rounding_of_exact
 from impactfem.result import Result
 from impactfem.result.bar_motion import bar_fields, bar_history
 from impactfem.result.bar_row_motion import row_fields, row_history
@@ -88,15 +91,23 @@ def _solve_bar(scene: Scene, chosen: Plan, progress: Progress) -> Result:
     motion = RUNNERS[METHODS[chosen.method].family](scene, chosen, progress)
     wall_time = time.perf_counter() - start
     progress.step("measuring the error")
-    end = max(scene.duration, float(motion.times[-1]))
-    exact = exact_bar(scene, end)
-    errors = measure(motion, exact) if chosen.method != "exact" and motion.is_finite else None
-    bar = scene.bar
-    history = bar_history(motion, bar)
+    bar, end = scene.bar, float(motion.times[-1])
+    exact = exact_bar(scene, None if end <= scene.duration * (1.0 + 1e-9) else end)
+    errors = None
+    if motion.is_finite:
+        is_exact = chosen.method == "exact"
+        errors = rounding_of_exact(scene) if is_exact else measure(motion, exact)
+    history, effort = bar_history(motion, bar), motion.effort
+    if errors is not None and any(found.code == "rounding_growth" for found in chosen.findings):
+        grown = rounding_findings(errors.displacement_max, "has grown")
+        effort = replace(effort, findings=grown, measured=("rounding_growth",))
+    summary = summarise(scene, chosen, history, effort, errors, _cost(wall_time))
+    if chosen.method == "exact":
+        summary["contact"] |= contact_figures_of_bar(exact, bar)
     return Result(
         _bar_as_used(scene, chosen),
         history,
-        summarise(scene, chosen, history, motion.effort, errors, _cost(wall_time)),
+        summary,
         bar_fields(motion) if scene.output.fields else None,
         exact_curves(exact, bar, end),
     )

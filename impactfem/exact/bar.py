@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
 from impactfem.errors import SceneError
@@ -14,6 +15,8 @@ from impactfem.exact.waves import SNAP, follow, intervals
 type FarEnd = Literal["free", "clamped"]
 
 _EPS = float(np.finfo(float).eps)
+_EVEN = 1e-9  # share of a step by which times or places may miss a lattice
+_MANY = 2000  # times from which their integrals are compiled
 _SLACK = 1e-9  # times and places may lie this share of T, L outside: they are moved to the border
 
 
@@ -35,7 +38,9 @@ class ExactBar:
             where that changes it least (see `resolution`), keeping its momentum and energy.
         events: times in [0, T] of all impacts and releases [s].
         pieces: number of pieces of the initial data.
-        sampled: whether the initial data were sampled (then the solution is that accurate).
+        sampled: whether the initial data were sampled.
+        sampling_error: estimate of the largest error of a displacement that this leaves [m], until
+            contacts make it grow.
     """
 
     __slots__ = (
@@ -49,6 +54,7 @@ class ExactBar:
         "length",
         "pieces",
         "sampled",
+        "sampling_error",
         "transit_time",
         "wave_speed",
     )
@@ -95,7 +101,7 @@ class ExactBar:
         self.wave_speed = initial.positive("wave_speed", wave_speed)
         self.duration = initial.positive("duration", duration)
         self.transit_time = self.length / self.wave_speed
-        self.sampled = False
+        self.sampled, self.sampling_error = False, 0.0
         self._load = Load.from_steps(*initial.steps(gravity_times, gravity_values))
         x, u, v = initial.pieces(self.length, nodes, displacement, velocity)
         self.pieces = len(x) - 1
@@ -131,17 +137,16 @@ class ExactBar:
         gravity_times: ArrayLike = (0.0,),
         gravity_values: ArrayLike = (0.0,),
         far_end: FarEnd = "free",
-        pieces: int = 1024,
+        pieces: int = 256,
+        tolerance: float = 1e-11,
         resolution: int = 2048,
     ) -> "ExactBar":
         """Solve for u(0, x) and u_t(0, x) given as functions of x (vectorised).
 
-        If both are affine to rounding the solution is exact. Otherwise they are sampled on
-        `pieces` equal pieces of width h: the quadratic through both ends and the middle for u,
-        the straight line between its ends for u_t. For smooth data the error is of second order:
-        at most h^2 (max |v_xx| / 8 + c max |u_xxx| / 12) in velocity and in c times strain until
-        the first event, and that times t in u. Kinks and jumps on piece borders do no harm; one
-        inside a piece leaves an error of first order there.
+        If both are affine to rounding the solution is exact. Otherwise they are taken in pieces,
+        u quadratic and u_t linear on each, as short as the tolerance asks (see
+        `impactfem.exact.initial.sample`); for smooth data displacements err by the third power of
+        their width, velocities by the second. Kinks and jumps are enclosed by short pieces.
 
         Args:
             length: L [m].
@@ -152,38 +157,35 @@ class ExactBar:
             gravity_times: as in the class.
             gravity_values: as in the class.
             far_end: "free" or "clamped".
-            pieces: number of pieces for data that are not affine.
+            pieces: number of equal pieces to begin with, for data that are not affine.
+            tolerance: error of displacements that the pieces may leave, relative to the largest.
             resolution: as in the class.
 
         Raises:
-            SceneError: as the class, or a function does not give a finite number at some x.
+            SceneError: As the class, or a function does not give a finite number at some x.
         """
         length = initial.positive("length", length)
-        x, u, v, middle = initial.sample(length, displacement, velocity, pieces)
+        speed = initial.positive("wave_speed", wave_speed)
+        start = initial.sample(length, speed, displacement, velocity, pieces, tolerance)
         bar = cls(
             length=length,
             wave_speed=wave_speed,
             duration=duration,
-            nodes=x,
-            displacement=u,
-            velocity=v,
-            midpoints=middle,
+            nodes=start.nodes,
+            displacement=start.displacement,
+            velocity=start.velocity,
+            midpoints=start.middle,
             gravity_times=gravity_times,
             gravity_values=gravity_values,
             far_end=far_end,
             resolution=resolution,
         )
-        bar.sampled = middle is not None
+        bar.sampled, bar.sampling_error = start.middle is not None, start.error
         return bar
 
     def displacement(self, t: ArrayLike, x: ArrayLike) -> Array:
         """u(t, x) [m]; t in [0, T] and x in [0, L] broadcast against each other."""
-        t, y = self._inside(t, x)
-        a, b = t - y, t + y
-        zeroth, first = self._load.moments(a, y)
-        lift = self._load.moments(t, y)[1] + y * zeroth - first
-        towards, away = self._wave.arriving(b)[1], self._wave.leaving(a)[1]
-        return 0.5 * (towards + away + lift)
+        return self._fields(*self._inside(t, x))[0]
 
     def velocity(self, t: ArrayLike, x: ArrayLike) -> Array:
         """u_t(t, x) [m/s]; arguments as for `displacement`."""
@@ -223,27 +225,111 @@ class ExactBar:
 
     def force_integral(self, t0: ArrayLike, t1: ArrayLike) -> Array:
         """Integral of lambda from t0 to t1 [m^2/s]; the arguments broadcast."""
-        impulse: list[Array] = []
-        for t in (t0, t1):
-            time = self._inside(t, 0.0)[0]
-            impulse.append(0.5 * (self._wave.arriving(time)[1] - self._wave.leaving(time)[1]))
-        return self.wave_speed * (impulse[1] - impulse[0])
+        end, begin = (self._wave.pressed(self._inside(t, 0.0)[0]) for t in (t1, t0))
+        return self.wave_speed * (end - begin)
+
+    def mean_multiplier(self, times: ArrayLike) -> Array:
+        """Mean of lambda between each two of (m + 1,) increasing times [m^2/s^2], (m,)."""
+        t = np.asarray(times, dtype=np.float64)
+        means = self.force_integral(t[:-1], t[1:]) / np.diff(t)
+        # A time known to rounding only puts this share of the force into the layer beside it.
+        leak = 64.0 * _EPS * self.duration / np.diff(t) * self.largest_force
+        return np.where(np.abs(means) > leak, np.minimum(means, 0.0), 0.0)
+
+    @property
+    def largest_force(self) -> float:
+        """Largest -lambda within [0, T] [m^2/s^2]."""
+        wave = self._wave
+        held = np.flatnonzero(wave.contact & (wave.start < self.duration))
+        stop = np.minimum(np.append(wave.start[1:], np.inf)[held], self.duration)
+        first = wave.value[held]
+        last = first + wave.slope[held] * (stop - wave.start[held])
+        return self.wave_speed * -float(np.minimum(first, last).min(initial=0.0))
+
+    @property
+    def load_switches(self) -> Array:
+        """Times in (0, T) at which gravity changes [s]."""
+        times = self._load.times
+        return times[(times > 0.0) & (times < self.duration)]
+
+    def fields(self, times: ArrayLike, places: ArrayLike) -> tuple[Array, Array]:
+        """Displacement and velocity [m, m/s] at times (m,) and places (n,), each (m, n).
+
+        Where waves run from place to place within each so many of equal steps, they are read off
+        once and moved on: as far as no change of gravity is near.
+        """
+        t, y = self._inside(times, 0.0)[0], self._inside(0.0, places)[1]
+        lattice = _lattice(t, y)
+        if lattice is None:
+            return self._fields(t[:, None], y)
+        step, stride = lattice
+        last, size = stride * (len(t) - 1), len(y) - 1
+        when = t[0] + step * np.arange(-size, last + size + 1)
+        towards, away = (
+            self._wave.arriving(when[size:]),
+            self._wave.leaving(when[: last + size + 1]),
+        )
+        sampled = []
+        for wave, back in zip(towards, away, strict=True):
+            rows = sliding_window_view(wave, size + 1)[::stride]
+            field = rows + sliding_window_view(back, size + 1)[::stride, ::-1]
+            field *= 0.5
+            sampled.append(field)
+        v, u = sampled
+        jumps = self._load.times[1:]
+        near = np.searchsorted(jumps, t - y[-1]) < np.searchsorted(jumps, t + y[-1], side="right")
+        if near.any():
+            u[near], v[near] = self._fields(t[near, None], y)
+        for p in np.unique(self._load.values):
+            rows = ~near & (self._load.values[np.searchsorted(jumps, t, side="right")] == p)
+            if p and rows.all():
+                u += 0.5 * p * y * y
+            elif p:
+                u[rows] += 0.5 * p * y * y
+        return u, v
+
+    def _fields(self, t: Array, y: Array) -> tuple[Array, Array]:
+        a, b = t - y, t + y
+        zeroth, first = self._load.moments(a, y)
+        after, lift = self._load.moments(t, y)
+        (towards, came), (away, left) = self._wave.arriving(b), self._wave.leaving(a)
+        u = 0.5 * (came + left + lift + y * zeroth - first)
+        return u, 0.5 * (towards + after + away - zeroth)
 
     def energy(self, t: ArrayLike) -> tuple[Array, Array]:
         """Kinetic and elastic energy of the bar over rho A, integrated exactly [m^3/s^2]."""
-        kinetic, elastic = self._integrals(
-            t, lambda t, y: tuple(0.5 * wave * wave for wave in self._waves(t, y))
-        )
+        kinetic, elastic, _, _ = self.sums(t)
         return kinetic, elastic
 
     def mean_velocity(self, t: ArrayLike) -> Array:
         """Velocity of the centre of mass [m/s]."""
-        return self._integrals(t, lambda t, y: self._waves(t, y)[:1])[0] / self.length
+        return self.sums(t)[2] / self.length
 
     def mean_displacement(self, t: ArrayLike) -> Array:
         """Mean of u(t, x) over the bar [m]."""
-        (total,) = self._integrals(t, lambda t, y: (self.displacement(t, y * self.wave_speed),))
-        return total / self.length
+        return self.sums(t)[3] / self.length
+
+    def sums(self, t: ArrayLike) -> tuple[Array, Array, Array, Array]:
+        """Integrals over the bar of u_t^2 / 2, c^2 u_x^2 / 2, u_t and u, exactly."""
+        time = self._inside(t, 0.0)[0]
+        flat, wave, load = time.ravel(), self._wave, self._load
+        rows = np.zeros((4, flat.size))
+        if flat.size > _MANY:
+            from impactfem.exact import wave_kernels  # noqa: PLC0415  (loads Numba)
+
+            wave_kernels.sums(
+                wave.start, wave.value, wave.slope, wave.contact, wave.gap, wave.impulse,
+                load.times, load.values, flat, self.transit_time, rows,
+            )  # fmt: skip
+        elif flat.size:
+            breaks = np.union1d(wave.start, load.times[1:])
+            rows = integrate(flat, breaks, self.transit_time, self._densities)
+        kinetic, elastic, speed, place = self.wave_speed * rows.reshape(4, *time.shape)
+        return kinetic, elastic, speed, place
+
+    def _densities(self, t: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+        v, s = self._waves(t, y)
+        return 0.5 * v * v, 0.5 * s * s, v, self._fields(t, y)[0]
 
     def _waves(self, t: Array, y: Array) -> tuple[Array, Array]:
         """Fields v and s = c u_x at times t and travel times y = x/c from the wall."""
@@ -263,14 +349,13 @@ class ExactBar:
             pair.append(np.clip(array, 0.0, end))
         return pair[0], pair[1] / self.wave_speed
 
-    def _integrals(
-        self, t: ArrayLike, integrands: Callable[[Array, Array], tuple[Array, ...]]
-    ) -> tuple[Array, ...]:
-        """Integrals over x of piecewise quadratic fields, by two Gauss points per piece."""
-        time = self._inside(t, 0.0)[0]
-        flat, end = time.ravel(), self.transit_time
-        if flat.size == 0:
-            return tuple(row for row in integrands(time, time))
-        breaks = np.union1d(self._wave.start, self._load.times[1:])
-        sums = integrate(flat, breaks, end, integrands)
-        return tuple(self.wave_speed * row.reshape(time.shape) for row in sums)
+
+def _lattice(t: Array, y: Array) -> tuple[float, int] | None:
+    """Step of equal travel times and steps of time in it, if there is such a whole number."""
+    if len(t) < 2 or len(y) < 2:
+        return None
+    step, wide = y[-1] / (len(y) - 1), (t[-1] - t[0]) / (len(t) - 1)
+    stride = round(wide / step)
+    even = np.abs(t - (t[0] + stride * step * np.arange(len(t)))).max() <= _EVEN * step
+    even &= np.abs(y - step * np.arange(len(y))).max() <= _EVEN * step
+    return (step, stride) if stride >= 1 and even else None

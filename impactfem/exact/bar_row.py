@@ -132,6 +132,19 @@ class ExactBarRow:
         """Integral of the pressing force from 0 to t [N s]."""
         return self._forces[contact].integral(np.asarray(t, dtype=np.float64))
 
+    def mean_force(self, contact: int, times: ArrayLike) -> Array:
+        """Mean pressing force of a pair between each two of (m + 1,) increasing times [N], (m,)."""
+        t = np.asarray(times, dtype=np.float64)
+        means = np.diff(self.impulse(contact, t)) / np.diff(t)
+        # Times known to rounding only put this share of the force into the layer beside theirs.
+        leak = self._near / np.diff(t) * self.largest_force(contact)
+        return np.where(means > leak, means, 0.0)
+
+    def largest_force(self, contact: int) -> float:
+        """Largest pressing force of a pair within [0, T] [N]."""
+        pieces = self._forces[contact]
+        return float(pieces.value[pieces.start < self.duration].max(initial=0.0))
+
     def force_breaks(self, contact: int) -> Array:
         """Times within (0, T) at which the force of a pair jumps [s]."""
         pieces = self._forces[contact]

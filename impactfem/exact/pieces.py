@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 type Array = NDArray[np.float64]
 
 _BATCH = 64  # times whose integrals over the bar are formed together
+_ALWAYS, _ZERO = np.array([-np.inf]), np.zeros(1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,38 +55,44 @@ class Load:
 
     def around(self, start: float, end: float, origin: float) -> "Load":
         """The part that matters in [start, end], with times counted from `origin`."""
-        low = int(np.searchsorted(self.times, start, side="right")) - 1
-        high = int(np.searchsorted(self.times, end))
+        low = int(self.times.searchsorted(start, side="right")) - 1
+        high = int(self.times.searchsorted(end))
+        if high <= low + 1:
+            return Load(_ALWAYS, self.values[low : low + 1])
         return Load(
-            np.r_[-np.inf, self.times[low + 1 : high] - origin],
-            self.values[low : max(high, low + 1)],
+            np.concatenate([_ALWAYS, self.times[low + 1 : high] - origin]), self.values[low:high]
         )
 
 
 @dataclass(slots=True)
 class Line:
-    """Piecewise linear function over one window: borders (n+1), values right and left of them."""
+    """Piecewise linear function over one window: borders (n+1), values right and left of them.
 
-    border: Array
-    left: Array
-    right: Array
+    Lists: most windows have a few pieces, for which arrays take ten times as long.
+    """
+
+    border: list[float]
+    left: list[float]
+    right: list[float]
 
     def split(self, cuts: Array, snap: float) -> "Line":
         """The same function with further breakpoints, save those next to present ones."""
+        x = np.array(self.border)
         cuts = np.sort(cuts)
         cuts = cuts[np.diff(cuts, prepend=-np.inf) > snap]
-        i = np.searchsorted(self.border, cuts)
-        inside = (i > 0) & (i < len(self.border))
+        i = np.searchsorted(x, cuts)
+        inside = (i > 0) & (i < len(x))
         cuts, i = cuts[inside], i[inside]
-        cuts = cuts[(cuts - self.border[i - 1] > snap) & (self.border[i] - cuts > snap)]
+        cuts = cuts[(cuts - x[i - 1] > snap) & (x[i] - cuts > snap)]
         if len(cuts) == 0:
             return self
-        border = np.sort(np.r_[self.border, cuts])
-        i = np.searchsorted(self.border, border[:-1], side="right") - 1
-        low, width = self.border[i], np.diff(self.border)[i]
+        border = np.sort(np.r_[x, cuts])
+        i = np.searchsorted(x, border[:-1], side="right") - 1
+        low, width = x[i], np.diff(x)[i]
         a, b = (border[:-1] - low) / width, (border[1:] - low) / width
-        left, right = self.left[i], self.right[i]
-        return Line(border, (1 - a) * left + a * right, (1 - b) * left + b * right)
+        left, right = np.array(self.left)[i], np.array(self.right)[i]
+        first, last = (1 - a) * left + a * right, (1 - b) * left + b * right
+        return Line(border.tolist(), first.tolist(), last.tolist())
 
     def merge(self, tolerance: float) -> "Line":
         """Without breakpoints at which neither value nor slope jumps.
@@ -93,20 +100,20 @@ class Line:
         Of neighbouring breakpoints one stays (until the next window), so that deviations
         below the tolerance cannot add up along a smooth curve.
         """
-        if len(self.left) < 2:
+        x, left, right = self.border, self.left, self.right
+        dropped: list[int] = []
+        for j in range(1, len(left)):
+            share = (x[j] - x[j - 1]) / (x[j + 1] - x[j - 1])
+            chord = (1 - share) * left[j - 1] + share * right[j]
+            off = max(abs(right[j - 1] - chord), abs(left[j] - chord))
+            if off <= tolerance and (not dropped or dropped[-1] != j - 1):
+                dropped.append(j)
+        if not dropped:
             return self
-        x = self.border
-        share = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
-        chord = (1 - share) * self.left[:-1] + share * self.right[1:]
-        off = np.maximum(np.abs(self.right[:-1] - chord), np.abs(self.left[1:] - chord))
-        drop = off <= tolerance
-        if not drop.any():
-            return self
-        drop[1:] &= ~drop[:-1]
-        keep = ~drop
-        return Line(
-            x[np.r_[True, keep, True]], self.left[np.r_[True, keep]], self.right[np.r_[keep, True]]
-        )
+        x, left, right = x.copy(), left.copy(), right.copy()
+        for j in reversed(dropped):
+            del x[j], left[j], right[j - 1]
+        return Line(x, left, right)
 
     def coarsen(self, limit: int) -> "Line":
         """At most `limit` pieces: neighbours that differ least become one linear piece.
@@ -114,7 +121,7 @@ class Line:
         It has the integral of both (so the momentum stays) and that of their square (so does
         the energy), and rises as their L2 mean line does.
         """
-        x, left, right = self.border, self.left, self.right
+        x, left, right = np.array(self.border), np.array(self.left), np.array(self.right)
         while (excess := len(left) - limit) > 0:
             h, m, d = np.diff(x), 0.5 * (left + right), right - left
             share = h[1:] / (h[:-1] + h[1:])
@@ -132,7 +139,7 @@ class Line:
             left[pairs], right[pairs + 1] = (mean - rise / 2)[pairs], (mean + rise / 2)[pairs]
             left, right = np.delete(left, pairs + 1), np.delete(right, pairs)
             x = np.delete(x, pairs + 1)
-        return Line(x, left, right)
+        return Line(x.tolist(), left.tolist(), right.tolist())
 
 
 def integrate(
@@ -152,7 +159,7 @@ def integrate(
         places: list[Array] = []
         for k in range(first, min(first + _BATCH, len(times))):
             cut = np.abs(breaks[at[0, k] : at[1, k]] - times[k])
-            places.append(np.sort(np.r_[0.0, cut[cut < reach], reach]))
+            places.append(np.sort(np.concatenate([_ZERO, cut[cut < reach], [reach]])))
         counts = np.array([len(p) - 1 for p in places])
         width = np.concatenate([np.diff(p) for p in places])
         middle = np.concatenate([0.5 * (p[1:] + p[:-1]) for p in places])

@@ -128,8 +128,9 @@ def _by_waves(
     for k, (bar, delay) in enumerate(zip(bars, delays, strict=True)):
         wave = left_before(bar, past)
         half = len(wave.left) // 2
+        until = wave.border[half]
         parts = (
-            Line(wave.border[half:] - wave.border[half], wave.left[half:], wave.right[half:]),
+            Line([x - until for x in wave.border[half:]], wave.left[half:], wave.right[half:]),
             Line(wave.border[: half + 1], wave.left[:half], wave.right[:half]),
         )
         signs = (1.0, -1.0 if bar.far_end == "clamped" else 1.0)

@@ -12,7 +12,8 @@ from impactfem.scene import Bar, PiecewiseConstant
 
 Floats = NDArray[np.float64]
 
-_LEAST_PIECES = 1024  # of an initial state that is not linear
+_LEAST_PIECES = 256  # of an initial state that is not linear
+_TOLERANCE = 1e-11  # of displacements that they leave
 _WHOLE = 1e-9  # share of a layer by which a transit may miss a number of layers
 
 
@@ -92,16 +93,22 @@ class Waves:
 
 def left_before(bar: Bar, cells: int) -> Line:
     """Wave that left the wall in the two transits before t = 0, as if nothing had acted."""
-    x, u, v, middle = initial.sample(
+    c = bar.wave_speed
+    start = initial.sample(
         bar.length,
+        c,
         lambda x: bar.initial_displacement(x=x) + np.zeros_like(x),
         lambda x: bar.initial_velocity(x=x) + np.zeros_like(x),
         max(_LEAST_PIECES, 2 * cells),
+        _TOLERANCE,
     )
+    u = start.displacement
     chord = 0.5 * (u[:-1] + u[1:])
-    strain = initial.strain(x, u, 4.0 * ((chord if middle is None else middle) - chord))
-    c = bar.wave_speed
-    return initial.wave(x / c, v, c * strain, clamped=bar.far_end == "clamped")
+    middle = chord if start.middle is None else start.middle
+    strain = initial.strain(start.nodes, u, 4.0 * (middle - chord))
+    return initial.wave(
+        start.nodes / c, start.velocity, c * strain, clamped=bar.far_end == "clamped"
+    )
 
 
 def lines(wave: Line, dt: float, count: int, share: float) -> tuple[Floats, Floats]:
@@ -113,15 +120,16 @@ def lines(wave: Line, dt: float, count: int, share: float) -> tuple[Floats, Floa
         Mean and half the rise of each layer.
     """
     end = wave.border[-1]
-    edges = end - dt * np.arange(count, -1, -1)
+    edges: Floats = end - dt * np.arange(count, -1, -1.0)
     edges[0] = 0.0
     mean, rise = np.zeros((2, count))
     first = 0 if share > 0.0 else 1
     line = wave.split(edges[first + 1 : -1], 0.0)
-    cell = np.searchsorted(edges[1:], 0.5 * (line.border[1:] + line.border[:-1]))
-    width, low, wide = np.diff(line.border), edges[cell], np.diff(edges)[cell]
-    middle, slope = 0.5 * (line.left + line.right), line.right - line.left
-    place = (line.border[1:] + line.border[:-1] - 2.0 * low) / wide - 1.0
+    border, left, right = np.array(line.border), np.array(line.left), np.array(line.right)
+    cell = np.searchsorted(edges[1:], 0.5 * (border[1:] + border[:-1]))
+    width, low, wide = np.diff(border), edges[cell], np.diff(edges)[cell]
+    middle, slope = 0.5 * (left + right), right - left
+    place = (border[1:] + border[:-1] - 2.0 * low) / wide - 1.0
     part = width / wide
     np.add.at(mean, cell, part * middle)
     np.add.at(rise, cell, 3.0 * part * (place * (middle - mean[cell]) + part * slope / 6.0))

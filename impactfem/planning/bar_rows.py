@@ -10,6 +10,8 @@ import numpy as np
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBarRow
 from impactfem.findings import Finding, warning
+from impactfem.methods import METHODS
+from impactfem.planning.bar_errors import EXACT, ROUNDING
 from impactfem.planning.card import Foresees
 from impactfem.reference.bar_row import exact_row_if_known
 from impactfem.scene import Bar, Scene
@@ -21,6 +23,8 @@ _MOST = 2000  # elements of the longest bar up to which a match is looked for
 _WHOLE = 1e-9  # share of a number of elements by which it may miss an integer
 _ON_LAYER = 1e-6  # share of a layer within which an event counts as on it
 _STABLE = 1.0 + 1e-9
+_GROWTH = 5.0  # of an error from contact to contact, the most seen of one bar
+_EXACT = 1e-12  # of the characteristics, tested against closed forms
 
 
 @dataclass(frozen=True, repr=False)
@@ -88,7 +92,8 @@ def plan_bar_row(scene: Scene) -> BarRowPlan:
         reasons["layers"] = f"the last layer ends at {layers * dt:g} s, past the duration"
     aligned = _on_layers(exact, dt)
     fitting = matched and aligned and max(courant) >= 1.0 - _WHOLE
-    method = _choose_method(scene, exact, reasons, fitting=fitting)
+    rounding = _rounding(exact) if fitting else None
+    method = _choose_method(scene, exact, reasons, rounding)
     grid = Grid(sum(elements) + len(elements) - 1, layers, dt)
     memory, seconds = marching_cost(grid, scene.output.every, 1)
     nodes = sum(elements) + len(elements)
@@ -106,6 +111,7 @@ def plan_bar_row(scene: Scene) -> BarRowPlan:
         unknowns=0 if method == "exact" else nodes * layers,
         memory_mib=memory,
         seconds=seconds,
+        predicted_error=_predicted(method, exact, elements, rounding),
         reasons=reasons,
         findings=_findings(method, exact, courant, aligned=aligned),
     )
@@ -202,22 +208,49 @@ def _on_layers(exact: ExactBarRow | None, dt: float) -> bool:
     return bool(np.all(np.abs(layer - np.rint(layer)) < _ON_LAYER))
 
 
+def _rounding(exact: ExactBarRow | None) -> float:
+    """Relative error of galerkin where only rounding makes one: as for one bar, at worst."""
+    contacts = 0 if exact is None else sum(map(len, exact.contacts))
+    return float(min(1.0, ROUNDING * _GROWTH ** max(0, min(contacts, 30) - 1)))
+
+
+def _predicted(
+    method: str, exact: ExactBarRow | None, elements: Sequence[int], rounding: float | None
+) -> float | None:
+    """Largest relative error of displacements to expect of a method; None: no prediction."""
+    if exact is None:
+        return None
+    if method == "exact":
+        return None if exact.sampled else _EXACT
+    if rounding is not None and not exact.sampled:
+        return rounding if METHODS[method].stable == "limited" else _EXACT
+    constant, rate = METHODS[method].error
+    contacts = max(1, sum(map(len, exact.contacts)))
+    return float(min(1.0, constant * contacts / min(elements) ** rate))
+
+
 def _choose_method(
-    scene: Scene, exact: ExactBarRow | None, reasons: dict[str, str], *, fitting: bool
+    scene: Scene, exact: ExactBarRow | None, reasons: dict[str, str], rounding: float | None
 ) -> str:
     if scene.solve.method is not None:
         reasons["method"] = "as asked"
         return scene.solve.method
-    if fitting:
+    followed = exact is not None and not exact.sampled
+    if rounding is not None and (rounding <= EXACT or not followed):
         reasons["method"] = "exact at the nodes: the same h / c in all bars, all events on layers"
         return "galerkin"
     if exact is None:
         reasons["method"] = "waves split too often for the characteristics to follow them"
         return "galerkin"
-    if not exact.sampled:
+    if followed:
         reasons["method"] = (
-            "events fall between layers or the bars have different h / c; velocity and strain are "
-            "constant in pieces: the characteristics give the motion to rounding"
+            "events fall between layers or the bars have different h / c"
+            if rounding is None
+            else f"from contact to contact the rounding of galerkin might grow to {rounding:.0e}"
+        )
+        reasons["method"] += (
+            "; velocity and strain are constant in pieces: the characteristics give the motion to "
+            "rounding"
         )
         return "exact"
     reasons["method"] = (

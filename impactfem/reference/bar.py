@@ -1,7 +1,8 @@
 """The exact solution of a scene, as a reference for errors and as a method of its own."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,15 +43,30 @@ def exact_bar(scene: Scene, duration: float | None = None) -> ExactBar:
             f"{bar.transit_time:g} s of a wave through {bar.name}, more than the "
             f"{MAX_TRANSITS:g} that are followed; give a shorter duration or a longer or softer bar"
         )
+    return _followed(bar, scene.axial_gravity, scene.duration if duration is None else duration)
+
+
+@lru_cache(maxsize=4)  # the plan, the solution and the measure of its error ask for the same one
+def _followed(bar: Bar, gravity: PiecewiseConstant, duration: float) -> ExactBar:
+    return in_units(bar, gravity, duration)
+
+
+def in_units(
+    bar: Bar, gravity: PiecewiseConstant, duration: float, metre: float = 1.0, second: float = 1.0,
+    **settings: Any,
+) -> ExactBar:  # fmt: skip
+    """The exact solution with lengths multiplied by `metre` and times by `second`."""
+    speed = metre / second
     return ExactBar.from_functions(
-        length=bar.length,
-        wave_speed=bar.wave_speed,
-        duration=scene.duration if duration is None else duration,
-        displacement=lambda x: bar.initial_displacement(x=x) + np.zeros_like(x),
-        velocity=lambda x: bar.initial_velocity(x=x) + np.zeros_like(x),
-        gravity_times=scene.axial_gravity.times,
-        gravity_values=scene.axial_gravity.values,
+        length=metre * bar.length,
+        wave_speed=speed * bar.wave_speed,
+        duration=second * duration,
+        displacement=lambda x: metre * (bar.initial_displacement(x=x / metre) + np.zeros_like(x)),
+        velocity=lambda x: speed * (bar.initial_velocity(x=x / metre) + np.zeros_like(x)),
+        gravity_times=second * np.array(gravity.times),
+        gravity_values=speed / second * np.array(gravity.values),
         far_end="clamped" if bar.far_end == "clamped" else "free",
+        **settings,
     )
 
 
@@ -74,9 +90,9 @@ class Errors:
 def measure(motion: "BarMotion", exact: ExactBar) -> Errors:
     """Errors of a motion at the nodes of its kept levels, and of the force in its layers."""
     t, x = motion.times[motion.kept], motion.positions
-    reference = exact.displacement(t[:, None], x[None, :])
+    reference, _ = exact.fields(t, x)
     difference = motion.displacement - reference
-    weights = np.sqrt(_trapezoidal(t)[:, None] * _trapezoidal(x)[None, :])
+    weights = _trapezoidal(t), _trapezoidal(x)
     largest = max(np.abs(difference).max(), np.abs(motion.gap - exact.gap(motion.times)).max())
     # Split the layers where the exact force jumps or bends: between it is linear.
     breaks = exact.multiplier_breaks
@@ -90,13 +106,13 @@ def measure(motion: "BarMotion", exact: ExactBar) -> Errors:
     wrong = np.sum(quadrature * np.abs(motion.multiplier[layer, None] - force))
     how = "exact solution by characteristics"
     if exact.sampled:
-        how += f", initial state sampled on {exact.pieces} pieces"
+        how += f", initial state in {exact.pieces} pieces"
     if exact.exact_until < t[-1]:
         how += f", exact until {exact.exact_until:.6g} s, then its smallest waves are merged"
     return Errors(
         how,
         _relative(largest, np.abs(reference).max()),
-        _relative(np.linalg.norm(weights * difference), np.linalg.norm(weights * reference)),
+        _relative(_norm(difference, *weights), _norm(reference, *weights)),
         _relative(wrong, np.sum(quadrature * np.abs(force))),
     )
 
@@ -105,6 +121,11 @@ def _trapezoidal(grid: Floats) -> Floats:
     """Weights of the trapezoidal rule on a grid."""
     h = np.diff(grid)
     return 0.5 * (np.append(h, 0.0) + np.insert(h, 0, 0.0))
+
+
+def _norm(values: Floats, rows: Floats, columns: Floats) -> float:
+    """Root of the weighted sum of squares of a table."""
+    return float(np.sqrt(np.einsum("i,ij,ij,j", rows, values, values, columns)))
 
 
 def _relative(error: float, value: float) -> float:
@@ -116,32 +137,43 @@ def exact_motion(
     exact: ExactBar, bar: Bar, gravity: PiecewiseConstant, times: Floats, positions: Floats,
     every: int,
 ) -> "BarMotion":  # fmt: skip
-    """The exact solution at given times: every row is at its time, the force just before it."""
+    """The exact solution at given times: every row is at its time, the force its layer's mean."""
     from impactfem.result.bar_motion import BarMotion, Effort, kept_levels  # noqa: PLC0415
 
-    kinetic, elastic = exact.energy(times)
+    kinetic, elastic, momentum, moment = exact.sums(times)
+    mean = moment / bar.length
     kept = kept_levels(len(times) - 1, every)
-    t, x = times[kept, None], positions[None, :]
-    multiplier = exact.multiplier(times[1:])
+    displacement, velocity = exact.fields(times[kept], positions)
+    multiplier = exact.mean_multiplier(times)
     return BarMotion(
         times=times,
         positions=positions,
         kept=kept,
-        displacement=exact.displacement(t, x),
-        velocity=exact.velocity(t, x),
+        displacement=displacement,
+        velocity=velocity,
         gap=exact.gap(times),
         multiplier=multiplier,
         active=multiplier < 0.0,
         kinetic=kinetic,
         elastic=elastic,
-        potential=bar.length * _potential(exact, gravity, times),
-        mean_displacement=exact.mean_displacement(times),
-        mean_velocity=exact.mean_velocity(times),
+        potential=bar.length * _potential(exact, gravity, times, mean),
+        mean_displacement=mean,
+        mean_velocity=momentum / bar.length,
         effort=Effort(message="closed form"),
     )
 
 
-def _potential(exact: ExactBar, gravity: PiecewiseConstant, times: Floats) -> Floats:
+def contact_figures(exact: ExactBar, bar: Bar) -> dict[str, Any]:
+    """Contacts, largest force and impulse of the exact motion, for the summary."""
+    section = bar.density * bar.area
+    return {
+        "intervals": [list(contact) for contact in exact.contacts],
+        "max_force": section * exact.largest_force,
+        "impulse": -section * float(exact.force_integral(0.0, exact.duration)),
+    }
+
+
+def _potential(exact: ExactBar, gravity: PiecewiseConstant, times: Floats, mean: Floats) -> Floats:
     """p(0) u(0) minus the work of gravity per mass [m^2/s^2], see `BarMotion`."""
     switches = np.array([t for t in gravity.times if 0.0 < t < times[-1]])
     borders = np.concatenate([[0.0], switches])
@@ -150,9 +182,7 @@ def _potential(exact: ExactBar, gravity: PiecewiseConstant, times: Floats) -> Fl
     start = values[0] * at_borders[0]
     done = start + np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(at_borders))])
     piece = np.searchsorted(switches, times, side="left")
-    potential: Floats = done[piece] + values[piece] * (
-        exact.mean_displacement(times) - at_borders[piece]
-    )
+    potential: Floats = done[piece] + values[piece] * (mean - at_borders[piece])
     return potential
 
 

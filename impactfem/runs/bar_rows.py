@@ -43,7 +43,7 @@ def run_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> RowMoti
 
 
 def exact_row_motion(scene: Scene, exact: ExactBarRow, chosen: BarRowPlan) -> RowMotion:
-    """The exact motion at the planned levels and nodes; forces are those just before a level."""
+    """The exact motion at the planned levels and nodes; forces are means over layers."""
     times = chosen.dt * np.arange(chosen.layers + 1, dtype=np.float64)
     kept = kept_levels(chosen.layers, scene.output.every)
     count, pairs = len(scene.bars), len(exact.contacts)
@@ -61,7 +61,7 @@ def exact_row_motion(scene: Scene, exact: ExactBarRow, chosen: BarRowPlan) -> Ro
         displacement=tuple(exact.displacement(k, t, x[None]) for k, x in enumerate(positions)),
         velocity=tuple(exact.velocity(k, t, x[None]) for k, x in enumerate(positions)),
         gap=np.stack([exact.gap(j, times) for j in range(pairs)], axis=1),
-        force=np.stack([exact.force(j, times[1:]) for j in range(pairs)], axis=1),
+        force=np.stack([exact.mean_force(j, times) for j in range(pairs)], axis=1),
         kinetic=kinetic.T,
         elastic=elastic.T,
         mean_displacement=np.stack([exact.mean_displacement(k, times) for k in range(count)], 1),
@@ -152,21 +152,34 @@ def contact_figures(motion: RowMotion, exact: ExactBarRow | None) -> dict[str, A
         force, gap = np.append(0.0, motion.force[:, j]), motion.gap[:, j]
         if exact is None:
             spells = contact_intervals(motion.times, force, gap) if force.any() else []
-            impulse = float(force[1:] @ np.diff(motion.times))
+            impulse, largest = float(force[1:] @ np.diff(motion.times)), float(force.max())
         else:
             spells = [[begin, end] for begin, end in exact.contacts[j]]
             impulse = float(exact.impulse(j, motion.times[-1]))
+            largest = exact.largest_force(j)
         intervals += spells
         total += impulse
         pairs.append(
             {
                 "between": label.split("|"),
                 "intervals": spells,
-                "max_force": float(force.max()),
+                "max_force": largest,
                 "impulse": impulse,
             }
         )
-    return {"pairs": pairs, "intervals": _joined(intervals), "impulse": total}
+    figures = {"pairs": pairs, "intervals": _joined(intervals), "impulse": total}
+    if exact is not None:
+        figures["max_force"] = _largest_sum(exact)
+    return figures
+
+
+def _largest_sum(exact: ExactBarRow) -> float:
+    """Largest sum of the forces of all pairs [N]: they are constant between their jumps."""
+    pairs = range(len(exact.contacts))
+    breaks = [exact.force_breaks(j) for j in pairs]
+    edges = np.unique(np.concatenate([*breaks, [0.0, exact.duration]]))
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    return float(np.max(sum(exact.force(j, middle) for j in pairs)))
 
 
 def _joined(intervals: list[list[float]]) -> list[list[float]]:

@@ -16,7 +16,6 @@ from impactfem.reference.bar import exact_bar, measure
 from impactfem.result.bar_motion import BarMotion
 from impactfem.scene import Scene, Solid
 from impactfem.solving import solve
-from impactfem.studies.rounding import rounding_of_exact
 from impactfem.studies.solids import Attempt, attempts_at
 from impactfem.studies.study import Row, Study
 from impactfem.studies.variant import Variant
@@ -116,11 +115,7 @@ def _row(scene: Scene, variant: Variant, elements: int, repeats: int, attempt: A
         times.append(float(result.summary["wall_time"]))
     summary = result.summary
     errors = summary["error"] or {}
-    note = ""
-    if variant.method == "exact" and not scene.is_bar_row:
-        found = rounding_of_exact(result.scene)
-        errors = vars(found)
-        note = found.reference
+    note = errors.get("reference", "") if variant.method == "exact" else ""
     return Row(
         variant.name,
         elements,

@@ -8,8 +8,8 @@ import pytest
 
 import impactfem
 from impactfem.reference.bar import exact_bar, exact_motion
+from impactfem.reference.rounding import rounding_of_exact
 from impactfem.shipped import find_scene
-from impactfem.studies.rounding import rounding_of_exact
 from impactfem.studies.study import LOST, Row, Study
 from impactfem.studies.work_precision import Variant
 
@@ -56,7 +56,7 @@ def test_rounding_check_notices_a_wrong_solution(monkeypatch):
     """The second solution is not the first one read twice."""
     scene = thrown()
     other = exact_bar(scene.with_settings({"body.bar.gap": 0.52}))
-    monkeypatch.setattr("impactfem.studies.rounding.exact_bar", lambda _: other)
+    monkeypatch.setattr("impactfem.reference.rounding.exact_bar", lambda _: other)
     assert rounding_of_exact(scene).displacement_max > 1e-3
 
 

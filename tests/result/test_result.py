@@ -78,5 +78,5 @@ def test_exact_method_agrees_with_the_finite_elements(result):
             result.history[name].values, abs=1e-10
         ), name
     assert exact.summary["method"] == "exact"
-    assert exact.summary["error"] is None
+    assert exact.summary["error"]["displacement_max"] <= 1e-12
     assert exact.summary["contact"]["intervals"][0] == pytest.approx([1.0, 3.0])

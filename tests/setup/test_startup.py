@@ -90,7 +90,8 @@ RUN = "import sys; from impactfem.cli import main; sys.exit(main(sys.argv[1:]))"
 @pytest.mark.slow
 def test_compilation_is_announced_once(tmp_path):
     caches = {"XDG_CACHE_HOME": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "numba")}
-    run = ["run", "step_load", "--out", str(tmp_path / "result")]
+    setting = ["--set", 'solve.method="dg"', "--set", "solve.fitted=true"]
+    run = ["run", "step_load", "--out", str(tmp_path / "result"), *setting]
     first, second = (python(RUN, *run, **caches) for _ in range(2))
     assert first.returncode == second.returncode == 0, first.stderr + second.stderr
     for what, folder in (("finite-element forms", "fenics"), ("time loops", "numba")):

@@ -13,7 +13,6 @@ from impactfem.result import Fields, Result
 from impactfem.scene import Bar, Scene, Solve, Wall
 from impactfem.solving import solve
 from impactfem.studies.hard.board import Case, Claim, Facts
-from impactfem.studies.rounding import rounding_of_exact
 
 ALL = ("galerkin", "conserving", "dg", "exact", "monolithic")
 SWEPT = ("galerkin", "conserving")
@@ -92,8 +91,6 @@ def facts_of(result: Result) -> dict[str, float]:
         "penetration": max(0.0, -float(gap.min())) / max(float(np.abs(moved).max()), 1e-300),
         "pull": max(0.0, -float(np.min(force))) / peak,
     }
-    if summary["method"] == "exact":
-        errors = vars(rounding_of_exact(result.scene))
     if errors:
         facts["displacement"] = _number(errors["displacement_max"])
         facts["force"] = _number(errors["force_l1"])

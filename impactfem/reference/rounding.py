@@ -1,0 +1,36 @@
+"""The error of the exact solution, which is its own reference: rounding and sampling."""
+
+import numpy as np
+
+from impactfem.reference.bar import Errors, exact_bar, in_units
+from impactfem.scene import Scene
+
+_OTHER_UNITS = 0.7310585786300049, 1.6180339887498949  # metres and seconds of the second solution
+_OTHER_PIECES = {"pieces": 300, "tolerance": 2e-12, "resolution": 4096}
+_TIMES, _PLACES = 500, 41
+
+
+def rounding_of_exact(scene: Scene) -> Errors:
+    """Difference of the characteristics solution from that of the same problem in other units.
+
+    With other units all roundings differ, and the second solution takes an initial state in other,
+    shorter pieces and keeps more breakpoints. So the difference is what rounding, sampling and
+    merging leave, grown from contact to contact; that the solution itself is right is tested
+    against closed forms.
+    """
+    bar, (metre, second) = scene.bar, _OTHER_UNITS
+    exact = exact_bar(scene)
+    other = in_units(bar, scene.axial_gravity, scene.duration, metre, second, **_OTHER_PIECES)
+    # Not on the grid of the events: a jump has two values.
+    t = scene.duration * (np.arange(_TIMES) + 0.5123) / (_TIMES + 1)
+    x = bar.length * np.linspace(0.0, 1.0, _PLACES)
+    u = exact.displacement(t[:, None], x)
+    du = other.displacement(second * t[:, None], metre * x) / metre - u
+    force = exact.multiplier(t)
+    missed = other.multiplier(second * t) * (second / metre) ** 2 - force
+    return Errors(
+        "same characteristics in other units and other pieces: the rounding level",
+        float(np.abs(du).max() / (np.abs(u).max() or 1.0)),
+        float(np.linalg.norm(du) / (np.linalg.norm(u) or 1.0)),
+        float(np.abs(missed).sum() / (np.abs(force).sum() or 1.0)),
+    )
