@@ -5,7 +5,7 @@ SHELL := /bin/bash
 BIN := .venv/bin
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test test-unit test-mpi test-debian lint docs clean distclean
+.PHONY: help setup demo test test-unit test-mpi test-debian test-image lint docs clean distclean
 
 help: ## List these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -32,6 +32,9 @@ test-mpi: setup ## Run only the tests on 2 and on 4 MPI ranks
 
 test-debian: ## Run all tests against Debian 13's own DOLFINx 0.9 (root user, mmdebstrap)
 	@docker/test-debian.sh $(ARGS)
+
+test-image: ## Build the container image and run the demo in it (root user, mmdebstrap, buildah)
+	@docker/test-image.sh
 
 lint: setup ## Check style, types and the order of the layers
 	@$(BIN)/ruff check .

@@ -14,6 +14,7 @@ cache=/var/cache/impactfem
 case "${1:-}" in
 packages)
     export DEBIAN_FRONTEND=noninteractive
+    cp "$here/dpkg-excludes" /etc/dpkg/dpkg.cfg.d/impactfem
     apt-get update -q
     sed 's/#.*//' "$here/packages.txt" | xargs apt-get install -q -y --no-install-recommends
     apt-get clean

@@ -45,7 +45,7 @@ inside() { # as root
 }
 
 inside_as_user() {
-    # The settings are those of the Dockerfile; Open MPI's ranks of one machine need no network.
+    # The settings are those of the Dockerfile.
     chroot --userspec=impactfem:impactfem "$root" env -i HOME=/home/impactfem PATH=/usr/local/bin:/usr/bin:/bin \
         LANG=C.UTF-8 OMP_NUM_THREADS=1 XDG_CACHE_HOME=/var/cache/impactfem MPLCONFIGDIR=/var/cache/impactfem/matplotlib \
         PRTE_MCA_rmaps_default_mapping_policy=:oversubscribe OMPI_MCA_btl=self,sm \
@@ -60,7 +60,7 @@ mount_kernel_file_systems() {
     mount -t tmpfs -o mode=1777,size=50% tmpfs "$root/dev/shm"
 }
 
-wanted=$(sha256sum <"$repo/docker/packages.txt")
+wanted=$(cat "$repo/docker/packages.txt" "$repo/docker/dpkg-excludes" | sha256sum)
 if [ "$(cat "$root/packages.sha256" 2>/dev/null)" = "$wanted" ]; then
     echo "Debian root: $root (packages unchanged)"
     mount_kernel_file_systems
@@ -73,14 +73,14 @@ else
     mount_kernel_file_systems
     cp -L /etc/resolv.conf "$root/etc/resolv.conf"
     mkdir -p "$root/opt/impactfem/docker"
-    cp "$repo/docker/install.sh" "$repo/docker/packages.txt" "$root/opt/impactfem/docker/"
+    cp "$repo"/docker/{install.sh,packages.txt,dpkg-excludes} "$root/opt/impactfem/docker/"
     inside /opt/impactfem/docker/install.sh packages >"$root/install.log" 2>&1 || {
         tail -n 20 "$root/install.log"
         exit 1
     }
     printf '%s\n' "$wanted" >"$root/packages.sha256"
 fi
-cp "$repo/docker/install.sh" "$repo/docker/packages.txt" "$root/opt/impactfem/docker/"
+cp "$repo"/docker/{install.sh,packages.txt,dpkg-excludes} "$root/opt/impactfem/docker/"
 
 # The working tree as git sees it, without what is ignored.
 copy=$root/home/impactfem/source
