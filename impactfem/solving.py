@@ -24,6 +24,7 @@ from impactfem.result.solid_motion import solid_history
 from impactfem.runs.bar_rows import contact_figures, measure_row, row_curves, run_bar_row
 from impactfem.runs.bars import RUNNERS
 from impactfem.runs.error_estimate import estimate_error
+from impactfem.runs.forces import bar_window
 from impactfem.runs.summary import Cost, summarise
 from impactfem.scene import Scene, Solid
 
@@ -97,7 +98,9 @@ def _solve_bar(scene: Scene, chosen: Plan, progress: Progress) -> Result:
     if motion.is_finite:
         is_exact = chosen.method == "exact"
         errors = rounding_of_exact(scene) if is_exact else measure(motion, exact)
-    history, effort = bar_history(motion, bar), motion.effort
+    history = bar_history(motion, bar)
+    window = bar_window(chosen.method, motion, bar.wave_speed)
+    effort = replace(motion.effort, force_window=window)
     if errors is not None and any(found.code == "rounding_growth" for found in chosen.findings):
         grown = rounding_findings(errors.displacement_max, "has grown")
         effort = replace(effort, findings=grown, measured=("rounding_growth",))

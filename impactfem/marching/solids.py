@@ -69,6 +69,7 @@ class Rows:
     Attributes:
         sums: Kinetic, elastic, work of loads, momentum and moment of this rank, (rows, 3 + 2 dim).
         gap, force, contact_energy, obstacle_work, friction_work: Of all ranks, (rows,).
+        largest: Force of the node with the largest [N], (rows,).
         active, iterations: Of all ranks, (rows,).
     """
 
@@ -78,6 +79,7 @@ class Rows:
     contact_energy: Floats
     obstacle_work: Floats
     friction_work: Floats
+    largest: Floats
     active: Integers
     iterations: Integers
 
@@ -85,11 +87,12 @@ class Rows:
     def empty(cls, rows: int, dim: int) -> "Rows":
         """Rows of zeros."""
         sums = np.zeros((rows, 3 + 2 * dim))
-        gap, force, contact_energy, obstacle_work, friction_work = np.zeros((5, rows))
+        gap, force, contact_energy, obstacle_work, friction_work, largest = np.zeros((6, rows))
         active, iterations = np.zeros((2, rows), dtype=np.int64)
         return cls(
-            sums, gap, force, contact_energy, obstacle_work, friction_work, active, iterations
-        )
+            sums, gap, force, contact_energy, obstacle_work, friction_work, largest, active,
+            iterations,
+        )  # fmt: skip
 
     def first(self, count: int) -> "Rows":
         """The first so many rows."""
@@ -365,6 +368,7 @@ class SolidMarch:
         rows, state = self.rows, self.contact
         rows.gap[row] = state.gap.min(initial=np.inf)
         rows.force[row] = force.sum()
+        rows.largest[row] = force.max(initial=0.0)
         rows.active[row] = np.count_nonzero(force > 0.0)
         rows.iterations[row] = iterations
         if self._skips:

@@ -130,7 +130,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Names and values of the figures of a run."""
     active, energy, contact = summary["active_set"], summary["energy"], summary["contact"]
     sets = f"{active['iterations']} iterations, changes {_changes(active['set_changes'])}"
-    force = f"max {largest(contact, 'max_force', 'N')}"
+    force = f"max {largest(contact, 'max_force', 'N')}{_window(contact)}"
     if "max_impulse" in contact:
         force = f"of lasting contact {force}; of impacts max "
         force += largest(contact, "max_impulse", "N s")
@@ -172,6 +172,14 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def _sentence(finding: Mapping[str, Any]) -> str:
     return f"{finding['text']}; {finding['remedy']}" if finding["remedy"] else finding["text"]
+
+
+def _window(contact: Mapping[str, Any]) -> str:
+    """Over which time the largest force is a mean, and that of a single step."""
+    if not contact.get("force_window") or contact["max_force"] is None:
+        return ""
+    raw = f"in one step {_number(contact['max_force_raw'])} N"
+    return f" as a mean over {_number(contact['force_window'])} s ({raw})"
 
 
 def _impacts(summary: Mapping[str, Any]) -> str:

@@ -29,6 +29,8 @@ class Effort:
         details: Further figures of the method, for the summary (plain data).
         findings: What the run found that a user should know before trusting it.
         measured: Codes of findings that the run has looked for; its plan's are then settled.
+        force_window: Time [s] over which the largest force is told as a mean; 0 where the forces
+            of single rows are right.
     """
 
     num_unknowns: int = 0
@@ -39,6 +41,7 @@ class Effort:
     details: Mapping[str, Any] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     measured: tuple[str, ...] = ()
+    force_window: float = 0.0
 
 
 @dataclass(frozen=True)

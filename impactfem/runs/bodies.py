@@ -102,7 +102,7 @@ def run_bodies(
     progress.step("marching")
     try:
         fields = _march(scene, model, march, gaps)
-        motion = bodies_motion(model, scheme, march, interior, limit, plan.whole)
+        motion = bodies_motion(model, scheme, march, interior, limit, plan.whole, plan.mesh_size)
     finally:
         interior.destroy()
         for transfer in transfers:

@@ -14,6 +14,7 @@ from impactfem.models.bodies import BodiesModel
 from impactfem.result.bar_motion import Effort
 from impactfem.result.history import BodyMotion, Columns, make_history
 from impactfem.result.whole import Whole
+from impactfem.runs.forces import CONTACT_CODES, contact_findings, mesh_window
 from impactfem.runs.solid_rows import elastic_and_force, work_done
 
 Floats = NDArray[np.float64]
@@ -41,6 +42,7 @@ def bodies_motion(
     interior: Composite,
     limit: float | None,
     whole: Whole,
+    size: float,
 ) -> BodiesMotion:
     """Make the motions of the rows of all ranks (collective).
 
@@ -51,6 +53,7 @@ def bodies_motion(
         interior: Of the solids, with the sums of each.
         limit: Least stable time step [s] of an explicit scheme.
         whole: What the solids are parts of; the motions are those of the whole.
+        size: Size of the elements of those that do not say it [m].
     """
     dim = model.parts[0].solid.dim
     each = total(model.comm, interior.rows)
@@ -109,6 +112,11 @@ def bodies_motion(
             "nodes": sum(part.mesh.num_nodes for part in model.parts),
             **whole.details(),
         },
+        findings=contact_findings(rows.force, rows.largest, march.interior.dt),
+        measured=CONTACT_CODES,
+        force_window=mesh_window(
+            [part.solid for part in model.parts], [part.degree for part in model.parts], size
+        ),
     )
     finite = bool(np.isfinite(sums).all() and np.isfinite(force).all())
     return BodiesMotion(history, effort, finite)

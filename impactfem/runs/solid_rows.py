@@ -11,6 +11,7 @@ from impactfem.models.solid import SolidModel
 from impactfem.result.bar_motion import Effort
 from impactfem.result.solid_motion import SolidMotion
 from impactfem.result.whole import Whole
+from impactfem.runs.forces import CONTACT_CODES, contact_findings, mesh_window
 
 Floats = NDArray[np.float64]
 
@@ -22,6 +23,7 @@ def solid_motion(
     watch: Watch,
     limit: float | None,
     whole: Whole,
+    size: float,
 ) -> SolidMotion:
     """Make the motion of the rows of all ranks (collective).
 
@@ -32,6 +34,7 @@ def solid_motion(
         watch: What was seen of nodes without contact unknowns.
         limit: Stable time step [s] of an explicit scheme.
         whole: What the body is a part of; the motion is that of the whole.
+        size: Size of its elements [m].
     """
     dim = model.solid.dim
     sums = total(model.comm, march.rows.sums)
@@ -70,6 +73,9 @@ def solid_motion(
             "nodes": model.mesh.num_nodes,
             **whole.details(),
         },
+        findings=contact_findings(rows.force, rows.largest, march.interior.dt),
+        measured=CONTACT_CODES,
+        force_window=mesh_window([model.solid], [model.degree], size),
     )
     along: Floats = momentum @ direction[:dim]
     return SolidMotion(

@@ -93,7 +93,7 @@ def run_solid(
     progress.step("marching")
     try:
         fields, watch = _march(scene, model, march, checkpoints, restart)
-        motion = solid_motion(model, scheme, march, watch, limit, plan.whole)
+        motion = solid_motion(model, scheme, march, watch, limit, plan.whole, plan.mesh_size)
     finally:
         interior.destroy()
         if transfer is not None:

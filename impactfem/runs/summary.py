@@ -11,14 +11,11 @@ from numpy.typing import NDArray
 from impactfem.planning import AnyPlan
 from impactfem.reference.bar import Errors
 from impactfem.result import Effort
+from impactfem.runs.forces import NO_FORCE, largest_force, peak_findings
 from impactfem.runs.verdict import GROWTH_LIMITS, judge
 from impactfem.scene import Scene
 
 Floats = NDArray[np.float64]
-
-# Share of the largest force that counts as none: displacements right to 1e-9 at an impact on a
-# layer can make a pair active one layer early, with about this force.
-_NO_FORCE = 1e-6
 
 # Share of the largest gap that counts as none.
 _SHUT = 1e-9
@@ -56,6 +53,7 @@ def summarise(
     worked = history["potential_energy"].values - history["potential_energy"].values[0]
     scale = max(abs(energy[0]), moving[0], np.abs(worked).max()) or moving.max() or 1.0
     growth = (energy - energy[0]) / scale
+    intervals = contact_intervals(t, force, history["gap"].values)
     summary = {
         "title": scene.title,
         "status": "",  # filled in by the verdict
@@ -81,8 +79,8 @@ def summarise(
             "driven": driven,
         },
         "contact": {
-            "intervals": contact_intervals(t, force, history["gap"].values),
-            "max_force": force.max(),
+            "intervals": intervals,
+            **largest_force(t, force, intervals, effort.force_window),
             "impulse": float(np.sum(force[1:] * np.diff(t))),
             "max_penetration": max(0.0, -float(history["gap"].min())),
         },
@@ -91,7 +89,8 @@ def summarise(
         "plan": chosen.as_dict(),
     }
     plain: dict[str, Any] = _plain(summary)
-    found = judge(scene, history, plain, chosen.findings, effort.findings, effort.measured)
+    findings = [*effort.findings, *peak_findings(plain["contact"])]
+    found = judge(scene, history, plain, chosen.findings, findings, effort.measured)
     plain |= _plain(found)
     return plain
 
@@ -111,7 +110,7 @@ def contact_intervals(times: Floats, force: Floats, gap: Floats) -> list[list[fl
     Returns:
         Pairs [t_in, t_out] in seconds.
     """
-    on = np.concatenate([[False], force[1:] > _NO_FORCE * force.max(), [False]])
+    on = np.concatenate([[False], force[1:] > NO_FORCE * force.max(), [False]])
     changes = np.flatnonzero(on[1:] != on[:-1])
     shut = ~(gap > _SHUT * np.abs(gap).max())
     found = []

@@ -37,7 +37,9 @@ SUMMARY = {
     },
     "active_set": {"iterations", "set_changes", "converged"},
     "energy": {"initial", "final", "max_relative_drift"},
-    "contact": {"intervals", "max_force", "impulse", "max_penetration"},
+    "contact": {
+        "intervals", "max_force", "max_force_raw", "force_window", "impulse", "max_penetration",
+    },
     "error": {"reference", "displacement_max", "displacement_l2", "force_l1"},
 }  # fmt: skip
 

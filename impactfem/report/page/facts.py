@@ -1,6 +1,6 @@
 """Facts of a run, section by section: model, error, checks, contact, cost, versions, files."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from impactfem.methods import METHODS
@@ -99,6 +99,7 @@ def contact(result: Result) -> str:
     found = result.summary["contact"]
     rows = [
         ("Largest force", largest(found, "max_force", "N")),
+        *_raw_force(found),
         ("Impulse", quantity(found["impulse"], "N s")),
         ("Largest penetration", quantity(found["max_penetration"], "m", 3)),
     ]
@@ -119,6 +120,16 @@ def contact(result: Result) -> str:
     if not found["intervals"]:
         parts.append(paragraph("There was no contact."))
     return section("contact", "Contact", *parts)
+
+
+def _raw_force(found: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What the largest force is a mean over, and the largest of a single step."""
+    if not found.get("force_window") or found["max_force"] is None:
+        return []
+    return [
+        ("It is the mean over", quantity(found["force_window"], "s", 3)),
+        ("Largest force of one step", quantity(found["max_force_raw"], "N")),
+    ]
 
 
 def _intervals(intervals: Sequence[Sequence[float]], name: str) -> str:
