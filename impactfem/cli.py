@@ -11,7 +11,14 @@ from pathlib import Path
 
 from impactfem import commands
 from impactfem.commands import BAD_INPUT, DONE, FAILED, NOT_TRUSTED
-from impactfem.errors import ConvergenceError, FolderError, ImpactError, MeshError, SceneError
+from impactfem.errors import (
+    ConvergenceError,
+    FolderError,
+    ImpactError,
+    MeshError,
+    OutputError,
+    SceneError,
+)
 from impactfem.first_use import announce_to
 from impactfem.processes import abort, complain, end_together, join, rank, ranks, say
 from impactfem.signals import InterruptedRunError, listen
@@ -28,6 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     listen()
     code, reason, patience = DONE, "", 5.0
     try:
+        _check_present_folder()
         join()
         given = _parsed(arguments)
         code = given.action(given)
@@ -52,6 +60,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if code != DONE:
         end_together(code, reason, patience)
     return code
+
+
+def _check_present_folder() -> None:
+    """Refuse a present folder that is gone: PETSc and Matplotlib would end in tracebacks.
+
+    Raises:
+        OutputError: It is gone, or may not be read.
+    """
+    try:
+        Path.cwd()
+    except OSError as error:
+        raise OutputError(
+            f"the present folder cannot be used ({error.strerror}); change to another one (cd)"
+        ) from error
 
 
 def _prepare_streams() -> None:

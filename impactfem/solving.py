@@ -30,7 +30,7 @@ from impactfem.scene import Scene, Solid
 
 
 def solve(
-    scene: Scene,
+    scene: Scene | str | Path,
     *,
     progress: Progress | None = None,
     checkpoints: Path | None = None,
@@ -40,7 +40,7 @@ def solve(
     """Solve a scene.
 
     Args:
-        scene: What to model.
+        scene: What to model, or the file that says it.
         progress: Told of the stages; silent if None.
         checkpoints: Folder for checkpoints of a solid every ``output.checkpoint`` layers; it must
             exist.
@@ -59,6 +59,13 @@ def solve(
         OutputError: The checkpoint cannot be read or written.
         MissingDependencyError: DOLFINx or Gmsh is not installed.
     """
+    if isinstance(scene, str | Path):
+        scene = Scene.from_toml(scene)
+    if not isinstance(scene, Scene):
+        raise SceneError(
+            f"solve: it was given {type(scene).__name__}, not a Scene; make one by "
+            'Scene.from_toml("scene.toml"), Scene.from_dict(...) or Scene(...)'
+        )
     if settings:
         scene = scene.with_settings({f"solve.{key}": value for key, value in settings.items()})
     progress = progress or Progress()

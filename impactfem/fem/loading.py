@@ -1,6 +1,7 @@
 """DOLFINx, PETSc and MPI, loaded in the order they need, or a clear word about what is missing."""
 
 import functools
+import mmap
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,28 @@ except ImportError:  # DOLFINx 0.9
 
 # The type stubs of petsc4py, where there are any, refuse NumPy arrays and mpi4py communicators.
 PETSc: Any = _PETSc
+
+
+_ROOM = 320 * 2**20  # bytes; BLAS takes 128 MiB when it is first called
+
+
+def _check_room() -> None:
+    """Refuse a limit of the address space (``ulimit -v``) under which BLAS crashes.
+
+    Raises:
+        MissingDependencyError: There is no room.
+    """
+    private, unreserved = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS, 0x4000
+    try:
+        mmap.mmap(-1, _ROOM, flags=private | unreserved).close()
+    except OSError as error:
+        raise MissingDependencyError(
+            f"DOLFINx cannot work: {error.strerror}, less than {_ROOM >> 20} MiB of address space "
+            'are left; allow more (ulimit -v), or choose method = "exact" where a bar has it'
+        ) from error
+
+
+_check_room()
 
 
 def form_cache() -> Path:

@@ -17,6 +17,9 @@ from impactfem.scene import Scene
 
 Floats = NDArray[np.float64]
 
+# Share of the largest energy or gap that is but rounding of it.
+_ROUNDING = 1e-15
+
 # Share of the largest gap that counts as none.
 _SHUT = 1e-9
 
@@ -70,8 +73,8 @@ def summarise(
             "message": effort.message,
         },
         "energy": {
-            "initial": energy[0],
-            "final": energy[-1],
+            "initial": _cleared(energy[0], scale),
+            "final": _cleared(energy[-1], scale),
             "max_relative_drift": np.abs(growth).max(),
             "final_relative_drift": growth[-1],
             "max_relative_growth": max(0.0, growth.max()),
@@ -82,7 +85,9 @@ def summarise(
             "intervals": intervals,
             **largest_force(t, force, intervals, effort.force_window),
             "impulse": float(np.sum(force[1:] * np.diff(t))),
-            "max_penetration": max(0.0, -float(history["gap"].min())),
+            "max_penetration": _cleared(
+                max(0.0, -float(history["gap"].min())), np.abs(history["gap"].values).max()
+            ),
         },
         "error": asdict(errors) if errors else None,
         "details": effort.details,
@@ -93,6 +98,11 @@ def summarise(
     found = judge(scene, history, plain, chosen.findings, findings, effort.measured)
     plain |= _plain(found)
     return plain
+
+
+def _cleared(value: float, scale: float) -> float:
+    """A figure without what is but rounding of sums of a size."""
+    return 0.0 if abs(value) < _ROUNDING * scale else float(value)
 
 
 def contact_intervals(times: Floats, force: Floats, gap: Floats) -> list[list[float]]:

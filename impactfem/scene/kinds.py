@@ -9,10 +9,11 @@ from typing import Any, ClassVar, override
 
 import numpy as np
 
+from impactfem.errors import plain
 from impactfem.scene.formula import Formula
 from impactfem.scene.grammar import FormulaError
 from impactfem.scene.nearest import nearest
-from impactfem.scene.values import NotAllowedError, number, show, type_in_words
+from impactfem.scene.values import LEAST, NotAllowedError, number, show, type_in_words
 
 
 class Kind(ABC):
@@ -63,6 +64,8 @@ class Real(Kind):
         result = number(value)
         if self.above is not None and not result > self.above:
             raise NotAllowedError(f"it must be > {self.above:g}")
+        if self.above == 0.0 and result < LEAST:
+            raise NotAllowedError(f"it is below {LEAST:g}, which vanishes: give SI units")
         if self.at_least is not None and not result >= self.at_least:
             raise NotAllowedError(f"it must be >= {self.at_least:g}")
         if self.below is not None and not result < self.below:
@@ -118,8 +121,12 @@ class Line(Kind):
         if len(text) > self.max_length:
             raise NotAllowedError(f"it has {len(text)} characters")
         for character in text:
-            # Controls, lone surrogates (not writable as UTF-8) and line separators.
-            if unicodedata.category(character) in {"Cc", "Cs", "Zl", "Zp"}:
+            # Controls, lone surrogates (not writable as UTF-8) and line separators, and what turns
+            # the direction of writing: a text could then read as another one.
+            if (
+                unicodedata.category(character) in {"Cc", "Cs", "Zl", "Zp"}
+                or plain(character) != character
+            ):
                 raise NotAllowedError(f"it holds the control character U+{ord(character):04X}")
         return text
 

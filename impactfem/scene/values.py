@@ -36,11 +36,16 @@ class EntryNotAllowedError(NotAllowedError):
         return EntryNotAllowedError(f"[{index}]{self.place}", self.value, self.why)
 
 
+LEAST, MOST = 1e-50, 1e50
+"""Least size of what must be above 0, most of all: products and powers neither vanish nor
+overflow."""
+
+
 def number(value: object) -> float:
-    """Return a finite float.
+    """Return a finite float of a size that can be computed with.
 
     Raises:
-        NotAllowedError: for texts, booleans, NaN, infinity and everything else.
+        NotAllowedError: for texts, booleans, NaN, infinity, absurd sizes and everything else.
     """
     if isinstance(value, str):
         raise NotAllowedError("it is a text, write the number without quotes and without unit")
@@ -52,6 +57,10 @@ def number(value: object) -> float:
         result = math.inf
     if not math.isfinite(result):
         raise NotAllowedError("it is not a finite number below 1.8e308")
+    if abs(result) > MOST:
+        raise NotAllowedError(
+            f"it is beyond {MOST:g}, which cannot be computed with: give SI units"
+        )
     return result
 
 

@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -68,6 +69,26 @@ def test_an_archive_of_the_source_knows_its_version(source, tmp_path):
     archive = tmp_path / "archive"
     shutil.unpack_archive(tmp_path / "source.tar", archive, filter="data")
     assert version(archive) == "1.2.3"
+
+
+def test_an_archive_of_a_source_without_tags_has_a_development_version(source, tmp_path):
+    git("archive", "--output", str(tmp_path / "source.tar"), "HEAD", cwd=source)
+    shutil.unpack_archive(tmp_path / "source.tar", tmp_path / "archive", filter="data")
+    assert version(tmp_path / "archive").endswith(".dev0")
+
+
+def test_an_editable_install_is_seen_by_type_checkers(source, tmp_path):
+    """They read the folders that .pth files name, and run no code of a finder."""
+    (source / "impactfem").mkdir()
+    (source / "impactfem/__init__.py").touch()
+    for name in ("README.md", "LICENSE"):
+        (source / name).touch()
+    build = "import sys; from setuptools.build_meta import build_editable as b; b(sys.argv[1])"
+    run(sys.executable, "-c", build, str(tmp_path), cwd=source)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as file:
+        (path,) = [name for name in file.namelist() if name.endswith(".pth")]
+        assert Path(file.read(path).decode().strip()).resolve() == source.resolve()
 
 
 def test_a_shallow_clone_without_tags_is_a_development_version(source, tmp_path):

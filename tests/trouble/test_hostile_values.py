@@ -1,0 +1,98 @@
+"""Numbers of absurd size, folders that are gone, titles that deceive: a message, no traceback."""
+
+import shutil
+from contextlib import suppress
+
+import pytest
+from trouble_process import run
+
+import impactfem
+from impactfem import Scene
+from impactfem.errors import SceneError
+from impactfem.planning import plan
+from impactfem.shipped import shipped_scenes
+
+HOSTILE = (
+    5e-324, 1e-308, 1e-160, 1e-50, -1e50, 1e50, 1e160, 1e308, 10**400, float("inf"), float("nan"),
+)  # fmt: skip
+
+
+def numbers(table, path=""):
+    """Keys of all numbers in a scene."""
+    if isinstance(table, bool | str):
+        return
+    if isinstance(table, int | float):
+        yield path[1:]
+        return
+    entries = table.items() if isinstance(table, dict) else enumerate(table)
+    for key, value in entries:
+        yield from numbers(value, f"{path}.{key}")
+
+
+@pytest.mark.parametrize("name", ["bar_impact", "two_bars", "bouncing_ball", "dropped_beam"])
+def test_every_number_of_a_scene_of_every_kind(name):
+    scene = Scene.from_toml(shipped_scenes()[name])
+    for key in numbers(scene.to_dict()):
+        for value in HOSTILE:
+            with suppress(SceneError):
+                plan(scene.with_settings({key: value}))
+
+
+def test_a_scene_is_asked_for(tmp_path):
+    for wrong in (None, {"title": "a"}, 3):
+        with pytest.raises(SceneError, match="not a Scene; make one by"):
+            impactfem.solve(wrong)
+    path = tmp_path / "mine.toml"
+    shutil.copy(shipped_scenes()["bar_impact"], path)
+    for given in (path, str(path)):
+        assert impactfem.solve(given, method="exact").summary["status"] == "completed"
+    with pytest.raises(SceneError, match="nothing"):
+        impactfem.solve(tmp_path / "nothing.toml")
+
+
+@pytest.mark.parametrize("code", [0x202A, 0x202E, 0x2066, 0x2069])
+def test_a_title_does_not_turn_the_direction_of_writing(code):
+    scene = Scene.from_toml(shipped_scenes()["bar_impact"])
+    with pytest.raises(SceneError, match=f"control character U\\+{code:04X}"):
+        scene.with_settings({"title": f"safe {chr(code)}txt.exe"})
+    assert scene.with_settings({"title": "שלום"}).title == "שלום"  # letters do as they like
+
+
+@pytest.mark.parametrize("command", ["doctor", "scenes"])
+def test_a_present_folder_that_is_gone(tmp_path, command):
+    (tmp_path / "gone").mkdir()
+    (tmp_path / "main.py").write_text(
+        "import os, sys\n"
+        "from impactfem.cli import main\n"
+        "os.chdir('gone')\n"
+        "os.rmdir(os.getcwd())\n"
+        f"sys.exit(main(['{command}']))\n"
+    )
+    code, out, err = run(tmp_path, "main.py")
+    assert (code, out) == (1, "")
+    assert err == (
+        "impactfem: the present folder cannot be used (No such file or directory); change to "
+        "another one (cd)\n"
+    )
+
+
+def test_too_little_address_space_is_said(tmp_path):
+    pytest.importorskip("dolfinx")
+    (tmp_path / "main.py").write_text(
+        "import resource, sys\n"
+        "from impactfem.fem import loading\n"
+        "size = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (size + 2**27, size + 2**27))\n"
+        "try:\n"
+        "    loading._check_room()\n"
+        "except loading.MissingDependencyError as error:\n"
+        "    sys.exit(str(error))\n"
+    )
+    code, _, err = run(tmp_path, "main.py")
+    assert code == 1
+    assert "320 MiB of address space are left; allow more (ulimit -v)" in err
+
+
+def test_rounding_is_no_energy():
+    scene = Scene.from_toml(shipped_scenes()["oscillator"])
+    assert impactfem.solve(scene).summary["energy"]["final"] == 0.0
