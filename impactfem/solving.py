@@ -7,18 +7,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import xarray as xr
+
 from impactfem.errors import SceneError
 from impactfem.log import Progress
 from impactfem.methods import METHODS
 from impactfem.planning import BarRowPlan, Plan, SolidPlan, VibroPlan, plan
 from impactfem.planning.bar_errors import rounding_findings
 from impactfem.provenance import run_record
+from impactfem.reference.bar import Errors, exact_bar, exact_curves, measure
 from impactfem.reference.bar import contact_figures as contact_figures_of_bar
-from impactfem.reference.bar import exact_bar, exact_curves, measure
 from impactfem.reference.bar_row import exact_row_if_known
 from impactfem.reference.rounding import rounding_of_exact
 from impactfem.result import Result
-from impactfem.result.bar_motion import bar_fields, bar_history
+from impactfem.result.bar_motion import Effort, bar_fields, bar_history
 from impactfem.result.bar_row_motion import row_fields, row_history
 from impactfem.result.solid_motion import solid_history
 from impactfem.runs.bar_rows import contact_figures, measure_row, row_curves, run_bar_row
@@ -159,6 +161,7 @@ def _solve_bodies(scene: Scene, chosen: SolidPlan, progress: Progress) -> Result
         method=chosen.method,
         courant=chosen.courant if scene.solve.dt is None else None,
         normals=chosen.normals,
+        estimate=chosen.estimate,
         linear_solver=None if chosen.linear_solver == "none" else chosen.linear_solver,
     )
     solids = [body for body in scene.bodies if isinstance(body, Solid)]
@@ -166,8 +169,23 @@ def _solve_bodies(scene: Scene, chosen: SolidPlan, progress: Progress) -> Result
         replace(body, degree=degree) for body, degree in zip(solids, degrees(scene), strict=True)
     )
     used = replace(scene, bodies=bodies, solve=settings)
-    summary = summarise(scene, chosen, motion.history, motion.effort, None, cost)
+    errors, effort = _estimated(
+        used, chosen, motion.history, motion.effort, progress, is_finite=motion.is_finite
+    )
+    summary = summarise(scene, chosen, motion.history, effort, errors, cost)
     return Result(used, motion.history, summary, fields)
+
+
+def _estimated(
+    used: Scene, chosen: SolidPlan, history: xr.Dataset, effort: Effort, progress: Progress,
+    *, is_finite: bool,
+) -> tuple[Errors | None, Effort]:  # fmt: skip
+    """The estimated errors of solids, and the effort with what told them."""
+    if not (chosen.estimate and is_finite and effort.converged):
+        return None, effort
+    progress.step("estimating the error on other elements")
+    errors, note = estimate_error(used, chosen, history)
+    return errors, replace(effort, details={**effort.details, "error_estimate": note})
 
 
 def _solve_solid(
@@ -182,17 +200,13 @@ def _solve_solid(
     start = time.perf_counter()
     motion, fields = run_solid(scene, chosen, progress, checkpoints=checkpoints, restart=restart)
     cost = _cost(time.perf_counter() - start)
-    errors, details = None, dict(motion.effort.details)
-    if chosen.estimate and motion.is_finite and motion.effort.converged:
-        progress.step("estimating the error on elements twice as large")
-        errors, note = estimate_error(scene, chosen, motion)
-        details["error_estimate"] = note
     unknowns = max(1, motion.effort.num_unknowns)
-    details["memory_per_unknown_kib"] = cost.memory_mib * 1024 / unknowns
-    history = solid_history(motion, scene.solid.name)
-    effort = replace(motion.effort, details=details)
+    details = {"memory_per_unknown_kib": cost.memory_mib * 1024 / unknowns}
+    effort = replace(motion.effort, details={**motion.effort.details, **details})
+    history, used = solid_history(motion, scene.solid.name), _solid_as_used(scene, chosen)
+    errors, effort = _estimated(used, chosen, history, effort, progress, is_finite=motion.is_finite)
     return Result(
-        _solid_as_used(scene, chosen),
+        used,
         history,
         summarise(scene, chosen, history, effort, errors, cost),
         fields,

@@ -1,6 +1,7 @@
 """Meshes of bodies from a user's .msh, .geo or STEP file, with their faults reported."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -78,6 +79,33 @@ def read_body(
             'and volumes Transfinite and Recombine them, or use cells = "simplex"'
         )
     return replace(raw, points=unit * raw.points)
+
+
+@contextmanager
+def refined(comm: Any, path: Path, dim: int) -> Iterator[str]:
+    """A mesh file with each element cut into four (3D: eight), as a temporary file (collective).
+
+    Args:
+        comm: MPI communicator; rank 0 makes it.
+        path: ``.geo`` or ``.msh``.
+        dim: Dimension of the elements.
+
+    Yields:
+        Its path, absolute; only rank 0 may read it.
+
+    Raises:
+        MeshError: The file cannot be read, or its curves would be lost; on every rank.
+    """
+    job = Job(key="body.mesh", endings=_ENDINGS, dim=dim, cut=True)
+    with ExitStack() as files:
+
+        def cut() -> str:
+            found = files.enter_context(opened(path, job))
+            if found.holdings.is_curved:
+                raise MeshError(f"mesh file {path}: curved elements cannot be cut into smaller")
+            return str(found.path)
+
+        yield fem.on_root(comm, cut)
 
 
 def _options(
@@ -165,7 +193,8 @@ class _Reader:
                 f"its geometry is of order {holdings.order}, but straight: read as {raw.degree}"
             )
         left = "".join(f"; {text}" for text in unused)
-        return Source(f"{self.path.name}: {holdings.told(uses)}{left}", tuple(unused))
+        text = f"{self.path.name}: {holdings.told(uses)}{left}"
+        return Source(text, tuple(unused), holdings.is_curved)
 
     def _body_entities(self) -> list[int]:
         """Gmsh's tags of the parts of the body: all, or those in physical groups."""

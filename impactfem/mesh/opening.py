@@ -166,6 +166,8 @@ try:
         grade()
         gmsh.model.mesh.generate(dim)
     found = holdings()
+    if job["cut"]:
+        gmsh.model.mesh.refine()
     kinds = [int(kind) for kind in gmsh.model.mesh.getElementTypes(dim)]
     if degree and kinds and not set(kinds) <= set(job["kinds"]):
         gmsh.option.setNumber("Mesh.SecondOrderIncomplete", 0)
@@ -201,6 +203,7 @@ class Job:
         options: Gmsh's options for meshing geometry.
         balls: Parameters of Gmsh's fields "Ball", of which the least is the mesh size.
         unit: Length in the file [m], for messages.
+        cut: Whether each element is cut into smaller ones of the same kind.
     """
 
     key: str = "solve.mesh"
@@ -212,6 +215,7 @@ class Job:
     options: Mapping[str, float] = field(default_factory=dict)
     balls: tuple[Mapping[str, float], ...] = ()
     unit: float = 1.0
+    cut: bool = False
 
 
 SPACE_TIME = Job()
@@ -355,6 +359,7 @@ def _convert(path: Path, source: Path, target: Path, job: Job) -> None:
         "dim": job.dim, "degree": job.degree, "kinds": job.kinds, "options": dict(job.options),
         "balls": [dict(ball) for ball in job.balls],
         "size": job.options.get("Mesh.MeshSizeMax"), "most": _MOST_ALONG, "unit": job.unit,
+        "cut": job.cut,
         "seconds": int(_SECONDS + _SECONDS_PER_MIB * source.stat().st_size / 2**20),
         "bytes": _BYTES + _BYTES_PER_BYTE * source.stat().st_size,
     })  # fmt: skip

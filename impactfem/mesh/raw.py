@@ -23,10 +23,12 @@ class Source:
     Attributes:
         text: What it holds and what of it is used.
         unused: What is left out, one sentence each.
+        is_curved: Whether its elements are curved.
     """
 
     text: str
     unused: tuple[str, ...] = ()
+    is_curved: bool = False
 
 
 @dataclass(frozen=True)

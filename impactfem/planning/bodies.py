@@ -1,6 +1,7 @@
 """The plan of several solids that may strike each other."""
 
 from impactfem.errors import SceneError
+from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.sliding import choose_sliding, findings_of, told_pairs
 from impactfem.planning.solid_choices import (
     COURANT,
@@ -18,7 +19,7 @@ from impactfem.planning.solid_costs import (
     memory_mib,
     seconds,
 )
-from impactfem.planning.solids import SolidPlan, in_words, measured
+from impactfem.planning.solids import SolidPlan, in_words, is_curved, left_out, measured
 from impactfem.planning.wholes import find_whole
 from impactfem.scene import Scene, Solid
 
@@ -42,7 +43,8 @@ def plan_bodies(scene: Scene) -> SolidPlan:
     model = bodies_model(scene, each_degree, updated=scene.solve.normals == "updated")
     if choose_sliding(model, reasons) and not model.updated:
         model = bodies_model(scene, each_degree, updated=True)
-    sizes = [measured(p.solid, p.mesh, p.degree)[0] for p in model.parts]
+    found = [measured(p.solid, p.mesh, p.degree) for p in model.parts]
+    sizes = [size for size, _ in found]
     method = _method(scene, each_degree, reasons)
     if model.updated:
         exact, order = "energy exact", "energy right to first order in step and faces"
@@ -58,7 +60,17 @@ def plan_bodies(scene: Scene) -> SolidPlan:
         NATURAL_STEP * size.least / s.p_wave_speed for s, size in zip(solids, sizes, strict=True)
     ]
     count = layers or scene.duration / min(fastest)
-    each = [seconds(size, count, 0, solver, model.comm.size) for size in sizes]
+
+    def cost(factor: float) -> float:
+        return sum(
+            seconds(size.scaled(factor), count / factor, 0, solver, model.comm.size)
+            for size in sizes
+        )
+
+    estimate, more = choose_estimate(
+        scene, solids, [min(extents) for _, extents in found],
+        any(is_curved(part.mesh) for part in model.parts), cost, reasons,
+    )  # fmt: skip
     return SolidPlan(
         method=method,
         model="; ".join(
@@ -80,11 +92,14 @@ def plan_bodies(scene: Scene) -> SolidPlan:
         contact_pairs=model.contact_count,
         unknowns=model.unknowns,
         memory_mib=sum(memory_mib(size, solver) for size in sizes),
-        seconds=sum(each),
-        estimate=False,
+        seconds=cost(1.0) + more,
+        estimate=estimate,
         whole=find_whole(scene, model.parts, reasons),
         reasons=reasons,
-        findings=findings_of(model),
+        findings=(
+            *findings_of(model),
+            *(note for part in model.parts for note in left_out(part.solid, part.mesh)),
+        ),
     )
 
 

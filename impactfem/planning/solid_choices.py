@@ -33,7 +33,6 @@ _SLENDER = 10.0
 _RINGING = 5.0  # p waves over s waves from which the noise of the mesh shows in the force
 _LONG = 100.0  # transits of a wave from which energy must be kept to rounding
 _DIRECT = {2: 1_000_000, 3: 200_000}  # unknowns up to which a factorisation is cheapest
-_ACROSS = 3.0  # elements across the body that a coarser mesh must keep
 
 _WARNINGS: Mapping[str, str] = {
     "newmark": (
@@ -145,14 +144,6 @@ def slenderness(solid: Solid) -> float | None:
     elif isinstance(shape, Ring):
         sizes = [2.0 * shape.radius, shape.radius - shape.inner_radius]
     return max(sizes) / min(sizes)
-
-
-def extents(solid: Solid) -> tuple[float, ...] | None:
-    """Edges of the box around what is modelled [m]; None with a mesh file."""
-    if solid.shape is None:
-        return None
-    lower, upper = solid.shape.bounds(axisymmetric=solid.is_axisymmetric)
-    return tuple(b - a for a, b in zip(lower, upper, strict=True))
 
 
 def choose_method(scene: Scene, size: Size, largest: float, reasons: dict[str, str]) -> str:
@@ -328,44 +319,6 @@ def choose_linear_solver(scene: Scene, method: str, size: Size, reasons: dict[st
         f"{size.unknowns} unknowns are more than the {limit:.3g} up to which factors are small"
     )
     return "gamg"
-
-
-def choose_estimate(scene: Scene, smallest: float | None, reasons: dict[str, str]) -> bool:
-    """Whether a second run on a mesh twice as coarse can tell the error.
-
-    Args:
-        scene: The scene.
-        smallest: Smallest extent of the shape [m]; None with a mesh file.
-        reasons: Gets the reason.
-
-    Raises:
-        SceneError: It is asked for, but the mesh cannot be made coarser.
-    """
-    asked, solid = scene.solve.estimate, scene.solid
-    if asked is False:
-        reasons["estimate"] = "as asked"
-        return False
-    if solid.mesh_size is None:
-        if asked:
-            raise SceneError(
-                f"solve.estimate = true: the elements of {solid.mesh} cannot be made coarser; give "
-                "a shape, a STEP file or a .geo file with mesh_size, or run two meshes yourself"
-            )
-        reasons["estimate"] = "no: the elements of a mesh file cannot be made coarser"
-        return False
-    if asked:
-        reasons["estimate"] = "as asked"
-        return True
-    if smallest is None:
-        reasons["estimate"] = "no: with a geometry file only if asked for"
-        return False
-    if smallest < _ACROSS * 2.0 * solid.mesh_size:
-        reasons["estimate"] = (
-            f"no: elements twice as large would leave fewer than {_ACROSS:.0f} across the body"
-        )
-        return False
-    reasons["estimate"] = "a second run on elements twice as large costs a fraction of the first"
-    return True
 
 
 def method_findings(method: str, courant: float | None) -> list[Finding]:

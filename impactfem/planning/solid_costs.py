@@ -2,7 +2,7 @@
 
 import math
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from impactfem.errors import SceneError
 from impactfem.scene.solids import Solid
@@ -65,6 +65,13 @@ class Size:
         """Entries of the stiffness."""
         neighbours = _NEIGHBOURS[self.dim, self.degree, self.cells]
         return self.unknowns * self.dim * neighbours
+
+    def scaled(self, factor: float) -> "Size":
+        """The same body with elements so many times as large."""
+        nodes = max(1, round(self.nodes / factor**self.dim))
+        return replace(
+            self, nodes=nodes, mesh_size=factor * self.mesh_size, least=factor * self.least
+        )
 
 
 def keeps_volume(solid: Solid) -> bool:

@@ -7,15 +7,14 @@ import numpy as np
 
 from impactfem.findings import Finding, warning
 from impactfem.planning.card import Foresees
+from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.normals import choose_normals, rotation_findings
 from impactfem.planning.offers import offers
 from impactfem.planning.solid_choices import (
     choose_degree,
-    choose_estimate,
     choose_linear_solver,
     choose_method,
     choose_steps,
-    extents,
     method_findings,
     ringing_findings,
 )
@@ -66,8 +65,8 @@ class SolidPlan(Foresees):
         contact_pairs: Nodes that can touch an obstacle.
         unknowns: Displacement components.
         memory_mib: Estimated peak memory [MiB].
-        seconds: Estimated time [s], output excluded.
-        estimate: Whether the error is estimated by a second run.
+        seconds: Estimated time [s], that of the runs for the error included, output excluded.
+        estimate: Whether the error is estimated by runs on other elements.
         whole: What is told of, if planes of symmetry leave only a part to be computed.
         reasons: Why each choice was made, by key; "offer ..." are cheaper models of the scene.
     """
@@ -111,14 +110,13 @@ def plan_solid(scene: Scene) -> SolidPlan:
     model = solid_model(scene, degree)
     if model.mesh.source is not None:
         reasons["mesh"] = model.mesh.source.text
-    size, extent = measured(solid, model.mesh, degree)
-    sizes = extents(solid)
-    method = choose_method(scene, size, extent, reasons)
+    findings += left_out(solid, model.mesh)
+    size, extents = measured(solid, model.mesh, degree)
+    method = choose_method(scene, size, max(extents), reasons)
     steps = choose_steps(scene, method, size, reasons)
     linear_solver = choose_linear_solver(scene, method, size, reasons)
     normals = choose_normals(scene, model.contact.gap, model.contact.normal, reasons)
     findings += rotation_findings(scene) + ringing_findings(solid, method, size)
-    estimate = choose_estimate(scene, None if sizes is None else min(sizes), reasons)
     for number, text in enumerate(model.contact.why, 1):
         if text.startswith(_WARNING):
             findings.append(warning("meets_nothing", text.removeprefix(_WARNING), solid.name))
@@ -129,7 +127,14 @@ def plan_solid(scene: Scene) -> SolidPlan:
     count = steps.layers or scene.duration * solid.p_wave_speed / (
         (steps.courant or 1.0) / 0.9 * NATURAL_STEP * size.least
     )
-    time = seconds(size, count, model.contact.count, linear_solver, model.comm.size)
+
+    def cost(factor: float) -> float:
+        contact = round(model.contact.count / factor ** (solid.dim - 1))
+        return seconds(size.scaled(factor), count / factor, contact, linear_solver, model.comm.size)
+
+    estimate, more = choose_estimate(
+        scene, [solid], [min(extents)], is_curved(model.mesh), cost, reasons
+    )
     return SolidPlan(
         method=method,
         model=in_words(solid, size),
@@ -147,7 +152,7 @@ def plan_solid(scene: Scene) -> SolidPlan:
         contact_pairs=model.contact.count,
         unknowns=size.unknowns,
         memory_mib=memory_mib(size, linear_solver),
-        seconds=time * (1.0 + 0.5 ** (solid.dim + 1) * estimate),
+        seconds=cost(1.0) + more,
         estimate=estimate,
         whole=find_whole(scene, [model], reasons),
         reasons=reasons,
@@ -155,8 +160,19 @@ def plan_solid(scene: Scene) -> SolidPlan:
     )
 
 
-def measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, float]:
-    """Size of the discretised body and its largest extent [m] (collective)."""
+def left_out(solid: Solid, body_mesh: Any) -> list[Finding]:
+    """What of a body's mesh file is not used."""
+    texts = () if body_mesh.source is None else body_mesh.source.unused
+    return [Finding("mesh_file", "note", text, solid.name) for text in texts]
+
+
+def is_curved(body_mesh: Any) -> bool:
+    """Whether a mesh comes from a file with curved elements."""
+    return body_mesh.source is not None and body_mesh.source.is_curved
+
+
+def measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, tuple[float, ...]]:
+    """Size of the discretised body and the edges of the box around it [m] (collective)."""
     from impactfem.fem import MPI, cell_nodes  # noqa: PLC0415
 
     mesh, dim = body_mesh.mesh, body_mesh.gdim
@@ -177,7 +193,7 @@ def measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, float]:
     # Rounded, since sums depend on the number of ranks and the time step follows from the size.
     mesh_size = solid.mesh_size or float(f"{mean:.6g}")
     size = Size(body_mesh.num_nodes, dim, degree, kind, mesh_size, float(least))
-    return size, float((high - low).max())
+    return size, tuple((high - low).tolist())
 
 
 def in_words(solid: Solid, size: Size) -> str:

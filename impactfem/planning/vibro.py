@@ -104,7 +104,7 @@ def plan_vibro(scene: Scene) -> VibroPlan:
         penalty_integrator=(solve.penalty_integrator or "lsoda") if stiffness else None,
         estimate=estimate,
         memory_mib=memory,
-        seconds=_seconds(model, method, steps),
+        seconds=_seconds(model, method, steps, estimate=estimate),
         reasons=reasons,
         findings=tuple(_findings(scene, model, method)),
     )
@@ -198,13 +198,15 @@ def _memory(scene: Scene, steps: int) -> float:
     return memory
 
 
-def _seconds(model: "VibroModel", method: str, steps: int) -> float | None:
+def _seconds(model: "VibroModel", method: str, steps: int, *, estimate: bool) -> float | None:
     """Time of the run; micro-seconds a step as measured in benchmarks/vibro_speed.py."""
     if method == "event_driven":
         return None
     if method == "penalty":
         return 2e-3 * steps
     d = model.system.dofs
+    if estimate and model.beam is not None:
+        steps *= 3  # a run with half the step
     return steps * (1e-7 * d * d + 1e-6 if hasattr(model.system, "stiffness") else 2e-4)
 
 

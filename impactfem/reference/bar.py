@@ -1,6 +1,6 @@
 """The exact solution of a scene, as a reference for errors and as a method of its own."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -85,6 +85,15 @@ class Errors:
     displacement_max: float
     displacement_l2: float
     force_l1: float
+
+    def times(self, motion: float, force: float) -> "Errors":
+        """Those of the motion and that of the force multiplied."""
+        return replace(
+            self,
+            displacement_max=motion * self.displacement_max,
+            displacement_l2=motion * self.displacement_l2,
+            force_l1=force * self.force_l1,
+        )
 
 
 def measure(motion: "BarMotion", exact: ExactBar) -> Errors:

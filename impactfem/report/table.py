@@ -49,7 +49,7 @@ def _solid_rows(plan: SolidPlan) -> list[tuple[str, str]]:
         ("normals", plan.normals),
         ("active set", f"{plan.active_set}, {numbers}"),
         ("unknowns", f"{plan.unknowns} ({plan.contact_pairs} contact pairs)"),
-        ("estimate", "the error, by a second run" if plan.estimate else "none"),
+        ("estimate", "the error, by further runs" if plan.estimate else "none"),
         *_cost_rows(plan.memory_mib, plan.seconds),
     ]
 
@@ -82,7 +82,7 @@ def _vibro_rows(plan: VibroPlan) -> list[tuple[str, str]]:
             "that of the restitution" if plan.penalty_damping is None else plan.penalty_damping
         )
         rows.append(("penalty", f"k = {plan.penalty_stiffness:g} 1/s^2, alpha: {damping}"))
-    rows.append(("estimate", "the error, by a second run" if plan.estimate else "none"))
+    rows.append(("estimate", "the error, by further runs" if plan.estimate else "none"))
     rows.append(("memory", f"about {plan.memory_mib:.2g} MiB"))
     unknown = "depends on the number of impacts"
     rows.append(("time", unknown if plan.seconds is None else f"about {plan.seconds:.2g} s"))

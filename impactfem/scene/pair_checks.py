@@ -29,12 +29,10 @@ def check_pairs(scene: "Scene") -> None:
         _check_contact(scene, contact, f"contact[{index}]")
         for earlier in range(index):
             _check_twice(scene.contacts[earlier], contact, f"contact[{earlier}]", index)
-    for name, why in (("active_set", "snes_vi works on one solid"), ("estimate", "")):
-        value = getattr(scene.solve, name)
-        if value in {None, False, "pdas"}:
-            continue
-        text = f" = {show(value)} is not available for several solids"
-        raise KeyedError("solve", name, f"{text}{': ' * bool(why)}{why}: remove it.")
+    active_set = scene.solve.active_set
+    if active_set not in {None, "pdas"}:
+        text = f" = {show(active_set)} is not available for several solids: it works on one"
+        raise KeyedError("solve", "active_set", f"{text}; remove it.")
     if scene.output.checkpoint:
         text = f" = {scene.output.checkpoint}: several solids are not checkpointed; remove it."
         raise KeyedError("output", "checkpoint", text)

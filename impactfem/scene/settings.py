@@ -95,8 +95,8 @@ class Solve:
     )
     estimate: bool | None = key(
         Switch(),
-        "whether the error is estimated by a second run: on a mesh twice as coarse (solid), by "
-        "another method or step (point, rod, beam)",
+        "whether the error is estimated by further runs: on elements twice and four times as large "
+        "(solids; half as large, of a mesh file), by another method or step (point, rod, beam)",
         default=None,
     )
 

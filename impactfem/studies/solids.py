@@ -29,7 +29,7 @@ def attempts_at(scene: Scene, sizes: Sequence[int]) -> Attempt:
     """
     finest = 2 * max(sizes)
     reference = solve(_sized(scene, finest, {"method": REFERENCE_METHOD}))
-    track = Track.of_history(reference.history, scene.solid.name)
+    track = Track.of_history(reference.history, [scene.solid.name])
     name = f"{REFERENCE_METHOD} with {finest} elements along the body"
 
     def attempt(case: Scene, variant: Variant, elements: int) -> Any:
@@ -38,7 +38,7 @@ def attempts_at(scene: Scene, sizes: Sequence[int]) -> Attempt:
             result = solve(_sized(case, elements, settings))
         except ImpactError as error:
             return error
-        found = difference(track, Track.of_history(result.history, case.solid.name), name)
+        found = difference(track, Track.of_history(result.history, [case.solid.name]), name)
         return replace(result, summary={**result.summary, "error": asdict(found)})
 
     return attempt
@@ -53,6 +53,6 @@ def _sized(scene: Scene, elements: int, settings: dict[str, Any]) -> Scene:
         )
     lower, upper = solid.shape.bounds(axisymmetric=solid.is_axisymmetric)
     extent = max(b - a for a, b in zip(lower, upper, strict=True))
-    case = resized(scene, extent / elements / solid.mesh_size)
     chosen = {k: v for k, v in settings.items() if k != "elements"} | {"estimate": False}
-    return case.with_settings({f"solve.{key}": value for key, value in chosen.items()})
+    with resized(scene, extent / elements / solid.mesh_size) as case:
+        return case.with_settings({f"solve.{key}": value for key, value in chosen.items()})

@@ -53,7 +53,7 @@ def test_run_writes_result_and_error_estimate(disc, command, work):
     assert {"scene.toml", "history.csv", "history.nc", "fields.vtkhdf", "summary.json"} <= {
         path.name for path in folder.iterdir()
     }
-    assert "elements twice as large" in done.out
+    assert "elements twice and four times as large" in done.out
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["status"] == "completed"
     assert summary["num_steps"] == summary["details"]["layers"]

@@ -1,11 +1,14 @@
 """Differences of two runs, against closed forms."""
 
+import math
+
 import numpy as np
 import pytest
 from solid_scenes import solid_scene
 
-from impactfem.planning import plan
-from impactfem.runs.error_estimate import Track, difference, resized
+import impactfem
+from impactfem.reference.bar import Errors
+from impactfem.runs.error_estimate import Track, difference, extrapolated, resized
 
 
 def track(layers, height, force):
@@ -51,8 +54,74 @@ def test_only_the_time_both_have_counts():
 def test_resized_scene_has_all_sizes_scaled():
     ball = {"point": [0.0, 0.0], "radius": 0.1, "size": 0.01}
     scene = solid_scene(refine=[ball], solve={"method": "massless", "dt": 0.01})
-    coarse = resized(scene, 2.0, plan(scene).degree)
-    assert coarse.solid.mesh_size == 0.25
-    assert coarse.solid.refine[0].size == 0.02
-    assert coarse.solid.degree == 1
-    assert coarse.solve.dt is None
+    with resized(scene, 2.0) as coarse:
+        assert coarse.solid.mesh_size == 0.25
+        assert coarse.solid.refine[0].size == 0.02
+        assert coarse.solve.dt is None
+
+
+def errors(displacement, force=0.1):
+    return Errors("", displacement, displacement, force)
+
+
+@pytest.mark.parametrize("order", [0.5, 0.7, 1.0, 1.5, 2.0, 3.0])
+def test_errors_of_any_usual_order_are_told_within_half_and_ten_times(order):
+    """With e = C h^p; two runs alone would tell .4 of the error of order 1/2."""
+    near = 2.0**order - 1.0
+    found, note = extrapolated(errors(near, near), errors(near * 2.0**order, near * 2.0**order))
+    for told in (found.displacement_max, found.displacement_l2, found.force_l1):
+        assert 0.8 <= told <= (3.0 if order <= 2.0 else 10.0)
+    assert "from runs on larger elements" in note["message"]
+
+
+def test_differences_that_do_not_fall_tell_no_error():
+    found, note = extrapolated(errors(0.1), errors(0.124))
+    assert found is None
+    assert "what does not fall by 1.25 tells no error" in note["message"]
+    assert extrapolated(errors(0.1), errors(0.126))[0] is not None
+    assert extrapolated(errors(0.1), errors(math.nan))[0] is None
+    same, _ = extrapolated(errors(1e-14), errors(1e-16))  # rounding
+    assert same.displacement_max == 1e-14
+
+
+def test_an_irregular_motion_has_no_error_and_the_verdict_says_why():
+    """A square that bounces: on coarse elements each rebound falls otherwise."""
+    scene = solid_scene(
+        duration=15.0, gravity=[0.0, -0.02], velocity=[0.0, 0.0],
+        shape={"kind": "block", "size": [1.0, 1.0], "corner": [-0.5, 0.1]},
+        solve={"method": "explicit", "normals": "fixed"},
+    )  # fmt: skip
+    summary = impactfem.solve(scene).summary
+    assert summary["error"] is None
+    (found,) = (f for f in summary["verdict"]["findings"] if f["code"] == "no_estimate")
+    assert found["severity"] == "warning"
+    assert "what does not fall by 1.25 tells no error" in found["text"]
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_several_bodies_tell_their_error(friction):
+    blocks = [
+        {
+            "name": name, "kind": "solid", "model": "plane_strain", "mesh_size": 0.05,
+            "shape": {"kind": "block", "size": [1.0, 0.4], "corner": [left, 0.0]},
+            "cells": "hexahedron", "density": 1.0, "youngs_modulus": 1.0, "poisson_ratio": 0.0,
+            "velocity": [speed, 0.0],
+        }
+        for name, left, speed in (("left", 0.0, 0.1), ("right", 1.02, 0.0))
+    ]  # fmt: skip
+    contact = {"between": ["left", "right"], "friction_coefficient": friction}
+    scene = impactfem.Scene.from_dict({
+        "title": "blocks", "duration": 3.0, "body": blocks, "contact": [contact],
+        "output": {"fields": []},
+    })  # fmt: skip
+    plan = impactfem.plan(scene)
+    result = impactfem.solve(scene)
+    assert plan.estimate
+    assert result.scene.solve.estimate
+    # d'Alembert: one pulse of 1/20 of the modulus, from .2 s to 2.2 s.
+    mass, time = 0.4, result.history["time"].values
+    gained = 0.02 * np.clip(time - 0.2, 0.0, 2.0) / mass
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (gained[1:] + gained[:-1]) * np.diff(time))])
+    apart = result.history["right.x"].values - result.history["right.x"].values[0] - way
+    true = np.abs(apart).max() * math.sqrt(2.0) / np.hypot(way, 0.1 * time - way).max()
+    assert 0.5 <= result.summary["error"]["displacement_max"] / true <= 10.0

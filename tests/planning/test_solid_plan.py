@@ -151,6 +151,8 @@ def test_estimate_needs_elements_that_can_be_made_coarser():
     coarse = impactfem.plan(solid_scene(mesh_size=0.25))
     assert not coarse.estimate
     assert "fewer than 3" in coarse.reasons["estimate"]
+    fine, alone = (impactfem.plan(solid_scene(solve={"estimate": e})) for e in (True, False))
+    assert alone.seconds < fine.seconds < 3.0 * alone.seconds
     assert not impactfem.plan(solid_scene(solve={"estimate": False})).estimate
     assert impactfem.plan(solid_scene(mesh_size=0.25, solve={"estimate": True})).estimate
 
@@ -169,16 +171,16 @@ def test_planned_runs_keep_their_energy_and_tell_their_error():
     assert summary["status"] == "completed"
     assert not summary["energy"]["grows"]
     assert summary["details"]["contact_nodes"] == summary["plan"]["contact_pairs"]
-    assert summary["error"]["reference"].startswith("same scene on elements twice as large")
+    assert "elements twice and four times as large" in summary["error"]["reference"]
     assert summary["error"]["displacement_max"] < summary["error"]["force_l1"] < 0.3
 
 
-def test_estimated_error_bounds_that_against_a_finer_mesh():
+def test_estimated_error_is_of_the_size_of_that_against_a_finer_mesh():
     estimate = impactfem.solve(solid_scene(mesh_size=0.1)).summary["error"]
     study = impactfem.work_precision(solid_scene(), ["explicit"], [10], 1)
     true = study.rows[0]
-    assert true.displacement_max <= estimate["displacement_max"]
-    assert true.force_l1 <= estimate["force_l1"]
+    for name in ("displacement_max", "displacement_l2", "force_l1"):
+        assert 0.5 <= estimate[name] / getattr(true, name) <= 10.0
 
 
 def test_negative_control_ends_as_unstable():

@@ -113,7 +113,6 @@ SETTINGS = {
     ),
     "names": ({"body": [block("left", 0.0)] * 2}, ['body[1].name = "left"', "another name"]),
     "checkpoint": ({"output": {"checkpoint": 5}}, ["output.checkpoint = 5", "remove it"]),
-    "estimate": ({"solve": {"estimate": True}}, ["solve.estimate = true", "several", "remove it"]),
     "snes": ({"solve": {"active_set": "snes_vi"}}, ['solve.active_set = "snes_vi"', "remove it"]),
 }
 

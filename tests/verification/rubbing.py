@@ -27,7 +27,7 @@ def rubbing(bodies, contacts, duration, gravity=None, obstacles=(FLOOR,), **solv
             "body": [plain | body for body in bodies],
             "obstacle": list(obstacles),
             "contact": laws,
-            "solve": solve,
+            "solve": {"estimate": False} | solve,
             "output": {"fields": []},
         }
     )

@@ -32,7 +32,7 @@ def scene(bodies, *, duration, obstacles=(), gravity=None, contacts=(), fields=(
             "body": [plain | body for body in bodies],
             "obstacle": [{"name": f"obstacle{k}"} | table for k, table in enumerate(obstacles)],
             "contact": [{"between": list(names)} for names in contacts],
-            "solve": solve,
+            "solve": {"estimate": False} | solve,
             "output": {"fields": list(fields)},
         }
     )

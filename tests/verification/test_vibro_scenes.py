@@ -94,9 +94,11 @@ def test_cradle(e, law, speeds):
     result = impactfem.solve(cradle(e), impact_law=law)
     found = [float(result.history[f"{name}.vx"][-1]) for name in "abc"]
     assert found == pytest.approx(speeds, abs=1e-12)
-    (found,) = result.summary["verdict"]["findings"]
-    assert found["code"] == "impact_law"
-    assert "two constraints meet" in found["text"]
+    texts = {found["code"]: found["text"] for found in result.summary["verdict"]["findings"]}
+    assert "two constraints meet" in texts.pop("impact_law")
+    # Where the outcome jumps with the start, no error can be told.
+    assert all("forgets its start" in texts[code] for code in texts)
+    assert set(texts) <= {"no_estimate"}
 
 
 @pytest.mark.parametrize("method", STEPPED)

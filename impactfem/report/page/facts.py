@@ -82,9 +82,9 @@ def _limits(*, exact: bool) -> str:
             "What the model leaves out, above, is not in it."
         )
     return (
-        "This is an estimate, no bound: it compares the run with another one. Small shifts of an "
-        "impact in time show as large differences of the force; judge long runs by their first "
-        "contacts. What the model leaves out, above, is not in it."
+        "This is an estimate from other runs: the true error may be twice as large, or a tenth. "
+        "Small shifts of an impact in time show as large differences of the force; judge long runs "
+        "by their first contacts. What the model leaves out, above, is not in it."
     )
 
 
