@@ -109,10 +109,7 @@ def _solve_bar(scene: Scene, chosen: Plan, progress: Progress) -> Result:
         errors = rounding_of_exact(scene) if is_exact else measure(motion, exact)
     history = bar_history(motion, bar)
     window = bar_window(chosen.method, motion, bar.wave_speed)
-    effort = replace(motion.effort, force_window=window)
-    if errors is not None and any(found.code == "rounding_growth" for found in chosen.findings):
-        grown = rounding_findings(errors.displacement_max, "has grown")
-        effort = replace(effort, findings=grown, measured=("rounding_growth",))
+    effort = _grown(chosen, replace(motion.effort, force_window=window), errors)
     summary = summarise(scene, chosen, history, effort, errors, _cost(wall_time))
     if chosen.method == "exact":
         summary["contact"] |= contact_figures_of_bar(exact, bar)
@@ -125,6 +122,14 @@ def _solve_bar(scene: Scene, chosen: Plan, progress: Progress) -> Result:
     )
 
 
+def _grown(chosen: Plan | BarRowPlan, effort: Effort, errors: Errors | None) -> Effort:
+    """The effort with what rounding has grown to, where the plan foretold that it grows."""
+    if errors is None or all(found.code != "rounding_growth" for found in chosen.findings):
+        return effort
+    grown = rounding_findings(errors.displacement_max, "has grown")
+    return replace(effort, findings=grown, measured=("rounding_growth",))
+
+
 def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Result:
     start = time.perf_counter()
     motion = run_bar_row(scene, chosen, progress)
@@ -134,8 +139,8 @@ def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Resu
     exact = exact_row_if_known(scene, end) if chosen.exact_known else None
     reference = exact if chosen.method != "exact" and motion.is_finite else None
     errors = None if reference is None else measure_row(motion, reference)
-    history = row_history(motion, scene.bars)
-    summary = summarise(scene, chosen, history, motion.effort, errors, _cost(wall_time))
+    history, effort = row_history(motion, scene.bars), _grown(chosen, motion.effort, errors)
+    summary = summarise(scene, chosen, history, effort, errors, _cost(wall_time))
     summary["contact"] |= contact_figures(motion, exact if chosen.method == "exact" else None)
     settings = replace(scene.solve, method=chosen.method, elements=chosen.longest)
     if settings.dt is None:

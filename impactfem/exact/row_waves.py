@@ -149,7 +149,7 @@ def follow(interfaces: list[Interface], waves: list[Wave], duration: float) -> N
         if (count := sum(len(wave.start) for wave in waves)) > _MAX_PIECES:
             raise TooManyWavesError(
                 f"duration = {duration:g} s: after {first:g} s there are {count} waves, more than "
-                'are followed; give a shorter duration, or method = "galerkin"'
+                'are followed; give a shorter duration, or method = "conserving"'
             )
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBarRow
 from impactfem.findings import Finding, warning
-from impactfem.methods import METHODS
-from impactfem.planning.bar_errors import EXACT, ROUNDING
+from impactfem.methods import DISPERSIVE, METHODS
+from impactfem.planning.bar_errors import EXACT, ROUNDING, rounding_findings
 from impactfem.planning.card import Foresees
 from impactfem.reference.bar_row import exact_row_if_known
 from impactfem.scene import Bar, Scene
@@ -111,9 +111,9 @@ def plan_bar_row(scene: Scene) -> BarRowPlan:
         unknowns=0 if method == "exact" else nodes * layers,
         memory_mib=memory,
         seconds=seconds,
-        predicted_error=_predicted(method, exact, elements, rounding),
+        predicted_error=_predicted(method, exact, elements, courant, rounding),
         reasons=reasons,
-        findings=_findings(method, exact, courant, aligned=aligned),
+        findings=_findings(method, exact, courant, rounding),
     )
 
 
@@ -215,16 +215,19 @@ def _rounding(exact: ExactBarRow | None) -> float:
 
 
 def _predicted(
-    method: str, exact: ExactBarRow | None, elements: Sequence[int], rounding: float | None
-) -> float | None:
+    method: str, exact: ExactBarRow | None, elements: Sequence[int], courant: Sequence[float],
+    rounding: float | None,
+) -> float | None:  # fmt: skip
     """Largest relative error of displacements to expect of a method; None: no prediction."""
     if exact is None:
         return None
     if method == "exact":
         return None if exact.sampled else _EXACT
+    limited = METHODS[method].stable == "limited"
     if rounding is not None and not exact.sampled:
-        return rounding if METHODS[method].stable == "limited" else _EXACT
-    constant, rate = METHODS[method].error
+        return rounding if limited else _EXACT
+    ringing = limited and min(courant) < 1.0 - _WHOLE
+    constant, rate = DISPERSIVE if ringing else METHODS[method].error
     contacts = max(1, sum(map(len, exact.contacts)))
     return float(min(1.0, constant * contacts / min(elements) ** rate))
 
@@ -232,47 +235,60 @@ def _predicted(
 def _choose_method(
     scene: Scene, exact: ExactBarRow | None, reasons: dict[str, str], rounding: float | None
 ) -> str:
-    if scene.solve.method is not None:
-        reasons["method"] = "as asked"
-        return scene.solve.method
+    """As asked, else the first whose condition holds."""
     followed = exact is not None and not exact.sampled
-    if rounding is not None and (rounding <= EXACT or not followed):
-        reasons["method"] = "exact at the nodes: the same h / c in all bars, all events on layers"
-        return "galerkin"
-    if exact is None:
-        reasons["method"] = "waves split too often for the characteristics to follow them"
-        return "galerkin"
-    if followed:
-        reasons["method"] = (
-            "events fall between layers or the bars have different h / c"
-            if rounding is None
-            else f"from contact to contact the rounding of galerkin might grow to {rounding:.0e}"
-        )
-        reasons["method"] += (
-            "; velocity and strain are constant in pieces: the characteristics give the motion to "
-            "rounding"
-        )
-        return "exact"
-    reasons["method"] = (
-        "velocity or strain vary along a bar: the characteristics would sample them too, and serve "
-        "as the reference for the error"
+    off = "events fall between layers or the bars have different h / c"
+    if rounding is not None:
+        off = f"from contact to contact the rounding of galerkin might grow to {rounding:.0e}"
+    lines = "one line a layer and end for each wave keeps energy and momentum to rounding"
+    choices = (
+        (scene.solve.method is not None, scene.solve.method or "", "as asked"),
+        (
+            rounding is not None and rounding <= EXACT,
+            "galerkin",
+            "exact at the nodes: the same h / c in all bars, all events on layers",
+        ),
+        (
+            followed,
+            "exact",
+            (
+                f"{off}; velocity and strain are constant in pieces: the characteristics give the "
+                "motion to rounding"
+            ),
+        ),
+        (
+            exact is not None,
+            "conserving",
+            (
+                f"{off}; velocity or strain vary along a bar: the characteristics would sample "
+                f"them too, and serve as the reference for the error; {lines}"
+            ),
+        ),
+        (
+            True,
+            "conserving",
+            f"waves split too often for the characteristics to follow them; {lines}",
+        ),
     )
-    return "galerkin"
+    name, reasons["method"] = next((name, why) for holds, name, why in choices if holds)
+    return name
 
 
 def _findings(
-    method: str, exact: ExactBarRow | None, courant: Sequence[float], *, aligned: bool
+    method: str, exact: ExactBarRow | None, courant: Sequence[float], rounding: float | None
 ) -> tuple[Finding, ...]:
+    """What the plan foresees; ``rounding`` is that of galerkin where there is no other error."""
     if exact is None:
         text = "too many waves for the exact solution: the error is not measured"
         return (warning("no_estimate", text),)
     if method == "exact":
         sampled = "velocity or strain vary along a bar: they are sampled"
         return (warning("setting", sampled),) if exact.sampled else ()
-    if min(courant) < 1.0 - _WHOLE:
+    limited = METHODS[method].stable == "limited"
+    if limited and min(courant) < 1.0 - _WHOLE:
         text = f"c dt / h is {min(courant):g} in a bar: the forces ring"
-        return (warning("ringing", text, remedy='method = "exact" does not'),)
-    if not aligned:
+        return (warning("ringing", text, remedy='method = "conserving" or "exact" does not'),)
+    if rounding is None:
         text = "an impact or release lies between layers: errors of first order in h"
         return (Finding("error_large", "note", text),)
-    return ()
+    return rounding_findings(rounding, "may grow") if limited else ()
