@@ -80,7 +80,12 @@ def _ending(history: xr.Dataset, summary: Mapping[str, Any]) -> Iterator[Finding
         why = f": {active['message']}" if active["message"] else ""
         text = f"it did not converge{why}"
         yield Finding("not_converged", "fault", text, remedy=remedy)
-    elif not all(np.isfinite(column.values).all() for column in history.values()):
+    elif not all(
+        np.isfinite(column.values).all()
+        # A body that reaches nothing within the duration has no gap at any time.
+        or (name == "gap" and np.isnan(column.values).all())
+        for name, column in history.items()
+    ):
         text = "its history holds numbers that are not finite"
         yield Finding("not_finite", "fault", text, remedy=remedy)
     if watched := summary["details"].get("watch"):

@@ -96,3 +96,13 @@ def test_too_little_address_space_is_said(tmp_path):
 def test_rounding_is_no_energy():
     scene = Scene.from_toml(shipped_scenes()["oscillator"])
     assert impactfem.solve(scene).summary["energy"]["final"] == 0.0
+
+
+def test_a_solid_that_reaches_nothing_is_no_fault():
+    pytest.importorskip("dolfinx")
+    scene = Scene.from_toml(shipped_scenes()["dropped_disc"])
+    short = scene.with_settings({"duration": 1e-3, "output.fields": [], "solve.estimate": False})
+    result = impactfem.solve(short)
+    assert result.history["gap"].isnull().all()
+    assert "not_finite" not in [each["code"] for each in result.summary["verdict"]["findings"]]
+    assert result.summary["status"] == "completed"
