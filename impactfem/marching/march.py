@@ -13,6 +13,7 @@ from impactfem.marching.chain import Chain
 from impactfem.marching.waves import Waves
 from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
 from impactfem.scene import Bar, PiecewiseConstant
+from impactfem.system.fronts import wave_energies
 
 Floats = NDArray[np.float64]
 
@@ -108,6 +109,9 @@ def march(
     tolerance = numbers.tolerance * scale
     if scheme.kernel == "two_step":
         effort, potential = _two_step(chain, numbers, means, tolerance, record, bar)
+        waves = wave_energies(bar, positions, times, record.gap, record.multiplier, gravity)
+        if waves is not None:
+            record.kinetic, record.elastic, potential = waves[0], waves[1], waves[2] / bar.length
     else:
         if scheme.kernel == "conserving":
             effort = _waves(bar, gravity, positions, numbers, means, record)

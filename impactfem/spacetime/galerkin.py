@@ -224,14 +224,17 @@ def _by_snes_vi(problem: _Problem, settings: GalerkinSettings, progress: Progres
     multiplier = -force / weight
     active = multiplier < -settings.tolerance * problem.scale
     effort = Effort(size, result.iterations, (), result.converged, result.message)
-    return _motion(problem, u, multiplier, active, effort)
+    # Its multiplier is a force on nodes, no mean of a layer.
+    return _motion(problem, u, multiplier, active, effort, waves=False)
 
 
 def _motion(
-    problem: _Problem, u: Floats, multiplier: Floats, active: NDArray[np.bool_], effort: Effort
-) -> BarMotion:
+    problem: _Problem, u: Floats, multiplier: Floats, active: NDArray[np.bool_], effort: Effort,
+    *, waves: bool = True,
+) -> BarMotion:  # fmt: skip
     """Bring the solution to SI units and a grid of layers."""
     numbering, layout = problem.equations.numbering, problem.space.layout
+    waves = waves and numbering.grid is not None
     if numbering.grid is not None and layout.times is not None and layout.nodes is not None:
         times, positions, displacement = layout.times, layout.nodes, u[numbering.grid]
     else:
@@ -250,6 +253,7 @@ def _motion(
         active,
         effort,
         problem.every,
+        waves=waves,
     )
 
 

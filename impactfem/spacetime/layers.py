@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
 from impactfem.scene import Bar, PiecewiseConstant
+from impactfem.system.fronts import wave_energies
 
 Floats = NDArray[np.float64]
 
@@ -95,6 +96,8 @@ def motion_of_layers(
     active: NDArray[np.bool_],
     effort: Effort,
     every: int = 1,
+    *,
+    waves: bool = False,
 ) -> BarMotion:
     """Complete the motion of a displacement that is known on all layers.
 
@@ -108,11 +111,19 @@ def motion_of_layers(
         active: Shape (layers,).
         effort: How it was computed.
         every: Keep the fields of every so many levels.
+        waves: Whether the solution is that of two waves where c dt = h (see `wave_energies`).
     """
     mass = lumped_mass(positions)
     kinetic, elastic = layer_energies(times, positions, displacement, bar.wave_speed)
     kinetic_0, elastic_0, velocity_0 = initial_energies(bar, positions)
+    kinetic = np.concatenate([[kinetic_0], kinetic])
+    elastic = np.concatenate([[elastic_0], elastic])
     mean = displacement @ mass / bar.length
+    potential = bar.length * gravity_potential(times, mean, gravity)
+    gap = displacement[:, 0]
+    found = wave_energies(bar, positions, times, gap, multiplier, gravity) if waves else None
+    if found is not None:
+        kinetic, elastic, potential = found
     dt = np.diff(times)
     rates = np.diff(displacement, axis=0) / dt[:, None]
     kept = kept_levels(len(dt), every)
@@ -124,12 +135,12 @@ def motion_of_layers(
         kept=kept,
         displacement=displacement[kept],
         velocity=0.5 * (sides[kept + 1] + sides[kept]),
-        gap=displacement[:, 0],
+        gap=gap,
         multiplier=multiplier,
         active=active,
-        kinetic=np.concatenate([[kinetic_0], kinetic]),
-        elastic=np.concatenate([[elastic_0], elastic]),
-        potential=bar.length * gravity_potential(times, mean, gravity),
+        kinetic=kinetic,
+        elastic=elastic,
+        potential=potential,
         mean_displacement=mean,
         mean_velocity=np.concatenate([[velocity_0], np.diff(mean) / dt]),
         effort=effort,
