@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
+from impactfem.report.phase import phase_curve
 from impactfem.report.sheet import Sheet
 from impactfem.result import Result
 from impactfem.scene import HalfSpace, Point, RigidCylinder, RigidSphere
@@ -116,8 +117,7 @@ def motion(axes: Axes, result: Result) -> None:
 
 def phase(axes: Axes, result: Result) -> None:
     """Velocity against position of one point on a line; impacts are vertical jumps."""
-    name = result.scene.bodies[0].name
-    x, v = result.history[f"{name}.x"].values, result.history[f"{name}.vx"].values
+    _, x, v = phase_curve(result)
     axes.plot(x, v, color=COLOURS[0], linewidth=0.8)
     axes.plot(x[0], v[0], "o", color=COLOURS[1], markersize=5)
     axes.set_xlabel("x [m]")

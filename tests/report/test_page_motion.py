@@ -25,13 +25,10 @@ from impactfem.report.page.motion_data import (
     unpacked,
 )
 from impactfem.report.page.motion_obstacles import plane_obstacles, space_obstacles
-from impactfem.report.page.motion_poles import beam_way, rod_way
 from impactfem.report.skin import Skin
-from impactfem.result import BodyMotion, FieldSpool, SolidFields
+from impactfem.result import FieldSpool, SolidFields
 from impactfem.result.cell_kinds import KINDS
-from impactfem.result.history import Columns, make_history
 from impactfem.scene import (
-    Beam,
     HalfSpace,
     Point,
     RigidBox,
@@ -277,74 +274,17 @@ def test_obstacles_of_space_lie_on_their_surface_and_move():
     assert "way" not in drawn[1]
 
 
-def history_of(scene, times, centre, gaps):
-    """A result with centre of mass (rows, 2) and gaps (rows, constraints) of a slender body."""
-    zero = np.zeros(len(times))
-    place = np.column_stack([centre, zero])
-    history = make_history(
-        Columns(
-            time=times, gap=gaps.min(axis=1), contact_force=zero, kinetic_energy=zero,
-            elastic_energy=zero, potential_energy=zero, momentum=zero, active=zero.astype(int),
-            bodies={scene.bodies[0].name: BodyMotion(place, np.zeros_like(place))},
-        )
-    )  # fmt: skip
-    for k, column in enumerate(gaps.T):
-        history[f"gap.{k}"] = ("time", column)
-    return Result(scene, history, {})
-
-
-@pytest.mark.parametrize("second", [False, True])
-@pytest.mark.parametrize("turning", [9.0, -4.0])
-def test_a_rod_that_tumbles_is_found_from_its_gaps(second, turning):
-    length, radius = 0.8, 0.02
-    times = np.linspace(0.0, 2.0, 401)
-    theta = 0.3 + turning * times
-    centre = np.column_stack([0.2 * times, 3.0 + 0.5 * times - 0.3 * times**2])
-    arm = 0.5 * length * np.column_stack([np.cos(theta), np.sin(theta)])
-    ends = np.stack([centre - arm, centre + arm], axis=1)
-    planes = [FLOOR]
-    if second:
-        planes.append(HalfSpace(name="side", point=[-3.0, 0.0], normal=[1.0, 0.2]))
-    gaps = [
-        (ends[:, k] - plane.point) @ np.array(plane.unit_normal) - radius
-        for plane in planes
-        for k in range(2)
-    ]
-    scene = Scene(
-        title="Rod", duration=2.0, obstacles=planes,
-        bodies=[
-            Rod(mass=1.0, length=length, radius=radius, center=centre[0].tolist(),
-                inclination=0.3, angular_velocity=turning)
-        ],
-    )  # fmt: skip
-    start, way = rod_way(history_of(scene, times, centre, np.array(gaps).T))
-    assert start + way == pytest.approx(ends, abs=1e-6)
-
-
-@pytest.mark.parametrize("contact", ["ends", "along"])
-def test_a_bent_beam_is_found_from_its_gaps(contact):
-    length, tilt, elements = 0.5, 0.4, 6
-    beam = Beam(
-        length=length, height=0.01, width=0.01, density=7800.0, youngs_modulus=2e11,
-        elements=elements, center=[0.0, 0.3], inclination=tilt, contact=contact,
-    )  # fmt: skip
-    scene = Scene(title="Beam", duration=1.0, bodies=[beam], obstacles=[FLOOR])
-    times = np.linspace(0.0, 1.0, 11)
-    along, across = np.array([np.cos(tilt), np.sin(tilt)]), np.array([-np.sin(tilt), np.cos(tilt)])
-    share = np.linspace(-1.0, 1.0, elements + 1)
-    way = np.outer(times, [0.002, -0.01])
-    # A turn and a parabola whose mean over the beam is 0.
-    bent = 0.003 * times[:, None] * share + 0.002 * times[:, None] ** 2 * (share**2 - 1 / 3)
-    start = np.array(beam.center) + 0.5 * length * share[:, None] * along
-    places = start + way[:, None] + bent[..., None] * across
-    seen = places if contact == "along" else places[:, [0, -1]]
-    found_start, found = beam_way(history_of(scene, times, beam.center + way, seen[..., 1]))
-    found_share = (found_start - beam.center) @ along / (0.5 * length)
-    for row, turned in enumerate(found_start + found):
-        expected = np.interp(found_share, share, bent[row]) if contact == "along" else (
-            0.003 * times[row] * found_share + 0.002 * times[row] ** 2 * (found_share**2 - 1 / 3)
-        )  # fmt: skip
-        assert (turned - found_start - way[row]) @ across == pytest.approx(expected, abs=1e-12)
+def test_a_beam_is_drawn_where_its_nodes_are():
+    """Its true shape, which no parabola through its ends has."""
+    result = solve(Scene.from_toml(find_scene("dropped_beam")))
+    shown = motion(result)
+    times = np.array(shown["times"])
+    rows = np.abs(result.axis["time"].values[None] - times[:, None]).argmin(axis=1)
+    places = np.stack([result.axis[c].values for c in "xy"], axis=2)
+    way = unpacked(shown["displacement"]).reshape(len(times), -1, 2)
+    known = places[rows] - places[0]
+    assert np.abs(way - known).max() <= 1e-4 * np.abs(known).max()
+    assert motion(Result(result.scene, result.history, result.summary)) is None
 
 
 def test_points_are_where_the_history_says():

@@ -20,6 +20,7 @@ from impactfem.report.page.chart import (
     stairs,
     thin,
 )
+from impactfem.report.phase import phase_curve
 from impactfem.result import Result
 from impactfem.scene import Point
 
@@ -121,13 +122,13 @@ def _path(result: Result) -> Chart:
 def _phase(result: Result) -> Chart:
     """Velocity against position of one point on a line."""
     name = result.scene.bodies[0].name
-    x, v = result.history[f"{name}.x"].values, result.history[f"{name}.vx"].values
+    times, x, v = phase_curve(result)
     kept = np.union1d(thin(x), thin(v))
     data: list[dict[str, Any]] = [
         {
             "type": "scatter", "mode": "lines", "x": numbers(x[kept]), "y": numbers(v[kept]),
             "line": {"color": BLUE, "width": 1.2}, "name": name,
-            "customdata": numbers(result.history["time"].values[kept]),
+            "customdata": numbers(times[kept]),
             "hovertemplate": "x = %{x:.6g} m<br>v = %{y:.6g} m/s<br>t = %{customdata:.6g} s"
             "<extra></extra>",
         },
