@@ -6,6 +6,8 @@ from typing import Any
 from impactfem.planning import AnyPlan, BarRowPlan, Plan, SolidPlan, VibroPlan
 from impactfem.report.page.numbers import largest
 
+_NOTHING = 1e-15  # share of the energy at first that is rounding
+
 
 def table(rows: Sequence[tuple[str, str]], title: str = "") -> str:
     """Two aligned columns under an optional title; long texts are wrapped by the terminal."""
@@ -136,10 +138,15 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         force += largest(contact, "max_impulse", "N s")
     force += f", impulse {_number(contact['impulse'])} N s, "
     force += f"max penetration {_number(contact['max_penetration'])} m"
-    energies = (
-        f"{_number(energy['initial'])} J -> {_number(energy['final'])} J, "
-        f"largest relative drift {_number(energy['max_relative_drift'])}"
-    )
+    first, last = energy["initial"], energy["final"]
+    if first and last and abs(last) < _NOTHING * abs(first):
+        last = 0.0
+    energies = f"{_number(first)} J -> {_number(last)} J, "
+    if taken := energy.get("taken"):
+        energies += ", ".join(f"{name} took {_number(work)} J" for name, work in taken.items())
+        energies += f", otherwise changed by {_number(energy['unexplained'])} of the largest"
+    else:
+        energies += f"largest relative drift {_number(energy['max_relative_drift'])}"
     if energy["grows"]:
         energies += f"; IT GROWS by {_number(energy['max_relative_growth'])}"
     ranks = f"{summary['ranks']} rank{'s' if summary['ranks'] != 1 else ''}"

@@ -54,9 +54,12 @@ def summarise(
     # a body that starts at rest.
     moving = history["kinetic_energy"].values + history["elastic_energy"].values
     worked = history["potential_energy"].values - history["potential_energy"].values[0]
-    scale = max(abs(energy[0]), moving[0], np.abs(worked).max()) or moving.max() or 1.0
+    scale = max(abs(energy[0]), moving.max(), np.abs(worked).max()) or 1.0
     growth = (energy - energy[0]) / scale
     intervals = contact_intervals(t, force, history["gap"].values)
+    taken = dict(effort.details.get("energy_taken", {}))
+    if rubbed := effort.details.get("friction_work"):
+        taken["friction"] = -float(rubbed)
     summary = {
         "title": scene.title,
         "status": "",  # filled in by the verdict
@@ -80,6 +83,8 @@ def summarise(
             "max_relative_growth": max(0.0, growth.max()),
             "grows": bool(growth.max() > GROWTH_LIMITS[0]) and not driven,
             "driven": driven,
+            "taken": taken,  # by friction and impacts, as far as it is known [J]
+            "unexplained": (energy[-1] - energy[0] + sum(taken.values())) / scale,
         },
         "contact": {
             "intervals": intervals,

@@ -17,7 +17,7 @@ from impactfem.reference.bar import Errors
 from impactfem.result.axis import kept_rows, make_axis
 from impactfem.result.history import Columns, make_history
 from impactfem.result.trajectory import Trajectory
-from impactfem.runs.vibro_contact import contact_figures
+from impactfem.runs.vibro_contact import contact_figures, impact_loss
 from impactfem.scene import Scene
 from impactfem.system.episode import contact_episode
 from impactfem.system.generalized import LinearSystem
@@ -97,6 +97,8 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
             "angle": together.angle,
         }
     details |= _episode(scene, model, motion)
+    if motion.impacts is not None and model.conservative:
+        details["energy_taken"] = {"impacts": impact_loss(motion)}
     contact, found = contact_figures(motion, reference)
     findings += found
     effort = replace(

@@ -52,6 +52,16 @@ def contact_figures(
     return figures, findings
 
 
+def impact_loss(motion: Trajectory) -> float:
+    """Energy that impacts have taken, and what sticking has dropped [J]; walls are at rest.
+
+    An impulse P does the work P (w- + w+) / 2 at the normal speeds w before and after.
+    """
+    impacts = motion.impacts
+    work = 0.0 if impacts is None else impacts.impulse @ (impacts.before + impacts.after)
+    return float(motion.effort.details.get("energy_dropped", 0.0)) - 0.5 * float(work)
+
+
 def _largest(motion: Trajectory) -> dict[str, float | None]:
     impacts = motion.impacts
     impulse = None if impacts is None or not len(impacts) else float(impacts.impulse.max())

@@ -122,7 +122,7 @@ class Record:
             potential=np.array(
                 [system.potential(t, u) if system.potential else 0.0 for t, u, _ in states]
             ),
-            peak=self.peak if contacts.spell_count else None,
+            peak=self.peak if self.peak > 0.0 else None,
             impacts=Impacts(table[:, 0], table[:, 1].astype(np.int64), *table[:, 2:].T),
             effort=Effort(iterations=self.steps, details=self._details(contacts)),
         )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from impactfem import Scene, solve
+from impactfem.report.table import summary_rows
 
 G, MASS = 9.81, 2.0
 STEPPED = ("paoli_schatzman", "moreau_jean", "penalty")
@@ -36,6 +37,16 @@ def test_force_and_impulse_of_a_bouncing_ball_do_not_depend_on_the_rows(dt):
     assert float(history["contact_impulse"].max()) == pytest.approx(strike, rel=1e-12)
     both = float(history["contact_force"].sum() * dt + history["contact_impulse"].sum())
     assert both == pytest.approx(contact["impulse"], rel=1e-12)
+
+
+def test_energy_that_ends_at_nothing_is_told_as_what_impacts_took():
+    result = ball("event_driven", 1e-2)
+    energy = result.summary["energy"]
+    assert energy["taken"]["impacts"] == pytest.approx(MASS * G, rel=1e-12)
+    assert abs(energy["unexplained"]) < 1e-12
+    assert (
+        "impacts took 19.62 J, otherwise changed by" in dict(summary_rows(result.summary))["energy"]
+    )
 
 
 def test_a_ball_that_only_bounces_has_no_force():

@@ -11,6 +11,8 @@ HEADLINES = {
     "do_not_trust": "Do not trust this run",
 }
 
+_KNOWN = 0.05  # share of a loss of energy that may be due to something else
+
 
 def headline(summary: Mapping[str, Any]) -> str:
     """The verdict in a few words."""
@@ -40,6 +42,8 @@ def _holds(summary: Mapping[str, Any], codes: set[str]) -> Iterator[str]:
     elif "energy_growth" not in codes and energy["final_relative_drift"] is not None:
         lost = energy["final_relative_drift"]
         gone = f"; {percent(-lost)} of it is gone at the end" if lost < -1e-6 else ""
+        if gone and energy.get("taken") and abs(energy["unexplained"]) < _KNOWN * -lost:
+            gone += f", taken by {' and '.join(energy['taken'])}"
         yield f"Energy never grows{gone}."
     if summary["method"] == "exact":
         yield "It is the exact solution, to rounding."
