@@ -49,6 +49,7 @@ def contact_figures(
             figures["unknown"].append(name)
             text = f"the largest {what} is not known: {why}"
             findings.append(Finding("force_peak", "note", text, name, own, remedy=remedy))
+    figures["max_force_raw"] = figures["max_force"]
     return figures, findings
 
 
