@@ -429,3 +429,21 @@ def test_the_plan_honours_curves_and_lists_what_the_file_holds(tmp_path):
     assert plan.reasons["mesh"].startswith("disc.msh: 212 triangle elements of order 2, curved; ")
     with pytest.raises(MeshError, match="curved, of order 2"):
         impactfem.plan(scene.with_settings({"solve.method": "explicit"}))
+
+
+@pytest.mark.slow
+def test_a_mesh_file_tells_its_error_by_smaller_elements_and_its_rest_by_a_note(tmp_path):
+    body = {"name": "block", "kind": "solid", "model": "plane_strain", "velocity": [0.0, -0.1]}
+    floor = {"kind": "half_space", "name": "floor", "point": [0, -0.1], "normal": [0, 1]}
+    mesh = {"mesh": str(saved(tmp_path / "square.msh", SQUARE, 2, 2))}
+    scene = impactfem.Scene.from_dict({
+        "title": "from a file", "duration": 2.0, "obstacle": [floor],
+        "body": [body | MATERIAL | mesh], "output": {"fields": []},
+    })  # fmt: skip
+    plan = impactfem.plan(scene)
+    notes = [found for found in plan.findings if found.code == "mesh_file"]
+    assert [(found.severity, found.subject) for found in notes] == [("note", "block")]
+    assert "elements half as large, those of" in plan.reasons["estimate"]
+    found = impactfem.solve(scene).summary["error"]
+    assert found["reference"] == "runs on elements half as large"
+    assert 0.0 < found["displacement_max"] < 0.5
