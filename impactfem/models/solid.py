@@ -5,7 +5,7 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
-from impactfem.contact.boundary import boundary
+from impactfem.contact.boundary import Boundary, boundary
 from impactfem.contact.surfaces import ContactNodes
 from impactfem.fem import MPI
 from impactfem.mesh.body import BodyMesh, build_body_mesh
@@ -47,12 +47,17 @@ class SolidModel:
         return elastic_system(self.solid, self.gravity, self.mesh)
 
     @cached_property
+    def outside(self) -> Boundary:
+        """Its faces, on every rank (collective at the first use)."""
+        solid = self.solid
+        return boundary(self.mesh, thickness=solid.thickness, axisymmetric=solid.is_axisymmetric)
+
+    @cached_property
     def contact(self) -> ContactNodes:
         """Nodes that can touch an obstacle within the duration (collective at the first use)."""
         solid, system, obstacles = self.solid, self.system, self.scene.obstacles
-        outside = boundary(self.mesh, thickness=solid.thickness, axisymmetric=solid.is_axisymmetric)
         bound = reach_of(self.comm, self.scene, solid, system, obstacles)
-        return contact_of(self.comm, solid, system, outside, obstacles, bound)
+        return contact_of(self.comm, solid, system, self.outside, obstacles, bound)
 
 
 def solid_model(scene: Scene, degree: int) -> SolidModel:

@@ -34,6 +34,7 @@ def plan_bodies(scene: Scene) -> SolidPlan:
         MeshError: A mesh cannot be made.
     """
     from impactfem.models.bodies import bodies_model  # noqa: PLC0415  (loads DOLFINx)
+    from impactfem.planning.turns import turn_findings  # noqa: PLC0415  (likewise)
 
     solve, solids = scene.solve, [body for body in scene.bodies if isinstance(body, Solid)]
     reasons: dict[str, str] = {}
@@ -71,6 +72,7 @@ def plan_bodies(scene: Scene) -> SolidPlan:
         scene, solids, [min(extents) for _, extents in found],
         any(is_curved(part.mesh) for part in model.parts), cost, reasons,
     )  # fmt: skip
+    flyers = [(part.solid, part.system, part.outside) for part in model.parts]
     return SolidPlan(
         method=method,
         model="; ".join(
@@ -98,6 +100,7 @@ def plan_bodies(scene: Scene) -> SolidPlan:
         reasons=reasons,
         findings=(
             *findings_of(model),
+            *turn_findings(scene, flyers),
             *(note for part in model.parts for note in left_out(part.solid, part.mesh)),
         ),
     )

@@ -6,7 +6,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.findings import Finding, warning
 from impactfem.scene import Scene
 from impactfem.scene.obstacles import (
     HalfSpace,
@@ -20,7 +19,6 @@ from impactfem.scene.scene import Rigid
 Floats = NDArray[np.float64]
 
 _FAR = 0.1  # ways over the size of an obstacle's features from which its normals change much
-_TURNED = 0.1  # [rad] beyond which linear strains of a rotation are no longer small
 
 
 def choose_normals(scene: Scene, gap: Floats, normal: Floats, reasons: dict[str, str]) -> str:
@@ -90,18 +88,3 @@ def _features(obstacle: Rigid) -> float:
             return min(math.dist(a, b) for a, b in pairwise(obstacle.points))
         case _:
             return math.inf
-
-
-def rotation_findings(scene: Scene) -> list[Finding]:
-    """A finding where a rotation is too large for linear strains."""
-    spin = scene.solid.angular_velocity
-    rate = math.hypot(*spin) if isinstance(spin, tuple) else abs(spin)
-    turned = rate * scene.duration
-    if turned <= _TURNED:
-        return []
-    stretch = 0.5 * turned**2
-    text = (
-        f"the body turns by about {turned:.2g} rad: linear elasticity takes this for a stretch of"
-    )
-    text += f" {stretch:.2g}; it holds for small rotations"
-    return [warning("model_rotation", text, scene.solid.name)]

@@ -8,7 +8,7 @@ import numpy as np
 from impactfem.findings import Finding, warning
 from impactfem.planning.card import Foresees
 from impactfem.planning.estimates import choose_estimate
-from impactfem.planning.normals import choose_normals, rotation_findings
+from impactfem.planning.normals import choose_normals
 from impactfem.planning.offers import offers
 from impactfem.planning.solid_choices import (
     choose_degree,
@@ -101,6 +101,7 @@ def plan_solid(scene: Scene) -> SolidPlan:
         MeshError: The mesh cannot be made.
     """
     from impactfem.models.solid import solid_model  # noqa: PLC0415  (loads DOLFINx)
+    from impactfem.planning.turns import turn_findings  # noqa: PLC0415  (likewise)
 
     solid, solve = scene.solid, scene.solve
     reasons: dict[str, str] = {}
@@ -116,7 +117,8 @@ def plan_solid(scene: Scene) -> SolidPlan:
     steps = choose_steps(scene, method, size, reasons)
     linear_solver = choose_linear_solver(scene, method, size, reasons)
     normals = choose_normals(scene, model.contact.gap, model.contact.normal, reasons)
-    findings += rotation_findings(scene) + ringing_findings(solid, method, size)
+    findings += ringing_findings(solid, method, size)
+    findings += turn_findings(scene, [(solid, model.system, model.outside)])
     for number, text in enumerate(model.contact.why, 1):
         if text.startswith(_WARNING):
             findings.append(warning("meets_nothing", text.removeprefix(_WARNING), solid.name))

@@ -160,7 +160,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("contact", _intervals(contact["intervals"])),
         ("force", force),
         ("energy", energies),
-        ("error", _error(summary["error"])),
+        ("error", _error(summary["error"]) + beyond_model(summary) * bool(summary["error"])),
         ("cost", f"{summary['wall_time']:.2f} s, {summary['peak_memory_mib']:.0f} MiB on {ranks}"),
     ]
     for pair in contact.get("pairs", ()):
@@ -175,6 +175,16 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     found = summary["verdict"]["findings"]
     rows += [(finding["severity"], _sentence(finding)) for finding in found]
     return [*rows, ("verdict", summary["verdict"]["level"].replace("_", " "))]
+
+
+def beyond_model(summary: Mapping[str, Any]) -> str:
+    """What to say beside an error if the model itself does not hold; empty if it does.
+
+    Errors are those of elements and steps: the same model on a finer mesh is as far from the truth.
+    """
+    codes = {f["code"] for f in summary["verdict"]["findings"] if f["severity"] == "fault"}
+    outside = codes & {"model_rotation", "model_strain"}
+    return "; it says nothing of the model, which does not hold here" if outside else ""
 
 
 def _sentence(finding: Mapping[str, Any]) -> str:

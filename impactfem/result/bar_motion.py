@@ -31,6 +31,7 @@ class Effort:
         measured: Codes of findings that the run has looked for; its plan's are then settled.
         force_window: Time [s] over which the largest force is told as a mean; 0 where the forces
             of single rows are right.
+        bodies: Mass, inertia, rotation and strains of solids, as ``summary.json`` has them.
     """
 
     num_unknowns: int = 0
@@ -42,6 +43,7 @@ class Effort:
     findings: tuple[Finding, ...] = ()
     measured: tuple[str, ...] = ()
     force_window: float = 0.0
+    bodies: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

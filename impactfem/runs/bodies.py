@@ -17,6 +17,7 @@ from impactfem.marching.bodies_output import BodiesOutput
 from impactfem.marching.composite import Composite
 from impactfem.marching.leapfrog import Leapfrog
 from impactfem.marching.midpoint import Midpoint
+from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.rubbing import Friction
 from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SOLID_SCHEMES, SolidScheme
@@ -30,6 +31,7 @@ from impactfem.scene import Scene
 from impactfem.scene.pairing import friction_of, obstacles_of
 from impactfem.system.inside import check_inside
 from impactfem.system.massless import mass_transfer
+from impactfem.system.stretches import Stretches
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
 if TYPE_CHECKING:
@@ -101,8 +103,16 @@ def run_bodies(
     )
     progress.step("marching")
     try:
-        fields = _march(scene, model, march, gaps)
-        motion = bodies_motion(model, scheme, march, interior, limit, plan.whole, plan.mesh_size)
+        limits = ModelWatch(
+            {part.solid.name: Stretches(part.system, part.solid) for part in model.parts},
+            [len(part.system.constrained) for part in model.parts],
+            layers,
+            scene.output.every if scene.output.fields else 0,
+        )
+        fields = _march(scene, model, march, limits, gaps)
+        motion = bodies_motion(
+            model, scheme, march, interior, limits, limit, plan.whole, plan.mesh_size
+        )
     finally:
         interior.destroy()
         for transfer in transfers:
@@ -168,7 +178,7 @@ def _gaps(model: BodiesModel, surfaces: list[SurfaceNodes], interior: Composite)
 
 
 def _march(
-    scene: Scene, model: BodiesModel, march: SolidMarch, gaps: PairGaps
+    scene: Scene, model: BodiesModel, march: SolidMarch, limits: ModelWatch, gaps: PairGaps
 ) -> SolidFields | None:
     """Run the loop with what keeps the fields."""
     output, place, passing = None, None, None
@@ -178,7 +188,7 @@ def _march(
             place = passing / "fields.vtkhdf"
         output = BodiesOutput(model, place, scene.output.every, march.layers, gaps)
     try:
-        march.run([] if output is None else [output])
+        march.run([limits] if output is None else [limits, output])
     except ConvergenceError as error:
         if march.layer == 0:
             raise

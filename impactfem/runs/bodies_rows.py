@@ -8,9 +8,12 @@ from numpy.typing import NDArray
 
 from impactfem.marching.collect import total
 from impactfem.marching.composite import Composite
+from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import SolidMarch
 from impactfem.models.bodies import BodiesModel
+from impactfem.planning.model_limits import CODES as MODEL_CODES
+from impactfem.planning.model_limits import measured_findings
 from impactfem.result.bar_motion import Effort
 from impactfem.result.history import BodyMotion, Columns, make_history
 from impactfem.result.whole import Whole
@@ -40,6 +43,7 @@ def bodies_motion(
     scheme: SolidScheme,
     march: SolidMarch,
     interior: Composite,
+    limits: ModelWatch,
     limit: float | None,
     whole: Whole,
     size: float,
@@ -51,6 +55,7 @@ def bodies_motion(
         scheme: What marched them.
         march: At its end, or where it failed.
         interior: Of the solids, with the sums of each.
+        limits: What was seen of rotations and strains.
         limit: Least stable time step [s] of an explicit scheme.
         whole: What the solids are parts of; the motions are those of the whole.
         size: Size of the elements of those that do not say it [m].
@@ -93,6 +98,7 @@ def bodies_motion(
         "sum of the normal forces of all contacts during (t_{m-1}, t_m]"
     )
     history["potential_energy"].attrs["comment"] = "minus the work of gravity and other loads"
+    figures = limits.figures()
     changes = np.abs(np.diff(rows.active))
     effort = Effort(
         num_unknowns=model.unknowns + model.contact_count,
@@ -112,11 +118,15 @@ def bodies_motion(
             "nodes": sum(part.mesh.num_nodes for part in model.parts),
             **whole.details(),
         },
-        findings=contact_findings(rows.force, rows.largest, march.interior.dt),
-        measured=CONTACT_CODES,
+        findings=(
+            *contact_findings(rows.force, rows.largest, march.interior.dt),
+            *measured_findings(figures),
+        ),
+        measured=(*CONTACT_CODES, *MODEL_CODES),
         force_window=mesh_window(
             [part.solid for part in model.parts], [part.degree for part in model.parts], size
         ),
+        bodies=figures,
     )
     finite = bool(np.isfinite(sums).all() and np.isfinite(force).all())
     return BodiesMotion(history, effort, finite)

@@ -4,10 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.marching.collect import total
+from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solid_output import Watch
 from impactfem.marching.solids import Rows, SolidMarch
 from impactfem.models.solid import SolidModel
+from impactfem.planning.model_limits import CODES as MODEL_CODES
+from impactfem.planning.model_limits import measured_findings
 from impactfem.result.bar_motion import Effort
 from impactfem.result.solid_motion import SolidMotion
 from impactfem.result.whole import Whole
@@ -21,6 +24,7 @@ def solid_motion(
     scheme: SolidScheme,
     march: SolidMarch,
     watch: Watch,
+    limits: ModelWatch,
     limit: float | None,
     whole: Whole,
     size: float,
@@ -32,6 +36,7 @@ def solid_motion(
         scheme: What marched it.
         march: At its end, or where it failed.
         watch: What was seen of nodes without contact unknowns.
+        limits: What was seen of rotation and strains.
         limit: Stable time step [s] of an explicit scheme.
         whole: What the body is a part of; the motion is that of the whole.
         size: Size of its elements [m].
@@ -54,6 +59,7 @@ def solid_motion(
     position, velocity = np.zeros((len(times), 3)), np.zeros((len(times), 3))
     position[:, :dim] = whole.mean_place(centre + moment / mass)
     velocity[:, :dim] = momentum / mass
+    figures = limits.figures()
     changes = np.abs(np.diff(rows.active))
     effort = Effort(
         num_unknowns=model.system.num_dofs + model.contact.count,
@@ -73,9 +79,13 @@ def solid_motion(
             "nodes": model.mesh.num_nodes,
             **whole.details(),
         },
-        findings=contact_findings(rows.force, rows.largest, march.interior.dt),
-        measured=CONTACT_CODES,
+        findings=(
+            *contact_findings(rows.force, rows.largest, march.interior.dt),
+            *measured_findings(figures),
+        ),
+        measured=(*CONTACT_CODES, *MODEL_CODES),
         force_window=mesh_window([model.solid], [model.degree], size),
+        bodies=figures,
     )
     along: Floats = momentum @ direction[:dim]
     return SolidMotion(

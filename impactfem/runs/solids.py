@@ -16,6 +16,7 @@ from impactfem.marching.checkpoint import Checkpoints
 from impactfem.marching.collect import Collector
 from impactfem.marching.leapfrog import Leapfrog
 from impactfem.marching.midpoint import Midpoint
+from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.schemes import SOLID_SCHEMES
 from impactfem.marching.solid_output import FieldOutput, Watch
 from impactfem.marching.solids import Level, SolidMarch
@@ -28,6 +29,7 @@ from impactfem.runs.solid_rows import solid_motion
 from impactfem.runs.solid_steps import planned_steps
 from impactfem.scene import Scene
 from impactfem.system.massless import mass_transfer
+from impactfem.system.stretches import Stretches
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
 if TYPE_CHECKING:
@@ -92,8 +94,13 @@ def run_solid(
     march = SolidMarch(model.comm, interior, scheme, gaps, solver, layers, plan.tolerance * size)
     progress.step("marching")
     try:
-        fields, watch = _march(scene, model, march, checkpoints, restart)
-        motion = solid_motion(model, scheme, march, watch, limit, plan.whole, plan.mesh_size)
+        bodies = {model.solid.name: Stretches(model.system, model.solid)}
+        kept = scene.output.every if scene.output.fields else 0
+        limits = ModelWatch(bodies, [len(model.system.constrained)], layers, kept)
+        fields, watch = _march(scene, model, march, limits, checkpoints, restart)
+        motion = solid_motion(
+            model, scheme, march, watch, limits, limit, plan.whole, plan.mesh_size
+        )
     finally:
         interior.destroy()
         if transfer is not None:
@@ -114,6 +121,7 @@ def _march(
     scene: Scene,
     model: SolidModel,
     march: SolidMarch,
+    limits: ModelWatch,
     checkpoints: Path | None,
     restart: Path | None,
 ) -> tuple[SolidFields | None, Watch]:
@@ -124,11 +132,11 @@ def _march(
         comm, model.contact, scene.obstacles, system.numbers, system.positions,
         max(1, march.layers // 50),
     )  # fmt: skip
-    observers: list[Callable[[Level], None]] = [watch]
+    observers: list[Callable[[Level], None]] = [watch, limits]
     place, passing = _spool_place(comm, checkpoints or restart, keep=bool(scene.output.fields))
     kept = None
     if restart is not None:
-        kept = _continue(scene, model, march, collector, watch, restart)
+        kept = _continue(scene, model, march, collector, watch, limits, restart)
     writer = None
     if checkpoints is not None:
         text = scene.to_toml(folder=checkpoints)
@@ -145,7 +153,8 @@ def _march(
             )
         )  # fmt: skip
     if writer is not None and scene.output.checkpoint:
-        observers.append(_saver(comm, writer, march, watch, spool, scene.output.checkpoint))
+        every = scene.output.checkpoint
+        observers.append(_saver(comm, writer, march, watch, limits, spool, every))
     try:
         march.run(observers)
     except ConvergenceError as error:
@@ -166,6 +175,7 @@ def _continue(
     march: SolidMarch,
     collector: Collector,
     watch: Watch,
+    limits: ModelWatch,
     restart: Path,
 ) -> int:
     """Take up the state of a checkpoint; returns how many layers its fields have."""
@@ -173,6 +183,7 @@ def _continue(
     reader = Checkpoints(model.comm, collector, model.system.positions, restart, text)
     start = reader.read(march)
     watch.depth, watch.message = float(start["depth"]), str(start["message"])
+    limits.restore(str(start["limits"]))
     return int(start["fields"])
 
 
@@ -181,6 +192,7 @@ def _saver(
     writer: Checkpoints,
     march: SolidMarch,
     watch: Watch,
+    limits: ModelWatch,
     spool: FieldSpool | None,
     every: int,
 ) -> "Callable[[Level], None]":
@@ -189,7 +201,9 @@ def _saver(
     def save(level: Level) -> None:
         if level.layer and level.layer % every == 0 and level.layer < march.layers:
             kept = on_root(comm, lambda: 0 if spool is None else len(spool))
-            seen: dict[str, float | str] = {"depth": watch.depth, "message": watch.message}
+            seen: dict[str, float | str] = {
+                "depth": watch.depth, "message": watch.message, "limits": limits.state(),
+            }  # fmt: skip
             writer.write(march, {"fields": kept, **seen})
 
     return save

@@ -95,6 +95,7 @@ def summarise(
             ),
         },
         "error": asdict(errors) if errors else None,
+        "bodies": effort.bodies,
         "details": effort.details,
         "plan": chosen.as_dict(),
     }

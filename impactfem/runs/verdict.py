@@ -28,9 +28,9 @@ _JUDGED = ("energy_growth", "penetration", "not_finite", "not_converged")
 _STATUS = {
     "not_converged": "not_converged",
     "not_finite": "unstable",
+    "energy_growth": "unstable",
     "model_rotation": "out_of_model",
     "model_strain": "out_of_model",
-    "energy_growth": "unstable",
 }
 """Status of a run by the code of its worst fault; "completed" for all others."""
 
@@ -119,8 +119,8 @@ def _error(summary: Mapping[str, Any]) -> tuple[Finding, ...]:
     largest = error["displacement_max"], error["force_l1"]
     if None in largest:
         return (Finding("error_large", "fault", "its error is not finite"),)
-    how = "measured" if "exact" in error["reference"] else "estimated"
-    text = f"{how} error: displacement {percent(largest[0])}, force {percent(largest[1])}"
+    how = "measured error" if "exact" in error["reference"] else "estimated error of the mesh"
+    text = f"{how}: displacement {percent(largest[0])}, force {percent(largest[1])}"
     remedy = "take smaller elements or steps, or another method"
     small, large = ERROR_LIMITS
     if largest[0] > large:

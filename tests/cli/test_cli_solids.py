@@ -20,12 +20,12 @@ duration = 4.0
 name = "disc"
 kind = "solid"
 model = "plane_strain"
-shape = { kind = "disc", radius = 0.5, center = [0.0, 0.52] }
+shape = { kind = "disc", radius = 0.5, center = [0.0, 0.5025] }
 mesh_size = 0.125
 density = 1.0
 youngs_modulus = 0.75
 poisson_ratio = 0.3
-velocity = [0.0, -0.1]
+velocity = [0.0, -0.0125]
 
 [[obstacle]]
 name = "floor"
@@ -93,7 +93,7 @@ def test_plan_and_validate_write_nothing(disc, command, work):
 
 @pytest.mark.parametrize("action", ["validate", "plan", "run"])
 def test_body_inside_the_obstacle_is_bad_input(disc, command, work, action):
-    disc.write_text(DISC.replace("0.52", "0.42"), encoding="utf-8")
+    disc.write_text(DISC.replace("0.5025", "0.42"), encoding="utf-8")
     before = contents(work)
     done = command(action, disc)
     assert done.code == BAD_INPUT

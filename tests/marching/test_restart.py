@@ -40,6 +40,7 @@ def test_a_continued_run_equals_the_whole_one(made, method, tmp_path, monkeypatc
     for name in ("contact_nodes", "penetration_elsewhere", "watch", "mean_iterations_in_contact"):
         assert again.summary["details"][name] == whole.summary["details"][name]
     assert again.summary["energy"] == whole.summary["energy"]
+    assert again.summary["bodies"] == whole.summary["bodies"]
 
 
 @pytest.mark.parametrize("settings", [{"linear_solver": "gamg"}, {"active_set": "snes_vi"}])

@@ -36,6 +36,11 @@ def check(one, other, within=AGREED):
         apart = np.nanmax(np.abs(a - b)) if a.shape == b.shape else np.inf
         if not apart <= within * scale:
             bad[name] = apart / scale
+    for name, figures in one.summary["bodies"].items():
+        for key, a in figures.items():
+            b = other.summary["bodies"][name][key]
+            if not np.allclose(a, b, rtol=within, atol=within):
+                bad[f"{name} {key}"] = (a, b)
     if comm().rank == 0:
         a, b = one.fields.read(-1), other.fields.read(-1)
         for name in ("displacement", "velocity", "von_mises"):

@@ -2,7 +2,7 @@
 
 import impactfem
 
-DISC = {"kind": "disc", "radius": 0.5, "center": [0.0, 0.52]}
+DISC = {"kind": "disc", "radius": 0.5, "center": [0.0, 0.5025]}
 FLOOR = {"kind": "half_space", "name": "floor", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
 FLOOR_3D = FLOOR | {"point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0]}
 
@@ -11,7 +11,7 @@ def solid_scene(*, obstacles=(FLOOR,), duration=4.0, gravity=None, solve=None, *
     """A disc of plane strain above a floor, unless other keys are given."""
     keys = {
         "name": "body", "kind": "solid", "model": "plane_strain", "shape": DISC, "mesh_size": 0.125,
-        "density": 1.0, "youngs_modulus": 0.75, "poisson_ratio": 0.3, "velocity": [0.0, -0.1],
+        "density": 1.0, "youngs_modulus": 0.75, "poisson_ratio": 0.3, "velocity": [0.0, -0.0125],
     }  # fmt: skip
     tables = {
         "title": "plan of a solid",

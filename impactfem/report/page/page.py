@@ -23,6 +23,7 @@ from impactfem.report.page.motion import SCRIPTS, motion
 from impactfem.report.page.numbers import largest, percent, span
 from impactfem.report.page.verdict import headline, reasons
 from impactfem.report.page.words import in_words
+from impactfem.report.table import beyond_model
 from impactfem.result import Result
 from impactfem.scene import Output
 
@@ -168,7 +169,7 @@ def _verdict(result: Result) -> str:
     change = "driven by loads" if energy.get("driven") else percent(energy["final_relative_drift"])
     glance = [
         ("Status", summary["status"].replace("_", " ")),
-        ("Error (displacement / force)", shown),
+        (f"Error{' of the mesh' * bool(beyond_model(summary))} (displacement / force)", shown),
         ("Change of energy", change),
         *_pushes(summary["contact"]),
         ("Cost", f"{span(summary['wall_time'])}, {summary['peak_memory_mib']:.0f} MiB"),

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from impactfem.report.page.numbers import percent
+from impactfem.report.table import beyond_model
 
 HEADLINES = {
     "trust": "Trust this run",
@@ -48,8 +49,9 @@ def _holds(summary: Mapping[str, Any], codes: set[str]) -> Iterator[str]:
     if summary["method"] == "exact":
         yield "It is the exact solution, to rounding."
     elif error is not None and "error_large" not in codes:
-        how = "Measured" if "exact" in error["reference"] else "Estimated"
-        yield (
-            f"{how} error: displacement {percent(error['displacement_max'])}, "
-            f"force {percent(error['force_l1'])}."
-        )
+        how = "Measured error" if "exact" in error["reference"] else "Estimated error of the mesh"
+        text = f"{how}: displacement {percent(error['displacement_max'])}, "
+        text += f"force {percent(error['force_l1'])}"
+        yield f"{text}."
+    if error is not None and (told := beyond_model(summary)):
+        yield f"The error is that of the mesh{told}."

@@ -1,0 +1,70 @@
+"""Where small-strain elasticity ends: findings on turns and strains, foreseen or measured."""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS, Finding, by_limits, percent
+
+CODES = ("model_rotation", "model_strain")
+"""What every run of solids looks for."""
+
+FOLDED = 0.5
+"""Ratio of volumes that calls for care; at 0 a cell is turned inside out."""
+
+_TURNS = (
+    "elasticity of small strains has no large rotations: take a shorter duration, a central impact "
+    "or supports that keep the body from turning"
+)
+_STRAINS = (
+    "elasticity of small strains is not for this: take a slower impact, a stiffer body or less load"
+)
+
+
+def measured_findings(bodies: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
+    """What a run has measured beyond the limits of the model.
+
+    Args:
+        bodies: As in ``summary.json``.
+    """
+    for name, body in bodies.items():
+        yield from rotation_findings(name, body["rotation_max"])
+        share, least = body["strain_99"], body["volume_ratio_min"]
+        found = strain_findings(name, share)
+        if not found and least < FOLDED:
+            text = f"a cell of {name} is pressed to {percent(least)} of its volume"
+            found = by_limits("model_strain", -least, (-FOLDED, 0.0), text, name, _STRAINS)
+        yield from found
+
+
+def rotation_findings(name: str, angle: float, why: str = "") -> tuple[Finding, ...]:
+    """A finding if a body turns too far.
+
+    Args:
+        name: Of the body.
+        angle: Rotation [rad], the best fit of its places.
+        why: Why it is foreseen; empty if it was measured.
+    """
+    growth = 1.0 / max(math.cos(min(angle, math.pi / 2.0)), 1e-3) - 1.0
+    verb, about = ("will turn", "about ") if why else ("turned", "up to ")
+    text = f"{name} {verb} by {about}{angle:.2g} rad ({math.degrees(angle):.2g} degrees)"
+    text += f", {why}" if why else ""
+    text += f": by linear elasticity a body that turns so far grows by {percent(growth)}"
+    return by_limits("model_rotation", angle, ROTATION_LIMITS, text, name, _TURNS)
+
+
+def strain_findings(name: str, strain: float, why: str = "") -> tuple[Finding, ...]:
+    """A finding if a body is strained too much.
+
+    Args:
+        name: Of the body.
+        strain: Principal strain that 1 % of its volume exceeds.
+        why: Why it is foreseen; empty if it was measured.
+    """
+    verb = (
+        f"will exceed a strain of about {percent(strain)}, {why}"
+        if why
+        else (f"exceeded a strain of {percent(strain)}")
+    )
+    text = f"1 % of the volume of {name} {verb}"
+    return by_limits("model_strain", strain, STRAIN_LIMITS, text, name, _STRAINS)
