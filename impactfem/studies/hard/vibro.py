@@ -21,6 +21,7 @@ from impactfem.studies.hard.vibro_facts import (
     run,
     solved,
 )
+from impactfem.studies.hard.vibro_forces import FORCES
 from impactfem.studies.hard.vibro_special import SPECIAL
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 
@@ -216,6 +217,7 @@ CASES: tuple[Case, ...] = (
     *CORNERS,
     Case("table leaves a ball that rests on it", _table, _table_claims, VIBRO, body="point"),
     Case("ball in a bowl", _bowl, _bowl_claims, VIBRO, body="point"),
+    *FORCES,
     *SPECIAL,
 )  # fmt: skip
 """Hard cases of points."""
