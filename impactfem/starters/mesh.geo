@@ -7,4 +7,4 @@ edges() = Boundary{ Surface{3}; };
 Physical Surface("plate") = {3};
 Physical Curve("edge") = {edges(0), edges(1), edges(2), edges(3)};
 Physical Curve("hole") = {edges(4)};
-Mesh.MeshSizeMax = 0.01;
+Mesh.MeshSizeMax = 0.003;
