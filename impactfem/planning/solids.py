@@ -10,6 +10,7 @@ from impactfem.planning.card import Foresees
 from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.normals import choose_normals
 from impactfem.planning.offers import offers
+from impactfem.planning.resolution import resolution_findings
 from impactfem.planning.solid_choices import (
     choose_degree,
     choose_linear_solver,
@@ -119,6 +120,10 @@ def plan_solid(scene: Scene) -> SolidPlan:
     normals = choose_normals(scene, model.contact.gap, model.contact.normal, reasons)
     findings += ringing_findings(solid, method, size)
     findings += turn_findings(scene, [(solid, model.system, model.outside)])
+    speed = model.system.mean(model.system.velocity)
+    findings += resolution_findings(
+        scene, model.contact.gap, model.contact.normal, speed, model.system.nodes.size, steps.dt
+    )
     for number, text in enumerate(model.contact.why, 1):
         if text.startswith(_WARNING):
             findings.append(warning("meets_nothing", text.removeprefix(_WARNING), solid.name))

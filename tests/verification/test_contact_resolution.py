@@ -120,3 +120,25 @@ def test_contact_on_a_corner_is_told(angle, told):
     if told:
         assert found["severity"] == "warning"
         assert found["value"] > 2 * found["limit"] * 0.9
+
+
+def foreseen(result):
+    found = {f["code"] for f in result.summary["plan"]["findings"]}
+    return found & {"contact_unresolved", "contact_single_node"}
+
+
+def test_plans_foresee_few_steps_and_sharp_contact():
+    assert "contact_unresolved" in foreseen(disc(0.9))
+    assert "contact_unresolved" not in foreseen(disc(0.12))
+    tip = {"kind": "block", "size": [1, 1], "corner": [-0.5, 0.209], "angle": math.pi / 4}
+    assert "contact_single_node" in foreseen(solved(tip, 0.2, 0.1, speed=0.02))
+    assert not foreseen(solved(BLOCK, 0.05, 0.1, BLOCKED))
+    ball = {"kind": "disc", "radius": 0.5, "center": [0.0, 0.5002]}
+    for size, told in ((0.2, True), (0.05, False)):
+        body = {
+            "name": "b", "kind": "solid", "model": "axisymmetric", "shape": ball, "density": 1.0,
+            "mesh_size": size, "youngs_modulus": 1.0, "poisson_ratio": NU, "velocity": [0, -0.01],
+        }  # fmt: skip
+        scene = {"title": "ball", "duration": 1.0, "body": [body], "obstacle": [FLOOR]}
+        plan = impactfem.plan(impactfem.Scene.from_dict(scene))
+        assert ("contact_single_node" in {f.code for f in plan.findings}) is told

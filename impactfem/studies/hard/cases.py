@@ -9,6 +9,7 @@ from impactfem.methods import METHODS
 from impactfem.studies.hard.board import Board, Case, Cell, Claim, Facts, Verdict
 from impactfem.studies.hard.bodies import CASES as BODIES_CASES
 from impactfem.studies.hard.scenes import CASES as SCENE_CASES
+from impactfem.studies.hard.solid_contact import CASES as SOLID_CONTACT_CASES
 from impactfem.studies.hard.solid_special import CASES as SOLID_SPECIAL_CASES
 from impactfem.studies.hard.solids import CASES as SOLID_CASES
 from impactfem.studies.hard.special import CASES as SPECIAL_CASES
@@ -19,6 +20,7 @@ CASES: tuple[Case, ...] = (
     *SPECIAL_CASES,
     *SOLID_CASES,
     *SOLID_SPECIAL_CASES,
+    *SOLID_CONTACT_CASES,
     *BODIES_CASES,
     *VIBRO_CASES,
 )
