@@ -113,7 +113,7 @@ def _error(summary: Mapping[str, Any]) -> tuple[Finding, ...]:
             return ()
         why = summary["details"].get("error_estimate", {})
         why = why.get("message", "") if isinstance(why, Mapping) else why
-        why = why or summary["plan"]["reasons"].get("estimate", "")
+        why = why or summary["plan"]["reasons"].get("estimate", "").removeprefix("no: ")
         text = "its error was neither measured nor estimated" + (f": {why}" if why else "")
         return (warning("no_estimate", text, remedy="compare runs of two mesh sizes or steps"),)
     largest = error["displacement_max"], error["force_l1"]
