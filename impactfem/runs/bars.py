@@ -129,6 +129,7 @@ def _solve_dg(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
         degree=1 if chosen.degree is None else chosen.degree,
         elements=chosen.elements or DEFAULT_ELEMENTS,
         fitted=bool(chosen.fitted),
+        events=_known_events(scene) if chosen.fitted else (),
         accuracy=asked.accuracy,
         mesh=mesh,
         window=chosen.window,
@@ -142,6 +143,13 @@ def _solve_dg(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
         MPI.COMM_WORLD, bar, scene.axial_gravity, scene.duration, settings, progress
     )
     return replace(motion, effort=replace(motion.effort, details=details))
+
+
+def _known_events(scene: Scene) -> tuple[float, ...]:
+    """Beginnings and ends of contact [s]: lines of a fitted mesh, which its solution confirms."""
+    exact = exact_bar(scene)
+    ends = [time for contact in exact.contacts for time in contact]
+    return tuple(time for time in ends if time < scene.duration)
 
 
 RUNNERS: Mapping[str, Callable[[Scene, Plan, Progress], BarMotion]] = {

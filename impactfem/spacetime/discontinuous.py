@@ -33,6 +33,7 @@ class DiscontinuousSettings:
         elements: Elements along the bar; the triangles have edges of about L / elements.
         fitted: Whether impacts, releases and their characteristics become lines of the mesh.
         accuracy: Wanted error of the displacement relative to its largest value; None: one mesh.
+        events: Times of impacts and releases that are known beforehand [s], for a fitted mesh.
         mesh: The user's space-time mesh instead of one made here.
         window: 1: contact is decided edge by edge as the waves arrive; "all": by one primal-dual
             active set for the whole interval.
@@ -46,6 +47,7 @@ class DiscontinuousSettings:
     elements: int = 40
     fitted: bool = False
     accuracy: float | None = None
+    events: tuple[float, ...] = ()
     mesh: SpaceTimeMesh | None = None
     window: int | str = 1
     gamma: float = 1.0
@@ -172,10 +174,11 @@ class _Run:
     def _fitted(self, elements: int) -> BarWaves:
         """A problem on a mesh that is fitted to the events of its motion."""
         sizes = (1.0 / _COARSE, 1.0 / elements) if elements > _COARSE else (1.0 / elements,)
-        found = fit(
-            self.comm, self.bar, self.gravity, self.duration, sizes, self.solve, self.progress.note
-        )
         transit = self.bar.transit_time
+        found = fit(
+            self.comm, self.bar, self.gravity, self.duration, sizes, self.solve, self.progress.note,
+            [time / transit for time in self.settings.events],
+        )  # fmt: skip
         self.figures = {
             "fits": found.fits,
             "events": [{"time": e.time * transit, "kind": e.kind} for e in found.events],

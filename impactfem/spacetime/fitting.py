@@ -1,6 +1,6 @@
 """Meshes fitted to the motion: impacts and releases are found, and their characteristics drawn."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -49,6 +49,7 @@ class Fit:
 def fit(
     comm: Any, bar: Bar, gravity: PiecewiseConstant, duration: float, sizes: tuple[float, ...],
     solve: Callable[[Triangulation], BarWaves], observe: Callable[[str], None],
+    expected: Sequence[float] = (),
 ) -> Fit:  # fmt: skip
     """Solve, find the events, draw their characteristics, and solve again until nothing moves.
 
@@ -65,6 +66,8 @@ def fit(
         sizes: Dimensionless sizes of the triangles: a coarse one to find the events, a fine one.
         solve: Solves on a mesh.
         observe: Told of every fit.
+        expected: Dimensionless times of events that are known beforehand; with all of them the
+            first mesh is the last. What the solution on it does not confirm is found anew.
 
     Raises:
         ConvergenceError: New events keep appearing.
@@ -72,11 +75,11 @@ def fit(
     switches = np.array(gravity.times[1:]) / bar.transit_time
     given = initial_fronts(bar, switches)
     events: list[Event] = []
-    fits = 0
-    for size in sizes:
+    places, fits = list(expected), 0
+    for size in sizes[-1:] if places else sizes:
         slack, last, repeats = _STILL, -1, 0
         for _ in range(int(duration) + _SPARE_FITS):
-            fronts = distinct(given + [Front(event.time, 0.0) for event in events])
+            fronts = distinct(given + [Front(time, 0.0) for time in places])
             mesh = triangulate(comm, duration, size, fitted_lines(fronts, switches, duration))
             problem = solve(mesh)
             fits += 1
@@ -92,6 +95,7 @@ def fit(
             last = moved
             until = events[moved].time + 2.0 - _LEAK
             events = [event for event in events if event.time < until]
+            places = [event.time for event in events]
         else:
             raise ConvergenceError(
                 f"the events at the wall do not stand still after {fits} fitted meshes (near "

@@ -125,6 +125,7 @@ def test_fitted_bounces_in_gravity_are_exact_inside_the_bar():
         velocity=-0.936562705214162,
     )
     result = impactfem.solve(case, method="dg")
+    assert result.summary["details"]["fits"] == 1  # the events are known: one mesh
     assert result.summary["error"]["displacement_max"] <= 1e-10
     assert result.summary["energy"]["max_relative_drift"] <= 1e-9
 
