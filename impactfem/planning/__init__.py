@@ -6,6 +6,7 @@ from impactfem.planning.bar_rows import BarRowPlan, plan_bar_row
 from impactfem.planning.bars import Plan, plan_bar
 from impactfem.planning.bodies import plan_bodies
 from impactfem.planning.doubts import MEETS_NOTHING, doubts
+from impactfem.planning.drawing import drawing_seconds
 from impactfem.planning.solids import SolidPlan, plan_solid
 from impactfem.planning.vibro import VibroPlan, plan_vibro
 from impactfem.scene import Scene
@@ -34,8 +35,10 @@ def plan(scene: Scene) -> AnyPlan:
         SceneError: The settings cannot work, or need more memory than the machine has.
         MeshError: The mesh cannot be made.
     """
+    drawing = drawing_seconds(scene)
     if not scene.is_vibro and not isinstance(scene.bodies[0], Solid):
-        return plan_bar_row(scene) if scene.is_bar_row else plan_bar(scene)
+        bars = plan_bar_row(scene) if scene.is_bar_row else plan_bar(scene)
+        return replace(bars, drawing_seconds=drawing)
     made: VibroPlan | SolidPlan
     if scene.is_vibro:
         made = plan_vibro(scene)
@@ -45,4 +48,4 @@ def plan(scene: Scene) -> AnyPlan:
     told = {finding.subject for finding in made.findings if finding.code == MEETS_NOTHING}
     if told & {body.name for body in scene.bodies}:  # which says more
         found = tuple(finding for finding in found if finding.code != MEETS_NOTHING)
-    return replace(made, findings=(*made.findings, *found))
+    return replace(made, findings=(*made.findings, *found), drawing_seconds=drawing)

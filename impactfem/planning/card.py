@@ -6,9 +6,17 @@ from typing import Any
 from impactfem.cards import card, table
 from impactfem.findings import Finding
 
-_UNITS = {"dt": "s", "mesh_size": "m", "memory_mib": "MiB", "seconds": "s", "stick_speed": "m/s"}
-_NAMES = {"memory_mib": "memory, about", "seconds": "time, about"}
-_APART = ("reasons", "findings", "predicted_error", "memory_mib", "seconds")  # no choices
+_UNITS = {
+    "dt": "s", "mesh_size": "m", "memory_mib": "MiB", "seconds": "s", "drawing_seconds": "s",
+    "stick_speed": "m/s",
+}  # fmt: skip
+_NAMES = {
+    "memory_mib": "memory, about",
+    "seconds": "time, about",
+    "drawing_seconds": "pictures, film and report, about",
+}
+_COSTS = ("seconds", "drawing_seconds", "memory_mib")
+_APART = ("reasons", "findings", "predicted_error", *_COSTS)  # no choices
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -19,10 +27,13 @@ class Foresees:
         findings: What the user should know before trusting the answer.
         predicted_error: Relative error of the displacement to expect; None if there is no
             prediction.
+        drawing_seconds: Time that pictures, film and report take besides [s], as far as the scene
+            asks for them.
     """
 
     findings: tuple[Finding, ...] = ()
     predicted_error: float | None = None
+    drawing_seconds: float = 0.0
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -47,7 +58,7 @@ class Foresees:
             "reasons": {key: why for key, why in reasons.items() if key not in data},
             "predicted_error": self.predicted_error,
             "findings": data["findings"],
-            "cost": {"seconds": data["seconds"], "memory_mib": data["memory_mib"]},
+            "cost": {key: data[key] for key in _COSTS},
         }
 
     def __repr__(self) -> str:

@@ -24,6 +24,9 @@ def plan_table(plan: AnyPlan) -> str:
         rows = _bar_row_rows(plan)
     else:
         rows = _vibro_rows(plan) if isinstance(plan, VibroPlan) else _bar_rows(plan)
+    if plan.drawing_seconds:
+        drawn = f"about {plan.drawing_seconds:.2g} s more for pictures, film and report"
+        rows.append(("drawing", f"{drawn} (output.pictures, film, report)"))
     for key, reason in plan.reasons.items():
         rows.append((key if key.startswith("offer") else f"why {key}", reason))
     if plan.predicted_error is not None:

@@ -7,6 +7,9 @@ import pytest
 import impactfem
 from impactfem.cli import DONE, NOT_TRUSTED, main
 from impactfem.findings import CODES, Finding, by_limits, level_of, settled, warning
+from impactfem.planning import plan
+from impactfem.scene import Scene
+from impactfem.shipped import shipped_scenes
 
 TURNS = Finding("model_rotation", "fault", "it will turn", "disc", 1.0, 0.3)
 
@@ -76,4 +79,16 @@ def test_the_plan_as_json(capsys):
     chosen = {choice["key"]: choice for choice in made["choices"]}
     assert chosen["dt"]["unit"] == "s"
     assert chosen["elements"]["why"]
-    assert set(made["cost"]) == {"seconds", "memory_mib"}
+    assert set(made["cost"]) == {"seconds", "drawing_seconds", "memory_mib"}
+
+
+def test_the_plan_counts_what_is_drawn():
+    scene = Scene.from_toml(shipped_scenes()["bar_impact"])
+    switches = ("pictures", "film", "report")
+    told = [plan(scene).drawing_seconds]
+    for switch in switches:
+        scene = scene.with_settings({f"output.{switch}": False})
+        told.append(plan(scene).drawing_seconds)
+    assert told == sorted(told, reverse=True)
+    assert len(set(told)) == 4
+    assert told[-1] == 0.0
