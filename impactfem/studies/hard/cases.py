@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from impactfem.errors import ImpactError, SceneError
 from impactfem.methods import METHODS
+from impactfem.studies.hard.bar_horizon import CASES as HORIZON_CASES
 from impactfem.studies.hard.board import Board, Case, Cell, Claim, Facts, Verdict
 from impactfem.studies.hard.bodies import CASES as BODIES_CASES
 from impactfem.studies.hard.scenes import CASES as SCENE_CASES
@@ -17,6 +18,7 @@ from impactfem.studies.hard.vibro import CASES as VIBRO_CASES
 
 CASES: tuple[Case, ...] = (
     *SCENE_CASES,
+    *HORIZON_CASES,
     *SPECIAL_CASES,
     *SOLID_CASES,
     *SOLID_SPECIAL_CASES,

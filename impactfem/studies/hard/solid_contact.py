@@ -1,6 +1,7 @@
-"""Hard cases of contact figures: peaks of the mesh, contact of few steps or nodes, cut bodies."""
+"""Hard cases of what is told: of peaks, unresolved contact, cut bodies, turns and strains."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -66,10 +67,33 @@ def _half(method: str) -> Facts:
     }
 
 
+def _beyond(code: str, **body: Any) -> Callable[[str], Facts]:
+    """A disc whose motion small strains do not describe, and one a twentieth as fast."""
+
+    def beyond(method: str) -> Facts:
+        slow = {key: np.multiply(value, 0.05).tolist() for key, value in body.items()}
+        runs = [
+            solved(method, solid_scene(1.5, mesh_size=0.25, **keys)).summary
+            for keys in (body, slow)
+        ]
+        codes = [{f["code"] for f in summary["verdict"]["findings"]} for summary in runs]
+        return {
+            "silent": float(code not in codes[0] or runs[0]["status"] != "out_of_model"),
+            "believed": float(runs[0]["verdict"]["level"] != "do_not_trust"),
+            "false alarm": float(code in codes[1] or runs[1]["status"] != "completed"),
+        }
+
+    return beyond
+
+
+def _outside(method: str) -> list[Claim]:
+    return [*_told(method), Claim("believed", 0.0, "the verdict says: do not trust")]
+
+
 def _told(_: str) -> list[Claim]:
     return [
         Claim("silent", 0.0, "the verdict says so"),
-        Claim("false alarm", 0.0, "it says nothing of contact that is resolved"),
+        Claim("false alarm", 0.0, "it says nothing of it where there is none"),
     ]
 
 
@@ -83,5 +107,9 @@ CASES: tuple[Case, ...] = (
     Case("half a disc", _half,
          lambda _: [Claim("difference", 1e-9, "figures of a cut body are those of the whole")],
          SOLID, body="solid"),
+    Case("disc that turns by 0.6", _beyond("model_rotation", velocity=[0.0, -SPEED],
+                                           angular_velocity=0.4), _outside, SOLID, body="solid"),
+    Case("v0 = 0.4 c, beyond small strains", _beyond("model_strain", velocity=[0.0, -0.4]),
+         _outside, SOLID, body="solid"),
 )  # fmt: skip
 """Hard cases of solids that ask what is told of contact."""
