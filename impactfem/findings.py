@@ -15,6 +15,7 @@ CODES: Mapping[str, str] = {
     "force_peak": "the largest force of a step belongs to the mesh",
     "rounding_growth": "rounding grows from contact to contact",
     "energy_growth": "the energy grows though nothing feeds it",
+    "energy_loss": "energy is lost that nothing in the scene takes",
     "error_large": "the error that was measured or estimated is large",
     "penetration": "bodies penetrate",
     "friction_nonunique": "friction allows several motions",

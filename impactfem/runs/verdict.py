@@ -22,8 +22,14 @@ GROWTH_LIMITS = (1e-6, 1e-2)
 No method that the plan may choose exceeds the first on normals that stay.
 """
 
+LOSS_LIMIT = 0.05
+"""Share of the energy that may go where nothing in the scene takes it, before care is called for.
+
+What the schemes lose at an impact falls with the step; it is not wrong as a gain would be.
+"""
+
 # Codes that every run looks for itself, so that what its plan foresaw of them is settled.
-_JUDGED = ("energy_growth", "penetration", "not_finite", "not_converged")
+_JUDGED = ("energy_growth", "energy_loss", "penetration", "not_finite", "not_converged")
 
 _STATUS = {
     "not_converged": "not_converged",
@@ -54,7 +60,7 @@ def judge(
     """
     own = [
         *_ending(history, summary),
-        *_energy(summary),
+        *_energy(scene, summary),
         *_error(summary),
         *_contact(scene, history, summary),
     ]
@@ -92,11 +98,17 @@ def _ending(history: xr.Dataset, summary: Mapping[str, Any]) -> Iterator[Finding
         yield warning("outside_contact", str(watched))
 
 
-def _energy(summary: Mapping[str, Any]) -> tuple[Finding, ...]:
+def _energy(scene: Scene, summary: Mapping[str, Any]) -> tuple[Finding, ...]:
     energy = summary["energy"]
-    growth = energy["max_relative_growth"]
-    if energy["driven"] or growth is None:
+    growth, change = energy["max_relative_growth"], energy["unexplained"]
+    if energy["driven"] or growth is None or change is None:
         return ()
+    if not any(_is_damped(body) for body in scene.bodies):
+        text = f"{percent(-change)} of the energy is lost, though nothing in the scene takes it"
+        remedy = "take smaller elements and steps, or a method that conserves energy"
+        lost = by_limits("energy_loss", -change, (LOSS_LIMIT, np.inf), text, remedy=remedy)
+        if lost:
+            return lost
     remedy = "take a smaller step or another method"
     text = f"the energy grows by {percent(growth)}, though nothing feeds it"
     if summary["plan"].get("normals") == "updated":
@@ -104,6 +116,12 @@ def _energy(summary: Mapping[str, Any]) -> tuple[Finding, ...]:
         text += "to the first order of step and faces only"
         remedy = "take smaller elements and steps"
     return by_limits("energy_growth", growth, GROWTH_LIMITS, text, remedy=remedy)
+
+
+def _is_damped(body: Any) -> bool:
+    """Whether a body takes energy itself."""
+    rates = (getattr(body, "rayleigh_mass", 0.0), getattr(body, "rayleigh_stiffness", 0.0))
+    return any((*rates, *getattr(body, "rayleigh_damping", ())))
 
 
 def _error(summary: Mapping[str, Any]) -> tuple[Finding, ...]:

@@ -92,3 +92,12 @@ def test_growth_of_energy_is_judged_by_its_size(result, normals, growth, level, 
     assert found["level"] == level
     texts = [each["text"] for each in found["findings"] if each["code"] == "energy_growth"]
     assert [why in text for text in texts] == [True] * (why is not None)
+
+
+@pytest.mark.parametrize(
+    ("lost", "damping", "told"), [(0.1, 0.0, True), (0.025, 0.0, False), (0.1, 2.0, False)]
+)
+def test_energy_that_nothing_takes_is_missed(result, lost, damping, told):
+    scene = result.scene.with_settings({"body.body.rayleigh_mass": damping})
+    summary = {**result.summary, "energy": {**result.summary["energy"], "unexplained": -lost}}
+    assert ("energy_loss" in codes(Result(scene, result.history, summary))) is told
