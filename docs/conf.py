@@ -7,12 +7,10 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
 import choices
-import claims
 import gallery_pages
 import gallery_runs
 import messages
 import reference_tables
-import stored
 import structure
 from placing import write_changed
 from sphinx.errors import ConfigError
@@ -30,7 +28,6 @@ myst_heading_anchors = 3
 exclude_patterns = [
     "_build",
     "generated/*.md",
-    "generated/evidence",
     "generated/extra",
     "limits_table.md",
 ]
@@ -69,8 +66,6 @@ if tags.has("gallery"):  # noqa: F821  (defined by Sphinx)
     except gallery_runs.GalleryError as fault:
         raise ConfigError(f"a demo of the gallery fails\n{fault}") from None
 gallery_pages.write(runs)
-stored.write()
 choices.write(GENERATED)
 messages.write(GENERATED)
 write_changed(GENERATED / "structure.svg", structure.picture())
-claims.write(runs, GENERATED / "claims.md")

@@ -12,13 +12,12 @@ from typing import Any
 import stored
 from gallery_runs import ROOT, Run
 from md_tables import table
-from placing import write_changed
 
 type Claim = tuple[str, str, str, str]
 """Claim; tests or script; figure; page, as a link."""
 
-NOT_RUN = "not run yet (`make docs`)"
 WAVE_BENCHMARKS = ("bar_impact", "gravity_impact", "step_load", "two_bars", "wave_cradle")
+DEMOS = (*WAVE_BENCHMARKS, "elastic_sphere", "sliding_block")
 
 
 def _peer(name: str, study: str = "k1_off_grid") -> str:
@@ -138,7 +137,7 @@ def _script(name: str) -> str:
 def _summaries(runs: Sequence[Run]) -> dict[str, dict[str, Any]]:
     return {
         run.name: json.loads((run.folder / "summary.json").read_text(encoding="utf-8"))
-        for run in runs if run.stamp
+        for run in runs
     }  # fmt: skip
 
 
@@ -146,15 +145,13 @@ def waves(facts: Mapping[str, Mapping[str, Any]]) -> str:
     """Errors of the bars against characteristics."""
     parts = [
         f"{name} {facts[name]['error']['displacement_max']:.0e}"
-        for name in WAVE_BENCHMARKS if name in facts
+        for name in WAVE_BENCHMARKS
     ]  # fmt: skip
-    return f"displacement error: {', '.join(parts)}" if parts else NOT_RUN
+    return f"displacement error: {', '.join(parts)}"
 
 
 def hertz(facts: Mapping[str, Mapping[str, Any]]) -> str:
     """Largest force and duration of the elastic ball over those of Hertz's theory of impact."""
-    if "elastic_sphere" not in facts:
-        return NOT_RUN
     ball = _scene("elastic_sphere")["body"][0]
     radius, speed = ball["shape"]["radius"], abs(ball["velocity"][1])
     mass = 4.0 / 3.0 * math.pi * radius**3 * ball["density"]
@@ -173,9 +170,7 @@ def hertz(facts: Mapping[str, Mapping[str, Any]]) -> str:
 
 def sliding(runs: Sequence[Run]) -> str:
     """Way of the sliding block over that of a point mass with friction."""
-    run = next((run for run in runs if run.name == "sliding_block" and run.stamp), None)
-    if run is None:
-        return NOT_RUN
+    run = next(run for run in runs if run.name == "sliding_block")
     scene = _scene("sliding_block")
     with (run.folder / "history.csv").open(encoding="utf-8", newline="") as file:
         x = [float(row["block.x"]) for row in csv.DictReader(file)]
@@ -184,15 +179,21 @@ def sliding(runs: Sequence[Run]) -> str:
     return f"stops after {1e3 * (x[-1] - x[0]):.2f} mm; v²/2μg = {1e3 * way:.2f} mm"
 
 
-def claims(runs: Sequence[Run]) -> list[Claim]:
-    """All claims; those of demos from the stored runs."""
+def of_demos(runs: Sequence[Run]) -> dict[str, str]:
+    """Figures from runs of demos."""
     facts = _summaries(runs)
+    return {"waves": waves(facts), "hertz": hertz(facts), "sliding": sliding(runs)}
+
+
+def claims() -> list[Claim]:
+    """All claims, with stored figures."""
+    demos = stored.stamp("demos")["figures"]
     gallery, board = "[gallery](generated/gallery/index.md)", "[hard cases](hard_cases.md)"
     speed, solids = "[speed](work_precision.md)", "[solids](solid_benchmarks.md)"
     return [
         ("Bars follow the exact waves where events fall on layers or meshes are fitted",
          _tests("verification/test_bar_verification.py"),
-         waves(facts), gallery),
+         demos["waves"], gallery),
         ("Energy stays over 750 bounces (`conserving`)", _tests("report/test_hard_cases.py"),
          long_run(), board),
         ("Hard cases hold, and negative controls fail", _tests("report/test_hard_cases.py"),
@@ -204,9 +205,9 @@ def claims(runs: Sequence[Run]) -> list[Claim]:
         ("Solids are faster than a plain SciPy loop from some size on", _script("disc.py"),
          disc_peer(), solids),
         ("An elastic ball bounces as Hertz says", _tests("verification/test_solid_hertz.py"),
-         hertz(facts), "[verification](solid_verification.md)"),
+         demos["hertz"], "[verification](solid_verification.md)"),
         ("Friction takes what Coulomb says", _tests("verification/test_bodies_friction.py"),
-         sliding(runs), "[friction](friction.md)"),
+         demos["sliding"], "[friction](friction.md)"),
         ("A million unknowns fit a workstation", _script("large_sphere.py"), large(), solids),
         ("Few degrees of freedom: impacts are located to rounding",
          _tests("vibro/test_event_driven.py"), events(), "[vibro-impact](vibro_impact.md)"),
@@ -218,7 +219,8 @@ def claims(runs: Sequence[Run]) -> list[Claim]:
     ]  # fmt: skip
 
 
-def write(runs: Sequence[Run], path: Path) -> None:
-    """Write the table of claims."""
-    rows = [(f"{claim}<br>{test}", figure, page) for claim, test, figure, page in claims(runs)]
-    write_changed(path, table(["claim, and what tests it", "figure", "more"], rows))
+def page() -> str:
+    """The table of claims, and when the demos ran."""
+    rows = [(f"{claim}<br>{test}", figure, more) for claim, test, figure, more in claims()]
+    said = stored.measured(stored.stamp("demos")).replace("Measured", "Demos measured", 1)
+    return f"{table(['claim, and what tests it', 'figure', 'more'], rows)}\n*{said}*\n"

@@ -9,10 +9,8 @@ from typing import Any
 
 from gallery_runs import ROOT
 from md_tables import table
-from placing import Placed
 
 RESULTS = ROOT / "benchmarks" / "results"
-PARTS = ROOT / "docs" / "generated" / "evidence"
 # The sentence that studies end with; the stamp says the same and more.
 MEASURED = re.compile(r" ?Measured on \d{4}-\d\d-\d\d on \d+ cores with .*?\.(?= |\n|$)")
 EXPONENT = re.compile(r"(?<![\w.])-?\d[\d.]*e[+-]?\d+\b")
@@ -98,19 +96,15 @@ def vibrating_table() -> dict[str, str]:
     }
 
 
-def write() -> None:
-    """Write the parts of all stored results."""
-    placed = Placed(PARTS)
-    for path in sorted(RESULTS.glob("*.md")):
-        placed.text(PARTS / path.name, part(path.stem))
-    overview, heading, rest = part("hard_cases").partition("\n## ")
+def parts() -> dict[str, str]:
+    """The parts of all stored results, by name."""
+    found = {name: part(name) for name in sorted(names())}
+    overview, heading, rest = found.pop("hard_cases").partition("\n## ")
     overview = overview.replace("| FAIL ", '| <span class="fail">FAIL</span> ')
     said = f"\n\n*{measured(stamp('hard_cases'))}*\n"
-    placed.text(PARTS / "hard_cases_board.md", overview.rstrip() + said)
-    placed.text(PARTS / "hard_cases_figures.md", heading.lstrip("\n") + rest)
-    for name, content in vibrating_table().items():
-        placed.text(PARTS / f"{name}.md", content)
-    placed.clear()
+    found["hard_cases_board"] = overview.rstrip() + said
+    found["hard_cases_figures"] = heading.lstrip("\n") + rest
+    return found | vibrating_table()
 
 
 def names() -> set[str]:

@@ -1,6 +1,7 @@
-"""The scripts that write generated pages can be imported by name."""
+"""The scripts that write pages and their figures can be imported by name."""
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "docs" / "extensions"))
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+sys.path[:0] = [str(DOCS / "extensions"), str(DOCS / "scripts")]
