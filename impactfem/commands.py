@@ -236,7 +236,7 @@ def plot(given: argparse.Namespace) -> int:
         complain(str(error))
         return BAD_INPUT
     with claimed(given.folder):
-        names, faults = add_pictures(result, given.folder, Output())
+        names, faults = add_pictures(result, given.folder, Output(film=True))
     for line in faults:
         complain(line)
     if result.fields is None and not result.scene.is_vibro:

@@ -6,7 +6,7 @@ from impactfem.planning.bar_rows import BarRowPlan, plan_bar_row
 from impactfem.planning.bars import Plan, plan_bar
 from impactfem.planning.bodies import plan_bodies
 from impactfem.planning.doubts import MEETS_NOTHING, doubts
-from impactfem.planning.drawing import drawing_seconds
+from impactfem.planning.drawing import choose_film, drawing_seconds
 from impactfem.planning.solids import SolidPlan, plan_solid
 from impactfem.planning.vibro import VibroPlan, plan_vibro
 from impactfem.scene import Scene
@@ -35,10 +35,9 @@ def plan(scene: Scene) -> AnyPlan:
         SceneError: The settings cannot work, or need more memory than the machine has.
         MeshError: The mesh cannot be made.
     """
-    drawing = drawing_seconds(scene)
     if not scene.is_vibro and not isinstance(scene.bodies[0], Solid):
         bars = plan_bar_row(scene) if scene.is_bar_row else plan_bar(scene)
-        return replace(bars, drawing_seconds=drawing)
+        return _with_drawing(bars, scene)
     made: VibroPlan | SolidPlan
     if scene.is_vibro:
         made = plan_vibro(scene)
@@ -48,4 +47,16 @@ def plan(scene: Scene) -> AnyPlan:
     told = {finding.subject for finding in made.findings if finding.code == MEETS_NOTHING}
     if told & {body.name for body in scene.bodies}:  # which says more
         found = tuple(finding for finding in found if finding.code != MEETS_NOTHING)
-    return replace(made, findings=(*made.findings, *found), drawing_seconds=drawing)
+    made = replace(made, findings=(*made.findings, *found))
+    return _with_drawing(made, scene)
+
+
+def _with_drawing(made: AnyPlan, scene: Scene) -> AnyPlan:
+    """A plan that also says whether a film is written, and what drawing takes."""
+    film, why = choose_film(scene, made.seconds)
+    return replace(
+        made,
+        film=film,
+        reasons={**made.reasons, "film": why},
+        drawing_seconds=drawing_seconds(scene, film=film),
+    )

@@ -27,12 +27,14 @@ class Foresees:
         findings: What the user should know before trusting the answer.
         predicted_error: Relative error of the displacement to expect; None if there is no
             prediction.
+        film: Whether a film of the motion is written.
         drawing_seconds: Time that pictures, film and report take besides [s], as far as the scene
             asks for them.
     """
 
     findings: tuple[Finding, ...] = ()
     predicted_error: float | None = None
+    film: bool = False
     drawing_seconds: float = 0.0
 
     @property

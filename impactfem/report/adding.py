@@ -2,7 +2,7 @@
 
 import errno
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -63,13 +63,13 @@ def add_pictures(
     Args:
         result: What to draw.
         folder: Holds the result.
-        wanted: What to draw; what the scene asks for if None.
+        wanted: What to draw; what scene and plan ask for if None.
 
     Returns:
         Names of the files that were drawn, and what could not be drawn, a line each: no fault of a
         painter and no full disk is raised.
     """
-    faults, wanted, names = Faults(), wanted or result.scene.output, list[str]()
+    faults, wanted, names = Faults(), wanted or _planned(result), list[str]()
     if not (wanted.pictures or wanted.film or wanted.report):
         return [], []
     try:
@@ -80,6 +80,11 @@ def add_pictures(
     except OutputError as error:
         faults.lines.append(f"not drawn: {error}, then draw with: impactfem plot {folder}")
     return names, faults.lines
+
+
+def _planned(result: "Result") -> "Output":
+    """What the scene asks for, with a film if its plan says so."""
+    return replace(result.scene.output, film=result.summary["plan"].get("film", True))
 
 
 def _draw(result: "Result", stage: Path, faults: Faults, wanted: "Output") -> list[str]:

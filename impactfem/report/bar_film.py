@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -60,10 +61,10 @@ class BarReel:
     def show(self, moment: int) -> Sequence[Artist]:
         """Let the figure show a layer; returns what moves, from the back to the front."""
         a, b = self.near[moment], self.far[moment]
-        self.pieces.set_verts([_box(x, y) for x, y in zip(a, b, strict=True)])
+        self.pieces.set_verts(_boxes(a, b))
         self.pieces.set_array(self.stress[moment])
-        ends = zip(a[self.first], b[np.append(self.first[1:], len(b)) - 1], strict=True)
-        self.outlines.set_segments([[*_box(x, y), (x, -1.0)] for x, y in ends])
+        ends = a[self.first], b[np.append(self.first[1:], len(b)) - 1]
+        self.outlines.set_segments(_boxes(*ends)[:, [0, 1, 2, 3, 0]])
         told = tell_time(self.clock, self.now, float(self.times[moment]))
         return [self.pieces, self.outlines, *told]
 
@@ -117,8 +118,10 @@ def bar_reel(result: Result, fields: Fields, frames: int | None) -> BarReel | No
     return BarReel(figure, times, *ends, stress, first, pieces, outlines, clock, now)
 
 
-def _box(near: float, far: float) -> list[tuple[float, float]]:
-    return [(near, -1.0), (far, -1.0), (far, 1.0), (near, 1.0)]
+def _boxes(near: Floats, far: Floats) -> Any:
+    """Corners of boxes between two ends each, shape (boxes, 4, 2): the types know no arrays."""
+    across = np.broadcast_to([-1.0, -1.0, 1.0, 1.0], (len(near), 4))
+    return np.stack([np.column_stack([near, far, far, near]), across], axis=2)
 
 
 def _pieces(result: Result, fields: Fields) -> tuple[Nodes, Nodes, Floats, Nodes]:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from impactfem.errors import SceneError
 from impactfem.report.adding import Faults
 from impactfem.report.bar_row_figures import bar_row_painters
-from impactfem.report.sheet import Sheet
+from impactfem.report.sheet import Sheet, write_png
 from impactfem.report.solid_figures import solid_painters
 from impactfem.report.vibro_figures import vibro_painters
 from impactfem.result import Fields, Result
@@ -20,7 +20,6 @@ from impactfem.scene import Solid
 
 _BLUE, _ORANGE, _GREEN, _GREY = "#0b559f", "#d95f02", "#1b7837", "0.45"
 _MAX_LINES = 400  # samples along an axis that a picture can show
-_DOTS_PER_INCH = 130
 
 
 def painters(result: Result) -> dict[str, Callable[[], Figure | None]]:
@@ -86,7 +85,7 @@ def write_pictures(result: Result, folder: Path, faults: Faults) -> list[Path]:
 def _painted(paint: Callable[[], Figure | None], path: Path) -> bool:
     figure = paint()
     if figure is not None:
-        figure.savefig(path, dpi=_DOTS_PER_INCH)
+        write_png(figure, path)
     return figure is not None
 
 
@@ -95,7 +94,7 @@ def write_all(figures: Mapping[str, Figure], folder: Path) -> list[Path]:
     paths = []
     for name, figure in figures.items():
         path = folder / f"{name}.png"
-        figure.savefig(path, dpi=_DOTS_PER_INCH)
+        write_png(figure, path)
         paths.append(path)
     return paths
 

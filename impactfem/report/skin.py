@@ -6,8 +6,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from impactfem.result import SolidFields
 from impactfem.result.cell_kinds import BY_VTK_TYPE, boundary_facets, face_triangles
@@ -147,6 +145,10 @@ class Skin:
     @cached_property
     def bodies(self) -> Integers:
         """Which of the parts without common cells a node belongs to, in the order of nodes."""
+        # Loaded here: pictures of bars and points need none of it.
+        from scipy.sparse import coo_array  # noqa: PLC0415
+        from scipy.sparse.csgraph import connected_components  # noqa: PLC0415
+
         cells, count = self.fields.cells, self.fields.num_points
         ends = np.broadcast_to(cells[:, :1], cells.shape).ravel()
         graph = coo_array((np.ones(cells.size), (ends, cells.ravel())), shape=(count, count))

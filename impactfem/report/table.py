@@ -25,7 +25,8 @@ def plan_table(plan: AnyPlan) -> str:
     else:
         rows = _vibro_rows(plan) if isinstance(plan, VibroPlan) else _bar_rows(plan)
     if plan.drawing_seconds:
-        drawn = f"about {plan.drawing_seconds:.2g} s more for pictures, film and report"
+        film = ", film" if plan.film else ""
+        drawn = f"about {plan.drawing_seconds:.2g} s more for pictures{film} and report"
         rows.append(("drawing", f"{drawn} (output.pictures, film, report)"))
     for key, reason in plan.reasons.items():
         rows.append((key if key.startswith("offer") else f"why {key}", reason))

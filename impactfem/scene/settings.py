@@ -174,7 +174,9 @@ class Output:
         default=0,
     )
     pictures: bool = key(Switch(), "whether to draw pictures, as PNG files", default=True)
-    film: bool = key(Switch(), "whether to write motion.gif", default=True)
+    film: bool | None = key(
+        Switch(), "whether to write motion.gif; absent: where it is cheap", default=None
+    )
     report: bool = key(Switch(), "whether to write report.html", default=True)
 
     def __post_init__(self) -> None:

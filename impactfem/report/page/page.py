@@ -23,6 +23,7 @@ from impactfem.report.page.motion import SCRIPTS, motion
 from impactfem.report.page.numbers import largest, percent, span
 from impactfem.report.page.verdict import headline, reasons
 from impactfem.report.page.words import in_words
+from impactfem.report.sheet import write_png
 from impactfem.report.table import beyond_model
 from impactfem.result import Result
 from impactfem.scene import Output
@@ -146,7 +147,7 @@ def _drawn(result: Result) -> list[tuple[str, bytes]]:
     images = []
     for name, figure in draw_all(result).items():
         buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=130)
+        write_png(figure, buffer)
         images.append((name, buffer.getvalue()))
     return images
 
