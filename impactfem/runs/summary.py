@@ -54,8 +54,11 @@ def summarise(
     # a body that starts at rest.
     moving = history["kinetic_energy"].values + history["elastic_energy"].values
     worked = history["potential_energy"].values - history["potential_energy"].values[0]
-    scale = max(abs(energy[0]), moving.max(), np.abs(worked).max()) or 1.0
+    given = max(abs(energy[0]), moving[0], np.abs(worked).max()) or moving.max() or 1.0
+    scale = max(given, moving.max())
     growth = (energy - energy[0]) / scale
+    # Of what was given: of the largest energy no growth would be more than all of it.
+    grown = max(0.0, float((energy - energy[0]).max()) / given)
     intervals = contact_intervals(t, force, history["gap"].values)
     taken = dict(effort.details.get("energy_taken", {}))
     if rubbed := effort.details.get("friction_work"):
@@ -80,8 +83,8 @@ def summarise(
             "final": _cleared(energy[-1], scale),
             "max_relative_drift": np.abs(growth).max(),
             "final_relative_drift": growth[-1],
-            "max_relative_growth": max(0.0, growth.max()),
-            "grows": bool(growth.max() > GROWTH_LIMITS[0]) and not driven,
+            "max_relative_growth": grown,
+            "grows": grown > GROWTH_LIMITS[0] and not driven,
             "driven": driven,
             "taken": taken,  # by friction and impacts, as far as it is known [J]
             "unexplained": (energy[-1] - energy[0] + sum(taken.values())) / scale,

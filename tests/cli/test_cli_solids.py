@@ -47,7 +47,7 @@ def history(folder):
 
 
 def test_run_writes_result_and_error_estimate(disc, command, work):
-    done = command("run", disc)
+    done = command("run", disc, "--set", "body.disc.mesh_size=0.08")
     assert done.code == DONE, done.err
     folder = work / "results/disc"
     assert {"scene.toml", "history.csv", "history.nc", "fields.vtkhdf", "summary.json"} <= {

@@ -14,13 +14,13 @@ from impactfem.result import Result
 SCENE = """
 title = "a disc that is killed"
 duration = 12.0
-gravity = [0.0, -0.1]
+gravity = [0.0, -0.0125]
 
 [[body]]
 name = "disc"
 kind = "solid"
 model = "plane_strain"
-shape = { kind = "disc", radius = 0.5, center = [0.0, 0.51] }
+shape = { kind = "disc", radius = 0.5, center = [0.0, 0.50125] }
 mesh_size = 0.07
 density = 1.0
 youngs_modulus = 0.75

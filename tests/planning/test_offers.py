@@ -226,9 +226,11 @@ def test_symmetric_scenes_are_offered_as_their_part(scene, axes):
 
 
 def test_the_half_offered_moves_as_the_whole():
-    case = solid_scene(solve={"method": "massless", "estimate": False})
-    half = solid_scene(solve={"method": "massless", "estimate": False},
-                       shape=DISC | {"symmetry": ["x"]})  # fmt: skip
+    # Far above what the meshes of a disc differ by, so that they are not compared.
+    shape = DISC | {"center": [0.0, 0.52]}
+    common = {"solve": {"method": "massless", "estimate": False}, "velocity": [0.0, -0.1]}
+    case = solid_scene(shape=shape, **common)
+    half = solid_scene(shape=shape | {"symmetry": ["x"]}, **common)
     whole, part = (impactfem.solve(scene).history for scene in (case, half))
     wanted = whole["body.y"].values - whole["body.y"].values[0]
     found = part["body.y"].values - part["body.y"].values[0]

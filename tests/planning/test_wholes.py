@@ -59,7 +59,8 @@ def test_half_of_a_mesh_file_is_told_of_as_the_whole(tmp_path):
     path = tmp_path / "square.msh"
     path.write_text(_square_mesh(0.02), encoding="ascii")
     common = {"mesh": str(path), "mesh_size": None, "shape": None, "solve": {"dt": 0.05}}
-    half = impactfem.solve(solid_scene(**common, supports=held("left"), duration=1.0))
+    thrown = {"velocity": [0.0, -0.1], "duration": 1.0}
+    half = impactfem.solve(solid_scene(**common, supports=held("left"), **thrown))
     assert half.summary["details"]["symmetry_factor"] == 2
     assert half.summary["details"]["symmetry_planes"] == {"x": -0.5}
     velocity = half.history["body.vy"].values

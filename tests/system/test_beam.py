@@ -207,7 +207,7 @@ def test_weight_and_damping_act_on_the_right_motions():
         ({"center": [0.0, 0.0, 1.0]}, "beam.center", "2 numbers"),
         ({"theory": "bernoulli"}, "beam.theory", "euler_bernoulli"),
         ({"elements": 0}, "beam.elements", "from 1"),
-        ({"youngs_modulus": 1e-300, "density": 1e300}, "beam.youngs_modulus", "SI units"),
+        ({"youngs_modulus": 1e-300, "density": 1e300}, "beam.density", "SI units"),
     ],
 )
 def test_what_cannot_be_is_refused(change, key, remedy):

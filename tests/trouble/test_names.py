@@ -53,10 +53,10 @@ def odd(tmp_path):
     folder = tmp_path / ODD
     folder.mkdir()
     (folder / "netz ü.geo").write_text(
-        'SetFactory("OpenCASCADE"); Disk(1) = {0, 0.51, 0, 0.5}; MeshSize{:} = 0.25;\n'
+        'SetFactory("OpenCASCADE"); Disk(1) = {0, 0.50125, 0, 0.5}; MeshSize{:} = 0.25;\n'
         'Physical Surface("Körper") = {1}; Physical Curve("Rand") = {1};\n'
     )
-    shape = 'shape = { kind = "disc", radius = 0.5, center = [0.0, 0.51] }\n'
+    shape = 'shape = { kind = "disc", radius = 0.5, center = [0.0, 0.50125] }\n'
     assert shape in DISC
     text = DISC.replace(shape, 'mesh = "netz ü.geo"\n').replace("mesh_size = 0.15\n", "")
     text = text.replace("6.0", "1.5")

@@ -111,7 +111,7 @@ def test_pictures_are_not_drawn_into_a_folder_in_use(tmp_path):
 def test_gmsh_ends_with_its_run(tmp_path):
     """A script that never ends, in a process of its own, whose parent is killed."""
     (tmp_path / "body.geo").write_text("For i In {1:1e12}\nx = i;\nEndFor\n")
-    text = DISC.replace('shape = { kind = "disc", radius = 0.5, center = [0.0, 0.51] }\n', "")
+    text = DISC.replace('shape = { kind = "disc", radius = 0.5, center = [0.0, 0.50125] }\n', "")
     (tmp_path / "scene.toml").write_text(
         text.replace("mesh_size", 'mesh = "body.geo"\nmesh_size'), encoding="utf-8"
     )

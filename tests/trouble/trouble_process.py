@@ -21,13 +21,13 @@ SHORT = ("run", "bar_impact", "--set", "solve.method=exact", "--quiet", "--out")
 DISC = """
 title = "Schütte Ω, a disc that is killed"
 duration = 6.0
-gravity = [0.0, -0.1]
+gravity = [0.0, -0.0125]
 
 [[body]]
 name = "disc"
 kind = "solid"
 model = "plane_strain"
-shape = { kind = "disc", radius = 0.5, center = [0.0, 0.51] }
+shape = { kind = "disc", radius = 0.5, center = [0.0, 0.50125] }
 mesh_size = 0.15
 density = 1.0
 youngs_modulus = 0.75
