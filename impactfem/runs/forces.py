@@ -96,7 +96,7 @@ def peak_findings(contact: Mapping[str, Any]) -> tuple[Finding, ...]:
         f"{'the force rings with mesh and step' if rings else 'a peak that belongs to the mesh'}"
     )
     limit = PEAK_LIMITS[1] if rings else PEAK_LIMITS[0]
-    remedy = 'take means or impulses of the force, or method = "massless"' if rings else ""
+    remedy = "take means or impulses of the force" if rings else ""
     return (
         Finding(
             "force_peak",

@@ -74,15 +74,10 @@ def test_a_bar_and_a_solid_without_lateral_strain_agree(name, model):
         bar_scene(scene.duration, gravity=given.get("gravity", 0.0), **bar)
     ).history
     np.testing.assert_allclose(solid["time"], other["time"], atol=1e-12)
-    # The energy of a bar is that of its waves, that of a solid is of its nodes: it lacks the share
-    # of the node in contact.
-    energy = float(other["total_energy"].max())
-    for key, size, most in (("gap", 1.0, 1e-10), ("contact_force", area, 1e-10),
-                            ("momentum", area, 1e-10),
-                            ("total_energy", area, energy / (2 * 32) + 1e-10)):  # fmt: skip
-        # Row 0 of energies: a bar counts its first layer.
-        difference = np.abs(solid[key].values / size - other[key].values)[1:]
-        assert difference.max() <= most, key
+    # Not the energy: that of a bar is of its waves, that of a solid of its nodes.
+    for key, size in (("gap", 1.0), ("contact_force", area), ("momentum", area)):
+        difference = np.abs(solid[key].values / size - other[key].values)
+        assert difference.max() <= 1e-10, key
     assert solid["contact_force"].max() > 0.1 * area
 
 
