@@ -227,7 +227,8 @@ def plot(given: argparse.Namespace) -> int:
     """Draw the pictures and the report of a result folder again."""
     from impactfem.report.adding import add_pictures  # noqa: PLC0415
     from impactfem.result import Result  # noqa: PLC0415
-    from impactfem.resuming import claimed  # noqa: PLC0415
+    from impactfem.result.store import CHECKPOINT, SPOOL  # noqa: PLC0415
+    from impactfem.resuming import claimed, clear  # noqa: PLC0415
     from impactfem.scene import Output  # noqa: PLC0415
 
     try:
@@ -237,6 +238,8 @@ def plot(given: argparse.Namespace) -> int:
         return BAD_INPUT
     with claimed(given.folder):
         names, faults = add_pictures(result, given.folder, Output(film=True))
+        if not (given.folder / CHECKPOINT).exists():  # left by a run that was killed as it drew
+            clear(given.folder, SPOOL)
     for line in faults:
         complain(line)
     if result.fields is None and not result.scene.is_vibro:
