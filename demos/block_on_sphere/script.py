@@ -26,7 +26,7 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     scene = impactfem.Scene.from_toml(SCENE)
     scene = scene.with_settings(
-        {"output.fields": [], "duration": 6e-3, "body.block.mesh_size": 0.006}
+        {"output.fields": [], "duration": 4e-3, "body.block.mesh_size": 0.006}
     )
     flat = scene.with_settings({"body.block.refine": []})
     floor = HalfSpace(name="floor", point=(0.0, 0.0, 0.0), normal=(0.0, 1.0, 0.0))

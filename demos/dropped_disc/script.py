@@ -48,8 +48,8 @@ def main() -> None:
               f"change of energy {drift:.1e}")  # fmt: skip
     gap.set_ylabel("gap below the disc [mm]")
     gap.legend(frameon=False)
-    gap.set_title("Rubber disc dropped from 20 mm")
-    energy.set(ylabel="total energy [J]", xlabel="time [s]", ylim=(0.0, None), xlim=(0.0, 0.5))
+    gap.set_title("Rubber disc dropped from 10 mm")
+    energy.set(ylabel="total energy [J]", xlabel="time [s]", ylim=(0.0, None), xlim=(0.0, 0.2))
     figure.savefig(folder / "bounces.png", dpi=100)
     print(folder / "bounces.png")
 

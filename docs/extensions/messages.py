@@ -39,7 +39,7 @@ MISTAKES = (
             "courant = 0.5\ndt = 2e-4 "),
     Mistake("A method of other bodies", "sliding_block", 'method = "conserving"',
             'method = "event_driven"'),
-    Mistake("A body inside an obstacle", "dropped_disc", "center = [0.0, 0.07]",
+    Mistake("A body inside an obstacle", "dropped_disc", "center = [0.0, 0.06]",
             "center = [0.0, 0.04]"),
     Mistake("Two bodies that overlap", "colliding_discs", "center = [0.05, 0.05]",
             "center = [0.0, 0.05]"),
