@@ -177,7 +177,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         text += f"micro-impacts, {episode['vibration']:.2%} of the energy left in vibrations"
         rows.insert(4, ("rebound", text))
     found = summary["verdict"]["findings"]
-    rows += [(finding["severity"], _sentence(finding)) for finding in found]
+    rows += [(finding["severity"], sentence(finding)) for finding in found]
     return [*rows, ("verdict", summary["verdict"]["level"].replace("_", " "))]
 
 
@@ -191,7 +191,8 @@ def beyond_model(summary: Mapping[str, Any]) -> str:
     return "; it says nothing of the model, which does not hold here" if outside else ""
 
 
-def _sentence(finding: Mapping[str, Any]) -> str:
+def sentence(finding: Mapping[str, Any]) -> str:
+    """The text of a finding with its remedy."""
     return f"{finding['text']}; {finding['remedy']}" if finding["remedy"] else finding["text"]
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from impactfem.report.page.numbers import percent
-from impactfem.report.table import beyond_model
+from impactfem.report.table import beyond_model, sentence
 
 HEADLINES = {
     "trust": "Trust this run",
@@ -29,7 +29,7 @@ def reasons(summary: Mapping[str, Any]) -> list[str]:
 
 
 def _sentence(finding: Mapping[str, Any]) -> str:
-    text = finding["text"] + (f"; {finding['remedy']}" if finding["remedy"] else "")
+    text = sentence(finding)
     return f"{text[:1].upper()}{text[1:]}."
 
 
