@@ -1,6 +1,7 @@
 """SIGINT and SIGTERM: an end in order, and short blocks that they must not cut in two."""
 
 import signal
+import sys
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -24,9 +25,10 @@ class InterruptedRunError(BaseException):
 
 
 def listen() -> None:
-    """Have SIGINT and SIGTERM raise `InterruptedRunError`, once."""
+    """Have SIGINT and SIGTERM raise `InterruptedRunError`, once; a finalizer cannot swallow it."""
     for number in _SIGNALS:
         signal.signal(number, _interrupt)
+    sys.unraisablehook = _unraisable
 
 
 def _interrupt(number: int, _: object) -> NoReturn:
@@ -34,6 +36,21 @@ def _interrupt(number: int, _: object) -> NoReturn:
     for each in _SIGNALS:
         signal.signal(each, signal.SIG_IGN)
     raise InterruptedRunError(number)
+
+
+def _unraisable(raised: "sys.UnraisableHookArgs") -> None:
+    """What Python cannot raise, being inside a finalizer or a callback of C."""
+    error = raised.exc_value
+    if isinstance(error, InterruptedRunError):
+        # The signal came inside of it: ask again when the finalizer is done.
+        for number in _SIGNALS:
+            signal.signal(number, _interrupt)
+        again = threading.Timer(0.05, signal.raise_signal, (error.number,))
+        again.daemon = True
+        again.start()
+    elif signal.getsignal(_SIGNALS[0]) is not signal.SIG_IGN:
+        sys.__unraisablehook__(raised)
+    # else: an object that the signal left half made, of a run that says so and ends
 
 
 @contextmanager

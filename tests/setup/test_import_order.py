@@ -40,7 +40,7 @@ with h5py.File(sys.argv[1] + "/mesh.h5") as file:
             marks=pytest.mark.slow,
         ),
         pytest.param(
-            "import gmsh\nfrom mpi4py import MPI\nimport dolfinx.io.gmsh",
+            "import gmsh\nfrom mpi4py import MPI\nimport impactfem.fem.loading",
             marks=pytest.mark.slow,
         ),
     ],
