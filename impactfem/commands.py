@@ -2,7 +2,6 @@
 
 import argparse
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +12,7 @@ from impactfem.signals import InterruptedRunError, held_back
 
 if TYPE_CHECKING:
     from impactfem.log import Progress
+    from impactfem.planning import AnyPlan
     from impactfem.result import Result
     from impactfem.scene import Scene
 
@@ -51,8 +51,8 @@ def run(given: argparse.Namespace) -> int:
     place = given.restart or folder
     on_root(lambda: check_free(folder, path))
     with claimed(folder, given.restart), stages, kept(place, bool(scene.output.checkpoint)):
-        result = _solved(scene, given.restart, folder, progress)
-        result = replace(result, summary={**result.summary, "run": _record(given, result)})
+        result = _solved(scene, chosen, given.restart, folder, progress)
+        result = result.with_summary({**result.summary, "run": _record(given, result)})
         progress.step("writing the result")
         on_root(lambda: result.write_data(folder))
         clear(place, CHECKPOINT)
@@ -124,13 +124,15 @@ def _to_run(given: argparse.Namespace) -> "tuple[Path | None, Scene, Path]":
     return None, scene_to_continue(given.restart), given.out or given.restart
 
 
-def _solved(scene: "Scene", restart: Path | None, folder: Path, progress: "Progress") -> "Result":
-    """Solve a scene, with checkpoints if it asks for them."""
-    from impactfem.solving import solve  # noqa: PLC0415
+def _solved(
+    scene: "Scene", chosen: "AnyPlan", restart: Path | None, folder: Path, progress: "Progress"
+) -> "Result":
+    """Solve a scene as planned, with checkpoints if it asks for them."""
+    from impactfem.solving import solve_as_planned  # noqa: PLC0415
 
     if not scene.output.checkpoint:
-        return solve(scene, progress=progress)
-    return solve(scene, progress=progress, checkpoints=restart or folder, restart=restart)
+        return solve_as_planned(scene, chosen, progress)
+    return solve_as_planned(scene, chosen, progress, restart or folder, restart)
 
 
 def _is_solid(scene: "Scene") -> bool:

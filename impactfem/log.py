@@ -6,8 +6,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from tqdm import tqdm
-
 from impactfem.errors import plain
 
 
@@ -25,10 +23,13 @@ class Progress:
     @contextmanager
     def stages(self, total: int) -> Iterator["Progress"]:
         """Show a bar of ``total`` stages; ``step`` advances it."""
-        # disable=None: tqdm itself is silent when stderr is not a terminal.
+        if not (self.enabled and sys.stderr.isatty()):
+            yield self
+            return
+        from tqdm import tqdm  # noqa: PLC0415  (loaded only where a bar is seen)
+
         bar = tqdm(
             total=total,
-            disable=None if self.enabled else True,
             file=sys.stderr,
             leave=False,
             bar_format="{desc:<40} {bar:20} {elapsed}",
@@ -53,5 +54,9 @@ class Progress:
 
     def message(self, text: str) -> None:
         """Print one line, warnings included, to standard error."""
-        if self.enabled:
-            tqdm.write(plain(text), file=sys.stderr)
+        if not self.enabled:
+            return
+        if self._bar is None:
+            print(plain(text), file=sys.stderr)
+        else:  # above the bar
+            self._bar.write(plain(text), file=sys.stderr)

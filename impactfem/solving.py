@@ -7,12 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import xarray as xr
-
 from impactfem.errors import SceneError
 from impactfem.log import Progress
 from impactfem.methods import METHODS
-from impactfem.planning import BarRowPlan, Plan, SolidPlan, VibroPlan, plan
+from impactfem.planning import AnyPlan, BarRowPlan, Plan, SolidPlan, VibroPlan, plan
 from impactfem.planning.bar_errors import rounding_findings
 from impactfem.provenance import run_record
 from impactfem.reference.bar import Errors, exact_bar, exact_curves, measure
@@ -23,6 +21,7 @@ from impactfem.result import Result
 from impactfem.result.bar_motion import Effort, bar_fields, bar_history
 from impactfem.result.bar_row_motion import row_fields, row_history
 from impactfem.result.solid_motion import solid_history
+from impactfem.result.table import Table
 from impactfem.runs.bar_rows import contact_figures, measure_row, row_curves, run_bar_row
 from impactfem.runs.bars import RUNNERS
 from impactfem.runs.error_estimate import estimate_error
@@ -70,16 +69,28 @@ def solve(
         )
     if settings:
         scene = scene.with_settings({f"solve.{key}": value for key, value in settings.items()})
-    progress = progress or Progress()
-    result = _solve(scene, progress, checkpoints, restart)
-    return replace(result, summary={**result.summary, "run": run_record()})
+    return solve_as_planned(scene, plan(scene), progress or Progress(), checkpoints, restart)
+
+
+def solve_as_planned(
+    scene: Scene,
+    chosen: AnyPlan,
+    progress: Progress,
+    checkpoints: Path | None = None,
+    restart: Path | None = None,
+) -> Result:
+    """Solve a scene whose plan is made; otherwise as `solve`."""
+    result = _solve(scene, chosen, progress, checkpoints, restart)
+    return result.with_summary({**result.summary, "run": run_record()})
 
 
 def _solve(
-    scene: Scene, progress: Progress, checkpoints: Path | None, restart: Path | None
+    scene: Scene,
+    chosen: AnyPlan,
+    progress: Progress,
+    checkpoints: Path | None,
+    restart: Path | None,
 ) -> Result:
-    """Solve a scene as its plan says."""
-    chosen = plan(scene)
     if isinstance(chosen, SolidPlan) and scene.has_pairs:
         if checkpoints is not None or restart is not None:
             raise SceneError("several solids are not checkpointed; leave output.checkpoint out")
@@ -182,7 +193,7 @@ def _solve_bodies(scene: Scene, chosen: SolidPlan, progress: Progress) -> Result
 
 
 def _estimated(
-    used: Scene, chosen: SolidPlan, history: xr.Dataset, effort: Effort, progress: Progress,
+    used: Scene, chosen: SolidPlan, history: Table, effort: Effort, progress: Progress,
     *, is_finite: bool,
 ) -> tuple[Errors | None, Effort]:  # fmt: skip
     """The estimated errors of solids, and the effort with what told them."""

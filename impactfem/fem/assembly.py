@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from impactfem.fem.loading import PETSc, dolfinx, dolfinx_fem, petsc_assembly
 
@@ -65,6 +64,8 @@ def assemble_petsc(form: Any) -> Any:
         del csr, columns, values
         blocked.assemble()
         return blocked.convert("aij")
+    from scipy.sparse import csr_array  # noqa: PLC0415  (slow to load; bars need no such matrix)
+
     rows = csr_array((values, columns, starts), shape=(owned, column_map.size_global))
     rows.sort_indices()
     csr = (rows.indptr.astype(PETSc.IntType), rows.indices.astype(PETSc.IntType), rows.data)

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBar
+from impactfem.result.table import Series, Table
 from impactfem.scene import Bar, PiecewiseConstant, Scene
 
-if TYPE_CHECKING:  # plans need the exact solution, but neither results nor xarray
-    import xarray as xr
-
+if TYPE_CHECKING:  # plans need the exact solution, but no results
     from impactfem.result.bar_motion import BarMotion
 
 Floats = NDArray[np.float64]
@@ -195,10 +194,8 @@ def _potential(exact: ExactBar, gravity: PiecewiseConstant, times: Floats, mean:
     return potential
 
 
-def exact_curves(exact: ExactBar, bar: Bar, end: float) -> "xr.Dataset":
+def exact_curves(exact: ExactBar, bar: Bar, end: float) -> Table:
     """Exact gap and contact force for pictures, with two samples at each jump of the force."""
-    import xarray as xr  # noqa: PLC0415
-
     jumps = np.asarray(exact.multiplier_breaks)
     jumps = jumps[(jumps > 0.0) & (jumps < end)]
     if len(jumps) > 2000:  # a picture shows no more
@@ -207,10 +204,13 @@ def exact_curves(exact: ExactBar, bar: Bar, end: float) -> "xr.Dataset":
     times = np.unique(np.concatenate([np.linspace(0, end, 1001), jumps, jumps + tiny]))
     times = times[times <= end]
     force = -bar.density * bar.area * exact.multiplier(times) + 0.0
-    return xr.Dataset(
+    told = (("gap", exact.gap(times), "m"), ("contact_force", force, "N"))
+    return Table.over_time(
+        times,
         {
-            "gap": ("time", exact.gap(times), {"units": "m", "long_name": "exact gap"}),
-            "contact_force": ("time", force, {"units": "N", "long_name": "exact contact force"}),
+            name: Series(
+                ("time",), values, {"units": unit, "long_name": f"exact {name.replace('_', ' ')}"}
+            )
+            for name, values, unit in told
         },
-        coords={"time": ("time", times, {"units": "s", "long_name": "time"})},
     )

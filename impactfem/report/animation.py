@@ -39,8 +39,8 @@ def _reel(result: Result, frames: int | None, what: str) -> Reel:
         reel = solid_reel(result, result.fields, frames)
     elif isinstance(result.fields, Fields):
         reel = bar_reel(result, result.fields, frames)
-    elif result.axis is not None:
-        reel = axis_reel(result, result.axis, frames)
+    elif result.axis_rows is not None:
+        reel = axis_reel(result, result.axis_rows, frames)
     elif isinstance(result.scene.bodies[0], Point):
         reel = point_reel(result, frames)
     else:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -18,6 +17,7 @@ from impactfem.report.plane_picture import draw_obstacles
 from impactfem.report.sheet import Sheet
 from impactfem.report.solid_film import even_moments
 from impactfem.result import Result
+from impactfem.result.table import Table
 from impactfem.scene import Beam, HalfSpace
 
 Floats = NDArray[np.float64]
@@ -57,7 +57,7 @@ class AxisReel:
         return [self.line, *tell_time(self.clock, self.now, float(self.times[moment]))]
 
 
-def axis_reel(result: Result, axis: xr.Dataset, frames: int | None) -> AxisReel | None:
+def axis_reel(result: Result, axis: Table, frames: int | None) -> AxisReel | None:
     """The reel of a rod, true to scale, or of a beam.
 
     A beam moves and bends by far less than its length: shown is how far each point of its axis

@@ -33,7 +33,7 @@ def _draw(painter: Callable[[Axes, Result], None], result: Result, height: float
     axes = figure.add_subplot()
     painter(axes, result)
     axes.set_xlabel("time [s]")
-    axes.set_xlim(0.0, float(result.history["time"][-1]))
+    axes.set_xlim(0.0, float(result.rows["time"].values[-1]))
     axes.ticklabel_format(axis="x", scilimits=(-2, 4))
     if result.summary["status"] != "completed":
         axes.set_title(f"{axes.get_title()}  [{result.summary['status']}]", color=_CONTACT)
@@ -89,20 +89,20 @@ def world_lines(axes: Axes, result: Result) -> None:
 
 def forces(axes: Axes, result: Result) -> None:
     """Force of each pair, that of the run as steps and the exact one as a broad line behind."""
-    time = result.history["time"].values
+    time, exact = result.rows["time"].values, result.exact_rows
     names = [f"force.{k}" for k in range(len(result.summary["contact"]["pairs"]))]
     for name, colour in zip(names, _colours(len(names)), strict=True):
-        column = result.history[name]
-        if result.exact is not None and result.summary["method"] != "exact":
-            axes.plot(result.exact["time"], result.exact[name], color=colour, linewidth=4.0,
+        column = result.rows[name]
+        if exact is not None and result.summary["method"] != "exact":
+            axes.plot(exact["time"].values, exact[name].values, color=colour, linewidth=4.0,
                       alpha=0.35)  # fmt: skip
         label = column.attrs["label"].replace("|", " and ") if len(names) <= _LEGEND else None
-        if result.exact is not None and result.summary["method"] == "exact":
-            axes.plot(result.exact["time"], result.exact[name], color=colour, label=label)
+        if exact is not None and result.summary["method"] == "exact":
+            axes.plot(exact["time"].values, exact[name].values, color=colour, label=label)
         else:
             axes.stairs(column.values[1:], time, baseline=None, color=colour, linewidth=1.2,
                         label=label)  # fmt: skip
-    if result.exact is not None and result.summary["method"] != "exact":
+    if exact is not None and result.summary["method"] != "exact":
         axes.plot([], [], color=_GREY, linewidth=4.0, alpha=0.35, label="exact")
     axes.set_ylabel("pressing force [N]")
     axes.set_title(f"{result.scene.title}: forces between neighbours")
@@ -115,7 +115,7 @@ def velocities(axes: Axes, result: Result) -> None:
     bars = result.scene.bars
     for bar, colour in zip(bars, _colours(len(bars)), strict=True):
         label = bar.name if len(bars) <= _LEGEND else None
-        axes.plot(result.history["time"], result.history[f"{bar.name}.vx"], color=colour,
+        axes.plot(result.rows["time"].values, result.rows[f"{bar.name}.vx"].values, color=colour,
                   linewidth=1.4, label=label)  # fmt: skip
     axes.set_ylabel("velocity of the centre of mass [m/s]")
     axes.set_title(f"{result.scene.title}: velocities of the bars")

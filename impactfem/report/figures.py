@@ -110,7 +110,7 @@ def _draw(painter: Callable[[Axes, Result], None], result: Result) -> Figure:
 
 def _time_label(axes: Axes, result: Result) -> None:
     axes.set_xlabel("time [s]")
-    axes.set_xlim(0.0, float(result.history["time"][-1]))
+    axes.set_xlim(0.0, float(result.rows["time"].values[-1]))
 
 
 def displacement(axes: Axes, result: Result) -> None:
@@ -155,10 +155,10 @@ def position(axes: Axes, result: Result) -> None:
 
 def contact_force(axes: Axes, result: Result) -> None:
     """Contact force of the run against the exact one."""
-    if result.exact is not None:
-        axes.plot(result.exact["time"], result.exact["contact_force"], color=_ORANGE, linewidth=3.5,
-                  alpha=0.6, label="exact")  # fmt: skip
-    time, force = result.history["time"].values, result.history["contact_force"].values
+    if (exact := result.exact_rows) is not None:
+        axes.plot(exact["time"].values, exact["contact_force"].values, color=_ORANGE,
+                  linewidth=3.5, alpha=0.6, label="exact")  # fmt: skip
+    time, force = result.rows["time"].values, result.rows["contact_force"].values
     # The force of row m holds during (t_{m-1}, t_m].
     axes.stairs(force[1:], time, baseline=None, color=_BLUE, linewidth=1.2,
                 label=result.summary["method"])  # fmt: skip
@@ -180,11 +180,12 @@ def contact_force(axes: Axes, result: Result) -> None:
 def energy(axes: Axes, result: Result) -> None:
     """Kinetic, elastic, potential and total energy."""
     shown = (("kinetic", _BLUE), ("elastic", _ORANGE), ("potential", _GREEN))
+    time = result.rows["time"].values
     for name, colour in shown:
-        values = result.history[f"{name}_energy"]
-        if np.any(values.values != 0.0):
-            axes.plot(result.history["time"], values, color=colour, label=name, linewidth=1.2)
-    axes.plot(result.history["time"], result.history["total_energy"], color="black", label="total",
+        values = result.rows[f"{name}_energy"].values
+        if np.any(values != 0.0):
+            axes.plot(time, values, color=colour, label=name, linewidth=1.2)
+    axes.plot(time, result.rows["total_energy"].values, color="black", label="total",
               linewidth=1.6)  # fmt: skip
     _time_label(axes, result)
     axes.set_ylabel("energy [J]")

@@ -78,7 +78,7 @@ def beside(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64], l
 
 def force_beside(axes: Axes, result: Result) -> Line2D:
     """Draw the contact force beside a motion; returns the line that marks the moment."""
-    history = result.history
+    history = result.rows
     beside(axes, history["time"].values, history["contact_force"].values, "contact force [N]")
     return cursor(axes)
 

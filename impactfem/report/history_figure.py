@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from difflib import get_close_matches
 
 import numpy as np
-import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from impactfem.errors import SceneError
 from impactfem.report.sheet import Sheet
 from impactfem.result import Result
+from impactfem.result.table import Series, Table
 
 DEFAULT = ("gap", "contact_force", "kinetic_energy", "elastic_energy", "total_energy")
 """Columns that are drawn if none are named."""
@@ -25,23 +25,24 @@ _LONGEST = 42  # letters of a label before it is wrapped
 
 def plot_history(result: Result, *names: str) -> Figure:
     """Draw columns of the history; see `Result.plot_history`."""
-    history = result.history
-    columns = [_column(history, name) for name in dict.fromkeys(names or DEFAULT)]
-    groups: dict[str, list[xr.DataArray]] = {}
-    for column in columns:
-        groups.setdefault(str(column.attrs.get("units", "")), []).append(column)
+    history = result.rows
+    groups: dict[str, list[str]] = {}
+    for name in dict.fromkeys(names or DEFAULT):
+        unit = str(_column(history, name).attrs.get("units", ""))
+        groups.setdefault(unit, []).append(name)
     figure = Sheet(7.0, 1.2 + 2.2 * len(groups))
     panels = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (unit, group) in zip(panels, groups.items(), strict=True):
-        _draw(axes, unit, group)
-    panels[-1].set_xlabel(_label(history["time"]))
-    panels[-1].set_xlim(float(history["time"][0]), float(history["time"][-1]))
+        _draw(axes, unit, history, group)
+    panels[-1].set_xlabel(_label(history, "time"))
+    times = history["time"].values
+    panels[-1].set_xlim(float(times[0]), float(times[-1]))
     panels[0].set_title(result.scene.title)
     return figure
 
 
-def _column(history: xr.Dataset, name: str) -> xr.DataArray:
-    known = [str(key) for key in history.data_vars]
+def _column(history: Table, name: str) -> Series:
+    known = list(history.data_vars)
     if name not in known:
         near = get_close_matches(name, known, n=3, cutoff=0.4)
         said = f"did you mean {' or '.join(near)}?" if near else f"choose from {', '.join(known)}"
@@ -49,29 +50,30 @@ def _column(history: xr.Dataset, name: str) -> xr.DataArray:
     return history[name]
 
 
-def _draw(axes: Axes, unit: str, group: list[xr.DataArray]) -> None:
-    for column in group:
-        time = column["time"].values
+def _draw(axes: Axes, unit: str, history: Table, names: list[str]) -> None:
+    time = history["time"].values
+    for name in names:
+        column = history[name]
         # The force of row m is that during (t_{m-1}, t_m].
-        held = unit == "N" or column.name == "active"
+        held = unit == "N" or name == "active"
         values = column.values.astype(float)
-        label = str(column.attrs.get("long_name", column.name))
+        label = str(column.attrs.get("long_name", name))
         if held:
             first = np.concatenate([values[1:2], values[1:]])
             axes.step(time, first, where="pre", label=label, linewidth=1.2)
         else:
             axes.plot(time, values, label=label, linewidth=1.2)
-    if len(group) == 1:
-        axes.set_ylabel(_label(group[0]))
+    if len(names) == 1:
+        axes.set_ylabel(_label(history, names[0]))
         return
     axes.set_ylabel(f"{_QUANTITIES.get(unit, '')} [{unit}]".strip())
-    if len(group) <= _LEGEND:
+    if len(names) <= _LEGEND:
         axes.legend(frameon=False, fontsize="small")
 
 
-def _label(column: xr.DataArray) -> str:
+def _label(history: Table, name: str) -> str:
     """Long name with the unit; the name alone if it has none."""
-    name = str(column.attrs.get("long_name", column.name))
-    unit = str(column.attrs.get("units", ""))
-    space = "\n" if len(name) > _LONGEST else " "
-    return f"{name}{space}[{unit}]" if unit else name
+    told = str(history[name].attrs.get("long_name", name))
+    unit = str(history[name].attrs.get("units", ""))
+    space = "\n" if len(told) > _LONGEST else " "
+    return f"{told}{space}[{unit}]" if unit else told

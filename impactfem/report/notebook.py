@@ -9,7 +9,7 @@ from impactfem.result import Result
 
 def result_card(result: Result) -> str:
     """The figures of ``impactfem run``'s table, findings, and the contact force over time."""
-    summary, history = result.summary, result.history
+    summary, history = result.summary, result.rows
     rows = [(name, text) for name, text in summary_rows(summary) if name != "verdict"]
     times, force = history["time"].values, history["contact_force"].values
     most = largest(summary["contact"], "max_force", "N", 4)

@@ -19,7 +19,7 @@ def phase_curve(result: Result) -> tuple[Floats, Floats, Floats]:
     Rows of the history, and between them the states just before and just after each impact: at the
     place of the obstacle, with the normal velocities that the run has noted.
     """
-    body, history = result.scene.bodies[0], result.history
+    body, history = result.scene.bodies[0], result.rows
     times, x, v = (history[n].values for n in ("time", f"{body.name}.x", f"{body.name}.vx"))
     impacts = result.impacts
     if impacts is None or not len(impacts):

@@ -97,7 +97,7 @@ def point_reel(result: Result, frames: int | None) -> PointReel | None:
     Returns:
         None if the motion is not finite.
     """
-    scene, history = result.scene, result.history
+    scene, history = result.scene, result.rows
     times = history["time"].values
     places = np.array([
         np.stack([history[f"{body.name}.{c}"].values for c in "xyz"[: scene.dim]], axis=1)

@@ -132,7 +132,7 @@ def centre_of_mass(result: Result) -> Figure:
     """Position and velocity of the centres of mass along the direction of the momentum."""
     figure = Sheet(7.0, 5.0)
     above, below = figure.subplots(2, 1, sharex=True)
-    history, bodies = result.history, result.scene.bodies
+    history, bodies = result.rows, result.scene.bodies
     direction, several = direction_of(result), len(bodies) > 1
     for axes, prefix, single in ((above, "", _BLUE), (below, "v", _ORANGE)):
         for k, each in enumerate(bodies):
@@ -141,7 +141,7 @@ def centre_of_mass(result: Result) -> Figure:
             if several and not prefix:
                 way = way - way[0]  # bodies far from each other, with small ways
             colour = _COLOURS[k % len(_COLOURS)] if several else single
-            axes.plot(history["time"], way, color=colour, linewidth=1.4, label=each.name)
+            axes.plot(history["time"].values, way, color=colour, linewidth=1.4, label=each.name)
         _mark_contact(axes, result)
     letter, where = _letter(direction), ""
     if len(letter) > 1:  # too long for the axes
@@ -150,7 +150,7 @@ def centre_of_mass(result: Result) -> Figure:
     below.set_ylabel(f"velocity along {letter} [m/s]")
     below.axhline(0.0, color="0.6", linewidth=0.6)
     below.set_xlabel("time [s]")
-    below.set_xlim(0.0, float(history["time"][-1]))
+    below.set_xlim(0.0, float(history["time"].values[-1]))
     if several:
         above.legend(frameon=False)
     what = "centres of mass" if several else "centre of mass"
@@ -160,7 +160,7 @@ def centre_of_mass(result: Result) -> Figure:
 
 def direction_of(result: Result) -> Floats:
     """Direction of the momentum in the history; y if it says none."""
-    given = result.history["momentum"].attrs.get("direction", (0.0, 1.0, 0.0))
+    given = result.rows["momentum"].attrs.get("direction", (0.0, 1.0, 0.0))
     return np.asarray(given, dtype=np.float64)
 
 
@@ -172,7 +172,7 @@ def telling_layers(result: Result, most: int = 6) -> list[int]:
         most: 4 or 6.
     """
     fields = cast("SolidFields", result.fields)
-    times, force = result.history["time"].values, result.history["contact_force"].values
+    times, force = result.rows["time"].values, result.rows["contact_force"].values
     if not np.isfinite(force).all() or force.max() <= 0.0:
         wanted = np.linspace(fields.times[0], fields.times[-1], 4)
     else:

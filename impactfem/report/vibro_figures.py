@@ -51,14 +51,14 @@ def path(axes: Axes, result: Result) -> None:
     """Paths of points in the plane, with the obstacles."""
     names = [body.name for body in result.scene.bodies]
     for k, name in enumerate(names):
-        x, y = result.history[f"{name}.x"].values, result.history[f"{name}.y"].values
+        x, y = result.rows[f"{name}.x"].values, result.rows[f"{name}.y"].values
         colour = COLOURS[k % len(COLOURS)]
         axes.plot(x, y, color=colour, linewidth=1.2, label=name if k < _MAX_CURVES else None)
         axes.plot(x[0], y[0], "o", color=colour, markersize=5)
-    spans = [np.ptp([result.history[f"{n}.{c}"].values for n in names]) for c in "xy"]
+    spans = [np.ptp([result.rows[f"{n}.{c}"].values for n in names]) for c in "xy"]
     margin = 0.08 * max(*spans, 1e-12)
-    low = [min(result.history[f"{n}.{c}"].values.min() for n in names) for c in "xy"]
-    high = [max(result.history[f"{n}.{c}"].values.max() for n in names) for c in "xy"]
+    low = [min(result.rows[f"{n}.{c}"].values.min() for n in names) for c in "xy"]
+    high = [max(result.rows[f"{n}.{c}"].values.max() for n in names) for c in "xy"]
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
     axes.set_aspect("equal")
@@ -94,13 +94,13 @@ def _obstacles(axes: Axes, result: Result, size: float) -> None:
 
 def motion(axes: Axes, result: Result) -> None:
     """Coordinates of points over time; on a line with the obstacles."""
-    time = result.history["time"].values
+    time = result.rows["time"].values
     letters = "xyz"[: result.scene.dim]
     curves = [(body.name, c) for body in result.scene.bodies for c in letters]
     for k, (name, letter) in enumerate(curves):
         label = (f"{name}.{letter}" if len(letters) > 1 else name) if k < _MAX_CURVES else None
         axes.plot(
-            time, result.history[f"{name}.{letter}"], color=COLOURS[k % len(COLOURS)],
+            time, result.rows[f"{name}.{letter}"].values, color=COLOURS[k % len(COLOURS)],
             linewidth=1.2, label=label,
         )  # fmt: skip
     if result.scene.dim == 1:
@@ -127,15 +127,16 @@ def phase(axes: Axes, result: Result) -> None:
 
 def gaps(axes: Axes, result: Result) -> None:
     """Gaps of the constraints over time, those that come closest first."""
-    names = [str(n) for n in result.history.data_vars if str(n).startswith("gap.")] or ["gap"]
-    nearest = sorted(names, key=lambda n: float(result.history[n].min()))
-    least = float(result.history[nearest[0]].min())
-    span = max(float(result.history[n].max()) for n in names) - least
-    close = [n for n in nearest if float(result.history[n].min()) <= least + 0.2 * span]
+    names = [name for name in result.rows.data_vars if name.startswith("gap.")] or ["gap"]
+    lows = {name: float(np.fmin.reduce(result.rows[name].values)) for name in names}
+    nearest = sorted(names, key=lows.__getitem__)
+    least = lows[nearest[0]]
+    span = max(float(np.fmax.reduce(result.rows[name].values)) for name in names) - least
+    close = [name for name in nearest if lows[name] <= least + 0.2 * span]
     for k, name in enumerate(n for n in names if n in close[:_MAX_CURVES]):
-        column = result.history[name]
-        axes.plot(result.history["time"], column, color=COLOURS[k % len(COLOURS)], linewidth=1.2,
-                  label=column.attrs.get("label", name))  # fmt: skip
+        column = result.rows[name]
+        axes.plot(result.rows["time"].values, column.values, color=COLOURS[k % len(COLOURS)],
+                  linewidth=1.2, label=column.attrs.get("label", name))  # fmt: skip
     axes.axhline(0.0, color="0.35", linewidth=1.0)
     _time(axes, result)
     axes.set_ylabel("gap [m]")
@@ -168,4 +169,4 @@ def impacts(axes: Axes, result: Result) -> None:
 
 def _time(axes: Axes, result: Result) -> None:
     axes.set_xlabel("time [s]")
-    axes.set_xlim(0.0, float(result.history["time"][-1]))
+    axes.set_xlim(0.0, float(result.rows["time"].values[-1]))

@@ -1,10 +1,9 @@
 """Where the axis of a rod or beam is: places of its nodes over time."""
 
-from pathlib import Path
-
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
+
+from impactfem.result.table import Series, Table
 
 Floats = NDArray[np.float64]
 
@@ -17,8 +16,8 @@ def kept_rows(count: int) -> NDArray[np.int64]:
     return np.unique(np.linspace(0, count - 1, min(count, MOST_ROWS)).round().astype(np.int64))
 
 
-def make_axis(times: Floats, stations: Floats, places: Floats, name: str) -> xr.Dataset:
-    """The data set of an axis.
+def make_axis(times: Floats, stations: Floats, places: Floats, name: str) -> Table:
+    """The table of an axis.
 
     Args:
         times: [s], shape (rows,).
@@ -29,27 +28,15 @@ def make_axis(times: Floats, stations: Floats, places: Floats, name: str) -> xr.
     Returns:
         ``x`` and ``y`` [m] over the coordinates ``time`` [s] and ``station`` [m].
     """
-    return xr.Dataset(
-        {
-            letter: (
-                ("time", "station"),
-                places[:, :, k],
-                {"units": "m", "long_name": f"{letter} of the axis of {name}"},
-            )
-            for k, letter in enumerate("xy")
-        },
-        coords={
-            "time": ("time", times, {"units": "s", "long_name": "time"}),
-            "station": (
-                "station",
-                stations,
-                {"units": "m", "long_name": f"distance from the first end of {name}"},
-            ),
-        },
-    )
-
-
-def read_axis(path: Path) -> xr.Dataset:
-    """Read an axis back into memory; errors are those of xarray and SciPy."""
-    with xr.open_dataset(path, engine="scipy") as data:
-        return data.load()
+    about = {"units": "m", "long_name": f"distance from the first end of {name}"}
+    columns = {
+        letter: Series(
+            ("time", "station"),
+            places[:, :, k],
+            {"units": "m", "long_name": f"{letter} of the axis of {name}"},
+        )
+        for k, letter in enumerate("xy")
+    }
+    found = Table.over_time(times, columns)
+    found.coords["station"] = Series(("station",), stations, about)
+    return found

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from impactfem.findings import Finding
 from impactfem.result.fields import Fields
 from impactfem.result.history import BodyMotion, Columns, make_history
+from impactfem.result.table import Table
 from impactfem.scene import Bar
 
 Floats = NDArray[np.float64]
@@ -99,7 +99,7 @@ def kept_levels(layers: int, every: int) -> NDArray[np.int64]:
     return levels if levels[-1] == layers else np.append(levels, layers)
 
 
-def bar_history(motion: BarMotion, bar: Bar) -> xr.Dataset:
+def bar_history(motion: BarMotion, bar: Bar) -> Table:
     """History of a motion, in the columns of the contract."""
     section = bar.density * bar.area
     momentum = bar.mass * motion.mean_velocity

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from impactfem.result.bar_motion import Effort
 from impactfem.result.fields import Fields
 from impactfem.result.history import BodyMotion, Columns, make_history
+from impactfem.result.table import Series, Table
 from impactfem.scene import Bar
 
 Floats = NDArray[np.float64]
@@ -64,7 +64,7 @@ def pair_labels(bars: Sequence[Bar], wall: str | None) -> tuple[str, ...]:
     return tuple(f"{a}|{b}" for a, b in pairwise(names))
 
 
-def row_history(motion: RowMotion, bars: Sequence[Bar]) -> xr.Dataset:
+def row_history(motion: RowMotion, bars: Sequence[Bar]) -> Table:
     """History of a motion: the columns of the contract, and gap.K and force.K of each pair K."""
     masses = np.array([bar.mass for bar in bars])
     force = np.vstack([np.zeros((1, len(motion.labels))), motion.force])
@@ -94,7 +94,7 @@ def row_history(motion: RowMotion, bars: Sequence[Bar]) -> xr.Dataset:
         text = label.replace("|", " and ")
         for name, unit, values in (("gap", "m", motion.gap), ("force", "N", force)):
             attributes = {"units": unit, "long_name": f"{name} between {text}", "label": label}
-            history[f"{name}.{k}"] = ("time", values[:, k], attributes)
+            history[f"{name}.{k}"] = Series(("time",), values[:, k], attributes)
     return history
 
 

@@ -3,13 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:  # plans of points, rods and beams know motions, but no data sets
-    import xarray as xr
+from impactfem.result.table import Series, Table
 
 Floats = NDArray[np.float64]
 
@@ -65,13 +63,11 @@ class Columns:
     bodies: Mapping[str, BodyMotion] = field(default_factory=dict)
 
 
-def make_history(columns: Columns) -> "xr.Dataset":
-    """Make the data set of a history: coordinate ``time``, columns as in `COLUMNS`.
+def make_history(columns: Columns) -> Table:
+    """Make the table of a history: coordinate ``time``, columns as in `COLUMNS`.
 
     For each body NAME follow NAME.x, NAME.y, NAME.z [m] and NAME.vx, NAME.vy, NAME.vz [m/s].
     """
-    import xarray as xr  # noqa: PLC0415
-
     values: dict[str, NDArray[np.float64] | NDArray[np.int32]] = {
         name: np.asarray(getattr(columns, name), dtype=np.float64)
         for name in COLUMNS
@@ -98,35 +94,16 @@ def make_history(columns: Columns) -> "xr.Dataset":
                     "comment": f"{what} of the centre of mass",
                 }
     ordered = [*COLUMNS, *(name for name in values if name not in COLUMNS)]
-    return xr.Dataset(
-        {name: ("time", values[name], attributes[name]) for name in ordered},
-        coords={"time": ("time", columns.time, {"units": "s", "long_name": "time"})},
+    return Table.over_time(
+        columns.time,
+        {name: Series(("time",), values[name], attributes[name]) for name in ordered},
     )
 
 
-def write_csv(history: "xr.Dataset", path: Path) -> None:
+def write_csv(history: Table, path: Path) -> None:
     """Write all columns with 17 digits, so that reading gives the same numbers."""
-    names = [str(name) for name in history.data_vars]
+    names = list(history.data_vars)
     table = np.column_stack([history["time"].values, *(history[name].values for name in names)])
     formats = ["%d" if name == "active" else "%.17g" for name in ("time", *names)]
     np.savetxt(path, table, delimiter=",", header=",".join(("time", *names)), comments="",
                fmt=formats)  # fmt: skip
-
-
-def write_netcdf(history: "xr.Dataset", path: Path) -> None:
-    """Write a netCDF 3 file, which needs no library beyond scipy."""
-    history.to_netcdf(path, engine="scipy")
-
-
-def read_netcdf(path: Path) -> "xr.Dataset":
-    """Read a history back into memory.
-
-    Raises:
-        ValueError: The file has no history; further errors are those of xarray and SciPy.
-    """
-    import xarray as xr  # noqa: PLC0415
-
-    with xr.open_dataset(path, engine="scipy") as data:
-        if not {"time", "contact_force"} <= set(data.variables):
-            raise ValueError(f"{path}: no history in it")
-        return data.load()

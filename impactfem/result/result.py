@@ -8,10 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-import xarray as xr
-
 from impactfem.errors import OutputError, SceneError
-from impactfem.result.axis import read_axis
 from impactfem.result.fields import (
     Fields,
     is_bar_file,
@@ -21,26 +18,30 @@ from impactfem.result.fields import (
     write_with_dolfinx,
 )
 from impactfem.result.grids import load_pyvista
-from impactfem.result.history import read_netcdf, write_csv, write_netcdf
+from impactfem.result.history import write_csv
+from impactfem.result.netcdf import read_netcdf, write_netcdf
 from impactfem.result.occupied import check_free
 from impactfem.result.solid_export import needed_bytes as needed_bytes_of_solid
 from impactfem.result.solid_export import write_solid
 from impactfem.result.solid_fields import SolidFields
 from impactfem.result.store import LAST, finish, replaced, reserve, staged, write_summary
+from impactfem.result.table import Table
 from impactfem.result.trajectory import Impacts
 from impactfem.scene import Scene
 
 if TYPE_CHECKING:
     import pyvista as pv
+    import xarray as xr
     from matplotlib.animation import FuncAnimation
     from matplotlib.figure import Figure
 
 IMPACTS, AXIS = "impacts.csv", "axis.nc"
+_CURVES = frozenset({"time", "contact_force"})  # without which a file holds no history
 FIELD_FILES = {"vtkhdf": "fields.vtkhdf", "vtx": "fields.bp", "pvd": "fields.pvd"}
 """File of each field format."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Result:
     """What a run answers.
 
@@ -57,12 +58,66 @@ class Result:
     """
 
     scene: Scene
-    history: xr.Dataset
+    history: "xr.Dataset"
     summary: Mapping[str, Any]
-    fields: Fields | SolidFields | None = None
-    exact: xr.Dataset | None = None
-    impacts: Impacts | None = None
-    axis: xr.Dataset | None = None
+    fields: Fields | SolidFields | None
+    exact: "xr.Dataset | None"
+    impacts: Impacts | None
+    axis: "xr.Dataset | None"
+
+    def __init__(
+        self,
+        scene: Scene,
+        history: "Table | xr.Dataset",
+        summary: Mapping[str, Any],
+        fields: Fields | SolidFields | None = None,
+        exact: "Table | xr.Dataset | None" = None,
+        impacts: Impacts | None = None,
+        axis: "Table | xr.Dataset | None" = None,
+    ) -> None:
+        """Take the parts; tables become data sets of xarray when these are asked for."""
+        given = {"history": history, "exact": exact, "axis": axis}
+        tables = {name: part for name, part in given.items() if isinstance(part, Table)}
+        self.__dict__.update(
+            {name: part for name, part in given.items() if name not in tables}
+            | {"scene": scene, "summary": summary, "fields": fields, "impacts": impacts}
+            | {"_tables": tables}
+        )
+
+    def __getattr__(self, name: str) -> Any:  # asked for what is not there: the data sets
+        tables = self.__dict__.get("_tables", {})
+        if name not in tables:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        self.__dict__[name] = tables.pop(name).dataset()
+        return self.__dict__[name]
+
+    @property
+    def rows(self) -> Table:
+        """The history without xarray, which takes long to load."""
+        return self._table("history") or Table({}, {})
+
+    @property
+    def exact_rows(self) -> Table | None:
+        """The exact curves without xarray."""
+        return self._table("exact")
+
+    @property
+    def axis_rows(self) -> Table | None:
+        """The axis without xarray."""
+        return self._table("axis")
+
+    def _table(self, name: str) -> Table | None:
+        tables: dict[str, Table] = self.__dict__["_tables"]
+        if name in tables:
+            return tables[name]
+        return None if (data := self.__dict__[name]) is None else Table.of(data)
+
+    def with_summary(self, summary: Mapping[str, Any]) -> "Result":
+        """The same with another summary."""
+        return Result(
+            self.scene, self.rows, summary, self.fields, self.exact_rows, self.impacts,
+            self.axis_rows,
+        )  # fmt: skip
 
     def plot(self, folder: str | Path | None = None) -> "dict[str, Figure]":
         """Draw all figures that the result allows.
@@ -235,12 +290,12 @@ class Result:
         """
         with staged(folder) as stage:
             (stage / "scene.toml").write_text(self.scene.to_toml(folder=folder), encoding="utf-8")
-            write_csv(self.history, stage / "history.csv")
-            write_netcdf(self.history, stage / "history.nc")
-            if self.exact is not None:
-                write_netcdf(self.exact, stage / "exact.nc")
-            if self.axis is not None:
-                write_netcdf(self.axis, stage / AXIS)
+            write_csv(self.rows, stage / "history.csv")
+            write_netcdf(self.rows, stage / "history.nc")
+            if self.exact_rows is not None:
+                write_netcdf(self.exact_rows, stage / "exact.nc")
+            if self.axis_rows is not None:
+                write_netcdf(self.axis_rows, stage / AXIS)
             if self.impacts is not None:
                 self.impacts.write_csv(stage / IMPACTS)
             self._write_fields(stage)
@@ -274,12 +329,12 @@ class Result:
         try:
             summary = json.loads((folder / LAST).read_text(encoding="utf-8"))
             summary.pop("files", None)  # tells of the folder, not of the run
-            history = read_netcdf(folder / "history.nc")
+            history = read_netcdf(folder / "history.nc", _CURVES)
             scene = Scene.from_toml(folder / "scene.toml")
             exact = folder / "exact.nc"
-            reference = read_netcdf(exact) if exact.exists() else None
+            reference = read_netcdf(exact, _CURVES) if exact.exists() else None
             axis = folder / AXIS
-            places = read_axis(axis) if axis.exists() else None
+            places = read_netcdf(axis, frozenset("xy")) if axis.exists() else None
             listed = folder / IMPACTS
             impacts = Impacts.read_csv(listed) if listed.exists() else None
         # xarray and SciPy meet noise with TypeError, KeyError and IndexError.
@@ -301,5 +356,5 @@ class Result:
     def __repr__(self) -> str:
         return (
             f"Result({self.summary['title']!r}, method={self.summary['method']!r}, "
-            f"status={self.summary['status']!r}, rows={self.history.sizes['time']})"
+            f"status={self.summary['status']!r}, rows={self.rows.sizes['time']})"
         )

@@ -3,11 +3,11 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from impactfem.result.bar_motion import Effort
 from impactfem.result.history import BodyMotion, Columns, make_history
+from impactfem.result.table import Table
 
 Floats = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ class SolidMotion:
         )
 
 
-def solid_history(motion: SolidMotion, name: str) -> xr.Dataset:
+def solid_history(motion: SolidMotion, name: str) -> Table:
     """History of a motion, in the columns of the contract.
 
     Args:

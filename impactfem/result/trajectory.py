@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from impactfem.cards import card, curve
 from impactfem.result.bar_motion import Effort
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -135,8 +138,10 @@ class Trajectory:
         text = "force of lasting contact, of all constraints [N]"
         return card("Trajectory", found, parts=[curve(self.times, force, text)])
 
-    def to_xarray(self) -> xr.Dataset:
+    def to_xarray(self) -> "xr.Dataset":
         """The motion as a data set over ``time``, with coordinates ``dof`` and ``constraint``."""
+        import xarray as xr  # noqa: PLC0415  (slow to load)
+
         return xr.Dataset(
             {
                 "position": (("time", "dof"), self.position),

@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from impactfem.exact import ExactBarRow
@@ -13,6 +12,7 @@ from impactfem.reference.bar import Errors
 from impactfem.reference.bar_row import exact_row
 from impactfem.result.bar_motion import Effort, kept_levels
 from impactfem.result.bar_row_motion import RowMotion, pair_labels
+from impactfem.result.table import Series, Table
 from impactfem.runs.summary import contact_intervals
 from impactfem.scene import Scene
 
@@ -119,7 +119,7 @@ def _relative(error: float, value: float) -> float:
     return float(error / value) if value > 0.0 else float(error)
 
 
-def row_curves(exact: ExactBarRow, end: float) -> xr.Dataset:
+def row_curves(exact: ExactBarRow, end: float) -> Table:
     """Exact smallest gap, sum of forces and force.K of each pair, with both sides of jumps."""
     pairs = range(len(exact.contacts))
     jumps = np.unique(np.concatenate([exact.force_breaks(j) for j in pairs]))
@@ -129,15 +129,18 @@ def row_curves(exact: ExactBarRow, end: float) -> xr.Dataset:
     times = times[times <= end]
     forces = np.array([exact.force(j, times) for j in pairs])
     gaps = np.array([exact.gap(j, times) for j in pairs])
-    columns: dict[str, Any] = {
-        "gap": ("time", gaps.min(axis=0), {"units": "m", "long_name": "smallest exact gap"}),
-        "contact_force": ("time", forces.sum(axis=0), {"units": "N", "long_name": "exact force"}),
-    }
-    for j in pairs:
-        name = f"exact force of pair {j}"
-        columns[f"force.{j}"] = ("time", forces[j], {"units": "N", "long_name": name})
-    clock = {"units": "s", "long_name": "time"}
-    return xr.Dataset(columns, coords={"time": ("time", times, clock)})
+    told = [
+        ("gap", gaps.min(axis=0), "m", "smallest exact gap"),
+        ("contact_force", forces.sum(axis=0), "N", "exact force"),
+        *((f"force.{j}", forces[j], "N", f"exact force of pair {j}") for j in pairs),
+    ]
+    return Table.over_time(
+        times,
+        {
+            name: Series(("time",), values, {"units": unit, "long_name": text})
+            for name, values, unit, text in told
+        },
+    )
 
 
 def contact_figures(motion: RowMotion, exact: ExactBarRow | None) -> dict[str, Any]:

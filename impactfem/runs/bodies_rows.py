@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from impactfem.marching.collect import total
@@ -16,6 +15,7 @@ from impactfem.planning.model_limits import CODES as MODEL_CODES
 from impactfem.planning.model_limits import measured_findings
 from impactfem.result.bar_motion import Effort
 from impactfem.result.history import BodyMotion, Columns, make_history
+from impactfem.result.table import Table
 from impactfem.result.whole import Whole
 from impactfem.runs.forces import CONTACT_CODES, contact_findings, mesh_window
 from impactfem.runs.solid_rows import elastic_and_force, work_done
@@ -33,7 +33,7 @@ class BodiesMotion:
         is_finite: Whether forces, energies and motions are finite.
     """
 
-    history: xr.Dataset
+    history: Table
     effort: Effort
     is_finite: bool
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError, ImpactError
@@ -16,6 +15,7 @@ from impactfem.log import Progress
 from impactfem.planning import SolidPlan
 from impactfem.reference.bar import Errors
 from impactfem.result.solid_motion import SolidMotion, solid_history
+from impactfem.result.table import Table
 from impactfem.scene import Scene, Solid
 
 Floats = NDArray[np.float64]
@@ -58,7 +58,7 @@ class Track:
         return cls(motion.times, motion.position, motion.contact_force)
 
     @classmethod
-    def of_history(cls, history: xr.Dataset, names: Sequence[str]) -> "Track":
+    def of_history(cls, history: Table, names: Sequence[str]) -> "Track":
         """Of the history of bodies."""
         columns = [history[f"{name}.{axis}"].values for name in names for axis in "xyz"]
         position = np.stack(columns, axis=1)
@@ -77,7 +77,7 @@ class Track:
 
 
 def estimate_error(
-    scene: Scene, chosen: SolidPlan, history: xr.Dataset
+    scene: Scene, chosen: SolidPlan, history: Table
 ) -> tuple[Errors | None, dict[str, Any]]:
     """Run the scene on other elements and tell the error from the differences (collective).
 

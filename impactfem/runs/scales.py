@@ -2,12 +2,11 @@
 
 from typing import Any
 
-import xarray as xr
-
+from impactfem.result.table import Table
 from impactfem.scene import Scene
 
 
-def size_of(scene: Scene, history: xr.Dataset) -> float | None:
+def size_of(scene: Scene, history: Table) -> float | None:
     """Smallest characteristic length of the bodies [m].
 
     The length of bars, rods and beams, the largest extent of a solid's shape, the way of a point.
@@ -17,7 +16,7 @@ def size_of(scene: Scene, history: xr.Dataset) -> float | None:
     return min(known) if known else None
 
 
-def _size(body: Any, history: xr.Dataset) -> float | None:
+def _size(body: Any, history: Table) -> float | None:
     if hasattr(body, "length"):
         return float(body.length)
     if hasattr(body, "shape"):

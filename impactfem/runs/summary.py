@@ -5,12 +5,12 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from impactfem.planning import AnyPlan
 from impactfem.reference.bar import Errors
 from impactfem.result import Effort
+from impactfem.result.table import Table
 from impactfem.runs.forces import NO_FORCE, largest_force, peak_findings
 from impactfem.runs.verdict import GROWTH_LIMITS, judge
 from impactfem.scene import Scene
@@ -34,7 +34,7 @@ class Cost:
 
 
 def summarise(
-    scene: Scene, chosen: AnyPlan, history: xr.Dataset, effort: Effort, errors: Errors | None,
+    scene: Scene, chosen: AnyPlan, history: Table, effort: Effort, errors: Errors | None,
     cost: Cost, *, driven: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
     """Figures and verdict of a run, as in ``summary.json``; None for what is not finite.
@@ -59,7 +59,8 @@ def summarise(
     growth = (energy - energy[0]) / scale
     # Of what was given: of the largest energy no growth would be more than all of it.
     grown = max(0.0, float((energy - energy[0]).max()) / given)
-    intervals = contact_intervals(t, force, history["gap"].values)
+    gap = history["gap"].values
+    intervals = contact_intervals(t, force, gap)
     taken = dict(effort.details.get("energy_taken", {}))
     if rubbed := effort.details.get("friction_work"):
         taken["friction"] = -float(rubbed)
@@ -94,7 +95,8 @@ def summarise(
             **largest_force(t, force, intervals, effort.force_window),
             "impulse": float(np.sum(force[1:] * np.diff(t))),
             "max_penetration": _cleared(
-                max(0.0, -float(history["gap"].min())), np.abs(history["gap"].values).max()
+                max(0.0, -float(np.fmin.reduce(gap))),
+                np.abs(gap).max(),
             ),
         },
         "error": asdict(errors) if errors else None,

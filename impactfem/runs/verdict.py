@@ -4,9 +4,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from impactfem.findings import Finding, by_limits, level_of, percent, settled, warning
+from impactfem.result.table import Table
 from impactfem.runs.scales import size_of
 from impactfem.scene import Scene
 
@@ -42,7 +42,7 @@ _STATUS = {
 
 
 def judge(
-    scene: Scene, history: xr.Dataset, summary: Mapping[str, Any],
+    scene: Scene, history: Table, summary: Mapping[str, Any],
     foreseen: Sequence[Finding], found: Sequence[Finding], measured: Sequence[str] = (),
 ) -> dict[str, Any]:  # fmt: skip
     """Status and verdict of a run, for its summary.
@@ -79,7 +79,7 @@ def judge(
     }
 
 
-def _ending(history: xr.Dataset, summary: Mapping[str, Any]) -> Iterator[Finding]:
+def _ending(history: Table, summary: Mapping[str, Any]) -> Iterator[Finding]:
     active = summary["active_set"]
     remedy = "take a smaller step, another method or a shorter duration"
     if not active["converged"]:
@@ -148,7 +148,7 @@ def _error(summary: Mapping[str, Any]) -> tuple[Finding, ...]:
     return by_limits("error_large", max(largest), (small, np.inf), text, remedy=remedy)
 
 
-def _contact(scene: Scene, history: xr.Dataset, summary: Mapping[str, Any]) -> tuple[Finding, ...]:
+def _contact(scene: Scene, history: Table, summary: Mapping[str, Any]) -> tuple[Finding, ...]:
     deep, size = summary["contact"]["max_penetration"], size_of(scene, history)
     if not deep or not size:
         return ()

@@ -5,7 +5,6 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, cast
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError, SceneError
@@ -16,6 +15,7 @@ from impactfem.planning.vibro import VibroPlan
 from impactfem.reference.bar import Errors
 from impactfem.result.axis import kept_rows, make_axis
 from impactfem.result.history import Columns, make_history
+from impactfem.result.table import Series, Table
 from impactfem.result.trajectory import Trajectory
 from impactfem.runs.vibro_contact import contact_figures, impact_loss
 from impactfem.scene import Scene
@@ -49,12 +49,12 @@ class VibroRun:
     """
 
     motion: Trajectory
-    history: xr.Dataset
+    history: Table
     model: VibroModel
     errors: Errors | None
     contact: dict[str, Any]
     seconds: float
-    axis: xr.Dataset | None = None
+    axis: Table | None = None
 
 
 def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
@@ -114,7 +114,7 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
     return VibroRun(motion, history, model, errors, contact, seconds, axis)
 
 
-def _axis(motion: Trajectory, model: VibroModel, name: str) -> xr.Dataset | None:
+def _axis(motion: Trajectory, model: VibroModel, name: str) -> Table | None:
     if model.axis is None:
         return None
     stations, places = model.axis
@@ -246,7 +246,7 @@ def _relative(error: float, size: float) -> float:
     return float(error / size) if size > 0.0 else float(error)
 
 
-def vibro_history(motion: Trajectory, model: VibroModel) -> xr.Dataset:
+def vibro_history(motion: Trajectory, model: VibroModel) -> Table:
     """History of a motion, in the columns of the contract."""
     elastic = np.array([model.elastic(u) for u in motion.position])
     bodies = model.bodies(motion.position, motion.velocity)
@@ -289,9 +289,9 @@ def vibro_history(motion: Trajectory, model: VibroModel) -> xr.Dataset:
     return history
 
 
-def _column(values: Floats, unit: str, what: str, label: str) -> xr.Variable:
-    return xr.Variable(
-        "time", values, {"units": unit, "long_name": f"{what} of {label}", "label": label}
+def _column(values: Floats, unit: str, what: str, label: str) -> Series:
+    return Series(
+        ("time",), values, {"units": unit, "long_name": f"{what} of {label}", "label": label}
     )
 
 

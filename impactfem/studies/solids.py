@@ -29,7 +29,7 @@ def attempts_at(scene: Scene, sizes: Sequence[int]) -> Attempt:
     """
     finest = 2 * max(sizes)
     reference = solve(_sized(scene, finest, {"method": REFERENCE_METHOD}))
-    track = Track.of_history(reference.history, [scene.solid.name])
+    track = Track.of_history(reference.rows, [scene.solid.name])
     name = f"{REFERENCE_METHOD} with {finest} elements along the body"
 
     def attempt(case: Scene, variant: Variant, elements: int) -> Any:
@@ -38,7 +38,7 @@ def attempts_at(scene: Scene, sizes: Sequence[int]) -> Attempt:
             result = solve(_sized(case, elements, settings))
         except ImpactError as error:
             return error
-        found = difference(track, Track.of_history(result.history, [case.solid.name]), name)
+        found = difference(track, Track.of_history(result.rows, [case.solid.name]), name)
         return replace(result, summary={**result.summary, "error": asdict(found)})
 
     return attempt

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import LinAlgError, cholesky
 
 from impactfem.errors import SceneError
 from impactfem.scene.breaks import Break
@@ -356,6 +355,8 @@ def factor_mass(system: GeneralizedSystem, u: Floats, t: float | None = None) ->
             f"mass{when} at u = {u.tolist()} is not symmetric: {matrix.tolist()}; give a symmetric "
             "positive definite matrix"
         )
+    from scipy.linalg import LinAlgError, cholesky  # noqa: PLC0415  (pictures need none of it)
+
     try:
         factor: Floats = cholesky(matrix, lower=True)
     except LinAlgError:

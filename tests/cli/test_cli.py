@@ -478,3 +478,22 @@ def test_a_rank_that_fails_alone_ends_all(work, error):
     done = launch(work, 2, "fail.py", timeout=40)
     assert done.code != 0
     assert "only here" in done.err
+
+
+def test_a_plan_is_made_once_for_a_run(command, tmp_path, monkeypatch):
+    import impactfem.planning
+    import impactfem.solving
+
+    made = []
+
+    def counted(scene):
+        made.append(scene)
+        return plan(scene)
+
+    plan = impactfem.planning.plan
+    monkeypatch.setattr(impactfem.planning, "plan", counted)
+    monkeypatch.setattr(impactfem.solving, "plan", counted)
+    off = [f"--set=output.{name}=false" for name in ("pictures", "film", "report")]
+    done = command("run", "bar_impact", "--out", str(tmp_path / "result"), *GLOBAL, *off)
+    assert done.code == 0
+    assert len(made) == 1

@@ -14,6 +14,7 @@ from impactfem.report.obstacle_faces import faces_of
 from impactfem.report.skin import Skin, normals
 from impactfem.report.solid_figures import survey, telling_layers
 from impactfem.result import SolidFields, SolidMotion, solid_history
+from impactfem.result.netcdf import write_netcdf
 from impactfem.result.whole import Whole
 from impactfem.scene import HalfSpace, RigidBox, RigidCylinder, RigidPolyline, RigidSphere
 
@@ -142,7 +143,7 @@ def test_the_direction_of_the_momentum_survives_the_disk(tmp_path):
     history = solid_history(motion, "body")
     assert np.array_equal(history["total_energy"].values, motion.total)
     assert history["momentum"].attrs["long_name"] == "linear momentum along (0.6, 0.8, 0)"
-    history.to_netcdf(tmp_path / "h.nc", engine="scipy")
+    write_netcdf(history, tmp_path / "h.nc")
     import xarray as xr
 
     with xr.open_dataset(tmp_path / "h.nc", engine="scipy") as again:

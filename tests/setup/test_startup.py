@@ -84,6 +84,13 @@ def test_importing_the_package_loads_nothing_else():
     assert not set(done.stdout.split()) & {*HEAVY, "numpy", "scipy", "importlib.metadata"}
 
 
+def test_a_run_needs_no_data_frames_and_no_bar_of_progress(tmp_path):
+    """xarray, with pandas behind it, is there for who asks for a data set."""
+    names = loaded("run", "bar_impact", "--quiet", "--out", str(tmp_path / "result"))
+    assert not names & {"pandas", "tqdm", "xarray"}
+    assert {"dolfinx", "matplotlib"} <= names
+
+
 RUN = "import sys; from impactfem.cli import main; sys.exit(main(sys.argv[1:]))"
 
 

@@ -198,7 +198,7 @@ def _row_points(result: Result, fields: Fields) -> Chart:
 
 def _forces(result: Result) -> Chart | None:
     """Force of each pair, exact ones as broad lines behind."""
-    history, exact = result.history, result.exact
+    history, exact = result.rows, result.exact_rows
     time = history["time"].values
     names = [str(name) for name in history.data_vars if str(name).startswith("force.")]
     own = result.summary["method"] == "exact"
@@ -227,9 +227,9 @@ def _forces(result: Result) -> Chart | None:
 
 
 def _velocities(result: Result) -> Chart:
-    time, bars = result.history["time"].values, result.scene.bars
+    time, bars = result.rows["time"].values, result.scene.bars
     traces = [
-        line(time, result.history[f"{bar.name}.vx"].values, bar.name, _colour(k), "m/s",
+        line(time, result.rows[f"{bar.name}.vx"].values, bar.name, _colour(k), "m/s",
              showlegend=len(bars) <= _LEGEND)
         for k, bar in enumerate(bars)
     ]  # fmt: skip

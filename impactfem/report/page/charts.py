@@ -51,8 +51,8 @@ def charts(result: Result) -> list[Chart]:
 
 def contact_force(result: Result) -> Chart | None:
     """Contact force of the run against the exact one; None if there never is any."""
-    time, force = result.history["time"].values, result.history["contact_force"].values
-    exact, method = result.exact, result.summary["method"]
+    time, force = result.rows["time"].values, result.rows["contact_force"].values
+    exact, method = result.exact_rows, result.summary["method"]
     if not is_told(force) and (exact is None or not is_told(exact["contact_force"].values)):
         return None
     traces = []
@@ -78,14 +78,14 @@ def contact_force(result: Result) -> Chart | None:
 
 def gap(result: Result) -> Chart:
     """Smallest distance from the obstacles, or that of each contact if these are few."""
-    history = result.history
+    history = result.rows
     time = history["time"].values
     names = _columns(result, "gap.")
     if not 1 < len(names) <= _MOST_CURVES:
         names = ["gap"]
     traces = []
-    if result.exact is not None and len(names) == 1 and result.summary["method"] != "exact":
-        exact = result.exact
+    if result.exact_rows is not None and len(names) == 1 and result.summary["method"] != "exact":
+        exact = result.exact_rows
         traces.append(
             line(exact["time"].values, exact["gap"].values, "exact", ORANGE, "m",
                  line={"width": 4.0}, opacity=0.6)
@@ -100,7 +100,7 @@ def gap(result: Result) -> Chart:
 
 def energy(result: Result) -> Chart | None:
     """Parts of the energy and their sum."""
-    history = result.history
+    history = result.rows
     time = history["time"].values
     parts = (("kinetic", BLUE), ("elastic", ORANGE), ("potential", GREEN))
     traces = [
@@ -121,10 +121,10 @@ def energy(result: Result) -> Chart | None:
 
 def momentum(result: Result) -> Chart | None:
     """Linear momentum, as the history holds it."""
-    column = result.history["momentum"]
+    column = result.rows["momentum"]
     if not is_told(column.values):
         return None
-    time = result.history["time"].values
+    time = result.rows["time"].values
     traces = [line(time, column.values, "momentum", BLUE, "kg m/s")]
     what = str(column.attrs.get("long_name", "linear momentum"))
     caption = f"{what[:1].upper()}{what[1:]}: only forces from outside change it, as contact does."
@@ -140,15 +140,15 @@ def error(result: Result) -> Chart | None:
     Returns:
         None without an exact solution, or if the run is that solution.
     """
-    if result.exact is None or result.summary["method"] == "exact":
+    if result.exact_rows is None or result.summary["method"] == "exact":
         return None
-    time = result.history["time"].values
-    at, exact_gap = result.exact["time"].values, result.exact["gap"].values
-    wrong = np.abs(result.history["gap"].values - np.interp(time, at, exact_gap))
+    time = result.rows["time"].values
+    at, exact_gap = result.exact_rows["time"].values, result.exact_rows["gap"].values
+    wrong = np.abs(result.rows["gap"].values - np.interp(time, at, exact_gap))
     wrong[interpolation_bound(time, at, exact_gap) > _SURE * wrong] = np.nan
-    force = result.history["contact_force"].values
+    force = result.rows["contact_force"].values
     impulse = np.append(0.0, np.cumsum(force[1:] * np.diff(time)))
-    exact_force = result.exact["contact_force"].values
+    exact_force = result.exact_rows["contact_force"].values
     exact_impulse = _integral(at, exact_force, time)
     off = np.abs(impulse - exact_impulse)
     off[ramp_bound(time, at, exact_force) > _SURE * off] = np.nan
@@ -211,10 +211,10 @@ def ramp_bound(time: Floats, at: Floats, force: Floats) -> Floats:
 
 def active(result: Result) -> Chart | None:
     """Number of active contacts of solids over time, where there are several."""
-    column = result.history["active"].values
+    column = result.rows["active"].values
     if not isinstance(result.scene.bodies[0], Solid) or column.max() <= 1:
         return None
-    time = result.history["time"].values
+    time = result.rows["time"].values
     traces = [stairs(time, column, "active contacts", BLUE, "active")]
     caption = "How many contact nodes carry a force: they enter and leave one by one."
     return Chart(
@@ -251,8 +251,8 @@ def _integral(at: Floats, values: Floats, time: Floats) -> Floats:
 
 
 def _columns(result: Result, prefix: str) -> list[str]:
-    return [str(name) for name in result.history.data_vars if str(name).startswith(prefix)]
+    return [str(name) for name in result.rows.data_vars if str(name).startswith(prefix)]
 
 
 def _label(result: Result, name: str) -> str:
-    return str(result.history[name].attrs.get("label", name)).replace("|", " and ")
+    return str(result.rows[name].attrs.get("label", name)).replace("|", " and ")

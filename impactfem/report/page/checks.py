@@ -66,7 +66,7 @@ def _energy(result: Result) -> Check:
 
 
 def _penetration(result: Result) -> Check:
-    deep, size = result.summary["contact"]["max_penetration"], size_of(result.scene, result.history)
+    deep, size = result.summary["contact"]["max_penetration"], size_of(result.scene, result.rows)
     name = "Bodies do not penetrate"
     if deep is None:
         return Check(name, "not finite", holds=False)
@@ -77,7 +77,7 @@ def _penetration(result: Result) -> Check:
 
 
 def _pull(result: Result) -> Check:
-    force = result.history["contact_force"].values
+    force = result.rows["contact_force"].values
     name = "Obstacles push, never pull"
     if not np.isfinite(force).all():
         return Check(name, "the force is not finite", holds=False)
@@ -94,7 +94,7 @@ def complementarity(result: Result) -> Check:
     name = "Where there is a gap there is no force"
     if result.scene.is_vibro:
         return Check(name, "impulses act at instants inside steps", None)
-    force, gap = result.history["contact_force"].values[1:], result.history["gap"].values
+    force, gap = result.rows["contact_force"].values[1:], result.rows["gap"].values
     scale = float(np.abs(force).max(initial=0.0) * np.abs(gap).max(initial=0.0))
     if not np.isfinite(scale):
         return Check(name, "not finite", holds=False)

@@ -204,9 +204,9 @@ def files(result: Result, pictures: Sequence[str], faults: Sequence[str]) -> str
     """
     kept = [("scene.toml", "the scene as used"), ("summary.json", "all figures of this page")]
     kept += [("history.csv", "one row per step"), ("history.nc", "the same for xarray, with units")]
-    if result.exact is not None:
+    if result.exact_rows is not None:
         kept.append(("exact.nc", "the exact gap and contact force"))
-    if result.axis is not None:
+    if result.axis_rows is not None:
         kept.append((AXIS, "shapes of the axis"))
     if result.impacts is not None:
         kept.append((IMPACTS, "impacts one by one"))

@@ -48,18 +48,18 @@ def motion(result: Result) -> dict[str, Any] | None:
         own["caption"] += " Frames lie closer together in contact: playing is slower there."
     return own | {
         "times": numbers(times),
-        "force": numbers(result.history["contact_force"].values[rows]),
-        "gap": numbers(result.history["gap"].values[rows]),
+        "force": numbers(result.rows["contact_force"].values[rows]),
+        "gap": numbers(result.rows["gap"].values[rows]),
         "curve": _curve(result),
     }
 
 
 def _curve(result: Result) -> dict[str, Any]:
     """Contact force over time, and the exact one if the run is not exact itself."""
-    time, force = result.history["time"].values, result.history["contact_force"].values
+    time, force = result.rows["time"].values, result.rows["contact_force"].values
     kept = thin(force, _CURVE)
     curve: dict[str, Any] = {"time": numbers(time[kept]), "force": numbers(force[kept])}
-    exact = result.exact
+    exact = result.exact_rows
     if exact is not None and is_told(exact["contact_force"].values):
         known = exact["contact_force"].values
         shown = thin(known, _CURVE)

@@ -78,8 +78,8 @@ def telling_frames(result: Result, times: ArrayLike, most: int = MOST_FRAMES) ->
     if len(at) <= most:
         return np.arange(len(at), dtype=np.int64)
     rows = rows_at(result, at)
-    force = np.nan_to_num(result.history["contact_force"].values, posinf=0.0)
-    struck = result.history.get("contact_impulse")
+    force = np.nan_to_num(result.rows["contact_force"].values, posinf=0.0)
+    struck = result.rows.get("contact_impulse")
     acts = force > 0.0 if struck is None else (force > 0.0) | (struck.values > 0.0)
     touching = np.append(0, np.cumsum(acts))
     before = np.append(0, rows[:-1])
@@ -100,7 +100,7 @@ def telling_frames(result: Result, times: ArrayLike, most: int = MOST_FRAMES) ->
 
 def rows_at(result: Result, times: ArrayLike) -> Integers:
     """Rows of the history nearest to some times."""
-    levels = result.history["time"].values
+    levels = result.rows["time"].values
     at = np.asarray(times, dtype=np.float64)
     after = np.clip(np.searchsorted(levels, at), 1, len(levels) - 1)
     nearer = np.abs(levels[after - 1] - at) < np.abs(levels[after] - at)

@@ -39,7 +39,7 @@ def points_motion(result: Result) -> dict[str, Any] | None:
     if not len(rows):
         return None
     own = _on_a_line(result, rows) if result.scene.dim == 1 else _in_the_plane(result, rows, at)
-    time = result.history["time"].values[rows]
+    time = result.rows["time"].values[rows]
     return {
         "kind": "points", "times": time[at], "at": at.tolist(), "time": numbers(time),
         "names": [body.name for body in result.scene.bodies],
@@ -50,7 +50,7 @@ def points_motion(result: Result) -> dict[str, Any] | None:
 
 def _rows(result: Result) -> tuple[Integers, Integers]:
     """Rows of the history for trails, and which of these are frames."""
-    history, scene = result.history, result.scene
+    history, scene = result.rows, result.scene
     columns = [f"{body.name}.{c}" for body in scene.bodies for c in "xyz"[: scene.dim]]
     values = np.array([history[name].values for name in columns])
     finite = np.flatnonzero(np.isfinite(values).all(axis=0))
@@ -67,7 +67,7 @@ def _places(result: Result, rows: Integers) -> Floats:
     """Places of all points, shape (rows, points, dim)."""
     letters = "xyz"[: result.scene.dim]
     columns = [
-        [result.history[f"{body.name}.{letter}"].values[rows] for letter in letters]
+        [result.rows[f"{body.name}.{letter}"].values[rows] for letter in letters]
         for body in result.scene.bodies
     ]
     return np.transpose(np.array(columns), (2, 0, 1))
@@ -75,7 +75,7 @@ def _places(result: Result, rows: Integers) -> Floats:
 
 def _on_a_line(result: Result, rows: Integers) -> dict[str, Any]:
     """Places and obstacles over time: a paper strip that the points draw on."""
-    scene, time = result.scene, result.history["time"].values[rows]
+    scene, time = result.scene, result.rows["time"].values[rows]
     obstacles = []
     for obstacle in scene.rigid_obstacles:
         place = np.full(len(time), float(obstacle.point[0]))  # type: ignore[union-attr]
@@ -104,7 +104,7 @@ def _in_the_plane(result: Result, rows: Integers, at: Integers) -> dict[str, Any
     """Paths in the plane; those in space as a camera sees them."""
     scene = result.scene
     places = _places(result, rows)
-    times = result.history["time"].values[rows][at]
+    times = result.rows["time"].values[rows][at]
     seen: dict[str, Any]
     if scene.dim == 2:
         seen = {"obstacles": plane_obstacles(scene.obstacles, times), "outlines": []}

@@ -19,10 +19,10 @@ def poles_motion(result: Result) -> dict[str, Any] | None:
     Returns:
         None if the result has no axis, or no moment of it is finite.
     """
-    if result.axis is None:
+    if result.axis_rows is None:
         return None
     body = result.scene.bodies[0]
-    places = np.stack([result.axis[letter].values for letter in "xy"], axis=2)
+    places = np.stack([result.axis_rows[letter].values for letter in "xy"], axis=2)
     count = places.shape[1]
     nodes = np.unique(np.linspace(0, count - 1, min(count, _NODES)).round().astype(np.int64))
     places = places[:, nodes]
@@ -30,7 +30,7 @@ def poles_motion(result: Result) -> dict[str, Any] | None:
     finite = np.flatnonzero(np.isfinite(way).all(axis=(1, 2)))
     if not len(finite):
         return None
-    kept = result.axis["time"].values[finite]
+    kept = result.axis_rows["time"].values[finite]
     frames = telling_frames(result, kept, _FRAMES)
     times, shown = kept[frames], way[finite[frames]]
     length = cast("Rod | Beam", body).length

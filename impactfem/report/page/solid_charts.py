@@ -16,7 +16,7 @@ def solid_charts(result: Result) -> list[Chart]:
 
 def _pair_forces(result: Result) -> Chart | None:
     """Force of each pair, where the history holds several of them."""
-    history = result.history
+    history = result.rows
     names = [
         str(name)
         for name in history.data_vars
@@ -36,7 +36,7 @@ def _pair_forces(result: Result) -> Chart | None:
 
 def _centres(result: Result) -> list[Chart]:
     """Way and velocity of the centres of mass, components that stay zero left out."""
-    history, bodies = result.history, result.scene.bodies
+    history, bodies = result.rows, result.scene.bodies
     time = history["time"].values
     spans = result.summary["contact"]["intervals"]
     letters = "xyz"[: result.scene.dim]

@@ -49,7 +49,7 @@ def vibro_charts(result: Result) -> list[Chart]:
 
 def _coordinates(result: Result) -> Chart | None:
     """Coordinates over time, in one dimension with the obstacles."""
-    history, scene = result.history, result.scene
+    history, scene = result.rows, result.scene
     time = history["time"].values
     letters = "xyz"[: scene.dim]
     curves = [
@@ -86,7 +86,7 @@ def _coordinates(result: Result) -> Chart | None:
 
 def _path(result: Result) -> Chart:
     """Paths in the plane, both axes at one scale."""
-    history = result.history
+    history = result.rows
     data = []
     for k, body in enumerate(result.scene.bodies):
         x, y = (history[f"{body.name}.{letter}"].values for letter in "xy")
@@ -148,7 +148,7 @@ def _phase(result: Result) -> Chart:
 
 def _forces(result: Result) -> Chart | None:
     """Force of each constraint, where several of them carry any."""
-    history = result.history
+    history = result.rows
     names = [
         str(name)
         for name in history.data_vars
@@ -193,7 +193,7 @@ def _impacts(result: Result) -> Chart | None:
             }
         )  # fmt: skip
     scale = {"type": "log"} if wide else {"rangemode": "tozero"}
-    time = result.history["time"].values
+    time = result.rows["time"].values
     figure = over_time(time, data, "impact speed [m/s]", yaxis=scale, showlegend=True)
     count = f"{len(found)} impacts" if len(found) > 1 else "One impact"
     caption = f"{count}, each with the speed at which the surfaces met"
