@@ -17,9 +17,9 @@ def compiled(function: Callable[..., Any]) -> Any:
     be written (a cluster with a read-only home) it is compiled anew in each process.
     """
     try:
-        return numba.njit(cache=True)(function)
+        return numba.njit(cache=True, error_model="numpy")(function)
     except RuntimeError:  # Numba: "no locator available"
-        return numba.njit(function)
+        return numba.njit(error_model="numpy")(function)
 
 
 def cache_folder(function: Callable[..., Any]) -> Path | None:

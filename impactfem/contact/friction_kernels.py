@@ -23,7 +23,7 @@ def sweep_cones(matrix, offset, bound, force, sweeps, tolerance):
         tolerance: Ends when no component changes by more [N].
 
     Returns:
-        Sweeps made.
+        Sweeps made; forces are not finite where a diagonal entry of A is 0.
     """
     pairs, dim = offset.shape
     flat = force.ravel()

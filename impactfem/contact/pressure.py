@@ -80,5 +80,5 @@ def _of_turned_sides(faces: Indices, areas: Floats, radius: Floats) -> csr_matri
 
 def _inverse(area: Floats) -> Floats:
     """1 / area, 0 for nodes of no face."""
-    found: Floats = np.divide(1.0, area, out=np.zeros_like(area), where=area > 0.0)
+    found: Floats = np.divide(1.0, area, out=np.zeros(len(area)), where=area > 0.0)
     return found

@@ -58,9 +58,7 @@ def shape_mesh(
     check_count(plan, size, balls)
     with gmsh_session() as gmsh:
         dim = 2 if len(plan.frame.origin) == 2 else 3
-        _draw(gmsh.model.geo, plan.drawing)
-        gmsh.model.geo.synchronize()
-        raw = _meshed(gmsh, dim, scaled, balls, degree)
+        raw = _meshed(gmsh, plan, dim, scaled, balls, degree)
     return placed(raw, plan)
 
 
@@ -220,11 +218,15 @@ def _draw_cut(
     return face
 
 
-def _meshed(gmsh: Any, dim: int, size: float, balls: Sequence[Finer], degree: int) -> RawMesh:
-    """Mesh the current model."""
+def _meshed(
+    gmsh: Any, plan: Outline, dim: int, size: float, balls: Sequence[Finer], degree: int
+) -> RawMesh:
+    """Draw and mesh in the current model."""
     wanted = options(dim, size, [ball.size for ball in balls])
     before = {name: gmsh.option.getNumber(name) for name in wanted}
     try:
+        _draw(gmsh.model.geo, plan.drawing)
+        gmsh.model.geo.synchronize()
         for name, value in wanted.items():
             gmsh.option.setNumber(name, value)
         _set_sizes(gmsh, size, balls)

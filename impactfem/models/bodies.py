@@ -179,7 +179,12 @@ def _model(key: SceneKey, degrees: tuple[int, ...], updated: bool) -> BodiesMode
 def _parts(key: SceneKey, degrees: tuple[int, ...]) -> tuple[BodyPart, ...]:
     """The bodies, meshed once for pairs that are fixed and for those that follow."""
     solids = [body for body in key.scene.bodies if isinstance(body, Solid)]
-    return tuple(_part(key.scene, s, d) for s, d in zip(solids, degrees, strict=True))
+    # A list with a name outlives an error of a later body. What a comprehension had found would be
+    # freed while the error is under way, which mpi4py's locks of communicators do not survive.
+    parts: list[BodyPart] = []
+    for solid, degree in zip(solids, degrees, strict=True):
+        parts.append(_part(key.scene, solid, degree))
+    return tuple(parts)
 
 
 def _part(scene: Scene, solid: Solid, degree: int) -> BodyPart:

@@ -8,10 +8,10 @@ from pathlib import Path
 from impactfem.errors import SceneError
 from impactfem.findings import Finding, warning
 from impactfem.planning.solid_costs import (
-    NATURAL_STEP,
     NEARLY_INCOMPRESSIBLE,
     Size,
     count_layers,
+    explicit_step,
     explicit_work,
     implicit_work,
     keeps_volume,
@@ -183,6 +183,8 @@ def choose_method(scene: Scene, size: Size, largest: float, reasons: dict[str, s
         reasons["method"] = f"explicit steps are cheaper: {costs}"
         return "explicit"
     small = "" if size.least > 0.5 * size.mesh_size else ", for the smallest elements set its step"
+    if solid.rayleigh_stiffness > explicit_step(solid, size):
+        small = ", for damping by the stiffness shortens its step"
     reasons["method"] = f"explicit steps would take {costs}{small}"
     return "massless"
 
@@ -241,7 +243,7 @@ def refuse_unstable(dt: float, method: str, solid: Solid, size: Size) -> None:
     Raises:
         SceneError: The step is far beyond the stability limit.
     """
-    natural = NATURAL_STEP * size.least / solid.p_wave_speed
+    natural = explicit_step(solid, size)
     if method in EXPLICIT and dt > _FAR * natural:
         raise SceneError(
             f"solve.dt = {dt:g} is beyond the stability limit of method {method} on the mesh of "

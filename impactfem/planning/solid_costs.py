@@ -13,6 +13,9 @@ NEARLY_INCOMPRESSIBLE = 0.45
 NATURAL_STEP = 0.35
 """c_p dt / h_min of the default explicit step, .9 of the stable one, on meshes of fair quality."""
 
+SHARE_OF_STABLE = 0.9
+"""Courant number of explicit schemes, as a share of the stable step, unless given."""
+
 # Nodes that share an element with a node, itself included; by (dim, degree, cells).
 _NEIGHBOURS = {
     (2, 1, "simplex"): 7.0, (2, 2, "simplex"): 11.5, (2, 1, "hexahedron"): 9.0,
@@ -88,9 +91,21 @@ def leading_speed(solid: Solid) -> float:
     return solid.s_wave_speed if keeps_volume(solid) else solid.p_wave_speed
 
 
+def damped(step: float, rayleigh_stiffness: float) -> float:
+    """What damping by the stiffness leaves of a stable step 2 / omega [s]."""
+    share = rayleigh_stiffness / step
+    return step / (math.hypot(1.0, share) + share)
+
+
+def explicit_step(solid: Solid, size: Size) -> float:
+    """The default step of explicit schemes [s], about."""
+    stable = NATURAL_STEP * size.least / (SHARE_OF_STABLE * solid.p_wave_speed)
+    return SHARE_OF_STABLE * damped(stable, solid.rayleigh_stiffness)
+
+
 def explicit_work(solid: Solid, size: Size, duration: float) -> float:
     """Products with the stiffness that central differences take."""
-    return duration * solid.p_wave_speed / (NATURAL_STEP * size.least)
+    return duration / explicit_step(solid, size)
 
 
 def implicit_work(solid: Solid, size: Size, duration: float, courant: float) -> float:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from impactfem.errors import SceneError
 from impactfem.findings import Finding, warning
 from impactfem.planning.card import Foresees
 from impactfem.planning.estimates import choose_estimate
@@ -20,9 +21,11 @@ from impactfem.planning.solid_choices import (
     ringing_findings,
 )
 from impactfem.planning.solid_costs import (
-    NATURAL_STEP,
+    SHARE_OF_STABLE,
     Size,
     check_before_meshing,
+    count_layers,
+    explicit_step,
     memory_mib,
     seconds,
 )
@@ -102,6 +105,7 @@ def plan_solid(scene: Scene) -> SolidPlan:
         MeshError: The mesh cannot be made.
     """
     from impactfem.models.solid import solid_model  # noqa: PLC0415  (loads DOLFINx)
+    from impactfem.planning.damping import damping_findings  # noqa: PLC0415  (likewise)
     from impactfem.planning.turns import turn_findings  # noqa: PLC0415  (likewise)
 
     solid, solve = scene.solid, scene.solve
@@ -131,9 +135,9 @@ def plan_solid(scene: Scene) -> SolidPlan:
             reasons[f"contact {number}"] = text
     reasons |= {f"offer {name}": text for name, text in offers(scene).items()}
     findings += method_findings(method, steps.courant)
-    count = steps.layers or scene.duration * solid.p_wave_speed / (
-        (steps.courant or 1.0) / 0.9 * NATURAL_STEP * size.least
-    )
+    step = steps.dt or (steps.courant or 1.0) / SHARE_OF_STABLE * explicit_step(solid, size)
+    count = steps.layers or count_layers(scene.duration, step)
+    findings += damping_findings(method, solid, size, max(extents), step)
 
     def cost(factor: float) -> float:
         contact = round(model.contact.count / factor ** (solid.dim - 1))
@@ -179,7 +183,11 @@ def is_curved(body_mesh: Any) -> bool:
 
 
 def measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, tuple[float, ...]]:
-    """Size of the discretised body and the edges of the box around it [m] (collective)."""
+    """Size of the discretised body and the edges of the box around it [m] (collective).
+
+    Raises:
+        SceneError: Elements shall be larger than the body.
+    """
     from impactfem.fem import MPI, cell_nodes  # noqa: PLC0415
 
     mesh, dim = body_mesh.mesh, body_mesh.gdim
@@ -196,6 +204,11 @@ def measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, tuple[flo
     high = np.array(
         [mesh.comm.allreduce(v, op=MPI.MAX) for v in points.max(axis=0, initial=-np.inf)]
     )
+    if solid.mesh_size is not None and solid.mesh_size > (largest := float((high - low).max())):
+        raise SceneError(
+            f"body {solid.name}: mesh_size = {solid.mesh_size:g} exceeds the largest extent "
+            f"{largest:.6g} of the mesh; give a smaller one in m"
+        )
     kind = "simplex" if body_mesh.cell in {"triangle", "tetrahedron"} else "hexahedron"
     # Rounded, since sums depend on the number of ranks and the time step follows from the size.
     mesh_size = solid.mesh_size or float(f"{mean:.6g}")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from impactfem.errors import SceneError
 from impactfem.marching.schemes import SolidScheme
-from impactfem.planning.solid_costs import count_layers
+from impactfem.planning.solid_costs import SHARE_OF_STABLE, count_layers, damped
 from impactfem.scene import Solid
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.massless import lumped_mass
@@ -15,9 +15,6 @@ from impactfem.system.surface import SurfaceNodes
 
 if TYPE_CHECKING:
     from impactfem.planning import SolidPlan
-
-SHARE_OF_STABLE = 0.9
-"""Courant number of explicit schemes, as a share of the stable step, unless given."""
 
 
 class Discretised(Protocol):
@@ -87,9 +84,7 @@ def stable_step(model: Discretised, surface: SurfaceNodes, transfer: Any) -> flo
             "carries contact; use smaller elements, fewer supports or contact_surfaces, or "
             'method = "massless"'
         )
-    omega = math.sqrt(square)
-    share = 0.5 * system.rayleigh_stiffness * omega
-    return 2.0 / omega * (math.sqrt(1.0 + share**2) - share)
+    return damped(2.0 / math.sqrt(square), system.rayleigh_stiffness)
 
 
 def _down(value: float) -> float:

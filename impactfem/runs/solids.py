@@ -41,7 +41,9 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-@np.errstate(over="ignore", invalid="ignore")  # the loop looks itself whether numbers are finite
+@np.errstate(
+    over="ignore", invalid="ignore", divide="ignore"
+)  # the loop looks itself whether numbers are finite
 def run_solid(
     scene: Scene,
     plan: "SolidPlan",

@@ -11,6 +11,7 @@ from impactfem.scene.kinds import FormulaOf, Kind
 from impactfem.scene.schema import KeyedError, keys_of
 from impactfem.scene.tables import read_object
 from impactfem.scene.values import (
+    LEAST,
     EntryNotAllowedError,
     NotAllowedError,
     is_number,
@@ -45,6 +46,9 @@ class Vector(Kind):
             raise NotAllowedError("its entries must be > 0")
         if self.nonzero and not any(result):
             raise NotAllowedError("its entries are all 0")
+        sizes = [abs(entry) for entry in result]
+        if (self.positive and min(sizes) < LEAST) or (self.nonzero and max(sizes) < LEAST):
+            raise NotAllowedError(f"it is below {LEAST:g}, which vanishes: give SI units")
         return result
 
     @override

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from impactfem.scene.formula import Formula
     from impactfem.scene.solids import Solid
 
+_FAR = 1e8  # times its extent, beyond which rounding of places shows in contact
+
 
 def check_solid(solid: "Solid") -> None:
     """Refuse a solid whose keys contradict each other.
@@ -79,6 +81,10 @@ def _check_sizes(solid: "Solid") -> None:
     if solid.shape is not None:
         lower, upper = solid.shape.bounds(axisymmetric=solid.is_axisymmetric)
         extent = max(b - a for a, b in zip(lower, upper, strict=True))
+        far = max(abs(place) for place in (*lower, *upper))
+        if far > _FAR * extent:
+            text = f" lies {far:.3g} m from the origin and is {extent:.3g} m large: rounding would"
+            raise _fail(solid, "shape", f"{text} spoil its places; put the origin near it.")
         if solid.mesh_size > extent:
             text = f" = {solid.mesh_size} exceeds the largest extent {extent:.6g} of the shape"
             raise _fail(solid, "mesh_size", f"{text}: give a smaller one in m.")
