@@ -11,7 +11,7 @@ RATE_LIMITS = (0.5, 2.0)
 REBOUND_LIMIT = 0.2
 """Share of the speed of an impact from where a rebound that is too fast is told."""
 
-_UNDAMPED = 2.0
+_UNDAMPED = 1.5
 """Speed too much after an impact, over beta c h / L^2 and that before it (measured).
 
 Of balls and discs 2 to 5 times that, of blocks 1 to 3 times, at h / L from 1/10 to 1/40, against
