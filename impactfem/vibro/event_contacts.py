@@ -9,7 +9,9 @@ lasting contact leaves it without acceleration away from the other side.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +20,14 @@ from scipy.linalg import cho_solve
 from impactfem.contact.impact_law import Law, resolve_impact
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem, factor_mass
-from impactfem.vibro.event_choice import accumulate, independent, lasting
+from impactfem.vibro.event_choice import Onset, accumulate, independent, lasting, stay
 from impactfem.vibro.event_constrained import constrained
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 Row = tuple[float, int, float, float, float]
+Begin = Callable[[float, Floats, Floats, tuple[int, ...]], Onset]
 
 MAX_SPELLS = 100
 
@@ -75,8 +78,8 @@ class Contacts:
         return self.share * self.fastest if given is None else given
 
     def settle(
-        self, t: float, u: Floats, v: Floats, near: Booleans, released: int | None = None,
-        earlier: Floats | None = None,
+        self, t: float, u: Floats, v: Floats, near: Booleans, begin: Begin,
+        released: int | None = None, earlier: Floats | None = None,
     ) -> tuple[Floats, Floats, list[Row], Floats]:  # fmt: skip
         """Treat an event.
 
@@ -85,6 +88,7 @@ class Contacts:
             u: Position, shape (d,).
             v: Velocity just before, shape (d,).
             near: Which constraints are closed to rounding, shape (J,) of bool.
+            begin: How gaps and forces begin at t, u, v with given closed constraints.
             released: Constraint whose contact force has just vanished.
             earlier: Rates of the motions just before (J,), where they have just changed: what is
                 in contact is struck or left by that.
@@ -120,19 +124,14 @@ class Contacts:
         applied = cho_solve((factor, True), load)
         curvature = system.gap_curvature(t, u, v)
         state = mass, factor, jacobian, load, applied, curvature
-        staying, acceleration = lasting(state, slow[slow != released])
-        if released is not None and released in slow:
-            wanted = jacobian[released] @ acceleration + curvature[released]
-            size = np.abs(jacobian[released]) @ np.abs(applied) + abs(curvature[released])
-            if wanted < -1e-10 * size:  # another constraint presses it after all
-                staying, acceleration = lasting(state, slow)
-        closed, implied = independent(jacobian, staying)
+        guess, _ = independent(jacobian, lasting(state, slow[slow != released]))
+        closed, implied, order = stay(partial(begin, t, u, v), jacobian, guess, slow)
         tails = {j: self._tail(j, speed[j], jacobian[j] @ applied + curvature[j]) for j in closed}
         u, v, dropped, lost = self._close(t, mass, jacobian, u, v, speed, closed)
         self.dropped_energy += lost
         self.dropped_speed = max(self.dropped_speed, *(abs(float(speed[j])) for j in closed), 0.0)
         for j in rows.tolist():
-            self.order[j] = 1 if speed[j] > noise[j] else 2 if j in slow else 0
+            self.order[j] = 1 if speed[j] > noise[j] else order[j] if j in slow else 0
         self._enter(closed, implied, t, before_spell, tails)
         total = np.zeros(system.num_constraints)
         for _, j, _, _, impulse in impacts:
@@ -144,7 +143,7 @@ class Contacts:
         self, t: float, mass: Floats, factor: Floats, jacobian: Floats, v: Floats, rate: Floats,
         rows: Integers, noise: Floats, *, again: bool,
     ) -> tuple[Floats, list[Row]]:  # fmt: skip
-        """Impacts until no closed constraint approaches."""
+        """Impacts until no closed constraint approaches; noise becomes at least theirs."""
         impacts: list[Row] = []
         for _ in range(_MAX_REPEATS):
             before = jacobian[rows] @ v - rate[rows]
@@ -155,13 +154,19 @@ class Contacts:
             restitution = self.system.restitution[rows]
             state = factor, jacobian[rows], v, rate[rows], restitution
             try:
-                hit = accumulate(mass, *state) if again else resolve_impact(*state, self.impact_law)
+                hit = (
+                    accumulate(mass, *state, noise[rows])
+                    if again
+                    else resolve_impact(*state, self.impact_law)
+                )
             except ConvergenceError as error:
                 raise ConvergenceError(
                     f"events: the impact on constraints {rows.tolist()} at t = {t:.9g} has no "
                     f"solution: do they leave room? ({error})"
                 ) from error
             v = hit.velocity
+            pushed = np.abs(cho_solve((factor, True), jacobian[rows].T)) @ hit.impulse
+            np.maximum(noise, 64.0 * _EPS * np.abs(jacobian) @ pushed, out=noise)
             impacts += [
                 (t, int(j), float(hit.before[i]), float(hit.after[i]), float(hit.impulse[i]))
                 for i, j in enumerate(rows)

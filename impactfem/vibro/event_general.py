@@ -17,6 +17,7 @@ from scipy.optimize import brentq
 
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem
+from impactfem.vibro.event_choice import Onset
 from impactfem.vibro.event_constrained import constrained
 from impactfem.vibro.event_contacts import Contacts
 from impactfem.vibro.event_record import Record
@@ -26,7 +27,9 @@ Curve = Callable[[float], float]
 
 _SAMPLES = 8
 _EPS = 2.0**-52
-_LOOSE = 1e-12  # share of the normal forces that counts as no contact force
+_LOOSE = 1e-12  # share of the forces that counts as their rounding
+_LATER = 1e-3  # of a step of the integrator: where an acceleration is looked at that begins as 0
+_FIRST = 1e-6  # of the duration, before the first step
 _DRIFT = 1e-9  # gap of closed constraints, as a share of the lengths, that is taken away
 _MAX_STALL = 1000
 
@@ -37,22 +40,53 @@ class _Motion:
 
     system: GeneralizedSystem
     closed: tuple[int, ...]
+    rtol: float
 
-    def forces(self, t: float, u: Floats, v: Floats) -> tuple[Floats, Floats, float]:
-        """Acceleration (d,), contact forces (S,) [N], and the size of their rounding."""
+    def forces(self, t: float, u: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """Acceleration (d,), contact forces (S,) [N]."""
         system, rows = self.system, list(self.closed)
         mass, load = system.mass(u), system.force(t, u, v)
         if not rows:
-            return np.linalg.solve(mass, load), np.zeros(0), 0.0
+            return np.linalg.solve(mass, load), np.zeros(0)
         normals = system.jacobian(u)[rows]
         bend = system.gap_curvature(t, u, v)[rows]
         found, pressed = constrained(mass, normals, load[:, None], bend[:, None])
-        size = float(np.abs(load).max()) + float(np.abs(pressed).max())
-        return found[:, 0], pressed[:, 0], _LOOSE * size
+        return found[:, 0], pressed[:, 0]
+
+    def doubts(self, t: float, u: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """Rounding of second rates of the gaps (J,) and of forces (S,), by that of the state."""
+        system, d, rows = self.system, len(u), list(self.closed)
+        load, y = system.force(t, u, v), np.concatenate([u, v])
+        size = _LOOSE * np.abs(load)
+        for i in np.flatnonzero(y):
+            other = y.copy()
+            other[i] *= 1.0 + self.rtol
+            size = size + np.abs(system.force(t, other[:d], other[d:]) - load)
+        jacobian, inverse = system.jacobian(u), np.linalg.inv(system.mass(u))
+        bend = _LOOSE * np.abs(system.gap_curvature(t, u, v))
+        gaps = np.abs(jacobian) @ (np.abs(inverse) @ size) + bend
+        answers = jacobian @ inverse @ jacobian[rows].T
+        forces = np.abs(np.linalg.inv(answers[rows])) @ gaps[rows]
+        return gaps + np.abs(answers) @ forces, forces
+
+    def onset(self, t: float, u: Floats, v: Floats, later: float) -> Onset:
+        """How gaps and forces begin: their second rates and forces now, and a little later."""
+        gaps, forces = [], []
+        a = self.forces(t, u, v)[0]
+        for s in (0.0, later):
+            at = t + s, u + s * v + 0.5 * s * s * a, v + s * a
+            rate, pressed = self.forces(*at)
+            gaps.append(self.system.jacobian(at[1]) @ rate + self.system.gap_curvature(*at))
+            forces.append(pressed)
+        open_doubt, force_doubt = self.doubts(t, u, v)
+        return Onset(
+            np.array(gaps), np.tile(open_doubt, (2, 1)),
+            np.array(forces), np.tile(force_doubt, (2, 1)),
+        )  # fmt: skip
 
     def __call__(self, t: float, y: Floats) -> Floats:
         d = self.system.dofs
-        acceleration, pressed, _ = self.forces(t, y[:d], y[d : 2 * d])
+        acceleration, pressed = self.forces(t, y[:d], y[d : 2 * d])
         return np.concatenate([y[d : 2 * d], acceleration, pressed])
 
 
@@ -79,12 +113,19 @@ def fly_general(
         near = record.near(t, u, v)
         if watched >= 0:
             near[watched] = True
-        u, v, impacts, impulses = contacts.settle(t, u, v, near, released, earlier)
+        later = _LATER * step if step else _FIRST * duration
+
+        def begin(
+            t: float, u: Floats, v: Floats, closed: tuple[int, ...], later: float = later
+        ) -> Onset:
+            return _Motion(system, closed, tolerances[0]).onset(t, u, v, later)
+
+        u, v, impacts, impulses = contacts.settle(t, u, v, near, begin, released, earlier)
         record.add(impacts, impulses, row)
         if t >= duration:
             record.fill(row, u, v)
             return
-        motion = _Motion(system, contacts.closed)
+        motion = _Motion(system, contacts.closed, tolerances[0])
         start, stop = t, kicks[0].at.before if kicks else duration
         t, y, row, watched, step = _flight(
             motion, t, np.concatenate([u, v, np.zeros(len(motion.closed))]), stop, contacts,
@@ -115,6 +156,7 @@ def _flight(
     first = min(step, stop - t) if step else None
     solver = DOP853(motion, t, y, stop, rtol=rtol, atol=atol, first_step=first)
     held = np.zeros(len(motion.closed))
+    loose = motion.doubts(t, y[:d], y[d : 2 * d])[1] if motion.closed else held
     fresh = t
     while True:
         before = solver.t
@@ -126,7 +168,7 @@ def _flight(
                 f"{solver.y[: 2 * d].tolist()}); check the forces for a singularity"
             )
         dense = solver.dense_output()
-        now, event = _first_event(motion, contacts, dense, before, solver.t, fresh)
+        now, event = _first_event(motion, contacts, dense, before, solver.t, fresh, loose)
         while row < len(record.times) and record.times[row] < now:
             at = dense(record.times[row])
             record.fill(row, at[:d], at[d : 2 * d])
@@ -150,7 +192,7 @@ def _flight(
 
 def _first_event(
     motion: _Motion, contacts: Contacts, dense: Callable[[float], Floats],
-    start: float, end: float, fresh: float,
+    start: float, end: float, fresh: float, loose: Floats,
 ) -> tuple[float, int]:  # fmt: skip
     """Time and event of the first event in a step; the end and -1 if there is none."""
     system, d = motion.system, motion.system.dofs
@@ -178,8 +220,7 @@ def _first_event(
 
         def force(s: float, i: int = i) -> float:
             y = dense(s)
-            _, pressed, loose = motion.forces(s, y[:d], y[d : 2 * d])
-            return float(pressed[i]) + loose
+            return float(motion.forces(s, y[:d], y[d : 2 * d])[1][i] + loose[i])
 
         values = [force(s) for s in samples]
         falls = [k for k in range(_SAMPLES + 1) if values[k] < 0.0]
@@ -202,7 +243,7 @@ def _first_closing(
             # Left and came back: the root at the start is divided out.
             while gap(low) <= 0.0 and low - start > 4.0 * _EPS * abs(start):
                 low = start + 0.5 * (low - start)
-            return _root(gap, low, samples[1]) if gap(low) > 0.0 else float(samples[1])
+            return _root(gap, low, samples[1]) if gap(low) > 0.0 else float(low)
     for k in range(_SAMPLES):
         a, b = samples[k], samples[k + 1]
         if gaps[k] <= 0.0 and not (k == 0 and order):

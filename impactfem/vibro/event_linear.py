@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import LinearSystem
+from impactfem.vibro.event_choice import Onset
 from impactfem.vibro.event_contacts import MAX_SPELLS, Contacts
 from impactfem.vibro.event_record import Record
 from impactfem.vibro.flight_alone import STALLED, fly_alone
-from impactfem.vibro.flight_kernels import BROKEN, DONE, FULL, fly
+from impactfem.vibro.flight_kernels import BROKEN, DONE, FULL, fly, refresh
 from impactfem.vibro.flights import Flights
 
 Floats = NDArray[np.float64]
@@ -63,10 +64,16 @@ class _Run:
         near = self.record.near(self.time, u, v)
         if event is not None:
             near[event] = True
-        u, v, impacts, impulses = self.contacts.settle(self.time, u, v, near, released)
+        u, v, impacts, impulses = self.contacts.settle(self.time, u, v, near, self.begin, released)
         self.record.add(impacts, impulses, int(self.counts[0]))
         self.put(u, v)
         self.clock[1] = self.contacts.fastest
+
+    def begin(self, t: float, u: Floats, v: Floats, closed: tuple[int, ...]) -> Onset:
+        """How gaps and forces begin at a state with given closed constraints."""
+        z, d = np.concatenate([u, v, self.z[2 * len(u) :]]), self.system.dofs
+        refresh(z, 2 * d, t, self.flights.waves)
+        return self.flights.flight(closed).onset(z)
 
     def collect(self, status: int) -> None:
         """Take the impacts over; refuse what is not finite or does not move on."""
@@ -148,7 +155,7 @@ def _alone(run: _Run) -> None:
     status = FULL
     while status != DONE:
         status = fly_alone(
-            free.powers, free.whole, free.gaps, free.step,
+            free.powers, free.whole, free.gaps, free.gap_doubts, free.step,
             held.powers, held.whole, held.gaps, held.step, held.forces, held.doubt,
             flights.rate_rows, flights.waves, free.closed, held.closed,
             np.zeros(1, dtype=np.bool_), np.ones(1, dtype=np.bool_), contacts.order,

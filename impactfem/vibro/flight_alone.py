@@ -17,7 +17,7 @@ _MAX_STALL = 1000
 
 @compiled
 def fly_alone(
-    free_powers, free_whole, free_gaps, free_h,
+    free_powers, free_whole, free_gaps, free_doubts, free_h,
     held_powers, held_whole, held_gaps, held_h, forces, doubt,
     rates, waves, none, one, watched, unwatched, order,
     answers, response, restitution, stick, relative,
@@ -28,6 +28,7 @@ def fly_alone(
 
     Args:
         free_powers, free_whole, free_gaps, free_h: The free flight: see `fly`.
+        free_doubts: Rows of the rounding of the coefficients of the gap, for |z| (terms, 1, n).
         held_powers, held_whole, held_gaps, held_h, forces, doubt: That along the constraint.
         rates, waves, answers, response, restitution, stick, relative: See `fly`.
         none, one, watched, unwatched: Empty (0,), [0] and [False], [True] (1,): constants.
@@ -97,12 +98,19 @@ def fly_alone(
         for i in range(d):
             z[i] -= answers[i, 0] * gap / response[0]
             z[d + i] += answers[i, 0] * (after - speed) / response[0]
-        pull, size = 0.0, 0.0
-        for m in range(n):
-            pull += 2.0 * free_gaps[2, 0, m] * z[m] / (free_h * free_h)
-            size += 2.0 * abs(free_gaps[2, 0, m] * z[m]) / (free_h * free_h)
         slow = abs(after) <= max(noise, stick, relative * clock[1])
-        if slow and pull <= 1e-12 * size:
+        # What no rate of the gap decides stays closed; see `event_choice`.
+        pull, first = 0.0, 2
+        while slow and first < len(free_gaps):
+            pull, rounding = 0.0, 0.0
+            for m in range(n):
+                pull += free_gaps[first, 0, m] * z[m]
+                rounding += 0.5 * free_doubts[first, 0, m] * abs(z[m])
+            if abs(pull) > rounding:
+                break
+            pull = 0.0
+            first += 1
+        if slow and pull <= 0.0:
             for i in range(d):
                 z[d + i] -= answers[i, 0] * after / response[0]
             if after > 0.0 and speed < -noise and counts[0] < len(times):
@@ -111,11 +119,12 @@ def fly_alone(
             drops[1] += 0.5 * after * after / response[0]
             drops[2] += 1.0
             tail = 0.0  # time that the dropped rebounds would still take
-            if after > 0.0 and pull < 0.0 and restitution[0] < 1.0:
-                tail = 2.0 * after / (-pull * (1.0 - restitution[0]))
+            if after > 0.0 and pull < 0.0 and first == 2 and restitution[0] < 1.0:
+                rate = 2.0 * pull / (free_h * free_h)
+                tail = 2.0 * after / (-rate * (1.0 - restitution[0]))
             if kept + 1 < len(spells):
                 spells[kept + 1, 0] = clock[0] + tail
                 spells[kept + 1, 1] = math.nan
             mode[0] = 1
         else:
-            order[0] = 1 if after > noise else 2
+            order[0] = 1 if after > noise else first

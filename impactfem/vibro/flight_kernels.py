@@ -142,28 +142,31 @@ def largest_sum(c, end):
 
 
 @compiled
-def by_turns(matrix, speed, restitution, limit):
+def by_turns(matrix, speed, restitution, noise, limit):
     """Impacts one after the other, the fastest approach first, until none approaches.
 
     Args:
         matrix: G M^-1 G^T (n, n).
         speed: Normal speeds (n,); changed.
         restitution: e (n,).
+        noise: Rounding of these speeds (n,); changed: at least that of the impulses.
         limit: Number of impacts.
 
     Returns:
         Impulses (n,), and whether the impacts came to an end.
     """
     total = np.zeros(len(speed))
-    rest = -1e-13 * np.abs(speed).max()
+    moved = np.zeros(len(speed))
     for _ in range(limit):
-        worst = np.argmin(speed)
-        if speed[worst] >= rest:
+        worst = np.argmin(speed + noise)
+        if speed[worst] >= -noise[worst]:
             return total, True
         impulse = -(1.0 + restitution[worst]) * speed[worst] / matrix[worst, worst]
         total[worst] += impulse
         for i in range(len(speed)):
             speed[i] += impulse * matrix[i, worst]
+            moved[i] += abs(impulse * matrix[i, worst])
+            noise[i] = max(noise[i], 32.0 * EPS * moved[i])
     return total, False
 
 

@@ -15,6 +15,7 @@ from scipy.linalg.lapack import dgebal
 from impactfem.errors import SceneError
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import LinearSystem, factor_mass
+from impactfem.vibro.event_choice import Onset
 from impactfem.vibro.event_constrained import constrained
 
 Floats = NDArray[np.float64]
@@ -23,7 +24,7 @@ Integers = NDArray[np.int64]
 TERMS = 21
 """Terms of the series: with |A| h <= 1 the first one left out is 1/21! = 2e-20."""
 
-_DOUBT = 1e-13  # contact forces that are as small a share of what they add up to count as none
+_DOUBT = 1e-13  # share of what a coefficient adds up to that counts as its rounding
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,9 @@ class Flight:
         whole: First rows of their sum, shape (2d, n).
         gaps: Rows of the gaps times T_k, shape (TERMS, J, n).
         forces: Rows of the contact forces times T_k, shape (TERMS, S, n).
-        doubt: Rows of the rounding of the contact forces, for |z|, shape (S, n).
+        gap_doubts: Rows of the rounding of the coefficients of the gaps, for |z|, (TERMS, J, n).
+        force_doubts: The same of the contact forces, shape (TERMS, S, n).
+        doubt: Their sum over the terms: rounding of the forces in the whole substep, (S, n).
         closed: Closed constraints, shape (S,).
     """
 
@@ -45,8 +48,17 @@ class Flight:
     whole: Floats
     gaps: Floats
     forces: Floats
+    gap_doubts: Floats
+    force_doubts: Floats
     doubt: Floats
     closed: Integers
+
+    def onset(self, z: Floats) -> Onset:
+        """How gaps and contact forces begin from a state z (n,) in which S is closed."""
+        size = np.abs(z)
+        return Onset(
+            self.gaps[2:] @ z, self.gap_doubts[2:] @ size, self.forces @ z, self.force_doubts @ size
+        )
 
 
 @dataclass
@@ -77,6 +89,7 @@ class Flights:
         inner[:, :d], inner[:, d : 2 * d] = -system.stiffness, -system.damping
         self._applied: Floats = inner + loads
         self._acceleration: Floats = cho_solve((self.factor, True), self._applied)
+        self._inverse: Floats = np.abs(cho_solve((self.factor, True), np.eye(d)))
         self.answers: Floats = cho_solve((self.factor, True), system.normals.T)
         self.response: Floats = np.einsum("ji,ij->j", system.normals, self.answers)
         matrix = np.zeros((self.size, self.size))
@@ -111,14 +124,19 @@ class Flights:
         system, d, rows = self.system, self.dofs, list(closed)
         matrix = self._frame.copy()
         matrix[d : 2 * d] = self._acceleration
-        force = doubt = np.zeros((len(rows), self.size))
+        force = force_size = np.zeros((len(rows), self.size))
+        # What is added up where accelerations are: K u of a body that is not strained cancels.
+        size = np.abs(matrix)
+        size[d : 2 * d] = self._inverse @ np.abs(self._applied)
         if rows:
             normals, mass = system.normals[rows], system.mass(np.zeros(d))
             matrix[d : 2 * d] = 0.0
             rest = self.rate_rows[rows] @ matrix  # -b''
             matrix[d : 2 * d], force = constrained(mass, normals, self._applied, rest)
-            sizes = np.abs(normals) @ np.abs(self._acceleration) + np.abs(rest)
-            doubt = _DOUBT * np.abs(np.linalg.inv(normals @ self.answers[:, rows])) @ sizes
+            answers = self.answers[:, rows]
+            sizes = np.abs(normals) @ size[d : 2 * d] + np.abs(rest)
+            force_size = np.abs(np.linalg.inv(normals @ answers)) @ sizes
+            size[d : 2 * d] += np.abs(answers) @ force_size
         step = substep(matrix, self.longest)
         powers = np.empty((TERMS, self.size, self.size))
         powers[0] = np.eye(self.size)
@@ -126,15 +144,36 @@ class Flights:
             powers[k] = powers[k - 1] @ (matrix * (step / k))
         used = max(5, 1 + int(np.flatnonzero(np.abs(powers).any(axis=(1, 2)))[-1]))
         powers = powers[:used].copy()  # free fall needs three terms
+        force_doubts = _doubts(force_size, matrix, np.abs(matrix), step, used)
         return Flight(
             step,
             powers,
             np.ascontiguousarray(powers[::-1].sum(axis=0)[: 2 * d]),
             np.ascontiguousarray(np.einsum("ji,kim->kjm", self.gap_rows, powers)),
             np.ascontiguousarray(np.einsum("ji,kim->kjm", force, powers)),
-            np.ascontiguousarray(doubt),
+            _doubts(np.abs(self.gap_rows), matrix, size, step, used),
+            force_doubts,
+            force_doubts.sum(axis=0),
             np.array(rows, dtype=np.int64),
         )
+
+
+def _doubts(rows: Floats, matrix: Floats, size: Floats, step: float, terms: int) -> Floats:
+    """Rounding of rows times T_k, for |z|: what is added up in them, shape (terms, rows, n).
+
+    Args:
+        rows: What is added up in the rows (rows, n).
+        matrix: A (n, n).
+        size: What is added up in A z, which may cancel in A (n, n).
+        step: h [s].
+        terms: Number of k.
+    """
+    found = np.empty((terms, *rows.shape))
+    left = found[0] = _DOUBT * rows
+    for k in range(1, terms):
+        found[k] = left @ (size * (step / k))
+        left = left @ (np.abs(matrix) * (step / k))
+    return found
 
 
 def substep(matrix: Floats, longest: float) -> float:
