@@ -20,7 +20,7 @@ from scipy.linalg import cho_solve
 from impactfem.contact.impact_law import Law, resolve_impact
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem, factor_mass
-from impactfem.vibro.event_choice import Onset, accumulate, independent, lasting, stay
+from impactfem.vibro.event_choice import Onset, accumulate, independent, lasting, signs, stay
 from impactfem.vibro.event_constrained import constrained
 
 Floats = NDArray[np.float64]
@@ -126,7 +126,16 @@ class Contacts:
         state = mass, factor, jacobian, load, applied, curvature
         guess, _ = independent(jacobian, lasting(state, slow[slow != released]))
         closed, implied, order = stay(partial(begin, t, u, v), jacobian, guess, slow)
-        tails = {j: self._tail(j, speed[j], jacobian[j] @ applied + curvature[j]) for j in closed}
+        back = [j for j in closed if speed[j] > noise[j]]  # rebounds that are dropped
+        tails: dict[int, float] = {}
+        if back:
+            free = begin(t, u, v, ())
+            sign, first = signs(free.gaps, free.gap_doubts)
+            tails = {
+                j: self._tail(j, speed[j], jacobian[j] @ applied + curvature[j])
+                for j in back
+                if first[j] == 0 and sign[j] < 0.0  # else the acceleration is rounding
+            }
         u, v, dropped, lost = self._close(t, mass, jacobian, u, v, speed, closed)
         self.dropped_energy += lost
         self.dropped_speed = max(self.dropped_speed, *(abs(float(speed[j])) for j in closed), 0.0)
@@ -180,7 +189,7 @@ class Contacts:
     def _tail(self, j: int, speed: float, acceleration: float) -> float:
         """Time that the dropped rebounds would still take, 2 v / (a (1 - e)) [s]."""
         e = float(self.system.restitution[j])
-        if speed <= 0.0 or acceleration >= 0.0 or e >= 1.0:
+        if e >= 1.0:
             return 0.0
         return 2.0 * speed / (-acceleration * (1.0 - e))
 
