@@ -14,6 +14,7 @@ from impactfem.marching.waves import Delay, left_before, lines
 from impactfem.result.bar_motion import Effort, kept_levels
 from impactfem.result.bar_row_motion import RowMotion, pair_labels
 from impactfem.scene import Bar
+from impactfem.system.fronts import row_energies
 
 Floats = NDArray[np.float64]
 
@@ -114,6 +115,13 @@ def _by_nodes(
         record.mean,
     )  # fmt: skip
     record.momentum[1:] = np.diff(record.mean, axis=0) / dt
+    none = np.zeros((layers, 1))  # on the far end of all, and the near end without a wall
+    pushed = record.force if has_wall else np.hstack([none, record.force])
+    waves = row_energies(
+        bars, np.diff(record.ends) - 1, dt, pushed, np.hstack([pushed[:, 1:], none])
+    )
+    if waves is not None:
+        record.kinetic[:], record.elastic[:] = waves
     return Effort(len(mass) * layers, 1, (), True, "decided in each layer and pair")
 
 

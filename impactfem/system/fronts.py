@@ -1,5 +1,7 @@
 """The energy of a bar whose nodal values are those of two waves."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
@@ -68,4 +70,51 @@ def wave_energies(
     start = float(gravity(0.0)) * np.mean(0.5 * (u[1:] + u[:-1]))
     path = 0.5 * (speed[1:] + speed[:-1])
     found[2] = bar.length * (start + np.concatenate([[0.0], np.cumsum(load * path)]))
+    return found
+
+
+def row_energies(
+    bars: Sequence[Bar], elements: Sequence[int], dt: float, near: Floats, far: Floats
+) -> Floats | None:
+    """Kinetic and elastic energy of bars in a row at the levels [J], shape (2, layers + 1, bars).
+
+    As `wave_energies`: at an end with the force F, v - s and v + s differ by 2 F / (rho A c), and
+    what left one end in a layer is at the other one after L/c.
+
+    Args:
+        bars: In the order of the axis.
+        elements: Equal elements along each bar.
+        dt: Layer [s].
+        near: Force on the near end of each bar, along the axis [N], (layers, bars).
+        far: Force on its far end, against the axis [N], (layers, bars).
+
+    Returns:
+        None unless c dt = h in all bars and each starts with one velocity.
+    """
+    found = np.empty((2, len(near) + 1, len(bars)))
+    for k, (bar, n) in enumerate(zip(bars, elements, strict=True)):
+        c, h = bar.wave_speed, bar.length / n
+        x = np.linspace(0.0, bar.length, n + 1)
+        v = bar.initial_velocity(x=0.5 * (x[1:] + x[:-1])) + np.zeros(n)
+        if abs(h - c * dt) > _EVEN * h or np.ptp(v) > 0.0:
+            return None
+        s = c * np.diff(bar.initial_displacement(x=x) + np.zeros(n + 1)) / h
+        section = bar.density * bar.area
+        sign = -1.0 if bar.far_end == "clamped" else 1.0
+        # What left the near and the far end, the oldest first.
+        out, back = np.empty((2, n + len(near)))
+        out[:n], back[:n] = (v - s)[::-1], v + s
+        for first in range(0, len(near), n):
+            rows = slice(first, min(first + n, len(near)))
+            later = slice(n + rows.start, n + rows.stop)
+            out[later] = back[rows] + 2.0 * near[rows, k] / (section * c)
+            back[later] = sign * out[rows] - 2.0 * far[rows, k] / (section * c)
+        leaving, coming = sliding_window_view(out, n)[:, ::-1], sliding_window_view(back, n)
+        for first in range(0, len(near) + 1, _ROWS):
+            levels = slice(first, first + _ROWS)
+            for energy, waves in zip(
+                found, (coming[levels] + leaving[levels], coming[levels] - leaving[levels]),
+                strict=True,
+            ):  # fmt: skip
+                energy[levels, k] = 0.125 * section * h * np.einsum("ij,ij->i", waves, waves)
     return found
