@@ -118,7 +118,7 @@ def _by_nodes(
     none = np.zeros((layers, 1))  # on the far end of all, and the near end without a wall
     pushed = record.force if has_wall else np.hstack([none, record.force])
     waves = row_energies(
-        bars, np.diff(record.ends) - 1, dt, pushed, np.hstack([pushed[:, 1:], none])
+        bars, (np.diff(record.ends) - 1).tolist(), dt, pushed, np.hstack([pushed[:, 1:], none])
     )
     if waves is not None:
         record.kinetic[:], record.elastic[:] = waves
