@@ -2,11 +2,13 @@
 
 import argparse
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from impactfem.errors import OutputError, SceneError
+from impactfem.errors import MissingDependencyError, OutputError, SceneError
 from impactfem.processes import complain, on_root, rank, say
+from impactfem.quick import spare_signatures, without
 from impactfem.shipped import find_scene, shipped_scenes
 from impactfem.signals import InterruptedRunError, held_back
 
@@ -94,6 +96,7 @@ def _add_pictures(result: "Result", folder: Path, progress: "Progress") -> None:
     from impactfem.report.adding import add_pictures  # noqa: PLC0415
 
     progress.note("drawing")
+    spare_signatures()
     try:
         for line in add_pictures(result, folder)[1]:
             complain(f"warning: {line}")
@@ -153,7 +156,11 @@ def _prepare(scene: "Scene") -> None:
 def _load_finite_elements() -> None:
     """Load DOLFINx: if it is missing, say so now; a signal meanwhile would crash its modules."""
     with held_back():
-        import impactfem.fem  # noqa: F401, PLC0415
+        # FFCx and DOLFINx would load Numba for kernels that no command writes, which takes longer
+        # than they do; those that we write load it themselves.
+        with without("numba"), suppress(MissingDependencyError):
+            import impactfem.fem  # noqa: PLC0415
+        import impactfem.fem  # noqa: F401, PLC0415  (one that cannot do without it)
 
 
 def _name(path: Path) -> str:
@@ -227,6 +234,7 @@ def schema(given: argparse.Namespace) -> int:
 
 def plot(given: argparse.Namespace) -> int:
     """Draw the pictures and the report of a result folder again."""
+    spare_signatures()
     from impactfem.report.adding import add_pictures  # noqa: PLC0415
     from impactfem.result import Result  # noqa: PLC0415
     from impactfem.result.store import CHECKPOINT, SPOOL  # noqa: PLC0415

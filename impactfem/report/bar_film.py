@@ -103,7 +103,9 @@ def bar_reel(result: Result, fields: Fields, frames: int | None) -> BarReel | No
     if wall:
         above.axvspan(low - room, 0.0, color="0.45", alpha=0.5, hatch="//", linewidth=0)
     most = float(np.abs(stress).max()) or 1.0
-    pieces = PolyCollection([], cmap="coolwarm", norm=Normalize(-most, most), edgecolors="face")
+    pieces = PolyCollection(
+        [], cmap="coolwarm", norm=Normalize(-most, most), linewidths=0, antialiaseds=False
+    )
     outlines = LineCollection([], colors="0.25", linewidths=0.8)
     for drawn in (pieces, outlines):
         drawn.set_animated(True)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.image import NonUniformImage
 
 from impactfem.errors import SceneError
 from impactfem.report.adding import Faults
@@ -120,10 +121,11 @@ def displacement(axes: Axes, result: Result) -> None:
         return
     t, x = _thin(len(fields.times)), _thin(len(fields.positions))
     values = fields.displacement[np.ix_(t, x)].T
-    image = axes.pcolormesh(
-        fields.times[t], fields.positions[x], values, shading="gouraud", cmap="viridis",
-        rasterized=True,
-    )  # fmt: skip
+    ends = fields.times[0], fields.times[-1], fields.positions[0], fields.positions[-1]
+    image = NonUniformImage(axes, interpolation="bilinear", cmap="viridis", extent=ends)
+    image.set_data(fields.times[t], fields.positions[x], values)
+    axes.add_image(image)
+    axes.set_ylim(ends[2], ends[3])
     axes.figure.colorbar(image, ax=axes, label="displacement u [m]")
     for first, last in result.summary["contact"]["intervals"]:
         axes.plot([first, last], [0.0, 0.0], color="crimson", linewidth=5, clip_on=False,
@@ -204,6 +206,7 @@ def active_set(axes: Axes, result: Result) -> None:
         axes.set_xticks(iterations)
     axes.set_xlim(0.0, len(changes) + 1.0)
     axes.set_yscale("symlog", linthresh=1.0)
+    axes.yaxis.set_major_formatter("{x:g}")  # powers as text would load a parser of formulas
     axes.set_ylim(0.0, 2.0 * max(1, changes.max()))
     axes.set_xlabel("iteration")
     axes.set_ylabel("intervals that changed side")

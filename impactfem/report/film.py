@@ -126,8 +126,8 @@ def check_ending(path: Path) -> None:
         raise OutputError(f"{path}: a film is a .gif or an .mp4; choose one of these endings")
 
 
-def _frames(reel: Reel) -> Iterator[Pixels]:
-    """Draw the frames one after the other, shape (height, width, 3) each.
+def _frames(reel: Reel) -> Iterator[Image.Image]:
+    """Draw the frames one after the other, in RGB.
 
     What stays is drawn once; what moves is drawn above it, and is animated in Matplotlib's sense.
     """
@@ -140,7 +140,7 @@ def _frames(reel: Reel) -> Iterator[Pixels]:
         for artist in reel.show(moment):
             if artist.axes is not None:
                 artist.axes.draw_artist(artist)
-        yield np.array(canvas.buffer_rgba())[:, :, :3]
+        yield Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
 
 
 def _canvas(figure: Figure) -> Any:
@@ -148,13 +148,10 @@ def _canvas(figure: Figure) -> Any:
     return figure.canvas
 
 
-def _write_gif(frames: Iterator[Pixels], path: Path, rate: float) -> None:
+def _write_gif(frames: Iterator[Image.Image], path: Path, rate: float) -> None:
     palette = Image.new("P", (1, 1))
     palette.putpalette(_colours().ravel().tolist())
-    pictures = [
-        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
-        for frame in frames
-    ]
+    pictures = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     if not pictures:
         raise OSError("no frame is finite")
     first, *rest = pictures
@@ -181,7 +178,7 @@ def _colours() -> Pixels:
     return np.round(255.0 * found).astype(np.uint8)
 
 
-def _write_mp4(frames: Iterator[Pixels], path: Path, rate: float) -> None:
+def _write_mp4(frames: Iterator[Image.Image], path: Path, rate: float) -> None:
     try:
         ffmpeg = importlib.import_module("imageio_ffmpeg")
     except ImportError as error:
@@ -190,12 +187,11 @@ def _write_mp4(frames: Iterator[Pixels], path: Path, rate: float) -> None:
         ) from error
     writer = None
     for frame in frames:
-        even = np.ascontiguousarray(frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2])
+        even = frame.crop((0, 0, frame.width // 2 * 2, frame.height // 2 * 2))
         if writer is None:
-            size = (even.shape[1], even.shape[0])
-            writer = ffmpeg.write_frames(str(path), size, fps=rate, macro_block_size=2)
+            writer = ffmpeg.write_frames(str(path), even.size, fps=rate, macro_block_size=2)
             writer.send(None)
-        writer.send(even)
+        writer.send(even.tobytes())
     if writer is None:
         raise OSError("no frame is finite")
     writer.close()

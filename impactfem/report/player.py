@@ -5,8 +5,6 @@ import io
 from collections.abc import Iterable
 from uuid import uuid4
 
-import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 _PAGE = """<div id="{name}" style="display:inline-block;max-width:100%">
@@ -37,11 +35,11 @@ _PAGE = """<div id="{name}" style="display:inline-block;max-width:100%">
 }})();</script></div>"""
 
 
-def player(frames: Iterable[NDArray[np.uint8]], rate: float, text: str) -> str:
+def player(frames: Iterable[Image.Image], rate: float, text: str) -> str:
     """A picture with a slider below it and a button that lets it run.
 
     Args:
-        frames: Of shape (height, width, 3) each.
+        frames: In RGB.
         rate: Frames a second.
         text: What it shows, for those who do not see it.
     """
@@ -55,8 +53,8 @@ def player(frames: Iterable[NDArray[np.uint8]], rate: float, text: str) -> str:
     )
 
 
-def _code(frame: NDArray[np.uint8]) -> str:
+def _code(frame: Image.Image) -> str:
     """A frame as a PNG of 256 colours, in letters."""
     file = io.BytesIO()
-    Image.fromarray(frame).quantize(256, method=Image.Quantize.FASTOCTREE).save(file, "PNG")
+    frame.quantize(256, method=Image.Quantize.FASTOCTREE).save(file, "PNG")
     return base64.b64encode(file.getvalue()).decode("ascii")

@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from impactfem.quick import without
+
 HEAVY = (
     "dolfinx",
     "h5py",
@@ -84,11 +86,29 @@ def test_importing_the_package_loads_nothing_else():
     assert not set(done.stdout.split()) & {*HEAVY, "numpy", "scipy", "importlib.metadata"}
 
 
-def test_a_run_needs_no_data_frames_and_no_bar_of_progress(tmp_path):
+def test_a_run_loads_no_data_frames_and_compilers_that_it_does_not_use(tmp_path):
     """xarray, with pandas behind it, is there for who asks for a data set."""
     names = loaded("run", "bar_impact", "--quiet", "--out", str(tmp_path / "result"))
-    assert not names & {"pandas", "tqdm", "xarray"}
+    assert not names & {"numba", "pandas", "scipy", "tqdm", "xarray"}
     assert {"dolfinx", "matplotlib"} <= names
+
+
+def test_a_library_is_hidden_only_meanwhile():
+    with pytest.raises(ModuleNotFoundError), without("this"):
+        import this  # noqa: F401
+    assert "this" not in sys.modules
+    with without("json"):
+        import json as again
+    assert again is json
+
+
+def test_setters_work_without_signatures():
+    code = (
+        "from impactfem.quick import spare_signatures; spare_signatures();"
+        "from matplotlib.lines import Line2D; line = Line2D([0], [0]); line.set(linewidth=3.0);"
+        "print(line.get_linewidth(), 'antialiased' in (Line2D.set.__doc__ or ''))"
+    )
+    assert python(code).stdout == "3.0 False\n"
 
 
 RUN = "import sys; from impactfem.cli import main; sys.exit(main(sys.argv[1:]))"
