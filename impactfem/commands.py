@@ -131,11 +131,12 @@ def _solved(
     scene: "Scene", chosen: "AnyPlan", restart: Path | None, folder: Path, progress: "Progress"
 ) -> "Result":
     """Solve a scene as planned, with checkpoints if it asks for them."""
-    from impactfem.solving import solve_as_planned  # noqa: PLC0415
+    from impactfem.solving import solve  # noqa: PLC0415
 
     if not scene.output.checkpoint:
-        return solve_as_planned(scene, chosen, progress)
-    return solve_as_planned(scene, chosen, progress, restart or folder, restart)
+        return solve(scene, progress=progress, planned=chosen)
+    place = restart or folder
+    return solve(scene, progress=progress, planned=chosen, checkpoints=place, restart=restart)
 
 
 def _is_solid(scene: "Scene") -> bool:

@@ -36,6 +36,7 @@ def solve(
     progress: Progress | None = None,
     checkpoints: Path | None = None,
     restart: Path | None = None,
+    planned: AnyPlan | None = None,
     **settings: Any,
 ) -> Result:
     """Solve a scene.
@@ -46,6 +47,7 @@ def solve(
         checkpoints: Folder for checkpoints of a solid every ``output.checkpoint`` layers; it must
             exist.
         restart: Folder with the checkpoint from which a solid continues.
+        planned: The plan of this scene, if it is made already; settings make it anew.
         **settings: Keys of the scene's ``[solve]`` table that replace its own, as
             ``solve(scene, elements=80)``.
 
@@ -69,18 +71,9 @@ def solve(
         )
     if settings:
         scene = scene.with_settings({f"solve.{key}": value for key, value in settings.items()})
-    return solve_as_planned(scene, plan(scene), progress or Progress(), checkpoints, restart)
-
-
-def solve_as_planned(
-    scene: Scene,
-    chosen: AnyPlan,
-    progress: Progress,
-    checkpoints: Path | None = None,
-    restart: Path | None = None,
-) -> Result:
-    """Solve a scene whose plan is made; otherwise as `solve`."""
-    result = _solve(scene, chosen, progress, checkpoints, restart)
+        planned = None
+    chosen = planned or plan(scene)
+    result = _solve(scene, chosen, progress or Progress(), checkpoints, restart)
     return result.with_summary({**result.summary, "run": run_record()})
 
 

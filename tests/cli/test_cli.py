@@ -280,6 +280,7 @@ def test_doctor_finds_what_is_needed(command):
 
 
 def test_doctor_reports_faults(command, monkeypatch):
+    import impactfem.fem  # noqa: F401  (before imports fail)
     from impactfem import doctor
 
     def broken(name):
