@@ -5,6 +5,7 @@ import os
 import shutil
 import signal
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,37 +20,8 @@ from impactfem.shipped import shipped_scenes
 
 SCENE = shipped_scenes()["bar_impact"].read_text(encoding="utf-8")
 
-DISC = """
-title = "a disc that is killed"
-duration = 6.0
-gravity = [0.0, -0.0125]
-
-[[body]]
-name = "disc"
-kind = "solid"
-model = "plane_strain"
-shape = { kind = "disc", radius = 0.5, center = [0.0, 0.50125] }
-mesh_size = 0.15
-density = 1.0
-youngs_modulus = 0.75
-poisson_ratio = 0.3
-
-[[obstacle]]
-name = "floor"
-kind = "half_space"
-point = [0.0, 0.0]
-normal = [0.0, 1.0]
-
-[solve]
-method = "explicit"
-estimate = false
-
-[output]
-report = false
-film = false
-pictures = false
-checkpoint = 5
-"""
+DISC = (Path(__file__).parents[1] / "disc.toml").read_text(encoding="utf-8")
+DISC += "film = false\npictures = false\n"
 
 
 @pytest.fixture(scope="module")

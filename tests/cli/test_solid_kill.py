@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,35 +12,15 @@ from conftest import finish, launch, start
 from impactfem.marching.checkpoint import FILE
 from impactfem.result import Result
 
-SCENE = """
-title = "a disc that is killed"
-duration = 12.0
-gravity = [0.0, -0.0125]
-
-[[body]]
-name = "disc"
-kind = "solid"
-model = "plane_strain"
-shape = { kind = "disc", radius = 0.5, center = [0.0, 0.50125] }
-mesh_size = 0.07
-density = 1.0
-youngs_modulus = 0.75
-poisson_ratio = 0.3
-
-[[obstacle]]
-name = "floor"
-kind = "half_space"
-point = [0.0, 0.0]
-normal = [0.0, 1.0]
-
-[solve]
-method = "METHOD"
-estimate = false
-
-[output]
-every = 5
-checkpoint = 20
-"""
+SCENE = (Path(__file__).parents[1] / "disc.toml").read_text(encoding="utf-8")
+for line, other in {
+    "duration = 6.0": "duration = 12.0",
+    "mesh_size = 0.15": "mesh_size = 0.07",
+    'method = "explicit"': 'method = "METHOD"',
+    "report = false": "every = 5",
+    "checkpoint = 5": "checkpoint = 20",
+}.items():
+    SCENE = SCENE.replace(line, other)
 
 
 def killed_while_marching(process, folder, waits=20.0):

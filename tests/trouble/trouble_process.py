@@ -18,35 +18,7 @@ from impactfem.result import Result
 LAUNCHER = re.compile(r"(PMI|OMPI|PRTE|HYDRA|SLURM|MPI_LOCAL)")
 SHORT = ("run", "bar_impact", "--set", "solve.method=exact", "--quiet", "--out")
 
-DISC = """
-title = "Schütte Ω, a disc that is killed"
-duration = 6.0
-gravity = [0.0, -0.0125]
-
-[[body]]
-name = "disc"
-kind = "solid"
-model = "plane_strain"
-shape = { kind = "disc", radius = 0.5, center = [0.0, 0.50125] }
-mesh_size = 0.15
-density = 1.0
-youngs_modulus = 0.75
-poisson_ratio = 0.3
-
-[[obstacle]]
-name = "floor"
-kind = "half_space"
-point = [0.0, 0.0]
-normal = [0.0, 1.0]
-
-[solve]
-method = "explicit"
-estimate = false
-
-[output]
-report = false
-checkpoint = 5
-"""
+DISC = (Path(__file__).parents[1] / "disc.toml").read_text(encoding="utf-8")
 
 
 def environment(**changes):
