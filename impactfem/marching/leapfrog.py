@@ -89,7 +89,7 @@ class Leapfrog:
         self._step = dt * system.velocity
         self._mass, self._inverse = lumped_mass(system, transfer, surface)
         self._load = np.zeros(len(self._mass) if self._drive.is_active else 0)
-        self._loads = np.zeros_like(self._load)
+        self._loads, self._lift = np.zeros_like(self._load), np.zeros_like(self._load)
         self._reaction = np.zeros(len(self._drive.moved))
         # Mass damping is taken in the middle of the step, stiffness damping at its start.
         slow = 0.5 * system.rayleigh_mass * dt
@@ -144,7 +144,8 @@ class Leapfrog:
             self.displacement -= self._lag * self._step
         if drive.is_active:
             self._loads = drive.load(time)
-            self._load[:] = self._loads + drive.lift(time)
+            self._lift = drive.lift(time)
+            self._load[:] = self._loads + self._lift
             self._reaction = drive.reaction(self.displacement)
             self._work = self._half_work() if layer else 0.0
         self._share = self.share(layer)
@@ -202,6 +203,8 @@ class Leapfrog:
     def initial(self, static: Floats) -> Sums:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state."""
         self._matrix.mult(self._now, self._internal)
+        if self._drive.is_active:
+            self._lift = self._drive.lift(0.0)
         return self._summed(0.0)
 
     def _half_work(self) -> float:
@@ -220,6 +223,9 @@ class Leapfrog:
         if drive.has_moved:
             before = self.displacement - back * self._step
             elastic += drive.elastic(before, self.displacement)
+            if self._statics is not None:  # K u of massless nodes, in balance with moved supports
+                massless = self._surface.dofs
+                elastic += 0.5 * float(self.displacement[massless] @ self._lift[massless])
         return Sums(
             self._sums[0] / self.dt**2, elastic, work,
             self._sums[2 : 2 + dim] / self.dt, self._sums[2 + dim :].copy(),

@@ -37,7 +37,7 @@ def plan_bodies(scene: Scene) -> SolidPlan:
     """
     from impactfem.models.bodies import bodies_model  # noqa: PLC0415  (loads DOLFINx)
     from impactfem.planning.damping import damping_findings  # noqa: PLC0415  (likewise)
-    from impactfem.planning.turns import turn_findings  # noqa: PLC0415  (likewise)
+    from impactfem.planning.turns import flight_findings  # noqa: PLC0415  (likewise)
 
     solve, solids = scene.solve, [body for body in scene.bodies if isinstance(body, Solid)]
     reasons: dict[str, str] = {}
@@ -106,7 +106,7 @@ def plan_bodies(scene: Scene) -> SolidPlan:
         reasons=reasons,
         findings=(
             *findings_of(model),
-            *turn_findings(scene, flyers),
+            *flight_findings(scene, flyers, dt),
             *damping,
             *(note for part in model.parts for note in left_out(part.solid, part.mesh)),
         ),

@@ -1,21 +1,22 @@
 """Whether contact will be resolved by steps and nodes, as far as it can be foreseen."""
 
+from collections.abc import Sequence
 from dataclasses import replace
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from impactfem.findings import Finding
-from impactfem.scene import Scene, Solid
 from impactfem.scene.shapes import Disc, Sphere
 
-Floats = NDArray[np.float64]
+if TYPE_CHECKING:
+    from impactfem.planning.flights import Blow, Flyer
 
 STEPS = (8, 3)
 """Steps from which the speed after an impact is right to some 5 %, and up to which to 20 to 50 %.
 
 Measured with discs and balls: 8 steps leave 2 to 5 %, 16 steps 1 to 2 %, 4 steps 5 to 20 %.
 """
+
+_ALIKE = 2.0  # impedances over each other, up to which waves of both bodies end a contact
 
 SINGLE_LIMIT = 0.5
 """Share of the impulse that one node carries alone from where the force depends on the mesh."""
@@ -40,60 +41,70 @@ def single_node(share: float, text: str) -> Finding:
     )  # fmt: skip
 
 
-def resolution_findings(
-    scene: Scene, gap: Floats, normal: Floats, velocity: Floats, extent: float, dt: float | None
-) -> list[Finding]:
-    """What a free solid's first impact will be too fast or too sharp for.
+def resolution_findings(body: "Flyer", blow: "Blow", dt: float | None) -> list[Finding]:
+    """What a body's first contact will be too fast or too sharp for.
 
     Only what the plan knows: the time that waves need through the body and back, of balls Hertz's
-    duration and depth. Impacts of bodies that are held, pushed or struck otherwise are left to the
-    run, which measures all of them.
+    duration and depth. Other contacts are left to the run, which measures all of them.
 
     Args:
-        scene: With one solid.
-        gap: Gaps of the contact nodes at t = 0 [m], shape (nodes,).
-        normal: Their normals towards the body, shape (nodes, dim).
-        velocity: Mean velocity of the body at t = 0 [m/s], shape (dim,).
-        extent: Largest extent of the body [m].
+        body: The body.
+        blow: Its first contact.
         dt: Time step [s]; None if it follows from the mesh.
     """
-    solid = scene.solid
-    held = any(support.kind != "symmetry" for support in solid.supports)
-    if not len(gap) or held or solid.tractions or solid.pressures:
+    if blow.speed <= 0.0:
         return []
-    first = int(np.argmin(gap))
-    pull = np.asarray(scene.vector_gravity.at(0.0), dtype=np.float64)
-    speed, gained = (
-        -float(velocity @ normal[first]),
-        -2.0 * float(pull @ normal[first]) * gap[first],
-    )
-    if speed**2 + gained <= 0.0 or (speed < 0.0 and gained <= 0.0):
-        return []
-    lasting, depth = _impact(solid, float(np.sqrt(speed**2 + gained)), extent)
+    lasting, depth = _impact(body, blow)
+    way = body.drives.at(blow.time) - body.drives.at(blow.time + lasting)
+    if float(way @ blow.normal) > 2.0 * blow.speed * lasting:
+        return []  # put down rather than struck
     found = []
     if dt is not None and lasting < STEPS[0] * dt:
-        text = f"an impact of about {lasting:.3g} s will last {lasting / dt:.2g} steps"
-        found.append(replace(unresolved(lasting / dt, text), severity="warning"))
-    if np.count_nonzero(gap <= gap[first] + depth) == 1:
         text = (
-            f"a single node will touch: no other lies within {depth:.2g} m, the depth of an impact"
+            f"the impact of {body.name} on {blow.met}, of about {lasting:.3g} s, will last "
+            f"{lasting / dt:.2g} steps"
+        )
+        found.append(replace(unresolved(lasting / dt, text), severity="warning"))
+    if blow.clearance > depth:
+        text = (
+            f"a single node of {body.name} will touch {blow.met}: no other lies within "
+            f"{depth:.2g} m, the depth of the impact"
         )
         found.append(replace(single_node(1.0, text), value=None))
     return found
 
 
-def _impact(solid: Solid, speed: float, extent: float) -> tuple[float, float]:
+def _impact(body: "Flyer", blow: "Blow") -> tuple[float, float]:
     """About how long an impact lasts [s], and how deep it goes [m]."""
-    lasting = 2.0 * extent / solid.p_wave_speed
-    depth = speed * lasting
-    shape, mass = solid.shape, solid.mass
-    round_ = isinstance(shape, Sphere) or (
-        isinstance(shape, Disc) and solid.is_axisymmetric and not shape.center[0]
+    both = [body] if blow.other is None else [body, blow.other]
+    # The softer body gives way. Of bodies alike the first wave that comes back ends the contact.
+    softest = min(each.impedance for each in both)
+    lasting = min(
+        2.0 * each.size / each.solid.p_wave_speed
+        for each in both
+        if each.impedance <= _ALIKE * softest
     )
-    if round_ and isinstance(shape, Sphere | Disc) and mass is not None:
-        mass *= 2.0 ** len(shape.symmetry)
-        stiff = solid.youngs_modulus / (1.0 - solid.poisson_ratio**2)
-        hertz = 2.87 * (mass**2 / (shape.radius * stiff**2 * speed)) ** 0.2
-        depth = (15.0 * mass * speed**2 / (16.0 * stiff * shape.radius**0.5)) ** 0.4
-        lasting = max(lasting, hertz)
+    depth = blow.speed * lasting
+    curvature = sum(1.0 / radius for radius in map(_radius, both) if radius is not None)
+    if curvature:
+        give = sum(2.0 ** -len(_cuts(each)) / each.mass for each in both)
+        soft = sum((1.0 - each.solid.poisson_ratio**2) / each.solid.youngs_modulus for each in both)
+        # Hertz: K. L. Johnson, Contact Mechanics (1985), section 11.4.
+        depth = (15.0 * blow.speed**2 * soft * curvature**0.5 / (16.0 * give)) ** 0.4
+        lasting = max(lasting, 2.87 * (curvature * (soft / give) ** 2 / blow.speed) ** 0.2)
     return lasting, depth
+
+
+def _cuts(body: "Flyer") -> Sequence[str]:
+    shape = body.solid.shape
+    return () if shape is None else shape.symmetry
+
+
+def _radius(body: "Flyer") -> float | None:
+    """Of a ball [m]; None of other bodies."""
+    shape, solid = body.solid.shape, body.solid
+    if isinstance(shape, Sphere):
+        return shape.radius
+    if isinstance(shape, Disc) and solid.is_axisymmetric and not shape.center[0]:
+        return shape.radius
+    return None

@@ -11,7 +11,6 @@ from impactfem.planning.card import Foresees
 from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.normals import choose_normals
 from impactfem.planning.offers import offers
-from impactfem.planning.resolution import resolution_findings
 from impactfem.planning.solid_choices import (
     choose_degree,
     choose_linear_solver,
@@ -106,7 +105,7 @@ def plan_solid(scene: Scene) -> SolidPlan:
     """
     from impactfem.models.solid import solid_model  # noqa: PLC0415  (loads DOLFINx)
     from impactfem.planning.damping import damping_findings  # noqa: PLC0415  (likewise)
-    from impactfem.planning.turns import turn_findings  # noqa: PLC0415  (likewise)
+    from impactfem.planning.turns import flight_findings  # noqa: PLC0415  (likewise)
 
     solid, solve = scene.solid, scene.solve
     reasons: dict[str, str] = {}
@@ -123,11 +122,7 @@ def plan_solid(scene: Scene) -> SolidPlan:
     linear_solver = choose_linear_solver(scene, method, size, reasons)
     normals = choose_normals(scene, model.contact.gap, model.contact.normal, reasons)
     findings += ringing_findings(solid, method, size)
-    findings += turn_findings(scene, [(solid, model.system, model.outside)])
-    speed = model.system.mean(model.system.velocity)
-    findings += resolution_findings(
-        scene, model.contact.gap, model.contact.normal, speed, model.system.nodes.size, steps.dt
-    )
+    findings += flight_findings(scene, [(solid, model.system, model.outside)], steps.dt)
     for number, text in enumerate(model.contact.why, 1):
         if text.startswith(_WARNING):
             findings.append(warning("meets_nothing", text.removeprefix(_WARNING), solid.name))

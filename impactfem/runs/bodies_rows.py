@@ -17,7 +17,7 @@ from impactfem.result.bar_motion import Effort
 from impactfem.result.history import BodyMotion, Columns, make_history
 from impactfem.result.table import Table
 from impactfem.result.whole import Whole
-from impactfem.runs.forces import CONTACT_CODES, contact_findings, mesh_window
+from impactfem.runs.forces import contact_codes, contact_findings, mesh_window
 from impactfem.runs.solid_rows import elastic_and_force, work_done
 
 Floats = NDArray[np.float64]
@@ -122,7 +122,7 @@ def bodies_motion(
             *contact_findings(rows.force, rows.largest, march.interior.dt),
             *measured_findings(figures),
         ),
-        measured=(*CONTACT_CODES, *MODEL_CODES),
+        measured=(*contact_codes(rows.force), *MODEL_CODES),
         force_window=mesh_window(
             [part.solid for part in model.parts], [part.degree for part in model.parts], size
         ),

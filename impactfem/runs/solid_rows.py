@@ -14,7 +14,7 @@ from impactfem.planning.model_limits import measured_findings
 from impactfem.result.bar_motion import Effort
 from impactfem.result.solid_motion import SolidMotion
 from impactfem.result.whole import Whole
-from impactfem.runs.forces import CONTACT_CODES, contact_findings, mesh_window
+from impactfem.runs.forces import contact_codes, contact_findings, mesh_window
 
 Floats = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ def solid_motion(
             *contact_findings(rows.force, rows.largest, march.interior.dt),
             *measured_findings(figures),
         ),
-        measured=(*CONTACT_CODES, *MODEL_CODES),
+        measured=(*contact_codes(rows.force), *MODEL_CODES),
         force_window=mesh_window([model.solid], [model.degree], size),
         bodies=figures,
     )

@@ -142,3 +142,56 @@ def test_plans_foresee_few_steps_and_sharp_contact():
         scene = {"title": "ball", "duration": 1.0, "body": [body], "obstacle": [FLOOR]}
         plan = impactfem.plan(impactfem.Scene.from_dict(scene))
         assert ("contact_single_node" in {f.code for f in plan.findings}) is told
+
+
+def colliding(*bodies, duration=0.02, **solve):
+    """Rubber bodies in plane strain, the first ones towards the last, at rest."""
+    tables = [
+        {"name": name, "kind": "solid", "model": "plane_strain", "shape": shape, "mesh_size": size,
+         "density": 1100.0, "youngs_modulus": 1e6, "poisson_ratio": 0.4, "velocity": velocity}
+        for name, shape, size, velocity in bodies
+    ]  # fmt: skip
+    below = FLOOR | {"point": [0.0, -5.0]}
+    return impactfem.Scene.from_dict(
+        {
+            "title": "pair", "duration": duration, "body": tables, "obstacle": [below],
+            "solve": {"estimate": False, **solve}, "output": {"fields": []},
+        }
+    )  # fmt: skip
+
+
+def discs(size, **solve):
+    left, right = ({"kind": "disc", "radius": 0.05, "center": [x, 0.0]} for x in (-0.0505, 0.0505))
+    return colliding(("left", left, size, [0.2, 0.0]), ("right", right, size, [0.0, 0.0]), **solve)
+
+
+def blocks(angle):
+    half = 0.05 * (math.sqrt(2.0) if angle else 1.0)
+    up = {"kind": "block", "size": [0.1, 0.1], "corner": [-0.05, half - 0.0495], "angle": angle}
+    low = {"kind": "block", "size": [0.2, 0.1], "corner": [-0.1, -0.1]}
+    return colliding(("up", up, 0.02, [0.0, -0.2]), ("low", low, 0.018, [0.0, 0.0]))
+
+
+def plan_codes(scene):
+    return {f.code for f in impactfem.plan(scene).findings}
+
+
+def test_plans_foresee_few_steps_of_pairs():
+    """Waves need 4.5 ms through a disc and back; the contact was 9.7 ms long."""
+    few = discs(0.01, method="massless", dt=1e-3)
+    assert "contact_unresolved" in plan_codes(few)
+    assert "contact_unresolved" not in plan_codes(discs(0.01, method="massless", dt=2.5e-4))
+
+
+def test_plans_foresee_a_single_node_of_pairs():
+    assert "contact_single_node" in plan_codes(discs(0.02))
+    assert "contact_single_node" not in plan_codes(discs(0.004))
+    assert "contact_single_node" not in plan_codes(blocks(0.0))
+    assert "contact_single_node" in plan_codes(blocks(math.pi / 4))
+
+
+def test_a_corner_that_slips_between_nodes_stays_told():
+    """The run met no force, and had so settled what the plan foresaw: nothing was said."""
+    result = impactfem.solve(blocks(math.pi / 4))
+    assert not result.history["contact_force"].any()
+    assert "contact_single_node" in codes(result)

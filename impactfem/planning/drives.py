@@ -1,0 +1,145 @@
+"""What moves a body as a rigid one: gravity and its loads, or its supports."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.fem import MPI
+from impactfem.scene import Scene, Solid
+from impactfem.system.elastic import ElasticSystem
+
+Floats = NDArray[np.float64]
+
+_SAMPLES = 513
+_ALIKE = 0.2  # share by which every other sample may tell another motion; else loads are missed
+
+
+@dataclass(frozen=True)
+class Drives:
+    """Way and turn of a body by its start and all that drives it, but without contact.
+
+    Attributes:
+        times: From 0 to the end [s], shape (samples,).
+        way: Of the centre of mass [m], shape (samples, 3).
+        turn: Integral of the angular velocity [rad], shape (samples, 3).
+        loaded: Whether tractions or pressures act.
+        known: Whether all of this is known.
+    """
+
+    times: Floats
+    way: Floats
+    turn: Floats
+    loaded: bool
+    known: bool
+
+    def at(self, t: float) -> Floats:
+        """Way of the centre of mass up to a time [m], shape (3,)."""
+        return np.array([np.interp(t, self.times, column) for column in self.way.T])
+
+    def turned(self, t: float) -> Floats:
+        """Turn up to a time [rad], shape (3,)."""
+        return np.array([np.interp(t, self.times, column) for column in self.turn.T])
+
+
+def flown(
+    scene: Scene, solid: Solid, system: ElasticSystem, inverse: Floats, start: tuple[Floats, Floats]
+) -> Drives:
+    """Flight of a body that nothing holds: its momentum and spin by gravity and loads (collective).
+
+    Loads keep direction and place, as the model has it.
+
+    Args:
+        scene: With gravity and the duration.
+        solid: The body.
+        system: Its matrices.
+        inverse: Inverse inertia [1/(kg m^2)], shape (3, 3).
+        start: Velocity [m/s] and spin [rad/s] at t = 0, shape (3,) each.
+    """
+    times = np.linspace(0.0, scene.duration, _SAMPLES)
+    pull = in_space(np.array([scene.vector_gravity.at(t) for t in times], dtype=np.float64))
+    loaded = bool(solid.tractions or solid.pressures)
+    spinning = np.zeros_like(pull)
+    if loaded:
+        force, moment = _resultants(system, times)
+        pull, spinning = pull + force / system.total_mass, moment @ inverse
+
+    def by_samples(every: int) -> tuple[Floats, Floats]:
+        instants, damping = times[::every], solid.rayleigh_mass
+        way = _moved(instants, start[0], pull[::every], damping)
+        return way, _moved(instants, start[1], spinning[::every], damping)
+
+    way, turn = by_samples(1)
+    known = not loaded or all(
+        np.abs(fine[::2] - coarse).max() <= _ALIKE * np.abs(fine).max()
+        for fine, coarse in zip((way, turn), by_samples(2), strict=True)
+    )
+    return Drives(times, way, turn, loaded, known)
+
+
+def _resultants(system: ElasticSystem, times: Floats) -> tuple[Floats, Floats]:
+    """Force [N] and moment about the centre of mass [N m] of all loads, (times, 3) each."""
+    arm = in_space(system.positions - system.center_of_mass)
+    forces, none = np.zeros(len(system.constrained)), np.zeros(system.dim)
+    found = np.zeros((len(times), 6))
+    for k, t in enumerate(times):
+        if k and system.loads.is_steady:
+            found[k] = found[0]
+            continue
+        each = in_space(system.loads.at(t, forces, none).reshape(-1, system.dim))
+        found[k, :3], found[k, 3:] = each.sum(axis=0), np.cross(arm, each).sum(axis=0)
+    system.comm.Allreduce(MPI.IN_PLACE, found)
+    return found[:, :3], found[:, 3:]
+
+
+def _moved(times: Floats, speed: Floats, rate: Floats, damping: float) -> Floats:
+    """Integrate v' = rate - damping v twice from a speed, (times, 3)."""
+    step = times[1]
+    kept = math.exp(-damping * step)
+    share = (1.0 - kept) / damping if damping * step > 1e-9 else step
+    speeds = np.empty_like(rate)
+    speeds[0] = speed
+    for k, mean in enumerate(0.5 * (rate[1:] + rate[:-1])):
+        speeds[k + 1] = kept * speeds[k] + share * mean
+    moved: Floats = np.cumsum(
+        np.vstack([np.zeros(3), 0.5 * step * (speeds[1:] + speeds[:-1])]), axis=0
+    )
+    return moved
+
+
+def carried(scene: Scene, system: ElasticSystem) -> Drives:
+    """The rigid motion that comes nearest to what supports do to the nodes they hold (collective).
+
+    What supports leave free does not count: a body that swings on one of them is not known.
+    """
+    times = np.linspace(0.0, scene.duration, _SAMPLES)
+    supports, size = system.supports, system.nodes.size
+    arm = in_space(system.positions - system.center_of_mass) / size
+    # Columns: the three translations [m], and three rotations times the size of the body [m].
+    rows = np.zeros((len(arm), system.dim, 6))
+    for k, unit in enumerate(np.eye(3)):
+        rows[:, :, k] = unit[: system.dim]
+        rows[:, :, 3 + k] = np.cross(unit, arm)[:, : system.dim]
+    flat = rows.reshape(-1, 6)
+    weights = np.repeat(system.node_mass, system.dim)
+    held = supports.constrained
+    normal = flat[held].T @ (weights[held, None] * flat[held])
+    right = np.zeros((len(supports.formulas), 6))
+    np.add.at(right, supports.which, weights[supports.moved, None] * flat[supports.moved])
+    normal, right = (
+        np.asarray(system.comm.allreduce(part, op=MPI.SUM)) for part in (normal, right)
+    )
+    values = np.array(
+        [np.broadcast_to(formula(t=times), times.shape) for formula in supports.formulas]
+    ).reshape(-1, len(times))
+    known = bool(np.isfinite(values).all())
+    motion = np.nan_to_num(values).T @ right @ np.linalg.pinv(normal, rcond=1e-9, hermitian=True)
+    return Drives(times, motion[:, :3], motion[:, 3:] / size, loaded=False, known=known)
+
+
+def in_space(vectors: Floats) -> Floats:
+    """Vectors with a third component."""
+    found = np.zeros((len(vectors), 3))
+    found[:, : vectors.shape[1]] = vectors
+    return found
