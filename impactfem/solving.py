@@ -16,7 +16,7 @@ from impactfem.provenance import run_record
 from impactfem.reference.bar import Errors, exact_bar, exact_curves, measure
 from impactfem.reference.bar import contact_figures as contact_figures_of_bar
 from impactfem.reference.bar_row import exact_row_if_known
-from impactfem.reference.rounding import rounding_of_exact
+from impactfem.reference.rounding import rounding_of_exact, sampling_of_row
 from impactfem.result import Result
 from impactfem.result.bar_motion import Effort, bar_fields, bar_history
 from impactfem.result.bar_row_motion import row_fields, row_history
@@ -143,6 +143,9 @@ def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Resu
     exact = exact_row_if_known(scene, end) if chosen.exact_known else None
     reference = exact if chosen.method != "exact" and motion.is_finite else None
     errors = None if reference is None else measure_row(motion, reference)
+    if exact is not None and exact.sampled and motion.is_finite:
+        sampling = sampling_of_row(scene, exact)
+        errors = sampling if errors is None else errors.plus(sampling)
     history, effort = row_history(motion, scene.bars), _grown(chosen, motion.effort, errors)
     summary = summarise(scene, chosen, history, effort, errors, _cost(wall_time))
     summary["contact"] |= contact_figures(motion, exact if chosen.method == "exact" else None)

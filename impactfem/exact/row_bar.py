@@ -13,6 +13,7 @@ from impactfem.exact.row_waves import Array, Wave
 PIECES = 840
 """Pieces on which functions of x are sampled; divisible by 2 to 8 and 10."""
 
+_INSET = 1e-9  # "just inside a piece", as a share of its width
 _EPS = float(np.finfo(float).eps)
 
 
@@ -71,27 +72,29 @@ class RowBar:
         place: float,
         displacement: Callable[[Array], ArrayLike],
         velocity: Callable[[Array], ArrayLike],
+        pieces: int = PIECES,
     ) -> "RowBar":
         """Bar whose displacement (added to its place) and velocity are functions of x.
 
-        Mean strain and velocity in the middle on `PIECES` equal pieces; neighbours that agree to
+        Mean strain and velocity in the middle on equal pieces; neighbours that agree to
         rounding are one. Exact for constant velocity and strain with jumps on borders of pieces,
         else displacements are right to second order in the width of a piece, and velocities and
         strains to first order.
         """
-        x = np.linspace(0.0, length, PIECES + 1)
+        x = np.linspace(0.0, length, pieces + 1)
         u = initial.finite("displacement", np.zeros_like(x) + np.asarray(displacement(x)))
-        middle = 0.5 * (x[:-1] + x[1:])
-        v = initial.finite("velocity", np.zeros_like(middle) + np.asarray(velocity(middle)))
+        inside = x[:-1, None] + np.diff(x)[:, None] * np.array([_INSET, 0.5, 1.0 - _INSET])
+        speeds = initial.finite("velocity", np.zeros_like(inside) + np.asarray(velocity(inside)))
+        v = speeds[:, 1]
         s = np.diff(u) / np.diff(x)
-        rough = 64.0 * _EPS * float(np.abs(u).max()) * PIECES / length
+        rough = 64.0 * _EPS * float(np.abs(u).max()) * pieces / length
         fine = 64.0 * _EPS * float(np.abs(v).max())
         changes = (np.abs(np.diff(s)) > rough) | (np.abs(np.diff(v)) > fine)
-        kept = np.r_[0, np.flatnonzero(changes) + 1, PIECES]
+        kept = np.r_[0, np.flatnonzero(changes) + 1, pieces]
         strain = np.diff(u[kept]) / np.diff(x[kept])
         return cls(
             length, wave_speed, impedance, place + float(u[0]), x[kept], v[kept[:-1]], strain,
-            sampled=bool((np.diff(kept) == 1).any()),
+            sampled=bool((np.diff(kept) == 1).any() or (np.ptp(speeds, axis=1) > fine).any()),
         )  # fmt: skip
 
     @property

@@ -14,6 +14,7 @@ from impactfem.methods import DISPERSIVE, METHODS
 from impactfem.planning.bar_errors import EXACT, ROUNDING, rounding_findings
 from impactfem.planning.card import Foresees
 from impactfem.reference.bar_row import exact_row_if_known
+from impactfem.reference.rounding import sampling_of_row
 from impactfem.scene import Bar, Scene
 from impactfem.sizing import DEFAULT_ELEMENTS, Grid, marching_cost
 
@@ -92,8 +93,14 @@ def plan_bar_row(scene: Scene) -> BarRowPlan:
         reasons["layers"] = f"the last layer ends at {layers * dt:g} s, past the duration"
     aligned = _on_layers(exact, dt)
     fitting = matched and aligned and max(courant) >= 1.0 - _WHOLE
+    fitting = fitting and _jumps_on_nodes(exact, elements)
     rounding = _rounding(exact) if fitting else None
-    method = _choose_method(scene, exact, reasons, rounding)
+    sampled = exact is not None and exact.sampled
+    followed = sampling_of_row(scene, exact).displacement_max if exact and sampled else _EXACT
+    kept = _predicted("conserving", exact, elements, courant, None)
+    method = _choose_method(
+        scene, exact, reasons, rounding, followed if kept is None or followed <= kept else None
+    )
     grid = Grid(sum(elements) + len(elements) - 1, layers, dt)
     memory, seconds = marching_cost(grid, scene.output.every, 1)
     nodes = sum(elements) + len(elements)
@@ -111,7 +118,11 @@ def plan_bar_row(scene: Scene) -> BarRowPlan:
         unknowns=0 if method == "exact" else nodes * layers,
         memory_mib=memory,
         seconds=seconds,
-        predicted_error=_predicted(method, exact, elements, courant, rounding),
+        predicted_error=(
+            followed
+            if method == "exact"
+            else _predicted(method, exact, elements, courant, rounding)
+        ),
         reasons=reasons,
         findings=_findings(method, exact, courant, rounding),
     )
@@ -208,6 +219,18 @@ def _on_layers(exact: ExactBarRow | None, dt: float) -> bool:
     return bool(np.all(np.abs(layer - np.rint(layer)) < _ON_LAYER))
 
 
+def _jumps_on_nodes(exact: ExactBarRow | None, elements: Sequence[int]) -> bool:
+    """Whether speeds are constant in elements: galerkin weights others with hat functions."""
+    if exact is None or exact.sampled:
+        return False
+    for bar, n in zip(exact.bars, elements, strict=True):
+        jumps = np.asarray(bar.nodes)[1:-1][np.diff(np.asarray(bar.velocity)) != 0.0]
+        at = jumps / bar.length * n
+        if (np.abs(at - np.rint(at)) > _WHOLE * n).any():
+            return False
+    return True
+
+
 def _rounding(exact: ExactBarRow | None) -> float:
     """Relative error of galerkin where only rounding makes one: as for one bar, at worst."""
     contacts = 0 if exact is None else sum(map(len, exact.contacts))
@@ -218,13 +241,11 @@ def _predicted(
     method: str, exact: ExactBarRow | None, elements: Sequence[int], courant: Sequence[float],
     rounding: float | None,
 ) -> float | None:  # fmt: skip
-    """Largest relative error of displacements to expect of a method; None: no prediction."""
+    """Largest relative error of displacements of a method that marches; None: no prediction."""
     if exact is None:
         return None
-    if method == "exact":
-        return None if exact.sampled else _EXACT
     limited = METHODS[method].stable == "limited"
-    if rounding is not None and not exact.sampled:
+    if rounding is not None:
         return rounding if limited else _EXACT
     ringing = limited and min(courant) < 1.0 - _WHOLE
     constant, rate = DISPERSIVE if ringing else METHODS[method].error
@@ -233,10 +254,13 @@ def _predicted(
 
 
 def _choose_method(
-    scene: Scene, exact: ExactBarRow | None, reasons: dict[str, str], rounding: float | None
-) -> str:
-    """As asked, else the first whose condition holds."""
-    followed = exact is not None and not exact.sampled
+    scene: Scene, exact: ExactBarRow | None, reasons: dict[str, str], rounding: float | None,
+    followed: float | None,
+) -> str:  # fmt: skip
+    """As asked, else the first whose condition holds; ``followed``: error of exact, if worth it."""
+    pieces = "velocity and strain are constant in pieces: the characteristics give the motion to"
+    if exact is not None and exact.sampled:
+        pieces = "velocity or strain vary along a bar and are sampled: by other pieces that leaves"
     off = "events fall between layers or the bars have different h / c"
     if rounding is not None:
         off = f"from contact to contact the rounding of galerkin might grow to {rounding:.0e}"
@@ -249,19 +273,16 @@ def _choose_method(
             "exact at the nodes: the same h / c in all bars, all events on layers",
         ),
         (
-            followed,
+            exact is not None and followed is not None,
             "exact",
-            (
-                f"{off}; velocity and strain are constant in pieces: the characteristics give the "
-                "motion to rounding"
-            ),
+            f"{off}; {pieces} {followed or 0.0:.0e}",
         ),
         (
             exact is not None,
             "conserving",
             (
-                f"{off}; velocity or strain vary along a bar: the characteristics would sample "
-                f"them too, and serve as the reference for the error; {lines}"
+                f"{off}; velocity or strain vary along a bar, too much for the pieces of the "
+                f"characteristics; {lines}"
             ),
         ),
         (
@@ -282,8 +303,7 @@ def _findings(
         text = "too many waves for the exact solution: the error is not measured"
         return (warning("no_estimate", text),)
     if method == "exact":
-        sampled = "velocity or strain vary along a bar: they are sampled"
-        return (warning("setting", sampled),) if exact.sampled else ()
+        return ()
     limited = METHODS[method].stable == "limited"
     if limited and min(courant) < 1.0 - _WHOLE:
         text = f"c dt / h is {min(courant):g} in a bar: the forces ring"

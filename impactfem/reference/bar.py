@@ -85,6 +85,15 @@ class Errors:
     displacement_l2: float
     force_l1: float
 
+    def plus(self, reference: "Errors") -> "Errors":
+        """With those of the reference itself."""
+        return Errors(
+            f"{self.reference}, with its own error: {reference.reference}",
+            self.displacement_max + reference.displacement_max,
+            self.displacement_l2 + reference.displacement_l2,
+            self.force_l1 + reference.force_l1,
+        )
+
     def times(self, motion: float, force: float) -> "Errors":
         """Those of the motion and that of the force multiplied."""
         return replace(

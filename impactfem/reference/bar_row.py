@@ -4,6 +4,7 @@ import numpy as np
 
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBarRow, RowBar
+from impactfem.exact.row_bar import PIECES
 from impactfem.exact.row_waves import TooManyWavesError
 from impactfem.scene import Bar, Scene
 
@@ -11,12 +12,13 @@ MAX_TRANSITS = 1e5
 """Longest duration in transits of a wave through the bar with the shortest one."""
 
 
-def exact_row(scene: Scene, duration: float | None = None) -> ExactBarRow:
+def exact_row(scene: Scene, duration: float | None = None, pieces: int = PIECES) -> ExactBarRow:
     """Exact solution of the bars in a row by characteristics.
 
     Args:
         scene: Scene with bars, with or without a wall.
         duration: End of the solution [s]; the scene's duration if None.
+        pieces: Pieces of each bar on which an initial state is sampled that varies along it.
 
     Raises:
         SceneError: The duration is too long to follow the waves.
@@ -30,7 +32,7 @@ def exact_row(scene: Scene, duration: float | None = None) -> ExactBarRow:
             f"{shortest.transit_time:g} s of a wave through {shortest.name}, more than the "
             f"{MAX_TRANSITS:g} that are followed; give a shorter duration or a longer bar"
         )
-    bars = [_of_bar(bar) for bar in scene.bars]
+    bars = [_of_bar(bar, pieces) for bar in scene.bars]
     return ExactBarRow(
         bars,
         scene.duration if duration is None else duration,
@@ -53,7 +55,7 @@ def exact_row_if_known(scene: Scene, duration: float | None = None) -> ExactBarR
         return None
 
 
-def _of_bar(bar: Bar) -> RowBar:
+def _of_bar(bar: Bar, pieces: int) -> RowBar:
     return RowBar.from_functions(
         length=bar.length,
         wave_speed=bar.wave_speed,
@@ -61,4 +63,5 @@ def _of_bar(bar: Bar) -> RowBar:
         place=bar.gap,
         displacement=lambda x: bar.displacement(x=x) + np.zeros_like(x),
         velocity=lambda x: bar.initial_velocity(x=x) + np.zeros_like(x),
+        pieces=pieces,
     )

@@ -1,13 +1,17 @@
-"""The error of the exact solution, which is its own reference: rounding and sampling."""
+"""The error of exact solutions, which are their own reference: rounding and sampling."""
 
 import numpy as np
 
+from impactfem.exact import ExactBarRow
+from impactfem.exact.row_bar import PIECES
 from impactfem.reference.bar import Errors, exact_bar, in_units
+from impactfem.reference.bar_row import exact_row
 from impactfem.scene import Scene
 
 _OTHER_UNITS = 0.7310585786300049, 1.6180339887498949  # metres and seconds of the second solution
 _OTHER_PIECES = {"pieces": 300, "tolerance": 2e-12, "resolution": 4096}
 _TIMES, _PLACES = 500, 41
+_OTHER_ROW = 1009  # pieces: a prime, so that no jump inside a piece is at the same place of both
 
 
 def rounding_of_exact(scene: Scene) -> Errors:
@@ -33,4 +37,30 @@ def rounding_of_exact(scene: Scene) -> Errors:
         float(np.abs(du).max() / (np.abs(u).max() or 1.0)),
         float(np.linalg.norm(du) / (np.linalg.norm(u) or 1.0)),
         float(np.abs(missed).sum() / (np.abs(force).sum() or 1.0)),
+    )
+
+
+def sampling_of_row(scene: Scene, exact: ExactBarRow) -> Errors:
+    """What the pieces of initial states leave in a row, by the solution on other pieces.
+
+    Of second order in the width of a piece: the difference of both, extrapolated. A jump of
+    velocity inside a piece leaves an error of first order, which this exceeds.
+    """
+    other = exact_row(scene, exact.duration, _OTHER_ROW)
+    left = 1.0 - (PIECES / _OTHER_ROW) ** 2
+    times = exact.duration * np.linspace(0.0, 1.0, _TIMES + 1)
+    t = 0.5 * (times[1:] + times[:-1])[:, None]
+    ways, wrong = [], []
+    for k, bar in enumerate(scene.bars):
+        x = bar.length * np.linspace(0.0, 1.0, _PLACES)
+        u = exact.displacement(k, t, x)
+        ways.append(u - exact.displacement(k, 0.0, x))
+        wrong.append((other.displacement(k, t, x) - u) / left)
+    force = np.array([exact.mean_force(j, times) for j in range(len(exact.contacts))])
+    missed = np.array([other.mean_force(j, times) for j in range(len(exact.contacts))]) - force
+    return Errors(
+        f"same characteristics on {_OTHER_ROW} instead of {PIECES} pieces of each bar",
+        float(np.abs(wrong).max() / (np.abs(ways).max() or 1.0)),
+        float(np.linalg.norm(wrong) / (np.linalg.norm(ways) or 1.0)),
+        float(np.abs(missed / left).sum() / (np.abs(force).sum() or 1.0)),
     )

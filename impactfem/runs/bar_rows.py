@@ -98,11 +98,8 @@ def measure_row(motion: RowMotion, exact: ExactBarRow) -> Errors:
         truth = exact.force(j, middle)
         missed += float(width @ np.abs(motion.force[layer, j] - truth))
         force += float(width @ truth)
-    how = "exact solution by characteristics"
-    if exact.sampled:
-        how += ", initial state sampled"
     return Errors(
-        how,
+        "exact solution by characteristics",
         _relative(largest, size),
         _relative(np.sqrt(wrong), np.sqrt(norm)),
         _relative(missed, force),
