@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.log import Progress
-from impactfem.models.solid import solid_model
+from impactfem.models.solids import solids_model
 from impactfem.planning import plan
 from impactfem.runs.error_estimate import Track
-from impactfem.runs.solids import run_solid
+from impactfem.runs.solids import run_solids
 from impactfem.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -123,7 +123,7 @@ class Body:
 def prepare(elements: int, degree: int = 1) -> Body:
     """Mesh and assemble the disc; runs that follow use it."""
     begin = clock.now()
-    model = solid_model(scene(elements, degree), degree)
+    model = solids_model(scene(elements, degree), [degree]).parts[0]
     meshed = clock.now()
     _ = model.system, model.contact
     return Body(elements, degree, meshed - begin, clock.now() - meshed)
@@ -134,12 +134,14 @@ def run(body: Body, **solve: Any) -> Run:
     case = scene(body.elements, body.degree, **solve)
     chosen, watch = plan(case), StopWatch()
     begin = clock.now()
-    motion, _ = run_solid(case, chosen, watch)
+    motion, _ = run_solids(case, chosen, watch)
     end = clock.now()
     started = watch.starts[-1]
-    unknowns = motion.effort.num_unknowns - motion.effort.details["contact_nodes"]
+    history = motion.history
+    unknowns = motion.effort.num_unknowns - motion.effort.details["contact_pairs"]
     return Run(
-        Track.of_motion(motion), motion.total, unknowns, len(motion.times) - 1,
+        Track.of_history(history, [body.name for body in case.bodies]),
+        history["total_energy"].values, unknowns, len(history["time"]) - 1,
         body.meshing, body.assembly, started - begin, end - started,
     )  # fmt: skip
 

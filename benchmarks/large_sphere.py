@@ -32,8 +32,8 @@ from impactfem.log import Progress
 from impactfem.marching import solids
 from impactfem.planning import plan
 from impactfem.scene import Scene
-from impactfem.models.solid import solid_model
-from impactfem.runs.solids import run_solid
+from impactfem.models.solids import solids_model
+from impactfem.runs.solids import run_solids
 
 comm = MPI.COMM_WORLD
 scene = Scene.from_dict(json.loads(sys.argv[1]))
@@ -42,7 +42,7 @@ def lap():
     comm.barrier()
     times.append(time.perf_counter())
 
-model = solid_model(scene, 1)
+model = solids_model(scene, [1]).parts[0]
 lap()
 model.system, model.contact
 lap()
@@ -56,7 +56,7 @@ def watched(march, observers):
     run(march, [*observers, tick])
     lap()
 solids.SolidMarch.run = watched
-motion, _ = run_solid(scene, plan(scene), Progress())
+motion, _ = run_solids(scene, plan(scene), Progress())
 memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) / 1024**2
 A = model.system.stiffness.convert("baij")
 x, y = A.createVecs()
@@ -68,13 +68,14 @@ for _ in range(20):
     comm.barrier()
     products.append(time.perf_counter() - start)
 if comm.rank == 0:
-    energy = motion.total
+    energy = motion.history["total_energy"].values
     print(json.dumps({
         "unknowns": model.system.num_dofs, "contact": model.contact.count, "parts":
         np.diff(times).tolist(), "steps": np.diff(ticks).tolist(), "active": max(active),
         "memory": memory, "product": float(np.median(products)),
         "drift": float(abs(energy / energy[0] - 1.0).max()),
-        "force": float(motion.contact_force.max()), "end": motion.position[-1].tolist(),
+        "force": float(motion.history["contact_force"].values.max()), "end": [
+        float(motion.history[f"{scene.bodies[0].name}.{axis}"].values[-1]) for axis in "xyz"],
     }))
 """
 

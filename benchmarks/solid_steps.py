@@ -27,15 +27,15 @@ from impactfem.log import Progress
 from impactfem.marching import solids
 from impactfem.planning import plan
 from impactfem.scene import Scene
-from impactfem.models.solid import solid_model
-from impactfem.runs.solids import run_solid
+from impactfem.models.solids import solids_model
+from impactfem.runs.solids import run_solids
 from impactfem.system.matrices import to_blocked
 
 
 memory = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 scene = Scene.from_dict(json.loads(sys.argv[1]))
 loaded = memory()
-model = solid_model(scene, 1)
+model = solids_model(scene, [1]).parts[0]
 system, contact = model.system, model.contact
 chosen = plan(scene)
 
@@ -79,7 +79,7 @@ def watched(march, observers):
     run(march, [tick])
 run = solids.SolidMarch.run
 solids.SolidMarch.run = watched
-motion, _ = run_solid(scene, chosen, Progress())
+motion, _ = run_solids(scene, chosen, Progress())
 out["memory"] = memory() - loaded
 out["times"], out["active"] = times[1:], active[1:]
 out["unit"], out["plain"] = units[1:], plain[1:]

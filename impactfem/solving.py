@@ -20,14 +20,13 @@ from impactfem.reference.rounding import rounding_of_exact, sampling_of_row
 from impactfem.result import Result
 from impactfem.result.bar_motion import Effort, bar_fields, bar_history
 from impactfem.result.bar_row_motion import row_fields, row_history
-from impactfem.result.solid_motion import solid_history
 from impactfem.result.table import Table
 from impactfem.runs.bar_rows import contact_figures, measure_row, row_curves, run_bar_row
 from impactfem.runs.bars import RUNNERS
 from impactfem.runs.error_estimate import estimate_error
 from impactfem.runs.forces import bar_window
 from impactfem.runs.summary import Cost, summarise
-from impactfem.scene import Scene, Solid
+from impactfem.scene import Scene
 
 
 def solve(
@@ -84,12 +83,8 @@ def _solve(
     checkpoints: Path | None,
     restart: Path | None,
 ) -> Result:
-    if isinstance(chosen, SolidPlan) and scene.has_pairs:
-        if checkpoints is not None or restart is not None:
-            raise SceneError("several solids are not checkpointed; leave output.checkpoint out")
-        return _solve_bodies(scene, chosen, progress)
     if isinstance(chosen, SolidPlan):
-        return _solve_solid(scene, chosen, progress, checkpoints, restart)
+        return _solve_solids(scene, chosen, progress, checkpoints, restart)
     if checkpoints is not None or restart is not None:
         body = scene.bodies[0]
         raise SceneError(f"body {body.name}: a {body.kind} is not checkpointed; leave that out")
@@ -161,31 +156,25 @@ def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Resu
     )
 
 
-def _solve_bodies(scene: Scene, chosen: SolidPlan, progress: Progress) -> Result:
-    from impactfem.planning.bodies import degrees  # noqa: PLC0415
-    from impactfem.runs.bodies import run_bodies  # noqa: PLC0415  (loads DOLFINx)
+def _solve_solids(
+    scene: Scene,
+    chosen: SolidPlan,
+    progress: Progress,
+    checkpoints: Path | None,
+    restart: Path | None,
+) -> Result:
+    from impactfem.runs.solids import run_solids  # noqa: PLC0415  (loads DOLFINx)
 
     start = time.perf_counter()
-    motion, fields = run_bodies(scene, chosen, progress)
+    motion, fields = run_solids(scene, chosen, progress, checkpoints=checkpoints, restart=restart)
     cost = _cost(time.perf_counter() - start)
-    settings = replace(
-        scene.solve,
-        method=chosen.method,
-        courant=chosen.courant if scene.solve.dt is None else None,
-        normals=chosen.normals,
-        estimate=chosen.estimate,
-        linear_solver=None if chosen.linear_solver == "none" else chosen.linear_solver,
-    )
-    solids = [body for body in scene.bodies if isinstance(body, Solid)]
-    bodies = tuple(
-        replace(body, degree=degree) for body, degree in zip(solids, degrees(scene), strict=True)
-    )
-    used = replace(scene, bodies=bodies, solve=settings)
-    errors, effort = _estimated(
-        used, chosen, motion.history, motion.effort, progress, is_finite=motion.is_finite
-    )
-    summary = summarise(scene, chosen, motion.history, effort, errors, cost)
-    return Result(used, motion.history, summary, fields)
+    unknowns = max(1, motion.effort.num_unknowns)
+    details = {"memory_per_unknown_kib": cost.memory_mib * 1024 / unknowns}
+    effort = replace(motion.effort, details={**motion.effort.details, **details})
+    used, history = _solids_as_used(scene, chosen), motion.history
+    errors, effort = _estimated(used, chosen, history, effort, progress, is_finite=motion.is_finite)
+    summary = summarise(scene, chosen, history, effort, errors, cost)
+    return Result(used, history, summary, fields)
 
 
 def _estimated(
@@ -198,31 +187,6 @@ def _estimated(
     progress.step("estimating the error on other elements")
     errors, note = estimate_error(used, chosen, history)
     return errors, replace(effort, details={**effort.details, "error_estimate": note})
-
-
-def _solve_solid(
-    scene: Scene,
-    chosen: SolidPlan,
-    progress: Progress,
-    checkpoints: Path | None,
-    restart: Path | None,
-) -> Result:
-    from impactfem.runs.solids import run_solid  # noqa: PLC0415  (loads DOLFINx)
-
-    start = time.perf_counter()
-    motion, fields = run_solid(scene, chosen, progress, checkpoints=checkpoints, restart=restart)
-    cost = _cost(time.perf_counter() - start)
-    unknowns = max(1, motion.effort.num_unknowns)
-    details = {"memory_per_unknown_kib": cost.memory_mib * 1024 / unknowns}
-    effort = replace(motion.effort, details={**motion.effort.details, **details})
-    history, used = solid_history(motion, scene.solid.name), _solid_as_used(scene, chosen)
-    errors, effort = _estimated(used, chosen, history, effort, progress, is_finite=motion.is_finite)
-    return Result(
-        used,
-        history,
-        summarise(scene, chosen, history, effort, errors, cost),
-        fields,
-    )
 
 
 def _solve_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> Result:
@@ -262,7 +226,7 @@ def _bar_as_used(scene: Scene, chosen: Plan) -> Scene:
     return replace(scene, solve=filled)
 
 
-def _solid_as_used(scene: Scene, chosen: SolidPlan) -> Scene:
+def _solids_as_used(scene: Scene, chosen: SolidPlan) -> Scene:
     """The scene with the plan's choices filled in."""
     settings = replace(
         scene.solve,
@@ -272,8 +236,9 @@ def _solid_as_used(scene: Scene, chosen: SolidPlan) -> Scene:
         estimate=chosen.estimate,
         linear_solver=None if chosen.linear_solver == "none" else chosen.linear_solver,
     )
-    body = replace(scene.solid, degree=chosen.degree)
-    return replace(scene, bodies=(body,), solve=settings)
+    pairs = zip(scene.solids, chosen.degrees, strict=True)
+    bodies = tuple(replace(solid, degree=degree) for solid, degree in pairs)
+    return replace(scene, bodies=bodies, solve=settings)
 
 
 def _cost(wall_time: float) -> Cost:

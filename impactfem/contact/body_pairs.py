@@ -99,17 +99,28 @@ class SurfacePair:
             rows: Places of both sides' nodes among all contact nodes.
             total: Number of these.
         """
-        if self.updated:
-            return FollowedPair(self, rows, total)
+        return FollowedPair(self, rows, total) if self.updated else FixedPair(self, rows, total)
 
-        def meet(places: Floats) -> Meeting:
-            found = self.met([places[own] for own in rows])
-            count = len(found.gap)
-            weights = pair_weights(found, rows, np.arange(count), (count, total))
-            gap, normal = along_ways(weights @ places, found.normal)
-            return Meeting(weights, gap, normal, found.area)
 
-        return meet
+@dataclass(frozen=True)
+class FixedPair:
+    """How a pair meets whose surfaces stay those of t = 0; see `SurfacePair.meeting`."""
+
+    pair: SurfacePair
+    rows: Sequence[Integers]
+    total: int
+    seen: Floats | None = None  # it depends on no earlier layer
+
+    def look_from(self, places: Floats | None) -> None:
+        """Nothing: these surfaces are looked at once."""
+
+    def __call__(self, places: Floats) -> Meeting:
+        """How the surfaces meet with all contact nodes at some places (nodes, dim)."""
+        found = self.pair.met([places[own] for own in self.rows])
+        count = len(found.gap)
+        weights = pair_weights(found, self.rows, np.arange(count), (count, self.total))
+        gap, normal = along_ways(weights @ places, found.normal)
+        return Meeting(weights, gap, normal, found.area)
 
 
 def make_pair(

@@ -40,6 +40,17 @@ class FollowedPair:
         self._near = 2.0 * max(_largest(side.surface) for side in pair.sides)
         self._last: tuple[Floats, Meeting, float] | None = None
 
+    @property
+    def seen(self) -> Floats | None:
+        """Where the bodies were looked at while they were apart; see `Meet`."""
+        return None if self._last is None else self._last[0]
+
+    def look_from(self, places: Floats | None) -> None:
+        """Go on as if the bodies had last been looked at there; None: as if they never had."""
+        self._last = None
+        if places is not None:
+            self(places)
+
     def __call__(self, places: Floats) -> Meeting:
         """How the surfaces meet with all contact nodes at some places (nodes, dim)."""
         if self._last is not None:

@@ -1,6 +1,6 @@
 """Gaps and normals of contact nodes, by their initial place or by their present one."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,12 @@ Floats = NDArray[np.float64]
 
 
 class Gaps:
-    """Distances of contact nodes from the obstacles; see `impactfem.contact.distance`."""
+    """Distances of contact nodes from the obstacles; see `impactfem.contact.distance`.
+
+    Attributes:
+        updated: Whether distance and normal follow the nodes.
+        pressures: Matrix from forces [N] to pressures [Pa]; see `impactfem.contact.pressure`.
+    """
 
     def __init__(
         self, obstacles: Sequence[Any], contact: ContactNodes, initial: Floats, *, updated: bool
@@ -31,12 +36,7 @@ class Gaps:
         self._obstacles, self.updated = obstacles, updated
         self._positions, self._initial = contact.positions - initial, initial
         self._nearest, self._gap, self._normal = contact.obstacle, contact.gap, contact.normal
-        self._area = contact.area
-
-    @property
-    def area(self) -> Floats:
-        """Areas of the contact nodes [m^2], shape (count,)."""
-        return self._area
+        self.pressures = contact.pressures
 
     @property
     def normals(self) -> Floats | None:
@@ -120,3 +120,14 @@ class Gaps:
             return np.zeros(len(normals))
         later, earlier = (self.advance(normals, time + 0.5 * sign * dt) for sign in (1, -1))
         return (later - earlier) / dt
+
+    def nodal(self, force: Floats, gap: Floats) -> tuple[Floats, Floats, Floats]:
+        """Gap [m], pressure [Pa] and whether pressed (1 or 0), of the contact nodes."""
+        return gap, self.pressures @ force, (force > 0.0).astype(np.float64)
+
+    def memory(self) -> dict[str, Floats]:
+        """Nothing: distances follow from the places."""
+        return {}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Nothing."""

@@ -45,8 +45,11 @@ class PairResponses:
 
     def require(self, rows: Integers) -> None:
         """Compute what is missing for some gaps (collective)."""
-        needed = np.unique(self._weights[rows].indices)
-        missing = needed[self._place[needed] < 0]
+        self.learn(np.unique(self._weights[rows].indices))
+
+    def learn(self, nodes: Integers) -> None:
+        """Compute what is missing for some nodes, in their order (collective)."""
+        missing = nodes[self._place[nodes] < 0]
         dim = self._dim
         for first in range(0, len(missing), _TOGETHER):
             part = missing[first : first + _TOGETHER]
@@ -101,6 +104,11 @@ class PairResponses:
             total += on_nodes.ravel() @ columns
         found: Floats = self._weights @ total.reshape(self._nodes, self._dim)
         return found
+
+    def parts(self, rows: Integers, forces: Floats) -> Floats:
+        """Vector forces (k, dim) in some gaps as a sum of those that were asked for, (asked,)."""
+        on_nodes: Floats = (self._weights[rows].T @ forces)[self.known]
+        return on_nodes.ravel()
 
     def displacement(self, rows: Integers, normals: Floats, forces: Floats) -> None:
         """None: the bodies are asked, who need the forces on their nodes anyhow."""

@@ -1,7 +1,8 @@
 """Gaps of several bodies: each to its obstacles, and between surfaces of two of them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +10,7 @@ from scipy.sparse import csr_matrix, vstack
 
 from impactfem.contact.gaps import Gaps
 from impactfem.contact.pair_responses import PairResponses
-from impactfem.contact.responses import Columns
+from impactfem.contact.responses import Columns, Responses
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -32,8 +33,18 @@ class Meeting:
     area: Floats
 
 
-Meet = Callable[[Floats], Meeting]
-"""Finds how two surfaces meet when the contact nodes are at some places (nodes, dim)."""
+class Meet(Protocol):
+    """Finds how two surfaces meet."""
+
+    @property
+    def seen(self) -> Floats | None:
+        """Places of an earlier layer (nodes, dim) that the next answer depends on, if any."""
+
+    def look_from(self, places: Floats | None) -> None:
+        """Go on as after an answer for these places."""
+
+    def __call__(self, places: Floats) -> Meeting:
+        """How they meet when the contact nodes are at some places [m], (nodes, dim)."""
 
 
 class PairGaps:
@@ -72,16 +83,28 @@ class PairGaps:
             (np.ones(len(chosen)), (np.arange(len(chosen)), chosen)), shape=(len(chosen), nodes)
         )
         self._first = [meet(places + initial) for meet in self._meetings]
-        self._weights = self._joined(self._first)
-        areas = [*(gaps.area for _, _, gaps in obstacles), *(entry.area for entry in self._first)]
-        self._area = np.concatenate([*areas, np.zeros(0)])
+        self._weigh(self._first)
+        self._area = np.concatenate([*(entry.area for entry in self._first), np.zeros(0)])
         self._responses: PairResponses | None = None
 
-    def _joined(self, met: Sequence[Meeting]) -> csr_matrix:
-        return csr_matrix(vstack([self._bound, *(entry.weights for entry in met)]))
+    def _weigh(self, met: Sequence[Meeting]) -> None:
+        """Keep the weights of all gaps, and how they spread forces."""
+        self._weights = csr_matrix(vstack([self._bound, *(entry.weights for entry in met)]))
+        self._spreading = csr_matrix(self._weights.T)
 
-    def responses(self, columns: Columns, whole: int | None) -> PairResponses:  # noqa: ARG002  (as `Gaps` has it)
-        """How the gaps answer to contact forces."""
+    def responses(self, columns: Columns, whole: int | None) -> Responses | PairResponses:
+        """How the gaps answer to contact forces along their normals.
+
+        With weights and normals that stay, a gap answers as a node does that has a gap of its own.
+        """
+        if self.updated:
+            return self.directed(columns)
+        _, normals = self.at(self._initial, self._initial, self._initial, 0.0)
+        count, dim = normals.shape
+        return Responses(count, dim, normals, columns, whole, self)
+
+    def directed(self, columns: Columns) -> PairResponses:
+        """How they answer to forces in any direction."""
         nodes, dim = self._places.shape
         self._responses = PairResponses(dim, nodes, columns)
         self._responses.follow(self._weights)
@@ -94,7 +117,7 @@ class PairGaps:
 
     def spread(self, forces: Floats) -> Floats:
         """Forces on the nodes (nodes, dim) by those in the gaps (pairs, dim)."""
-        found: Floats = self._weights.T @ forces
+        found: Floats = self._spreading @ forces
         return found
 
     def at(
@@ -111,9 +134,8 @@ class PairGaps:
         met = self._first
         if self.updated and self._meetings:
             met = [meet(self._places + displacement + static) for meet in self._meetings]
-            self._weights = self._joined(met)
-            bound = len(self._area) - sum(len(entry.area) for entry in met)
-            self._area[bound:] = np.concatenate([entry.area for entry in met])
+            self._weigh(met)
+            self._area = np.concatenate([entry.area for entry in met])
             if self._responses is not None:
                 self._responses.follow(self._weights)
         for entry in met:
@@ -125,29 +147,47 @@ class PairGaps:
 
     def shift(self, time: float) -> Floats:
         """Displacement of the obstacles since t = 0 [m], (pairs, dim); 0 between bodies."""
-        moved, first = np.zeros((len(self._area), self._places.shape[1])), 0
+        moved, first = np.zeros((self._weights.shape[0], self._places.shape[1])), 0
         for _, chosen, gaps in self._obstacles:
             moved[first : first + len(chosen)] = gaps.shift(time)
             first += len(chosen)
         return moved
 
     def nodal(self, force: Floats, gap: Floats) -> tuple[Floats, Floats, Floats]:
-        """Gap [m], pressure [Pa] and whether pressed, of the contact nodes, each (nodes,).
+        """Gap [m], pressure [Pa] and whether pressed (1 or 0), of the contact nodes, (nodes,) each.
 
-        A node has the means of its gaps by their weights; NaN and 0 without any.
-
-        Args:
-            force: Normal forces in the gaps [N], (pairs,).
-            gap: [m], (pairs,).
+        Pressures of obstacles and other bodies add up. A gap is the smaller one of that to the
+        obstacle and the mean of those to other bodies by their weights; NaN and 0 without any.
         """
-        share = abs(self._weights).T.tocsr()
+        nodes, first = len(self._places), 0
+        place, pressure, pressed = np.full(nodes, np.nan), np.zeros(nodes), np.zeros(nodes)
+        bound = self._bound.shape[0]
+        share = abs(self._weights[bound:]).T.tocsr()
         area = share @ self._area
         seen = area > 0.0
-        pressure, place = np.zeros(len(area)), np.full(len(area), np.nan)
-        pressure[seen] = (share @ force)[seen] / area[seen]
-        open_area = share @ np.where(np.isfinite(gap), self._area, 0.0)
-        place[seen] = (share @ (self._area * gap))[seen] / open_area[seen]
-        return place, pressure, (share @ (force > 0.0) > 0.0).astype(float)
+        open_ = np.where(np.isfinite(gap[bound:]), self._area, 0.0)
+        place[seen] = (share @ (self._area * gap[bound:]))[seen] / (share @ open_)[seen]
+        pressure[seen] = (share @ force[bound:])[seen] / area[seen]
+        pressed[share @ (force[bound:] > 0.0) > 0.0] = 1.0
+        for own, chosen, obstacle in self._obstacles:
+            where, mine = own.start + chosen, slice(first, first + len(chosen))
+            found = obstacle.nodal(force[mine], gap[mine])
+            place[where] = np.fmin(place[where], found[0])
+            pressure[where] += found[1]
+            pressed[where] = np.maximum(pressed[where], found[2])
+            first = mine.stop
+        return place, pressure, pressed
+
+    def memory(self) -> dict[str, Floats]:
+        """Places that pairs go by until they have moved from them; NaN without any."""
+        none = np.full_like(self._places, np.nan)
+        seen = [none if meet.seen is None else meet.seen for meet in self._meetings]
+        return {"seen": np.array(seen).reshape(-1, *self._places.shape)}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Look again from where pairs were looked at."""
+        for meet, places in zip(self._meetings, memory["seen"], strict=True):
+            meet.look_from(None if np.isnan(places).any() else places)
 
     def advance(self, normals: Floats, time: float) -> Floats:
         """How far obstacles have moved towards the nodes since t = 0 [m], (pairs,)."""

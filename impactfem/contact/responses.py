@@ -1,6 +1,7 @@
 """How the gaps of a layer answer to contact forces; found for each node when it first needs it."""
 
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +18,21 @@ of the layer with massless nodes in equilibrium, and to the static ones, of the 
 _TOGETHER = 64  # nodes whose columns are asked for at once: bounds the memory for them
 
 
-class Responses:
-    """Responses to unit forces on single contact nodes.
+class Weighing(Protocol):
+    """How gaps weigh contact nodes."""
 
-    Few nodes are ever in contact: only for them columns are computed, and then kept. Where the
-    normals are fixed a node has one column, else one for each axis.
+    def relative(self, values: Floats) -> Floats:
+        """What values of the nodes (nodes, dim) make for the gaps, (gaps, dim)."""
+
+    def spread(self, forces: Floats) -> Floats:
+        """Forces on the nodes (nodes, dim) by those in the gaps (gaps, dim)."""
+
+
+class Responses:
+    """Responses to unit forces in single gaps.
+
+    Few gaps are ever closed: only for them columns are computed, and then kept. Where the normals
+    are fixed a gap has one column, else one for each axis.
     """
 
     def __init__(
@@ -31,25 +42,29 @@ class Responses:
         normals: Floats | None,
         columns: Columns,
         whole: int | None = None,
+        weighing: Weighing | None = None,
     ) -> None:
         """Begin without columns.
 
         Args:
-            count: Number of contact nodes.
+            count: Number of gaps.
             dim: Components of a node.
             normals: Fixed normals (count, dim), or None if they change.
             columns: Computes columns (collective).
             whole: With fixed normals, for how many nodes all components are kept: sums of many
                 long columns cost more than to answer the summed forces. None: for all.
+            weighing: How gaps weigh nodes; None if each has a node of its own.
         """
         self._whole = count if whole is None or normals is None else whole
         self._shape = (count, dim)
         self._normals = normals
-        self._columns = columns
+        self._columns, self._weighing = columns, weighing
+        nodes = count if weighing is None else len(weighing.spread(np.zeros((count, dim))))
+        self._nodes = (nodes, dim)
         self._directions = dim if normals is None else 1
         self._place = np.full(count, -1, dtype=np.int64)
-        self._layer = np.empty((0, self._directions, count, dim))
-        self._static = np.empty((0, self._directions, count, dim))
+        self._layer = np.empty((0, self._directions, nodes, dim))
+        self._static = np.empty((0, self._directions, nodes, dim))
         # With fixed normals also the normal parts, shape (columns, count): all that a layer needs.
         self._normal_layer = np.empty((0, count))
         self._normal_static = np.empty((0, count))
@@ -57,7 +72,7 @@ class Responses:
 
     @property
     def known(self) -> Integers:
-        """Contact nodes with columns, in the order in which these were computed."""
+        """Gaps with columns, in the order in which these were computed."""
         order = np.empty(self._known, dtype=np.int64)
         rows = np.flatnonzero(self._place >= 0)
         order[self._place[rows]] = rows
@@ -69,6 +84,10 @@ class Responses:
         for first in range(0, len(missing), _TOGETHER):
             self._learn(missing[first : first + _TOGETHER])
 
+    def learn(self, nodes: Integers) -> None:
+        """The same: here each gap has its node."""
+        self.require(nodes)
+
     def _learn(self, rows: Integers) -> None:
         """Compute and keep the columns of some nodes."""
         several = len(rows)
@@ -77,28 +96,36 @@ class Responses:
             forces[k, :, row] = (
                 np.eye(self._directions) if self._normals is None else self._normals[row]
             )
-        found = self._columns(forces.reshape(-1, *self._shape))
-        layers, statics = (part.reshape(forces.shape) for part in found)
+        each = forces.reshape(-1, *self._shape)
+        if self._weighing is not None:
+            each = np.stack([self._weighing.spread(force) for force in each])
+        shape = (several, self._directions, *self._nodes)
+        layers, statics = (part.reshape(shape) for part in self._columns(each))
         for row, layer, static in zip(rows, layers, statics, strict=True):
             self._grow()
             if self._known < self._whole:
                 self._layer[self._known] = layer
                 self._static[self._known] = static
             if self._normals is not None:
-                self._normal_layer[self._known] = np.einsum("ij,ij->i", layer[0], self._normals)
-                self._normal_static[self._known] = np.einsum("ij,ij->i", static[0], self._normals)
+                self._normal_layer[self._known] = self._along(layer[0], self._normals)
+                self._normal_static[self._known] = self._along(static[0], self._normals)
             self._place[row] = self._known
             self._known += 1
 
+    def _along(self, moved: Floats, normals: Floats) -> Floats:
+        """Changes of all gaps along their normals by a displacement (nodes, dim)."""
+        relative = moved if self._weighing is None else self._weighing.relative(moved)
+        found: Floats = np.einsum("ij,ij->i", relative, normals)
+        return found
+
     def _grow(self) -> None:
-        count, dim = self._shape
         if self._known == len(self._layer) and self._known < self._whole:
-            shape = (self._directions, count, dim)
+            shape = (self._directions, *self._nodes)
             self._layer = _longer(self._layer, shape)
             self._static = _longer(self._static, shape)
         if self._normals is not None and self._known == len(self._normal_layer):
-            self._normal_layer = _longer(self._normal_layer, (count,))
-            self._normal_static = _longer(self._normal_static, (count,))
+            self._normal_layer = _longer(self._normal_layer, self._shape[:1])
+            self._normal_static = _longer(self._normal_static, self._shape[:1])
 
     def matrices(self, rows: Integers, normals: Floats) -> tuple[Floats, Floats]:
         """Response C and compliance D of some nodes along their normals [m/N], (k, k) each.
@@ -139,6 +166,16 @@ class Responses:
         layer = self._summed(self._normal_layer, rows, forces)
         return layer + self._summed(self._normal_static, rows, multipliers)
 
+    def parts(self, rows: Integers, forces: Floats) -> Floats:
+        """Vector forces (k, dim) in some gaps as a sum of those that were asked for, (asked,)."""
+        found = np.zeros((self._known, self._directions))
+        place = self._place[rows]
+        if self._normals is None:
+            found[place] = forces
+        else:
+            found[place, 0] = np.einsum("ij,ij->i", forces, self._normals[rows])
+        return found.ravel()
+
     def displacement(self, rows: Integers, normals: Floats, forces: Floats) -> Floats | None:
         """Displacements of all contact nodes by layer forces on some, (count, dim).
 
@@ -163,7 +200,7 @@ class Responses:
         found = np.zeros(flat.shape[2])
         for direction in range(self._directions):
             found += self._summed(flat[:, direction], rows, parts[:, direction])
-        return found.reshape(self._shape)
+        return found.reshape(self._nodes)
 
     def _summed(self, columns: Floats, rows: Integers, values: Floats) -> Floats:
         """Sum of columns times values, without a copy of the columns."""

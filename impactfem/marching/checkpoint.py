@@ -73,11 +73,8 @@ class Checkpoints:
         }  # fmt: skip
         for name, values in march.interior.state().items():
             data[f"node.{name}"] = self._collector.collect(values, self._dim)
-        for entry in fields(march.contact):
-            data[f"contact.{entry.name}"] = getattr(march.contact, entry.name)
-        data["contact.speed"] = march.speed
-        data["contact.surface"] = march.interior.surface_displacement
-        data["contact.asked"] = march.asked
+        data |= {f"march.{name}": values for name, values in march.memory().items()}
+        data["asked.nodes"] = march.asked
         done = march.layer + 1
         for entry in fields(march.rows):
             data[f"rows.{entry.name}"] = getattr(march.rows, entry.name)[:done]
@@ -135,14 +132,16 @@ class Checkpoints:
             for name, values in data.items()
             if name.startswith("node.")
         }
-        for entry in fields(march.contact):
-            setattr(march.contact, entry.name, data[f"contact.{entry.name}"])
-        march.speed = data["contact.speed"]
+        memory = {
+            name.removeprefix("march."): values
+            for name, values in data.items()
+            if name.startswith("march.")
+        }
         for entry in fields(march.rows):
             getattr(march.rows, entry.name)[: layer + 1] = data[f"rows.{entry.name}"]
         if self._comm.rank != 0:  # the sums of all ranks: only once
             march.rows.sums[: layer + 1] = 0.0
-        march.restore(state, data["contact.surface"], data["contact.asked"], layer)
+        march.restore(state, memory, data["asked.nodes"], layer)
         return {
             name: value.item()
             for name, value in data.items()
@@ -161,6 +160,8 @@ class Checkpoints:
                 "changed, or this is another version of Gmsh); run the scene from its start"
             )
         given = self._expected(march)
+        if "asked.nodes" in data:  # as many as the march had needed
+            given["asked.nodes"] = data["asked.nodes"].shape
         layer, dt = data.get("layer"), data.get("dt")
         if layer is None or dt is None or float(dt) != march.interior.dt:
             raise OutputError(
@@ -181,16 +182,12 @@ class Checkpoints:
         """Shapes of the arrays in a file; those of rows are as long as the whole march."""
         nodes = (self._collector.count, self._dim)
         inside = {f"node.{name}": nodes for name in march.interior.state()}
-        surface = march.interior.surface_displacement.shape
-        contact = {
-            f"contact.{entry.name}": getattr(march.contact, entry.name).shape
-            for entry in fields(march.contact)
-        }
+        memory = {f"march.{name}": values.shape for name, values in march.memory().items()}
         rows = {
             f"rows.{entry.name}": getattr(march.rows, entry.name).shape
             for entry in fields(march.rows)
         }
-        return inside | contact | rows | {"contact.speed": surface, "contact.surface": surface}
+        return inside | memory | rows | {"asked.nodes": (0,)}
 
 
 def load(path: Path, *names: str) -> dict[str, Any]:

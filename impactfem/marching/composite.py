@@ -22,18 +22,13 @@ class Composite:
     Attributes:
         parts: Interiors of the bodies, all with the same step.
         offsets: Where the contact nodes of each body begin, and their number, (bodies + 1,).
-        rows: Sums of each body, layer by layer, of this rank: kinetic, elastic, work of loads,
-            momentum and moment, shape (bodies, layers + 1, 3 + 2 dim).
     """
 
-    def __init__(
-        self, parts: Sequence[Interior], layers: int, free: Sequence[Floats] | None = None
-    ) -> None:
+    def __init__(self, parts: Sequence[Interior], free: Sequence[Floats] | None = None) -> None:
         """Join interiors.
 
         Args:
             parts: The bodies.
-            layers: Number of layers.
             free: Of each body 1 where a contact node may move and 0 where a support holds it,
                 (count, dim); everywhere 1 if None.
 
@@ -47,11 +42,12 @@ class Composite:
                 f"the bodies have the time steps {[part.dt for part in parts]} s: give one solve.dt"
             )
         counts = [len(part.surface_displacement) for part in parts]
-        dim = parts[0].surface_displacement.shape[1]
         self.offsets: tuple[int, ...] = (0, *np.cumsum(counts).tolist())
-        self.whole_columns: int | None = 0
+        wholes = [part.whole_columns for part in parts if part.whole_columns is not None]
+        self.whole_columns = min(wholes, default=None)
+        self._count = 0  # forces that were asked for
+        self._asked = [np.zeros(0, dtype=np.int64) for _ in parts]  # which of them reach each body
         self._free = [1.0] * len(parts) if free is None else list(free)
-        self.rows: Floats = np.zeros((len(parts), layers + 1, 3 + 2 * dim))
 
     def own(self, body: int) -> slice:
         """Places of a body's contact nodes."""
@@ -71,9 +67,9 @@ class Composite:
         """Velocity of the contact nodes [m/s], (count, dim) (collective)."""
         return np.concatenate([part.surface_velocity() for part in self.parts])
 
-    def initial(self, static: Floats) -> Sums:
-        """Sums of the initial state."""
-        return self._joined(0, [p.initial(static[self.own(k)]) for k, p in enumerate(self.parts)])
+    def initial(self, static: Floats) -> list[Sums]:
+        """Sums of the initial state, of each body."""
+        return [s for k, part in enumerate(self.parts) for s in part.initial(static[self.own(k)])]
 
     def share(self, layer: int) -> float:
         """Part of a layer's contact force that acts."""
@@ -90,12 +86,14 @@ class Composite:
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Answers of the contact nodes to several forces (several, count, dim)."""
         layer, static = np.zeros_like(forces), np.zeros_like(forces)
+        before, self._count = self._count, self._count + len(forces)
         for k, part in enumerate(self.parts):
             mine = forces[:, self.own(k)] * self._free[k]
             asked = np.flatnonzero(mine.any(axis=(1, 2)))
             if len(asked):
                 found = part.columns(np.ascontiguousarray(mine[asked]))
                 layer[asked, self.own(k)], static[asked, self.own(k)] = found
+                self._asked[k] = np.concatenate([self._asked[k], before + asked])
         return layer, static
 
     def static(self, forces: Floats) -> Floats:
@@ -107,30 +105,18 @@ class Composite:
                 found[self.own(k)] = part.static(mine)
         return found
 
-    def push(self, forces: Floats, change: Floats | None) -> None:  # noqa: ARG002  (as the interface has it)
+    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:
         """Add the effect of the layer's contact forces (count, dim) to the bodies they act on."""
         for k, part in enumerate(self.parts):
             mine = forces[self.own(k)] * self._free[k]
             if mine.any():
-                part.push(mine, None)
+                known = None if change is None else change[self.own(k)]
+                part.push(mine, known, parts[self._asked[k]])
 
-    def finish(self, layer: int, static: Floats) -> Sums:
-        """End the layer of all bodies."""
-        sums = [part.finish(layer, static[self.own(k)]) for k, part in enumerate(self.parts)]
-        return self._joined(layer + 1, sums)
-
-    def _joined(self, row: int, sums: list[Sums]) -> Sums:
-        for k, entry in enumerate(sums):
-            self.rows[k, row] = [
-                entry.kinetic, entry.elastic, entry.work, *entry.momentum, *entry.moment,
-            ]  # fmt: skip
-        return Sums(
-            sum(entry.kinetic for entry in sums),
-            sum(entry.elastic for entry in sums),
-            sum(entry.work for entry in sums),
-            np.sum([entry.momentum for entry in sums], axis=0),
-            np.sum([entry.moment for entry in sums], axis=0),
-        )
+    def finish(self, layer: int, static: Floats) -> list[Sums]:
+        """End the layer of all bodies; sums of each."""
+        each = enumerate(self.parts)
+        return [sums for k, part in each for sums in part.finish(layer, static[self.own(k)])]
 
     def placed(self, static: Floats) -> Floats:
         """Displacement of the owned dofs of all bodies, one after the other."""
@@ -139,19 +125,16 @@ class Composite:
         )
 
     def state(self) -> dict[str, Any]:
-        """What the next layer needs, of all bodies."""
-        return {
-            f"{k}.{name}": value
-            for k, part in enumerate(self.parts)
-            for name, value in part.state().items()
-        }
+        """What the next layer needs, of all bodies: one after the other, as `velocity` has them."""
+        each = [part.state() for part in self.parts]
+        return {name: np.concatenate([state[name] for state in each]) for name in each[0]}
 
     def restore(self, state: dict[str, Any], surface: Floats) -> None:
         """Continue from a state."""
+        cuts = np.cumsum([0, *(len(part.velocity) for part in self.parts)])
         for k, part in enumerate(self.parts):
-            mark = f"{k}."
-            mine = {n.removeprefix(mark): v for n, v in state.items() if n.startswith(mark)}
-            part.restore(mine, surface[self.own(k)])
+            own = slice(cuts[k], cuts[k + 1])
+            part.restore({n: values[own] for n, values in state.items()}, surface[self.own(k)])
 
     def destroy(self) -> None:
         """Free what PETSc holds."""

@@ -1,5 +1,6 @@
 """What a time scheme does inside the body in one layer; contact forces are added by the loop."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -21,14 +22,14 @@ class Sums:
         elastic: Elastic energy [J], without that of contact for explicit schemes.
         work: Work of tractions, pressures and supports in the layer [J].
         momentum: [kg m/s], shape (dim,).
-        moment: Mass times displacement [kg m], shape (dim,).
+        first_moment: Mass times displacement [kg m], shape (dim,).
     """
 
     kinetic: float
     elastic: float
     work: float
     momentum: Floats
-    moment: Floats
+    first_moment: Floats
 
 
 class Interior(Protocol):
@@ -53,8 +54,8 @@ class Interior(Protocol):
     def surface_velocity(self) -> Floats:
         """Velocity of the contact nodes [m/s], (count, dim) (collective)."""
 
-    def initial(self, static: Floats) -> Sums:
-        """Sums of the initial state; ``static`` as in `finish`."""
+    def initial(self, static: Floats) -> Sequence[Sums]:
+        """Sums of the initial state, one for each body; ``static`` as in `finish`."""
 
     def share(self, layer: int) -> float:
         """Part of a layer's contact force that acts."""
@@ -66,21 +67,30 @@ class Interior(Protocol):
         """Move to the end of a layer without contact; displacements of contact nodes there."""
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
-        """Answers of the contact nodes to forces; see `impactfem.contact.responses`."""
+        """Answers of the contact nodes to forces; see `impactfem.contact.responses`.
+
+        The forces are numbered in the order in which they are asked for, over all calls.
+        """
 
     def static(self, forces: Floats) -> Floats:
         """Displacement of massless contact nodes by static forces on them, (count, dim) each."""
 
-    def push(self, forces: Floats, change: Floats | None) -> None:
+    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:
         """Add the effect of the layer's contact forces (count, dim) to all dofs.
 
         Args:
             forces: [N].
-            change: What they do to the contact nodes [m], if `Responses` knows.
+            change: What they do to the contact nodes [m], if it is known.
+            parts: The same forces as a sum of those that `columns` was asked for, shape (asked,).
         """
 
-    def finish(self, layer: int, static: Floats) -> Sums:
-        """End the layer; ``static`` are displacements of contact nodes by the multipliers [m]."""
+    def finish(self, layer: int, static: Floats) -> Sequence[Sums]:
+        """End the layer; sums of each body.
+
+        Args:
+            layer: Number of layers done before.
+            static: Displacements of the contact nodes by the multipliers [m], (count, dim).
+        """
 
     def placed(self, static: Floats) -> Floats:
         """Displacement of the owned dofs with massless nodes where they are, as a new array."""
@@ -100,7 +110,10 @@ class Answers(Protocol):
 
     @property
     def known(self) -> Integers:
-        """What has been asked for, in the order of the asking."""
+        """Contact nodes whose answers are known, in the order of their finding."""
+
+    def learn(self, nodes: Integers) -> None:
+        """Find the answers of contact nodes in the same order (collective)."""
 
     def require(self, rows: Integers) -> None:
         """Compute what is missing for some gaps (collective)."""
@@ -112,6 +125,9 @@ class Answers(Protocol):
         self, rows: Integers, normals: Floats, forces: Floats, multipliers: Floats
     ) -> Floats:
         """Changes of all gaps by layer forces and static ones on some, (pairs,)."""
+
+    def parts(self, rows: Integers, forces: Floats) -> Floats:
+        """Vector forces (k, dim) in some gaps as a sum of those that were asked for, (asked,)."""
 
     def displacement(self, rows: Integers, normals: Floats, forces: Floats) -> Floats | None:
         """Displacements of the contact nodes by layer forces, (nodes, dim); None if not kept."""
@@ -128,6 +144,13 @@ class DirectedAnswers(Answers, Protocol):
 
     def moved(self, rows: Integers, forces: Floats, multipliers: Floats) -> Floats:
         """Relative displacements in all gaps by vector forces on some, (pairs, dim)."""
+
+
+class DirectedGaps(Protocol):
+    """Gaps that friction acts in; see `ContactGaps`."""
+
+    def directed(self, columns: Columns) -> DirectedAnswers:
+        """How the gaps answer to contact forces in any direction."""
 
 
 class ContactGaps(Protocol):
@@ -155,3 +178,17 @@ class ContactGaps(Protocol):
 
     def speed(self, normals: Floats, time: float, dt: float) -> Floats:
         """Speed of obstacles towards the nodes [m/s], (pairs,)."""
+
+    def nodal(self, force: Floats, gap: Floats) -> tuple[Floats, Floats, Floats]:
+        """Gap [m], pressure [Pa] and whether pressed (1 or 0), of the contact nodes, (nodes,) each.
+
+        Args:
+            force: Normal forces in the gaps [N], (pairs,).
+            gap: [m], (pairs,).
+        """
+
+    def memory(self) -> dict[str, Floats]:
+        """What the next layer needs to know of earlier ones, by name."""
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave; other names are passed over."""

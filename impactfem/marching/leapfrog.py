@@ -177,7 +177,7 @@ class Leapfrog:
         """Displacement of massless contact nodes by static forces on them, (count, dim) each."""
         return np.zeros_like(forces) if self._statics is None else self._statics.response(forces)
 
-    def push(self, forces: Floats, change: Floats | None) -> None:
+    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002  (as the interface has it)
         """Add contact forces; ``change`` is the answer of the contact nodes, if known."""
         if self._statics is None:
             where = self._surface.dofs
@@ -193,14 +193,14 @@ class Leapfrog:
         if change is not None:
             self._contact = self._contact + change
 
-    def finish(self, layer: int, static: Floats) -> Sums:  # noqa: ARG002  (as the interface has it)
+    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up."""
         if self._statics is not None:
             self._surface.spread(self._contact, self.displacement)
             self._surface.spread(self._contact - self._before, self._step)
         return self._summed(1.0)
 
-    def initial(self, static: Floats) -> Sums:  # noqa: ARG002  (as the interface has it)
+    def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state."""
         self._matrix.mult(self._now, self._internal)
         if self._drive.is_active:
@@ -212,7 +212,7 @@ class Leapfrog:
         work = 0.5 * float(self._loads @ self._step)
         return work + 0.5 * float(self._reaction @ self._step[self._drive.moved])
 
-    def _summed(self, back: float) -> Sums:
+    def _summed(self, back: float) -> list[Sums]:
         """Sums at the end of a layer; ``back`` is 0 at t = 0, where there is no step yet."""
         dim, drive = self._system.dim, self._drive
         _add_up(self.displacement, self._step, self._forces, self._mass, self._inverse, self._sums)
@@ -226,10 +226,11 @@ class Leapfrog:
             if self._statics is not None:  # K u of massless nodes, in balance with moved supports
                 massless = self._surface.dofs
                 elastic += 0.5 * float(self.displacement[massless] @ self._lift[massless])
-        return Sums(
+        sums = Sums(
             self._sums[0] / self.dt**2, elastic, work,
             self._sums[2 : 2 + dim] / self.dt, self._sums[2 + dim :].copy(),
         )  # fmt: skip
+        return [sums]
 
     def placed(self, static: Floats) -> Floats:
         """Displacement of the owned dofs with massless nodes where they are, as a new array."""

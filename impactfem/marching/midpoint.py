@@ -67,8 +67,7 @@ class Midpoint:
             self._still[surface.dofs] = True
         weights = np.repeat(system.node_mass, system.dim)
         self._weights = np.where(system.constrained, 0.0, transferred(transfer, weights))
-        self._columns = np.empty((0, len(self.displacement)))
-        self._units = np.empty((0, surface.count * surface.dim))
+        self._columns = np.empty((0, len(self.displacement)))  # answers, in the order of asking
         self._gather_columns = True
         self._loads = np.zeros(0)
         self._contact = self._contact_at(0.0)
@@ -138,7 +137,7 @@ class Midpoint:
 
     def _column(self, forces: Floats) -> tuple[Floats, Floats]:
         answer = self._answer(forces)
-        self._keep_column(forces, answer)
+        self._keep_column(answer)
         return self._answer_of_contact(answer), self.static(forces)
 
     def static(self, forces: Floats) -> Floats:
@@ -164,28 +163,24 @@ class Midpoint:
         answer[self._still] = 0.0
         return answer
 
-    def _keep_column(self, forces: Floats, answer: Floats) -> None:
-        """Keep the answer to a unit force, as long as there is room."""
+    def _keep_column(self, answer: Floats) -> None:
+        """Keep the answer to a force that was asked for, as long as there is room."""
         count = len(self._columns) + 1
         largest = self._surface.comm.allreduce(len(answer), op=MPI.MAX)
         if count * largest * 8 > _COLUMN_BYTES:
             self._gather_columns = False
         if self._gather_columns:
             self._columns = np.vstack([self._columns, answer])
-            self._units = np.vstack([self._units, forces.ravel()])
 
-    def push(self, forces: Floats, change: Floats | None) -> None:
+    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:
         """Add contact forces; ``change`` is the answer of the contact nodes, if known."""
-        if self._gather_columns:
-            answer = (self._units @ forces.ravel()) @ self._columns
-        else:
-            answer = self._answer(forces)
+        answer = parts @ self._columns if self._gather_columns else self._answer(forces)
         self.displacement += answer
         self._contact = self._contact + (
             self._answer_of_contact(answer) if change is None else change
         )
 
-    def finish(self, layer: int, static: Floats) -> Sums:  # noqa: ARG002  (as the interface has it)
+    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up."""
         system = self._system
         moved = self.displacement - self._before
@@ -208,13 +203,13 @@ class Midpoint:
         """Velocity of the contact nodes [m/s], (count, dim) (collective)."""
         return self._surface.gather(self.velocity)
 
-    def initial(self, static: Floats) -> Sums:
+    def initial(self, static: Floats) -> list[Sums]:
         """Sums of the initial state."""
         if self._statics is not None:
             self._surface.spread(self._contact + static, self.displacement)
         return self._summed(0.0)
 
-    def _summed(self, work: float) -> Sums:
+    def _summed(self, work: float) -> list[Sums]:
         system, dim = self._system, self._system.dim
         self._argument.setArray(self.displacement)
         system.stiffness.mult(self._argument, self._product)
@@ -226,10 +221,11 @@ class Midpoint:
         momentum = self._times_mass(self.velocity)
         kinetic = 0.5 * float(self.velocity @ momentum)
         moments = self._weights * self.displacement
-        return Sums(
+        sums = Sums(
             kinetic, elastic, work,
             momentum.reshape(-1, dim).sum(axis=0), moments.reshape(-1, dim).sum(axis=0),
         )  # fmt: skip
+        return [sums]
 
     def placed(self, static: Floats) -> Floats:  # noqa: ARG002  (as the interface has it)
         """Displacement of the owned dofs with massless nodes where they are, as a new array."""

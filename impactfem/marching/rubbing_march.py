@@ -1,17 +1,21 @@
 """The time loop with friction: the forces of a layer have tangential parts and do work."""
 
+from collections.abc import Mapping
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.complementarity import Solver
-from impactfem.marching.layers import ContactGaps, DirectedAnswers, Interior
+from impactfem.marching.layers import ContactGaps, DirectedAnswers, DirectedGaps, Interior
 from impactfem.marching.rubbing import Friction, LayerGaps, Rubbing, frames, in_space, rub
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import SolidMarch
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_REMEMBERED = ("tangential", "older_tangential", "place", "older_place")
 
 
 class RubbingMarch(SolidMarch):
@@ -45,6 +49,22 @@ class RubbingMarch(SolidMarch):
         self._tangential = self._rubbing_force = np.zeros((len(friction.coefficients), 0))
         super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance)
         self._rubbing = Rubbing.at_rest(friction, place + self.contact.static)
+
+    def _answers(self) -> DirectedAnswers:
+        """How the gaps answer to contact forces in any direction."""
+        return cast("DirectedGaps", self._gaps).directed(self.interior.columns)
+
+    def memory(self) -> dict[str, Floats]:
+        """What the next layer needs besides the state of the bodies, the same on all ranks."""
+        return super().memory() | {name: getattr(self._rubbing, name) for name in _REMEMBERED}
+
+    def restore(
+        self, state: dict[str, Any], memory: Mapping[str, Floats], asked: Integers, layer: int
+    ) -> None:
+        """Continue after ``layer`` layers; see `SolidMarch.restore`."""
+        super().restore(state, memory, asked, layer)
+        for name in _REMEMBERED:
+            setattr(self._rubbing, name, memory[name])
 
     def _end_layer(self, time: float, part: float, place: Floats) -> None:
         """Keep the tangential state, and sum up what friction and moved obstacles have done."""
@@ -110,7 +130,7 @@ class RubbingMarch(SolidMarch):
         whole[rows], multipliers[rows] = acting, levels
         force[rows], multiplier[rows] = found.force[:, 0], found.multiplier[:, 0]
         if found.force.any():
-            interior.push(gaps.spread(whole), None)
+            interior.push(gaps.spread(whole), None, answers.parts(rows, acting))
         if self._scheme.massless:
             static = interior.static(gaps.spread(multipliers))
         self._true_gap = true

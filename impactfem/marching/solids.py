@@ -1,6 +1,6 @@
 """The time loop of solids: predict a layer, find its contact forces, end it, keep what is asked."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
@@ -16,7 +16,7 @@ from impactfem.contact.complementarity import (
 )
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI
-from impactfem.marching.layers import ContactGaps, Interior, Sums
+from impactfem.marching.layers import Answers, ContactGaps, Interior, Sums
 from impactfem.marching.schemes import SolidScheme
 
 Floats = NDArray[np.float64]
@@ -67,7 +67,8 @@ class Rows:
     """What each layer leaves in the history; row 0 is the initial state.
 
     Attributes:
-        sums: Kinetic, elastic, work of loads, momentum and moment of this rank, (rows, 3 + 2 dim).
+        sums: Kinetic, elastic, work of loads, momentum and first moment of mass of each body, of
+            this rank, (rows, bodies, 3 + 2 dim).
         gap, force, contact_energy, obstacle_work, friction_work: Of all ranks, (rows,).
         largest: Force of the node with the largest [N], (rows,).
         active, iterations: Of all ranks, (rows,).
@@ -84,9 +85,9 @@ class Rows:
     iterations: Integers
 
     @classmethod
-    def empty(cls, rows: int, dim: int) -> "Rows":
+    def empty(cls, rows: int, bodies: int, dim: int) -> "Rows":
         """Rows of zeros."""
-        sums = np.zeros((rows, 3 + 2 * dim))
+        sums = np.zeros((rows, bodies, 3 + 2 * dim))
         gap, force, contact_energy, obstacle_work, friction_work, largest = np.zeros((6, rows))
         active, iterations = np.zeros((2, rows), dtype=np.int64)
         return cls(
@@ -108,9 +109,12 @@ class Rows:
             )
         )
 
-    def put(self, row: int, sums: Sums) -> None:
-        """Store the sums of a row."""
-        self.sums[row] = [sums.kinetic, sums.elastic, sums.work, *sums.momentum, *sums.moment]
+    def put(self, row: int, bodies: Sequence[Sums]) -> None:
+        """Store the sums of a row, of each body."""
+        self.sums[row] = [
+            [sums.kinetic, sums.elastic, sums.work, *sums.momentum, *sums.first_moment]
+            for sums in bodies
+        ]
 
 
 @dataclass
@@ -131,6 +135,9 @@ class ContactState:
     advance: Floats
     older_advance: Floats
     static: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+
+
+_CONTACT = fields(ContactState)
 
 
 class SolidMarch:
@@ -161,11 +168,9 @@ class SolidMarch:
         self.interior = interior
         self._solver, self.layers, self._tolerance = solver, layers, tolerance
         free = interior.surface_displacement
-        dim = free.shape[1]
-        self.rows = Rows.empty(layers + 1, dim)
         self.layer = 0
         self.failure = ""  # why the march ended early
-        self._responses = gaps.responses(interior.columns, interior.whole_columns)
+        self._responses = self._answers()
         # An explicit step spans two layers: what it conserves pairs each level with the one after
         # the next, and contact nodes that have mass take the forces of neighbouring layers.
         self._skips = scheme.interior == "leapfrog" and scheme.massless
@@ -176,10 +181,16 @@ class SolidMarch:
         true = gap + np.einsum("ij,ij->i", normals, gaps.relative(static))
         advance = gaps.advance(normals, 0.0)
         self.contact = ContactState(multiplier, true, multiplier, true, advance, advance, static)
-        self.rows.put(0, interior.initial(static))
+        sums = interior.initial(static)
+        self.rows = Rows.empty(layers + 1, len(sums), free.shape[1])
+        self.rows.put(0, sums)
         self.speed = interior.surface_velocity()
         self._speed_without_contact = np.zeros(count)  # of nodes away from obstacles [m/s]
         self._close_row(0, np.zeros(count), 0)
+
+    def _answers(self) -> Answers:
+        """How the gaps answer to contact forces; with friction in all directions."""
+        return self._gaps.responses(self.interior.columns, self.interior.whole_columns)
 
     def _initial_contact(self, gap: Floats, normals: Floats) -> tuple[Floats, Floats]:
         """Forces that keep massless nodes out of the obstacle at t = 0."""
@@ -205,17 +216,28 @@ class SolidMarch:
         """Contact nodes whose answers to forces are known, in the order of their finding."""
         return self._responses.known
 
-    def restore(self, state: dict[str, Any], surface: Floats, asked: Integers, layer: int) -> None:
-        """Continue after ``layer`` layers; contact and rows are set (collective).
+    def memory(self) -> dict[str, Floats]:
+        """What the next layer needs besides the state of the bodies, the same on all ranks."""
+        contact = {f"contact.{entry.name}": getattr(self.contact, entry.name) for entry in _CONTACT}
+        surface = self.interior.surface_displacement
+        return contact | {"speed": self.speed, "surface": surface} | self._gaps.memory()
+
+    def restore(
+        self, state: dict[str, Any], memory: Mapping[str, Floats], asked: Integers, layer: int
+    ) -> None:
+        """Continue after ``layer`` layers; the rows are set (collective).
 
         Args:
             state: Of the interior.
-            surface: Its `surface_displacement`.
+            memory: As `memory` gave it.
             asked: As the property was: sums of answers then round as they would have.
             layer: Number of layers done.
         """
-        self.interior.restore(state, surface)
-        self._responses.require(asked)
+        self.contact = ContactState(*(memory[f"contact.{entry.name}"] for entry in _CONTACT))
+        self.speed = memory["speed"]
+        self.interior.restore(state, memory["surface"])
+        self._gaps.remember(memory)
+        self._responses.learn(asked)
         self.layer = layer
 
     def run(self, observers: Sequence[Callable[[Level], None]] = ()) -> None:
@@ -330,7 +352,9 @@ class SolidMarch:
         force[rows], multiplier[rows] = found.force, found.multiplier
         if found.force.any():
             change = self._responses.displacement(rows, normals[rows], acting)
-            interior.push(self._gaps.spread(force[:, None] * normals), change)
+            inside = force[:, None] * normals
+            parts = self._responses.parts(rows, inside[rows])
+            interior.push(self._gaps.spread(inside), change, parts)
         if self._scheme.massless:
             static = self._pressed(rows, normals, multiplier)
         self._true_gap = true

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 from impactfem.planning.bar_rows import BarRowPlan, plan_bar_row
 from impactfem.planning.bars import Plan, plan_bar
-from impactfem.planning.bodies import plan_bodies
 from impactfem.planning.doubts import MEETS_NOTHING, doubts
 from impactfem.planning.drawing import choose_film, drawing_seconds
-from impactfem.planning.solids import SolidPlan, plan_solid
+from impactfem.planning.solids import SolidPlan, plan_solids
 from impactfem.planning.vibro import VibroPlan, plan_vibro
 from impactfem.scene import Scene
 from impactfem.scene.solids import Solid
@@ -21,7 +20,7 @@ __all__ = [
     "plan",
     "plan_bar",
     "plan_bar_row",
-    "plan_solid",
+    "plan_solids",
     "plan_vibro",
 ]
 
@@ -38,11 +37,7 @@ def plan(scene: Scene) -> AnyPlan:
     if not scene.is_vibro and not isinstance(scene.bodies[0], Solid):
         bars = plan_bar_row(scene) if scene.is_bar_row else plan_bar(scene)
         return _with_drawing(bars, scene)
-    made: VibroPlan | SolidPlan
-    if scene.is_vibro:
-        made = plan_vibro(scene)
-    else:
-        made = plan_bodies(scene) if scene.has_pairs else plan_solid(scene)
+    made = plan_vibro(scene) if scene.is_vibro else plan_solids(scene)
     found = doubts(scene)
     told = {finding.subject for finding in made.findings if finding.code == MEETS_NOTHING}
     if told & {body.name for body in scene.bodies}:  # which says more

@@ -1,14 +1,13 @@
-"""Contact normals of the undeformed body, or updated ones: what the way of the body asks for."""
+"""Do contact normals and pairs of surfaces stay those of t = 0, or do they follow the bodies?"""
 
 import math
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.scene import Scene
 from impactfem.scene.obstacles import (
-    HalfSpace,
     RigidBox,
     RigidCylinder,
     RigidPolyline,
@@ -16,60 +15,133 @@ from impactfem.scene.obstacles import (
 )
 from impactfem.scene.scene import Rigid
 
+if TYPE_CHECKING:
+    from impactfem.contact.body_pairs import SurfacePair
+    from impactfem.models.solids import SolidPart, SolidsModel
+
 Floats = NDArray[np.float64]
 
 _FAR = 0.1  # ways over the size of an obstacle's features from which its normals change much
+_PAIRS_FOLLOW = (
+    "pairs of surfaces follow the bodies, and energy is right to first order in step and faces"
+)
+_SLIDES = 0.5  # of an element: way along each other from which pairs of surfaces follow
 
 
-def choose_normals(scene: Scene, gap: Floats, normal: Floats, reasons: dict[str, str]) -> str:
-    """Fixed normals where they are exact or nothing moves far, else updated ones.
+def choose_normals(model: "SolidsModel", reasons: dict[str, str]) -> bool:
+    """Whether normals and pairs have to follow the bodies, or may stay those of t = 0 (collective).
+
+    They follow if a body that meets another one turns, if two that can meet move along each other
+    by more than half an element within the duration, or if one moves far over a curved obstacle.
 
     Args:
-        scene: The scene.
-        gap: Gaps of the contact nodes at t = 0 [m], shape (count,).
-        normal: Their normals, shape (count, dim).
-        reasons: Gets the reason.
+        model: The solids, with pairs that do not follow.
+        reasons: Gets the reason for "normals".
     """
-    if scene.solve.normals is not None:
+    asked = model.scene.solve.normals
+    if asked is not None:
         reasons["normals"] = "as asked"
-        return scene.solve.normals
-    curved = [_features(o) for o in scene.rigid_obstacles if not isinstance(o, HalfSpace)]
-    if not curved:
-        reasons["normals"] = "fixed: the normal of a plane is the same everywhere, so this is exact"
-        return "fixed"
-    if not len(gap):
-        reasons["normals"] = "fixed: nothing can touch"
-        return "fixed"
-    nearest = int(np.argmin(gap))
-    along = _way_along(scene, normal[nearest])
-    limit = _FAR * min(curved)
-    if max(float(gap[nearest]), along) <= limit:
-        reasons["normals"] = (
-            f"fixed: until and along the contact the body moves by less than {limit:.3g} m, a "
-            "tenth of the obstacle's radius or shortest face"
+        return asked == "updated"
+    follows = _turning(model) or _sliding(model) or _over_curves(model)
+    reasons["normals"] = follows or _why_fixed(model)
+    return bool(follows)
+
+
+def _turning(model: "SolidsModel") -> str:
+    for part in model.parts if model.pairs else ():
+        if np.any(np.asarray(part.solid.angular_velocity, dtype=np.float64) != 0.0):
+            return f"{part.solid.name} turns: {_PAIRS_FOLLOW}"
+    return ""
+
+
+def _sliding(model: "SolidsModel") -> str:
+    for pair in model.pairs:
+        way, width = _way_along(model, pair), _face_size(pair)
+        if way > _SLIDES * width:
+            return (
+                f"{pair.names[0]} and {pair.names[1]} move along each other by about {way:.2g} m, "
+                f"{way / width:.2g} faces: {_PAIRS_FOLLOW}"
+            )
+    return ""
+
+
+def _over_curves(model: "SolidsModel") -> str:
+    for part in model.parts:
+        limit = _FAR * min(map(_features, part.obstacles), default=math.inf)
+        if part.contact is None or not part.contact.count or limit == math.inf:
+            continue
+        nearest = int(np.argmin(part.contact.gap))
+        gap = float(part.contact.gap[nearest])
+        along = _way_over(part, part.contact.normal[nearest])
+        if max(gap, along) > limit:
+            return (
+                f"updated in each layer: {part.solid.name} moves {gap:.3g} m towards the obstacle "
+                f"and about {along:.3g} m along it, where its normal changes; energy is then kept "
+                "to the accuracy of the step only"
+            )
+    return ""
+
+
+def _why_fixed(model: "SolidsModel") -> str:
+    if model.pairs:
+        return (
+            "small sliding: pairs of surfaces are those of t = 0; "
+            'normals = "updated" lets them follow'
         )
-        return "fixed"
-    reasons["normals"] = (
-        f"updated in each layer: the body moves {gap[nearest]:.3g} m towards the obstacle and "
-        f"about {along:.3g} m along it, where its normal changes; energy is then kept to the "
-        "accuracy of the step only"
+    if not model.contact_count:
+        return "fixed: nothing can touch"
+    features = min(_features(o) for part in model.parts for o in part.obstacles)
+    if features == math.inf:
+        return "fixed: the normal of a plane is the same everywhere, so this is exact"
+    return (
+        f"fixed: until and along the contact the body moves by less than {_FAR * features:.3g} m, "
+        "a tenth of the obstacle's radius or shortest face"
     )
-    return "updated"
 
 
-def _way_along(scene: Scene, normal: Floats) -> float:
-    """Way of the body and the obstacles across a normal within the duration [m], about."""
-    solid, duration = scene.solid, scene.duration
-    centre = dict(zip("xyz", solid.shape.centre if solid.shape else (0.0,) * 3, strict=False))
-    speed = np.array([float(formula(**centre)) for formula in solid.velocity])
-    pulls = [scene.vector_gravity.at(t) for t in scene.vector_gravity.times]
-    way = _across(speed, normal) * duration
-    way += 0.5 * max(_across(pull, normal) for pull in pulls) * duration**2
-    for obstacle in scene.rigid_obstacles:
+def _way_along(model: "SolidsModel", pair: "SurfacePair") -> float:
+    """How far two bodies move along each other, square to the normal where they are nearest [m]."""
+    met = pair.met([side.surface.points for side in pair.sides])
+    if not met.count:
+        return 0.0
+    normal = met.normal[int(np.argmin(met.gap))]
+    one, two = (model.parts[body] for body in pair.bodies)
+    return _across(_way(one) - _way(two), normal)
+
+
+def _way(part: "SolidPart") -> Floats:
+    """Way of a body by its mean speed, and by gravity unless a support holds it [m]."""
+    duration = part.scene.duration
+    way: Floats = duration * part.system.mean(part.system.velocity)
+    if _is_held(part):
+        return way
+    return way + 0.5 * duration**2 * np.asarray(part.scene.vector_gravity.at(0.0))
+
+
+def _is_held(part: "SolidPart") -> bool:
+    return any(support.kind != "symmetry" for support in part.solid.supports)
+
+
+def _way_over(part: "SolidPart", normal: Floats) -> float:
+    """Way of a body and its obstacles across a normal within the duration [m], at most about."""
+    duration, gravity = part.scene.duration, part.scene.vector_gravity
+    way = _across(part.system.mean(part.system.velocity), normal) * duration
+    if not _is_held(part):
+        pulls = (_across(gravity.at(t), normal) for t in gravity.times)
+        way += 0.5 * max(pulls) * duration**2
+    for obstacle in part.obstacles:
         start, end = obstacle.offset(0.0), obstacle.offset(duration)
         if start is not None and end is not None:
             way += _across(end - start, normal)
     return way
+
+
+def _face_size(pair: "SurfacePair") -> float:
+    """Typical width of the carrier's faces [m]."""
+    surface = pair.sides[0].surface
+    corners = surface.points[surface.corners]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    return float(np.median(edges))
 
 
 def _across(vector: Floats, normal: Floats) -> float:

@@ -26,7 +26,8 @@ _EQUAL = 1e-9  # of the size of the body, for places of obstacles
 
 def offers(scene: Scene) -> dict[str, str]:
     """Offers by name: "bar", "axisymmetric", "plane_strain", "symmetry"."""
-    if scene.solid.shape is None:
+    rubs = any(contact.friction_coefficient > 0.0 for contact in scene.contacts)
+    if scene.solid.shape is None or rubs:
         return {}
     found = {
         "bar": _bar(scene),

@@ -1,7 +1,7 @@
 """Choices for a solid: degree, method, time step, linear solver; each with its reason."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,27 +63,39 @@ class Steps:
     layers: int | None
 
 
-def choose_degree(scene: Scene, reasons: dict[str, str], findings: list[Finding]) -> int:
-    """Degree of the elements.
+def choose_degrees(
+    scene: Scene, reasons: dict[str, str], findings: list[Finding]
+) -> tuple[int, ...]:
+    """Degree of the elements of each solid (collective).
 
     Raises:
         SceneError: The method asked for has no elements of the degree asked for.
     """
-    solid, method = scene.solid, scene.solve.method
-    stiff = stiff_elements(solid)
+    alone = len(scene.solids) == 1
+    return tuple(
+        _degree(scene, solid, "degree" if alone else f"degree of {solid.name}", reasons, findings)
+        for solid in scene.solids
+    )
+
+
+def _degree(
+    scene: Scene, solid: Solid, key: str, reasons: dict[str, str], findings: list[Finding]
+) -> int:
+    method, stiff = scene.solve.method, stiff_elements(solid)
     if method in EXPLICIT:
         if solid.degree == 2:
             raise SceneError(
-                f'body.degree = 2 contradicts solve.method = "{method}": its mass is lumped, which '
-                'elements of degree 2 do not allow; use degree = 1, or method = "massless"'
+                f'body {solid.name}: degree = 2 contradicts solve.method = "{method}": its mass is '
+                "lumped, which elements of degree 2 do not allow; use degree = 1, or method = "
+                '"massless"'
             )
         if solid.degree is None:
-            reasons["degree"] = f"{method} lumps the mass, which needs degree 1"
+            reasons[key] = f"{method} lumps the mass, which needs degree 1"
         if stiff:
             remedy = 'degree = 2 with method = "massless" would be more accurate'
             findings.append(warning("locking", stiff, solid.name, remedy))
     if solid.degree is not None:
-        reasons["degree"] = "as asked"
+        reasons[key] = "as asked"
         if solid.degree == 1 and stiff and method not in EXPLICIT:
             remedy = "degree = 2 would be more accurate"
             findings.append(warning("locking", stiff, solid.name, remedy))
@@ -92,15 +104,15 @@ def choose_degree(scene: Scene, reasons: dict[str, str], findings: list[Finding]
         return 1
     stiff = stiff or curved_file(scene, solid)
     if stiff:
-        reasons["degree"] = stiff
+        reasons[key] = stiff
         return 2
     if keeps_volume(solid):
-        reasons["degree"] = (
+        reasons[key] = (
             f"poisson_ratio = {solid.poisson_ratio:g}: quadrilaterals and hexahedra of degree 1 "
             "keep their volume in the mean only, so that they do not lock"
         )
         return 1
-    reasons["degree"] = "waves with jumps gain nothing from more, and degree 1 can march explicitly"
+    reasons[key] = "waves with jumps gain nothing from more, and degree 1 can march explicitly"
     return 1
 
 
@@ -146,31 +158,36 @@ def slenderness(solid: Solid) -> float | None:
     return max(sizes) / min(sizes)
 
 
-def choose_method(scene: Scene, size: Size, largest: float, reasons: dict[str, str]) -> str:
+def choose_method(
+    scene: Scene, sizes: Sequence[Size], largest: Sequence[float], reasons: dict[str, str]
+) -> str:
     """As asked, else the cheapest that keeps what the duration asks for.
 
     Args:
         scene: The scene.
-        size: How large the discretised body is.
-        largest: Largest extent of the body [m].
+        sizes: How large each discretised solid is.
+        largest: Largest extent of each [m].
         reasons: Gets the reason.
     """
     if scene.solve.method is not None:
         reasons["method"] = "as asked"
         return scene.solve.method
-    solid, duration = scene.solid, scene.duration
-    transits = duration * leading_speed(solid) / largest
+    solids, duration = scene.solids, scene.duration
+    transits = max(
+        duration * leading_speed(solid) / extent
+        for solid, extent in zip(solids, largest, strict=True)
+    )
     if transits > _LONG:
         reasons["method"] = (
             f"{transits:.3g} transits of a wave: over so many contacts energy must be kept to "
             "rounding"
         )
         return "conserving"
-    if size.degree == 2:
+    if max(size.degree for size in sizes) == 2:
         reasons["method"] = "elements of degree 2 have no lumped mass, so an implicit method"
         return "massless"
-    explicit = explicit_work(solid, size, duration)
-    implicit = implicit_work(solid, size, duration, scene.solve.courant or COURANT)
+    explicit = explicit_work(solids, sizes, duration)
+    implicit = implicit_work(solids, sizes, duration, scene.solve.courant or COURANT)
     costs = (
         f"about {explicit:.2g} products with the stiffness, against {implicit:.2g} implicitly "
         f"(its factorisation included)"
@@ -182,25 +199,38 @@ def choose_method(scene: Scene, size: Size, largest: float, reasons: dict[str, s
     if explicit <= implicit:
         reasons["method"] = f"explicit steps are cheaper: {costs}"
         return "explicit"
-    small = "" if size.least > 0.5 * size.mesh_size else ", for the smallest elements set its step"
-    if solid.rayleigh_stiffness > explicit_step(solid, size):
+    even = all(size.least > 0.5 * size.mesh_size for size in sizes)
+    small = "" if even else ", for the smallest elements set its step"
+    if max(solid.rayleigh_stiffness for solid in solids) > explicit_step(solids, sizes):
         small = ", for damping by the stiffness shortens its step"
     reasons["method"] = f"explicit steps would take {costs}{small}"
     return "massless"
 
 
-def choose_steps(scene: Scene, method: str, size: Size, reasons: dict[str, str]) -> Steps:
-    """Time step and number of layers.
+def choose_steps(
+    scene: Scene, method: str, sizes: Sequence[Size], reasons: dict[str, str]
+) -> Steps:
+    """Time step and number of layers, the same for all solids.
+
+    A step that is not asked for is shortened so that the layers fill the duration.
 
     Raises:
         SceneError: The step is beyond the stability limit.
     """
-    solve, speed = scene.solve, scene.solid.p_wave_speed
+    solve, solids = scene.solve, scene.solids
+    pairs = list(zip(solids, sizes, strict=True))
     if solve.dt is not None:
         reasons["dt"] = "as asked"
-        dt = solve.dt
-        refuse_unstable(dt, method, scene.solid, size)
-    elif method in EXPLICIT:
+        for solid, size in pairs:
+            refuse_unstable(solve.dt, method, solid, size)
+        layers = count_layers(scene.duration, solve.dt)
+        if layers * solve.dt > scene.duration * (1.0 + 1e-9):
+            reasons["layers"] = (
+                f"the last layer ends at {layers * solve.dt:g} s, the first end past the duration"
+            )
+        number = max(solid.p_wave_speed * solve.dt / size.mesh_size for solid, size in pairs)
+        return Steps(solve.dt, None if method in EXPLICIT else number, layers)
+    if method in EXPLICIT:
         share = solve.courant or _SHARE[method]
         if share > 1.0 + 1e-9:
             raise SceneError(
@@ -211,30 +241,32 @@ def choose_steps(scene: Scene, method: str, size: Size, reasons: dict[str, str])
         how = "courant as asked" if solve.courant else f"{share:g}"
         reasons["dt"] = f"{how}: share of the stable step 2 / omega_max, found when the run starts"
         return Steps(None, share, None)
-    else:
-        dt = solve.courant * size.mesh_size / speed if solve.courant else _step(scene.solid, size)
-        if solve.courant:
-            reasons["dt"] = "courant as asked"
-        elif keeps_volume(scene.solid):
-            reasons["dt"] = (
-                "waves of shear cross an element in two steps; those of pressure are not followed "
-                "one by one: if they matter (flat faces that strike), use solve.courant = .5"
-            )
-        else:
-            reasons["dt"] = (
-                "courant = .5: the fastest waves cross an element in two steps, accurate without "
-                "cost of stability"
-            )
-    if solve.dt is None:
-        dt = min(dt, scene.duration)
-    layers = count_layers(scene.duration, dt)
-    if solve.dt is None and solve.courant is None:
-        _offer_bending_step(scene, layers, reasons)
-    if layers * dt > scene.duration * (1.0 + 1e-9):
-        reasons["layers"] = (
-            f"the last layer ends at {layers * dt:g} s, the first end past the duration"
+    dt = min(
+        solve.courant * size.mesh_size / solid.p_wave_speed if solve.courant
+        else COURANT * size.mesh_size / leading_speed(solid)
+        for solid, size in pairs
+    )  # fmt: skip
+    if solve.courant:
+        reasons["dt"] = "courant as asked"
+    elif any(keeps_volume(solid) for solid in solids):
+        reasons["dt"] = (
+            "waves of shear cross an element in two steps; those of pressure are not followed "
+            "one by one: if they matter (flat faces that strike), use solve.courant = .5"
         )
-    return Steps(dt, None if method in EXPLICIT else speed * dt / size.mesh_size, layers)
+    else:
+        reasons["dt"] = (
+            "courant = .5: the fastest waves cross an element in two steps, accurate without "
+            "cost of stability"
+        )
+    if len(pairs) > 1:
+        reasons["dt"] += "; by the body that asks for the least step"
+    reasons["dt"] += ", or a little less, so that the layers fill the duration"
+    layers = count_layers(scene.duration, min(dt, scene.duration))
+    if len(pairs) == 1 and solve.courant is None:
+        _offer_bending_step(scene, layers, reasons)
+    dt = scene.duration / layers
+    number = max(solid.p_wave_speed * dt / size.mesh_size for solid, size in pairs)
+    return Steps(dt, number, layers)
 
 
 def refuse_unstable(dt: float, method: str, solid: Solid, size: Size) -> None:
@@ -243,7 +275,7 @@ def refuse_unstable(dt: float, method: str, solid: Solid, size: Size) -> None:
     Raises:
         SceneError: The step is far beyond the stability limit.
     """
-    natural = explicit_step(solid, size)
+    natural = explicit_step([solid], [size])
     if method in EXPLICIT and dt > _FAR * natural:
         raise SceneError(
             f"solve.dt = {dt:g} is beyond the stability limit of method {method} on the mesh of "
@@ -273,11 +305,6 @@ def _offer_bending_step(scene: Scene, layers: int, reasons: dict[str, str]) -> N
         )
 
 
-def _step(solid: Solid, size: Size) -> float:
-    """Time step of implicit methods where nothing is asked for [s]."""
-    return COURANT * size.mesh_size / leading_speed(solid)
-
-
 def ringing_findings(solid: Solid, method: str, size: Size) -> list[Finding]:
     """What nearly incompressible bodies need for a smooth force.
 
@@ -300,7 +327,9 @@ def ringing_findings(solid: Solid, method: str, size: Size) -> list[Finding]:
     return [warning("ringing", text, solid.name, remedy)]
 
 
-def choose_linear_solver(scene: Scene, method: str, size: Size, reasons: dict[str, str]) -> str:
+def choose_linear_solver(
+    scene: Scene, method: str, sizes: Sequence[Size], reasons: dict[str, str]
+) -> str:
     """A factorisation as long as it is cheap; none where there is no system to solve."""
     asked = scene.solve.linear_solver
     if method in EXPLICIT:
@@ -311,6 +340,7 @@ def choose_linear_solver(scene: Scene, method: str, size: Size, reasons: dict[st
     if asked is not None:
         reasons["linear_solver"] = "as asked"
         return asked
+    size = max(sizes, key=lambda size: size.unknowns)  # each body has factors of its own
     limit = _DIRECT[size.dim]
     if size.unknowns <= limit:
         reasons["linear_solver"] = (

@@ -2,6 +2,7 @@
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from impactfem.errors import SceneError
@@ -97,21 +98,31 @@ def damped(step: float, rayleigh_stiffness: float) -> float:
     return step / (math.hypot(1.0, share) + share)
 
 
-def explicit_step(solid: Solid, size: Size) -> float:
-    """The default step of explicit schemes [s], about."""
-    stable = NATURAL_STEP * size.least / (SHARE_OF_STABLE * solid.p_wave_speed)
-    return SHARE_OF_STABLE * damped(stable, solid.rayleigh_stiffness)
+def explicit_step(solids: Sequence[Solid], sizes: Sequence[Size]) -> float:
+    """The default step of explicit schemes [s], about: the least of all bodies."""
+    return SHARE_OF_STABLE * min(
+        damped(
+            NATURAL_STEP * size.least / (SHARE_OF_STABLE * solid.p_wave_speed),
+            solid.rayleigh_stiffness,
+        )
+        for solid, size in zip(solids, sizes, strict=True)
+    )
 
 
-def explicit_work(solid: Solid, size: Size, duration: float) -> float:
-    """Products with the stiffness that central differences take."""
-    return duration / explicit_step(solid, size)
+def explicit_work(solids: Sequence[Solid], sizes: Sequence[Size], duration: float) -> float:
+    """Products with the stiffnesses of all bodies that central differences take."""
+    return duration / explicit_step(solids, sizes)
 
 
-def implicit_work(solid: Solid, size: Size, duration: float, courant: float) -> float:
-    """The same of an implicit scheme, its factorisation included."""
-    steps = duration * leading_speed(solid) / (courant * size.mesh_size)
-    return steps * _SOLVE[size.dim] + factorisation_work(size)
+def implicit_work(
+    solids: Sequence[Solid], sizes: Sequence[Size], duration: float, courant: float
+) -> float:
+    """The same of an implicit scheme, its factorisations included."""
+    pairs = zip(solids, sizes, strict=True)
+    dt = courant * min(size.mesh_size / leading_speed(solid) for solid, size in pairs)
+    entries = sum(size.entries for size in sizes)
+    once = sum(factorisation_work(size) * size.entries for size in sizes) / entries
+    return duration / dt * _SOLVE[sizes[0].dim] + once
 
 
 def factorisation_work(size: Size) -> float:
@@ -127,21 +138,22 @@ def factor_mib(size: Size) -> float:
     return 12.0 * size.entries * _FILL[size.dim] * growth / 2**20
 
 
-def memory_mib(size: Size, linear_solver: str) -> float:
-    """Estimated peak memory of all ranks together [MiB].
+def memory_mib(sizes: Sequence[Size], linear_solver: str) -> float:
+    """Estimated peak memory of all bodies and ranks together [MiB].
 
     Raises:
         SceneError: The machine has less.
     """
-    own = size.nodes * _NODE_KIB / 1024 + _ENTRY_BYTES * size.entries / 2**20
-    more = {"none": 0.0, "mumps": factor_mib(size), "gamg": 0.6 * own}[linear_solver]
-    total = _BASE_MIB + own + more
-    _check(total, size.unknowns)
+    total = _BASE_MIB
+    for size in sizes:
+        own = size.nodes * _NODE_KIB / 1024 + _ENTRY_BYTES * size.entries / 2**20
+        total += own + {"none": 0.0, "mumps": factor_mib(size), "gamg": 0.6 * own}[linear_solver]
+    _check(total, sum(size.unknowns for size in sizes))
     return total
 
 
 def seconds(size: Size, steps: float, contact: int, linear_solver: str, ranks: int) -> float:
-    """Estimated time [s]: mesh, assembly, factorisation, steps and answers of contact nodes."""
+    """Estimated time of a body [s]: mesh, assembly, factorisation, steps, answers of its nodes."""
     product = size.entries * _MULT_SECONDS / ranks
     each = {"none": 1.5, "mumps": _SOLVE[size.dim], "gamg": _MULTIGRID}[linear_solver]
     once = 300.0 + (factorisation_work(size) if linear_solver == "mumps" else 0.0)

@@ -1,18 +1,20 @@
-"""The plan of a solid: degree, method, step and solver, with the reasons, and cheaper models."""
+"""The plan of solids: degree, method, step and solver, with the reasons, and cheaper models."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from impactfem.errors import SceneError
-from impactfem.findings import Finding, warning
+from impactfem.findings import Finding
 from impactfem.planning.card import Foresees
 from impactfem.planning.estimates import choose_estimate
+from impactfem.planning.meetings import told_contacts
 from impactfem.planning.normals import choose_normals
 from impactfem.planning.offers import offers
 from impactfem.planning.solid_choices import (
-    choose_degree,
+    choose_degrees,
     choose_linear_solver,
     choose_method,
     choose_steps,
@@ -33,7 +35,6 @@ from impactfem.result.whole import Whole
 from impactfem.scene import Scene
 from impactfem.scene.solids import Solid
 
-_WARNING = "warning: "
 _MODELS = {
     "plane_strain": "in plane strain",
     "plane_stress": "in plane stress",
@@ -48,14 +49,15 @@ _CELLS = {
 
 @dataclass(frozen=True, repr=False)
 class SolidPlan(Foresees):
-    """What will be modelled and how, for a solid.
+    """What will be modelled and how, for one solid or several.
 
     Attributes:
         method: Name as in `impactfem methods`.
         model: The model in words.
-        degree: Degree of the elements.
-        cells: "simplex" or "hexahedron".
-        mesh_size: Size of the elements [m], the mean one with a mesh file.
+        degree: Largest degree of the elements.
+        degrees: That of each body.
+        cells: "simplex" or "hexahedron", of the first body.
+        mesh_size: Size of the smallest elements [m], the mean one with a mesh file.
         dt: Time step [s]; None if it is a share of the stable step, which is found at run time.
         courant: c_p dt / h of implicit methods; for explicit ones the share of the stable step, or
             None if dt is given.
@@ -65,7 +67,7 @@ class SolidPlan(Foresees):
         active_set: Solver of the contact conditions.
         tolerance: Rounding level of gaps, relative to the size of the body.
         max_iterations: Limit of linear solves of one active-set loop.
-        contact_pairs: Nodes that can touch an obstacle.
+        contact_pairs: Gaps: of nodes to obstacles, and between bodies.
         unknowns: Displacement components.
         memory_mib: Estimated peak memory [MiB].
         seconds: Estimated time [s], that of the runs for the error included, output excluded.
@@ -77,6 +79,7 @@ class SolidPlan(Foresees):
     method: str
     model: str
     degree: int
+    degrees: tuple[int, ...]
     cells: str
     mesh_size: float
     dt: float | None
@@ -96,71 +99,85 @@ class SolidPlan(Foresees):
     reasons: dict[str, str]
 
 
-def plan_solid(scene: Scene) -> SolidPlan:
-    """Choose method and numbers for the solid of a scene (collective: its mesh is made).
+def plan_solids(scene: Scene) -> SolidPlan:
+    """Choose method and numbers for the solids of a scene (collective: they are meshed).
 
     Raises:
         SceneError: The settings cannot work, or need more memory than the machine has.
-        MeshError: The mesh cannot be made.
+        MeshError: A mesh cannot be made.
     """
-    from impactfem.models.solid import solid_model  # noqa: PLC0415  (loads DOLFINx)
+    from impactfem.models.solids import solids_model  # noqa: PLC0415  (loads DOLFINx)
     from impactfem.planning.damping import damping_findings  # noqa: PLC0415  (likewise)
     from impactfem.planning.turns import flight_findings  # noqa: PLC0415  (likewise)
 
-    solid, solve = scene.solid, scene.solve
+    solids, solve = scene.solids, scene.solve
     reasons: dict[str, str] = {}
     findings: list[Finding] = []
-    degree = choose_degree(scene, reasons, findings)
-    check_before_meshing(solid, degree)
-    model = solid_model(scene, degree)
-    if model.mesh.source is not None:
-        reasons["mesh"] = model.mesh.source.text
-    findings += left_out(solid, model.mesh)
-    size, extents = measured(solid, model.mesh, degree)
-    method = choose_method(scene, size, max(extents), reasons)
-    steps = choose_steps(scene, method, size, reasons)
-    linear_solver = choose_linear_solver(scene, method, size, reasons)
-    normals = choose_normals(scene, model.contact.gap, model.contact.normal, reasons)
-    findings += ringing_findings(solid, method, size)
-    findings += flight_findings(scene, [(solid, model.system, model.outside)], steps.dt)
-    for number, text in enumerate(model.contact.why, 1):
-        if text.startswith(_WARNING):
-            findings.append(warning("meets_nothing", text.removeprefix(_WARNING), solid.name))
-        else:
-            reasons[f"contact {number}"] = text
-    reasons |= {f"offer {name}": text for name, text in offers(scene).items()}
+    degrees = choose_degrees(scene, reasons, findings)
+    for solid, degree in zip(solids, degrees, strict=True):
+        check_before_meshing(solid, degree)
+    model = solids_model(scene, degrees, updated=solve.normals == "updated")
+    if choose_normals(model, reasons) and not model.updated:
+        model = solids_model(scene, degrees, updated=True)
+    alone = len(model.parts) == 1
+    for part in model.parts:
+        if part.mesh.source is not None:
+            reasons["mesh" if alone else f"mesh of {part.solid.name}"] = part.mesh.source.text
+        findings += left_out(part.solid, part.mesh)
+    found = [measured(part.solid, part.mesh, part.degree) for part in model.parts]
+    sizes = [size for size, _ in found]
+    method = choose_method(scene, sizes, [max(extents) for _, extents in found], reasons)
+    steps = choose_steps(scene, method, sizes, reasons)
+    linear_solver = choose_linear_solver(scene, method, sizes, reasons)
+    for solid, size in zip(solids, sizes, strict=True):
+        findings += ringing_findings(solid, method, size)
+    flyers = [(part.solid, part.system, part.outside) for part in model.parts]
+    findings += flight_findings(scene, flyers, steps.dt)
+    findings += told_contacts(model, reasons)
+    if alone:
+        reasons |= {f"offer {name}": text for name, text in offers(scene).items()}
     findings += method_findings(method, steps.courant)
-    step = steps.dt or (steps.courant or 1.0) / SHARE_OF_STABLE * explicit_step(solid, size)
+    share = (steps.courant or 1.0) / SHARE_OF_STABLE
+    step = steps.dt or share * explicit_step(solids, sizes)
     count = steps.layers or count_layers(scene.duration, step)
-    findings += damping_findings(method, solid, size, max(extents), step)
+    for solid, (size, extents) in zip(solids, found, strict=True):
+        findings += damping_findings(method, solid, size, max(extents), step)
+    touching = [len(numbers) for numbers in model.numbers]
 
     def cost(factor: float) -> float:
-        contact = round(model.contact.count / factor ** (solid.dim - 1))
-        return seconds(size.scaled(factor), count / factor, contact, linear_solver, model.comm.size)
+        return sum(
+            seconds(
+                size.scaled(factor), count / factor, round(nodes / factor ** (size.dim - 1)),
+                linear_solver, model.comm.size,
+            )
+            for size, nodes in zip(sizes, touching, strict=True)
+        )  # fmt: skip
 
     estimate, more = choose_estimate(
-        scene, [solid], [min(extents)], is_curved(model.mesh), cost, reasons
-    )
+        scene, solids, [min(extents) for _, extents in found],
+        any(is_curved(part.mesh) for part in model.parts), cost, reasons,
+    )  # fmt: skip
     return SolidPlan(
         method=method,
-        model=in_words(solid, size),
-        degree=degree,
-        cells=size.cells,
-        mesh_size=size.mesh_size,
+        model=in_words(scene, sizes),
+        degree=max(degrees),
+        degrees=degrees,
+        cells=sizes[0].cells,
+        mesh_size=min(size.mesh_size for size in sizes),
         dt=steps.dt,
         courant=steps.courant,
         layers=steps.layers,
         linear_solver=linear_solver,
-        normals=normals,
+        normals="updated" if model.updated else "fixed",
         active_set=solve.active_set or "pdas",
         tolerance=solve.tolerance or 1e-13,
         max_iterations=solve.max_iterations or 200,
-        contact_pairs=model.contact.count,
-        unknowns=size.unknowns,
-        memory_mib=memory_mib(size, linear_solver),
+        contact_pairs=model.contact_count,
+        unknowns=model.unknowns,
+        memory_mib=memory_mib(sizes, linear_solver),
         seconds=cost(1.0) + more,
         estimate=estimate,
-        whole=find_whole(scene, [model], reasons),
+        whole=find_whole(scene, model.parts, reasons),
         reasons=reasons,
         findings=tuple(findings),
     )
@@ -211,14 +228,26 @@ def measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, tuple[flo
     return size, tuple((high - low).tolist())
 
 
-def in_words(solid: Solid, size: Size) -> str:
-    """What a body is, in words."""
+def in_words(scene: Scene, sizes: Sequence[Size]) -> str:
+    """What the bodies are, in words."""
+    each = [_body(solid, size) for solid, size in zip(scene.solids, sizes, strict=True)]
+    if len(each) > 1:
+        each = [f"{solid.name}: {text}" for solid, text in zip(scene.solids, each, strict=True)]
+    rubs = any(contact.friction_coefficient > 0.0 for contact in scene.contacts)
+    walls = ["rigid obstacles"] * bool(scene.rigid_obstacles)
+    law = ", ".join(["linear elastic", *walls]) + (
+        ", Coulomb friction" if rubs else ", no friction"
+    )
+    return "; ".join([*each, law])
+
+
+def _body(solid: Solid, size: Size) -> str:
     what = "body of a mesh file" if solid.shape is None else solid.shape.kind
     letter = "P" if size.cells == "simplex" else "Q"
     kind = _CELLS[size.dim, size.cells]
-    parts = [f"{what} {_MODELS[solid.model]}", f"{letter}{size.degree} {kind}"]
+    text = f"{what} {_MODELS[solid.model]}"
     cuts = () if solid.shape is None else solid.shape.symmetry
     if cuts:
         fraction = {1: "half", 2: "quarter", 3: "eighth"}[len(cuts)]
-        parts[0] = f"{fraction} of a {parts[0]}"
-    return ", ".join([*parts, "linear elastic, rigid obstacles without friction"])
+        text = f"{fraction} of a {text}"
+    return f"{text}, {letter}{size.degree} {kind}"

@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from impactfem.result.history import BodyMotion, make_history
     from impactfem.result.result import Result
     from impactfem.result.solid_fields import FieldSpool, SolidFields
-    from impactfem.result.solid_motion import SolidMotion, solid_history
 
 # Loaded when first used: a plan takes `BodyMotion` and needs neither h5py nor xarray.
 _HOMES = {
@@ -20,9 +19,7 @@ _HOMES = {
     "Fields": "impactfem.result.fields",
     "Result": "impactfem.result.result",
     "SolidFields": "impactfem.result.solid_fields",
-    "SolidMotion": "impactfem.result.solid_motion",
     "make_history": "impactfem.result.history",
-    "solid_history": "impactfem.result.solid_motion",
 }
 
 __all__ = [
@@ -33,9 +30,7 @@ __all__ = [
     "Fields",
     "Result",
     "SolidFields",
-    "SolidMotion",
     "make_history",
-    "solid_history",
 ]
 
 

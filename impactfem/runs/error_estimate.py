@@ -14,7 +14,6 @@ from impactfem.errors import ConvergenceError, ImpactError
 from impactfem.log import Progress
 from impactfem.planning import SolidPlan
 from impactfem.reference.bar import Errors
-from impactfem.result.solid_motion import SolidMotion, solid_history
 from impactfem.result.table import Table
 from impactfem.scene import Scene, Solid
 
@@ -51,11 +50,6 @@ class Track:
     times: Floats
     position: Floats
     force: Floats
-
-    @classmethod
-    def of_motion(cls, motion: SolidMotion) -> "Track":
-        """Of the motion of one body."""
-        return cls(motion.times, motion.position, motion.contact_force)
 
     @classmethod
     def of_history(cls, history: Table, names: Sequence[str]) -> "Track":
@@ -155,8 +149,7 @@ def can_be_resized(scene: Scene) -> bool:
 
 def _run(scene: Scene, chosen: SolidPlan, factor: float) -> Track:
     """The scene on elements so many times as large, with steps as much larger."""
-    from impactfem.runs.bodies import run_bodies  # noqa: PLC0415  (loads DOLFINx)
-    from impactfem.runs.solids import run_solid  # noqa: PLC0415
+    from impactfem.runs.solids import run_solids  # noqa: PLC0415  (loads DOLFINx)
 
     explicit = chosen.linear_solver == "none"  # steps follow from the stiffness anyway
     numbers = replace(
@@ -169,15 +162,10 @@ def _run(scene: Scene, chosen: SolidPlan, factor: float) -> Track:
     )
     names = [body.name for body in scene.bodies]
     with resized(scene, factor) as other:
-        if scene.has_pairs:
-            several, _ = run_bodies(other, numbers, Progress())
-            history, effort = several.history, several.effort
-        else:
-            motion, _ = run_solid(other, numbers, Progress())
-            history, effort = solid_history(motion, names[0]), motion.effort
-    if not effort.converged:
-        raise ConvergenceError(effort.message)
-    return Track.of_history(history, names)
+        motion, _ = run_solids(other, numbers, Progress())
+    if not motion.effort.converged:
+        raise ConvergenceError(motion.effort.message)
+    return Track.of_history(motion.history, names)
 
 
 @contextmanager

@@ -1,4 +1,6 @@
-"""The motion of a solid from the rows that its march has left."""
+"""The motions of solids from the rows that their march has left."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,21 +8,37 @@ from numpy.typing import NDArray
 from impactfem.marching.collect import total
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.schemes import SolidScheme
-from impactfem.marching.solid_output import Watch
 from impactfem.marching.solids import Rows, SolidMarch
-from impactfem.models.solid import SolidModel
+from impactfem.models.solids import SolidsModel
 from impactfem.planning.model_limits import CODES as MODEL_CODES
 from impactfem.planning.model_limits import measured_findings
 from impactfem.result.bar_motion import Effort
-from impactfem.result.solid_motion import SolidMotion
+from impactfem.result.history import BodyMotion, Columns, make_history
+from impactfem.result.table import Table
 from impactfem.result.whole import Whole
 from impactfem.runs.forces import contact_codes, contact_findings, mesh_window
+from impactfem.runs.solid_output import Watch
 
 Floats = NDArray[np.float64]
 
 
-def solid_motion(
-    model: SolidModel,
+@dataclass(frozen=True)
+class SolidsMotion:
+    """Motions of solids at their time levels.
+
+    Attributes:
+        history: In the columns of the contract.
+        effort: How the scheme got there.
+        is_finite: Whether forces, energies and motions are finite.
+    """
+
+    history: Table
+    effort: Effort
+    is_finite: bool
+
+
+def solids_motion(
+    model: SolidsModel,
     scheme: SolidScheme,
     march: SolidMarch,
     watch: Watch,
@@ -28,55 +46,98 @@ def solid_motion(
     limit: float | None,
     whole: Whole,
     size: float,
-) -> SolidMotion:
-    """Make the motion of the rows of all ranks (collective).
+) -> SolidsMotion:
+    """Make the motions of the rows of all ranks (collective).
 
     Args:
-        model: The body.
-        scheme: What marched it.
+        model: The solids.
+        scheme: What marched them.
         march: At its end, or where it failed.
         watch: What was seen of nodes without contact unknowns.
-        limits: What was seen of rotation and strains.
-        limit: Stable time step [s] of an explicit scheme.
-        whole: What the body is a part of; the motion is that of the whole.
-        size: Size of its elements [m].
+        limits: What was seen of rotations and strains.
+        limit: Least stable time step [s] of an explicit scheme.
+        whole: What the solids are parts of; the motions are those of the whole.
+        size: Size of the elements of those that do not say it [m].
     """
-    dim = model.solid.dim
-    sums = total(model.comm, march.rows.sums)
+    dim = model.parts[0].solid.dim
+    each = total(model.comm, march.rows.sums)
     # After a failure the last rows are empty or not finite.
-    bad = ~np.isfinite(sums).all(axis=1)
-    done = min(march.layer + 1, int(np.argmax(bad)) if bad.any() else len(sums))
-    rows, sums = march.rows.first(done).times(whole.factor), whole.factor * sums[:done]
-    momentum, moment = whole.mean(sums[:, 3 : 3 + dim]), sums[:, 3 + dim :]
-    times: Floats = march.interior.dt * np.arange(done, dtype=np.float64)
-    explicit = scheme.interior == "leapfrog"
+    bad = ~np.isfinite(each).all(axis=(1, 2))
+    done = min(march.layer + 1, int(np.argmax(bad)) if bad.any() else len(each))
+    rows, each = march.rows.first(done).times(whole.factor), whole.factor * each[:done]
+    sums = each.sum(axis=1)
     elastic, force = elastic_and_force(scheme, rows, sums[:, 1])
-    work = work_done(march, rows, sums, moment, explicit=explicit)
-    direction = np.zeros(3)
-    first = model.contact.normal[np.argmin(model.contact.gap)] if model.contact.count else None
-    direction[:dim] = np.eye(dim)[dim - 1 if dim == 2 else 1] if first is None else first
-    mass, centre = whole.factor * model.system.total_mass, model.system.center_of_mass
-    position, velocity = np.zeros((len(times), 3)), np.zeros((len(times), 3))
-    position[:, :dim] = whole.mean_place(centre + moment / mass)
-    velocity[:, :dim] = momentum / mass
-    figures = limits.figures()
-    changes = np.abs(np.diff(rows.active))
-    effort = Effort(
-        num_unknowns=model.system.num_dofs + model.contact.count,
-        iterations=int(rows.iterations.max()),
-        set_changes=(int(changes.max(initial=0)),),
+    work = work_done(march, rows, sums, explicit=scheme.interior == "leapfrog")
+    bodies = {}
+    for k, part in enumerate(model.parts):
+        mass, centre = whole.factor * part.system.total_mass, part.system.center_of_mass
+        position, velocity = np.zeros((done, 3)), np.zeros((done, 3))
+        position[:, :dim] = whole.mean_place(centre + each[:, k, 3 + dim :] / mass)
+        velocity[:, :dim] = whole.mean(each[:, k, 3 : 3 + dim]) / mass
+        bodies[part.solid.name] = BodyMotion(position, velocity)
+    direction = _direction(model)
+    history = make_history(
+        Columns(
+            time=march.interior.dt * np.arange(done, dtype=np.float64),
+            gap=np.where(np.isfinite(rows.gap), rows.gap, np.nan),
+            contact_force=force + 0.0,  # no negative zeros
+            kinetic_energy=sums[:, 0],
+            elastic_energy=elastic,
+            potential_energy=whole.factor * _level(model) - work,
+            momentum=whole.mean(sums[:, 3 : 3 + dim]) @ direction[:dim],
+            active=rows.active,
+            bodies=bodies,
+        )
+    )
+    along = ", ".join(f"{component:.6g}" for component in direction)
+    history["momentum"].attrs["direction"] = direction
+    history["momentum"].attrs["long_name"] = f"linear momentum along ({along})"
+    history["contact_force"].attrs["comment"] = (
+        "sum of the normal forces of all contacts during (t_{m-1}, t_m]"
+    )
+    history["potential_energy"].attrs["comment"] = "minus the work of gravity and other loads"
+    finite = all(bool(np.isfinite(history[name].values).all()) for name in _MOVING) and bool(
+        np.isfinite(sums).all()
+    )
+    effort = _effort(model, march, rows, watch, limits, limit, whole, size)
+    return SolidsMotion(history, effort, finite)
+
+
+_MOVING = ("contact_force", "total_energy")
+
+
+def _effort(
+    model: SolidsModel,
+    march: SolidMarch,
+    rows: Rows,
+    watch: Watch,
+    limits: ModelWatch,
+    limit: float | None,
+    whole: Whole,
+    size: float,
+) -> Effort:
+    """How the march got there; arguments as of `solids_motion`."""
+    figures, parts = limits.figures(), model.parts
+    iterations = rows.iterations[rows.iterations > 0]
+    return Effort(
+        num_unknowns=model.unknowns + model.contact_count,
+        iterations=int(rows.iterations.max(initial=0)),
+        set_changes=(int(np.abs(np.diff(rows.active)).max(initial=0)),),
         converged=not march.failure,
         message=march.failure or "every layer settled",
         details={
             "dt": march.interior.dt,
             "layers": march.layers,
             "stable_dt": limit,
-            "contact_nodes": model.contact.count,
-            "mean_iterations_in_contact": _mean(rows.iterations[rows.iterations > 0]),
+            "contact_pairs": model.contact_count,
+            "contact_nodes": sum(len(numbers) for numbers in model.numbers),
+            "mean_iterations_in_contact": float(iterations.mean()) if len(iterations) else 0.0,
+            "carriers": {" and ".join(p.names): p.names[0] for p in model.pairs},
+            "friction_work": float(rows.friction_work.sum()),
             "penetration_elsewhere": watch.depth,
             "watch": watch.message,
-            "cells": model.mesh.num_cells,
-            "nodes": model.mesh.num_nodes,
+            "cells": sum(part.mesh.num_cells for part in parts),
+            "nodes": sum(part.mesh.num_nodes for part in parts),
             **whole.details(),
         },
         findings=(
@@ -84,23 +145,10 @@ def solid_motion(
             *measured_findings(figures),
         ),
         measured=(*contact_codes(rows.force), *MODEL_CODES),
-        force_window=mesh_window([model.solid], [model.degree], size),
+        force_window=mesh_window(
+            [part.solid for part in parts], [part.degree for part in parts], size
+        ),
         bodies=figures,
-    )
-    along: Floats = momentum @ direction[:dim]
-    return SolidMotion(
-        times=times,
-        gap=np.where(np.isfinite(rows.gap), rows.gap, np.nan),
-        contact_force=force,
-        kinetic=sums[:, 0],
-        elastic=elastic,
-        potential=whole.factor * _level(model) - work,
-        momentum=along,
-        direction=direction,
-        active=rows.active,
-        position=position,
-        velocity=velocity,
-        effort=effort,
     )
 
 
@@ -122,23 +170,17 @@ def elastic_and_force(scheme: SolidScheme, rows: Rows, elastic: Floats) -> tuple
     return energy, force
 
 
-def _mean(values: NDArray[np.int64]) -> float:
-    return float(values.mean()) if len(values) else 0.0
-
-
-def work_done(
-    march: SolidMarch, rows: Rows, sums: Floats, moment: Floats, *, explicit: bool
-) -> Floats:
+def work_done(march: SolidMarch, rows: Rows, sums: Floats, *, explicit: bool) -> Floats:
     """Work of gravity, loads and moved obstacles up to each layer [J], as the scheme does it.
 
     Args:
         march: At its end.
         rows: As the march has left them, of the whole.
         sums: Of all ranks and bodies, as `Rows.sums` has them, (rows, 3 + 2 dim).
-        moment: Mass times displacement [kg m], (rows, dim).
         explicit: Whether energies belong to the middle of layers.
     """
-    step = np.diff(moment, axis=0)
+    dim = (sums.shape[1] - 3) // 2
+    step = np.diff(sums[:, 3 + dim :], axis=0)  # mass times way
     layers = range(len(sums) - 1)
     gravity = np.array([march.interior.gravity(layer) for layer in layers]).reshape(step.shape)
     if explicit:  # energies belong to the middle of layers: half of each neighbouring step
@@ -149,10 +191,47 @@ def work_done(
     return done
 
 
-def _level(model: SolidModel) -> float:
-    """Potential of gravity at t = 0: 0 where the body would begin to touch [J]."""
-    if not model.contact.count:
-        return 0.0
-    nearest = int(np.argmin(model.contact.gap))
-    towards = -float(model.gravity.at(0.0) @ model.contact.normal[nearest])
-    return model.system.total_mass * max(0.0, towards) * float(model.contact.gap[nearest])
+def _level(model: SolidsModel) -> float:
+    """Potential of gravity at t = 0: 0 where bodies would begin to touch their obstacles [J]."""
+    level, gravity = 0.0, model.scene.vector_gravity.at(0.0)
+    for part in model.parts:
+        if part.contact is not None and part.contact.count:
+            nearest = int(np.argmin(part.contact.gap))
+            towards = -float(gravity @ part.contact.normal[nearest])
+            height = float(part.contact.gap[nearest])
+            level += part.system.total_mass * max(0.0, towards) * height
+    return level
+
+
+def _direction(model: SolidsModel) -> Floats:
+    """Unit vector along which momentum is told: its largest component is positive.
+
+    Of one body the normal of the obstacle that is nearest to it, whatever its sign. Of several that
+    of the first one's approach to the second; of gravity, if they start alike; else the line of
+    their centres.
+    """
+    dim, way = model.parts[0].solid.dim, np.zeros(3)
+    if len(model.parts) == 1:
+        contact = model.parts[0].contact
+        if contact is None or not contact.count:
+            return np.array([0.0, 1.0, 0.0])
+        way[:dim] = contact.normal[int(np.argmin(contact.gap))]
+        return way
+    one, two = model.parts[:2]
+    speeds = [part.system.mean(part.system.velocity) for part in (one, two)]
+    approach = speeds[0] - speeds[1]
+    if np.linalg.norm(approach) <= 1e-12 * np.abs(speeds).max():
+        approach = np.zeros(dim)  # rounding
+    for candidate in (
+        approach,
+        np.asarray(model.scene.vector_gravity.at(0.0)),
+        one.system.center_of_mass - two.system.center_of_mass,
+    ):
+        way[:dim] = candidate[:dim]
+        length = float(np.linalg.norm(way))
+        if length > 0.0:
+            way /= length
+            way[np.abs(way) < 1e-9] = 0.0
+            way *= np.sign(way[np.argmax(np.abs(way))])
+            return way + 0.0
+    return np.array([1.0, 0.0, 0.0])

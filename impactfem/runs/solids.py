@@ -1,6 +1,7 @@
-"""Run the time loop of a solid as planned: from the scene to its motion and fields."""
+"""Run the time loop of solids as planned: from the scene to their motions and fields."""
 
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,25 +10,30 @@ from numpy.typing import NDArray
 
 from impactfem.contact.complementarity import Solver, solve_by_active_set
 from impactfem.contact.gaps import Gaps
+from impactfem.contact.pairs import PairGaps
 from impactfem.errors import ConvergenceError
-from impactfem.fem import cell_nodes, gather, on_root
+from impactfem.fem import gather, on_root
 from impactfem.log import Progress
 from impactfem.marching.checkpoint import Checkpoints
 from impactfem.marching.collect import Collector
+from impactfem.marching.composite import Composite
+from impactfem.marching.layers import ContactGaps, Interior
 from impactfem.marching.leapfrog import Leapfrog
 from impactfem.marching.midpoint import Midpoint
 from impactfem.marching.model_watch import ModelWatch
-from impactfem.marching.schemes import SOLID_SCHEMES
-from impactfem.marching.solid_output import FieldOutput, Watch
+from impactfem.marching.rubbing import Friction
+from impactfem.marching.rubbing_march import RubbingMarch
+from impactfem.marching.schemes import SOLID_SCHEMES, SolidScheme
 from impactfem.marching.solids import Level, SolidMarch
-from impactfem.models.solid import SolidModel, solid_model
-from impactfem.result.cell_kinds import KINDS
+from impactfem.models.solids import SolidPart, SolidsModel, solids_model
 from impactfem.result.solid_fields import FieldSpool, SolidFields
-from impactfem.result.solid_motion import SolidMotion
 from impactfem.result.store import SPOOL
-from impactfem.runs.solid_rows import solid_motion
+from impactfem.runs.solid_output import FieldOutput, Watch, open_spool
+from impactfem.runs.solid_rows import SolidsMotion, solids_motion
 from impactfem.runs.solid_steps import planned_steps
 from impactfem.scene import Scene
+from impactfem.scene.pairing import friction_of
+from impactfem.system.inside import check_inside
 from impactfem.system.massless import mass_transfer
 from impactfem.system.stretches import Stretches
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
@@ -35,24 +41,22 @@ from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from impactfem.marching.layers import Interior
     from impactfem.planning import SolidPlan
 
 Floats = NDArray[np.float64]
 
 
-@np.errstate(
-    over="ignore", invalid="ignore", divide="ignore"
-)  # the loop looks itself whether numbers are finite
-def run_solid(
+# The loop looks itself whether numbers are finite.
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def run_solids(
     scene: Scene,
     plan: "SolidPlan",
     progress: Progress,
     *,
     checkpoints: Path | None = None,
     restart: Path | None = None,
-) -> tuple[SolidMotion, SolidFields | None]:
-    """March a solid through the duration of its scene (collective).
+) -> tuple[SolidsMotion, SolidFields | None]:
+    """March solids through the duration of their scene (collective).
 
     Args:
         scene: The scene.
@@ -62,56 +66,73 @@ def run_solid(
         restart: Folder with the checkpoint to continue from, None to begin at t = 0.
 
     Returns:
-        The motion, on every rank, and the fields on rank 0 (None elsewhere, or if none are asked).
+        The motions, on every rank, and the fields on rank 0 (None elsewhere, or if none are asked).
 
     Raises:
-        SceneError: The time step is beyond the stable one.
-        MeshError: The mesh does not fit.
+        SceneError: The time step is beyond the stable one, or bodies overlap.
+        MeshError: A mesh does not fit.
         ConvergenceError: The first layer was not found. A later failure ends the motion, which
             then says so in its effort.
         OutputError: The checkpoint cannot be read or written.
     """
     progress.step("meshing and assembling")
-    model = solid_model(scene, plan.degree)
+    model = solids_model(scene, plan.degrees, updated=plan.normals == "updated")
     scheme = SOLID_SCHEMES[plan.method]
-    surface = SurfaceNodes.of(
-        model.comm, model.solid.dim, model.contact.numbers, model.system.numbers
-    )
-    massless = scheme.massless and surface.count > 0
-    statics = SurfaceStatics(model.system.stiffness, surface) if massless else None
-    transfer = mass_transfer(model.system, surface, model.mesh) if massless else None
-    discretised = {model.solid.name: (model, surface, transfer)}
+    surfaces = [model.surface(k) for k in range(len(model.parts))]
+    transfers = [
+        mass_transfer(part.system, surface, part.mesh)
+        if scheme.massless and surface.count
+        else None
+        for part, surface in zip(model.parts, surfaces, strict=True)
+    ]
+    each = list(zip(model.parts, surfaces, transfers, strict=True))
+    for part, surface, transfer in each:
+        if transfer is not None:
+            check_inside(part.solid.name, part.system, surface)
+    discretised = {parts[0].solid.name: parts for parts in each}
     dt, layers, limit = planned_steps(scene.duration, plan, scheme, discretised)
     progress.step("preparing the layers")
+    law = _friction(model, plan)
+    interiors = [_interior(*parts, scheme, dt, plan.linear_solver) for parts in each]
     interior: Interior
-    if scheme.interior == "leapfrog":
-        interior = Leapfrog(model.system, surface, statics, transfer, dt)
+    gaps: ContactGaps
+    if len(interiors) == 1 and law is None:
+        # Nodes that each have a gap of their own: nothing has to be weighed.
+        interior, gaps = interiors[0], _obstacle_gaps(model, surfaces)[0][1]
     else:
-        interior = Midpoint(model.system, surface, statics, transfer, dt, plan.linear_solver)
-    size = float(np.ptp(gather(model.comm, model.system.positions), axis=0).max())
-    initial = surface.gather(model.system.displacement)
-    updated = plan.normals == "updated"
-    gaps = Gaps(scene.obstacles, model.contact, initial, updated=updated)
-    solver = _solver(plan, size)
-    march = SolidMarch(model.comm, interior, scheme, gaps, solver, layers, plan.tolerance * size)
+        composite = Composite(interiors, [_free(*parts[:2]) for parts in each])
+        interior, gaps = composite, _pair_gaps(model, surfaces, composite)
+    tolerance = plan.tolerance * _size(model)
+    solver = _solver(plan, tolerance)
+    arguments = (model.comm, interior, scheme, gaps, solver, layers, tolerance)
+    march = SolidMarch(*arguments) if law is None else RubbingMarch(*arguments, law)
     progress.step("marching")
     try:
-        bodies = {model.solid.name: Stretches(model.system, model.solid)}
-        kept = scene.output.every if scene.output.fields else 0
-        limits = ModelWatch(bodies, [len(model.system.constrained)], layers, kept)
-        fields, watch = _march(scene, model, march, limits, checkpoints, restart)
-        motion = solid_motion(
+        limits = ModelWatch(
+            {part.solid.name: Stretches(part.system, part.solid) for part in model.parts},
+            [len(part.system.constrained) for part in model.parts],
+            layers,
+            scene.output.every if scene.output.fields else 0,
+        )
+        fields, watch = _march(scene, model, march, gaps, limits, checkpoints, restart)
+        motion = solids_motion(
             model, scheme, march, watch, limits, limit, plan.whole, plan.mesh_size
         )
     finally:
         interior.destroy()
-        if transfer is not None:
-            transfer.destroy()
+        for transfer in transfers:
+            if transfer is not None:
+                transfer.destroy()
     return motion, fields
 
 
-def _solver(plan: "SolidPlan", size: float) -> Solver:
-    tolerance = plan.tolerance * size
+def _size(model: SolidsModel) -> float:
+    """Largest extent of the bodies [m] (collective)."""
+    positions = (gather(model.comm, part.system.positions) for part in model.parts)
+    return max(float(np.ptp(each, axis=0).max()) for each in positions)
+
+
+def _solver(plan: "SolidPlan", tolerance: float) -> Solver:
     if plan.active_set == "snes_vi":
         from impactfem.contact.snes_vi import solve_by_snes_vi  # noqa: PLC0415  (rarely asked)
 
@@ -119,39 +140,112 @@ def _solver(plan: "SolidPlan", size: float) -> Solver:
     return solve_by_active_set(tolerance, plan.max_iterations)
 
 
+def _friction(model: SolidsModel, plan: "SolidPlan") -> Friction | None:
+    """Coefficients of all gaps, in the order of `PairGaps`; None if there is no friction."""
+    scene, parts = model.scene, [np.zeros(0)]
+    for part in model.parts:
+        if part.contact is not None and part.contact.count:
+            each = [friction_of(scene, part.solid.name, o.name) for o in part.obstacles]
+            parts.append(np.array(each)[part.contact.obstacle])
+    parts += [np.full(pair.count, friction_of(scene, *pair.names)) for pair in model.pairs]
+    coefficients = np.concatenate(parts)
+    if not coefficients.any():
+        return None
+    return Friction(coefficients, plan.tolerance * _size(model), 50 * plan.max_iterations)
+
+
+def _interior(
+    part: SolidPart,
+    surface: SurfaceNodes,
+    transfer: object,
+    scheme: SolidScheme,
+    dt: float,
+    linear_solver: str,
+) -> Interior:
+    statics = None if transfer is None else SurfaceStatics(part.system.stiffness, surface)
+    if scheme.interior == "leapfrog":
+        return Leapfrog(part.system, surface, statics, transfer, dt)
+    return Midpoint(part.system, surface, statics, transfer, dt, linear_solver)
+
+
+def _free(part: SolidPart, surface: SurfaceNodes) -> Floats:
+    """1 where a contact node may move and 0 where a support holds it, (count, dim)."""
+    return surface.gather((~part.system.constrained).astype(float))
+
+
+def _obstacle_gaps(
+    model: SolidsModel, surfaces: Sequence[SurfaceNodes]
+) -> list[tuple[int, Gaps, Any]]:
+    """Of each body that can touch obstacles its place, its gaps and which of its nodes have one."""
+    found = []
+    for k, (part, surface) in enumerate(zip(model.parts, surfaces, strict=True)):
+        if part.contact is not None:
+            chosen = np.searchsorted(model.numbers[k], part.contact.numbers)
+            moved = surface.gather(part.system.displacement)[chosen]
+            gaps = Gaps(part.obstacles, part.contact, moved, updated=model.updated)
+            found.append((k, gaps, chosen.astype(np.int64)))
+    return found
+
+
+def _pair_gaps(
+    model: SolidsModel, surfaces: Sequence[SurfaceNodes], interior: Composite
+) -> PairGaps:
+    """Gaps to obstacles and between bodies."""
+    each = list(zip(model.parts, surfaces, strict=True))
+    meetings = [
+        pair.meeting(
+            [np.searchsorted(model.numbers[b], model.parts[b].outside.numbers[pair.nodes[side]])
+             + interior.offsets[b] for side, b in enumerate(pair.bodies)],
+            interior.offsets[-1],
+        )
+        for pair in model.pairs
+    ]  # fmt: skip
+    return PairGaps(
+        np.concatenate([surface.gather(part.system.positions.ravel()) for part, surface in each]),
+        np.concatenate([surface.gather(part.system.displacement) for part, surface in each]),
+        [(interior.own(k), chosen, gaps) for k, gaps, chosen in _obstacle_gaps(model, surfaces)],
+        meetings,
+        updated=model.updated,
+    )
+
+
 def _march(
     scene: Scene,
-    model: SolidModel,
+    model: SolidsModel,
     march: SolidMarch,
+    gaps: ContactGaps,
     limits: ModelWatch,
     checkpoints: Path | None,
     restart: Path | None,
 ) -> tuple[SolidFields | None, Watch]:
     """Run the loop with everything that looks at its levels."""
-    system, comm = model.system, model.comm
-    collector = Collector(comm, system.numbers)
-    watch = Watch(
-        comm, model.contact, scene.obstacles, system.numbers, system.positions,
-        max(1, march.layers // 50),
-    )  # fmt: skip
+    comm, collector = model.comm, Collector(model.comm, model.own_numbers)
+    positions = np.concatenate([part.system.positions for part in model.parts])
+    watch = Watch(comm, model.parts, max(1, march.layers // 50))
     observers: list[Callable[[Level], None]] = [watch, limits]
     place, passing = _spool_place(comm, checkpoints or restart, keep=bool(scene.output.fields))
     kept = None
     if restart is not None:
-        kept = _continue(scene, model, march, collector, watch, limits, restart)
+        text = scene.to_toml(folder=restart)
+        start = Checkpoints(comm, collector, positions, restart, text).read(march)
+        watch.depth, watch.message = float(start["depth"]), str(start["message"])
+        limits.restore(str(start["limits"]))
+        kept = int(start["fields"])
     writer = None
     if checkpoints is not None:
         text = scene.to_toml(folder=checkpoints)
-        writer = Checkpoints(comm, collector, system.positions, checkpoints, text)
+        writer = Checkpoints(comm, collector, positions, checkpoints, text)
         if restart is None:
             writer.forget()
     spool = None
     if scene.output.fields:
-        spool = _open_spool(model, place, kept)
+        each = zip(model.numbers, model.starts, strict=False)
+        contact = np.concatenate([numbers + start for numbers, start in each])
+        spool = open_spool(comm, model.parts, collector, place, kept)
         observers.append(
             FieldOutput(
-                collector, system.dim, spool, model.contact, system.stress_at, comm,
-                scene.output.every, march.layers,
+                comm, model.parts, collector, contact, gaps, spool, scene.output.every,
+                march.layers,
             )
         )  # fmt: skip
     if writer is not None and scene.output.checkpoint:
@@ -169,24 +263,6 @@ def _march(
     if spool is None or place is None:
         return None, watch
     return SolidFields(place, passing=passing), watch
-
-
-def _continue(
-    scene: Scene,
-    model: SolidModel,
-    march: SolidMarch,
-    collector: Collector,
-    watch: Watch,
-    limits: ModelWatch,
-    restart: Path,
-) -> int:
-    """Take up the state of a checkpoint; returns how many layers its fields have."""
-    text = scene.to_toml(folder=restart)
-    reader = Checkpoints(model.comm, collector, model.system.positions, restart, text)
-    start = reader.read(march)
-    watch.depth, watch.message = float(start["depth"]), str(start["message"])
-    limits.restore(str(start["limits"]))
-    return int(start["fields"])
 
 
 def _saver(
@@ -219,29 +295,3 @@ def _spool_place(comm: Any, folder: Path | None, *, keep: bool) -> tuple[Path | 
         return folder / SPOOL, None
     passing = Path(tempfile.mkdtemp(prefix="impactfem-"))
     return passing / "fields.vtkhdf", passing
-
-
-def _open_spool(model: SolidModel, place: Path | None, kept: int | None) -> FieldSpool | None:
-    """Open the file of the fields on rank 0 (collective)."""
-    mesh, comm = model.mesh, model.comm
-    own = mesh.mesh.topology.index_map(mesh.mesh.topology.dim).size_local
-    cells = mesh.numbers[cell_nodes(mesh.mesh)[:own]]
-    original = mesh.mesh.topology.original_cell_index[:own]
-    collector = Collector(comm, model.system.numbers)
-    points = collector.collect(model.system.positions.ravel(), model.solid.dim)
-    everything = comm.gather((original, cells), root=0)
-
-    def make() -> FieldSpool | None:
-        if place is None or everything is None or points is None:
-            return None
-        if kept is not None:
-            return FieldSpool.reopen(place, kept)
-        order = np.concatenate([part[0] for part in everything])
-        ordered = np.empty((len(order), cells.shape[1]), dtype=np.int64)
-        ordered[order] = np.concatenate([part[1] for part in everything])
-        kind = KINDS[mesh.cell, mesh.degree]
-        return FieldSpool(place, points, ordered[:, list(kind.order)], kind.vtk_type)
-
-    found: list[FieldSpool | None] = []
-    on_root(comm, lambda: found.append(make()))
-    return found[0] if found else None

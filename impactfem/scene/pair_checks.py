@@ -29,13 +29,11 @@ def check_pairs(scene: "Scene") -> None:
         _check_contact(scene, contact, f"contact[{index}]")
         for earlier in range(index):
             _check_twice(scene.contacts[earlier], contact, f"contact[{earlier}]", index)
+    rubs = any(contact.friction_coefficient > 0.0 for contact in scene.contacts)
     active_set = scene.solve.active_set
-    if active_set not in {None, "pdas"}:
-        text = f" = {show(active_set)} is not available for several solids: it works on one"
+    if rubs and active_set not in {None, "pdas"}:
+        text = f" = {show(active_set)} solves inequalities of the gaps, and friction makes a cone"
         raise KeyedError("solve", "active_set", f"{text}; remove it.")
-    if scene.output.checkpoint:
-        text = f" = {scene.output.checkpoint}: several solids are not checkpointed; remove it."
-        raise KeyedError("output", "checkpoint", text)
 
 
 def _check_contact(scene: "Scene", contact: Contact, where: str) -> None:

@@ -154,6 +154,11 @@ class Scene:
         return len(self.bars) > 1
 
     @property
+    def solids(self) -> tuple[Solid, ...]:
+        """The solids of the scene; none if its bodies are others."""
+        return tuple(body for body in self.bodies if isinstance(body, Solid))
+
+    @property
     def solid(self) -> Solid:
         """The solid of the scene.
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 import impactfem
-import impactfem.models.solid
+import impactfem.models.solids
 
 METHODS = ("explicit", "massless", "conserving", "galerkin", "moreau_jean", "newmark")
 FLOOR = {"kind": "half_space", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
@@ -87,6 +87,28 @@ def block_on_sphere(method, cells="simplex", degree=1, size=0.2, **solve):
     return scene(body, [sphere], 1.5, None, settings, {})
 
 
+def pair(method, normals, friction, **more):
+    """A disc that strikes another one aslant, above a floor that only one of them may meet."""
+    plain = {
+        "kind": "solid", "model": "plane_strain", "density": 1.0, "youngs_modulus": 1.0,
+        "poisson_ratio": 0.3, "mesh_size": 0.125,
+    }  # fmt: skip
+    one = plain | {"name": "one", "shape": DISC, "velocity": [0.1, -0.1]}
+    two = plain | {"name": "two", "shape": DISC | {"center": [1.05, 0.71]}}
+    return impactfem.Scene.from_dict(
+        {
+            "title": "pair", "duration": 2.0, "body": [one, two],
+            "obstacle": [FLOOR | {"name": "floor"}],
+            "contact": [
+                {"between": ["one", "two"], "friction_coefficient": friction},
+                {"between": ["one", "floor"], "friction_coefficient": friction},
+            ],
+            "solve": {"method": method, "normals": normals, "estimate": False},
+            "output": {"fields": ["vtkhdf"], "every": 3, "checkpoint": 4} | more,
+        }
+    )  # fmt: skip
+
+
 class Stopped(BaseException):
     """What ends a march between two layers in a test."""
 
@@ -117,12 +139,18 @@ def alone(monkeypatch):
     """Have every rank run the whole body by itself."""
     from impactfem.fem import MPI
 
-    own = SimpleNamespace(COMM_WORLD=MPI.COMM_SELF, MAX=MPI.MAX)
+    own = SimpleNamespace(COMM_WORLD=MPI.COMM_SELF, MAX=MPI.MAX, SUM=MPI.SUM)
     with monkeypatch.context() as patch:
-        patch.setattr(impactfem.models.solid, "MPI", own)
-        impactfem.models.solid._model.cache_clear()
+        patch.setattr(impactfem.models.solids, "MPI", own)
+        forget()
         yield
-    impactfem.models.solid._model.cache_clear()
+    forget()
+
+
+def forget():
+    """Have the next model meshed anew."""
+    impactfem.models.solids._model.cache_clear()
+    impactfem.models.solids._parts.cache_clear()
 
 
 def differences(one, other):

@@ -1,10 +1,8 @@
 """Several solids on several ranks: the same as on one."""
 
-from contextlib import contextmanager
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
+from moving_scenes import alone
 from pytest_mpi import parallel_assert
 
 import impactfem
@@ -53,22 +51,6 @@ def made(bodies, method, normals, duration, dt, obstacles=()):
             "solve": {"method": method, "normals": normals} | step, "output": {"fields": []},
         }
     )  # fmt: skip
-
-
-@contextmanager
-def alone(monkeypatch):
-    """Have every rank run all bodies by itself."""
-    from impactfem.fem import MPI
-    from impactfem.models import bodies as bodies_model
-
-    own = SimpleNamespace(COMM_WORLD=MPI.COMM_SELF, MAX=MPI.MAX, SUM=MPI.SUM)
-    with monkeypatch.context() as patch:
-        patch.setattr(bodies_model, "MPI", own)
-        bodies_model._model.cache_clear()
-        bodies_model._parts.cache_clear()
-        yield
-    bodies_model._model.cache_clear()
-    bodies_model._parts.cache_clear()
 
 
 def compare(case, monkeypatch):

@@ -11,6 +11,7 @@ from moving_scenes import (
     METHODS,
     differences,
     driven,
+    forget,
     rolling,
     scene,
     stopping,
@@ -134,8 +135,12 @@ DAMAGES = {
         ["is damaged", "node.displacement", AGAIN],
     ),
     "a node short": (shortened("node.velocity"), ["is damaged", "node.velocity", AGAIN]),
-    "a contact node short": (shortened("contact.gap"), ["is damaged", "contact.gap", AGAIN]),
+    "a contact node short": (shortened("march.contact.gap"), ["is damaged", "contact.gap", AGAIN]),
     "a row short": (shortened("rows.sums"), ["is damaged", "rows.sums", AGAIN]),
+    "no answers": (
+        rewritten(lambda data: data.pop("asked.nodes")),
+        ["is damaged", "asked.nodes", AGAIN],
+    ),
     "no layer": (rewritten(lambda data: data.pop("layer")), ["time step", AGAIN]),
     "too many layers": (
         rewritten(lambda data: data.update(layer=10_000)),
@@ -201,7 +206,7 @@ def test_a_mesh_file_that_was_changed_is_noticed(tmp_path, monkeypatch):
     case = impactfem.Scene.from_dict(case.to_dict(), base=tmp_path)
     with stopping(monkeypatch, 8):
         solve(case, checkpoints=tmp_path)
-    impactfem.models.solid._model.cache_clear()
+    forget()
     (tmp_path / "body.geo").write_text(script.format(height=0.6))
     with pytest.raises(OutputError, match="another mesh of this scene"):
         solve(case, restart=tmp_path)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import impactfem
 from impactfem.marching.solids import SolidMarch
-from impactfem.models.solid import solid_model
+from impactfem.models.solids import solids_model
 from impactfem.runs import solids as solid_runs
 
 
@@ -90,7 +90,7 @@ def test_invariants_of_random_impacts(levels, tables):
     levels.clear()
     scene = impactfem.Scene.from_dict(tables)
     history = impactfem.solve(scene).history
-    mass = solid_model(scene, tables["body"][0]["degree"]).system.total_mass
+    mass = solids_model(scene, [tables["body"][0]["degree"]]).parts[0].system.total_mass
     method, normal = tables["solve"]["method"], np.array(tables["obstacle"][0]["normal"])
     force, gap, multiplier = (np.array([level[k] for level in levels]) for k in range(3))
     size = np.hypot(0.6, 1.0)

@@ -8,6 +8,8 @@ from moving_scenes import (
     block_on_sphere,
     differences,
     driven,
+    forget,
+    pair,
     rolling,
     sliding,
     stopping,
@@ -127,31 +129,34 @@ def folder(tmp_path):
 
 @pytest.mark.parallel([2, 4])
 @pytest.mark.parametrize(
-    "settings",
+    "case",
     [
-        {"method": "explicit"},
-        {"method": "conserving"},
-        {"method": "moreau_jean"},
-        {"method": "massless", "linear_solver": "gamg"},
+        driven("explicit"),
+        driven("conserving"),
+        driven("moreau_jean"),
+        driven("massless", linear_solver="gamg"),
+        pair("explicit", "updated", 0.4),
+        pair("conserving", "fixed", 0.0),
     ],
-    ids=["explicit", "conserving", "moreau_jean", "gamg"],
+    ids=["explicit", "conserving", "moreau_jean", "gamg", "pair with friction", "pair"],
 )
-def test_a_continued_run_equals_the_whole_one_on_as_many_ranks(settings, folder, monkeypatch):
-    case = driven(**settings)
+def test_a_continued_run_equals_the_whole_one_on_as_many_ranks(case, folder, monkeypatch):
     whole = impactfem.solve(case)
     stop = int(0.6 * whole.summary["num_steps"])
     with stopping(monkeypatch, stop):
         impactfem.solve(case, checkpoints=folder)
-    impactfem.models.solid._model.cache_clear()  # as in a new process
+    forget()  # as in a new process
     again = impactfem.solve(case, checkpoints=folder, restart=folder)
     found = differences(whole, again)
     parallel_assert(found == {}, msg=str(found))
 
 
 @pytest.mark.parallel([2, 4])
-@pytest.mark.parametrize("method", ["explicit", "massless"])
-def test_a_run_goes_on_on_another_number_of_ranks(method, folder, tmp_path, monkeypatch):
-    case = rolling(method)
+@pytest.mark.parametrize(
+    "case", [rolling("explicit"), rolling("massless"), pair("massless", "updated", 0.4)],
+    ids=["explicit", "massless", "pair"],
+)  # fmt: skip
+def test_a_run_goes_on_on_another_number_of_ranks(case, folder, tmp_path, monkeypatch):
     with alone(monkeypatch):
         whole = impactfem.solve(case)
         stop = int(0.6 * whole.summary["num_steps"])

@@ -49,6 +49,11 @@ def test_degree_names_what_is_stiff():
     assert any("lock" in text for text in impactfem.plan(asked).warnings)
 
 
+def filling(dt, duration=4.0):
+    """The longest step up to one that fills the duration."""
+    return pytest.approx(duration / math.ceil(duration / dt), rel=1e-12)
+
+
 def test_slenderness_of_a_ring_is_that_of_its_wall():
     ring = {"kind": "ring", "inner_radius": 0.9, "radius": 1.0, "center": [0.0, 1.5]}
     assert slenderness(solid_scene(shape=ring).solid) == pytest.approx(20.0)
@@ -56,14 +61,14 @@ def test_slenderness_of_a_ring_is_that_of_its_wall():
 
 def test_nearly_incompressible_bodies_march_with_waves_of_shear():
     plan = impactfem.plan(solid_scene(poisson_ratio=0.4999))
-    assert plan.dt == pytest.approx(0.5 * 0.125 / math.sqrt(0.75 / 2.9998), rel=1e-12)
+    assert plan.dt == filling(0.5 * 0.125 / math.sqrt(0.75 / 2.9998))
     assert "courant = .5" in plan.reasons["dt"]
     (text,) = (text for text in plan.warnings if "rayleigh_stiffness = " in text)
     damping = float(text.split("rayleigh_stiffness = ")[1].split()[0])
     damped = impactfem.plan(solid_scene(poisson_ratio=0.4999, rayleigh_stiffness=damping))
     assert not any("rayleigh" in text for text in damped.warnings)
     asked = impactfem.plan(solid_scene(poisson_ratio=0.4999, solve={"courant": 0.5}))
-    assert asked.courant == pytest.approx(0.5)
+    assert 0.45 < asked.courant <= 0.5
 
 
 def test_implicit_step_is_half_an_element_of_the_fastest_wave():
@@ -71,9 +76,9 @@ def test_implicit_step_is_half_an_element_of_the_fastest_wave():
     plan = impactfem.plan(scene)
     # lambda + 2 mu = E (1 - nu) / ((1 + nu) (1 - 2 nu)), rho = 1.
     speed = math.sqrt(0.75 * 0.7 / (1.3 * 0.4))
-    assert plan.courant == pytest.approx(0.5)
-    assert plan.dt == pytest.approx(0.5 * 0.125 / speed, rel=1e-12)
-    assert plan.layers == math.ceil(4.0 / plan.dt)
+    assert 0.45 < plan.courant <= 0.5
+    assert plan.dt == filling(0.5 * 0.125 / speed)
+    assert plan.layers * plan.dt == pytest.approx(4.0, rel=1e-15)
 
 
 def test_explicit_step_is_a_share_of_the_stable_one_found_later():
@@ -189,7 +194,7 @@ def test_estimated_error_is_of_the_size_of_that_against_a_finer_mesh():
 
 
 def test_negative_control_ends_as_unstable():
-    summary = impactfem.solve(solid_scene(solve={"method": "newmark"}), estimate=False).summary
+    summary = impactfem.solve(solid_scene(solve={"method": "newmark", "dt": 0.05})).summary
     assert summary["status"] == "unstable"
     assert summary["energy"]["grows"]
 

@@ -3,8 +3,9 @@
 import numpy as np
 from scipy.spatial import Delaunay
 
-from impactfem.result import FieldSpool, Result, SolidFields, SolidMotion, solid_history
+from impactfem.result import FieldSpool, Result, SolidFields
 from impactfem.result.cell_kinds import KINDS
+from impactfem.result.history import BodyMotion, Columns, make_history
 from impactfem.scene import HalfSpace, Scene, Solid
 
 RADIUS, GAP, SPEED, CONTACT, PEAK_FORCE, PEAK_PRESSURE = 0.5, 0.1, 0.5, (0.2, 0.7), 1e3, 4e3
@@ -66,19 +67,23 @@ def solid_result(path, dim=2, *, layers=25, obstacles=None, broken=False):
             )
     zero = np.zeros(layers)
     velocity = np.gradient(centre, times)
-    motion = SolidMotion(
-        times=times,
+    columns = Columns(
+        time=times,
         gap=np.maximum(centre - RADIUS, 0.0),
         contact_force=PEAK_FORCE * pulse,
-        kinetic=0.5 * velocity**2,
-        elastic=0.5 * SPEED**2 - 0.5 * velocity**2,
-        potential=zero,
+        kinetic_energy=0.5 * velocity**2,
+        elastic_energy=0.5 * SPEED**2 - 0.5 * velocity**2,
+        potential_energy=zero,
         momentum=velocity,
-        direction=np.array([0.0, 1.0, 0.0]),
         active=(pulse > 0.0).astype(np.int64),
-        position=np.stack([zero, centre, zero], axis=1),
-        velocity=np.stack([zero, velocity, zero], axis=1),
+        bodies={
+            "body": BodyMotion(
+                np.stack([zero, centre, zero], axis=1), np.stack([zero, velocity, zero], axis=1)
+            )
+        },
     )
+    history = make_history(columns)
+    history["momentum"].attrs["direction"] = np.array([0.0, 1.0, 0.0])
     normal = [0.0, 1.0, 0.0][:dim]
     shape = {"kind": "disc" if dim == 2 else "sphere", "radius": RADIUS,
              "center": [0.0, RADIUS + GAP, 0.0][:dim]}  # fmt: skip
@@ -118,4 +123,4 @@ def solid_result(path, dim=2, *, layers=25, obstacles=None, broken=False):
         "plan": {"method": "massless", "model": "a disc", "reasons": {}, "findings": []},
         "verdict": {"level": "care", "findings": []},
     }  # fmt: skip
-    return Result(scene, solid_history(motion, "body"), summary, SolidFields(path))
+    return Result(scene, history, summary, SolidFields(path))

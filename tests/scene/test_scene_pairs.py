@@ -29,7 +29,8 @@ GOOD = {
 
 def scene(*contacts, **changes):
     data = copy.deepcopy(GOOD) | changes
-    data["contact"] = [{"between": list(names)} | rest for *names, rest in contacts]
+    if contacts:
+        data["contact"] = [{"between": list(names)} | rest for *names, rest in contacts]
     return Scene.from_dict(data)
 
 
@@ -112,8 +113,13 @@ SETTINGS = {
         ['body[1].model = "plane_stress"', "body[0]", "same model"],
     ),
     "names": ({"body": [block("left", 0.0)] * 2}, ['body[1].name = "left"', "another name"]),
-    "checkpoint": ({"output": {"checkpoint": 5}}, ["output.checkpoint = 5", "remove it"]),
-    "snes": ({"solve": {"active_set": "snes_vi"}}, ['solve.active_set = "snes_vi"', "remove it"]),
+    "snes": (
+        {
+            "solve": {"active_set": "snes_vi"},
+            "contact": [{"between": ["left", "right"], "friction_coefficient": 0.1}],
+        },
+        ['solve.active_set = "snes_vi"', "friction", "remove it"],
+    ),
 }
 
 

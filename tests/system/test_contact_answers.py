@@ -7,9 +7,9 @@ import pytest
 
 from impactfem.log import Progress
 from impactfem.marching import leapfrog
-from impactfem.models.solid import solid_model
+from impactfem.models.solids import solids_model
 from impactfem.planning import plan
-from impactfem.runs.solids import run_solid
+from impactfem.runs.solids import run_solids
 from impactfem.scene import Scene
 from impactfem.system.massless import lumped_mass, mass_transfer
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
@@ -30,7 +30,7 @@ def scene():
 
 
 def test_many_answers_are_those_of_single_forces_to_the_last_bit_of_any_grouping(scene):
-    model = solid_model(scene, 1)
+    model = solids_model(scene, [1]).parts[0]
     system = model.system
     surface = SurfaceNodes.of(model.comm, 3, model.contact.numbers, system.numbers)
     statics = SurfaceStatics(system.stiffness, surface)
@@ -53,10 +53,11 @@ def test_many_answers_are_those_of_single_forces_to_the_last_bit_of_any_grouping
 
 def test_a_motion_does_not_depend_on_how_many_columns_are_kept_whole(scene, monkeypatch):
     chosen = plan(scene)
-    expected, _ = run_solid(scene, chosen, Progress())
-    assert expected.active.max() > 6
+    expected = run_solids(scene, chosen, Progress())[0].history
+    assert expected["active"].values.max() > 6
     monkeypatch.setattr(leapfrog, "_WHOLE_COLUMNS", 4)
-    found, _ = run_solid(scene, replace(chosen), Progress())
-    scale = expected.contact_force.max()
-    np.testing.assert_allclose(found.contact_force, expected.contact_force, atol=1e-9 * scale)
-    assert abs(found.total / found.total[0] - 1.0).max() < 1e-12
+    found = run_solids(scene, replace(chosen), Progress())[0].history
+    one, other = (history["contact_force"].values for history in (expected, found))
+    np.testing.assert_allclose(other, one, atol=1e-9 * one.max())
+    energy = found["total_energy"].values
+    assert abs(energy / energy[0] - 1.0).max() < 1e-12

@@ -11,8 +11,8 @@ from rubbing import oblique, thrown, work
 from solid_pairs import velocity
 
 import impactfem
-import impactfem.models.bodies
-import impactfem.runs.bodies
+import impactfem.models.solids
+import impactfem.runs.solids
 from impactfem.errors import SceneError
 
 
@@ -126,7 +126,7 @@ def test_coefficient_zero_takes_the_path_without_friction(monkeypatch):
     def never(*_):
         raise AssertionError("a march with friction was made")
 
-    monkeypatch.setattr(impactfem.runs.bodies, "RubbingMarch", never)
+    monkeypatch.setattr(impactfem.runs.solids, "RubbingMarch", never)
     zero, absent = (impactfem.solve(oblique(mu)) for mu in (0.0, None))
     for name in absent.history.data_vars:
         assert np.array_equal(zero.history[name], absent.history[name], equal_nan=True), name
@@ -144,7 +144,7 @@ def test_a_trace_of_friction_is_next_to_none():
 
 def forget_models():
     """Have the next run mesh anew."""
-    for kept in vars(impactfem.models.bodies).values():
+    for kept in vars(impactfem.models.solids).values():
         if hasattr(kept, "cache_clear"):
             kept.cache_clear()
 
@@ -156,7 +156,7 @@ def test_two_ranks_agree_with_one(monkeypatch):
     scenes = oblique(0.3), oblique(0.3, normals="updated"), thrown(0.4, (0.1, -0.05))
     shared = [impactfem.solve(scene) for scene in scenes]
     own = SimpleNamespace(COMM_WORLD=MPI.COMM_SELF, MAX=MPI.MAX)
-    monkeypatch.setattr(impactfem.models.bodies, "MPI", own)
+    monkeypatch.setattr(impactfem.models.solids, "MPI", own)
     forget_models()
     alone = [impactfem.solve(scene) for scene in scenes]
     forget_models()

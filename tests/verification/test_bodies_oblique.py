@@ -38,9 +38,9 @@ def masses(case, model_of):
 
 
 def model(case):
-    from impactfem.models.bodies import bodies_model
+    from impactfem.models.solids import solids_model
 
-    return bodies_model(case, [1, 1], updated=case.solve.normals == "updated")
+    return solids_model(case, [1, 1], updated=case.solve.normals == "updated")
 
 
 @pytest.mark.parametrize("normals", ["fixed", "updated"])

@@ -10,7 +10,7 @@ import pytest
 from scipy.sparse import csr_matrix
 from solid_pairs import block, scene
 
-from impactfem.models.bodies import bodies_model
+from impactfem.models.solids import solids_model
 
 PRESSURE, NU = 0.01, 0.3
 
@@ -55,7 +55,7 @@ def strain(normal, *, plane):
 def misfits(bodies, normal):
     """Largest force that is left on a node inside or on the interface, and gap, both relative."""
     degree = bodies[0]["degree"]
-    model = bodies_model(scene(bodies, duration=1.0), [degree, degree], updated=False)
+    model = solids_model(scene(bodies, duration=1.0), [degree, degree], updated=False)
     (pair,) = model.pairs
     met = pair.met([side.surface.points for side in pair.sides])
     sides = met.forces(PRESSURE * met.area)

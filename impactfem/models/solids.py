@@ -1,4 +1,4 @@
-"""What the solids of a scene are that may strike each other: shared by plan and run."""
+"""What the solids of a scene are, meshed and discretised: shared by plan and run."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,6 +22,7 @@ from impactfem.models.key import SceneKey
 from impactfem.models.solid_contact import contact_of, reach_of
 from impactfem.scene import Scene, Solid
 from impactfem.scene.pairing import body_pairs, obstacles_of
+from impactfem.scene.scene import Rigid
 from impactfem.system.elastic import ElasticSystem, elastic_system
 from impactfem.system.surface import SurfaceNodes
 
@@ -30,44 +31,79 @@ Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class BodyPart:
-    """One of the solids.
+class SolidPart:
+    """One of the solids, meshed and distributed over the ranks.
 
     Attributes:
+        comm: MPI communicator.
+        scene: A scene with this model; its solver and output settings may be those of another run.
         solid: The body.
         degree: Degree of its elements.
         mesh: Its mesh.
-        system: Mass, stiffness, supports, loads.
-        outside: Its faces, on every rank.
-        places: Places of the nodes of the outside at t = 0 [m], (nodes, dim).
-        reach: Bound of its way within the duration.
-        obstacle: Nodes that can touch an obstacle; None without obstacles.
     """
 
+    comm: Any
+    scene: Scene
     solid: Solid
     degree: int
     mesh: BodyMesh
-    system: ElasticSystem
-    outside: Boundary
-    places: Floats
-    reach: Reach
-    obstacle: ContactNodes | None
+
+    @cached_property
+    def system(self) -> ElasticSystem:
+        """Mass, stiffness, supports and loads (collective at the first use)."""
+        return elastic_system(self.solid, self.scene.vector_gravity, self.mesh)
+
+    @cached_property
+    def outside(self) -> Boundary:
+        """Its faces, on every rank (collective at the first use)."""
+        solid = self.solid
+        return boundary(self.mesh, thickness=solid.thickness, axisymmetric=solid.is_axisymmetric)
+
+    @cached_property
+    def places(self) -> Floats:
+        """Places of the nodes of the outside at t = 0 [m], (nodes, dim) (collective likewise)."""
+        moved = self.system.displacement.reshape(-1, self.solid.dim)
+        numbers = self.outside.numbers
+        return self.outside.points + everywhere(self.comm, numbers, self.system.numbers, moved)
+
+    @cached_property
+    def obstacles(self) -> Sequence[Rigid]:
+        """What of the scene's obstacles it may meet."""
+        return obstacles_of(self.scene, self.solid.name)
+
+    @cached_property
+    def reach(self) -> Reach:
+        """Bound of its way within the duration (collective at the first use)."""
+        return reach_of(self.comm, self.scene, self.solid, self.system, self.obstacles)
+
+    @cached_property
+    def contact(self) -> ContactNodes | None:
+        """Nodes that can touch an obstacle within the duration; None if there is none (likewise).
+
+        Raises:
+            SceneError: The body is inside an obstacle at t = 0, or a surface is unknown.
+        """
+        if not self.obstacles:
+            return None
+        return contact_of(
+            self.comm, self.solid, self.system, self.outside, self.obstacles, self.reach
+        )
 
 
 @dataclass(frozen=True)
-class BodiesModel:
-    """Several solids, meshed and discretised.
+class SolidsModel:
+    """The solids of a scene, meshed and discretised.
 
     Attributes:
         comm: MPI communicator.
         scene: The scene.
-        parts: The solids, in the order of the scene.
+        parts: The solids, in its order.
         updated: Whether pairs of surfaces follow the bodies.
     """
 
     comm: Any
     scene: Scene
-    parts: tuple[BodyPart, ...]
+    parts: tuple[SolidPart, ...]
     updated: bool
 
     @cached_property
@@ -131,8 +167,8 @@ class BodiesModel:
         found = []
         for k, part in enumerate(self.parts):
             sets = [np.zeros(0, dtype=np.int64)]
-            if part.obstacle is not None:
-                sets.append(part.obstacle.numbers)
+            if part.contact is not None:
+                sets.append(part.contact.numbers)
             sets += [
                 part.outside.numbers[pair.nodes[side]]
                 for pair in self.pairs
@@ -142,6 +178,17 @@ class BodiesModel:
             found.append(np.unique(np.concatenate(sets)))
         return tuple(found)
 
+    @cached_property
+    def starts(self) -> Integers:
+        """Where the nodes of each body begin among those of all; their number, (bodies + 1,)."""
+        return np.cumsum([0, *(part.mesh.num_nodes for part in self.parts)])
+
+    @property
+    def own_numbers(self) -> Integers:
+        """Canonical numbers, body after body, of the nodes that this rank owns."""
+        each = zip(self.parts, self.starts, strict=False)
+        return np.concatenate([part.system.numbers + start for part, start in each])
+
     def surface(self, body: int) -> SurfaceNodes:
         """Contact nodes of a body on this rank."""
         part = self.parts[body]
@@ -150,7 +197,7 @@ class BodiesModel:
     @property
     def contact_count(self) -> int:
         """Number of gaps."""
-        obstacles = sum(part.obstacle.count for part in self.parts if part.obstacle is not None)
+        obstacles = sum(part.contact.count for part in self.parts if part.contact is not None)
         return obstacles + sum(pair.count for pair in self.pairs)
 
     @property
@@ -159,44 +206,30 @@ class BodiesModel:
         return sum(part.system.num_dofs for part in self.parts)
 
 
-def bodies_model(scene: Scene, degrees: Sequence[int], *, updated: bool) -> BodiesModel:
+def solids_model(scene: Scene, degrees: Sequence[int], *, updated: bool = False) -> SolidsModel:
     """Mesh the solids of a scene (collective); the last model is kept for plan and run to share.
 
     Raises:
         MeshError: A mesh cannot be made, or does not fit the scene.
         MissingDependencyError: DOLFINx or Gmsh is not installed.
-        SceneError: A body is inside an obstacle at t = 0.
     """
     return _model(SceneKey(scene), tuple(degrees), updated)
 
 
 @lru_cache(maxsize=1)
-def _model(key: SceneKey, degrees: tuple[int, ...], updated: bool) -> BodiesModel:  # hashed
-    return BodiesModel(MPI.COMM_WORLD, key.scene, _parts(key, degrees), updated)
+def _model(key: SceneKey, degrees: tuple[int, ...], updated: bool) -> SolidsModel:  # hashed
+    return SolidsModel(MPI.COMM_WORLD, key.scene, _parts(key, degrees), updated)
 
 
 @lru_cache(maxsize=1)
-def _parts(key: SceneKey, degrees: tuple[int, ...]) -> tuple[BodyPart, ...]:
+def _parts(key: SceneKey, degrees: tuple[int, ...]) -> tuple[SolidPart, ...]:
     """The bodies, meshed once for pairs that are fixed and for those that follow."""
-    solids = [body for body in key.scene.bodies if isinstance(body, Solid)]
+    scene, comm = key.scene, MPI.COMM_WORLD
+    folder = scene.folder or Path()
     # A list with a name outlives an error of a later body. What a comprehension had found would be
     # freed while the error is under way, which mpi4py's locks of communicators do not survive.
-    parts: list[BodyPart] = []
-    for solid, degree in zip(solids, degrees, strict=True):
-        parts.append(_part(key.scene, solid, degree))
+    parts: list[SolidPart] = []
+    for solid, degree in zip(scene.solids, degrees, strict=True):
+        mesh = build_body_mesh(comm, solid, degree, folder)
+        parts.append(SolidPart(comm, scene, solid, degree, mesh))
     return tuple(parts)
-
-
-def _part(scene: Scene, solid: Solid, degree: int) -> BodyPart:
-    comm = MPI.COMM_WORLD
-    mesh = build_body_mesh(comm, solid, degree, scene.folder or Path())
-    system = elastic_system(solid, scene.vector_gravity, mesh)
-    outside = boundary(mesh, thickness=solid.thickness, axisymmetric=solid.is_axisymmetric)
-    own = np.concatenate(
-        [system.displacement.reshape(-1, solid.dim), system.positions * 0.0], axis=1
-    )
-    moved = everywhere(comm, outside.numbers, system.numbers, own)[:, : solid.dim]
-    obstacles = obstacles_of(scene, solid.name)
-    bound = reach_of(comm, scene, solid, system, obstacles)
-    contact = contact_of(comm, solid, system, outside, obstacles, bound) if obstacles else None
-    return BodyPart(solid, degree, mesh, system, outside, outside.points + moved, bound, contact)

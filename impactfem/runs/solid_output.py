@@ -1,0 +1,184 @@
+"""What is kept of the march of solids: fields every so many layers, and a watch."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.watch import penetration_of_others
+from impactfem.errors import SceneError
+from impactfem.fem import cell_nodes, on_root
+from impactfem.marching.collect import Collector
+from impactfem.marching.layers import ContactGaps
+from impactfem.marching.solids import Level
+from impactfem.mesh.body import BodyMesh
+from impactfem.models.solids import SolidPart
+from impactfem.result.cell_kinds import KINDS
+from impactfem.result.solid_fields import FieldSpool
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class FieldOutput:
+    """Appends the fields of every so many layers to a spool on rank 0; nodes body after body."""
+
+    def __init__(
+        self,
+        comm: Any,
+        parts: Sequence[SolidPart],
+        collector: Collector,
+        contact: Integers,
+        gaps: ContactGaps,
+        spool: FieldSpool | None,
+        every: int,
+        layers: int,
+    ) -> None:
+        """Set what is written when.
+
+        Args:
+            comm: MPI communicator.
+            parts: The bodies.
+            collector: Of the nodes of all of them.
+            contact: Numbers of the contact nodes among these.
+            gaps: Of the march.
+            spool: Open on rank 0, None elsewhere.
+            every: Layers between fields.
+            layers: Number of layers; the last is written too.
+        """
+        self._comm, self._collector, self._contact, self._gaps = comm, collector, contact, gaps
+        self._dim, self._stress = parts[0].solid.dim, [part.system.stress_at for part in parts]
+        self._cuts = np.cumsum([0, *(len(part.system.constrained) for part in parts)])
+        self._spool, self._every, self._layers = spool, every, layers
+
+    def __call__(self, level: Level) -> None:
+        """Write the level if it is its turn (collective)."""
+        if level.layer % self._every and level.layer != self._layers:
+            return
+        collect, moved = self._collector.collect, level.displacement
+        stress = [
+            of(moved[first:end])
+            for of, (first, end) in zip(self._stress, pairwise(self._cuts), strict=True)
+        ]
+        values = {
+            "displacement": collect(moved, self._dim),
+            "velocity": collect(level.velocity, self._dim),
+            "von_mises": collect(np.concatenate(stress), 1),
+        }
+        on_root(self._comm, lambda: self._append(level, values))
+
+    def _append(self, level: Level, values: dict[str, Floats | None]) -> None:
+        if self._spool is None:
+            return
+        given = {name: array for name, array in values.items() if array is not None}
+        given["von_mises"] = given["von_mises"][:, 0]
+        nodes = len(given["von_mises"])
+        gap, pressure, active = np.full(nodes, np.nan), np.zeros(nodes), np.zeros(nodes)
+        for whole, seen in zip(
+            (gap, pressure, active), self._gaps.nodal(level.force, level.gap), strict=True
+        ):
+            whole[self._contact] = seen
+        self._spool.append(
+            level.time, {**given, "gap": gap, "contact_pressure": pressure, "active": active}
+        )
+
+
+def open_spool(
+    comm: Any,
+    parts: Sequence[SolidPart],
+    collector: Collector,
+    place: Path | None,
+    kept: int | None,
+) -> FieldSpool | None:
+    """Open the file of the fields of some bodies on rank 0 (collective).
+
+    Args:
+        comm: MPI communicator.
+        parts: The bodies.
+        collector: Of the nodes of all of them.
+        place: The file, on rank 0.
+        kept: Number of levels of an earlier run to keep; None to begin anew.
+
+    Raises:
+        SceneError: The bodies have different kinds of cells, which one file cannot hold.
+        OutputError: The file cannot be written or read.
+    """
+    kinds = {(part.mesh.cell, part.mesh.degree) for part in parts}
+    if len(kinds) > 1:
+        raise SceneError(
+            f"output.fields: the bodies have different cells ({sorted(kinds)}), which one file "
+            "cannot hold; give all the same cells and degree, or fields = []"
+        )
+    kind = KINDS[parts[0].mesh.cell, parts[0].mesh.degree]
+    positions = np.concatenate([part.system.positions for part in parts])
+    points = collector.collect(positions.ravel(), parts[0].solid.dim)
+    cells = [_cells(comm, part.mesh) for part in parts]
+    starts = np.cumsum([0, *(part.mesh.num_nodes for part in parts)])
+
+    def make() -> None:
+        if place is None or points is None:
+            return
+        if kept is not None:
+            found.append(FieldSpool.reopen(place, kept))
+            return
+        each = zip(cells, starts, strict=False)
+        joined = np.concatenate([own[:, list(kind.order)] + first for own, first in each])
+        found.append(FieldSpool(place, points, joined, kind.vtk_type))
+
+    found: list[FieldSpool] = []
+    on_root(comm, make)
+    return found[0] if found else None
+
+
+def _cells(comm: Any, mesh: BodyMesh) -> Any:
+    """Cells of the whole mesh by canonical numbers, on rank 0 (collective)."""
+    own = mesh.mesh.topology.index_map(mesh.mesh.topology.dim).size_local
+    cells = mesh.numbers[cell_nodes(mesh.mesh)[:own]]
+    everything = comm.gather((mesh.mesh.topology.original_cell_index[:own], cells), root=0)
+    if everything is None:
+        return None
+    order = np.concatenate([part[0] for part in everything])
+    ordered = np.empty((len(order), cells.shape[1]), dtype=np.int64)
+    ordered[order] = np.concatenate([part[1] for part in everything])
+    return ordered
+
+
+class Watch:
+    """Notices nodes without contact unknowns that come into an obstacle all the same.
+
+    Attributes:
+        depth: Of the deepest [m]; 0 without any.
+        message: What was seen, in words.
+    """
+
+    def __init__(self, comm: Any, parts: Sequence[SolidPart], every: int) -> None:
+        """Look at some bodies every so many layers."""
+        self._comm, self._parts, self._every = comm, parts, every
+        self._cuts = np.cumsum([0, *(len(part.system.constrained) for part in parts)])
+        self.depth = 0.0
+        self.message = ""
+
+    def __call__(self, level: Level) -> None:
+        """Look at a level if it is its turn (collective)."""
+        if level.layer % self._every:
+            return
+        for k, part in enumerate(self._parts):
+            if part.contact is None:
+                continue
+            positions = part.system.positions
+            moved = level.displacement[self._cuts[k] : self._cuts[k + 1]]
+            found = penetration_of_others(
+                self._comm, part.contact, part.obstacles, part.system.numbers,
+                positions + moved.reshape(positions.shape), level.time,
+            )  # fmt: skip
+            if found is not None and found.depth > self.depth:
+                self.depth = found.depth
+                where = ", ".join(f"{value:.4g}" for value in found.place)
+                self.message = (
+                    f"a node of {part.solid.name} without contact unknowns was {found.depth:.3g} m "
+                    f"deep in obstacle {part.obstacles[found.obstacle].name!r} at ({where}) m, "
+                    f"t = {level.time:.4g} s; name its surface in body.contact_surfaces"
+                )
