@@ -4,7 +4,7 @@ import numpy as np
 
 from impactfem.exact import ExactBarRow
 from impactfem.exact.row_bar import PIECES
-from impactfem.reference.bar import Errors, exact_bar, in_units
+from impactfem.reference.bar import Errors, exact_bar, in_units, root_of_squares
 from impactfem.reference.bar_row import exact_row
 from impactfem.scene import Scene
 
@@ -35,7 +35,7 @@ def rounding_of_exact(scene: Scene) -> Errors:
     return Errors(
         "same characteristics in other units and other pieces: the rounding level",
         float(np.abs(du).max() / (np.abs(u).max() or 1.0)),
-        float(np.linalg.norm(du) / (np.linalg.norm(u) or 1.0)),
+        root_of_squares(du) / (root_of_squares(u) or 1.0),
         float(np.abs(missed).sum() / (np.abs(force).sum() or 1.0)),
     )
 
@@ -61,6 +61,6 @@ def sampling_of_row(scene: Scene, exact: ExactBarRow) -> Errors:
     return Errors(
         f"same characteristics on {_OTHER_ROW} instead of {PIECES} pieces of each bar",
         float(np.abs(wrong).max() / (np.abs(ways).max() or 1.0)),
-        float(np.linalg.norm(wrong) / (np.linalg.norm(ways) or 1.0)),
+        root_of_squares(np.array(wrong)) / (root_of_squares(np.array(ways)) or 1.0),
         float(np.abs(missed / left).sum() / (np.abs(force).sum() or 1.0)),
     )

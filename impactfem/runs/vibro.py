@@ -12,7 +12,7 @@ from impactfem.findings import ROTATION_LIMITS, Finding, by_limits, warning
 from impactfem.log import Progress
 from impactfem.models.vibro import VibroModel, vibro_model
 from impactfem.planning.vibro import VibroPlan
-from impactfem.reference.bar import Errors
+from impactfem.reference.bar import Errors, root_of_squares
 from impactfem.result.axis import kept_rows, make_axis
 from impactfem.result.history import Columns, make_history
 from impactfem.result.table import Series, Table
@@ -237,7 +237,7 @@ def compare(motion: Trajectory, reference: Trajectory, name: str) -> Errors:
     return Errors(
         f"{name}; force by its impulse up to each time",
         _relative(np.abs(u - exact).max(), np.abs(way).max()),
-        _relative(np.linalg.norm(u - exact), np.linalg.norm(way)),
+        _relative(root_of_squares(u - exact), root_of_squares(way)),
         _relative(np.abs(impulse - other).sum(), np.abs(other).sum()),
     )
 
