@@ -2,16 +2,12 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.cards import card, curve
 from impactfem.result.bar_motion import Effort
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -137,20 +133,3 @@ class Trajectory:
             found.append(("method", self.effort.message))
         text = "force of lasting contact, of all constraints [N]"
         return card("Trajectory", found, parts=[curve(self.times, force, text)])
-
-    def to_xarray(self) -> "xr.Dataset":
-        """The motion as a data set over ``time``, with coordinates ``dof`` and ``constraint``."""
-        import xarray as xr  # noqa: PLC0415  (slow to load)
-
-        return xr.Dataset(
-            {
-                "position": (("time", "dof"), self.position),
-                "velocity": (("time", "dof"), self.velocity),
-                "gap": (("time", "constraint"), self.gap),
-                "contact_force": (("time", "constraint"), self.contact_force, {"units": "N"}),
-                "impulse": (("time", "constraint"), self.impulse, {"units": "N s"}),
-                "kinetic_energy": ("time", self.kinetic, {"units": "J"}),
-                "potential_energy": ("time", self.potential, {"units": "J"}),
-            },
-            coords={"time": ("time", self.times, {"units": "s", "long_name": "time"})},
-        )

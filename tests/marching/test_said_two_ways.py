@@ -95,3 +95,16 @@ def test_friction_that_is_next_to_none_changes_nothing(method):
     results = [impactfem.solve(pair(method, "fixed", mu)) for mu in (0.0, 1e-14)]
     assert results[0].summary["contact"]["max_force"] > 0.0
     assert max(apart(*results).values(), default=0.0) < 1e-9
+
+
+def test_the_potential_of_gravity_counts_from_where_bodies_would_touch():
+    body = {"shape": DISC, "mesh_size": 0.125}
+    one = scene(body, [FLOOR], 0.5, [0.0, -0.3], {"method": "massless"}, {"fields": []})
+    tables = one.to_dict()
+    above = tables["body"][0] | {"name": "above", "shape": DISC | {"center": [2.0, 0.7]}}
+    two = changed(one, body=[tables["body"][0], above])
+    for case, heights in ((one, [0.01]), (two, [0.01, 0.2])):
+        result = impactfem.solve(case)
+        masses = [body["mass"] for body in result.summary["bodies"].values()]
+        level = result.history["potential_energy"].values[0]
+        assert level == pytest.approx(0.3 * np.dot(masses, heights), rel=1e-3)  # of a polygon

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from measures import boundary_facets, facet_nodes, nodes_on, smallest_heights
 from pytest_mpi import parallel_assert
 
 from impactfem import fem
 from impactfem.errors import MeshError
 from impactfem.fem import MPI, dolfinx_fem, ufl
 from impactfem.mesh.body import build_body_mesh
-from impactfem.mesh.measures import boundary_facets, facet_nodes, nodes_on, smallest_heights
 from impactfem.mesh.shapes import shape_mesh
 from impactfem.mesh.structured import structured_mesh
 from impactfem.scene.shapes import Block, Disc, Sphere

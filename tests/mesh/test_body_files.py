@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from measures import facet_nodes
 from pytest_mpi import parallel_assert
 
 import impactfem
 from impactfem.errors import MeshError
 from impactfem.fem import MPI
 from impactfem.mesh.body import build_body_mesh
-from impactfem.mesh.measures import facet_nodes
 from impactfem.mesh.session import gmsh_session
 from impactfem.scene.solids import Solid
 

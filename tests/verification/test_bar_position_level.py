@@ -6,11 +6,11 @@ displacement of the contact end and of the impulse. Local restitution acts on th
 
 import numpy as np
 import pytest
+from bar_system import bar_start, bar_system
 
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBar
 from impactfem.scene.bodies import Bar
-from impactfem.system.bar_system import bar_start, bar_system
 from impactfem.vibro.position_level import PositionSettings, integrate_positions
 
 BAR = Bar(length=1.0, density=2.0, youngs_modulus=2.0, area=0.5, gap=0.5, velocity=-0.5)
