@@ -25,6 +25,7 @@ from impactfem.runs.bar_rows import contact_figures, measure_row, row_curves, ru
 from impactfem.runs.bars import RUNNERS
 from impactfem.runs.error_estimate import estimate_error
 from impactfem.runs.forces import bar_window
+from impactfem.runs.line_bodies import bar_figures
 from impactfem.runs.summary import Cost, summarise
 from impactfem.scene import Scene
 
@@ -108,7 +109,9 @@ def _solve_bar(scene: Scene, chosen: Plan, progress: Progress) -> Result:
         errors = rounding_of_exact(scene) if is_exact else measure(motion, exact)
     history = bar_history(motion, bar)
     window = bar_window(chosen.method, motion, bar.wave_speed)
-    effort = _grown(chosen, replace(motion.effort, force_window=window), errors)
+    bodies = {bar.name: bar_figures(bar, motion.positions, motion.displacement)}
+    effort = replace(motion.effort, force_window=window, bodies=bodies)
+    effort = _grown(chosen, effort, errors)
     summary = summarise(scene, chosen, history, effort, errors, _cost(wall_time))
     if chosen.method == "exact":
         summary["contact"] |= contact_figures_of_bar(exact, bar)
@@ -141,7 +144,12 @@ def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Resu
     if exact is not None and exact.sampled and motion.is_finite:
         sampling = sampling_of_row(scene, exact)
         errors = sampling if errors is None else errors.plus(sampling)
-    history, effort = row_history(motion, scene.bars), _grown(chosen, motion.effort, errors)
+    bodies = {
+        bar.name: bar_figures(bar, x, u)
+        for bar, x, u in zip(scene.bars, motion.positions, motion.displacement, strict=True)
+    }
+    effort = _grown(chosen, replace(motion.effort, bodies=bodies), errors)
+    history = row_history(motion, scene.bars)
     summary = summarise(scene, chosen, history, effort, errors, _cost(wall_time))
     summary["contact"] |= contact_figures(motion, exact if chosen.method == "exact" else None)
     settings = replace(scene.solve, method=chosen.method, elements=chosen.longest)

@@ -31,7 +31,7 @@ class Effort:
         measured: Codes of findings that the run has looked for; its plan's are then settled.
         force_window: Time [s] over which the largest force is told as a mean; 0 where the forces
             of single rows are right.
-        bodies: Mass, inertia, rotation and strains of solids, as ``summary.json`` has them.
+        bodies: Mass, inertia, rotation and strains of bodies, as ``summary.json`` has them.
     """
 
     num_unknowns: int = 0

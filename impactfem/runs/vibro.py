@@ -11,12 +11,14 @@ from impactfem.errors import ConvergenceError, SceneError
 from impactfem.findings import ROTATION_LIMITS, Finding, by_limits, warning
 from impactfem.log import Progress
 from impactfem.models.vibro import VibroModel, vibro_model
+from impactfem.planning.model_limits import CODES, strain_findings
 from impactfem.planning.vibro import VibroPlan
 from impactfem.reference.bar import Errors, root_of_squares
 from impactfem.result.axis import kept_rows, make_axis
 from impactfem.result.history import Columns, make_history
 from impactfem.result.table import Series, Table
 from impactfem.result.trajectory import Trajectory
+from impactfem.runs.line_bodies import beam_figures, body_figures
 from impactfem.runs.vibro_contact import contact_figures, impact_loss
 from impactfem.scene import Scene
 from impactfem.system.episode import contact_episode
@@ -72,6 +74,8 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
     motion = _integrate(scene, chosen, model)
     seconds = time.perf_counter() - begin
     findings: list[Finding] = []
+    names = model.bodies(motion.position[:1], motion.velocity[:1])
+    bodies = {n: body_figures(mass) for n, mass in zip(names, model.masses, strict=True)}
     within = resolution(chosen.method, scene.duration, settings)
     together = find_together(model.system, motion, within)
     if together is not None:
@@ -82,6 +86,8 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
         remedy = "shorten the duration to the contact"
         name = scene.bodies[0].name
         findings += by_limits("model_rotation", turned, ROTATION_LIMITS, text, name, remedy)
+        bodies[name] = beam_figures(model.beam, motion.position, turned)
+        findings += strain_findings(name, bodies[name]["strain_99"] or 0.0)
     errors, note, reference = None, "", None
     if chosen.estimate and motion.is_finite:
         progress.step("estimating the error by a second run")
@@ -106,7 +112,8 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
         num_unknowns=model.system.dofs,
         details=details,
         findings=tuple(findings),
-        measured=("impact_law", "model_rotation", "force_peak"),
+        measured=("impact_law", *CODES, "force_peak"),
+        bodies=bodies,
     )
     motion = replace(motion, effort=effort)
     history = vibro_history(motion, model)
