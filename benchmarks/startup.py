@@ -30,7 +30,7 @@ COMMANDS: tuple[tuple[str, tuple[str, ...], bool, float | None], ...] = (
     ("`impactfem plan dropped_beam`", ("plan", "dropped_beam"), False, None),
     ("`impactfem plan dropped_disc`", ("plan", "dropped_disc"), False, None),
     ("`impactfem plan colliding_discs`", ("plan", "colliding_discs"), False, None),
-    ("`impactfem run bar_impact`, warm", ("run", "bar_impact", "--out", "result"), False, 10.0),
+    ("`impactfem run bar_impact`, warm", ("run", "bar_impact", "--out", "result"), False, 1.5),
     ("`impactfem run bar_impact`, first", ("run", "bar_impact", "--out", "result"), True, None),
 )
 

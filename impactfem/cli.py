@@ -1,6 +1,7 @@
 """The command line: arguments, exit codes, and how a run ends; `commands` does the work."""
 
 import argparse
+import atexit
 import contextlib
 import gc
 import io
@@ -34,6 +35,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ["PETSC_OPTIONS"] = " ".join([*options, "-no_signal_handler"])
     # Libraries make many objects that stay: collecting garbage takes a tenth of their loading.
     gc.set_threshold(50_000)
+    # And Python would look through all of them once more as it ends.
+    atexit.register(gc.freeze)
     _prepare_streams()
     listen()
     code, reason, patience = DONE, "", 5.0

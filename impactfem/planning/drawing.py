@@ -5,7 +5,7 @@ from impactfem.scene import Scene, Solid
 # Processor time [s] on a 2-core machine: loading Matplotlib, then 4 to 6 pictures, a film of 60
 # frames, the report. Measured on shipped scenes of every kind: pictures 0.6 to 1.2, film 0.3 to
 # 0.8 (solids up to 1.6), report 0.1 to 0.3.
-_LOADING, _PICTURES, _FILM, _FILM_OF_SOLID, _REPORT = 0.8, 0.9, 0.6, 1.6, 0.2
+_LOADING, _PICTURES, _FILM, _FILM_OF_SOLID, _REPORT = 0.3, 0.9, 0.6, 1.6, 0.2
 
 _CHEAP = 1.0
 """Seconds that a film may take without being asked for, however short the solution is."""

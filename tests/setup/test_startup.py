@@ -102,6 +102,14 @@ def test_a_library_is_hidden_only_meanwhile():
     assert again is json
 
 
+def test_nothing_is_looked_through_at_the_end():
+    code = (
+        "import atexit, gc; atexit.register(lambda: print(gc.get_freeze_count() > 1000));"
+        "from impactfem.cli import main; main(['scenes'])"
+    )
+    assert python(code).stdout.endswith("True\n")
+
+
 def test_setters_work_without_signatures():
     code = (
         "from impactfem.quick import spare_signatures; spare_signatures();"
