@@ -213,8 +213,9 @@ def cube(folder, size, *, corner):
         encoding="utf-8",
     )
     body = {
-        "name": "cube", "kind": "solid", "model": "3d", "mesh": str(folder / "cube.geo"), "mesh_size": size,
-        "density": 7850.0, "youngs_modulus": 210e9, "poisson_ratio": 0.3, "velocity": [0, -1, 0],
+        "name": "cube", "kind": "solid", "model": "3d", "mesh": str(folder / "cube.geo"),
+        "mesh_size": size, "density": 7850.0, "youngs_modulus": 210e9, "poisson_ratio": 0.3,
+        "velocity": [0, -1, 0],
     }  # fmt: skip
     floor = {"name": "floor", "kind": "half_space", "point": [0, 0, 0], "normal": [0, 1, 0]}
     scene = {
