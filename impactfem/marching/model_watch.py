@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS
 from impactfem.marching.solids import Level
 from impactfem.system.stretches import Stretches
 
@@ -17,6 +18,9 @@ Floats = NDArray[np.float64]
 _LEAST, _MOST, _APART = 50, 200, 50
 """A run is looked at between 50 and 200 times, in between every 50 layers: a look costs about as
 much as a layer. Peaks of the contact force and levels whose fields are kept come on top."""
+
+_NEAR = 0.75
+"""Share of the limits of care up to which half of these looks are enough."""
 
 _HIGHER = 1.02
 """How much higher than before a peak of the contact force has to be to be looked at."""
@@ -73,6 +77,9 @@ class ModelWatch:
         kept = self._kept and layer % self._kept == 0
         if not (fell or kept or layer % self._every == 0 or layer == self._layers):
             return
+        passed = layer % (2 * self._every) and layer < self._layers and not (fell or kept)
+        if passed and not any(_is_near(seen) for seen in self.seen.values()):
+            return
         moved = level.displacement
         for k, (name, stretches) in enumerate(self._bodies.items()):
             _look(self.seen[name], stretches, moved[self._cuts[k] : self._cuts[k + 1]])
@@ -101,6 +108,12 @@ class ModelWatch:
                 **seen,
             }
         return found
+
+
+def _is_near(seen: Seen) -> bool:
+    """Whether figures come near the limits of care."""
+    share = max(seen.rotation_max / ROTATION_LIMITS[0], seen.strain_99 / STRAIN_LIMITS[0])
+    return share > _NEAR
 
 
 def _look(seen: Seen, stretches: Stretches, displacement: Floats) -> None:

@@ -8,16 +8,16 @@ from impactfem.compiled import compiled
 
 
 @compiled
-def in_plane(u, cells, table, inverse, hoop, across, weights, known, strain):
+def in_plane(u, cells, table, inverse, hoop, across, weights, known, strain, volume):
     """Look at the points of plane cells; see `in_space`.
 
     Args:
-        u, cells, table, inverse, weights, known, strain: See there.
+        u, cells, table, inverse, weights, known, strain, volume: See there.
         hoop: Shape functions over the distance from the axis [1/m], shape (cells, points, corners)
             or with no entry.
         across: Strain of the thickness over the sum of those in the plane.
     """
-    largest, least, above = 0.0, np.inf, 0.0
+    largest, least, above, count = 0.0, np.inf, 0.0, 0
     for c in range(len(cells)):
         for p in range(len(table)):
             aa = ab = ba = bb = third = 0.0
@@ -37,17 +37,18 @@ def in_plane(u, cells, table, inverse, hoop, across, weights, known, strain):
             half = 0.5 * math.sqrt((xx - yy) ** 2 + (xy + yx) ** 2)
             third += 2.0 * across * mean
             value = max(abs(mean) + half, abs(third))
-            strain[c, p] = value
             if not value <= largest:
                 largest = min(np.inf, value)  # also if it is not a number
             if value > known:
+                strain[count], volume[count] = value, weights[c, p]
                 above += weights[c, p]
+                count += 1
             least = min(least, ((1.0 + xx) * (1.0 + yy) - xy * yx) * (1.0 + third))
-    return largest, least, above
+    return largest, least, above, count
 
 
 @compiled
-def in_space(u, cells, table, inverse, weights, known, strain):
+def in_space(u, cells, table, inverse, weights, known, strain, volume):
     """Look at the points of cells in space.
 
     Args:
@@ -56,22 +57,34 @@ def in_space(u, cells, table, inverse, weights, known, strain):
         table: Reference gradients of their shape functions, shape (points, corners, dim).
         inverse: Of the Jacobian, shape (cells, points, dim, dim).
         weights: Volumes, shape (cells, points).
-        known: Strain up to which no more than an upper bound is wanted.
-        strain: Filled with the largest principal strain by amount, shape (cells, points).
+        known: Strain up to which nothing is wanted but that it is not more.
+        strain: Filled from its start with the largest principal strains by amount that are above.
+        volume: Filled with the weights of these.
 
     Returns:
-        The largest strain, the least det F, and the volume in which strain is above the known one.
+        The largest strain, if it is above the known one, the least det F, the volume in which
+        strain is above the known one, and the number of these strains.
     """
-    largest, least, above = 0.0, np.inf, 0.0
+    largest, least, above, count = 0.0, np.inf, 0.0, 0
+    tetrahedra = cells.shape[1] == 4
+    # A norm of Green's strain up to which no stretch is off by more than the known one.
+    small = min(known * (1.0 - 0.5 * known), 0.5) ** 2 if known < 1.0 else 0.25
     for c in range(len(cells)):
         for p in range(len(table)):
-            aa = ab = ac = ba = bb = bc = ca = cb = cc = 0.0
-            for k in range(cells.shape[1]):
-                x, y, z = u[cells[c, k], 0], u[cells[c, k], 1], u[cells[c, k], 2]
-                f, g, h = table[p, k, 0], table[p, k, 1], table[p, k, 2]
-                aa, ab, ac = aa + x * f, ab + x * g, ac + x * h
-                ba, bb, bc = ba + y * f, bb + y * g, bc + y * h
-                ca, cb, cc = ca + z * f, cb + z * g, cc + z * h
+            if tetrahedra:  # of degree 1: differences along three edges
+                o, q, r, s = cells[c, 0], cells[c, 1], cells[c, 2], cells[c, 3]
+                x, y, z = u[o, 0], u[o, 1], u[o, 2]
+                aa, ab, ac = u[q, 0] - x, u[r, 0] - x, u[s, 0] - x
+                ba, bb, bc = u[q, 1] - y, u[r, 1] - y, u[s, 1] - y
+                ca, cb, cc = u[q, 2] - z, u[r, 2] - z, u[s, 2] - z
+            else:
+                aa = ab = ac = ba = bb = bc = ca = cb = cc = 0.0
+                for k in range(cells.shape[1]):
+                    x, y, z = u[cells[c, k], 0], u[cells[c, k], 1], u[cells[c, k], 2]
+                    f, g, h = table[p, k, 0], table[p, k, 1], table[p, k, 2]
+                    aa, ab, ac = aa + x * f, ab + x * g, ac + x * h
+                    ba, bb, bc = ba + y * f, bb + y * g, bc + y * h
+                    ca, cb, cc = ca + z * f, cb + z * g, cc + z * h
             j = inverse[c, p]
             xx = aa * j[0, 0] + ab * j[1, 0] + ac * j[2, 0]
             xy = aa * j[0, 1] + ab * j[1, 1] + ac * j[2, 1]
@@ -82,39 +95,35 @@ def in_space(u, cells, table, inverse, weights, known, strain):
             zx = ca * j[0, 0] + cb * j[1, 0] + cc * j[2, 0]
             zy = ca * j[0, 1] + cb * j[1, 1] + cc * j[2, 1]
             zz = ca * j[0, 2] + cb * j[1, 2] + cc * j[2, 2]
-            value = _largest(
-                xx + 0.5 * (xx * xx + yx * yx + zx * zx),
-                yy + 0.5 * (xy * xy + yy * yy + zy * zy),
-                zz + 0.5 * (xz * xz + yz * yz + zz * zz),
-                0.5 * (xy + yx + xx * xy + yx * yy + zx * zy),
-                0.5 * (yz + zy + xy * xz + yy * yz + zy * zz),
-                0.5 * (zx + xz + xx * xz + yx * yz + zx * zz),
-                known,
-            )
-            strain[c, p] = value
-            if not value <= largest:
-                largest = min(np.inf, value)  # also if it is not a number
-            if value > known:
-                above += weights[c, p]
+            exx = xx + 0.5 * (xx * xx + yx * yx + zx * zx)
+            eyy = yy + 0.5 * (xy * xy + yy * yy + zy * zy)
+            ezz = zz + 0.5 * (xz * xz + yz * yz + zz * zz)
+            exy = 0.5 * (xy + yx + xx * xy + yx * yy + zx * zy)
+            eyz = 0.5 * (yz + zy + xy * xz + yy * yz + zy * zz)
+            ezx = 0.5 * (zx + xz + xx * xz + yx * yz + zx * zz)
+            off = exy * exy + eyz * eyz + ezx * ezx
+            if not exx * exx + eyy * eyy + ezz * ezz + 2.0 * off <= small:
+                value = _largest(exx, eyy, ezz, exy, eyz, ezx)
+                if not value <= largest:
+                    largest = min(np.inf, value)  # also if it is not a number
+                if value > known:
+                    strain[count], volume[count] = value, weights[c, p]
+                    above += weights[c, p]
+                    count += 1
             xx, yy, zz = xx + 1.0, yy + 1.0, zz + 1.0
-            volume = xx * (yy * zz - yz * zy) - xy * (yx * zz - yz * zx) + xz * (yx * zy - yy * zx)
-            least = min(least, volume)
-    return largest, least, above
+            ratio = xx * (yy * zz - yz * zy) - xy * (yx * zz - yz * zx) + xz * (yx * zy - yy * zx)
+            least = min(least, ratio)
+    return largest, least, above, count
 
 
 @compiled
-def _largest(xx, yy, zz, xy, yz, zx, known):
-    """Largest amount of a stretch less 1, for Green's strain; a bound if that is up to ``known``.
+def _largest(xx, yy, zz, xy, yz, zx):
+    """Largest amount of a stretch less 1, for Green's strain.
 
     By the roots of the characteristic polynomial (J. Kopp, Int. J. Mod. Phys. C 19 (2008) 523-548,
     section 3.1). In Green's strain 1 has cancelled: the result is right to rounding if small.
     """
     off = xy * xy + yz * yz + zx * zx
-    bound = math.sqrt(xx * xx + yy * yy + zz * zz + 2.0 * off)  # of the principal values
-    if bound < 0.5:
-        bound = 1.0 - math.sqrt(1.0 - 2.0 * bound)
-        if bound <= known:
-            return bound
     mean = (xx + yy + zz) / 3.0
     xx, yy, zz = xx - mean, yy - mean, zz - mean
     size = math.sqrt((xx * xx + yy * yy + zz * zz + 2.0 * off) / 6.0)

@@ -91,7 +91,7 @@ class Stretches:
         self._system, self.comm = system, system.comm
         self._displacement = dolfinx_fem.Function(nodes.space)
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
-        self._cells = np.asarray(nodes.space.dofmap.list[:owned], dtype=np.int64)
+        self._cells = np.ascontiguousarray(nodes.space.dofmap.list[:owned])
         nu = solid.poisson_ratio
         self._across = -nu / (1.0 - nu) if solid.model == "plane_stress" else 0.0
         self._order = int(nodes.space.ufl_element().degree)
@@ -102,7 +102,7 @@ class Stretches:
         if system.axisymmetric:
             radius = np.einsum("pk,ck->cp", values, nodes.positions[self._cells, 0])
             self._hoop = values / radius[:, :, None]
-        self._weights, self._strain = weights, np.zeros(weights.shape)
+        self._weights, self._above = weights, (np.zeros(weights.size), np.zeros(weights.size))
         self._volume = self._sum(weights.sum())
         # What a mirrored half does, the other half undoes: none of it turns the whole.
         planes = dict(system.supports.planes)
@@ -125,21 +125,20 @@ class Stretches:
         self._displacement.x.scatter_forward()
         moved = values.reshape(self._moment.shape)
         cells = self._cells, self._table, self._inverse
-        within = self._weights, known, self._strain
-        largest, least, above = (
+        within = self._weights, known, *self._above
+        largest, least, above, count = (
             in_space(moved, *cells, *within)
             if moved.shape[1] == 3
             else in_plane(moved, *cells, self._hoop, self._across, *within)
         )
-        fit = np.where(self._whole, self._fit + self._sum(moved.T @ self._moment), 0.0)
-        return Look(
-            angle_of(fit),
-            self.comm.allreduce(largest, op=MPI.MAX),
-            self._exceeded(self._sum(above), known),
-            self.comm.allreduce(least, op=MPI.MIN),
-        )
+        sums, ends = np.append(moved.T @ self._moment, above), np.array([largest, -least])
+        self.comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
+        self.comm.Allreduce(MPI.IN_PLACE, ends, op=MPI.MAX)
+        fit = np.where(self._whole, self._fit + sums[:-1].reshape(self._fit.shape), 0.0)
+        exceeded = self._exceeded(float(sums[-1]), known, count)
+        return Look(angle_of(fit), float(ends[0]), exceeded, -float(ends[1]))
 
-    def _exceeded(self, volume: float, known: float) -> float:
+    def _exceeded(self, volume: float, known: float, count: int) -> float:
         """The strain that 1 % of the volume exceeds, if it is above one that is known (collective).
 
         A rank holds what may count among its largest strains, as much as makes 1 % of the volume:
@@ -148,14 +147,14 @@ class Stretches:
         Args:
             volume: In which the known one is exceeded.
             known: The answer, if that is no more than 1 %.
+            count: Number of strains above it on this rank.
         """
         limit = SHARE * self._volume * (1.0 + 1e-9)  # equal cells on any number of ranks
         if not volume > limit:
             return known
-        strain, weights = self._strain.ravel(), self._weights.ravel()
-        above = np.flatnonzero(strain > known)
-        order, place = self._within(strain[above], weights[above], limit)
-        largest = above[order[: place + 1]]
+        strain, weights = (part[:count] for part in self._above)
+        order, place = self._within(strain, weights, limit)
+        largest = order[: place + 1]
         parts = self.comm.allgather((strain[largest], weights[largest]))
         values, weights = (np.concatenate(part) for part in zip(*parts, strict=True))
         order, place = self._within(values, weights, limit)

@@ -9,7 +9,8 @@ from pytest_mpi import parallel_assert
 from scipy.spatial.transform import Rotation
 from solids import system
 
-from impactfem.system.stretches import Stretches
+from impactfem.marching.model_watch import ModelWatch
+from impactfem.system.stretches import Look, Stretches
 
 CASES = [
     ("triangle", 1, "plane_strain"),
@@ -152,3 +153,31 @@ def _alone(case, place):
     x = body.positions
     seen = stretches.look((0.1 * np.sin(2 * x[:, ::-1]) * x).ravel(), 0.01)
     return [seen.rotation, seen.strain_max, seen.strain_99, seen.volume_ratio_min]
+
+
+@pytest.mark.parametrize("case", CASES, ids=str)
+def test_a_look_that_knows_a_strain_finds_the_same_above_it(case):
+    body, stretches = measured(*case)
+    moved = (0.1 * np.sin(2 * body.positions[:, ::-1]) * body.positions).ravel()
+    whole = stretches.look(moved)
+    for known in (0.1, 0.5, 0.999):
+        assert stretches.look(moved, known * whole.strain_99) == whole
+    beyond = stretches.look(moved, 1.001 * whole.strain_max)
+    assert beyond.strain_99 == 1.001 * whole.strain_max
+    assert beyond.volume_ratio_min == whole.volume_ratio_min
+
+
+@pytest.mark.parametrize(("strain", "looks"), [(0.02, 26), (0.045, 51)])
+def test_bodies_far_from_the_limits_are_looked_at_half_as_often(strain, looks):
+    """A look costs about as much as a layer: 5 % of a run of 800 layers."""
+    seen = []
+
+    class Body:
+        def look(self, moved, known):
+            seen.append(known)
+            return Look(0.0, strain, strain, 1.0)
+
+    watch = ModelWatch({"body": Body()}, [1], 800, 0)
+    for layer in range(801):
+        watch(SimpleNamespace(layer=layer, force=np.zeros(1), displacement=np.zeros(1)))
+    assert len(seen) == pytest.approx(looks, abs=1)
