@@ -173,7 +173,7 @@ def test_bodies_far_from_the_limits_are_looked_at_half_as_often(strain, looks):
     seen = []
 
     class Body:
-        def look(self, moved, known):
+        def look(self, _, known):
             seen.append(known)
             return Look(0.0, strain, strain, 1.0)
 
