@@ -93,18 +93,9 @@ def gap_fields(
             ways = -gap[k, clear, None] * field[clear]
             hidden[k, clear] = _behind(clear, ways, places, outside.faces[real], outside.size)
     free = np.linalg.norm(np.where(constrained, 0.0, normal), axis=2)
-    limits = [UPRIGHT if _is_plane(obstacle) else FACING_AWAY for obstacle in obstacles]
+    limits = [UPRIGHT if obstacle.is_flat else FACING_AWAY for obstacle in obstacles]
     away = facing >= np.array(limits)[:, None]
     return Fields(gap, normal, facing, away, free <= _HELD, hidden)
-
-
-def _is_plane(obstacle: Any) -> bool:
-    """Whether an obstacle has the same normal wherever a body meets it."""
-    if obstacle.kind == "polyline":
-        way = np.diff(np.asarray(obstacle.points, dtype=np.float64), axis=0)
-        way /= np.linalg.norm(way, axis=1, keepdims=True)
-        return bool(np.abs(way - way[0]).max() <= ROUNDING)
-    return bool(obstacle.kind == "half_space")
 
 
 def _behind(nodes: Indices, ways: Floats, places: Floats, faces: Indices, size: float) -> Booleans:

@@ -21,8 +21,8 @@ from impactfem.mesh.body import BodyMesh, build_body_mesh
 from impactfem.models.key import SceneKey
 from impactfem.models.solid_contact import contact_of, reach_of
 from impactfem.scene import Scene, Solid
+from impactfem.scene.obstacles import Rigid
 from impactfem.scene.pairing import body_pairs, obstacles_of
-from impactfem.scene.scene import Rigid
 from impactfem.system.elastic import ElasticSystem, elastic_system
 from impactfem.system.surface import SurfaceNodes
 

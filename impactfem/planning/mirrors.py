@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.planning.images import Mirror, is_image, signs
 from impactfem.planning.sampling import Field, equal, of_formulas, samples, sum_of
 from impactfem.scene import Scene
 from impactfem.scene.formula import Formula
-from impactfem.scene.scene import Rigid
+from impactfem.scene.obstacles import Rigid
+from impactfem.scene.obstacles.mirror import Mirror, signs
 from impactfem.scene.shapes import Block, Cylinder
 
 Floats = NDArray[np.float64]
@@ -128,7 +128,7 @@ def _obstacles_mirror(scene: Scene, axis: int) -> bool:
     mirror = Mirror(axis, shape.centre[axis], max(shape.half_extents))
     return all(
         any(
-            _moves_as_image(scene, one, other, axis) and is_image(one, other, mirror)
+            _moves_as_image(scene, one, other, axis) and one.mirrors(other, mirror)
             for other in obstacles
         )
         for one in obstacles

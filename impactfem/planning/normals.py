@@ -1,19 +1,10 @@
 """Do contact normals and pairs of surfaces stay those of t = 0, or do they follow the bodies?"""
 
 import math
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
-from impactfem.scene.obstacles import (
-    RigidBox,
-    RigidCylinder,
-    RigidPolyline,
-    RigidSphere,
-)
-from impactfem.scene.scene import Rigid
 
 if TYPE_CHECKING:
     from impactfem.contact.body_pairs import SurfacePair
@@ -67,7 +58,7 @@ def _sliding(model: "SolidsModel") -> str:
 
 def _over_curves(model: "SolidsModel") -> str:
     for part in model.parts:
-        limit = _FAR * min(map(_features, part.obstacles), default=math.inf)
+        limit = _FAR * min((o.features for o in part.obstacles), default=math.inf)
         if part.contact is None or not part.contact.count or limit == math.inf:
             continue
         nearest = int(np.argmin(part.contact.gap))
@@ -90,7 +81,7 @@ def _why_fixed(model: "SolidsModel") -> str:
         )
     if not model.contact_count:
         return "fixed: nothing can touch"
-    features = min(_features(o) for part in model.parts for o in part.obstacles)
+    features = min(o.features for part in model.parts for o in part.obstacles)
     if features == math.inf:
         return "fixed: the normal of a plane is the same everywhere, so this is exact"
     return (
@@ -147,16 +138,3 @@ def _face_size(pair: "SurfacePair") -> float:
 def _across(vector: Floats, normal: Floats) -> float:
     """Length of the part of a vector across a unit normal."""
     return float(np.linalg.norm(vector - (vector @ normal) * normal))
-
-
-def _features(obstacle: Rigid) -> float:
-    """Length over which the normal of an obstacle changes [m]."""
-    match obstacle:
-        case RigidSphere() | RigidCylinder():
-            return obstacle.radius
-        case RigidBox():
-            return min(obstacle.size)
-        case RigidPolyline():
-            return min(math.dist(a, b) for a, b in pairwise(obstacle.points))
-        case _:
-            return math.inf

@@ -8,14 +8,7 @@ from impactfem.planning.mirrors import mirror_axes
 from impactfem.planning.sampling import is_independent, is_zero, of_formulas, turns
 from impactfem.scene import Scene
 from impactfem.scene.boundary import Support
-from impactfem.scene.obstacles import (
-    HalfSpace,
-    RigidBox,
-    RigidCylinder,
-    RigidPolyline,
-    RigidSphere,
-)
-from impactfem.scene.scene import Rigid
+from impactfem.scene.obstacles import HalfSpace, Rigid
 from impactfem.scene.shapes import Block, Cylinder, Sphere
 from impactfem.scene.solids import Solid
 
@@ -164,16 +157,7 @@ def _is_revolved(obstacle: Rigid, centre: np.ndarray, size: float) -> bool:
         is_zero(obstacle.motion[0]) and is_zero(obstacle.motion[2])
     ):
         return False
-    match obstacle:
-        case HalfSpace():
-            return abs(obstacle.unit_normal[1]) > 1.0 - 1e-12
-        case RigidSphere():
-            place = np.array(obstacle.center)
-        case RigidCylinder(unit_axis=axis) if axis is not None and abs(axis[1]) > 1.0 - 1e-12:
-            place = np.array(obstacle.point)
-        case _:
-            return False
-    return bool(np.abs(place - centre)[[0, 2]].max() <= _EQUAL * size)
+    return obstacle.is_revolved(centre, _EQUAL * size)
 
 
 def _plane_strain(scene: Scene) -> str:
@@ -209,18 +193,7 @@ def _runs_along_z(obstacle: Rigid, low: float, high: float) -> bool:
     """Whether an obstacle is the same at all z from low to high."""
     if obstacle.motion is not None and not is_zero(obstacle.motion[2]):
         return False
-    match obstacle:
-        case HalfSpace():
-            return abs(obstacle.unit_normal[2]) < 1e-12
-        case RigidCylinder(unit_axis=axis):
-            return axis is not None and abs(axis[2]) > 1.0 - 1e-12
-        case RigidBox():
-            half = obstacle.size[2] / 2
-            return obstacle.center[2] - half <= low and high <= obstacle.center[2] + half
-        case RigidPolyline():
-            return True
-        case _:
-            return False
+    return obstacle.runs_along_z(low, high)
 
 
 def _symmetry(scene: Scene) -> str:

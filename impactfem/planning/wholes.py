@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from impactfem.planning.images import Mirror, is_image
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene, Solid
-from impactfem.scene.scene import Rigid
+from impactfem.scene.obstacles import Rigid
+from impactfem.scene.obstacles.mirror import Mirror
 
 if TYPE_CHECKING:
     from impactfem.system.elastic import ElasticSystem
@@ -89,4 +89,4 @@ def _images(one: Rigid, other: Rigid, mirror: Mirror) -> bool:
         stays = across is not None and across.is_constant and float(across(t=0.0)) == 0.0
         if one is not other or not stays:
             return False
-    return is_image(one, other, mirror)
+    return one.mirrors(other, mirror)

@@ -14,11 +14,11 @@ from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
 from impactfem.contact.distance import translation
-from impactfem.report.obstacle_faces import faces_of, grid_of_plane, spacing
 from impactfem.report.skin import Skin, Snapshot, normals, union
 from impactfem.result import Result, SolidFields
 from impactfem.result.whole import Whole
-from impactfem.scene import HalfSpace, Scene
+from impactfem.scene import Scene
+from impactfem.scene.obstacles.faces import spacing
 
 Floats = NDArray[np.float64]
 
@@ -65,12 +65,17 @@ class Camera:
     @classmethod
     def of(cls, scene: Scene) -> "Camera":
         """The view of a scene."""
-        planes = [np.array(o.unit_normal) for o in scene.obstacles if isinstance(o, HalfSpace)]
-        return cls.facing(vertical_of(scene), planes)
+        return cls.facing(vertical_of(scene), plane_normals(scene))
 
     def flat(self, places: Floats) -> Floats:
         """Where places appear, shape (..., 2)."""
         return np.stack([places @ self.right, places @ self.up], axis=-1)
+
+
+def plane_normals(scene: Scene) -> list[Floats]:
+    """Normals of the obstacles that are planes, (3,) each."""
+    found = (obstacle.plane_normal for obstacle in scene.rigid_obstacles)
+    return [np.array(normal) for normal in found if normal is not None]
 
 
 def vertical_of(scene: Scene) -> Floats:
@@ -116,7 +121,7 @@ class SpacePainter:
         axes.set_xticks([])
         axes.set_yticks([])
         above = self._draw_directions(axes, window)
-        if any(obstacle.kind == "half_space" for obstacle in self.obstacles):
+        if any(obstacle.plane_normal for obstacle in self.obstacles):
             scale = axes.text(
                 0.97, 0.02, f"lines every {spacing(self._reach):g} m", fontsize=8, ha="right",
                 va="bottom", transform=axes.transAxes, zorder=4,
@@ -131,10 +136,10 @@ class SpacePainter:
         centre = 0.5 * (snapshot.place.min(axis=0) + snapshot.place.max(axis=0))
         for obstacle in self.obstacles:
             shift = np.zeros(3) + translation(obstacle, snapshot.time)
-            if obstacle.kind == "half_space":
+            if obstacle.plane_normal is not None:
                 artists += self._plane(axes, obstacle, shift, centre)
                 continue
-            patches = faces_of(obstacle, centre - shift, 2.0 * self.skin.size) + shift
+            patches = obstacle.faces(centre - shift, 2.0 * self.skin.size) + shift
             faces.append(patches)
             shade = 0.6 + 0.4 * np.abs(_unit_normals(patches) @ self._light)
             colours.append(
@@ -170,7 +175,7 @@ class SpacePainter:
 
     def _plane(self, axes: Axes, obstacle: Any, shift: Floats, centre: Floats) -> list[Artist]:
         """A part of the plane below the body; what shows its front lies behind all bodies."""
-        corners, lines = grid_of_plane(obstacle, shift, centre, self._reach)
+        corners, lines = obstacle.grid(shift, centre, self._reach)
         front = float(np.array(obstacle.unit_normal) @ self.camera.towards) > 0.0
         plane = PolyCollection(
             [self.camera.flat(corners)], facecolors=_FLOOR if front else "none",

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
+from impactfem.contact.distance import on_a_line
 from impactfem.report.phase import phase_curve
 from impactfem.report.sheet import Sheet
 from impactfem.result import Result
@@ -105,10 +106,9 @@ def motion(axes: Axes, result: Result) -> None:
         )  # fmt: skip
     if result.scene.dim == 1:
         for obstacle in result.scene.rigid_obstacles:
-            place = np.full(len(time), float(obstacle.point[0]))  # type: ignore[union-attr]
-            if obstacle.motion is not None:
-                place = place + obstacle.motion[0](t=time)
-            axes.plot(time, place, color="0.35", linewidth=2.0, label=obstacle.name)
+            axes.plot(
+                time, on_a_line(obstacle, time)[0], color="0.35", linewidth=2.0, label=obstacle.name
+            )
     _time(axes, result)
     axes.set_ylabel("position [m]")
     axes.set_title(f"{result.scene.title}: motion")

@@ -5,7 +5,8 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from impactfem.scene.scene import Rigid, Scene
+    from impactfem.scene.obstacles import Rigid
+    from impactfem.scene.scene import Scene
 
 type Side = tuple[str, tuple[str, ...] | None]
 """Name of a body and its surfaces; None for all that may touch."""

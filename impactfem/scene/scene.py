@@ -15,14 +15,7 @@ from impactfem.scene.crosschecks import check_scene
 from impactfem.scene.inline import plain
 from impactfem.scene.kinds import Line, Real
 from impactfem.scene.loads import LoadKind, PiecewiseConstant, PiecewiseVector
-from impactfem.scene.obstacles import (
-    HalfSpace,
-    RigidBox,
-    RigidCylinder,
-    RigidPolyline,
-    RigidSphere,
-    Wall,
-)
+from impactfem.scene.obstacles import OBSTACLES, Rigid, Wall
 from impactfem.scene.points import Point
 from impactfem.scene.schema import (
     TOP,
@@ -48,14 +41,10 @@ from impactfem.scene.toml import parse_assignment, read_toml, write_table
 from impactfem.scene.values import NotAllowedError, show
 
 type Body = Bar | Solid | Point | Rod | Beam
-type Rigid = HalfSpace | RigidSphere | RigidCylinder | RigidBox | RigidPolyline
 type Obstacle = Wall | Rigid
 
 BODIES: Mapping[str, type[Any]] = {cls.kind: cls for cls in (Bar, Solid, Point, Rod, Beam)}
 MAX_CONTACTS = 10_000
-OBSTACLES: Mapping[str, type[Any]] = {
-    cls.kind: cls for cls in (Wall, HalfSpace, RigidSphere, RigidCylinder, RigidBox, RigidPolyline)
-}
 
 
 @table(TOP)

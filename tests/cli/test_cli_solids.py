@@ -103,7 +103,9 @@ def test_body_inside_the_obstacle_is_bad_input(disc, command, work, action):
 
 
 def test_negative_control_is_kept_and_marked(disc, command, work):
-    done = command("run", disc, *QUICK, "--set", "solve.method=newmark")
+    done = command(
+        "run", disc, *QUICK, "--set", "solve.method=newmark", "--set", "solve.courant=0.3"
+    )
     assert done.code == NOT_TRUSTED
     assert "unstable" in done.err
     assert 'method = "massless"' in done.err

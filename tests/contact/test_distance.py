@@ -1,8 +1,8 @@
 """Signed distances against sampled surfaces, finite differences and motions of the plane."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from impactfem.contact.distance import nearest_obstacle, signed_distance
 from impactfem.errors import SceneError
 from impactfem.scene.formula import Formula
+from impactfem.scene.obstacles import OBSTACLES
 
 Floats = NDArray[np.float64]
 
@@ -22,16 +23,16 @@ SHAPES = (
 )  # fmt: skip
 
 
-def obstacle(kind: str, **values: object) -> SimpleNamespace:
-    """Stand-in with the attributes of the scene's obstacles."""
-    return SimpleNamespace(kind=kind, **{"name": "it", "motion": None, **values})
+def obstacle(kind: str, **values: object) -> Any:
+    """One of the scene's obstacles."""
+    return OBSTACLES[kind](**{"name": "it", **values})
 
 
 @dataclass(frozen=True)
 class Sample:
     """An obstacle, a sample of its surface, and which points lie inside."""
 
-    obstacle: SimpleNamespace
+    obstacle: Any
     surface: Floats
     spacing: float  # largest distance from a point of the surface to the sample
 
@@ -104,7 +105,7 @@ def make(shape: str, dim: int, rng: np.random.Generator) -> Sample:
     return Sample(it, surface, 2.5 / 3000)
 
 
-def inside(it: SimpleNamespace, points: Floats) -> NDArray[np.bool_]:
+def inside(it: Any, points: Floats) -> NDArray[np.bool_]:
     """Which points lie in the obstacle, by definitions that know no distance."""
     x = points
     match it.kind:
@@ -130,7 +131,7 @@ def inside(it: SimpleNamespace, points: Floats) -> NDArray[np.bool_]:
     return x[:, 1] < np.interp(x[:, 0], chain[:, 0], chain[:, 1])
 
 
-def cloud(rng: np.random.Generator, it: SimpleNamespace, dim: int, count: int = 60) -> Floats:
+def cloud(rng: np.random.Generator, it: Any, dim: int, count: int = 60) -> Floats:
     """Points around; for an open chain those whose nearest point is not beyond its ends."""
     points = rng.uniform(-1.5, 1.5, (count, dim))
     if it.kind == "polyline" and it.points[0] != it.points[-1]:
@@ -212,18 +213,21 @@ def test_turns_and_moves_with_its_obstacle(shape: str, dim: int, seed: int) -> N
     angle, shift = rng.uniform(-3, 3), rng.uniform(-2, 2, dim)
     turn = np.eye(dim)
     turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    turned = SimpleNamespace(**vars(it))
-    for key in ("normal", "axis"):
-        if getattr(it, key, None) is not None:
-            setattr(turned, key, turn @ getattr(it, key))
-    for key in ("point", "center"):
-        if hasattr(it, key):
-            setattr(turned, key, turn @ getattr(it, key))
+    keys = ("normal", "axis", "point", "center")
+    changed: dict[str, Any] = {
+        key: (turn @ getattr(it, key)).tolist()
+        for key in keys
+        if getattr(it, key, None) is not None
+    }
     if it.kind == "box":
-        turned.angle = it.angle + angle
+        changed["angle"] = it.angle + angle
     if it.kind == "polyline":
-        turned.points = np.asarray(it.points) @ turn[:2, :2].T
-    turned.motion = tuple(Formula(f"{s!r}*t/2", ("t",)) for s in shift.tolist())
+        points_there = np.asarray(it.points) @ turn[:2, :2].T
+        if (np.asarray(it.points)[0] == np.asarray(it.points)[-1]).all():
+            points_there[-1] = points_there[0]
+        changed["points"] = points_there.tolist()
+    motion = tuple(Formula(f"{s!r}*t/2", ("t",)) for s in shift.tolist())
+    turned = replace(it, motion=motion, **changed)
     moved_gap, moved_normal = signed_distance(turned, points @ turn.T + shift, 2.0)
     np.testing.assert_allclose(moved_gap, gap, atol=1e-12)
     np.testing.assert_allclose(moved_normal, normal @ turn.T, atol=1e-9)

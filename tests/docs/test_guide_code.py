@@ -84,13 +84,13 @@ def change(text, name, folder):
     if not copy.exists():  # with its compiled loops
         shutil.copytree(Path(impactfem.__file__).parent, copy)
     file = copy / Path(name).relative_to("impactfem")
-    content = file.read_text(encoding="utf-8")
+    content = file.read_text(encoding="utf-8") if file.exists() else ""
     for hunk in re.split(r"^@@.*\n", text, flags=re.MULTILINE):
         lines = [line for line in hunk.splitlines() if line]
         old = "\n".join(line[1:] for line in lines if line[0] != "+")
         new = "\n".join(line[1:] for line in lines if line[0] != "-")
         if not old:  # only added: at the end
-            content += "\n\n" + new + "\n"
+            content += ("\n\n" if content else "") + new + "\n"
         else:
             assert content.count(old) == 1, f"{name} has not once:\n{old}"
             content = content.replace(old, new)

@@ -10,7 +10,6 @@ from synthetic import CONTACT, PEAK_FORCE, PEAK_PRESSURE, RADIUS, solid_result
 
 from impactfem import Result
 from impactfem.errors import MissingDependencyError, OutputError
-from impactfem.report.obstacle_faces import faces_of
 from impactfem.report.skin import Skin, normals
 from impactfem.report.solid_figures import survey, telling_layers
 from impactfem.result import SolidFields
@@ -238,7 +237,7 @@ IN_SPACE = {
 def test_faces_of_obstacles_lie_where_the_gap_is_zero_and_look_to_the_body(obstacle):
     from impactfem.contact.distance import signed_distance
 
-    faces = faces_of(obstacle, np.array([0.0, 0.6, 0.0]), 2.0)
+    faces = obstacle.faces(np.array([0.0, 0.6, 0.0]), 2.0)
     gap, direction = signed_distance(obstacle, faces.reshape(-1, 3), 0.0)
     assert gap == pytest.approx(0.0, abs=1e-12)
     normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])

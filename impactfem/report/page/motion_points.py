@@ -5,14 +5,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.distance import translation
-from impactfem.report.obstacle_faces import faces_of, grid_of_plane
+from impactfem.contact.distance import on_a_line, translation
 from impactfem.report.page.bar_charts import evenly
 from impactfem.report.page.chart import numbers
 from impactfem.report.page.motion_data import telling_frames
 from impactfem.report.page.motion_obstacles import plane_obstacles
 from impactfem.report.page.motion_poles import poles_motion
-from impactfem.report.space_picture import Camera
+from impactfem.report.space_picture import Camera, plane_normals
 from impactfem.result import Result
 from impactfem.scene import HalfSpace, Point, RigidPolyline
 
@@ -78,10 +77,7 @@ def _on_a_line(result: Result, rows: Integers) -> dict[str, Any]:
     scene, time = result.scene, result.rows["time"].values[rows]
     obstacles = []
     for obstacle in scene.rigid_obstacles:
-        place = np.full(len(time), float(obstacle.point[0]))  # type: ignore[union-attr]
-        if obstacle.motion is not None:
-            place = place + obstacle.motion[0](t=time)
-        side = float(np.sign(obstacle.normal[0]))  # type: ignore[union-attr]
+        place, side = on_a_line(obstacle, time)
         obstacles.append({"name": obstacle.name, "place": numbers(place), "side": side})
     falls = scene.vector_gravity.at(0.0)[0] != 0.0
     return {
@@ -147,7 +143,7 @@ def _camera(result: Result) -> Camera:
     gravity = np.asarray(result.scene.vector_gravity.at(0.0), dtype=np.float64)
     size = float(np.linalg.norm(gravity))
     vertical = -gravity / size if size > 0.0 else np.eye(3)[1]
-    planes = [np.array(o.unit_normal) for o in result.scene.obstacles if isinstance(o, HalfSpace)]
+    planes = plane_normals(result.scene)
     return Camera.facing(vertical, planes)
 
 
@@ -160,7 +156,7 @@ def _outlines(
     made: list[dict[str, Any]] = []
     for obstacle in result.scene.rigid_obstacles:
         if isinstance(obstacle, HalfSpace):
-            corners, grid = grid_of_plane(obstacle, np.zeros(3), centre, reach)
+            corners, grid = obstacle.grid(np.zeros(3), centre, reach)
             lines = [*grid, np.vstack([corners, corners[:1]])]
         elif isinstance(obstacle, RigidPolyline):
             chain = np.array(obstacle.points)
@@ -170,7 +166,7 @@ def _outlines(
             ]
         else:
             seen = np.unique(
-                camera.flat(faces_of(obstacle, centre, reach).reshape(-1, 3)).round(12), axis=0
+                camera.flat(obstacle.faces(centre, reach).reshape(-1, 3)).round(12), axis=0
             )
             hull = _hull(seen)
             made.append({"lines": [numbers(seen[np.append(hull, hull[0])])]})

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from impactfem.contact.distance import signed_distance
-from impactfem.report.obstacle_faces import grid_of_plane
 from impactfem.report.page.numbers import constant, quantity
 from impactfem.report.page.sketch import EDGE, GRAVITY, VELOCITY, arrow, empty, label
 from impactfem.report.solid_figures import survey
@@ -73,7 +72,7 @@ def draw_points_in_space(scene: Scene) -> Figure:
     axes.set_aspect("equal")
     axes.set_axis_off()
     for plane in planes:
-        corners, lines = grid_of_plane(plane, np.zeros(3), centre, 0.8 * reach)
+        corners, lines = plane.grid(np.zeros(3), centre, 0.8 * reach)
         axes.add_collection(PolyCollection([camera.flat(corners)], facecolors="0.92",
                                            edgecolors="0.7", alpha=0.7, zorder=0.5))  # fmt: skip
         axes.add_collection(LineCollection(list(camera.flat(lines)), colors="0.8", linewidths=0.5,

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.distance import on_a_line
 from impactfem.report.page.chart import (
     BLUE,
     COLOURS,
@@ -72,9 +73,7 @@ def _coordinates(result: Result) -> Chart | None:
     ]  # fmt: skip
     if scene.dim == 1:
         for obstacle in scene.rigid_obstacles:
-            place = np.full(len(time), float(obstacle.point[0]))  # type: ignore[union-attr]
-            if obstacle.motion is not None:
-                place = place + obstacle.motion[0](t=time)
+            place, _ = on_a_line(obstacle, time)
             traces.append(line(time, place, obstacle.name, GREY, "m", line={"width": 3.0}))
     whole = "Position" if points else "Way of the centre of mass from where it started,"
     caption = f"{whole} over time: kinks are impacts"

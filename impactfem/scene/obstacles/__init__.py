@@ -1,0 +1,36 @@
+"""Obstacles of a scene: the wall of bars, and the rigid obstacles of all other bodies.
+
+Each kind is one file: its keys and checks, its distance, outline, faces and mirror image. A new one
+is listed here.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from impactfem.scene.obstacles.base import SIDES, Field, RigidObstacle
+from impactfem.scene.obstacles.box import RigidBox
+from impactfem.scene.obstacles.cylinder import RigidCylinder
+from impactfem.scene.obstacles.half_space import HalfSpace
+from impactfem.scene.obstacles.polyline import RigidPolyline
+from impactfem.scene.obstacles.sphere import RigidSphere
+from impactfem.scene.obstacles.wall import Wall
+
+__all__ = [
+    "OBSTACLES", "SIDES", "Field", "HalfSpace", "Rigid", "RigidBox", "RigidCylinder",
+    "RigidObstacle", "RigidPolyline", "RigidSphere", "Wall",
+]  # fmt: skip
+
+type Rigid = RigidObstacle
+
+OBSTACLES: Mapping[str, type[Any]] = {
+    cls.kind: cls
+    for cls in (
+        Wall,
+        HalfSpace,
+        RigidSphere,
+        RigidCylinder,
+        RigidBox,
+        RigidPolyline,
+    )
+}
+"""All kinds by name."""

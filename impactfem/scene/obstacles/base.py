@@ -1,0 +1,139 @@
+"""What the rigid obstacles of a scene have in common.
+
+In 2D a sphere and a cylinder are circles, a box is a rectangle. In an axisymmetric model every
+obstacle is revolved about the axis, as the body is.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.scene.formula import Formula
+from impactfem.scene.inline import Formulas
+from impactfem.scene.obstacles.mirror import Mirror
+from impactfem.scene.schema import KeyedError
+from impactfem.scene.values import show
+
+type Floats = NDArray[np.float64]
+type Indices = NDArray[np.int64]
+type Field = tuple[Floats, Floats]
+type Motion = Sequence[float | str | Formula]
+
+ROUNDING = 1e-9
+"""Share of an obstacle's size below which a distance does not say a direction."""
+
+SIDES = ("outside", "inside")
+NAME = "name of the obstacle"
+MOTION = "displacement of the obstacle in time"
+SIDE = "where the body is"
+MOTION_KIND = Formulas(("t",))
+
+
+class RigidObstacle:
+    """What the rigid obstacles of solids have in common."""
+
+    kind: ClassVar[str]
+    name: str
+    motion: tuple[Formula, ...] | None
+    _vectors: ClassVar[tuple[str, ...]] = ()
+
+    def check_dimension(self, dim: int) -> None:
+        """Refuse coordinates that do not fit a body in 2D or 3D.
+
+        Raises:
+            KeyedError: naming the key of the obstacle.
+        """
+        for name in (*self._vectors, "motion"):
+            value = getattr(self, name)
+            if value is not None and len(value) != dim:
+                shown = show([entry.plain for entry in value] if name == "motion" else list(value))
+                text = f" = {shown} has {len(value)} entries, but the body has {dim} coordinates"
+                raise KeyedError(self.kind, name, f"{text}: give {dim}.")
+
+    def offset(self, t: float) -> Floats | None:
+        """Displacement [m] of the obstacle at time t (dim,); None when it is at rest."""
+        if self.motion is None:
+            return None
+        return np.array([float(entry(t=t)) for entry in self.motion])
+
+    @property
+    def features(self) -> float:
+        """Length over which its normal changes [m]."""
+        return math.inf
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether it has the same normal wherever a body meets it."""
+        return False
+
+    @property
+    def plane_normal(self) -> tuple[float, ...] | None:
+        """Its normal if it is a plane: then pictures show where it is."""
+        return None
+
+    def is_revolved(self, place: Floats, within: float) -> bool:  # noqa: ARG002
+        """Whether it, at rest, is round about the vertical through a place, within a distance."""
+        return False
+
+    def runs_along_z(self, low: float, high: float) -> bool:  # noqa: ARG002
+        """Whether it, at rest, is the same at all z from low to high [m]."""
+        return False
+
+    def gap(self, points: Floats) -> Field:
+        """Distances of points from it at rest, and their gradients.
+
+        See `impactfem.contact.distance.signed_distance`.
+
+        Args:
+            points: Places [m], shape (points, dim).
+
+        Returns:
+            Distances [m], shape (points,); unit normals towards the body, shape (points, dim).
+        """
+        raise NotImplementedError
+
+    def mirrors(self, other: "RigidObstacle", mirror: Mirror) -> bool:
+        """Whether it, at rest, is the mirror image of another one."""
+        return type(self) is type(other) and self.is_image(other, mirror)
+
+    def is_image(self, other: Any, mirror: Mirror) -> bool:
+        """Whether it, at rest, is the mirror image of another one of its kind."""
+        raise NotImplementedError
+
+    def faces(self, centre: Floats, reach: float) -> Floats:
+        """Triangles whose normals point to the side of the body, at rest, in space.
+
+        Args:
+            centre: Where the body is [m], shape (3,).
+            reach: How far endless obstacles are drawn from there [m].
+
+        Returns:
+            Corners, shape (triangles, 3, 3).
+        """
+        raise NotImplementedError
+
+    def lines(self, centre: Floats, reach: float) -> Floats:  # noqa: ARG002
+        """Lines on its faces, (lines, 2, 3)."""
+        return np.empty((0, 2, 3))
+
+    def outline(self) -> dict[str, Any]:
+        """Its outline in the plane at rest, as moving pictures take it."""
+        raise NotImplementedError
+
+
+def unit(vector: Sequence[float]) -> tuple[float, ...]:
+    """Components of a vector with length 1."""
+    length = math.hypot(*vector)
+    if not math.isfinite(length) or length < np.finfo(float).tiny:  # hypot may overflow
+        scale = max(abs(entry) for entry in vector)
+        return unit([entry / scale for entry in vector])
+    return tuple(entry / length for entry in vector)
+
+
+def unit_vector(vector: Floats) -> Floats:
+    """A vector with length 1."""
+    scaled = vector / np.abs(vector).max()  # the square of a long vector may overflow
+    return np.asarray(scaled / np.linalg.norm(scaled))

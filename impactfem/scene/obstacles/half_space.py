@@ -1,0 +1,138 @@
+"""Everything behind a plane."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from impactfem.scene.formula import Formula
+from impactfem.scene.inline import Formulas, Vector
+from impactfem.scene.kinds import Name
+from impactfem.scene.obstacles.base import (
+    MOTION,
+    NAME,
+    Field,
+    Floats,
+    Motion,
+    RigidObstacle,
+    unit,
+    unit_vector,
+)
+from impactfem.scene.obstacles.faces import spacing, square_to
+from impactfem.scene.obstacles.mirror import EQUAL, Mirror
+from impactfem.scene.schema import check_fields, key, table
+
+
+@table('[[obstacle]] with kind = "half_space"')
+@dataclass(frozen=True, kw_only=True)
+class HalfSpace(RigidObstacle):
+    """Everything behind a plane, or a line in 2D; the body is on the side the normal points to.
+
+    Raises:
+        SceneError: a value is not allowed.
+    """
+
+    kind: ClassVar[str] = "half_space"
+    _vectors: ClassVar[tuple[str, ...]] = ("point", "normal")
+
+    name: str = key(Name(), NAME, default="half_space")
+    point: Sequence[float] = key(Vector((1, 2, 3)), "a point of the plane", unit="m", also="center")
+    normal: Sequence[float] = key(
+        Vector((1, 2, 3), nonzero=True), "direction from the plane to the body, of any length"
+    )
+    motion: tuple[Formula, ...] | None = key(
+        Formulas(("t",), lengths=(1, 2, 3)), MOTION, unit="m", default=None, absent="at rest"
+    )
+
+    if TYPE_CHECKING:  # type checkers learn that numbers and texts may be given for formulas
+
+        def __init__(
+            self,
+            *,
+            point: Sequence[float],
+            normal: Sequence[float],
+            name: str = "half_space",
+            motion: Motion | None = None,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.kind)
+
+    @property
+    def unit_normal(self) -> tuple[float, ...]:
+        """The normal with length 1 (dim,)."""
+        return unit(self.normal)
+
+    @property
+    def is_flat(self) -> bool:
+        """Always: it has one normal."""
+        return True
+
+    @property
+    def plane_normal(self) -> tuple[float, ...]:
+        """Its normal."""
+        return self.unit_normal
+
+    def is_revolved(self, place: Floats, within: float) -> bool:  # noqa: ARG002  (it has no middle)
+        """Whether it is level."""
+        return abs(self.unit_normal[1]) > 1.0 - 1e-12
+
+    def runs_along_z(self, low: float, high: float) -> bool:  # noqa: ARG002  (it has no end)
+        """Whether it is upright along z."""
+        return abs(self.unit_normal[2]) < 1e-12
+
+    def gap(self, points: Floats) -> Field:
+        """Distances (points,) and normals (points, dim) at rest."""
+        normal = unit_vector(np.asarray(self.normal, dtype=np.float64))
+        gap = (points - np.asarray(self.point, dtype=np.float64)) @ normal
+        return gap, np.tile(normal, (len(points), 1))
+
+    def is_image(self, other: Any, mirror: Mirror) -> bool:
+        """Whether it, at rest, is the mirror image of another one of its kind."""
+        normal = np.array(other.unit_normal)
+        apart = float(normal @ (mirror.point(self.point) - np.array(other.point)))
+        turned = float(np.abs(mirror.direction(self.unit_normal) - normal).max())
+        return abs(apart) <= EQUAL * mirror.size and turned < 1e-12
+
+    def faces(self, centre: Floats, reach: float) -> Floats:
+        """A square below the body, as two triangles."""
+        corners = self.grid(np.zeros(3), centre, reach)[0]
+        found: Floats = corners[np.array([[0, 1, 2], [0, 2, 3]])]
+        return found
+
+    def lines(self, centre: Floats, reach: float) -> Floats:
+        """Lines at round distances on that square, (lines, 2, 3)."""
+        return self.grid(np.zeros(3), centre, reach)[1]
+
+    def outline(self) -> dict[str, Any]:
+        """Its outline in the plane at rest, as moving pictures take it."""
+        return {"shape": "half", "point": self.point, "normal": self.unit_normal}
+
+    def grid(self, shift: Floats, centre: Floats, reach: float) -> tuple[Floats, Floats]:
+        """A square of its plane below a body, with lines at round distances.
+
+        Args:
+            shift: Its displacement [m], shape (3,).
+            centre: Where the body is [m].
+            reach: Half the edge of the square [m].
+
+        Returns:
+            Corners (4, 3) and lines (lines, 2, 3), which are `spacing` apart.
+        """
+        normal = np.array(self.unit_normal)
+        first, second = square_to(normal)
+        origin = np.array(self.point, dtype=np.float64) + shift
+        step = spacing(reach)
+        # Lines stand still while the body moves along the plane.
+        u, v = (centre - origin) @ first, (centre - origin) @ second
+        lines = []
+        for along, across, a, b in ((first, second, u, v), (second, first, v, u)):
+            for k in range(int(np.ceil((b - reach) / step)), int((b + reach) // step) + 1):
+                base = origin + k * step * across
+                lines.append([base + (a - reach) * along, base + (a + reach) * along])
+        corners = [
+            origin + (u + i * reach) * first + (v + j * reach) * second
+            for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        ]
+        return np.array(corners), np.array(lines)

@@ -1,0 +1,100 @@
+"""A ball, or the hollow around one."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from impactfem.scene.formula import Formula
+from impactfem.scene.inline import Vector
+from impactfem.scene.kinds import Choice, Name, Real
+from impactfem.scene.obstacles.base import (
+    MOTION,
+    MOTION_KIND,
+    NAME,
+    SIDE,
+    SIDES,
+    Field,
+    Floats,
+    Motion,
+    RigidObstacle,
+)
+from impactfem.scene.obstacles.faces import AROUND, HIGH, facing, patches
+from impactfem.scene.obstacles.mirror import Mirror
+from impactfem.scene.obstacles.round import circle, round_gap, side_sign, upwards
+from impactfem.scene.schema import check_fields, key, table
+
+
+@table('[[obstacle]] with kind = "sphere"')
+@dataclass(frozen=True, kw_only=True)
+class RigidSphere(RigidObstacle):
+    """A ball, or the hollow around one; a circle in 2D.
+
+    Raises:
+        SceneError: a value is not allowed.
+    """
+
+    kind: ClassVar[str] = "sphere"
+    _vectors: ClassVar[tuple[str, ...]] = ("center",)
+
+    name: str = key(Name(), NAME, default="sphere")
+    center: Sequence[float] = key(Vector(), "centre", unit="m", also="point")
+    radius: float = key(Real(above=0), "radius", unit="m")
+    side: str = key(Choice(SIDES), SIDE, default="outside")
+    motion: tuple[Formula, ...] | None = key(
+        MOTION_KIND, MOTION, unit="m", default=None, absent="at rest"
+    )
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            *,
+            center: Sequence[float],
+            radius: float,
+            side: str = "outside",
+            name: str = "sphere",
+            motion: Motion | None = None,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.kind)
+
+    @property
+    def features(self) -> float:
+        """Its radius [m]."""
+        return self.radius
+
+    @property
+    def sign(self) -> float:
+        """1 if the body is outside, else -1."""
+        return side_sign(self.side)
+
+    def is_revolved(self, place: Floats, within: float) -> bool:
+        """Whether its centre lies on the vertical."""
+        return bool(np.abs(np.array(self.center) - place)[[0, 2]].max() <= within)
+
+    def gap(self, points: Floats) -> Field:
+        """Distances (points,) and normals (points, dim) at rest."""
+        arms = points - np.asarray(self.center, dtype=np.float64)
+        return round_gap(arms, upwards(points.shape[1]), self.radius, self.sign)
+
+    def is_image(self, other: Any, mirror: Mirror) -> bool:
+        """Whether it, at rest, is the mirror image of another one of its kind."""
+        same = self.radius == other.radius and self.side == other.side
+        return same and mirror.near(mirror.point(self.center), np.array(other.center))
+
+    def faces(self, centre: Floats, reach: float) -> Floats:  # noqa: ARG002  (it ends)
+        """Triangles (faces, 3, 3) whose normals point to the side of the body, at rest."""
+        polar = np.linspace(0.0, np.pi, HIGH + 1)[:, None]
+        around = np.linspace(0.0, 2.0 * np.pi, AROUND + 1)[None]
+        x, y, z = np.sin(polar) * np.cos(around), np.cos(polar), np.sin(polar) * np.sin(around)
+        arms = np.stack([x, y + 0.0 * around, z], axis=2)
+        middle = np.array(self.center)
+        faces = patches(middle + self.radius * arms)
+        return facing(faces, self.sign * (faces.mean(axis=1) - middle))
+
+    def outline(self) -> dict[str, Any]:
+        """Its outline in the plane at rest, as moving pictures take it."""
+        return circle(self.center, self.radius, self.side)

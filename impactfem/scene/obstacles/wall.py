@@ -1,0 +1,24 @@
+"""The wall of bars."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from impactfem.scene.kinds import Name
+from impactfem.scene.schema import check_fields, key, table
+
+
+@table('[[obstacle]] with kind = "wall"')
+@dataclass(frozen=True, kw_only=True)
+class Wall:
+    """A rigid wall at rest, in front of the near end of a bar.
+
+    Raises:
+        SceneError: the name is not allowed.
+    """
+
+    kind: ClassVar[str] = "wall"
+
+    name: str = key(Name(), "name of the wall", default="wall")
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.kind)
