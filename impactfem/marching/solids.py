@@ -124,7 +124,6 @@ class ContactState:
     Attributes:
         multiplier, gap: At the last level [N], [m].
         older_multiplier, older_gap: One level earlier.
-        advance, older_advance: How far the obstacles have come [m].
         static: Displacement of massless nodes by the multipliers [m], (count, dim).
     """
 
@@ -132,8 +131,6 @@ class ContactState:
     gap: Floats
     older_multiplier: Floats
     older_gap: Floats
-    advance: Floats
-    older_advance: Floats
     static: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
 
@@ -179,8 +176,7 @@ class SolidMarch:
         self._normals = normals
         multiplier, static = self._initial_contact(gap, normals)
         true = gap + np.einsum("ij,ij->i", normals, gaps.relative(static))
-        advance = gaps.advance(normals, 0.0)
-        self.contact = ContactState(multiplier, true, multiplier, true, advance, advance, static)
+        self.contact = ContactState(multiplier, true, multiplier, true, static)
         sums = interior.initial(static)
         self.rows = Rows.empty(layers + 1, len(sums), free.shape[1])
         self.rows.put(0, sums)
@@ -265,7 +261,6 @@ class SolidMarch:
         # Forces of explicit layers act at their start, amid two steps.
         explicit = self._scheme.interior == "leapfrog"
         gap, normals = self._gaps.at(free, begin, last, time, back=1.0 if explicit else 0.5)
-        advance = self._gaps.advance(normals, time)
         if self._scheme.contact == "velocity":
             end = self._gaps.relative(2.0 / interior.dt * (free - last) - self.speed)
             self._speed_without_contact = np.einsum("ij,ij->i", normals, end) - self._gaps.speed(
@@ -276,13 +271,13 @@ class SolidMarch:
         self.rows.put(self.layer, interior.finish(layer, static))
         self.speed = 2.0 / interior.dt * (interior.surface_displacement - last) - self.speed
         true = self._true_gap
-        older = state.older_advance if explicit else state.advance
         half = 0.5 if explicit else 1.0
-        self.rows.obstacle_work[self.layer] = half * float(force @ (advance - older))
+        # Along the normals of this layer: others would make work of their turning.
+        before = max(0.0, time - interior.dt / half)
+        way = self._gaps.advance(normals, time) - self._gaps.advance(normals, before)
+        self.rows.obstacle_work[self.layer] = half * float(force @ way)
         self._end_layer(time, half, interior.surface_displacement + static)
-        self.contact = ContactState(
-            multiplier, true, state.multiplier, state.gap, advance, state.advance, static
-        )
+        self.contact = ContactState(multiplier, true, state.multiplier, state.gap, static)
         self._normals = normals
         if self._scheme.shares_forces:
             # What acts at a level is the mean of the forces of its two layers.
