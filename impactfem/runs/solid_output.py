@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.boundary import everywhere
+from impactfem.contact.overlap import overlap
 from impactfem.contact.watch import penetration_of_others
 from impactfem.errors import SceneError
 from impactfem.fem import cell_nodes, on_root
@@ -15,7 +17,7 @@ from impactfem.marching.collect import Collector
 from impactfem.marching.layers import ContactGaps
 from impactfem.marching.solids import Level
 from impactfem.mesh.body import BodyMesh
-from impactfem.models.solids import SolidPart
+from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.result.cell_kinds import KINDS
 from impactfem.result.solid_fields import FieldSpool
 
@@ -147,29 +149,33 @@ def _cells(comm: Any, mesh: BodyMesh) -> Any:
 
 
 class Watch:
-    """Notices nodes without contact unknowns that come into an obstacle all the same.
+    """Notices what contact lets through: nodes in an obstacle, bodies in each other.
 
     Attributes:
-        depth: Of the deepest [m]; 0 without any.
-        message: What was seen, in words.
+        depth: Of the deepest node without contact unknowns in an obstacle [m]; 0 without any.
+        message: What was seen of it, in words.
+        overlap: How deep one body was in another [m]; gaps between bodies are means over faces.
     """
 
-    def __init__(self, comm: Any, parts: Sequence[SolidPart], every: int) -> None:
-        """Look at some bodies every so many layers."""
-        self._comm, self._parts, self._every = comm, parts, every
+    def __init__(self, model: SolidsModel, every: int) -> None:
+        """Look at the bodies of a model every so many layers."""
+        self._comm, self._parts, self._every = model.comm, model.parts, every
+        self._pairs = [pair.bodies for pair in model.pairs]
+        parts = model.parts
         self._cuts = np.cumsum([0, *(len(part.system.constrained) for part in parts)])
-        self.depth = 0.0
+        self.depth = self.overlap = 0.0
         self.message = ""
 
     def __call__(self, level: Level) -> None:
         """Look at a level if it is its turn (collective)."""
         if level.layer % self._every:
             return
-        for k, part in enumerate(self._parts):
+        each = [level.displacement[first:end] for first, end in pairwise(self._cuts)]
+        self._look_between(each)
+        for part, moved in zip(self._parts, each, strict=True):
             if part.contact is None:
                 continue
             positions = part.system.positions
-            moved = level.displacement[self._cuts[k] : self._cuts[k + 1]]
             found = penetration_of_others(
                 self._comm, part.contact, part.obstacles, part.system.numbers,
                 positions + moved.reshape(positions.shape), level.time,
@@ -182,3 +188,20 @@ class Watch:
                     f"deep in obstacle {part.obstacles[found.obstacle].name!r} at ({where}) m, "
                     f"t = {level.time:.4g} s; name its surface in body.contact_surfaces"
                 )
+
+    def _look_between(self, displacements: Sequence[Floats]) -> None:
+        """Look at bodies that may meet each other (collective)."""
+        places = {
+            k: part.outside.points
+            + everywhere(
+                self._comm, part.outside.numbers, part.system.numbers,
+                displacements[k].reshape(part.system.positions.shape),
+            )
+            for k, part in enumerate(self._parts)
+            if any(k in pair for pair in self._pairs)
+        }  # fmt: skip
+        for a, b in self._pairs:
+            one, two = self._parts[a].outside, self._parts[b].outside
+            found = overlap(one, places[a], two, places[b])
+            if found is not None:
+                self.overlap = max(self.overlap, found[0])

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.collect import total
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.schemes import SolidScheme
@@ -18,6 +19,7 @@ from impactfem.result.table import Table
 from impactfem.result.whole import Whole
 from impactfem.runs.forces import contact_codes, contact_findings, mesh_window
 from impactfem.runs.solid_output import Watch
+from impactfem.runs.verdict import PENETRATION_LIMITS
 
 Floats = NDArray[np.float64]
 
@@ -136,6 +138,7 @@ def _effort(
             "friction_work": float(rows.friction_work.sum()),
             "penetration_elsewhere": watch.depth,
             "watch": watch.message,
+            "overlap": watch.overlap,
             "cells": sum(part.mesh.num_cells for part in parts),
             "nodes": sum(part.mesh.num_nodes for part in parts),
             **whole.details(),
@@ -143,6 +146,7 @@ def _effort(
         findings=(
             *contact_findings(rows.force, rows.largest, march.interior.dt),
             *measured_findings(figures),
+            *_overlap_findings(model, watch),
         ),
         measured=(*contact_codes(rows.force), *MODEL_CODES),
         force_window=mesh_window(
@@ -150,6 +154,15 @@ def _effort(
         ),
         bodies=figures,
     )
+
+
+def _overlap_findings(model: SolidsModel, watch: Watch) -> tuple[Finding, ...]:
+    """Whether bodies lay in each other, though their gaps, means over faces, did not close."""
+    share = watch.overlap / min(part.system.nodes.size for part in model.parts)
+    text = f"bodies lie up to {watch.overlap:.2g} m in each other, {percent(share)} of the smaller"
+    text += " one: gaps between bodies are means over faces"
+    remedy = "take smaller elements where they meet"
+    return by_limits("penetration", share, PENETRATION_LIMITS, text, remedy=remedy)
 
 
 def elastic_and_force(scheme: SolidScheme, rows: Rows, elastic: Floats) -> tuple[Floats, Floats]:

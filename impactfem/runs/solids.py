@@ -221,7 +221,7 @@ def _march(
     """Run the loop with everything that looks at its levels."""
     comm, collector = model.comm, Collector(model.comm, model.own_numbers)
     positions = np.concatenate([part.system.positions for part in model.parts])
-    watch = Watch(comm, model.parts, max(1, march.layers // 50))
+    watch = Watch(model, max(1, march.layers // 50))
     observers: list[Callable[[Level], None]] = [watch, limits]
     place, passing = _spool_place(comm, checkpoints or restart, keep=bool(scene.output.fields))
     kept = None
@@ -229,6 +229,7 @@ def _march(
         text = scene.to_toml(folder=restart)
         start = Checkpoints(comm, collector, positions, restart, text).read(march)
         watch.depth, watch.message = float(start["depth"]), str(start["message"])
+        watch.overlap = float(start["overlap"])
         limits.restore(str(start["limits"]))
         kept = int(start["fields"])
     writer = None
@@ -280,7 +281,8 @@ def _saver(
         if level.layer and level.layer % every == 0 and level.layer < march.layers:
             kept = on_root(comm, lambda: 0 if spool is None else len(spool))
             seen: dict[str, float | str] = {
-                "depth": watch.depth, "message": watch.message, "limits": limits.state(),
+                "depth": watch.depth, "message": watch.message, "overlap": watch.overlap,
+                "limits": limits.state(),
             }  # fmt: skip
             writer.write(march, {"fields": kept, **seen})
 

@@ -30,7 +30,7 @@ def test_a_continued_run_equals_the_whole_one(method, normals, friction, tmp_pat
     assert differences(whole, again) == {}
     assert again.summary["energy"] == whole.summary["energy"]
     assert again.summary["bodies"] == whole.summary["bodies"]
-    for name in ("friction_work", "contact_nodes", "mean_iterations_in_contact"):
+    for name in ("friction_work", "contact_nodes", "mean_iterations_in_contact", "overlap"):
         assert again.summary["details"][name] == whole.summary["details"][name]
 
 

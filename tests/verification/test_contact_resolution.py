@@ -237,3 +237,31 @@ def test_a_cube_on_its_corner_is_told_at_any_mesh_size(tmp_path):
     assert forces[1] < 0.75 * forces[0]
     result = impactfem.solve(cube(tmp_path, 0.004, corner=False))
     assert "contact_single_node" not in {*foreseen(result), *codes(result)}
+
+
+PASSING = [{"kind": "disc", "radius": 0.5, "center": place} for place in ([0.0, 0.0], [0.95, 0.4])]
+MEETING = [{"kind": "block", "size": [0.9, 1.0], "corner": [x, 0.0]} for x in (0.0, 0.95)]
+
+
+@pytest.mark.parametrize(("shapes", "told"), [(PASSING, True), (MEETING, False)])
+def test_bodies_that_lie_in_each_other_are_told(shapes, told):
+    """Discs pass aslant over faces that stay those of t = 0; blocks meet flat."""
+    plain = {
+        "kind": "solid", "model": "plane_strain", "density": 1.0, "youngs_modulus": 1.0,
+        "poisson_ratio": 0.3, "mesh_size": 0.25,
+    }  # fmt: skip
+    bodies = [
+        plain | {"name": name, "shape": shape} for name, shape in zip("ab", shapes, strict=True)
+    ]
+    bodies[0]["velocity"] = [0.1, 0.0]
+    scene = impactfem.Scene.from_dict(
+        {
+            "title": "aslant", "duration": 4.0, "body": bodies, "output": {"fields": []},
+            "solve": {"method": "explicit", "normals": "fixed", "estimate": False},
+        }
+    )  # fmt: skip
+    summary = impactfem.solve(scene).summary
+    assert summary["contact"]["max_force"] > 0.01
+    codes = {finding["code"] for finding in summary["verdict"]["findings"]}
+    assert ("penetration" in codes) == told
+    assert (summary["details"]["overlap"] > 1e-3) == told
