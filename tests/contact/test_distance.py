@@ -220,7 +220,7 @@ def test_turns_and_moves_with_its_obstacle(shape: str, dim: int, seed: int) -> N
         if getattr(it, key, None) is not None
     }
     if it.kind == "box":
-        changed["angle"] = it.angle + angle
+        changed["angle"] = float(np.angle(np.exp(1j * (it.angle + angle))))
     if it.kind == "polyline":
         points_there = np.asarray(it.points) @ turn[:2, :2].T
         if (np.asarray(it.points)[0] == np.asarray(it.points)[-1]).all():

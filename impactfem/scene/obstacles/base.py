@@ -6,7 +6,7 @@ obstacle is revolved about the axis, as the body is.
 
 import math
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,9 +97,9 @@ class RigidObstacle:
 
     def mirrors(self, other: "RigidObstacle", mirror: Mirror) -> bool:
         """Whether it, at rest, is the mirror image of another one."""
-        return type(self) is type(other) and self.is_image(other, mirror)
+        return isinstance(other, type(self)) and self.is_image(other, mirror)
 
-    def is_image(self, other: Any, mirror: Mirror) -> bool:
+    def is_image(self, other: Self, mirror: Mirror) -> bool:
         """Whether it, at rest, is the mirror image of another one of its kind."""
         raise NotImplementedError
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -100,7 +100,7 @@ class RigidBox(RigidObstacle):
         )
         return np.where(deepest > 0.0, distance, deepest), (signs * normal) @ turn.T
 
-    def is_image(self, other: Any, mirror: Mirror) -> bool:
+    def is_image(self, other: Self, mirror: Mirror) -> bool:
         """Whether it, at rest, is the mirror image of another one of its kind."""
         angle = self.angle if mirror.axis == 2 else -self.angle
         turned = abs(math.remainder(angle - other.angle, math.pi)) > EQUAL

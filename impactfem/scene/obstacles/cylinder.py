@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -117,7 +117,7 @@ class RigidCylinder(RigidObstacle):
         start = np.eye(dim)[0 if abs(axis[1]) > np.sqrt(0.5) else 1]
         return round_gap(arms, unit_vector(start - (start @ axis) * axis), self.radius, self.sign)
 
-    def is_image(self, other: Any, mirror: Mirror) -> bool:
+    def is_image(self, other: Self, mirror: Mirror) -> bool:
         """Whether it, at rest, is the mirror image of another one of its kind."""
         apart = mirror.point(self.point) - np.array(other.point)
         parallel = True

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -88,7 +88,7 @@ class HalfSpace(RigidObstacle):
         gap = (points - np.asarray(self.point, dtype=np.float64)) @ normal
         return gap, np.tile(normal, (len(points), 1))
 
-    def is_image(self, other: Any, mirror: Mirror) -> bool:
+    def is_image(self, other: Self, mirror: Mirror) -> bool:
         """Whether it, at rest, is the mirror image of another one of its kind."""
         normal = np.array(other.unit_normal)
         apart = float(normal @ (mirror.point(self.point) - np.array(other.point)))

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -141,7 +141,7 @@ class RigidPolyline(RigidObstacle):
         normal[corner[touching], :2] = middle / np.hypot(*middle.T)[:, None]
         return gap, normal
 
-    def is_image(self, other: Any, mirror: Mirror) -> bool:
+    def is_image(self, other: Self, mirror: Mirror) -> bool:
         """Whether it, at rest, is the mirror image of another one of its kind."""
         if mirror.axis == 2:  # extruded along z
             return bool(self.points == other.points)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -80,7 +80,7 @@ class RigidSphere(RigidObstacle):
         arms = points - np.asarray(self.center, dtype=np.float64)
         return round_gap(arms, upwards(points.shape[1]), self.radius, self.sign)
 
-    def is_image(self, other: Any, mirror: Mirror) -> bool:
+    def is_image(self, other: Self, mirror: Mirror) -> bool:
         """Whether it, at rest, is the mirror image of another one of its kind."""
         same = self.radius == other.radius and self.side == other.side
         return same and mirror.near(mirror.point(self.center), np.array(other.center))
