@@ -62,7 +62,11 @@ class SolidPart:
     @cached_property
     def places(self) -> Floats:
         """Places of the nodes of the outside at t = 0 [m], (nodes, dim) (collective likewise)."""
-        moved = self.system.displacement.reshape(-1, self.solid.dim)
+        return self.places_at(self.system.displacement)
+
+    def places_at(self, displacement: Floats) -> Floats:
+        """The same for another displacement of the owned dofs [m] (collective)."""
+        moved = displacement.reshape(-1, self.solid.dim)
         numbers = self.outside.numbers
         return self.outside.points + everywhere(self.comm, numbers, self.system.numbers, moved)
 

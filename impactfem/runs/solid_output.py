@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.boundary import everywhere
 from impactfem.contact.overlap import overlap
 from impactfem.contact.watch import penetration_of_others
 from impactfem.errors import SceneError
@@ -89,17 +88,12 @@ class FieldOutput:
 
 
 def open_spool(
-    comm: Any,
-    parts: Sequence[SolidPart],
-    collector: Collector,
-    place: Path | None,
-    kept: int | None,
+    model: SolidsModel, collector: Collector, place: Path | None, kept: int | None
 ) -> FieldSpool | None:
     """Open the file of the fields of some bodies on rank 0 (collective).
 
     Args:
-        comm: MPI communicator.
-        parts: The bodies.
+        model: The bodies.
         collector: Of the nodes of all of them.
         place: The file, on rank 0.
         kept: Number of levels of an earlier run to keep; None to begin anew.
@@ -108,6 +102,7 @@ def open_spool(
         SceneError: The bodies have different kinds of cells, which one file cannot hold.
         OutputError: The file cannot be written or read.
     """
+    comm, parts = model.comm, model.parts
     kinds = {(part.mesh.cell, part.mesh.degree) for part in parts}
     if len(kinds) > 1:
         raise SceneError(
@@ -118,7 +113,6 @@ def open_spool(
     positions = np.concatenate([part.system.positions for part in parts])
     points = collector.collect(positions.ravel(), parts[0].solid.dim)
     cells = [_cells(comm, part.mesh) for part in parts]
-    starts = np.cumsum([0, *(part.mesh.num_nodes for part in parts)])
 
     def make() -> None:
         if place is None or points is None:
@@ -126,7 +120,7 @@ def open_spool(
         if kept is not None:
             found.append(FieldSpool.reopen(place, kept))
             return
-        each = zip(cells, starts, strict=False)
+        each = zip(cells, model.starts, strict=False)
         joined = np.concatenate([own[:, list(kind.order)] + first for own, first in each])
         found.append(FieldSpool(place, points, joined, kind.vtk_type))
 
@@ -192,14 +186,10 @@ class Watch:
     def _look_between(self, displacements: Sequence[Floats]) -> None:
         """Look at bodies that may meet each other (collective)."""
         places = {
-            k: part.outside.points
-            + everywhere(
-                self._comm, part.outside.numbers, part.system.numbers,
-                displacements[k].reshape(part.system.positions.shape),
-            )
+            k: part.places_at(displacements[k])
             for k, part in enumerate(self._parts)
             if any(k in pair for pair in self._pairs)
-        }  # fmt: skip
+        }
         for a, b in self._pairs:
             one, two = self._parts[a].outside, self._parts[b].outside
             found = overlap(one, places[a], two, places[b])

@@ -92,7 +92,8 @@ def run_solids(
     discretised = {parts[0].solid.name: parts for parts in each}
     dt, layers, limit = planned_steps(scene.duration, plan, scheme, discretised)
     progress.step("preparing the layers")
-    law = _friction(model, plan)
+    tolerance = plan.tolerance * _size(model)
+    law = _friction(model, plan, tolerance)
     interiors = [_interior(*parts, scheme, dt, plan.linear_solver) for parts in each]
     interior: Interior
     gaps: ContactGaps
@@ -102,7 +103,6 @@ def run_solids(
     else:
         composite = Composite(interiors, [_free(*parts[:2]) for parts in each])
         interior, gaps = composite, _pair_gaps(model, surfaces, composite)
-    tolerance = plan.tolerance * _size(model)
     solver = _solver(plan, tolerance)
     arguments = (model.comm, interior, scheme, gaps, solver, layers, tolerance)
     march = SolidMarch(*arguments) if law is None else RubbingMarch(*arguments, law)
@@ -140,7 +140,7 @@ def _solver(plan: "SolidPlan", tolerance: float) -> Solver:
     return solve_by_active_set(tolerance, plan.max_iterations)
 
 
-def _friction(model: SolidsModel, plan: "SolidPlan") -> Friction | None:
+def _friction(model: SolidsModel, plan: "SolidPlan", tolerance: float) -> Friction | None:
     """Coefficients of all gaps, in the order of `PairGaps`; None if there is no friction."""
     scene, parts = model.scene, [np.zeros(0)]
     for part in model.parts:
@@ -151,7 +151,7 @@ def _friction(model: SolidsModel, plan: "SolidPlan") -> Friction | None:
     coefficients = np.concatenate(parts)
     if not coefficients.any():
         return None
-    return Friction(coefficients, plan.tolerance * _size(model), 50 * plan.max_iterations)
+    return Friction(coefficients, tolerance, 50 * plan.max_iterations)
 
 
 def _interior(
@@ -242,7 +242,7 @@ def _march(
     if scene.output.fields:
         each = zip(model.numbers, model.starts, strict=False)
         contact = np.concatenate([numbers + start for numbers, start in each])
-        spool = open_spool(comm, model.parts, collector, place, kept)
+        spool = open_spool(model, collector, place, kept)
         observers.append(
             FieldOutput(
                 comm, model.parts, collector, contact, gaps, spool, scene.output.every,

@@ -18,20 +18,19 @@ from impactfem.scene.obstacles.base import (
     Field,
     Floats,
     Motion,
-    RigidObstacle,
     unit,
     unit_vector,
 )
 from impactfem.scene.obstacles.faces import AROUND, HIGH, facing, patches, square_to
 from impactfem.scene.obstacles.mirror import Mirror
-from impactfem.scene.obstacles.round import circle, round_gap, side_sign, upwards
+from impactfem.scene.obstacles.round import RoundObstacle, upwards
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
 
 
 @table('[[obstacle]] with kind = "cylinder"')
 @dataclass(frozen=True, kw_only=True)
-class RigidCylinder(RigidObstacle):
+class RigidCylinder(RoundObstacle):
     """An endless round cylinder, or the bore of one; a circle in 2D.
 
     Raises:
@@ -86,16 +85,6 @@ class RigidCylinder(RigidObstacle):
             text = f" = {show(list(self.axis))}: in 2D a cylinder is a circle; remove the axis."
             raise KeyedError(self.kind, "axis", text)
 
-    @property
-    def features(self) -> float:
-        """Its radius [m]."""
-        return self.radius
-
-    @property
-    def sign(self) -> float:
-        """1 if the body is outside, else -1."""
-        return side_sign(self.side)
-
     def is_revolved(self, place: Floats, within: float) -> bool:
         """Whether its axis is the vertical."""
         upright = self.unit_axis is not None and abs(self.unit_axis[1]) > 1.0 - 1e-12
@@ -110,12 +99,12 @@ class RigidCylinder(RigidObstacle):
         dim = points.shape[1]
         arms = points - np.asarray(self.point, dtype=np.float64)
         if dim == 2:
-            return round_gap(arms, upwards(dim), self.radius, self.sign)
+            return self.round_gap(arms, upwards(dim))
         axis = unit_vector(np.asarray(self.axis, dtype=np.float64))
         arms -= np.outer(arms @ axis, axis)
         # On the axis: square to it and as near to y as can be, or to x if it runs along y.
         start = np.eye(dim)[0 if abs(axis[1]) > np.sqrt(0.5) else 1]
-        return round_gap(arms, unit_vector(start - (start @ axis) * axis), self.radius, self.sign)
+        return self.round_gap(arms, unit_vector(start - (start @ axis) * axis))
 
     def is_image(self, other: Self, mirror: Mirror) -> bool:
         """Whether it, at rest, is the mirror image of another one of its kind."""
@@ -143,4 +132,4 @@ class RigidCylinder(RigidObstacle):
 
     def outline(self) -> dict[str, Any]:
         """Its outline in the plane at rest, as moving pictures take it."""
-        return circle(self.point, self.radius, self.side)
+        return self.circle(self.point)

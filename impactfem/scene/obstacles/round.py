@@ -5,33 +5,42 @@ from typing import Any
 
 import numpy as np
 
-from impactfem.scene.obstacles.base import ROUNDING, Field, Floats
+from impactfem.scene.obstacles.base import ROUNDING, Field, Floats, RigidObstacle
 
 
-def round_gap(arms: Floats, fallback: Floats, radius: float, sign: float) -> Field:
-    """Distances from a sphere or cylinder, and normals.
+class RoundObstacle(RigidObstacle):
+    """A sphere, a cylinder, or the hollow around one."""
 
-    Args:
-        arms: From its centre or axis to the points [m], shape (points, dim).
-        fallback: Normal where an arm has no length, shape (dim,).
-        radius: [m].
-        sign: 1 if the body is outside, else -1.
-    """
-    length = np.sqrt(np.einsum("ij,ij->i", arms, arms))
-    centred = length <= ROUNDING * radius
-    normal = arms / np.where(centred, 1.0, length)[:, None]
-    normal[centred] = fallback
-    return sign * (length - radius), sign * normal
+    radius: float
+    side: str
 
+    @property
+    def features(self) -> float:
+        """Its radius [m]."""
+        return self.radius
 
-def side_sign(side: str) -> float:
-    """1 if the body is outside, else -1."""
-    return -1.0 if side == "inside" else 1.0
+    @property
+    def sign(self) -> float:
+        """1 if the body is outside, else -1."""
+        return -1.0 if self.side == "inside" else 1.0
 
+    def round_gap(self, arms: Floats, fallback: Floats) -> Field:
+        """Distances and normals.
 
-def circle(centre: Sequence[float], radius: float, side: str) -> dict[str, Any]:
-    """Outline in the plane."""
-    return {"shape": "circle", "point": centre[:2], "radius": radius, "inside": side == "inside"}
+        Args:
+            arms: From its centre or axis to the points [m], shape (points, dim).
+            fallback: Normal where an arm has no length, shape (dim,).
+        """
+        length = np.sqrt(np.einsum("ij,ij->i", arms, arms))
+        centred = length <= ROUNDING * self.radius
+        normal = arms / np.where(centred, 1.0, length)[:, None]
+        normal[centred] = fallback
+        return self.sign * (length - self.radius), self.sign * normal
+
+    def circle(self, centre: Sequence[float]) -> dict[str, Any]:
+        """Outline in the plane."""
+        inside = self.side == "inside"
+        return {"shape": "circle", "point": centre[:2], "radius": self.radius, "inside": inside}
 
 
 def upwards(dim: int) -> Floats:

@@ -18,17 +18,16 @@ from impactfem.scene.obstacles.base import (
     Field,
     Floats,
     Motion,
-    RigidObstacle,
 )
 from impactfem.scene.obstacles.faces import AROUND, HIGH, facing, patches
 from impactfem.scene.obstacles.mirror import Mirror
-from impactfem.scene.obstacles.round import circle, round_gap, side_sign, upwards
+from impactfem.scene.obstacles.round import RoundObstacle, upwards
 from impactfem.scene.schema import check_fields, key, table
 
 
 @table('[[obstacle]] with kind = "sphere"')
 @dataclass(frozen=True, kw_only=True)
-class RigidSphere(RigidObstacle):
+class RigidSphere(RoundObstacle):
     """A ball, or the hollow around one; a circle in 2D.
 
     Raises:
@@ -61,16 +60,6 @@ class RigidSphere(RigidObstacle):
     def __post_init__(self) -> None:
         check_fields(self, self.kind)
 
-    @property
-    def features(self) -> float:
-        """Its radius [m]."""
-        return self.radius
-
-    @property
-    def sign(self) -> float:
-        """1 if the body is outside, else -1."""
-        return side_sign(self.side)
-
     def is_revolved(self, place: Floats, within: float) -> bool:
         """Whether its centre lies on the vertical."""
         return bool(np.abs(np.array(self.center) - place)[[0, 2]].max() <= within)
@@ -78,7 +67,7 @@ class RigidSphere(RigidObstacle):
     def gap(self, points: Floats) -> Field:
         """Distances (points,) and normals (points, dim) at rest."""
         arms = points - np.asarray(self.center, dtype=np.float64)
-        return round_gap(arms, upwards(points.shape[1]), self.radius, self.sign)
+        return self.round_gap(arms, upwards(points.shape[1]))
 
     def is_image(self, other: Self, mirror: Mirror) -> bool:
         """Whether it, at rest, is the mirror image of another one of its kind."""
@@ -97,4 +86,4 @@ class RigidSphere(RigidObstacle):
 
     def outline(self) -> dict[str, Any]:
         """Its outline in the plane at rest, as moving pictures take it."""
-        return circle(self.center, self.radius, self.side)
+        return self.circle(self.center)
