@@ -4,19 +4,25 @@ import numpy as np
 import pytest
 
 from impactfem import solve
-from impactfem.studies.hard.solid_facts import CONTROLLED, FLOOR, facts_of, solid_scene
-from impactfem.studies.hard.solids import INSIDE
+from impactfem.studies.hard.rows import Row, base
+from impactfem.studies.hard.solids import facts_of
+
+METHODS = ("massless", "conserving", "explicit", "galerkin", "moreau_jean", "newmark")
+INSIDE = Row(base("solids", "inside")).scene()
+RISING = {"body.body.velocity": [0.0, 0.0], "obstacle.floor.motion": ["0", "0.1*t"]}
 
 
-@pytest.mark.parametrize("method", CONTROLLED)
+def disc_on_floor(**more):
+    """The disc that hard cases throw on a floor, on larger elements."""
+    keys = {"duration": 3.0, "body.body.mesh_size": 0.25} | more
+    return Row(base("solids"), set=keys).scene()
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_a_floor_that_comes_strikes_as_a_body_that_is_thrown(method):
     """Galileo: only the relative speed counts, also for rules that act on velocities."""
-    thrown = solve(solid_scene(3.0, mesh_size=0.25), method=method).history
-    struck = solve(
-        solid_scene(3.0, mesh_size=0.25, velocity=[0.0, 0.0],
-                    obstacles=(FLOOR | {"motion": ["0", "0.1*t"]},)),
-        method=method,
-    ).history  # fmt: skip
+    thrown = solve(disc_on_floor(), method=method).history
+    struck = solve(disc_on_floor(**RISING), method=method).history
     force = thrown["contact_force"].values
     assert force.max() > 0.03
     np.testing.assert_allclose(struck["contact_force"], force, rtol=0, atol=1e-12)
@@ -32,15 +38,14 @@ def test_a_ball_that_pushes_a_body_aside_does_the_work_that_the_energy_shows(met
     With the whole way since t = 0 along normals that turn 2.4 % of the energy came from nowhere, on
     any mesh.
     """
-    result = solve(
-        solid_scene(
-            6.0, mesh_size=0.15, velocity=[0.0, 0.0],
-            shape={"kind": "disc", "radius": 0.3, "center": [0.0, 0.2]},
-            obstacles=({"kind": "sphere", "name": "ball", "center": [-1.0, 0.0], "radius": 0.6,
-                        "motion": ["0.1*t", "0"]},),
-        ),
-        method=method, normals="updated",
-    )  # fmt: skip
+    aside = {
+        "duration": 6.0, "body.body.mesh_size": 0.15, "body.body.velocity": [0.0, 0.0],
+        "body.body.shape": {"kind": "disc", "radius": 0.3, "center": [0.0, 0.2]},
+        "obstacle": [{"kind": "sphere", "name": "ball", "center": [-1.0, 0.0], "radius": 0.6,
+                      "motion": ["0.1*t", "0"]}],
+        "solve.normals": "updated",
+    }  # fmt: skip
+    result = solve(disc_on_floor(**aside), method=method)
     energy, kinetic = (result.history[f"{name}_energy"].values for name in ("total", "kinetic"))
     assert kinetic.max() > 1e-3  # the ball has thrown the body
     assert abs(energy[-1] - energy[0]) < 2e-3 * kinetic.max()
@@ -48,9 +53,7 @@ def test_a_ball_that_pushes_a_body_aside_does_the_work_that_the_energy_shows(met
 
 @pytest.mark.parametrize("method", ["conserving", "explicit", "galerkin", "moreau_jean"])
 def test_a_floor_that_moves_does_the_work_that_the_energy_shows(method):
-    scene = solid_scene(3.0, mesh_size=0.25, velocity=[0.0, 0.0],
-                        obstacles=(FLOOR | {"motion": ["0", "0.1*t"]},))  # fmt: skip
-    result = solve(scene, method=method)
+    result = solve(disc_on_floor(**RISING), method=method)
     inside = (result.history["kinetic_energy"] + result.history["elastic_energy"]).values
     assert inside[-1] > 0.01  # the floor has thrown the body
     facts = facts_of(result)

@@ -4,7 +4,7 @@ import pytest
 from solid_scenes import FLOOR, solid_scene
 
 import impactfem
-from impactfem.studies.hard.solid_special import _square_mesh
+from impactfem.studies.hard.meshes import square
 
 BLOCK = {"kind": "block", "size": [1.0, 0.5], "corner": [0.0, 0.1]}
 BRICK = {"kind": "block", "size": [1.0, 0.5, 0.5], "corner": [0.0, 0.1, 0.0]}
@@ -57,7 +57,7 @@ def test_planes_that_cut_a_body(keys, planes):
 
 def test_half_of_a_mesh_file_is_told_of_as_the_whole(tmp_path):
     path = tmp_path / "square.msh"
-    path.write_text(_square_mesh(0.02), encoding="ascii")
+    path.write_text(square(0.02), encoding="ascii")
     common = {"mesh": str(path), "mesh_size": None, "shape": None, "solve": {"dt": 0.05}}
     thrown = {"velocity": [0.0, -0.1], "duration": 1.0}
     half = impactfem.solve(solid_scene(**common, supports=held("left"), **thrown))

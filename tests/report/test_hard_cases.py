@@ -9,7 +9,8 @@ from impactfem.errors import SceneError
 from impactfem.methods import METHODS
 from impactfem.studies.hard.board import Case, Claim
 from impactfem.studies.hard.cases import CASES
-from impactfem.studies.hard.solid_facts import facts_of, solid_scene, solved, total_variation
+from impactfem.studies.hard.rows import Row, Sizes, _read, base, limit
+from impactfem.studies.hard.solids import facts_of, solved, total_variation
 
 # Cells that fail, as the board shows: to be mended, and not to become more.
 KNOWN = {
@@ -122,6 +123,30 @@ def test_cases_have_names_of_their_own():
     assert len(names) == len(set(names))
 
 
+def test_tables_name_groups_of_bounds_and_methods_that_there_are():
+    tables = [_read(name) for name in ("bars", "solids", "pairs", "points")]
+    asked = {
+        group for table in tables for case in table["case"] for group in case.get("bounds", ())
+    }
+    bounds = _read("bounds")
+    assert asked == bounds.keys()
+    rows = [row for group in bounds.values() for row in group]
+    assert {name for row in rows for name in (*row.get("of", ()), *row.get("but", ()))} <= set(
+        METHODS
+    )
+    assert all({"figure", "limit", "why"} <= row.keys() for row in rows)
+
+
+def test_limits_in_words_grow_with_what_a_method_cannot_tell_from_an_instant():
+    coarse, fine = Sizes(dt=1e-2), Sizes(dt=1e-3)
+    for method, delay in (("paoli_schatzman", 2.0), ("moreau_jean", 1.0)):
+        assert limit("3*tau", coarse.time(method), {}) == pytest.approx(3e-2 * delay)
+        assert limit("3*tau", fine.time(method), {}) == pytest.approx(3e-3 * delay)
+    assert limit("v*tau", Sizes(stiffness=1e4).time("penalty"), {"v": "sqrt(4)"}) == 0.0628
+    assert limit("3*tau", coarse.time("event_driven"), {}) == 1e-9
+    assert limit(0.25, 1.0, {}) == 0.25
+
+
 def test_unknown_methods_are_named():
     with pytest.raises(impactfem.SceneError, match="leapfrog"):
         impactfem.hard_cases(["leapfrog"])
@@ -135,8 +160,8 @@ def test_two_ranks_give_the_same_answers():
 
 def test_a_rough_force_and_a_push_from_nowhere_show():
     """The figures of solids can fail: a ringing force varies more, a false one moves nothing."""
-    scene = solid_scene(3.0, mesh_size=0.25)
-    result = solved("massless", scene)
+    row = Row(base("solids"), set={"duration": 3.0, "body.body.mesh_size": 0.25})
+    result = solved("massless", row.scene())
     assert facts_of(result)["impulse"] < 1e-12
     history = result.history
     ringing = history["contact_force"].copy()

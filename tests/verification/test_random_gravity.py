@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import impactfem
 from impactfem.reference.bar import exact_bar
-from impactfem.studies.hard.scenes import bound
+from impactfem.studies.hard.bars import bound
 
 ELEMENTS = 80
 LONGEST = 120.0  # transits of a wave through the bar

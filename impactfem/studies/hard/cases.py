@@ -6,26 +6,13 @@ from collections.abc import Callable, Sequence
 
 from impactfem.errors import ImpactError, SceneError
 from impactfem.methods import METHODS
-from impactfem.studies.hard.bar_horizon import CASES as HORIZON_CASES
+from impactfem.studies.hard.bar_special import CASES as BAR_CASES
 from impactfem.studies.hard.board import Board, Case, Cell, Claim, Facts, Verdict
-from impactfem.studies.hard.bodies import CASES as BODIES_CASES
-from impactfem.studies.hard.scenes import CASES as SCENE_CASES
-from impactfem.studies.hard.solid_contact import CASES as SOLID_CONTACT_CASES
-from impactfem.studies.hard.solid_special import CASES as SOLID_SPECIAL_CASES
-from impactfem.studies.hard.solids import CASES as SOLID_CASES
-from impactfem.studies.hard.special import CASES as SPECIAL_CASES
-from impactfem.studies.hard.vibro import CASES as VIBRO_CASES
+from impactfem.studies.hard.pairs import CASES as PAIR_CASES
+from impactfem.studies.hard.point_special import CASES as POINT_CASES
+from impactfem.studies.hard.solid_special import CASES as SOLID_CASES
 
-CASES: tuple[Case, ...] = (
-    *SCENE_CASES,
-    *HORIZON_CASES,
-    *SPECIAL_CASES,
-    *SOLID_CASES,
-    *SOLID_SPECIAL_CASES,
-    *SOLID_CONTACT_CASES,
-    *BODIES_CASES,
-    *VIBRO_CASES,
-)
+CASES: tuple[Case, ...] = (*BAR_CASES, *SOLID_CASES, *PAIR_CASES, *POINT_CASES)
 """All hard cases."""
 
 __all__ = ["CASES", "Board", "hard_cases"]

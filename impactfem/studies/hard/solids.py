@@ -1,166 +1,197 @@
-"""Hard cases of solids that are scenes solved once, and what must hold in them."""
+"""Hard cases of solids: how they are run, what is measured, and what is told of their contact."""
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from impactfem.errors import ConvergenceError
+from impactfem.result import Result
 from impactfem.scene import Scene
-from impactfem.studies.hard.board import Case, Claim, Facts
-from impactfem.studies.hard.solid_facts import (
-    CONTROLLED,
-    DISC,
-    EXPLICIT,
-    FLOOR,
-    IMPLICIT,
-    IMPULSE,
-    SOLID,
-    SPEED,
-    SQUARE,
-    claims,
-    facts_of,
-    run,
-    solid_scene,
-    solved,
-)
+from impactfem.solving import solve
+from impactfem.studies.hard.board import Facts
+from impactfem.studies.hard.rows import Row
 
-_PULL_DOWN = 0.02  # gravity; a body of size 1 at rest is pressed by 1/100 of its modulus
-_STILL: dict[str, Any] = {"kind": "block", "size": [1.0, 1.0], "corner": [-0.5, 0.0]}
-_COARSE: dict[str, Any] = {"mesh_size": 0.25, "velocity": [0.0, 0.0]}
+EXPLICIT = ("explicit", "galerkin")
 
 
-def _case(
-    name: str, scene: Scene, methods: tuple[str, ...] = SOLID, *,
-    settings: Mapping[str, Any] | None = None, pulse: bool = False, lasting: bool = True,
-    refusals: frozenset[str] = frozenset(), quick: bool = True,
-    extra: Sequence[Claim] = (IMPULSE,),
-) -> Case:  # fmt: skip
-    return Case(
-        name,
-        lambda method: run(method, scene, settings, pulse=pulse),
-        lambda method: [*claims(method, pulse=pulse, lasting=lasting), *extra],
-        methods, refusals, quick, "solid",
-    )  # fmt: skip
+def solved(method: str, scene: Scene) -> Result:
+    """The result.
+
+    Raises:
+        ConvergenceError: Contact forces were not found.
+    """
+    result = solve(scene, method=method)
+    if result.summary["status"] == "not_converged":
+        raise ConvergenceError(f"contact: {result.summary['active_set']['message']}")
+    return result
 
 
-def _grazing(method: str) -> Facts:
-    """Thrown down against gravity: it reaches the floor with almost no speed, or turns before."""
-    gap, gravity = 0.1, 0.02
-    worst: dict[str, float] = {}
-    for excess in (-1e-6, -1e-12, 0.0, 1e-12, 1e-6):
-        arrival = math.sqrt(2.0 * gravity * gap)
-        speed = arrival * (1.0 + excess)
-        scene = solid_scene(
-            5.0,
-            gravity=(0.0, gravity),
-            shape=DISC | {"center": [0.0, 0.5 + gap]},
-            velocity=[0.0, -speed],
-            mesh_size=0.25,
-        )
-        result = solved(method, scene, dt=arrival / gravity / 50)  # it turns at a level
-        time = result.history["time"].values
-        height = result.history["body.y"].values
-        thrown = height[0] - speed * time + 0.5 * gravity * time**2
-        facts = facts_of(result) | {"displacement": float(np.abs(height - thrown).max()) / gap}
-        for name, value in facts.items():
-            worst[name] = max(worst.get(name, 0.0), value)
-    return worst
-
-
-def _resting(method: str) -> Facts:
-    """A damped square laid on the floor: it settles, and the floor bears its weight."""
-    scene = solid_scene(
-        60.0, gravity=(0.0, -_PULL_DOWN), shape=_STILL, rayleigh_mass=0.7, **_COARSE
-    )
-    result = solved(method, scene)
-    weight = _PULL_DOWN * (scene.solid.mass or 0.0)
-    force = result.history["contact_force"].values
-    last = force[-len(force) // 10 :]
-    facts = facts_of(result)
-    del facts["impulse"]  # damping takes momentum, too
-    return facts | {
-        "weight": float(np.abs(last - weight).max()) / weight,
-        "jitter": float(np.abs(np.diff(last)).max()) / weight,
+def facts_of(result: Result) -> dict[str, float]:
+    """Figures of a run, dimensionless for bodies of size 1."""
+    history, scene = result.history, result.scene
+    force, gap = history["contact_force"].values, history["gap"].values
+    # The first half step of an explicit march has another energy, dt^2 a M a / 8 less: what the
+    # layers conserve is that of the middle of the first.
+    first = 1 if result.summary["method"] in EXPLICIT else 0
+    total = history["total_energy"].values[first:]
+    inside = history["kinetic_energy"].values + history["elastic_energy"].values
+    start, most = max(abs(float(total[0])), float(inside[0])), float(inside.max())
+    if start <= 1e-3 * most:  # at rest at the start: then what it comes to
+        start = most or 1.0
+    dt = float(history["time"].values[1])
+    depth = max(0.0, -float(gap.min()))
+    facts = {
+        "growth": max(0.0, float((total - total[0]).max())) / start,
+        "drift": float(np.abs(total - total[0]).max()) / start,
+        "loss": float(total[0] - total[-1]) / start + 0.0,
+        "penetration": depth,
+        "pull": max(0.0, -float(force.min())) / max(float(np.abs(force).max()), 1e-300),
     }
-
-
-def _untouched(method: str) -> Facts:
-    """A square on the floor, not pressed: nothing happens."""
-    result = solved(method, solid_scene(4.0, shape=_STILL, **_COARSE))
-    facts = facts_of(result)
-    facts["force"] = float(result.history["contact_force"].values.max())
-    facts["motion"] = float(np.abs(result.history["body.y"].values - 0.5).max())
+    if result.summary["method"] == "moreau_jean":
+        velocity = np.hypot(history["body.vx"].values, history["body.vy"].values)
+        facts["steps sunk"] = depth / max(float(velocity.max()) * dt, 1e-300)
+    if len(scene.obstacles) == 1 and scene.obstacles[0].kind == "half_space":
+        facts["impulse"] = _impulse_error(result)
     return facts
 
 
-INSIDE = solid_scene(
-    10.0,
-    gravity=(0.0, -_PULL_DOWN),
-    obstacles=({"kind": "sphere", "center": [0.0, 0.0], "radius": 0.6, "side": "inside"},),
-    shape={"kind": "disc", "radius": 0.3, "center": [0.1, 0.1]},
-    mesh_size=0.1,
-    velocity=[-0.02, -SPEED],
-)
-_WEDGE = solid_scene(
-    6.0,
-    obstacles=(
-        FLOOR | {"normal": [1.0, 1.0]},
-        FLOOR | {"normal": [-1.0, 1.0]},
-    ),
-    shape=DISC | {"center": [0.01, 0.5 * math.sqrt(2.0) + 0.03]},
-)
-_LEAVING = solid_scene(
-    4.0 * math.pi,
-    gravity=(0.0, -0.01),
-    obstacles=(FLOOR | {"motion": ["0", "0.05*(cos(t) - 1)"]},),
-    shape=DISC | {"center": [0.0, 0.5]},
-    velocity=[0.0, 0.0],
-)
-_BOUNCING: dict[str, Any] = {
-    "gravity": (0.0, -_PULL_DOWN),
-    "shape": SQUARE | {"corner": [-0.5, 0.1]},
-    **_COARSE,
-}
-_CORNER: dict[str, Any] = {
-    "shape": SQUARE | {"corner": [-0.5, 0.02 + 0.5 * (math.sqrt(2.0) - 1.0)], "angle": math.pi / 4},
-}
-_GRADED: list[dict[str, Any]] = [{"point": [0.0, 0.02], "radius": 0.03, "size": 0.00625}]
+def _impulse_error(result: Result) -> float:
+    """By how much the momentum changes otherwise than by the impulses of force and gravity."""
+    history, method = result.history, result.summary["method"]
+    momentum, force = history["momentum"].values, history["contact_force"].values
+    dt = float(history["time"].values[1])
+    direction = np.asarray(history["momentum"].attrs["direction"])[:2]
+    velocity = np.stack([history["body.vx"].values, history["body.vy"].values], axis=1) @ direction
+    fastest = int(np.argmax(np.abs(velocity)))
+    if velocity[fastest] == 0.0:
+        return float(np.abs(force).max())
+    mass = float(momentum[fastest] / velocity[fastest])
+    weight = mass * float(result.scene.vector_gravity.at(0.0) @ direction)
+    if method == "explicit":  # momentum belongs to the middle of layers, and layers have the mean
+        change, acting = 0.5 * (momentum[3:] - momentum[1:-2]), force[2:-1]
+    elif method == "galerkin":
+        change, acting = np.diff(momentum)[1:], 0.5 * (force[1:-1] + force[2:])
+    else:
+        change, acting = np.diff(momentum), force[1:]
+    missing = change - dt * (acting + weight)
+    scale = max(float(np.abs(momentum).max()), dt * abs(weight))
+    return float(np.abs(missing).max(initial=0.0)) / scale
 
-CASES: tuple[Case, ...] = (
-    _case("disc on a floor", solid_scene(4.0), CONTROLLED, pulse=True),
-    _case("square falls flat", solid_scene(4.0, shape=SQUARE), CONTROLLED, pulse=True),
-    _case("square falls on its corner", solid_scene(4.0, **_CORNER), CONTROLLED, pulse=True),
-    _case("v0 = 0.3 c, contact in the first step", solid_scene(3.0, velocity=[0.0, -0.3]),
-          CONTROLLED, pulse=True),
-    _case("step 0.999 of the stable one", solid_scene(4.0), EXPLICIT,
-          settings={"courant": 0.999}, pulse=True),
-    _case("step beyond the stable one", solid_scene(4.0), EXPLICIT, settings={"dt": 0.09},
-          refusals=frozenset(EXPLICIT)),
-    _case("courant 5, implicit", solid_scene(8.0), IMPLICIT, settings={"courant": 5.0}),
-    _case("square bounces, 50 s", solid_scene(50.0, **_BOUNCING), CONTROLLED),
-    _case("square bounces, 1000 s, 20000 steps", solid_scene(1000.0, **_BOUNCING), CONTROLLED,
-          settings={"dt": 0.05}, quick=False),
-    Case("square at rest, damped, bears its weight", _resting,
-         lambda m: [*claims(m, pulse=False, lasting=False), Claim("weight", 1e-6, "force = weight"),
-                    Claim("jitter", 1e-6, "what has settled stays")],
-         SOLID, body="solid"),
-    Case("gap 0, at rest", _untouched,
-         lambda m: [*claims(m, pulse=False), Claim("force", 0.0, "nothing presses"),
-                    Claim("motion", 1e-14, "nothing moves")],
-         SOLID, body="solid"),
-    _case("gap 0, gravity sets in", solid_scene(20.0, gravity=(0.0, -_PULL_DOWN), shape=_STILL,
-                                                **_COARSE), SOLID),
-    Case("disc grazes the floor, v -> 0", _grazing,
-         lambda m: [*claims(m, pulse=False),
-                    Claim("displacement", 1e-2, "a graze hardly changes the motion")],
-         SOLID, body="solid"),
-    _case("elements 1:20 where it touches", solid_scene(3.0, refine=_GRADED), SOLID, pulse=True),
-    _case("nu = -0.5", solid_scene(4.0, poisson_ratio=-0.5), SOLID, pulse=True),
-    _case("disc inside a circle", INSIDE, CONTROLLED, extra=()),
-    _case("disc inside a circle, updated normals", INSIDE, SOLID,
-          settings={"normals": "updated"}, lasting=False, extra=()),
-    _case("wedge of two planes", _WEDGE, CONTROLLED, extra=()),
-    _case("floor leaves and comes back", _LEAVING, SOLID),
-)  # fmt: skip
-"""Hard cases of solids that are scenes."""
+
+@lru_cache(maxsize=8)
+def _smooth_variation(scene: Scene, step: float) -> float:
+    """Total variation of the force on elements and steps half as large."""
+    size = 0.5 * (scene.solid.mesh_size or 0.0)
+    finer = {"body.body.mesh_size": size, "solve.dt": 0.5 * step, "solve.courant": None}
+    history = solved("conserving", scene.with_settings(finer)).history
+    return total_variation(history["contact_force"].values)
+
+
+def total_variation(values: Any) -> float:
+    """Sum of all rises and falls."""
+    return float(np.abs(np.diff(values)).sum())
+
+
+def plain(method: str, row: Row) -> Facts:
+    """The worst of the scenes; with the variation of the force if it is asked."""
+
+    def facts(scene: Scene) -> Facts:
+        result = solved(method, scene)
+        found = facts_of(result)
+        if "variation" in row.figures:
+            step = 0.5 * (scene.solid.mesh_size or 0.0) / scene.solid.p_wave_speed
+            rough = total_variation(result.history["contact_force"].values)
+            found["variation"] = rough / _smooth_variation(scene, step)
+        return found
+
+    return row.worst(facts)
+
+
+def graze(method: str, row: Row) -> Facts:
+    """A throw that hardly reaches the floor: the motion is next to that without one."""
+
+    def facts(scene: Scene) -> Facts:
+        result = solved(method, scene)
+        time, height = (result.history[name].values for name in ("time", "body.y"))
+        gap, speed = float(height[0]) - 0.5, float(result.history["body.vy"].values[0])
+        thrown = height[0] + speed * time + 0.5 * scene.vector_gravity.at(0.0)[1] * time**2
+        return facts_of(result) | {"displacement": float(np.abs(height - thrown).max()) / gap}
+
+    return row.worst(facts)
+
+
+def resting(method: str, row: Row) -> Facts:
+    """A damped square laid on the floor: it settles, and the floor bears its weight."""
+
+    def facts(scene: Scene) -> Facts:
+        result = solved(method, scene)
+        weight = -float(scene.vector_gravity.at(0.0)[1]) * (scene.solid.mass or 0.0)
+        force = result.history["contact_force"].values
+        last = force[-len(force) // 10 :]
+        return facts_of(result) | {
+            "weight": float(np.abs(last - weight).max()) / weight,
+            "jitter": float(np.abs(np.diff(last)).max()) / weight,
+        }
+
+    return row.worst(facts)
+
+
+def untouched(method: str, row: Row) -> Facts:
+    """A square on the floor, not pressed: nothing happens."""
+    result = solved(method, row.scene())
+    return facts_of(result) | {
+        "force": float(result.history["contact_force"].values.max()),
+        "motion": float(np.abs(result.history["body.y"].values - 0.5).max()),
+    }
+
+
+def face(method: str, row: Row) -> Facts:
+    """A block's full face strikes a wall: the force is rho c v A until the wave is back."""
+    contact = solved(method, row.scene()).summary["contact"]
+    return {"force": abs(contact["max_force"] / (0.1 * 0.2) - 1.0)}
+
+
+def told(method: str, row: Row) -> Facts:
+    """A run whose verdict must have a finding of a code, and a calm one that must not."""
+    loud, calm, code = _both(method, row)
+    return {"silent": float(code not in loud[2]), "false alarm": float(code in calm[2])}
+
+
+def beyond(method: str, row: Row) -> Facts:
+    """A motion that small strains do not describe, and one a twentieth as fast."""
+    loud, calm, code = _both(method, row)
+    return {
+        "silent": float(code not in loud[2] or loud[0] != "out_of_model"),
+        "believed": float(loud[1] != "do_not_trust"),
+        "false alarm": float(code in calm[2] or calm[0] != "completed"),
+    }
+
+
+type _Told = tuple[str, str, set[str]]
+
+
+def _both(method: str, row: Row) -> tuple[_Told, _Told, str]:
+    """Status, trust and codes of findings of a run and of its calm one; the code sought."""
+
+    def verdict(more: Mapping[str, Any]) -> _Told:
+        summary = solved(method, row.scene(more)).summary
+        findings = summary["verdict"]["findings"]
+        return summary["status"], summary["verdict"]["level"], {each["code"] for each in findings}
+
+    return verdict({}), verdict(row.given["calm"]), row.given["code"]
+
+
+def half(method: str, row: Row) -> Facts:
+    """Half a disc on a mesh that is half of the whole one."""
+    cut, whole = (
+        solved(method, row.scene({"body.body.shape.symmetry": symmetry})).history
+        for symmetry in (["x"], [])
+    )
+    return {
+        "difference": max(
+            float(np.abs(cut[name] - whole[name]).max() / np.abs(whole[name]).max())
+            for name in ("contact_force", "total_energy", "momentum")
+        )
+    }

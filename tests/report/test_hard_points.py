@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import impactfem
-from impactfem.studies.hard.vibro import CASES
-from impactfem.studies.hard.vibro_facts import Sizes, facts_of, run
-from impactfem.studies.hard.vibro_special import hop_height
+from impactfem.studies.hard.point_facts import facts_of, run
+from impactfem.studies.hard.point_special import CASES, hop_height
+from impactfem.studies.hard.rows import Sizes
 from impactfem.system.generalized import LinearSystem
 
 NEXT_TO_VERTEX = "corner 2pi/5, 5e-5 and 1e-6 beside the vertex"
@@ -76,15 +76,6 @@ def test_board_shows_points_in_a_table_of_their_own(board):
     rows = [line for line in text.splitlines() if line.startswith("| table leaves")]
     (row,) = (line for line in rows if "<=" in line)
     assert "release <= 1e-09 / 0.0002 / 0.0001 / 0.00314 (" in row
-
-
-def test_bounds_grow_with_the_step_and_event_detection_has_none():
-    coarse, fine = Sizes(dt=1e-2), Sizes(dt=1e-3)
-    for method, delay in (("paoli_schatzman", 2.0), ("moreau_jean", 1.0)):
-        assert coarse.claim("stop", method, 3.0, "why").limit == pytest.approx(3e-2 * delay)
-        assert fine.claim("stop", method, 3.0, "why").limit == pytest.approx(3e-3 * delay)
-    assert Sizes(stiffness=1e4).claim("x", "penalty", 1.0, "").limit == pytest.approx(0.0314)
-    assert coarse.claim("stop", "event_driven", 3.0, "why").limit == 1e-9
 
 
 def test_hop_height_by_an_integrator():
