@@ -119,7 +119,7 @@ def _solve_bar(scene: Scene, chosen: Plan, progress: Progress) -> Result:
         _bar_as_used(scene, chosen),
         history,
         summary,
-        bar_fields(motion) if scene.output.fields else None,
+        bar_fields(motion, bar.name) if scene.output.fields else None,
         exact_curves(exact, bar, end),
     )
 
@@ -159,7 +159,7 @@ def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Resu
         replace(scene, solve=settings),
         history,
         summary,
-        row_fields(motion) if scene.output.fields else None,
+        row_fields(motion, tuple(bar.name for bar in scene.bars)) if scene.output.fields else None,
         None if exact is None else row_curves(exact, end),
     )
 

@@ -10,7 +10,7 @@ from impactfem.report.bar_film import bar_reel
 from impactfem.report.film import Film, Reel, check_ending, write_film
 from impactfem.report.point_film import point_reel
 from impactfem.report.solid_film import solid_reel
-from impactfem.result import Fields, Result, SolidFields
+from impactfem.result import Fields, Result
 from impactfem.scene import Point
 
 
@@ -35,10 +35,10 @@ def film_if_any(result: Result, path: Path) -> Path | None:
 
 def _reel(result: Result, frames: int | None, what: str) -> Reel:
     reel: Reel | None
-    if isinstance(result.fields, SolidFields):
-        reel = solid_reel(result, result.fields, frames)
-    elif isinstance(result.fields, Fields):
+    if isinstance(result.fields, Fields):
         reel = bar_reel(result, result.fields, frames)
+    elif result.fields is not None and result.scene.solids:
+        reel = solid_reel(result, result.fields, frames)
     elif result.axis_rows is not None:
         reel = axis_reel(result, result.axis_rows, frames)
     elif isinstance(result.scene.bodies[0], Point):

@@ -1,4 +1,4 @@
-"""What is seen of a solid: triangles to colour, its outline, and where it carries pressure."""
+"""What is seen of bodies: triangles to colour, outlines, lines, balls, where they are pressed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,24 +7,26 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.result import SolidFields
-from impactfem.result.cell_kinds import BY_VTK_TYPE, boundary_facets, face_triangles
+from impactfem.result import Snapshots
+from impactfem.result.cell_kinds import BY_VTK_TYPE, CellKind, boundary_facets, face_triangles
+from impactfem.result.shapes import LINE, VERTEX
 from impactfem.result.whole import Whole
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+_SHOWN = ("displacement", "von_mises", "contact_pressure", "gap")
 _SAME = 1e-9  # of the size: nodes nearer to a plane of symmetry lie on it
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The solid at one time.
+    """The bodies at one time.
 
     Attributes:
         time: [s].
         place: Where the nodes are [m], shape (nodes, 3).
-        von_mises: [Pa], shape (nodes,).
+        von_mises: [Pa], 0 where bodies have none, shape (nodes,).
         pressure: Contact pressure [Pa], 0 where there is none, shape (nodes,).
         may_touch: Whether a node may touch an obstacle, shape (nodes,).
     """
@@ -46,57 +48,69 @@ class Skin:
     """Parts of the mesh that pictures show.
 
     Attributes:
-        fields: Fields of the solid.
+        fields: Fields of the bodies.
         points: Undeformed nodes [m], shape (nodes, 3); mirror images follow the nodes of the mesh.
-        dim: Dimension of the cells, 2 or 3.
+        dim: Dimension of the picture, 2 or 3.
         triangles: All cells of a plane solid, or the surface of a solid in space with its normals
             outward, split at all nodes; shape (triangles, 3).
-        facets: Facets of the boundary of the mesh, nodes as in `CellKind.facets`.
+        facets: Facets of the boundary of the mesh for each kind of cells, nodes as in
+            `CellKind.facets`.
         segments: Boundary of a plane solid with the body on the left, shape (segments, 2); empty
             in space.
+        lines: Ends of the pieces of rods and beams, shape (pieces, 2).
+        balls: Nodes that are points, shape (points,).
+        radius: Of lines and balls [m], shape (nodes,).
+        bodies: Number of the body of each node, shape (nodes,).
+        names: Of the bodies.
         mirrors: Axis and coordinate [m] of the planes that the body is mirrored at, in this order.
         opened: Whether one image is left out, so that cut faces are seen.
     """
 
-    fields: SolidFields
+    fields: Snapshots
     points: Floats
     dim: int
     triangles: Integers
-    facets: Integers
+    facets: tuple[Integers, ...]
     segments: Integers
+    lines: Integers
+    balls: Integers
+    radius: Floats
+    bodies: Integers
+    names: tuple[str, ...]
     mirrors: tuple[tuple[int, float], ...] = ()
     opened: bool = False
 
     @classmethod
     def of(
-        cls, fields: SolidFields, whole: Whole | None = None, towards: Floats | None = None
+        cls,
+        fields: Snapshots,
+        whole: Whole | None = None,
+        towards: Floats | None = None,
+        dim: int | None = None,
     ) -> "Skin":
-        """Take the skin of a solid.
+        """Take the skin of bodies.
 
         Args:
-            fields: Of the solid.
-            whole: What it is a part of, shown with its mirror images.
+            fields: Of the bodies.
+            whole: What they are a part of, shown with its mirror images.
             towards: Towards the viewer, shape (3,): of quarters and eighths the one in front is
                 left out. Absent or zero: none is.
+            dim: Dimension of the picture; that of the cells if None.
         """
-        kind = BY_VTK_TYPE[fields.vtk_cell_type]
-        points, cells = fields.points, fields.cells
-        facets, owners = boundary_facets(cells, kind)
-        outward = points[facets].mean(axis=1) - points[cells[owners]].mean(axis=1)
-        if kind.dim == 2:
-            ends = points[facets[:, 1]] - points[facets[:, 0]]
-            turned = ends[:, 1] * outward[:, 0] - ends[:, 0] * outward[:, 1] < 0.0
-            facets[turned, :2] = facets[turned, 1::-1]
-            chain = facets if facets.shape[1] == 2 else facets[:, [0, 2, 1]]
-            pairs = [chain[:, k : k + 2] for k in range(chain.shape[1] - 1)]
-            triangles, segments = face_triangles(cells), np.concatenate(pairs)
-        else:
-            triangles = face_triangles(facets)
-            segments = np.empty((0, 2), dtype=np.int64)
-            beyond = np.repeat(outward, len(triangles) // len(facets), axis=0)
-            turned = np.einsum("ij,ij->i", normals(points, triangles), beyond) < 0.0
-            triangles[turned] = triangles[turned, ::-1]
-        skin = cls(fields, points, kind.dim, triangles, facets, segments)
+        layout = fields.layout
+        blocks, points = layout.blocks, layout.points
+        none = np.empty((0, 2), dtype=np.int64)
+        lines, balls = blocks.pop(LINE, none), blocks.pop(VERTEX, none).ravel()
+        parts = [_surface(points, cells, BY_VTK_TYPE[kind]) for kind, cells in blocks.items()]
+        if dim is None:
+            dim = max((BY_VTK_TYPE[kind].dim for kind in blocks), default=2)
+        skin = cls(
+            fields, points, dim,
+            np.concatenate([np.empty((0, 3), dtype=np.int64), *(part[0] for part in parts)]),
+            tuple(part[1] for part in parts),
+            np.concatenate([none, *(part[2] for part in parts)]),
+            lines, balls, layout.radius, layout.body_of_nodes.astype(np.int64), layout.names,
+        )  # fmt: skip
         mirrors = tuple((whole or Whole()).levels.items())
         return skin._with_images(mirrors, towards) if mirrors else skin
 
@@ -112,22 +126,26 @@ class Skin:
             middles = _mirrored(self.points.mean(axis=0)[None], mirrors)
             left_out = int(np.argmax(middles @ towards))
         triangles, segments = [], []
-        for image in range(2 ** len(mirrors)):
-            if image == left_out:
-                continue
+        images, count = 2 ** len(mirrors), len(self.points)
+        shown = [image for image in range(images) if image != left_out]
+        for image in shown:
             cells, edges = self.triangles, self.segments
             for k, inside in enumerate(planes):
                 if image ^ 1 << k != left_out:
                     edges = edges[~inside[edges].all(axis=1)]
                     cells = cells[~inside[cells].all(axis=1)] if self.dim == 3 else cells
             way = -1 if image.bit_count() % 2 else 1  # images of odd number are inside out
-            triangles.append(cells[:, ::way] + image * len(self.points))
-            segments.append(edges[:, ::way] + image * len(self.points))
+            triangles.append(cells[:, ::way] + image * count)
+            segments.append(edges[:, ::way] + image * count)
         return replace(
             self,
             points=_mirrored(self.points, mirrors),
             triangles=np.concatenate(triangles),
             segments=np.concatenate(segments),
+            lines=np.concatenate([self.lines + image * count for image in shown]),
+            balls=np.concatenate([self.balls + image * count for image in shown]),
+            radius=np.tile(self.radius, images),
+            bodies=np.tile(self.bodies, images),
             mirrors=mirrors,
             opened=left_out >= 0,
         )
@@ -135,59 +153,82 @@ class Skin:
     @cached_property
     def nodes(self) -> Integers:
         """Nodes that are seen."""
-        return np.unique(self.triangles)
+        drawn = (self.triangles.ravel(), self.lines.ravel(), self.balls)
+        return np.unique(np.concatenate(drawn))
 
     @cached_property
     def size(self) -> float:
-        """Largest extent of the undeformed body [m]."""
-        return float(np.ptp(self.points, axis=0).max())
+        """Largest extent of the undeformed bodies [m]."""
+        low, high = self.points - self.radius[:, None], self.points + self.radius[:, None]
+        return float((high.max(axis=0) - low.min(axis=0)).max())
 
     @cached_property
-    def bodies(self) -> Integers:
-        """Which of the parts without common cells a node belongs to, in the order of nodes."""
-        # Loaded here: pictures of bars and points need none of it.
-        from scipy.sparse import coo_array  # noqa: PLC0415
-        from scipy.sparse.csgraph import connected_components  # noqa: PLC0415
-
-        cells, count = self.fields.cells, self.fields.num_points
-        ends = np.broadcast_to(cells[:, :1], cells.shape).ravel()
-        graph = coo_array((np.ones(cells.size), (ends, cells.ravel())), shape=(count, count))
-        found: Integers = connected_components(graph, directed=False)[1].astype(np.int64)
-        first = np.unique(found, return_index=True)[1]
-        return np.tile(np.argsort(np.argsort(first))[found], 2 ** len(self.mirrors))
+    def is_stressed(self) -> NDArray[np.bool_]:
+        """Whether a node is one of a solid, shape (nodes,)."""
+        found = np.zeros(len(self.points), dtype=bool)
+        found[self.triangles] = True
+        return found
 
     def snapshot(self, layer: int) -> Snapshot:
         """Read a layer."""
-        values = self.fields.read(layer, "displacement", "von_mises", "contact_pressure", "gap")
-        touching = np.isfinite(values["gap"])
-        pressure = np.where(touching, np.nan_to_num(values["contact_pressure"]), 0.0)
-        self._fill_middles(pressure, touching)
-        place = self.points[: self.fields.num_points] + values["displacement"]
+        known = [name for name in _SHOWN if name in self.fields.point_data]
+        values = self.fields.read(layer, *known)
+        count = len(values["displacement"])
+        stress = np.where(self.is_stressed[:count], values.get("von_mises", np.zeros(count)), 0.0)
+        touching = np.isfinite(values.get("gap", np.full(count, np.nan)))
+        pressure = np.zeros(count)
+        if "contact_pressure" in values:
+            pressure[touching] = np.nan_to_num(values["contact_pressure"][touching])
+        for facets in self.facets:
+            _fill_middles(facets, self.dim, pressure, touching)
         images = 2 ** len(self.mirrors)
         return Snapshot(
             float(self.fields.times[layer]),
-            _mirrored(place, self.mirrors),
-            *(np.tile(part, images) for part in (values["von_mises"], pressure, touching)),
+            _mirrored(self.points[:count] + values["displacement"], self.mirrors),
+            *(np.tile(part, images) for part in (stress, pressure, touching)),
         )
 
-    def _fill_middles(self, pressure: Floats, touching: NDArray[np.bool_]) -> None:
-        """Interpolate where corners carry contact and the nodes between them do not."""
-        width = self.facets.shape[1]
-        between: list[tuple[int, tuple[int, ...]]]
-        if self.dim == 2:
-            between = [(2, (0, 1))] if width == 3 else []
-        else:
-            corners = {3: 3, 4: 4, 6: 3, 9: 4}[width]
-            between = [
-                (corners + k, (k, (k + 1) % corners)) for k in range(min(corners, width - corners))
-            ]
-            between += [(8, (0, 1, 2, 3))] if width == 9 else []
-        had = touching.copy()
-        for middle, ends in between:
-            node, around = self.facets[:, middle], self.facets[:, list(ends)]
-            missing = ~had[node] & had[around].all(axis=1)
-            pressure[node[missing]] = pressure[around[missing]].mean(axis=1)
-            touching[node[missing]] = True
+
+def _surface(
+    points: Floats, cells: Integers, kind: CellKind
+) -> tuple[Integers, Integers, Integers]:
+    """Triangles, facets and boundary segments of solids of one kind of cells; see `Skin`."""
+    facets, owners = boundary_facets(cells, kind)
+    outward = points[facets].mean(axis=1) - points[cells[owners]].mean(axis=1)
+    if kind.dim == 2:
+        ends = points[facets[:, 1]] - points[facets[:, 0]]
+        turned = ends[:, 1] * outward[:, 0] - ends[:, 0] * outward[:, 1] < 0.0
+        facets[turned, :2] = facets[turned, 1::-1]
+        chain = facets if facets.shape[1] == 2 else facets[:, [0, 2, 1]]
+        pairs = [chain[:, k : k + 2] for k in range(chain.shape[1] - 1)]
+        return face_triangles(cells), facets, np.concatenate(pairs)
+    triangles = face_triangles(facets)
+    beyond = np.repeat(outward, len(triangles) // len(facets), axis=0)
+    turned = np.einsum("ij,ij->i", normals(points, triangles), beyond) < 0.0
+    triangles[turned] = triangles[turned, ::-1]
+    return triangles, facets, np.empty((0, 2), dtype=np.int64)
+
+
+def _fill_middles(
+    facets: Integers, dim: int, pressure: Floats, touching: NDArray[np.bool_]
+) -> None:
+    """Interpolate where corners carry contact and the nodes between them do not."""
+    width = facets.shape[1]
+    between: list[tuple[int, tuple[int, ...]]]
+    if dim == 2:
+        between = [(2, (0, 1))] if width == 3 else []
+    else:
+        corners = {3: 3, 4: 4, 6: 3, 9: 4}[width]
+        between = [
+            (corners + k, (k, (k + 1) % corners)) for k in range(min(corners, width - corners))
+        ]
+        between += [(8, (0, 1, 2, 3))] if width == 9 else []
+    had = touching.copy()
+    for middle, ends in between:
+        node, around = facets[:, middle], facets[:, list(ends)]
+        missing = ~had[node] & had[around].all(axis=1)
+        pressure[node[missing]] = pressure[around[missing]].mean(axis=1)
+        touching[node[missing]] = True
 
 
 def _mirrored(places: Floats, mirrors: tuple[tuple[int, float], ...]) -> Floats:

@@ -19,7 +19,7 @@ from impactfem.report.pressure_maps import draw_pressure_maps
 from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin, Snapshot
 from impactfem.report.space_picture import Camera, SpacePainter, skin_of
-from impactfem.result import Result, SolidFields
+from impactfem.result import Result
 from impactfem.result.whole import Whole
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def solid_painters(result: Result) -> dict[str, Callable[[], Figure | None]]:
     """What draws the pictures that only solids have, by name; None if there is nothing to draw."""
     found: dict[str, Callable[[], Figure | None]] = {}
     found["centre_of_mass"] = partial(centre_of_mass, result)
-    if isinstance(result.fields, SolidFields):
+    if result.fields is not None:
         found["body"] = partial(body, result)
     return found
 
@@ -74,7 +74,7 @@ def _painter(result: Result, skin: Skin) -> Painter:
 
 def body(result: Result) -> Figure | None:
     """Snapshots of the deformed body with its obstacles, true to scale; None if nothing can be."""
-    if not isinstance(result.fields, SolidFields):
+    if result.fields is None:
         return None
     skin = skin_of(result, result.fields)
     snapshots = [
@@ -171,10 +171,10 @@ def telling_layers(result: Result, most: int = 6) -> list[int]:
         result: With fields of a solid.
         most: 4 or 6.
     """
-    fields = cast("SolidFields", result.fields)
+    moments = result.fields.times if result.fields is not None else np.zeros(1)
     times, force = result.rows["time"].values, result.rows["contact_force"].values
     if not np.isfinite(force).all() or force.max() <= 0.0:
-        wanted = np.linspace(fields.times[0], fields.times[-1], 4)
+        wanted = np.linspace(moments[0], moments[-1], 4)
     else:
         peak = int(np.argmax(force))
         quiet = np.flatnonzero(force <= 1e-6 * force[peak])
@@ -184,7 +184,7 @@ def telling_layers(result: Result, most: int = 6) -> list[int]:
         between = [0.5 * (start + times[peak]), times[peak]]
         around = between if most < 6 else [start, *between, end]
         wanted = np.array([times[0], *around, times[-1]])
-    nearest = np.abs(fields.times[None] - wanted[:, None]).argmin(axis=1)
+    nearest = np.abs(moments[None] - wanted[:, None]).argmin(axis=1)
     return [int(layer) for layer in np.unique(nearest)]
 
 

@@ -18,7 +18,7 @@ from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin
 from impactfem.report.solid_figures import FLAT, Painter, survey
 from impactfem.report.space_picture import skin_of
-from impactfem.result import Result, SolidFields
+from impactfem.result import Result, Snapshots
 
 _MOST, _LEAST = 60, 12  # frames
 _TRIANGLES = 600_000  # drawn in all frames together: some seconds
@@ -69,7 +69,7 @@ class SolidReel:
         return [*self.drawn, *self.above, *told]
 
 
-def solid_reel(result: Result, fields: SolidFields, frames: int | None) -> SolidReel | None:
+def solid_reel(result: Result, fields: Snapshots, frames: int | None) -> SolidReel | None:
     """The reel of solids.
 
     Args:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from impactfem.contact.distance import translation
 from impactfem.report.skin import Skin, Snapshot, normals, union
-from impactfem.result import Result, SolidFields
+from impactfem.result import Result, Snapshots
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
 from impactfem.scene.obstacles.faces import spacing
@@ -206,12 +206,12 @@ class SpacePainter:
         return drawn
 
 
-def skin_of(result: Result, fields: SolidFields) -> Skin:
-    """Skin of the solids of a result; a quarter or eighth is completed but for what hides it."""
+def skin_of(result: Result, fields: Snapshots) -> Skin:
+    """Skin of the bodies of a result; a quarter or eighth is completed but for what hides it."""
     whole = Whole.of_summary(result.summary)
     scene = result.scene
     towards = Camera.of(scene).towards if scene.dim == 3 else np.zeros(3)
-    return Skin.of(fields, whole, towards)
+    return Skin.of(fields, whole, towards, scene.dim)
 
 
 def _unit_normals(faces: Floats) -> Floats:

@@ -8,17 +8,24 @@ if TYPE_CHECKING:
     from impactfem.result.fields import Fields
     from impactfem.result.history import BodyMotion, make_history
     from impactfem.result.result import Result
-    from impactfem.result.solid_fields import FieldSpool, SolidFields
+    from impactfem.result.shapes import Layout, Shape
+    from impactfem.result.snapshots import KeptSnapshots, Snapshots
+    from impactfem.result.spool import FieldSpool
+    from impactfem.result.stored_snapshots import StoredSnapshots
 
 # Loaded when first used: a plan takes `BodyMotion` and needs neither h5py nor xarray.
 _HOMES = {
     "BarMotion": "impactfem.result.bar_motion",
     "BodyMotion": "impactfem.result.history",
     "Effort": "impactfem.result.bar_motion",
-    "FieldSpool": "impactfem.result.solid_fields",
+    "FieldSpool": "impactfem.result.spool",
     "Fields": "impactfem.result.fields",
+    "KeptSnapshots": "impactfem.result.snapshots",
+    "Layout": "impactfem.result.shapes",
     "Result": "impactfem.result.result",
-    "SolidFields": "impactfem.result.solid_fields",
+    "Shape": "impactfem.result.shapes",
+    "Snapshots": "impactfem.result.snapshots",
+    "StoredSnapshots": "impactfem.result.stored_snapshots",
     "make_history": "impactfem.result.history",
 }
 
@@ -28,8 +35,12 @@ __all__ = [
     "Effort",
     "FieldSpool",
     "Fields",
+    "KeptSnapshots",
+    "Layout",
     "Result",
-    "SolidFields",
+    "Shape",
+    "Snapshots",
+    "StoredSnapshots",
     "make_history",
 ]
 

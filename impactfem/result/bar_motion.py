@@ -120,6 +120,9 @@ def bar_history(motion: BarMotion, bar: Bar) -> Table:
     )
 
 
-def bar_fields(motion: BarMotion) -> Fields:
+def bar_fields(motion: BarMotion, name: str) -> Fields:
     """Displacement and velocity at the kept levels."""
-    return Fields(motion.times[motion.kept], motion.positions, motion.displacement, motion.velocity)
+    return Fields(
+        motion.times[motion.kept], motion.positions, motion.displacement, motion.velocity,
+        bars=(name,),
+    )  # fmt: skip

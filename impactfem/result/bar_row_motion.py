@@ -98,7 +98,7 @@ def row_history(motion: RowMotion, bars: Sequence[Bar]) -> Table:
     return history
 
 
-def row_fields(motion: RowMotion) -> Fields:
+def row_fields(motion: RowMotion, names: tuple[str, ...]) -> Fields:
     """Displacement and velocity of all bars at the kept levels, one bar after the other."""
     return Fields(
         motion.times[motion.kept],
@@ -106,4 +106,5 @@ def row_fields(motion: RowMotion) -> Fields:
         np.hstack(motion.displacement),
         np.hstack(motion.velocity),
         tuple(len(positions) for positions in motion.positions),
+        names,
     )

@@ -35,7 +35,7 @@ class CellKind:
     @property
     def dim(self) -> int:
         """Topological dimension."""
-        return 2 if self.shape in {"triangle", "quadrilateral"} else 3
+        return {"interval": 1, "triangle": 2, "quadrilateral": 2}.get(self.shape, 3)
 
     @property
     def order_of_dolfinx(self) -> Integers:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import MissingDependencyError, SceneError
+from impactfem.result.shapes import Layout
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -51,33 +52,30 @@ def nearest_layer(times: Floats, time: float) -> int:
 
 
 def make_grid(
-    points: Floats,
-    cells: NDArray[np.int64],
-    vtk_cell_type: int,
-    arrays: dict[str, NDArray[Any]],
-    time: float,
+    layout: Layout, values: dict[str, NDArray[Any]], time: float, *, deformed: bool
 ) -> "pv.UnstructuredGrid":
-    """A grid with arrays at its points and the array ``time`` [s] among its field data.
+    """A grid with the fields of a layer; see `Snapshots.grid`.
 
     Args:
-        points: Where the nodes are [m], shape (nodes, 3).
-        cells: Nodes of each cell in VTK's order, shape (cells, nodes of a cell).
-        vtk_cell_type: VTK's number of the cells.
-        arrays: Values at the nodes, shape (nodes,) or (nodes, 3).
+        layout: The bodies.
+        values: Values at the nodes, shape (nodes,) or (nodes, 3).
         time: [s].
+        deformed: Whether the nodes are where the bodies are.
 
     Raises:
         MissingDependencyError: pyvista is not installed.
     """
     pyvista = load_pyvista()
-    counts = np.full((len(cells), 1), cells.shape[1], dtype=np.int64)
-    kinds = np.full(len(cells), vtk_cell_type, dtype=np.uint8)
-    grid: pv.UnstructuredGrid = pyvista.UnstructuredGrid(
-        np.hstack([counts, cells]).ravel(), kinds, points
-    )
-    for name, values in arrays.items():
-        grid.point_data[name] = values
+    widths = np.diff(layout.offsets)
+    cells = np.insert(layout.connectivity, layout.offsets[:-1], widths)
+    points = layout.points + values["displacement"] if deformed else layout.points
+    grid: pv.UnstructuredGrid = pyvista.UnstructuredGrid(cells, layout.types, points)
+    for name, given in values.items():
+        grid.point_data[name] = given
+    grid.point_data["radius"] = layout.radius
+    grid.cell_data["body"] = layout.body_of_cells
     grid.field_data["time"] = np.array([time])
-    if "von_mises" in arrays:
+    grid.field_data["bodies"] = list(layout.names)
+    if "von_mises" in values:
         grid.set_active_scalars("von_mises")
     return grid

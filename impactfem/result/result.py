@@ -9,22 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from impactfem.errors import OutputError, SceneError
-from impactfem.result.fields import (
-    Fields,
-    is_bar_file,
-    needed_bytes,
-    read_vtkhdf,
-    write_vtkhdf,
-    write_with_dolfinx,
-)
+from impactfem.result.export import needed_bytes, write_fields
+from impactfem.result.fields import StoredFields
 from impactfem.result.grids import load_pyvista
 from impactfem.result.history import write_csv
 from impactfem.result.netcdf import read_netcdf, write_netcdf
 from impactfem.result.occupied import check_free
-from impactfem.result.solid_export import needed_bytes as needed_bytes_of_solid
-from impactfem.result.solid_export import write_solid
-from impactfem.result.solid_fields import SolidFields
+from impactfem.result.snapshots import Snapshots
 from impactfem.result.store import LAST, finish, replaced, reserve, staged, write_summary
+from impactfem.result.stored_snapshots import StoredSnapshots
 from impactfem.result.table import Table
 from impactfem.result.trajectory import Impacts
 from impactfem.scene import Scene
@@ -60,7 +53,7 @@ class Result:
     scene: Scene
     history: "xr.Dataset"
     summary: Mapping[str, Any]
-    fields: Fields | SolidFields | None
+    fields: Snapshots | None
     exact: "xr.Dataset | None"
     impacts: Impacts | None
     axis: "xr.Dataset | None"
@@ -70,7 +63,7 @@ class Result:
         scene: Scene,
         history: "Table | xr.Dataset",
         summary: Mapping[str, Any],
-        fields: Fields | SolidFields | None = None,
+        fields: Snapshots | None = None,
         exact: "Table | xr.Dataset | None" = None,
         impacts: Impacts | None = None,
         axis: "Table | xr.Dataset | None" = None,
@@ -306,15 +299,8 @@ class Result:
             return
         for kind in self.scene.output.fields:
             path = stage / FIELD_FILES[kind]
-            if isinstance(self.fields, SolidFields):
-                reserve(stage, needed_bytes_of_solid(self.fields, kind))
-                write_solid(self.fields, path, kind)
-                continue
             reserve(stage, needed_bytes(self.fields, kind))
-            if kind == "vtkhdf":
-                write_vtkhdf(self.fields, path)
-            else:
-                write_with_dolfinx(self.fields, path, kind)
+            write_fields(self.fields, path, kind)
 
     @classmethod
     def load(cls, folder: str | Path) -> "Result":
@@ -343,9 +329,10 @@ class Result:
                 f"{folder}: no complete result ({error}); run the scene with --out {folder}"
             ) from error
         path = folder / FIELD_FILES["vtkhdf"]
-        fields: Fields | SolidFields | None = None
+        fields: Snapshots | None = None
         if path.exists():
-            fields = read_vtkhdf(path) if is_bar_file(path) else SolidFields(path)
+            stored = StoredSnapshots(path)
+            fields = StoredFields(stored) if scene.bars == scene.bodies else stored
         return cls(scene, history, summary, fields, reference, impacts, places)
 
     def _repr_html_(self) -> str:

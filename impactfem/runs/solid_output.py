@@ -1,6 +1,7 @@
 """What is kept of the march of solids: fields every so many layers, and a watch."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,10 +19,25 @@ from impactfem.marching.solids import Level
 from impactfem.mesh.body import BodyMesh
 from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.result.cell_kinds import KINDS
-from impactfem.result.solid_fields import FieldSpool
+from impactfem.result.shapes import Shape, joined
+from impactfem.result.spool import FieldSpool
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A body of few coordinates in the field file: a point, a rod, a beam.
+
+    Attributes:
+        shape: Its vertices or lines, where they are at t = 0.
+        motion: Displacement and velocity of their nodes at a level, shape (nodes, dim); what is not
+            given is NaN in the file. Asked on rank 0 only.
+    """
+
+    shape: Shape
+    motion: Callable[[Level], Mapping[str, Floats]]
 
 
 class FieldOutput:
@@ -37,6 +53,7 @@ class FieldOutput:
         spool: FieldSpool | None,
         every: int,
         layers: int,
+        others: Sequence[Followed] = (),
     ) -> None:
         """Set what is written when.
 
@@ -49,11 +66,13 @@ class FieldOutput:
             spool: Open on rank 0, None elsewhere.
             every: Layers between fields.
             layers: Number of layers; the last is written too.
+            others: Bodies that follow the solids in the file.
         """
         self._comm, self._collector, self._contact, self._gaps = comm, collector, contact, gaps
         self._dim, self._stress = parts[0].solid.dim, [part.system.stress_at for part in parts]
         self._cuts = np.cumsum([0, *(len(part.system.constrained) for part in parts)])
         self._spool, self._every, self._layers = spool, every, layers
+        self._others = others
 
     def __call__(self, level: Level) -> None:
         """Write the level if it is its turn (collective)."""
@@ -82,13 +101,17 @@ class FieldOutput:
             (gap, pressure, active), self._gaps.nodal(level.force, level.gap), strict=True
         ):
             whole[self._contact] = seen
-        self._spool.append(
-            level.time, {**given, "gap": gap, "contact_pressure": pressure, "active": active}
-        )
+        solids = {**given, "gap": gap, "contact_pressure": pressure, "active": active}
+        each = [solids, *(body.motion(level) for body in self._others)]
+        self._spool.append(level.time, joined(each, self._spool.point_data))
 
 
 def open_spool(
-    model: SolidsModel, collector: Collector, place: Path | None, kept: int | None
+    model: SolidsModel,
+    collector: Collector,
+    place: Path | None,
+    kept: int | None,
+    others: Sequence[Followed] = (),
 ) -> FieldSpool | None:
     """Open the file of the fields of some bodies on rank 0 (collective).
 
@@ -97,19 +120,20 @@ def open_spool(
         collector: Of the nodes of all of them.
         place: The file, on rank 0.
         kept: Number of levels of an earlier run to keep; None to begin anew.
+        others: Bodies that follow them in the file.
 
     Raises:
-        SceneError: The bodies have different kinds of cells, which one file cannot hold.
+        SceneError: The bodies have different kinds of cells, and a format takes one kind only.
         OutputError: The file cannot be written or read.
     """
     comm, parts = model.comm, model.parts
-    kinds = {(part.mesh.cell, part.mesh.degree) for part in parts}
-    if len(kinds) > 1:
+    kinds = [KINDS[part.mesh.cell, part.mesh.degree] for part in parts]
+    if len(set(kinds)) > 1 and set(model.scene.output.fields) != {"vtkhdf"}:
+        different = ", ".join(sorted({f"{kind.shape} of degree {kind.degree}" for kind in kinds}))
         raise SceneError(
-            f"output.fields: the bodies have different cells ({sorted(kinds)}), which one file "
-            "cannot hold; give all the same cells and degree, or fields = []"
+            f"output.fields: the bodies have different cells ({different}), which only VTKHDF "
+            'holds; give fields = ["vtkhdf"], or all bodies the same cells and degree'
         )
-    kind = KINDS[parts[0].mesh.cell, parts[0].mesh.degree]
     positions = np.concatenate([part.system.positions for part in parts])
     points = collector.collect(positions.ravel(), parts[0].solid.dim)
     cells = [_cells(comm, part.mesh) for part in parts]
@@ -120,9 +144,13 @@ def open_spool(
         if kept is not None:
             found.append(FieldSpool.reopen(place, kept))
             return
-        each = zip(cells, model.starts, strict=False)
-        joined = np.concatenate([own[:, list(kind.order)] + first for own, first in each])
-        found.append(FieldSpool(place, points, joined, kind.vtk_type))
+        shapes = [
+            Shape(part.solid.name, points[first:end], own[:, list(kind.order)], kind.vtk_type)
+            for part, own, kind, (first, end) in zip(
+                parts, cells, kinds, pairwise(model.starts), strict=True
+            )
+        ]
+        found.append(FieldSpool(place, [*shapes, *(body.shape for body in others)]))
 
     found: list[FieldSpool] = []
     on_root(comm, make)

@@ -26,8 +26,9 @@ from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SOLID_SCHEMES, SolidScheme
 from impactfem.marching.solids import Level, SolidMarch
 from impactfem.models.solids import SolidPart, SolidsModel, solids_model
-from impactfem.result.solid_fields import FieldSpool, SolidFields
+from impactfem.result.spool import FieldSpool
 from impactfem.result.store import SPOOL
+from impactfem.result.stored_snapshots import StoredSnapshots
 from impactfem.runs.solid_output import FieldOutput, Watch, open_spool
 from impactfem.runs.solid_rows import SolidsMotion, solids_motion
 from impactfem.runs.solid_steps import planned_steps
@@ -55,7 +56,7 @@ def run_solids(
     *,
     checkpoints: Path | None = None,
     restart: Path | None = None,
-) -> tuple[SolidsMotion, SolidFields | None]:
+) -> tuple[SolidsMotion, StoredSnapshots | None]:
     """March solids through the duration of their scene (collective).
 
     Args:
@@ -217,7 +218,7 @@ def _march(
     limits: ModelWatch,
     checkpoints: Path | None,
     restart: Path | None,
-) -> tuple[SolidFields | None, Watch]:
+) -> tuple[StoredSnapshots | None, Watch]:
     """Run the loop with everything that looks at its levels."""
     comm, collector = model.comm, Collector(model.comm, model.own_numbers)
     positions = np.concatenate([part.system.positions for part in model.parts])
@@ -263,7 +264,7 @@ def _march(
             spool.close()
     if spool is None or place is None:
         return None, watch
-    return SolidFields(place, passing=passing), watch
+    return StoredSnapshots(place, passing=passing), watch
 
 
 def _saver(

@@ -60,9 +60,6 @@ def check_bar_row(scene: "Scene") -> None:
     if scene.output.checkpoint:
         text = f" = {scene.output.checkpoint}: bars are not checkpointed; remove it."
         raise KeyedError("output", "checkpoint", text)
-    if set(scene.output.fields) - {"vtkhdf"}:
-        text = f' = {show(list(scene.output.fields))}: a row of bars is written as ["vtkhdf"]; '
-        raise KeyedError("output", "fields", f"{text}give that or [].")
 
 
 def _check_obstacles(scene: "Scene") -> None:

@@ -38,6 +38,9 @@ poisson_ratio = 0.0
 SECOND = "size = [1.0, 0.5], corner = [1.02, 0.0]"
 
 
+VTX = '[output]\nfields = ["vtx"]\n'
+
+
 def second(size, corner):
     assert BLOCKS.count(SECOND) == 1
     return BLOCKS.replace(SECOND, f"size = {size}, corner = {corner}")
@@ -57,8 +60,11 @@ BAD = {
         BLOCKS.replace("velocity", "displacement = [0.05, 0.0]\nvelocity"),
         ["left and right overlap", "0.03 m", "displacement"],
     ),
-    "different cells": (both('cells = "hexahedron"'), ["output.fields", "fields = []"]),
-    "different degrees": (both("degree = 2"), ["output.fields", "fields = []"]),
+    "different cells": (
+        both('cells = "hexahedron"') + VTX,
+        ["output.fields", 'fields = ["vtkhdf"]'],
+    ),
+    "different degrees": (both("degree = 2") + VTX, ["of degree 2", "VTKHDF"]),
     "explicit, degree 2": (
         both("degree = 2") + '[solve]\nmethod = "explicit"\n',
         ["body right: degree = 2", 'method = "massless"'],

@@ -7,7 +7,7 @@ import pytest
 from conftest import launch
 
 from impactfem.cli import DONE
-from impactfem.result import Result, SolidFields
+from impactfem.result import Result, StoredSnapshots
 
 DISCS = """
 title = "Two discs"
@@ -55,7 +55,7 @@ def test_plan_tells_bodies_pairs_and_sliding(discs, command):
 
 
 def test_run_writes_a_result_with_both_bodies(discs, command, work):
-    done = command("run", discs)
+    done = command("run", discs, "--set", 'body.right.cells="hexahedron"')
     assert done.code == DONE, done.err
     folder = work / "results/discs"
     assert {"body.png", "centre_of_mass.png", "motion.gif", "energy.png", "contact_force.png"} <= {
@@ -75,7 +75,10 @@ def test_run_writes_a_result_with_both_bodies(discs, command, work):
     assert list(history["momentum"].attrs["direction"]) == [1.0, 0.0, 0.0]
     assert np.ptp(momentum) < 1e-12 * abs(momentum[0])
     fields = result.fields
-    assert isinstance(fields, SolidFields)
+    assert isinstance(fields, StoredSnapshots)
+    assert fields.names == ("left", "right")
+    assert set(fields.layout.blocks) == {5, 9}  # triangles and quadrilaterals in one file
+    assert fields.places("right")[0, :, 0].min() == pytest.approx(0.01)
     last = fields.read(-1, "displacement", "contact_pressure")
     assert len(last["displacement"]) == summary["details"]["nodes"]
     touched = max(

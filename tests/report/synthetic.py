@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import Delaunay
 
-from impactfem.result import FieldSpool, Result, SolidFields
+from impactfem.result import FieldSpool, Result, Shape, StoredSnapshots
 from impactfem.result.cell_kinds import KINDS
 from impactfem.result.history import BodyMotion, Columns, make_history
 from impactfem.scene import HalfSpace, Scene, Solid
@@ -46,7 +46,7 @@ def solid_result(path, dim=2, *, layers=25, obstacles=None, broken=False):
     rim = np.hypot.reduce(local, axis=1) > 0.999 * RADIUS
     rest = local.copy()
     rest[:, 1] += RADIUS + GAP
-    with FieldSpool(path, rest, cells, kind.vtk_type) as spool:
+    with FieldSpool(path, [Shape("body", rest, cells, kind.vtk_type)]) as spool:
         for k, time in enumerate(times):
             place = local.copy()
             place[:, 1] += centre[k] - depth[k]
@@ -123,4 +123,4 @@ def solid_result(path, dim=2, *, layers=25, obstacles=None, broken=False):
         "plan": {"method": "massless", "model": "a disc", "reasons": {}, "findings": []},
         "verdict": {"level": "care", "findings": []},
     }  # fmt: skip
-    return Result(scene, history, summary, SolidFields(path))
+    return Result(scene, history, summary, StoredSnapshots(path))

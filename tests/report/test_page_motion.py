@@ -26,7 +26,7 @@ from impactfem.report.page.motion_data import (
 )
 from impactfem.report.page.motion_obstacles import plane_obstacles, space_obstacles
 from impactfem.report.skin import Skin
-from impactfem.result import FieldSpool, SolidFields
+from impactfem.result import FieldSpool, Shape, StoredSnapshots
 from impactfem.result.cell_kinds import KINDS
 from impactfem.scene import (
     HalfSpace,
@@ -179,9 +179,9 @@ def test_pressed_faces_are_those_under_pressure(tmp_path):
 def test_a_large_mesh_is_thinned_but_keeps_its_shape(dim, tmp_path):
     points, cells = points_and_cells(dim, rings=30 if dim == 2 else 12)
     kind = KINDS["triangle" if dim == 2 else "tetrahedron", 1]
-    with FieldSpool(tmp_path / "f.vtkhdf", points, cells, kind.vtk_type):
+    with FieldSpool(tmp_path / "f.vtkhdf", [Shape("body", points, cells, kind.vtk_type)]):
         pass
-    skin = Skin.of(SolidFields(tmp_path / "f.vtkhdf"))
+    skin = Skin.of(StoredSnapshots(tmp_path / "f.vtkhdf"))
     most = len(skin.nodes) // 4
     shown = choose(skin, most)
     assert 0.3 * most < len(shown.nodes) <= most
@@ -195,11 +195,11 @@ def test_a_large_mesh_is_thinned_but_keeps_its_shape(dim, tmp_path):
 
 def test_bodies_that_touch_are_not_drawn_as_one(tmp_path):
     points, cells = points_and_cells(2)
-    both = np.concatenate([points, points + np.array([2.0 * RADIUS, 0.0])])
-    joined = np.concatenate([cells, cells + len(points)])
-    with FieldSpool(tmp_path / "f.vtkhdf", both, joined, KINDS["triangle", 1].vtk_type):
+    beside, kind = points + np.array([2.0 * RADIUS, 0.0]), KINDS["triangle", 1].vtk_type
+    shapes = [Shape("one", points, cells, kind), Shape("other", beside, cells, kind)]
+    with FieldSpool(tmp_path / "f.vtkhdf", shapes):
         pass
-    skin = Skin.of(SolidFields(tmp_path / "f.vtkhdf"))
+    skin = Skin.of(StoredSnapshots(tmp_path / "f.vtkhdf"))
     shown = choose(skin, 40)
     owner = skin.bodies[shown.nodes][shown.triangles]
     assert (owner == owner[:, :1]).all()

@@ -12,7 +12,7 @@ from impactfem import Result
 from impactfem.errors import MissingDependencyError, OutputError
 from impactfem.report.skin import Skin, normals
 from impactfem.report.solid_figures import survey, telling_layers
-from impactfem.result import SolidFields
+from impactfem.result import StoredSnapshots
 from impactfem.result.netcdf import write_netcdf
 from impactfem.result.whole import Whole
 from impactfem.scene import HalfSpace, RigidBox, RigidCylinder, RigidPolyline, RigidSphere
@@ -66,14 +66,14 @@ def test_pressure_at_a_corner_goes_into_the_obstacle(tmp_path):
     from matplotlib.figure import Figure
 
     from impactfem.report.plane_picture import PlanePainter
-    from impactfem.result import FieldSpool, SolidFields
+    from impactfem.result import FieldSpool, Shape, StoredSnapshots
 
     points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    with FieldSpool(tmp_path / "f.vtkhdf", points, [[0, 1, 2, 3]], 9) as spool:
+    with FieldSpool(tmp_path / "f.vtkhdf", [Shape("body", points, [[0, 1, 2, 3]], 9)]) as spool:
         spool.append(0.0, {"displacement": 0 * points, "velocity": 0 * points, "von_mises": [1] * 4,
                            "contact_pressure": [3.0, 1.0, 0.0, 0.0], "gap": [0, 0, 1, 1],
                            "active": [1, 1, 0, 0]})  # fmt: skip
-    skin = Skin.of(SolidFields(tmp_path / "f.vtkhdf"))
+    skin = Skin.of(StoredSnapshots(tmp_path / "f.vtkhdf"))
     floor = HalfSpace(name="floor", point=[0.0, 0.0], normal=[0.0, 2.0])
     painter = PlanePainter(skin, [floor], False, 1.0, 3.0)
     areas = painter.draw(Figure().subplots(), skin.snapshot(0))[-1].get_paths()
@@ -191,16 +191,17 @@ def test_the_skin_is_closed_and_looks_outward(dim, tmp_path):
 @pytest.mark.parametrize("axes", ["x", "xz", "xyz"])
 def test_a_part_is_shown_with_its_mirror_images(tmp_path, axes):
     """As a closed surface round the whole; opened, cut faces close it where a part is left out."""
-    from impactfem.result.solid_fields import FieldSpool
+    from impactfem.result.shapes import Shape
+    from impactfem.result.spool import FieldSpool
 
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
     points = np.concatenate([corners, corners + np.eye(3)[2]]) + 1.0
-    with FieldSpool(tmp_path / "f.vtkhdf", points, [list(range(8))], 12) as spool:
+    with FieldSpool(tmp_path / "f.vtkhdf", [Shape("body", points, [list(range(8))], 12)]) as spool:
         moved = 0.1 * (points - 1.0)
         spool.append(0.0, {"displacement": moved, "velocity": moved, "von_mises": np.arange(8.0),
                            "contact_pressure": np.ones(8), "gap": np.zeros(8),
                            "active": np.ones(8)})  # fmt: skip
-    fields = SolidFields(tmp_path / "f.vtkhdf")
+    fields = StoredSnapshots(tmp_path / "f.vtkhdf")
     whole = Whole(tuple((axis, 1.0) for axis in axes))
 
     def volume(skin):

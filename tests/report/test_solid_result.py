@@ -8,7 +8,7 @@ from synthetic import solid_result
 
 from impactfem import Result
 from impactfem.errors import OutputError
-from impactfem.result import Fields, SolidFields
+from impactfem.result import Fields, StoredSnapshots
 
 FORMATS = ("vtkhdf", "vtx", "pvd")
 
@@ -20,7 +20,7 @@ def result(tmp_path):
     passing.mkdir()
     made = solid_result(passing / "spool.vtkhdf", layers=5)
     scene = made.scene.with_settings({"output.fields": list(FORMATS)})
-    fields = SolidFields(passing / "spool.vtkhdf", passing=passing)
+    fields = StoredSnapshots(passing / "spool.vtkhdf", passing=passing)
     return Result(scene, made.history, made.summary, fields)
 
 
@@ -30,7 +30,7 @@ def test_a_saved_result_loads_the_same_and_reads_fields_when_asked(result, tmp_p
     fields = {"fields.vtkhdf", "fields.bp", "fields.pvd", "fields_pvd"}
     assert {path.name for path in folder.iterdir()} == names | fields
     again = Result.load(folder)
-    assert isinstance(again.fields, SolidFields)
+    assert isinstance(again.fields, StoredSnapshots)
     assert again.scene == result.scene
     assert again.summary == json.loads(json.dumps(result.summary))
     assert again.history.equals(result.history)

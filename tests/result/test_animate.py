@@ -181,7 +181,7 @@ def test_a_grid_holds_the_fields_of_its_layer(disc):
     pytest.importorskip("pyvista")
     fields = disc.fields
     grid = fields.grid(2)
-    assert set(fields.point_data) == set(grid.point_data.keys())
+    assert {*fields.point_data, "radius"} == set(grid.point_data.keys())
     for name, values in fields.read(2).items():
         assert np.array_equal(np.asarray(grid.point_data[name]), values, equal_nan=True)
     assert np.allclose(grid.points, fields.points)

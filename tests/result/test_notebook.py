@@ -11,7 +11,7 @@ import pytest
 
 import impactfem
 from impactfem.cards import card, curve, table
-from impactfem.result import FieldSpool, SolidFields
+from impactfem.result import FieldSpool, Shape, StoredSnapshots
 from impactfem.shipped import shipped_scenes
 from impactfem.studies.hard.board import Board, Cell, Claim
 
@@ -189,7 +189,9 @@ def test_scenes_are_copied_and_pickled(name):
 def spooled(folder):
     folder.mkdir()
     square = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])
-    with FieldSpool(folder / "fields.vtkhdf", square, [[0, 1, 2, 3]], 9, {"displacement": 3}) as s:
+    with FieldSpool(
+        folder / "fields.vtkhdf", [Shape("body", square, [[0, 1, 2, 3]], 9)], {"displacement": 3}
+    ) as s:
         s.append(0.0, {"displacement": np.zeros((4, 2))})
     return folder / "fields.vtkhdf"
 
@@ -197,7 +199,7 @@ def spooled(folder):
 def test_fields_in_a_file_travel_by_its_path(tmp_path, monkeypatch):
     path = spooled(tmp_path / "kept")
     monkeypatch.chdir(path.parent)
-    fields = SolidFields("fields.vtkhdf")
+    fields = StoredSnapshots("fields.vtkhdf")
     data = pickle.dumps(fields)
     monkeypatch.chdir(tmp_path)
     assert len(pickle.loads(data)) == 1  # noqa: S301
@@ -205,7 +207,7 @@ def test_fields_in_a_file_travel_by_its_path(tmp_path, monkeypatch):
 
 def test_fields_that_pass_stay_as_long_as_a_copy_and_are_not_pickled(tmp_path):
     path = spooled(tmp_path / "passing")
-    fields = SolidFields(path, passing=path.parent)
+    fields = StoredSnapshots(path, passing=path.parent)
     with pytest.raises(pickle.PicklingError, match="save the result"):
         pickle.dumps(fields)
     other = copy.deepcopy({"fields": fields})["fields"]

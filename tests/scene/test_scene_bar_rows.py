@@ -67,7 +67,6 @@ CASES = {
     "window": ({"solve": {"window": 5}}, ["solve.window = 5", "single bar", "remove it"]),
     "accuracy": ({"solve": {"accuracy": 0.1}}, ["solve.accuracy = 0.1", "remove it"]),
     "checkpoint": ({"output": {"checkpoint": 5}}, ["output.checkpoint = 5", "remove it"]),
-    "fields": ({"output": {"fields": ["vtx"]}}, ["output.fields", '"vtkhdf"']),
     "elements that cannot match": (
         second(length=0.5) | {"solve": {"elements": 33}},
         ["solve.elements = 33", "same h / c", "give 32 or 34", 'method = "exact"'],

@@ -9,10 +9,12 @@ import pytest
 from trouble_process import environment
 
 from impactfem.errors import OutputError
-from impactfem.result import FieldSpool, Result, SolidFields
-from impactfem.result.fields import MAX_LAYERS, read_vtkhdf
+from impactfem.result import FieldSpool, Result, Shape, StoredSnapshots
 from impactfem.result.history import Columns, make_history
+from impactfem.result.shapes import MOTION
+from impactfem.result.spool import POINT_DATA
 from impactfem.result.store import LAST
+from impactfem.result.stored_snapshots import MAX_LAYERS
 from impactfem.scene import Scene
 from impactfem.shipped import shipped_scenes
 
@@ -51,25 +53,29 @@ def saved(folder, scene, rows=3):
     assert (folder / LAST).exists()
 
 
-@pytest.fixture
-def solid(tmp_path):
-    """2 GB of fields that were never written: they take no room on the disk."""
-    saved(tmp_path, "dropped_disc")
-    nodes, layers = 200_000, 200
-    cells = np.arange(nodes - 2)[:, None] + np.arange(3)
-    with FieldSpool(tmp_path / "fields.vtkhdf", np.zeros((nodes, 2)), cells, 5) as spool:
+def stretched(folder, shape, layers, fields=POINT_DATA):
+    """Layers that were never written: they take no room on the disk."""
+    with FieldSpool(folder / "fields.vtkhdf", [shape], fields) as spool:
         pass
-    assert spool.point_data
-    with h5py.File(tmp_path / "fields.vtkhdf", "r+") as file:
+    with h5py.File(folder / "fields.vtkhdf", "r+") as file:
         root = file["VTKHDF"]
         root["Steps"].attrs["NSteps"] = layers
         for name in spool.point_data:
-            root["PointData"][name].resize(layers * nodes, axis=0)
-        for name in spool._steps(0, 0.0):
+            root["PointData"][name].resize(layers * len(shape.points), axis=0)
+        for name in spool._steps(0, np.zeros(0)):
             root["Steps"][name].resize(layers, axis=0)
         size = sum(data.size * data.dtype.itemsize for data in root["PointData"].values())
     assert size > 2**30
-    assert (tmp_path / "fields.vtkhdf").stat().st_size < 2**26
+    assert (folder / "fields.vtkhdf").stat().st_size < 2**26
+
+
+@pytest.fixture
+def solid(tmp_path):
+    """2 GB of fields."""
+    saved(tmp_path, "dropped_disc")
+    nodes = 200_000
+    cells = np.arange(nodes - 2)[:, None] + np.arange(3)
+    stretched(tmp_path, Shape("body", np.zeros((nodes, 2)), cells, 5), 200)
     return tmp_path
 
 
@@ -81,15 +87,7 @@ def test_fields_of_a_solid(solid):
 
 def test_fields_of_a_bar(tmp_path):
     saved(tmp_path, "bar_impact")
-    nodes, layers = 1001, 25_000
-    with h5py.File(tmp_path / "fields.vtkhdf", "w") as file:
-        root = file.create_group("VTKHDF")
-        root["Types"] = np.full(nodes - 1, 3, dtype=np.uint8)
-        root["Points"] = np.zeros((nodes, 3))
-        root["Connectivity"] = np.repeat(np.arange(nodes), 2)[1:-1]
-        root["Steps/Values"] = np.arange(layers, dtype=float)
-        for name in ("displacement", "velocity"):
-            root.create_dataset(f"PointData/{name}", (layers * nodes, 3), dtype=float)
+    stretched(tmp_path, Shape.line("bar", np.zeros((1001, 1))), 25_000, MOTION)
     opened, _ = memory(tmp_path, "assert result.fields.counts is None")
     assert opened < 300
     fields = Result.load(tmp_path).fields
@@ -107,13 +105,12 @@ def test_a_history_of_a_million_rows(tmp_path):
 
 
 def test_a_file_that_claims_to_be_endless(tmp_path):
-    for kind, reader in ((5, SolidFields), (3, read_vtkhdf)):
-        with h5py.File(tmp_path / "f.vtkhdf", "w") as file:
-            root = file.create_group("VTKHDF")
-            root["Types"] = [kind]
-            root["NumberOfPoints"], root["NumberOfCells"] = [3], [1]
-            root.create_dataset("Steps/Values", (2**50,), dtype=float, chunks=(1024,))
-            root.create_group("Steps/PointDataOffsets")
-        assert MAX_LAYERS < 2**50
-        with pytest.raises(OutputError, match="its times have the shape"):
-            reader(tmp_path / "f.vtkhdf")
+    with h5py.File(tmp_path / "f.vtkhdf", "w") as file:
+        root = file.create_group("VTKHDF")
+        root["Types"] = [5]
+        root["NumberOfPoints"], root["NumberOfCells"] = [3], [1]
+        root.create_dataset("Steps/Values", (2**50,), dtype=float, chunks=(1024,))
+        root.create_group("Steps/PointDataOffsets")
+    assert MAX_LAYERS < 2**50
+    with pytest.raises(OutputError, match="its times have the shape"):
+        StoredSnapshots(tmp_path / "f.vtkhdf")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from trouble_process import environment
 
-from impactfem.result import FieldSpool, SolidFields
+from impactfem.result import FieldSpool, Shape, StoredSnapshots
 from impactfem.result.killed_files import mend
 
 NODES = 4
@@ -18,8 +18,9 @@ NODES = 4
 WRITER = """
 import sys
 import numpy as np
-from impactfem.result import FieldSpool
-spool = FieldSpool(sys.argv[1], np.zeros((4, 2)), [[0, 1, 2], [1, 2, 3]], 5, {"u": 3, "gap": 1})
+from impactfem.result import FieldSpool, Shape
+shape = Shape("body", np.zeros((4, 2)), [[0, 1, 2], [1, 2, 3]], 5)
+spool = FieldSpool(sys.argv[1], [shape], {"u": 3, "gap": 1})
 for layer in range(10_000):
     spool.append(layer, {"u": np.full((4, 3), layer), "gap": np.full(4, -layer)})
     print(layer, flush=True)
@@ -51,7 +52,7 @@ def test_what_was_appended_before_a_kill_is_found(tmp_path, lines):
     done = written(path, lines, 7 * lines)
     with FieldSpool.reopen(path, done) as spool:
         spool.append(-1.0, {"u": np.full((NODES, 3), 0.5), "gap": np.zeros(NODES)})
-    fields = SolidFields(path)
+    fields = StoredSnapshots(path)
     assert fields.times.tolist() == [*range(done), -1.0]
     for layer in {0, done // 2, done - 1}:
         assert (fields.read(layer)["u"] == layer).all()
@@ -87,5 +88,5 @@ def test_a_link_in_place_of_the_fields_is_not_followed(tmp_path):
     (tmp_path / "victim").write_text("dear")
     link = tmp_path / "fields.vtkhdf"
     link.symlink_to("victim")
-    FieldSpool(link, np.zeros((NODES, 2)), [[0, 1, 2]], 5, {"u": 3}).close()
+    FieldSpool(link, [Shape("body", np.zeros((NODES, 2)), [[0, 1, 2]], 5)], {"u": 3}).close()
     assert (tmp_path / "victim").read_text() == "dear"

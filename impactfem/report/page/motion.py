@@ -8,7 +8,7 @@ from impactfem.report.page.chart import is_told, numbers, thin
 from impactfem.report.page.motion_bars import bars_motion
 from impactfem.report.page.motion_bodies import bodies_motion
 from impactfem.report.page.motion_data import rows_at
-from impactfem.result import Fields, Result, SolidFields
+from impactfem.result import Fields, Result
 
 SCRIPTS = ("motion_tools.js", "motion_views.js", "motion.js")
 """Scripts beside this module that draw charts and moving pictures, in the order of loading."""
@@ -30,7 +30,7 @@ def motion(result: Result) -> dict[str, Any] | None:
     fields = result.fields
     if isinstance(fields, Fields):
         own = bars_motion(result, fields)
-    elif isinstance(fields, SolidFields):
+    elif fields is not None and result.scene.solids:
         own = bodies_motion(result, fields)
     elif result.scene.is_vibro:
         # It loads the systems of points, which bars and solids need not wait for.

@@ -18,7 +18,7 @@ from impactfem.report.page.motion_data import (
 from impactfem.report.page.motion_obstacles import plane_obstacles, space_obstacles
 from impactfem.report.skin import Skin
 from impactfem.report.space_picture import Camera, skin_of, vertical_of
-from impactfem.result import Result, SolidFields
+from impactfem.result import Result, Snapshots
 
 if TYPE_CHECKING:
     from impactfem.scene import Solid
@@ -63,7 +63,7 @@ class Frame:
     pressed: list[int]
 
 
-def bodies_motion(result: Result, fields: SolidFields) -> dict[str, Any] | None:
+def bodies_motion(result: Result, fields: Snapshots) -> dict[str, Any] | None:
     """Data of one or several solids in the plane or in space.
 
     Returns:

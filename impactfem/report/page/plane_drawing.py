@@ -29,7 +29,7 @@ from impactfem.report.page.sketch import (
 )
 from impactfem.report.plane_picture import draw_obstacles
 from impactfem.report.space_picture import skin_of
-from impactfem.result import Result, SolidFields
+from impactfem.result import Result
 from impactfem.scene import Beam, HalfSpace, Point, Rod, Scene, Solid
 
 Floats = NDArray[np.float64]
@@ -134,7 +134,7 @@ def _outlines(result: Result, solids: Sequence[Solid]) -> list[Floats] | None:
     known = [outline_of(solid) for solid in solids]
     if all(outline is not None for outline in known):
         return [cast("Floats", outline)[None] for outline in known]
-    if not isinstance(result.fields, SolidFields):
+    if result.fields is None:
         return None
     skin = skin_of(result, result.fields)
     place = skin.snapshot(0).place[:, :2]

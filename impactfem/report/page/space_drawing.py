@@ -14,7 +14,7 @@ from impactfem.report.page.numbers import constant, quantity
 from impactfem.report.page.sketch import EDGE, GRAVITY, VELOCITY, arrow, empty, label
 from impactfem.report.solid_figures import survey
 from impactfem.report.space_picture import Camera, SpacePainter, skin_of
-from impactfem.result import Result, SolidFields
+from impactfem.result import Result
 from impactfem.scene import HalfSpace, Point, Scene, Solid
 
 Floats = NDArray[np.float64]
@@ -25,7 +25,7 @@ _ARROW = 0.22
 
 def draw_solids_in_space(result: Result) -> Figure | None:
     """Solids in space with obstacles and velocities; None if their fields were not kept."""
-    if not isinstance(result.fields, SolidFields):
+    if result.fields is None:
         return None
     skin = skin_of(result, result.fields)
     snapshot = skin.snapshot(0)

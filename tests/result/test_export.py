@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from impactfem.result.cell_kinds import KINDS
-from impactfem.result.solid_export import needed_bytes, write_solid
-from impactfem.result.solid_fields import POINT_DATA, FieldSpool, SolidFields
+from impactfem.result.export import needed_bytes, write_fields
+from impactfem.result.shapes import Shape
+from impactfem.result.spool import POINT_DATA, FieldSpool
+from impactfem.result.stored_snapshots import StoredSnapshots
 
 EACH = pytest.mark.parametrize("kind", KINDS.values(), ids=lambda k: f"{k.shape}{k.degree}")
 TIMES = (0.0, 0.25)
@@ -39,10 +41,10 @@ def values(points, time):
 
 def spooled(path, kind, number=2):
     points, cells = grid(kind, number)
-    with FieldSpool(path, points, cells, kind.vtk_type) as spool:
+    with FieldSpool(path, [Shape("body", points, cells, kind.vtk_type)]) as spool:
         for time in TIMES:
             spool.append(time, values(points, time))
-    return SolidFields(path)
+    return StoredSnapshots(path)
 
 
 def check(mesh, kind, time):
@@ -58,7 +60,7 @@ def check(mesh, kind, time):
 def test_vtkhdf_opens_in_pyvista(kind, tmp_path):
     pyvista = pytest.importorskip("pyvista")
     fields = spooled(tmp_path / "spool.vtkhdf", kind)
-    write_solid(fields, tmp_path / "fields.vtkhdf", "vtkhdf")
+    write_fields(fields, tmp_path / "fields.vtkhdf", "vtkhdf")
     reader = pyvista.HDFReader(str(tmp_path / "fields.vtkhdf")).reader
     reader.UpdateInformation()
     for step, time in enumerate(TIMES):
@@ -72,7 +74,7 @@ def test_pvd_opens_in_pyvista(kind, tmp_path):
     pyvista = pytest.importorskip("pyvista")
     (tmp_path / "out").mkdir()
     path = tmp_path / "out/fields.pvd"
-    write_solid(spooled(tmp_path / "spool.vtkhdf", kind), path, "pvd")
+    write_fields(spooled(tmp_path / "spool.vtkhdf", kind), path, "pvd")
     assert sorted(entry.name for entry in path.parent.iterdir()) == ["fields.pvd", "fields_pvd"]
     reader = pyvista.get_reader(str(path))
     assert reader.time_values == pytest.approx(TIMES)
@@ -84,7 +86,7 @@ def test_pvd_opens_in_pyvista(kind, tmp_path):
 @EACH
 def test_vtx_holds_all_fields(kind, tmp_path):
     path = tmp_path / "fields.bp"
-    write_solid(spooled(tmp_path / "spool.vtkhdf", kind), path, "vtx")
+    write_fields(spooled(tmp_path / "spool.vtkhdf", kind), path, "vtx")
     metadata = (path / "md.0").read_bytes()  # ParaView's reader goes by this description
     for name in (b"vtk.xml", b"TIME", *(name.encode() for name in POINT_DATA)):
         assert name in metadata
@@ -97,22 +99,22 @@ def test_vtx_holds_all_fields(kind, tmp_path):
 
 
 @pytest.mark.parametrize("form", ["vtkhdf", "vtx", "pvd"])
-@pytest.mark.parametrize("shape", [("triangle", 1), ("hexahedron", 1), ("tetrahedron", 2)])
-def test_the_room_that_is_reserved_suffices(form, shape, tmp_path):
-    kind = KINDS[shape]
+@pytest.mark.parametrize("cell", [("triangle", 1), ("hexahedron", 1), ("tetrahedron", 2)])
+def test_the_room_that_is_reserved_suffices(form, cell, tmp_path):
+    kind = KINDS[cell]
     points, cells = grid(kind, 6)
     rng = np.random.default_rng(1)
-    with FieldSpool(tmp_path / "spool.vtkhdf", rng.random(points.shape), cells,
-                    kind.vtk_type) as spool:  # fmt: skip
+    shape = Shape("body", rng.random(points.shape), cells, kind.vtk_type)
+    with FieldSpool(tmp_path / "spool.vtkhdf", [shape]) as spool:
         for time in range(5):
             noise = {
                 name: -1e-105 * rng.random((len(points), n)[: 1 + (n > 1)])
                 for name, n in POINT_DATA.items()
             }
             spool.append(time, noise | {"active": rng.integers(2, size=len(points))})
-    fields = SolidFields(tmp_path / "spool.vtkhdf")
+    fields = StoredSnapshots(tmp_path / "spool.vtkhdf")
     (tmp_path / "out").mkdir()
-    write_solid(fields, tmp_path / f"out/fields.{form}", form)
+    write_fields(fields, tmp_path / f"out/fields.{form}", form)
     size = sum(path.stat().st_size for path in (tmp_path / "out").rglob("*") if path.is_file())
     assert 0.2 < size / needed_bytes(fields, form) <= 1.0
 
@@ -122,14 +124,14 @@ def test_a_passing_file_is_linked_and_goes_with_its_fields(tmp_path):
     passing = tmp_path / "passing"
     passing.mkdir()
     spooled(passing / "spool.vtkhdf", kind)
-    fields = SolidFields(passing / "spool.vtkhdf", passing=passing)
-    write_solid(fields, tmp_path / "fields.vtkhdf", "vtkhdf")
+    fields = StoredSnapshots(passing / "spool.vtkhdf", passing=passing)
+    write_fields(fields, tmp_path / "fields.vtkhdf", "vtkhdf")
     assert (tmp_path / "fields.vtkhdf").stat().st_ino == fields.path.stat().st_ino
     expected = fields.read(1)
     del fields
     gc.collect()
     assert not passing.exists()
-    kept = SolidFields(tmp_path / "fields.vtkhdf")
+    kept = StoredSnapshots(tmp_path / "fields.vtkhdf")
     assert np.array_equal(kept.read(1)["displacement"], expected["displacement"])
-    write_solid(kept, tmp_path / "copy.vtkhdf", "vtkhdf")
+    write_fields(kept, tmp_path / "copy.vtkhdf", "vtkhdf")
     assert (tmp_path / "copy.vtkhdf").stat().st_ino != kept.path.stat().st_ino
