@@ -253,8 +253,8 @@ def plot(given: argparse.Namespace) -> int:
             clear(given.folder, SPOOL)
     for line in faults:
         complain(line)
-    if result.fields is None and not result.scene.is_vibro:
-        complain('no fields.vtkhdf: no pictures of the displacement; run with fields = ["vtkhdf"]')
+    if result.fields is None:
+        complain('no fields.vtkhdf: no pictures of the motion; run with fields = ["vtkhdf"]')
     say("\n".join(str(given.folder / name) for name in names))
     return FAILED if faults else DONE
 

@@ -219,7 +219,7 @@ def _solve_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> Result:
         penalty_integrator=chosen.penalty_integrator,
     )
     used = replace(scene, solve=settings)
-    return Result(used, run.history, summary, impacts=run.motion.impacts, axis=run.axis)
+    return Result(used, run.history, summary, run.fields, impacts=run.motion.impacts)
 
 
 def _bar_as_used(scene: Scene, chosen: Plan) -> Scene:

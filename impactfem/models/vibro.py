@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from impactfem.errors import SceneError
 from impactfem.models.key import SceneKey
 from impactfem.result.history import BodyMotion
+from impactfem.result.shapes import Shape
 from impactfem.scene import Beam, HalfSpace, PiecewiseVector, Point, Rod, Scene
 from impactfem.system.beam import FreeBeam, free_beam
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
@@ -34,9 +35,9 @@ class VibroModel:
         elastic: Elastic energy [J] of u (d,).
         conservative: Whether the potential energy is known; then energy may not grow.
         words: What it is, in words.
+        shapes: The bodies in files and pictures, as they are at t = 0.
+        places: Where the nodes of the shapes are [m], (..., nodes, dim), from positions (..., d).
         beam: The beam, None for other bodies.
-        axis: Distances of the nodes of a rod's or beam's axis from its first end [m], (nodes,),
-            and their places [m], (nodes, 2), from a position (d,); None for points.
     """
 
     system: GeneralizedSystem
@@ -48,8 +49,9 @@ class VibroModel:
     elastic: Callable[[Floats], float]
     conservative: bool
     words: str
+    shapes: tuple[Shape, ...]
+    places: Callable[[Floats], Floats]
     beam: FreeBeam | None = None
-    axis: tuple[Floats, Callable[[Floats], Floats]] | None = None
 
     @property
     def is_exact(self) -> bool:
@@ -103,6 +105,8 @@ def _of_points(scene: Scene) -> VibroModel:
         found.elastic,
         found.conservative,
         f"{count} in {dim}D, {_count(len(found.labels), 'constraint')}, {kind}",
+        tuple(Shape.vertices(p.name, [p.position], p.radius) for p in points),
+        lambda u: u.reshape(*u.shape[:-1], len(points), dim),
     )
 
 
@@ -127,12 +131,13 @@ def _of_rod(scene: Scene, rod: Rod) -> VibroModel:
     ends = 0.5 * rod.length * np.array([-1.0, 1.0])
 
     def places(u: Floats) -> Floats:
-        return np.asarray(u[:2] + ends[:, None] * np.array([np.cos(u[2]), np.sin(u[2])]))
+        along = np.stack([np.cos(u[..., 2]), np.sin(u[..., 2])], axis=-1)
+        return np.asarray(u[..., None, :2] + ends[:, None] * along[..., None, :])
 
     words = f"a rigid rod in the plane, {_count(len(labels), 'constraint')}, nonlinear"
     return VibroModel(
         system, position, velocity, tuple(labels), (rod.mass,), bodies, _none, True, words,
-        axis=(ends - ends[0], places),
+        (Shape.line(rod.name, places(position), rod.radius),), places,
     )  # fmt: skip
 
 
@@ -158,8 +163,8 @@ def _of_beam(scene: Scene, beam: Beam) -> VibroModel:
     words = f"a free {theory} beam of {beam.elements} elements in the plane, small displacements, "
     words += f"{_count(len(labels), 'constraint')}, linear free motion"
     return VibroModel(
-        system, position, velocity, tuple(labels), (beam.mass,), bodies, elastic, True, words, free,
-        axis=(free.matrices.nodes - free.matrices.nodes[0], free.points),
+        system, position, velocity, tuple(labels), (beam.mass,), bodies, elastic, True, words,
+        (Shape.line(beam.name, free.points(position), 0.5 * beam.height),), free.points, free,
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from impactfem.report.film import Film, Reel, check_ending, write_film
 from impactfem.report.point_film import point_reel
 from impactfem.report.solid_film import solid_reel
 from impactfem.result import Fields, Result
-from impactfem.scene import Point
+from impactfem.result.shapes import VERTEX
 
 
 def animate(
@@ -39,9 +39,9 @@ def _reel(result: Result, frames: int | None, what: str) -> Reel:
         reel = bar_reel(result, result.fields, frames)
     elif result.fields is not None and result.scene.solids:
         reel = solid_reel(result, result.fields, frames)
-    elif result.axis_rows is not None:
-        reel = axis_reel(result, result.axis_rows, frames)
-    elif isinstance(result.scene.bodies[0], Point):
+    elif result.fields is not None and VERTEX not in result.fields.layout.types:
+        reel = axis_reel(result, result.fields, frames)
+    elif result.fields is not None:
         reel = point_reel(result, frames)
     else:
         raise OutputError(

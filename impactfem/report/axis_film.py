@@ -16,8 +16,7 @@ from impactfem.report.film import BLUE, force_beside, tell_time
 from impactfem.report.plane_picture import draw_obstacles
 from impactfem.report.sheet import Sheet
 from impactfem.report.solid_film import even_moments
-from impactfem.result import Result
-from impactfem.result.table import Table
+from impactfem.result import Result, Snapshots
 from impactfem.scene import Beam, HalfSpace
 
 Floats = NDArray[np.float64]
@@ -57,7 +56,7 @@ class AxisReel:
         return [self.line, *tell_time(self.clock, self.now, float(self.times[moment]))]
 
 
-def axis_reel(result: Result, axis: Table, frames: int | None) -> AxisReel | None:
+def axis_reel(result: Result, fields: Snapshots, frames: int | None) -> AxisReel | None:
     """The reel of a rod, true to scale, or of a beam.
 
     A beam moves and bends by far less than its length: shown is how far each point of its axis
@@ -65,20 +64,20 @@ def axis_reel(result: Result, axis: Table, frames: int | None) -> AxisReel | Non
 
     Args:
         result: The result.
-        axis: Its axis.
+        fields: Its fields.
         frames: Number of moments at most; 60 if None.
 
     Returns:
         None if the motion is not finite.
     """
-    places = np.stack([axis["x"].values, axis["y"].values], axis=-1)
+    places = fields.places(result.scene.bodies[0].name)[:, :, :2]
     if not np.isfinite(places).all():
         return None
-    moments = even_moments(axis["time"].values, frames or _FRAMES)
+    moments = even_moments(fields.times, frames or _FRAMES)
     figure = Sheet(9.0, 4.0, dpi=90)
     left, right = figure.subplots(1, 2, width_ratios=[1.2, 1.0])
     if isinstance(result.scene.bodies[0], Beam):
-        curves = _way(left, result, axis["station"].values, places)
+        curves = _way(left, result, places)
     else:
         curves = _true(left, result, places)
     (line,) = left.plot([], [], "o-", color=BLUE, linewidth=2.0, markersize=3.5)
@@ -87,7 +86,7 @@ def axis_reel(result: Result, axis: Table, frames: int | None) -> AxisReel | Non
     clock.set_animated(True)
     now = force_beside(right, result)
     figure.suptitle(result.scene.title, fontsize=11)
-    return AxisReel(figure, axis["time"].values[moments], curves[moments], line, clock, now)
+    return AxisReel(figure, fields.times[moments], curves[moments], line, clock, now)
 
 
 def _true(panel: Axes, result: Result, places: Floats) -> Floats:
@@ -103,8 +102,10 @@ def _true(panel: Axes, result: Result, places: Floats) -> Floats:
     return places
 
 
-def _way(panel: Axes, result: Result, stations: Floats, places: Floats) -> Floats:
-    """Ways along a normal over the stations, above what would touch the obstacle."""
+def _way(panel: Axes, result: Result, places: Floats) -> Floats:
+    """Ways along a normal over the axis, above what would touch the obstacle."""
+    pieces = np.hypot.reduce(np.diff(places[0], axis=0), axis=1)
+    stations = np.append(0.0, np.cumsum(pieces))
     planes: list[Any] = [o for o in result.scene.rigid_obstacles if isinstance(o, HalfSpace)]
     normal = np.asarray(planes[0].unit_normal, dtype=float)
     way = (places - places[0]) @ normal

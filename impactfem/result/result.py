@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation
     from matplotlib.figure import Figure
 
-IMPACTS, AXIS = "impacts.csv", "axis.nc"
+IMPACTS = "impacts.csv"
 _CURVES = frozenset({"time", "contact_force"})  # without which a file holds no history
 FIELD_FILES = {"vtkhdf": "fields.vtkhdf", "vtx": "fields.bp", "pvd": "fields.pvd"}
 """File of each field format."""
@@ -42,12 +42,10 @@ class Result:
         scene: The scene as used.
         history: One row per layer; columns and units in `impactfem.result.history.COLUMNS`.
         summary: Figures of the run, as written to ``summary.json``.
-        fields: The body's motion at the layers asked for; None if none were. Those of a bar are
-            arrays, those of a solid are read from their file when asked for.
+        fields: The motion of all bodies at the layers asked for; None if none were. Those of a
+            solid are read from their file when asked for.
         exact: Exact contact force at the times of the history [N]; None if unknown.
         impacts: Impacts of points, rods and beams one by one; None if the method tells none.
-        axis: Where the axis of a rod or beam is: ``x`` and ``y`` [m] over ``time`` [s] and
-            ``station`` [m], at 2000 rows of the history at most; None for other bodies.
     """
 
     scene: Scene
@@ -56,7 +54,6 @@ class Result:
     fields: Snapshots | None
     exact: "xr.Dataset | None"
     impacts: Impacts | None
-    axis: "xr.Dataset | None"
 
     def __init__(
         self,
@@ -66,10 +63,9 @@ class Result:
         fields: Snapshots | None = None,
         exact: "Table | xr.Dataset | None" = None,
         impacts: Impacts | None = None,
-        axis: "Table | xr.Dataset | None" = None,
     ) -> None:
         """Take the parts; tables become data sets of xarray when these are asked for."""
-        given = {"history": history, "exact": exact, "axis": axis}
+        given = {"history": history, "exact": exact}
         tables = {name: part for name, part in given.items() if isinstance(part, Table)}
         self.__dict__.update(
             {name: part for name, part in given.items() if name not in tables}
@@ -94,11 +90,6 @@ class Result:
         """The exact curves without xarray."""
         return self._table("exact")
 
-    @property
-    def axis_rows(self) -> Table | None:
-        """The axis without xarray."""
-        return self._table("axis")
-
     def _table(self, name: str) -> Table | None:
         tables: dict[str, Table] = self.__dict__["_tables"]
         if name in tables:
@@ -107,10 +98,7 @@ class Result:
 
     def with_summary(self, summary: Mapping[str, Any]) -> "Result":
         """The same with another summary."""
-        return Result(
-            self.scene, self.rows, summary, self.fields, self.exact_rows, self.impacts,
-            self.axis_rows,
-        )  # fmt: skip
+        return Result(self.scene, self.rows, summary, self.fields, self.exact_rows, self.impacts)
 
     def plot(self, folder: str | Path | None = None) -> "dict[str, Figure]":
         """Draw all figures that the result allows.
@@ -209,7 +197,7 @@ class Result:
         """
         if self.fields is None:
             raise OutputError(
-                "this result has no fields: solve a bar or a solid on rank 0 with "
+                "this result has no fields: solve it (a solid on rank 0) with "
                 'output.fields = ["vtkhdf"]'
             )
         return self.fields.grid(time=time, deformed=True)
@@ -287,8 +275,6 @@ class Result:
             write_netcdf(self.rows, stage / "history.nc")
             if self.exact_rows is not None:
                 write_netcdf(self.exact_rows, stage / "exact.nc")
-            if self.axis_rows is not None:
-                write_netcdf(self.axis_rows, stage / AXIS)
             if self.impacts is not None:
                 self.impacts.write_csv(stage / IMPACTS)
             self._write_fields(stage)
@@ -319,8 +305,6 @@ class Result:
             scene = Scene.from_toml(folder / "scene.toml")
             exact = folder / "exact.nc"
             reference = read_netcdf(exact, _CURVES) if exact.exists() else None
-            axis = folder / AXIS
-            places = read_netcdf(axis, frozenset("xy")) if axis.exists() else None
             listed = folder / IMPACTS
             impacts = Impacts.read_csv(listed) if listed.exists() else None
         # xarray and SciPy meet noise with TypeError, KeyError and IndexError.
@@ -333,7 +317,7 @@ class Result:
         if path.exists():
             stored = StoredSnapshots(path)
             fields = StoredFields(stored) if scene.bars == scene.bodies else stored
-        return cls(scene, history, summary, fields, reference, impacts, places)
+        return cls(scene, history, summary, fields, reference, impacts)
 
     def _repr_html_(self) -> str:
         from impactfem.report.notebook import result_card  # noqa: PLC0415

@@ -28,7 +28,7 @@ SPOOL = ".fields.partial.vtkhdf"
 
 # What a result may hold. A new one removes what an older one left and it has not itself.
 _OWN = (
-    "scene.toml", "history.csv", "history.nc", "exact.nc", "axis.nc",
+    "scene.toml", "history.csv", "history.nc", "exact.nc",
     "fields.vtkhdf", "fields.bp", "fields.pvd", "fields_pvd",
     "contact_force.png", "energy.png", "displacement.png", "position.png", "active_set.png",
     "centre_of_mass.png", "body.png", "motion.gif", "forces.png", "velocities.png",

@@ -14,8 +14,9 @@ from impactfem.models.vibro import VibroModel, vibro_model
 from impactfem.planning.model_limits import CODES, strain_findings
 from impactfem.planning.vibro import VibroPlan
 from impactfem.reference.bar import Errors, root_of_squares
-from impactfem.result.axis import kept_rows, make_axis
 from impactfem.result.history import Columns, make_history
+from impactfem.result.shapes import as_vectors
+from impactfem.result.snapshots import KeptSnapshots
 from impactfem.result.table import Series, Table
 from impactfem.result.trajectory import Trajectory
 from impactfem.runs.line_bodies import beam_figures, body_figures
@@ -33,6 +34,8 @@ _SHIFT = 1e-9  # change of the start whose growth tells how sensitive the motion
 _ROUNDING, _RTOL = 7e-16, 1e-10  # precision of exact flights, and of an integrator's
 _LOST = 1e-2  # difference from which two motions count as different
 _TRACE = 1e-9  # share of the impulse of a row that is none
+_LAYERS, _VALUES = 2000, 1_000_000  # layers of the fields at most; layers times nodes
+_TINY = 1e-100
 _EVENTS = 200_000  # impacts up to which a reference run is made
 
 
@@ -47,7 +50,7 @@ class VibroRun:
         errors: Errors against a second run; None if none was made.
         contact: Intervals, largest force and impulses, for the summary.
         seconds: Time of the run itself, without that for the error [s].
-        axis: Where the axis of a rod or beam is; None for points.
+        fields: Where the bodies are; None if they are not wanted.
     """
 
     motion: Trajectory
@@ -56,7 +59,7 @@ class VibroRun:
     errors: Errors | None
     contact: dict[str, Any]
     seconds: float
-    axis: Table | None = None
+    fields: KeptSnapshots | None = None
 
 
 def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
@@ -117,18 +120,22 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
     )
     motion = replace(motion, effort=effort)
     history = vibro_history(motion, model)
-    axis = _axis(motion, model, scene.bodies[0].name)
-    return VibroRun(motion, history, model, errors, contact, seconds, axis)
+    fields = vibro_fields(motion, model) if scene.output.fields else None
+    return VibroRun(motion, history, model, errors, contact, seconds, fields)
 
 
-def _axis(motion: Trajectory, model: VibroModel, name: str) -> Table | None:
-    if model.axis is None:
-        return None
-    stations, places = model.axis
-    rows = kept_rows(len(motion.times))
-    return make_axis(
-        motion.times[rows], stations, np.stack([places(u) for u in motion.position[rows]]), name
-    )
+def vibro_fields(motion: Trajectory, model: VibroModel) -> KeptSnapshots:
+    """Displacement and velocity of all nodes at some rows of the history, evenly chosen."""
+    count, nodes = len(motion.times), sum(len(np.asarray(shape.points)) for shape in model.shapes)
+    most = int(np.clip(_VALUES // nodes, 2, _LAYERS))
+    rows = np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
+    position, velocity = motion.position[rows], motion.velocity[rows]
+    at_rest = np.concatenate([np.asarray(shape.points) for shape in model.shapes])
+    # The derivative along the motion by a step that is imaginary: exact to rounding.
+    speed = model.places(position + 1j * _TINY * velocity).imag / _TINY
+    values = {"displacement": model.places(position) - at_rest, "velocity": speed}
+    shown = {name: as_vectors(given) for name, given in values.items()}
+    return KeptSnapshots(motion.times[rows], model.shapes, shown)
 
 
 def _episode(scene: Scene, model: VibroModel, motion: Trajectory) -> dict[str, Any]:

@@ -41,6 +41,9 @@ def check_vibro(scene: "Scene", gravity: object) -> None:
     if scene.output.checkpoint:
         text = f" = {scene.output.checkpoint}: {FAMILY} are not checkpointed; remove it."
         raise KeyedError("output", "checkpoint", text)
+    if set(scene.output.fields) - {"vtkhdf"}:
+        text = f' = {show(list(scene.output.fields))}: {FAMILY} are written as ["vtkhdf"]; '
+        raise KeyedError("output", "fields", f"{text}give that or [].")
 
 
 def _check_bodies(scene: "Scene", dim: int) -> None:

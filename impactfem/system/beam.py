@@ -94,11 +94,11 @@ class FreeBeam:
         return alpha * self.matrices.mass + beta * self.matrices.stiffness
 
     def points(self, displacement: Floats) -> Floats:
-        """Places of the nodes of the axis [m], shape (n + 1, 2)."""
+        """Places of the nodes of the axis [m], shape (..., n + 1, 2), of coordinates (..., d)."""
         along, across = self.axes
         first = 3 * np.arange(len(self.matrices.nodes))
-        a, w = displacement[first], displacement[first + 1]
-        offset = (self.matrices.nodes + a)[:, None] * along + w[:, None] * across
+        a, w = displacement[..., first, None], displacement[..., first + 1, None]
+        offset = (self.matrices.nodes[:, None] + a) * along + w * across
         return np.asarray(self.beam.center, dtype=float) + offset
 
     @property

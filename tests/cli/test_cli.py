@@ -253,7 +253,7 @@ def test_plot_says_what_it_cannot_draw(command):
     assert command("run", "bar_impact", *exact).code == 0
     done = command("plot", "o")
     assert done.code == 0
-    assert 'no fields.vtkhdf: no pictures of the displacement; run with fields = ["v' in done.err
+    assert 'no fields.vtkhdf: no pictures of the motion; run with fields = ["v' in done.err
 
 
 @pytest.mark.parametrize("name", ["summary.json", "history.nc", "scene.toml", "exact.nc",

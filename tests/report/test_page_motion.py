@@ -279,8 +279,8 @@ def test_a_beam_is_drawn_where_its_nodes_are():
     result = solve(Scene.from_toml(find_scene("dropped_beam")))
     shown = motion(result)
     times = np.array(shown["times"])
-    rows = np.abs(result.axis["time"].values[None] - times[:, None]).argmin(axis=1)
-    places = np.stack([result.axis[c].values for c in "xy"], axis=2)
+    rows = np.abs(result.fields.times[None] - times[:, None]).argmin(axis=1)
+    places = result.fields.places(result.scene.bodies[0].name)[:, :, :2]
     way = unpacked(shown["displacement"]).reshape(len(times), -1, 2)
     known = places[rows] - places[0]
     assert np.abs(way - known).max() <= 1e-4 * np.abs(known).max()

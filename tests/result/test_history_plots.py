@@ -36,7 +36,7 @@ def bar():
 
 
 def test_every_column_has_a_unit_and_a_short_name(run):
-    for data in (run.history, run.exact, run.axis):
+    for data in (run.history, run.exact):
         for name, column in {} if data is None else data.variables.items():
             assert column.attrs["units"] in UNITS, name
             assert 2 < len(column.attrs["long_name"]) < 60, name

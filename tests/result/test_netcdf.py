@@ -64,16 +64,15 @@ def test_there_and_back_nothing_changes():
 
 def test_a_result_makes_data_sets_when_they_are_asked_for_and_keeps_changes():
     made = table()
-    result = impactfem.Result(None, made, {"title": "t"}, axis=made)
+    result = impactfem.Result(None, made, {"title": "t"}, exact=table())
     assert result.rows is made
-    assert result.exact is None
-    assert result.exact_rows is None
+    assert impactfem.Result(None, made, {"title": "t"}).exact is None
     assert result.history is result.history
     xr.testing.assert_identical(result.history, made.dataset())
     result.history["gap"][1] = 7.0
     result.history["more"] = ("time", np.zeros(3))
     assert result.rows["gap"].values[1] == 7.0
     assert "more" in result.with_summary({}).rows
-    assert "more" not in result.axis_rows
+    assert "more" not in result.exact_rows
     with pytest.raises(AttributeError, match="no attribute 'histories'"):
         _ = result.histories

@@ -9,7 +9,7 @@ from impactfem.report.page.elements import bullets, code, link, paragraph, secti
 from impactfem.report.page.numbers import counted, largest, number, percent, quantity, span
 from impactfem.report.page.omissions import omissions
 from impactfem.result import Result
-from impactfem.result.result import AXIS, FIELD_FILES, IMPACTS
+from impactfem.result.result import FIELD_FILES, IMPACTS
 
 _MOST = 12  # contact intervals that are listed
 
@@ -206,8 +206,6 @@ def files(result: Result, pictures: Sequence[str], faults: Sequence[str]) -> str
     kept += [("history.csv", "one row per step"), ("history.nc", "the same for xarray, with units")]
     if result.exact_rows is not None:
         kept.append(("exact.nc", "the exact gap and contact force"))
-    if result.axis_rows is not None:
-        kept.append((AXIS, "shapes of the axis"))
     if result.impacts is not None:
         kept.append((IMPACTS, "impacts one by one"))
     if result.fields is not None:

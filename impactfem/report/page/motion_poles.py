@@ -17,12 +17,12 @@ def poles_motion(result: Result) -> dict[str, Any] | None:
     """Data of a rod or a beam.
 
     Returns:
-        None if the result has no axis, or no moment of it is finite.
+        None if the result has no fields, or no moment of it is finite.
     """
-    if result.axis_rows is None:
+    if result.fields is None:
         return None
     body = result.scene.bodies[0]
-    places = np.stack([result.axis_rows[letter].values for letter in "xy"], axis=2)
+    places = result.fields.places(body.name)[:, :, :2]
     count = places.shape[1]
     nodes = np.unique(np.linspace(0, count - 1, min(count, _NODES)).round().astype(np.int64))
     places = places[:, nodes]
@@ -30,7 +30,7 @@ def poles_motion(result: Result) -> dict[str, Any] | None:
     finite = np.flatnonzero(np.isfinite(way).all(axis=(1, 2)))
     if not len(finite):
         return None
-    kept = result.axis_rows["time"].values[finite]
+    kept = result.fields.times[finite]
     frames = telling_frames(result, kept, _FRAMES)
     times, shown = kept[frames], way[finite[frames]]
     length = cast("Rod | Beam", body).length
