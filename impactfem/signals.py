@@ -42,10 +42,12 @@ def _unraisable(raised: "sys.UnraisableHookArgs") -> None:
     """What Python cannot raise, being inside a finalizer or a callback of C."""
     error = raised.exc_value
     if isinstance(error, InterruptedRunError):
-        # The signal came inside of it: ask again when the finalizer is done.
+        # The signal came inside of it: ask again when the finalizer is done, of the main thread,
+        # so that a call that waits there ends.
         for number in _SIGNALS:
             signal.signal(number, _interrupt)
-        again = threading.Timer(0.05, signal.raise_signal, (error.number,))
+        main = threading.main_thread().ident or 0
+        again = threading.Timer(0.05, signal.pthread_kill, (main, error.number))
         again.daemon = True
         again.start()
     elif signal.getsignal(_SIGNALS[0]) is not signal.SIG_IGN:

@@ -36,6 +36,10 @@ kind = "wall"
 elements = 4
 """
 
+BARE = tuple(
+    word for what in ("pictures", "film", "report") for word in ("--set", f"output.{what}=false")
+)  # a run that draws nothing
+
 
 def clean_environment(**changes):
     kept = {name: value for name, value in os.environ.items() if not LAUNCHER.match(name)}
@@ -109,7 +113,10 @@ def work(tmp_path, monkeypatch):
 
 @pytest.fixture
 def command(work, capsys, monkeypatch):  # noqa: ARG001  (in the working folder)
-    """Run the command line in this process, which is as good as a start and faster."""
+    """Run the command line in this process, which is as good as a start and faster.
+
+    Pictures and pages, most of the time of a small run, are drawn only if they are asked for.
+    """
     for name in os.environ:
         if LAUNCHER.match(name):
             monkeypatch.delenv(name)
@@ -118,9 +125,12 @@ def command(work, capsys, monkeypatch):  # noqa: ARG001  (in the working folder)
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
-    def run(*arguments):
+    def run(*arguments, drawn=False):
+        words = [str(argument) for argument in arguments]
+        if words[:1] == ["run"] and "--restart" not in words and not drawn:
+            words += BARE
         capsys.readouterr()
-        code = main([str(argument) for argument in arguments])
+        code = main(words)
         captured = capsys.readouterr()
         return Done(code, captured.out, said(captured.err))
 

@@ -115,7 +115,7 @@ def test_a_signal_while_drawing_keeps_the_new_result(command, work, older, monke
     from impactfem.report import adding
 
     monkeypatch.setattr(adding, "_draw", lambda *_: os.kill(os.getpid(), number))
-    done = command(*SHORT, "--set", "title=new")
+    done = command(*SHORT, "--set", "title=new", drawn=True)
     assert done.code == 128 + number
     assert done.err.endswith("the result is in o; draw it with: impactfem plot o\n")
     now = contents(work)

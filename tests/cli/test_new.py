@@ -153,6 +153,7 @@ def test_the_schema_is_printed_or_written(command, work):
     assert command("schema", "--out", "no/x.json").code == FAILED
 
 
+@pytest.mark.slow
 def test_on_two_ranks_one_writes(work):
     done = launch(work, 2, "-m", "impactfem", "new", "point")
     assert done.code == DONE, done.err

@@ -38,7 +38,10 @@ def test_scene_of_a_demo_is_the_shipped_one(demo):
 
 @pytest.mark.parametrize(
     ("scene", "row"),
-    [("scene", "plate of 10 mm"), ("scene_3d", "the same, a quarter")],
+    [
+        ("scene", "plate of 10 mm"),
+        pytest.param("scene_3d", "the same, a quarter", marks=pytest.mark.slow),
+    ],
 )
 def test_ball_leaves_the_plate_as_its_page_says(scene, row):
     result = solved(DEMOS / "ball_on_plate" / f"{scene}.toml")

@@ -67,6 +67,7 @@ def test_script(elsewhere):
     assert impactfem.Result.load(elsewhere / "results" / "script").summary["status"] == "completed"
 
 
+@pytest.mark.slow
 def test_plot_without_arguments(elsewhere):
     run(sys.executable, str(DEMO / "plot.py"))
     picture = elsewhere / "results" / "bar_impact_force.png"
@@ -81,6 +82,7 @@ def test_plot_without_arguments(elsewhere):
     assert errors[1] / errors[2] == pytest.approx(2.0, rel=0.05)
 
 
+@pytest.mark.slow
 def test_plot_of_a_run(elsewhere):
     run(sys.executable, str(DEMO / "script.py"))
     run(sys.executable, str(DEMO / "plot.py"), "results/script", "--out", "force.png")

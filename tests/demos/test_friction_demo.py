@@ -36,6 +36,7 @@ def test_block_slides_upright_and_stops():
     assert not result.summary["energy"]["grows"]
 
 
+@pytest.mark.slow
 def test_block_tips_with_more_friction():
     script = runpy.run_path(str(DEMO / "script.py"))
     times, tilt = script["tilt"](script["solved"](0.8))

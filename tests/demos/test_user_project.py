@@ -34,6 +34,7 @@ def start(*arguments, **settings):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_its_own_tests_pass():
     done = start("-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", PROJECT / "pyproject.toml",
                  PROJECT / "tests", cwd=PROJECT)  # fmt: skip

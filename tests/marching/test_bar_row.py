@@ -130,6 +130,7 @@ def test_plan_matches_elements_of_unequal_bars():
         plan(scene(bars, elements=41))
 
 
+@pytest.mark.slow
 def test_where_waves_split_too_often_the_march_still_serves(monkeypatch):
     monkeypatch.setattr(row_waves, "_MAX_PIECES", 10_000)
     # Pressed between a wall and a clamp: no pair opens, transit times have no common measure.

@@ -15,6 +15,7 @@ def test_study_is_printed_and_written(tmp_path, capsys):
     assert {path.name for path in tmp_path.iterdir()} == {"study.csv", "study.md", "study.png"}
 
 
+@pytest.mark.slow
 def test_board_of_one_method(tmp_path, capsys):
     assert main(["bench", "--hard", "--methods", "exact", "--out", str(tmp_path)]) == DONE
     assert "0 fail" in capsys.readouterr().out

@@ -26,7 +26,7 @@ KNOWN = {
 
 @pytest.fixture(scope="module")
 def board():
-    return impactfem.hard_cases(cases=CASES)
+    return impactfem.hard_cases(cases=CASES, quick=True)
 
 
 def cells(board, **of):

@@ -96,6 +96,7 @@ def test_fields_of_a_bar(tmp_path):
         fields.acceleration  # noqa: B018
 
 
+@pytest.mark.slow
 def test_a_history_of_a_million_rows(tmp_path):
     """It is read as a whole: 8 bytes a number, and as much again while it is read."""
     saved(tmp_path, "bar_impact", 1_000_000)

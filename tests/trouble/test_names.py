@@ -64,6 +64,7 @@ def odd(tmp_path):
     return folder
 
 
+@pytest.mark.slow
 def test_odd_names_from_scene_to_restart(odd, tmp_path):
     """Scene, mesh, surfaces, title and folder; also where a killed run goes on."""
     scene, out = f"{ODD}/scene.toml", f"{ODD}/ergebnis ß"

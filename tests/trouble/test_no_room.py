@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from trouble_process import DISC, SHORT, contents, run, started, until
+from trouble_process import DISC, DRAWN, SHORT, contents, run, started, until
 
 from impactfem.errors import OutputError
 from impactfem.result import Result
@@ -53,7 +53,7 @@ def said(done, *parts):
 
 def test_a_full_disk_while_the_report_is_written(tmp_path):
     """Pictures still fit; the page with its scripts does not: the data are there."""
-    code, out, err = run(tmp_path, *SHORT, "o", preexec_fn=partial(limited, 2_000_000))
+    code, out, err = run(tmp_path, *DRAWN, "o", preexec_fn=partial(limited, 2_000_000))
     assert (code, out) == (0, "")
     assert err == (
         "impactfem: warning: not drawn: o: cannot be written (File too large); free some space or "
@@ -81,6 +81,7 @@ def test_a_full_disk_while_a_solid_moves(tmp_path, size, every, fields, part):
     assert contents(tmp_path) == before
 
 
+@pytest.mark.slow
 def test_the_last_checkpoint_outlives_a_full_disk(tmp_path):
     """Fields no longer fit: the run says how to go on, and can be gone on with."""
     (tmp_path / "scene.toml").write_text(DISC, encoding="utf-8")

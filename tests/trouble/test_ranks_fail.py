@@ -1,6 +1,7 @@
 """One rank fails: all stop within seconds, and what happened is said once."""
 
 import time
+from itertools import product
 
 import pytest
 from trouble_process import DISC, SHORT, contents, launched
@@ -57,10 +58,16 @@ ACTIONS = {
     "known error": ("raise OutputError('no answer')", "impactfem: rank 1 alone: no answer"),
     "kill": ("os.kill(os.getpid(), signal.SIGKILL)", "failed at"),
 }
+SLOW = pytest.mark.slow  # ranks that end by themselves are given seconds
 
 
-@pytest.mark.parametrize("action", ACTIONS)
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize(
+    ("scene", "action"),
+    [
+        pytest.param(*case, marks=() if case in {("solid", "defect"), ("solids", "kill")} else SLOW)
+        for case in product(SCENES, ACTIONS)
+    ],
+)
 def test_one_rank_fails(tmp_path, scene, action):
     code, message = ACTIONS[action]
     (tmp_path / "scene.toml").write_text(SCENES[scene], encoding="utf-8")

@@ -74,6 +74,7 @@ def test_an_older_result_survives_a_kill(whole):
     assert contents(whole / "whole").keys() == before.keys()
 
 
+@pytest.mark.slow
 def test_a_second_run_is_refused_and_the_first_unharmed(whole):
     words = (sys.executable, "-m", "impactfem", "run", "scene.toml", "--out", "two", "--quiet")
     with started(whole, *words) as process:

@@ -16,7 +16,10 @@ import pytest
 from impactfem.result import Result
 
 LAUNCHER = re.compile(r"(PMI|OMPI|PRTE|HYDRA|SLURM|MPI_LOCAL)")
-SHORT = ("run", "bar_impact", "--set", "solve.method=exact", "--quiet", "--out")
+BARE = ("--set", "output.pictures=false", "--set", "output.film=false",
+        "--set", "output.report=false")  # fmt: skip
+DRAWN = ("run", "bar_impact", "--set", "solve.method=exact", "--quiet", "--out")
+SHORT = ("run", "bar_impact", *BARE, "--set", "solve.method=exact", "--quiet", "--out")
 
 DISC = (Path(__file__).parents[1] / "disc.toml").read_text(encoding="utf-8")
 

@@ -176,6 +176,7 @@ def test_a_mass_matrix_that_depends_on_position_gives_the_motion_of_other_coordi
     assert worst[1] < worst[0] / 5.0
 
 
+@pytest.mark.slow
 def test_the_oscillator_of_the_paper_has_two_motions_and_a_soft_penalty_takes_the_other_one():
     period = 2 * math.pi / 50
     system = LinearSystem(
