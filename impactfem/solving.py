@@ -19,7 +19,7 @@ from impactfem.reference.bar_row import exact_row_if_known
 from impactfem.reference.rounding import rounding_of_exact, sampling_of_row
 from impactfem.result import Result
 from impactfem.result.bar_motion import Effort, bar_fields, bar_history
-from impactfem.result.bar_row_motion import row_fields, row_history
+from impactfem.result.bar_row_motion import pair_names, row_fields, row_history
 from impactfem.result.table import Table
 from impactfem.runs.bar_rows import contact_figures, measure_row, row_curves, run_bar_row
 from impactfem.runs.bars import RUNNERS
@@ -107,7 +107,7 @@ def _solve_bar(scene: Scene, chosen: Plan, progress: Progress) -> Result:
     if motion.is_finite:
         is_exact = chosen.method == "exact"
         errors = rounding_of_exact(scene) if is_exact else measure(motion, exact)
-    history = bar_history(motion, bar)
+    history = bar_history(motion, bar, scene.obstacles[0].name)
     window = bar_window(chosen.method, motion, bar.wave_speed)
     bodies = {bar.name: bar_figures(bar, motion.positions, motion.displacement)}
     effort = replace(motion.effort, force_window=window, bodies=bodies)
@@ -160,7 +160,7 @@ def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Resu
         history,
         summary,
         row_fields(motion, tuple(bar.name for bar in scene.bars)) if scene.output.fields else None,
-        None if exact is None else row_curves(exact, end),
+        None if exact is None else row_curves(exact, end, pair_names(motion.labels, scene.bars)),
     )
 
 

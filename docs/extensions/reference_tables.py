@@ -5,7 +5,7 @@ import re
 from md_tables import code, table
 
 from impactfem.findings import CODES
-from impactfem.result.history import COLUMNS
+from impactfem.result.history import ANGULAR, BODY_COLUMNS, COLUMNS, PAIR_COLUMNS
 from impactfem.scene.schema import describe
 
 KEY = '<a class="key" id="{place}" href="#{place}"><code>{key}</code></a>'
@@ -45,8 +45,7 @@ def history_columns() -> str:
     """Columns of a history, from the module that writes it."""
     rows = [(code("time"), "s", "end of layer m; row 0 is the initial state")]
     rows += [(code(name), unit, text) for name, (unit, text) in COLUMNS.items()]
-    rows += [
-        (code("NAME.x"), "m", "centre of mass of body NAME; likewise `NAME.y`, `NAME.z`"),
-        (code("NAME.vx"), "m/s", "its velocity; likewise `NAME.vy`, `NAME.vz`"),
-    ]
+    rows.append((code("angular_momentum"), *ANGULAR))
+    rows += [(code(f"NAME.{name}"), *told) for name, told in BODY_COLUMNS.items()]
+    rows += [(code(f"{name}.PAIR"), *told) for name, told in PAIR_COLUMNS.items()]
     return table(("column", "unit", "meaning"), rows)

@@ -53,6 +53,7 @@ class SurfacePair:
     Attributes:
         bodies: Places of the bodies in the scene.
         names: Their names.
+        label: Name of the pair in the scene.
         sides: Their faces.
         count: Number of multipliers.
         why: Why the first carries them, in words.
@@ -64,6 +65,7 @@ class SurfacePair:
 
     bodies: tuple[int, int]
     names: tuple[str, str]
+    label: str
     sides: tuple[Side, Side]
     count: int
     why: str
@@ -130,6 +132,7 @@ def make_pair(
     reach: float,
     *,
     updated: bool,
+    label: str = "",
     thickness: float = 1.0,
     axisymmetric: bool = False,
 ) -> SurfacePair | None:
@@ -144,6 +147,7 @@ def make_pair(
         names: Names of the bodies.
         reach: Largest distance that can close within the duration [m].
         updated: Whether the pair follows the bodies.
+        label: Name of the pair in the scene.
         thickness: Of plane bodies [m].
         axisymmetric: Whether the first coordinate is the radius.
 
@@ -179,7 +183,7 @@ def make_pair(
         ]
     why = f"{name[0]} carries the multipliers: its faces are the smaller ones"
     pair = SurfacePair(
-        (bodies[order[0]], bodies[order[1]]), name, (sides[0], sides[1]), 0, why,
+        (bodies[order[0]], bodies[order[1]]), name, label, (sides[0], sides[1]), 0, why,
         min(reach, 1e3 * extent), updated, thickness, axisymmetric,
     )  # fmt: skip
     count = len(np.unique(sides[0].surface.corners))

@@ -18,11 +18,18 @@ class Gaps:
 
     Attributes:
         updated: Whether distance and normal follow the nodes.
+        pairs: Names of the pairs of the scene, one for each obstacle.
         pressures: Matrix from forces [N] to pressures [Pa]; see `impactfem.contact.pressure`.
     """
 
     def __init__(
-        self, obstacles: Sequence[Any], contact: ContactNodes, initial: Floats, *, updated: bool
+        self,
+        obstacles: Sequence[Any],
+        contact: ContactNodes,
+        initial: Floats,
+        *,
+        updated: bool,
+        pairs: Sequence[str],
     ) -> None:
         """Take the obstacle of each node.
 
@@ -32,7 +39,9 @@ class Gaps:
             initial: Their initial displacement [m], shape (count, dim).
             updated: Whether distance and normal follow the nodes, which then are held off the
                 nearest obstacle; otherwise they are linearised at the place at t = 0.
+            pairs: Names of the pairs of the body with the obstacles.
         """
+        self.pairs = tuple(pairs)
         self._obstacles, self.updated = obstacles, updated
         self._positions, self._initial = contact.positions - initial, initial
         self._nearest, self._gap, self._normal = contact.obstacle, contact.gap, contact.normal
@@ -42,6 +51,10 @@ class Gaps:
     def normals(self) -> Floats | None:
         """Normals that stay, shape (count, dim); None if they follow the nodes."""
         return None if self.updated else self._normal
+
+    def pair_of(self) -> NDArray[np.int64]:
+        """Which of `pairs` each gap belongs to: that of the obstacle that is now its, (count,)."""
+        return self._nearest
 
     def responses(self, columns: Columns, whole: int | None) -> Responses:
         """How the gaps answer to contact forces.

@@ -53,6 +53,9 @@ class PairGaps:
     The order: the obstacle gaps of every body, then the weighted gaps between surfaces. Small
     sliding keeps weights and normals of t = 0; large sliding finds them anew in each layer, with a
     fixed number of gaps: those without a partner are open by `FAR`.
+
+    Attributes:
+        pairs: Names of the pairs of the scene: those of each body's obstacles, then of surfaces.
     """
 
     def __init__(
@@ -63,6 +66,7 @@ class PairGaps:
         meetings: Sequence[Meet],
         *,
         updated: bool,
+        names: Sequence[str],
     ) -> None:
         """Find the gaps of t = 0.
 
@@ -73,7 +77,9 @@ class PairGaps:
                 of the body) that can touch an obstacle, and their gaps.
             meetings: Pairs of surfaces.
             updated: Whether pairs follow the bodies.
+            names: Of the pairs of surfaces.
         """
+        self.pairs = (*(name for _, _, gaps in obstacles for name in gaps.pairs), *names)
         self._places, self._initial = places, initial
         self._obstacles, self._meetings, self.updated = tuple(obstacles), tuple(meetings), updated
         nodes = len(places)
@@ -91,6 +97,16 @@ class PairGaps:
         """Keep the weights of all gaps, and how they spread forces."""
         self._weights = csr_matrix(vstack([self._bound, *(entry.weights for entry in met)]))
         self._spreading = csr_matrix(self._weights.T)
+
+    def pair_of(self) -> Integers:
+        """Which of `pairs` each gap belongs to now, (gaps,)."""
+        found, first = [], 0
+        for _, _, gaps in self._obstacles:
+            found.append(first + gaps.pair_of())
+            first += len(gaps.pairs)
+        met = [len(entry.gap) for entry in self._first]
+        found.append(first + np.repeat(np.arange(len(met)), met))
+        return np.concatenate(found)
 
     def responses(self, columns: Columns, whole: int | None) -> Responses | PairResponses:
         """How the gaps answer to contact forces along their normals.

@@ -71,6 +71,10 @@ class Composite:
         """Sums of the initial state, of each body."""
         return [s for k, part in enumerate(self.parts) for s in part.initial(static[self.own(k)])]
 
+    def inertia(self) -> list[Floats]:
+        """Moments of inertia of each body [kg m^2]."""
+        return [inertia for part in self.parts for inertia in part.inertia()]
+
     def share(self, layer: int) -> float:
         """Part of a layer's contact force that acts."""
         return self.parts[0].share(layer)

@@ -23,6 +23,7 @@ class Sums:
         work: Work of tractions, pressures and supports in the layer [J].
         momentum: [kg m/s], shape (dim,).
         first_moment: Mass times displacement [kg m], shape (dim,).
+        angular_momentum: About the body's own centre of mass [kg m^2/s], (1,) or in space (3,).
     """
 
     kinetic: float
@@ -30,6 +31,7 @@ class Sums:
     work: float
     momentum: Floats
     first_moment: Floats
+    angular_momentum: Floats
 
 
 class Interior(Protocol):
@@ -56,6 +58,9 @@ class Interior(Protocol):
 
     def initial(self, static: Floats) -> Sequence[Sums]:
         """Sums of the initial state, one for each body; ``static`` as in `finish`."""
+
+    def inertia(self) -> Sequence[Floats]:
+        """Of each body [kg m^2], as the sums of angular momentum have it, (1, 1) or (3, 3)."""
 
     def share(self, layer: int) -> float:
         """Part of a layer's contact force that acts."""
@@ -154,7 +159,16 @@ class DirectedGaps(Protocol):
 
 
 class ContactGaps(Protocol):
-    """Gaps of contact nodes: to obstacles (`contact.gaps`), or between bodies (`contact.pairs`)."""
+    """Gaps of contact nodes: to obstacles (`contact.gaps`), or between bodies (`contact.pairs`).
+
+    Attributes:
+        pairs: Names of the pairs of the scene that they belong to.
+    """
+
+    pairs: tuple[str, ...]
+
+    def pair_of(self) -> Integers:
+        """Which of `pairs` each gap belongs to now, (gaps,)."""
 
     def responses(self, columns: Columns, whole: int | None) -> Answers:
         """How the gaps answer to contact forces."""

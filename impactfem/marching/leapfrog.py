@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from impactfem.compiled import compiled
 from impactfem.marching.layers import Sums
+from impactfem.marching.turning import Turning
 from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.massless import lumped_mass
@@ -47,22 +48,31 @@ def _advance(u, step, internal, load, inverse, gravity, keep, gain):
 
 
 @compiled
-def _add_up(u, step, internal, mass, inverse, sums):
-    """Add up m s^2 / 2, u K u_m / 2, m s and m u; the last two by component.
+def _add_up(u, step, internal, mass, inverse, arms, sums):
+    """Add up m s^2 / 2, u K u_m / 2, and by component m s, m u and the moments arm x m s.
 
     Args:
         u, step, internal, mass, inverse: As for `_advance`, with the lumped mass.
-        sums: Filled, shape (2 + 2 dim,).
+        arms: Of the nodes, shape (nodes, dim).
+        sums: Filled, shape (2 + 2 dim + 1,), in space (2 + 2 dim + 3,).
     """
-    dim = (len(sums) - 2) // 2
+    dim = arms.shape[1]
+    first = 2 + 2 * dim
     sums[:] = 0.0
     for i in range(len(u)):
         if inverse[i] > 0.0:
+            node, k = i // dim, i % dim
             moment = mass[i] * step[i]
             sums[0] += 0.5 * moment * step[i]
             sums[1] += 0.5 * u[i] * internal[i]
-            sums[2 + i % dim] += moment
-            sums[2 + dim + i % dim] += mass[i] * u[i]
+            sums[2 + k] += moment
+            sums[2 + dim + k] += mass[i] * u[i]
+            if dim == 2:
+                sums[first] += (2 * k - 1) * arms[node, 1 - k] * moment
+            else:
+                one, two = (k + 1) % 3, (k + 2) % 3
+                sums[first + one] += arms[node, two] * moment
+                sums[first + two] -= arms[node, one] * moment
 
 
 class Leapfrog:
@@ -95,7 +105,10 @@ class Leapfrog:
         slow = 0.5 * system.rayleigh_mass * dt
         self._keep, self._gain = (1.0 - slow) / (1.0 + slow), dt * dt / (1.0 + slow)
         self._lag = system.rayleigh_stiffness / dt
-        self._sums = np.zeros(2 + 2 * system.dim)
+        # Massless nodes have no momentum of their own.
+        moving = np.where(self._inverse > 0.0, self._mass, 0.0)
+        self._turning = Turning.of(system, lambda velocity: moving * velocity)
+        self._sums = np.zeros(2 + 2 * system.dim + len(self._turning.inertia))
         self._share, self._work = 1.0, 0.0
         self._contact = self._contact_at(0.0)
 
@@ -112,6 +125,10 @@ class Leapfrog:
     def surface_velocity(self) -> Floats:
         """Velocity of the contact nodes [m/s], (count, dim) (collective)."""
         return self._surface.gather(self.velocity)
+
+    def inertia(self) -> list[Floats]:
+        """Moments of inertia [kg m^2]; see `Turning`."""
+        return [self._turning.inertia]
 
     def share(self, layer: int) -> float:
         """Part of a layer's contact force that acts.
@@ -215,7 +232,10 @@ class Leapfrog:
     def _summed(self, back: float) -> list[Sums]:
         """Sums at the end of a layer; ``back`` is 0 at t = 0, where there is no step yet."""
         dim, drive = self._system.dim, self._drive
-        _add_up(self.displacement, self._step, self._forces, self._mass, self._inverse, self._sums)
+        _add_up(
+            self.displacement, self._step, self._forces, self._mass, self._inverse,
+            self._turning.arms, self._sums,
+        )  # fmt: skip
         elastic, work = self._sums[1], 0.0
         if drive.is_active:
             work = self._work + self._half_work()
@@ -228,7 +248,8 @@ class Leapfrog:
                 elastic += 0.5 * float(self.displacement[massless] @ self._lift[massless])
         sums = Sums(
             self._sums[0] / self.dt**2, elastic, work,
-            self._sums[2 : 2 + dim] / self.dt, self._sums[2 + dim :].copy(),
+            self._sums[2 : 2 + dim] / self.dt, self._sums[2 + dim : 2 + 2 * dim].copy(),
+            self._sums[2 + 2 * dim :] / self.dt,
         )  # fmt: skip
         return [sums]
 

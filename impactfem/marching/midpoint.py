@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from impactfem.fem import MPI, products_in_order
 from impactfem.marching.layers import Sums
+from impactfem.marching.turning import Turning
 from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.linear import LinearSolver
@@ -67,6 +68,7 @@ class Midpoint:
             self._still[surface.dofs] = True
         weights = np.repeat(system.node_mass, system.dim)
         self._weights = np.where(system.constrained, 0.0, transferred(transfer, weights))
+        self._turning = Turning.of(system, self._times_mass)
         self._columns = np.empty((0, len(self.displacement)))  # answers, in the order of asking
         self._gather_columns = True
         self._loads = np.zeros(0)
@@ -78,6 +80,10 @@ class Midpoint:
     def surface_displacement(self) -> Floats:
         """Displacement of the contact nodes, massless ones in equilibrium, (count, dim)."""
         return self._contact
+
+    def inertia(self) -> list[Floats]:
+        """Moments of inertia [kg m^2]; see `Turning`."""
+        return [self._turning.inertia]
 
     def share(self, layer: int) -> float:  # noqa: ARG002  (as the interface has it)
         """Part of a layer's contact force that acts."""
@@ -224,6 +230,7 @@ class Midpoint:
         sums = Sums(
             kinetic, elastic, work,
             momentum.reshape(-1, dim).sum(axis=0), moments.reshape(-1, dim).sum(axis=0),
+            self._turning.rows @ momentum,
         )  # fmt: skip
         return [sums]
 

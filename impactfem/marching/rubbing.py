@@ -132,6 +132,30 @@ def rub(
     )  # fmt: skip
 
 
+def slipped(layer: LayerGaps, place: Floats) -> Floats:
+    """Ways slid in a layer, as the law of friction measures them [m], (k, dim), the first being 0.
+
+    Args:
+        layer: The gaps.
+        place: Their places (gap, r_t) at the end [m], (k, dim).
+    """
+    found = place - turned(layer.frames, layer.old_way if layer.held is None else layer.held)
+    found[:, 0] = 0.0
+    return found
+
+
+def along(normals: Floats, vectors: Floats) -> Floats:
+    """Tangential vectors in the gaps as histories have them: in the plane one component, (k, 1).
+
+    It is that along the normal turned by -90 degrees, which of a floor points to the right, and the
+    same whichever side of a gap is looked from.
+    """
+    if normals.shape[1] != 2:
+        return vectors
+    found = vectors[:, 0] * normals[:, 1] - vectors[:, 1] * normals[:, 0]
+    return np.asarray(found[:, None])
+
+
 def frames(normals: Floats) -> Floats:
     """Orthonormal directions with the normals first, shape (k, dim, dim)."""
     count, dim = normals.shape

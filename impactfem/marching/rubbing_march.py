@@ -8,7 +8,16 @@ from numpy.typing import NDArray
 
 from impactfem.contact.complementarity import Solver
 from impactfem.marching.layers import ContactGaps, DirectedAnswers, DirectedGaps, Interior
-from impactfem.marching.rubbing import Friction, LayerGaps, Rubbing, frames, in_space, rub
+from impactfem.marching.rubbing import (
+    Friction,
+    LayerGaps,
+    Rubbing,
+    along,
+    frames,
+    in_space,
+    rub,
+    slipped,
+)
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import SolidMarch
 
@@ -20,6 +29,8 @@ _REMEMBERED = ("tangential", "older_tangential", "place", "older_place")
 
 class RubbingMarch(SolidMarch):
     """A march with Coulomb friction in gaps of bodies (`impactfem.contact.pairs`)."""
+
+    _rubs = True
 
     def __init__(
         self,
@@ -46,7 +57,7 @@ class RubbingMarch(SolidMarch):
         """
         place = interior.surface_displacement
         self._rubbing = Rubbing.at_rest(friction, place)
-        self._tangential = self._rubbing_force = np.zeros((len(friction.coefficients), 0))
+        self._tangential = self._rubbing_force = self._slip = np.zeros((0, place.shape[1]))
         super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance)
         self._rubbing = Rubbing.at_rest(friction, place + self.contact.static)
 
@@ -75,6 +86,24 @@ class RubbingMarch(SolidMarch):
         shift = self._gaps.shift(time) - self._gaps.shift(before)
         rows.obstacle_work[row] += part * float((self._rubbing_force * shift).sum())
 
+    def _close_pairs(self, row: int, force: Floats) -> None:
+        """Store what pairs have of the forces, gaps and slip."""
+        super()._close_pairs(row, force)
+        pressed = np.flatnonzero(force)
+        if not row or not len(pressed):
+            return
+        normals, pressing = self._normals[pressed], force[pressed]
+        tangential = along(normals, self._rubbing_force[pressed])
+        way = along(normals, self._slip[pressed])
+        length = way[:, 0] if way.shape[1] == 1 else np.linalg.norm(way, axis=1)
+        values = np.column_stack([tangential, pressing, pressing * length])
+        pairs = self._gaps.pair_of()[pressed]
+        found = np.zeros((len(self._gaps.pairs), values.shape[1]))
+        np.add.at(found, pairs, values)
+        rows = self.rows
+        rows.tangential[row] = found[:, :-2]
+        np.divide(found[:, -1], found[:, -2], out=rows.slip[row], where=found[:, -2] > 0.0)
+
     def _pressed_work(self, way: Floats) -> float:
         """Multipliers times the displacements (pairs, dim) that they give to massless nodes [J]."""
         return super()._pressed_work(way) + float((self._rubbing.tangential * way).sum())
@@ -95,7 +124,7 @@ class RubbingMarch(SolidMarch):
             else (contact.multiplier, contact.gap, state.tangential, last, 1.0)
         )  # fmt: skip
         state.work, self._true_gap = 0.0, gap
-        self._tangential = self._rubbing_force = tangential
+        self._tangential = self._rubbing_force = self._slip = tangential
         taking_part = (old > 0.0) | (contact.multiplier > 0.0) | (gap < -self._tolerance)
         if not taking_part.any():
             return force, multiplier, static, 0
@@ -137,4 +166,6 @@ class RubbingMarch(SolidMarch):
         self._tangential = multipliers - multiplier[:, None] * normals
         state.work = float(found.work.sum())
         self._rubbing_force = whole - force[:, None] * normals
+        self._slip = np.zeros_like(normals)
+        self._slip[rows] = in_space(directions, slipped(layer, found.place))
         return force, multiplier, static, iterations

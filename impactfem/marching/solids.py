@@ -67,11 +67,17 @@ class Rows:
     """What each layer leaves in the history; row 0 is the initial state.
 
     Attributes:
-        sums: Kinetic, elastic, work of loads, momentum and first moment of mass of each body, of
-            this rank, (rows, bodies, 3 + 2 dim).
+        sums: Kinetic, elastic, work of loads, momentum, first moment of mass and angular momentum
+            of each body, of this rank, (rows, bodies, 3 + 2 dim + 1 or 3).
         gap, force, contact_energy, obstacle_work, friction_work: Of all ranks, (rows,).
         largest: Force of the node with the largest [N], (rows,).
         active, iterations: Of all ranks, (rows,).
+        pair_force, pair_gap: Sum of the normal forces [N] and smallest gap [m] of each pair of the
+            scene, (rows, pairs).
+        tangential: With friction, sum of the tangential forces of each pair [N], in the plane along
+            the normal turned by -90 degrees, in space a vector, (rows, pairs, 1 or 3); else empty.
+        slip: Way slid in the layer [m], the mean over the gaps by their normal force; in the plane
+            with the same sign, in space its length, (rows, pairs); without friction empty.
     """
 
     sums: Floats
@@ -83,16 +89,24 @@ class Rows:
     largest: Floats
     active: Integers
     iterations: Integers
+    pair_force: Floats
+    pair_gap: Floats
+    tangential: Floats
+    slip: Floats
 
     @classmethod
-    def empty(cls, rows: int, bodies: int, dim: int) -> "Rows":
+    def empty(cls, rows: int, bodies: int, dim: int, pairs: int, *, friction: bool) -> "Rows":
         """Rows of zeros."""
-        sums = np.zeros((rows, bodies, 3 + 2 * dim))
+        turns = dim * (dim - 1) // 2
+        sums = np.zeros((rows, bodies, 3 + 2 * dim + turns))
         gap, force, contact_energy, obstacle_work, friction_work, largest = np.zeros((6, rows))
         active, iterations = np.zeros((2, rows), dtype=np.int64)
+        pair_force, pair_gap = np.zeros((2, rows, pairs))
+        rubbing = pairs if friction else 0
         return cls(
             sums, gap, force, contact_energy, obstacle_work, friction_work, largest, active,
-            iterations,
+            iterations, pair_force, pair_gap, np.zeros((rows, rubbing, turns)),
+            np.zeros((rows, rubbing)),
         )  # fmt: skip
 
     def first(self, count: int) -> "Rows":
@@ -101,7 +115,7 @@ class Rows:
 
     def times(self, factor: int) -> "Rows":
         """Those of so many bodies that move alike; gaps and counts are the same."""
-        counts = {"gap", "active", "iterations"}
+        counts = {"gap", "active", "iterations", "pair_gap", "slip"}
         return Rows(
             *(
                 getattr(self, entry.name) * (1 if entry.name in counts else factor)
@@ -112,7 +126,14 @@ class Rows:
     def put(self, row: int, bodies: Sequence[Sums]) -> None:
         """Store the sums of a row, of each body."""
         self.sums[row] = [
-            [sums.kinetic, sums.elastic, sums.work, *sums.momentum, *sums.first_moment]
+            [
+                sums.kinetic,
+                sums.elastic,
+                sums.work,
+                *sums.momentum,
+                *sums.first_moment,
+                *sums.angular_momentum,
+            ]
             for sums in bodies
         ]
 
@@ -139,6 +160,8 @@ _CONTACT = fields(ContactState)
 
 class SolidMarch:
     """A march through the layers, which can be stopped and continued between any two."""
+
+    _rubs = False  # whether there is friction
 
     def __init__(
         self,
@@ -178,7 +201,9 @@ class SolidMarch:
         true = gap + np.einsum("ij,ij->i", normals, gaps.relative(static))
         self.contact = ContactState(multiplier, true, multiplier, true, static)
         sums = interior.initial(static)
-        self.rows = Rows.empty(layers + 1, len(sums), free.shape[1])
+        self.rows = Rows.empty(
+            layers + 1, len(sums), free.shape[1], len(gaps.pairs), friction=self._rubs
+        )
         self.rows.put(0, sums)
         self.speed = interior.surface_velocity()
         self._speed_without_contact = np.zeros(count)  # of nodes away from obstacles [m/s]
@@ -206,6 +231,11 @@ class SolidMarch:
                 multiplier[rows] = found
                 return multiplier, self._pressed(rows, normals, multiplier)
             rows = np.union1d(rows, np.flatnonzero(missed))
+
+    @property
+    def pairs(self) -> tuple[str, ...]:
+        """Names of the pairs of the scene that gaps belong to."""
+        return self._gaps.pairs
 
     @property
     def asked(self) -> Integers:
@@ -390,10 +420,22 @@ class SolidMarch:
         rows.largest[row] = force.max(initial=0.0)
         rows.active[row] = np.count_nonzero(force > 0.0)
         rows.iterations[row] = iterations
+        self._close_pairs(row, force)
         if self._skips:
             # gap = g + D lambda and lambda gap = 0: lambda D lambda = lambda . (gap - g).
             pressed = self._pressed_work(self._gaps.relative(state.static))
             rows.contact_energy[row] = 0.5 * pressed
+
+    def _close_pairs(self, row: int, force: Floats) -> None:
+        """Store what pairs have of the forces and gaps."""
+        rows, count = self.rows, len(self._gaps.pairs)
+        if count == 1:  # they have all
+            rows.pair_force[row], rows.pair_gap[row] = rows.force[row], rows.gap[row]
+            return
+        pair = self._gaps.pair_of()
+        rows.pair_force[row] = np.bincount(pair, force, count)
+        rows.pair_gap[row] = np.inf
+        np.minimum.at(rows.pair_gap[row], pair, self.contact.gap)
 
     def _check_finite(self) -> None:
         """Stop all ranks if the numbers of one are not finite."""

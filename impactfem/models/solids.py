@@ -22,7 +22,7 @@ from impactfem.models.key import SceneKey
 from impactfem.models.solid_contact import contact_of, reach_of
 from impactfem.scene import Scene, Solid
 from impactfem.scene.obstacles import Rigid
-from impactfem.scene.pairing import body_pairs, obstacles_of
+from impactfem.scene.pairing import named_body_pairs, obstacles_of
 from impactfem.system.elastic import ElasticSystem, elastic_system
 from impactfem.system.surface import SurfaceNodes
 
@@ -119,7 +119,7 @@ class SolidsModel:
         """
         names = [part.solid.name for part in self.parts]
         found = []
-        for (one, first), (two, second) in body_pairs(self.scene):
+        for label, (one, first), (two, second) in named_body_pairs(self.scene):
             a, b = names.index(one), names.index(two)
             self._check_apart(a, b)
             pair = make_pair(
@@ -128,6 +128,7 @@ class SolidsModel:
                 (names[a], names[b]),
                 self.parts[a].reach.distance + self.parts[b].reach.distance,
                 updated=self.updated,
+                label=label,
                 thickness=self.parts[a].solid.thickness,
                 axisymmetric=self.parts[a].solid.is_axisymmetric,
             )

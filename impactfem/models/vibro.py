@@ -12,12 +12,14 @@ from impactfem.models.key import SceneKey
 from impactfem.result.history import BodyMotion
 from impactfem.result.shapes import Shape
 from impactfem.scene import Beam, HalfSpace, PiecewiseVector, Point, Rod, Scene
+from impactfem.scene.pairing import pair_name
 from impactfem.system.beam import FreeBeam, free_beam
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
 from impactfem.system.points import contact_pairs, points_system, start_state
 from impactfem.system.rod import rod_system
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 Bodies = Callable[[Floats, Floats], Mapping[str, BodyMotion]]
 
 
@@ -30,6 +32,8 @@ class VibroModel:
         position: u at t = 0, shape (d,).
         velocity: u' at t = 0, shape (d,).
         labels: Names of the constraints, as "ball on floor".
+        pairs: Names of the pairs of the scene.
+        pair_of: Which of them each constraint belongs to, shape (J,).
         masses: Mass of each body [kg], in the order of `bodies`.
         bodies: Centres of mass and their velocities, from positions and velocities (rows, d).
         elastic: Elastic energy [J] of u (d,).
@@ -38,12 +42,16 @@ class VibroModel:
         shapes: The bodies in files and pictures, as they are at t = 0.
         places: Where the nodes of the shapes are [m], (..., nodes, dim), from positions (..., d).
         beam: The beam, None for other bodies.
+        inertia: Of the body about its centre of mass [kg m^2]; 0 for points.
+        dim: Number of coordinates of the scene.
     """
 
     system: GeneralizedSystem
     position: Floats
     velocity: Floats
     labels: tuple[str, ...]
+    pairs: tuple[str, ...]
+    pair_of: Integers
     masses: tuple[float, ...]
     bodies: Bodies
     elastic: Callable[[Floats], float]
@@ -52,6 +60,8 @@ class VibroModel:
     shapes: tuple[Shape, ...]
     places: Callable[[Floats], Floats]
     beam: FreeBeam | None = None
+    inertia: float = 0.0
+    dim: int = 2
 
     @property
     def is_exact(self) -> bool:
@@ -100,6 +110,7 @@ def _of_points(scene: Scene) -> VibroModel:
         position,
         velocity,
         found.labels,
+        *_pairs(scene, 1),
         tuple(p.mass for p in points),
         bodies,
         found.elastic,
@@ -107,6 +118,7 @@ def _of_points(scene: Scene) -> VibroModel:
         f"{count} in {dim}D, {_count(len(found.labels), 'constraint')}, {kind}",
         tuple(Shape.vertices(p.name, [p.position], p.radius) for p in points),
         lambda u: u.reshape(*u.shape[:-1], len(points), dim),
+        dim=dim,
     )
 
 
@@ -126,7 +138,8 @@ def _of_rod(scene: Scene, rod: Rod) -> VibroModel:
     _refuse_overlap(system, position, labels)
 
     def bodies(u: Floats, v: Floats) -> dict[str, BodyMotion]:
-        return {rod.name: BodyMotion(_in_space(u[:, :2]), _in_space(v[:, :2]))}
+        place, speed = _in_space(u[:, :2]), _in_space(v[:, :2])
+        return {rod.name: BodyMotion(place, speed, u[:, 2:3], v[:, 2:3])}
 
     ends = 0.5 * rod.length * np.array([-1.0, 1.0])
 
@@ -136,8 +149,9 @@ def _of_rod(scene: Scene, rod: Rod) -> VibroModel:
 
     words = f"a rigid rod in the plane, {_count(len(labels), 'constraint')}, nonlinear"
     return VibroModel(
-        system, position, velocity, tuple(labels), (rod.mass,), bodies, _none, True, words,
-        (Shape.line(rod.name, places(position), rod.radius),), places,
+        system, position, velocity, tuple(labels), *_pairs(scene, 2), (rod.mass,), bodies, _none,
+        True, words, (Shape.line(rod.name, places(position), rod.radius),), places,
+        inertia=rod.mass * rod.length**2 / 12.0,
     )  # fmt: skip
 
 
@@ -153,8 +167,9 @@ def _of_beam(scene: Scene, beam: Beam) -> VibroModel:
     center = np.asarray(beam.center, dtype=float)
 
     def bodies(u: Floats, v: Floats) -> dict[str, BodyMotion]:
-        place, speed = free.rigid_part(u)[:, :2] + center, free.rigid_part(v)[:, :2]
-        return {beam.name: BodyMotion(_in_space(place), _in_space(speed))}
+        rigid, rates = free.rigid_part(u), free.rigid_part(v)
+        place, speed = _in_space(rigid[:, :2] + center), _in_space(rates[:, :2])
+        return {beam.name: BodyMotion(place, speed, rigid[:, 2:] + beam.inclination, rates[:, 2:])}
 
     def elastic(u: Floats) -> float:
         return 0.5 * float(u @ (free.matrices.stiffness @ u))
@@ -163,9 +178,17 @@ def _of_beam(scene: Scene, beam: Beam) -> VibroModel:
     words = f"a free {theory} beam of {beam.elements} elements in the plane, small displacements, "
     words += f"{_count(len(labels), 'constraint')}, linear free motion"
     return VibroModel(
-        system, position, velocity, tuple(labels), (beam.mass,), bodies, elastic, True, words,
+        system, position, velocity, tuple(labels), *_pairs(scene, nodes), (beam.mass,), bodies,
+        elastic, True, words,
         (Shape.line(beam.name, free.points(position), 0.5 * beam.height),), free.points, free,
+        inertia=float(free.rigid_mass[2, 2]),
     )  # fmt: skip
+
+
+def _pairs(scene: Scene, each: int) -> tuple[tuple[str, ...], Integers]:
+    """Names of the pairs, and which of them each constraint belongs to, so many of a pair."""
+    names = tuple(pair_name(scene, *pair) for pair, _ in contact_pairs(scene))
+    return names, np.repeat(np.arange(len(names)), each)
 
 
 def _planes(scene: Scene) -> tuple[list[HalfSpace], list[float], list[str]]:

@@ -90,13 +90,13 @@ def world_lines(axes: Axes, result: Result) -> None:
 def forces(axes: Axes, result: Result) -> None:
     """Force of each pair, that of the run as steps and the exact one as a broad line behind."""
     time, exact = result.rows["time"].values, result.exact_rows
-    names = [f"force.{k}" for k in range(len(result.summary["contact"]["pairs"]))]
+    names = [name for name in result.rows.data_vars if name.startswith("force.")]
     for name, colour in zip(names, _colours(len(names)), strict=True):
         column = result.rows[name]
         if exact is not None and result.summary["method"] != "exact":
             axes.plot(exact["time"].values, exact[name].values, color=colour, linewidth=4.0,
                       alpha=0.35)  # fmt: skip
-        label = column.attrs["label"].replace("|", " and ") if len(names) <= _LEGEND else None
+        label = column.attrs["label"] if len(names) <= _LEGEND else None
         if exact is not None and result.summary["method"] == "exact":
             axes.plot(exact["time"].values, exact[name].values, color=colour, label=label)
         else:

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from impactfem.findings import Finding
 from impactfem.result.fields import Fields
-from impactfem.result.history import BodyMotion, Columns, make_history
+from impactfem.result.history import BodyMotion, Columns, PairMotion, make_history
 from impactfem.result.table import Table
 from impactfem.scene import Bar
+from impactfem.scene.pairing import default_name
 
 Floats = NDArray[np.float64]
 
@@ -99,23 +100,24 @@ def kept_levels(layers: int, every: int) -> NDArray[np.int64]:
     return levels if levels[-1] == layers else np.append(levels, layers)
 
 
-def bar_history(motion: BarMotion, bar: Bar) -> Table:
+def bar_history(motion: BarMotion, bar: Bar, wall: str) -> Table:
     """History of a motion, in the columns of the contract."""
     section = bar.density * bar.area
-    momentum = bar.mass * motion.mean_velocity
-    force = -section * motion.multiplier + 0.0  # no negative zeros
+    force = np.concatenate([[0.0], -section * motion.multiplier + 0.0])  # no negative zeros
     position = motion.mean_displacement + 0.5 * bar.length
+    body = BodyMotion.along_axis(position, motion.mean_velocity)
     return make_history(
         Columns(
             time=motion.times,
             gap=motion.gap,
-            contact_force=np.concatenate([[0.0], force]),
+            contact_force=force,
             kinetic_energy=section * motion.kinetic,
             elastic_energy=section * motion.elastic,
             potential_energy=section * motion.potential,
-            momentum=momentum,
+            momentum=bar.mass * body.velocity,
             active=np.concatenate([[0], motion.active.astype(np.int64)]),
-            bodies={bar.name: BodyMotion.along_axis(position, motion.mean_velocity)},
+            bodies={bar.name: body},
+            pairs={default_name(bar.name, wall): PairMotion(force, motion.gap)},
         )
     )
 

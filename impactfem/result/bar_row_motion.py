@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from impactfem.result.bar_motion import Effort
 from impactfem.result.fields import Fields
-from impactfem.result.history import BodyMotion, Columns, make_history
-from impactfem.result.table import Series, Table
+from impactfem.result.history import BodyMotion, Columns, PairMotion, make_history
+from impactfem.result.table import Table
 from impactfem.scene import Bar
+from impactfem.scene.pairing import default_name
 
 Floats = NDArray[np.float64]
 
@@ -64,9 +65,17 @@ def pair_labels(bars: Sequence[Bar], wall: str | None) -> tuple[str, ...]:
     return tuple(f"{a}|{b}" for a, b in pairwise(names))
 
 
+def pair_names(labels: Sequence[str], bars: Sequence[Bar]) -> tuple[str, ...]:
+    """Names of the pairs in columns, a bar first: "first.wall" and "first.second"."""
+    known, found = {bar.name for bar in bars}, []
+    for label in labels:
+        one, two = label.split("|")
+        found.append(default_name(one, two) if one in known else default_name(two, one))
+    return tuple(found)
+
+
 def row_history(motion: RowMotion, bars: Sequence[Bar]) -> Table:
-    """History of a motion: the columns of the contract, and gap.K and force.K of each pair K."""
-    masses = np.array([bar.mass for bar in bars])
+    """History of a motion, in the columns of the contract."""
     force = np.vstack([np.zeros((1, len(motion.labels))), motion.force])
     bodies = {
         bar.name: BodyMotion.along_axis(
@@ -82,19 +91,16 @@ def row_history(motion: RowMotion, bars: Sequence[Bar]) -> Table:
             kinetic_energy=motion.kinetic.sum(axis=1),
             elastic_energy=motion.elastic.sum(axis=1),
             potential_energy=np.zeros_like(motion.times),
-            momentum=motion.mean_velocity @ masses,
+            momentum=np.sum([bar.mass * bodies[bar.name].velocity for bar in bars], axis=0),
             active=np.count_nonzero(force > 0.0, axis=1),
             bodies=bodies,
+            pairs={
+                name: PairMotion(force[:, k], motion.gap[:, k])
+                for k, name in enumerate(pair_names(motion.labels, bars))
+            },
         )
     )
     history["gap"].attrs["comment"] = "smallest distance of neighbours"
-    history["contact_force"].attrs["comment"] = "sum of the forces of all pairs"
-    history["momentum"].attrs["comment"] = "linear momentum of all bars along the axis"
-    for k, label in enumerate(motion.labels):
-        text = label.replace("|", " and ")
-        for name, unit, values in (("gap", "m", motion.gap), ("force", "N", force)):
-            attributes = {"units": unit, "long_name": f"{name} between {text}", "label": label}
-            history[f"{name}.{k}"] = Series(("time",), values[:, k], attributes)
     return history
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,32 +13,101 @@ from impactfem.result.table import Series, Table
 Floats = NDArray[np.float64]
 
 COLUMNS: Mapping[str, tuple[str, str]] = {
-    "gap": ("m", "smallest distance between body and obstacle"),
-    "contact_force": ("N", "normal force on the body during (t_{m-1}, t_m]"),
+    "gap": ("m", "smallest distance of what may meet"),
+    "contact_force": ("N", "sum of the normal forces of all pairs during (t_{m-1}, t_m]"),
     "kinetic_energy": ("J", "kinetic energy of layer m"),
     "elastic_energy": ("J", "elastic energy of layer m"),
     "potential_energy": ("J", "initial potential of gravity minus the work it has done"),
     "total_energy": ("J", "sum of the energies"),
-    "momentum": ("kg m/s", "linear momentum away from the obstacle"),
+    "dissipated_energy": (
+        "J",
+        (
+            "total energy of row 0 minus that of this row and nothing else: what impacts, "
+            "friction, damping and the method have taken, less the work of drives that the "
+            "potential energy leaves out"
+        ),
+    ),
+    "friction_work": (
+        "J", "work of friction on what slides since t = 0, <= 0: the heat with the opposite sign",
+    ),
+    "momentum": ("kg m/s", "linear momentum along the attribute direction"),
+    "momentum.x": ("kg m/s", "linear momentum of all bodies; likewise momentum.y, momentum.z"),
+    "momentum.y": ("kg m/s", "linear momentum of all bodies"),
+    "momentum.z": ("kg m/s", "linear momentum of all bodies"),
     "active": ("1", "number of active contact pairs"),
-}
+}  # fmt: skip
 """Columns of every history: unit and meaning.
 
 A column's attribute ``long_name`` is short, for the labels of plots; ``comment`` is the meaning.
 """
 
+ANGULAR: tuple[str, str] = (
+    "kg m^2/s",
+    (
+        "angular momentum of all bodies about the origin, in space .x .y .z: that of the centres "
+        "of mass and that about them, of deformable bodies with the arms of the undeformed body"
+    ),
+)
+"""Unit and meaning of ``angular_momentum``."""
+
+BODY_COLUMNS: Mapping[str, tuple[str, str]] = {
+    "x": ("m", "centre of mass; likewise y, z"),
+    "vx": ("m/s", "its velocity; likewise vy, vz"),
+    "angle": (
+        "rad",
+        (
+            "in the plane, of bodies that turn freely: angle counted over turns, of rods and beams "
+            "that of the axis, of solids that since the undeformed body, linearised as their model"
+        ),
+    ),
+    "spin": ("rad/s", "its rate"),
+    "qw": ("1", "the same in space: unit quaternion of the rotation; likewise qx, qy, qz"),
+    "wx": ("rad/s", "angular velocity along fixed axes; likewise wy, wz"),
+}
+"""Columns ``NAME.x`` of each body: unit and meaning."""
+
+PAIR_COLUMNS: Mapping[str, tuple[str, str]] = {
+    "force": ("N", "sum of the normal forces of the pair during (t_{m-1}, t_m], without impacts"),
+    "gap": ("m", "smallest gap of the pair"),
+    "tangential_force": (
+        "N",
+        (
+            "where there is friction: sum of its forces on the first body of the pair; in the "
+            "plane along the normal turned by -90 degrees (of a floor: to the right), in space "
+            "its amount, and .x .y .z"
+        ),
+    ),
+    "slip": (
+        "m",
+        (
+            "where there is friction: way slid under force since t = 0, the mean over the pair's "
+            "gaps by force; in the plane with sign, in space its length"
+        ),
+    ),
+    "impulse": ("N s", "of points, rods and beams: impulses of impacts during (t_{m-1}, t_m]"),
+}
+"""Columns ``force.PAIR`` of each pair that may meet: unit and meaning."""
+
+MOST_PAIRS = 100
+"""Number of pairs up to which each has columns of its own."""
+
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """Motion of a body's centre of mass.
+    """Motion of a body.
 
     Attributes:
-        position: [m], shape (rows, 3).
+        position: Of the centre of mass [m], shape (rows, 3).
         velocity: [m/s], shape (rows, 3).
+        turn: Angle [rad], shape (rows, 1), or in space unit quaternion, shape (rows, 4); None if
+            it does not turn, or it is not known.
+        spin: Angular velocity [rad/s], shape (rows, 1) or (rows, 3); likewise.
     """
 
     position: Floats
     velocity: Floats
+    turn: Floats | None = None
+    spin: Floats | None = None
 
     @classmethod
     def along_axis(cls, position: Floats, velocity: Floats) -> "BodyMotion":
@@ -49,8 +119,35 @@ class BodyMotion:
 
 
 @dataclass(frozen=True)
+class PairMotion:
+    """What a pair does; see `PAIR_COLUMNS`.
+
+    Attributes:
+        force, gap: [N], [m], shape (rows,).
+        tangential: [N], shape (rows, 1), in space (rows, 3); None without friction.
+        slip: [m], shape (rows,); None without friction.
+        impulse: [N s], shape (rows,); None where impacts are none of their own.
+    """
+
+    force: Floats
+    gap: Floats
+    tangential: Floats | None = None
+    slip: Floats | None = None
+    impulse: Floats | None = None
+
+
+@dataclass(frozen=True)
 class Columns:
-    """Raw columns of a history, each of shape (rows,); see `COLUMNS` for units."""
+    """Raw columns of a history, each of shape (rows,); see `COLUMNS` for units.
+
+    Attributes:
+        momentum: Shape (rows, 3).
+        direction: Unit vector of the column ``momentum``, shape (3,).
+        angular_momentum: About the origin, shape (rows, 1), in space (rows, 3); None: nothing can
+            turn.
+        friction_work: None without friction.
+        bodies, pairs: By name.
+    """
 
     time: Floats
     gap: Floats
@@ -60,44 +157,108 @@ class Columns:
     potential_energy: Floats
     momentum: Floats
     active: NDArray[np.int64]
+    direction: Floats = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    angular_momentum: Floats | None = None
+    friction_work: Floats | None = None
     bodies: Mapping[str, BodyMotion] = field(default_factory=dict)
+    pairs: Mapping[str, PairMotion] = field(default_factory=dict)
 
 
 def make_history(columns: Columns) -> Table:
-    """Make the table of a history: coordinate ``time``, columns as in `COLUMNS`.
-
-    For each body NAME follow NAME.x, NAME.y, NAME.z [m] and NAME.vx, NAME.vy, NAME.vz [m/s].
-    """
+    """Make the table of a history: coordinate ``time``, columns as the tables above say."""
+    none = np.zeros(len(columns.time))
+    total = columns.kinetic_energy + columns.elastic_energy + columns.potential_energy
+    rubbed = none if columns.friction_work is None else columns.friction_work
     values: dict[str, NDArray[np.float64] | NDArray[np.int32]] = {
-        name: np.asarray(getattr(columns, name), dtype=np.float64)
-        for name in COLUMNS
-        if name not in {"total_energy", "active"}
+        "gap": columns.gap,
+        "contact_force": columns.contact_force,
+        "kinetic_energy": columns.kinetic_energy,
+        "elastic_energy": columns.elastic_energy,
+        "potential_energy": columns.potential_energy,
+        "total_energy": total,
+        "dissipated_energy": total[:1] - total,
+        "friction_work": rubbed,
+        "momentum": columns.momentum @ columns.direction,
+        **_by_axis("momentum.", columns.momentum),
+        "active": columns.active.astype(np.int32),  # netCDF 3 has no longer integers
     }
-    values["total_energy"] = np.asarray(
-        columns.kinetic_energy + columns.elastic_energy + columns.potential_energy
-    )
-    values["active"] = columns.active.astype(np.int32)  # netCDF 3 has no longer integers
-    attributes = {
-        name: {"units": unit, "long_name": name.replace("_", " "), "comment": text}
-        for name, (unit, text) in COLUMNS.items()
-    }
-    attributes["active"]["long_name"] = "active contact pairs"
+    series = {name: _series(name, values[name], *COLUMNS[name]) for name in COLUMNS}
+    along = ", ".join(f"{component:.6g}" for component in columns.direction)
+    series["momentum"].attrs["direction"] = columns.direction
+    series["momentum"].attrs["long_name"] = f"linear momentum along ({along})"
+    series["active"].attrs["long_name"] = "active contact pairs"
+    angular = none[:, None] if columns.angular_momentum is None else columns.angular_momentum
+    for name, column in _named("angular_momentum", angular).items():
+        series[name] = _series(name, column, *ANGULAR)
     for body, motion in columns.bodies.items():
-        for prefix, unit, data in (("", "m", motion.position), ("v", "m/s", motion.velocity)):
-            for axis, letter in enumerate("xyz"):
-                name = f"{body}.{prefix}{letter}"
-                values[name] = data[:, axis]
-                what = "velocity" if prefix else "position"
-                attributes[name] = {
-                    "units": unit,
-                    "long_name": f"{what} of {body} along {letter}",
-                    "comment": f"{what} of the centre of mass",
-                }
-    ordered = [*COLUMNS, *(name for name in values if name not in COLUMNS)]
-    return Table.over_time(
-        columns.time,
-        {name: Series(("time",), values[name], attributes[name]) for name in ordered},
-    )
+        series |= _of_body(body, motion)
+    if len(columns.pairs) <= MOST_PAIRS:
+        for pair, met in columns.pairs.items():
+            series |= _of_pair(pair, met)
+    return Table.over_time(columns.time, series)
+
+
+def _series(
+    name: str, values: NDArray[Any], unit: str, text: str, what: str = "", **more: str
+) -> Series:
+    what = what or name.replace("_", " ")
+    attributes = {"units": unit, "long_name": what, "comment": text, **more}
+    return Series(("time",), np.asarray(values), attributes)
+
+
+def _by_axis(name: str, vectors: Floats) -> dict[str, Floats]:
+    """Components under the name followed by x, y, z."""
+    return {f"{name}{letter}": vectors[:, k] for k, letter in enumerate("xyz")}
+
+
+def _named(name: str, vectors: Floats) -> dict[str, Floats]:
+    """A scalar (rows, 1) under its name, a vector (rows, 3) under those of its components."""
+    return {name: vectors[:, 0]} if vectors.shape[1] == 1 else _by_axis(f"{name}.", vectors)
+
+
+def _of_body(body: str, motion: BodyMotion) -> dict[str, Series]:
+    found = {}
+    for prefix, what, data in (
+        ("", "position", motion.position),
+        ("v", "velocity", motion.velocity),
+    ):
+        unit = BODY_COLUMNS[f"{prefix}x"][0]
+        for letter, values in zip("xyz", data.T, strict=True):
+            name = f"{body}.{prefix}{letter}"
+            text = f"{what} of the centre of mass"
+            found[name] = _series(name, values, unit, text, f"{what} of {body} along {letter}")
+    for turned, plane, space in (
+        (motion.turn, "angle", ("qw", "qx", "qy", "qz")),
+        (motion.spin, "spin", ("wx", "wy", "wz")),
+    ):
+        if turned is None:
+            continue
+        names = (plane,) if turned.shape[1] == 1 else space
+        unit, text = BODY_COLUMNS[names[0]]
+        for own, values in zip(names, turned.T, strict=True):
+            name = f"{body}.{own}"
+            found[name] = _series(name, values, unit, text, f"{own} of {body}")
+    return found
+
+
+def _of_pair(pair: str, met: PairMotion) -> dict[str, Series]:
+    columns = {f"force.{pair}": met.force, f"gap.{pair}": met.gap}
+    if met.tangential is not None:
+        name = f"tangential_force.{pair}"
+        if met.tangential.shape[1] > 1:
+            columns[name] = np.linalg.norm(met.tangential, axis=1)
+        columns |= _named(name, met.tangential)
+    for name, values in (("slip", met.slip), ("impulse", met.impulse)):
+        if values is not None:
+            columns[f"{name}.{pair}"] = values
+    return {
+        name: _series(
+            name, values + 0.0, *PAIR_COLUMNS[kind], f"{kind.replace('_', ' ')} of {pair}",
+            label=pair,
+        )
+        for name, values in columns.items()
+        for kind in [name.partition(".")[0]]
+    }  # fmt: skip
 
 
 def write_csv(history: Table, path: Path) -> None:

@@ -41,6 +41,16 @@ class Whole:
         found[..., list(self.levels)] = 0.0
         return found
 
+    def mean_turn(self, vectors: Floats) -> Floats:
+        """Means over all parts of turns or moments, shape (..., 3): images turn the other way.
+
+        Only about an axis across a plane does an image turn alike.
+        """
+        found = vectors.copy()
+        for axis in self.levels:
+            found[..., [k for k in range(3) if k != axis]] = 0.0
+        return found
+
     def mean_place(self, places: Floats) -> Floats:
         """Means over all parts of places in the computed one [m], shape (..., 2 or 3)."""
         found = places.copy()

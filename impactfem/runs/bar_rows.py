@@ -1,5 +1,6 @@
 """Run bars in a row as the plan says: motion, error against the exact one, curves, figures."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -116,8 +117,8 @@ def _relative(error: float, value: float) -> float:
     return float(error / value) if value > 0.0 else float(error)
 
 
-def row_curves(exact: ExactBarRow, end: float) -> Table:
-    """Exact smallest gap, sum of forces and force.K of each pair, with both sides of jumps."""
+def row_curves(exact: ExactBarRow, end: float, names: Sequence[str]) -> Table:
+    """Exact smallest gap, sum of forces and force of each pair, with both sides of jumps."""
     pairs = range(len(exact.contacts))
     jumps = np.unique(np.concatenate([exact.force_breaks(j) for j in pairs]))
     jumps = jumps[jumps < end]
@@ -129,7 +130,7 @@ def row_curves(exact: ExactBarRow, end: float) -> Table:
     told = [
         ("gap", gaps.min(axis=0), "m", "smallest exact gap"),
         ("contact_force", forces.sum(axis=0), "N", "exact force"),
-        *((f"force.{j}", forces[j], "N", f"exact force of pair {j}") for j in pairs),
+        *((f"force.{names[j]}", forces[j], "N", f"exact force of {names[j]}") for j in pairs),
     ]
     return Table.over_time(
         times,

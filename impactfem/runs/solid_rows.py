@@ -5,21 +5,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.followed_pair import FAR
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.collect import total
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import Rows, SolidMarch
-from impactfem.models.solids import SolidsModel
+from impactfem.marching.turning import Turning
+from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.planning.model_limits import CODES as MODEL_CODES
 from impactfem.planning.model_limits import measured_findings
 from impactfem.result.bar_motion import Effort
-from impactfem.result.history import BodyMotion, Columns, make_history
+from impactfem.result.history import BodyMotion, Columns, PairMotion, make_history
 from impactfem.result.table import Table
 from impactfem.result.whole import Whole
 from impactfem.runs.forces import contact_codes, contact_findings, mesh_window
 from impactfem.runs.solid_output import Watch
 from impactfem.runs.verdict import PENETRATION_LIMITS
+from impactfem.scene.pairing import named_body_pairs
 
 Floats = NDArray[np.float64]
 
@@ -61,41 +64,32 @@ def solids_motion(
         whole: What the solids are parts of; the motions are those of the whole.
         size: Size of the elements of those that do not say it [m].
     """
-    dim = model.parts[0].solid.dim
     each = total(model.comm, march.rows.sums)
     # After a failure the last rows are empty or not finite.
     bad = ~np.isfinite(each).all(axis=(1, 2))
     done = min(march.layer + 1, int(np.argmax(bad)) if bad.any() else len(each))
     rows, each = march.rows.first(done).times(whole.factor), whole.factor * each[:done]
     sums = each.sum(axis=1)
-    elastic, force = elastic_and_force(scheme, rows, sums[:, 1])
-    work = work_done(march, rows, sums, explicit=scheme.interior == "leapfrog")
-    bodies = {}
-    for k, part in enumerate(model.parts):
-        mass, centre = whole.factor * part.system.total_mass, part.system.center_of_mass
-        position, velocity = np.zeros((done, 3)), np.zeros((done, 3))
-        position[:, :dim] = whole.mean_place(centre + each[:, k, 3 + dim :] / mass)
-        velocity[:, :dim] = whole.mean(each[:, k, 3 : 3 + dim]) / mass
-        bodies[part.solid.name] = BodyMotion(position, velocity)
-    direction = _direction(model)
+    elastic = elastic_energy(scheme, rows, sums[:, 1])
+    explicit = scheme.interior == "leapfrog"
+    work = work_done(march, rows, sums, model.parts[0].solid.dim, explicit=explicit)
+    momentum, angular, bodies = body_motions(model, march, each, whole, explicit=explicit)
     history = make_history(
         Columns(
             time=march.interior.dt * np.arange(done, dtype=np.float64),
             gap=np.where(np.isfinite(rows.gap), rows.gap, np.nan),
-            contact_force=force + 0.0,  # no negative zeros
+            contact_force=of_layers(scheme, rows.force) + 0.0,  # no negative zeros
             kinetic_energy=sums[:, 0],
             elastic_energy=elastic,
             potential_energy=whole.factor * _level(model) - work,
-            momentum=whole.mean(sums[:, 3 : 3 + dim]) @ direction[:dim],
+            momentum=momentum,
+            direction=_direction(model),
+            angular_momentum=angular,
+            friction_work=np.cumsum(rows.friction_work),
             active=rows.active,
             bodies=bodies,
+            pairs=pair_motions(model, scheme, march, rows, whole),
         )
-    )
-    along = ", ".join(f"{component:.6g}" for component in direction)
-    history["momentum"].attrs["direction"] = direction
-    history["momentum"].attrs["long_name"] = f"linear momentum along ({along})"
-    history["contact_force"].attrs["comment"] = (
-        "sum of the normal forces of all contacts during (t_{m-1}, t_m]"
     )
     history["potential_energy"].attrs["comment"] = "minus the work of gravity and other loads"
     finite = all(bool(np.isfinite(history[name].values).all()) for name in _MOVING) and bool(
@@ -165,35 +159,132 @@ def _overlap_findings(model: SolidsModel, watch: Watch) -> tuple[Finding, ...]:
     return by_limits("penetration", share, PENETRATION_LIMITS, text, remedy=remedy)
 
 
-def elastic_and_force(scheme: SolidScheme, rows: Rows, elastic: Floats) -> tuple[Floats, Floats]:
-    """Elastic energy [J] and contact force [N] of each layer, (rows,) each.
+def body_motions(
+    model: SolidsModel, march: SolidMarch, each: Floats, whole: Whole, *, explicit: bool
+) -> tuple[Floats, Floats, dict[str, BodyMotion]]:
+    """Momentum (rows, 3), angular momentum (rows, 1 or 3) and the motion of each body (collective).
+
+    Args:
+        model: The solids.
+        march: At its end.
+        each: Sums of all ranks, of the whole: see `Rows.sums`, (rows, bodies, ...).
+        whole: What the solids are parts of.
+        explicit: Whether velocities belong to the middle of layers.
+    """
+    rows, dim = len(each), model.parts[0].solid.dim
+    turns = dim * (dim - 1) // 2
+    momentum, angular, bodies = np.zeros((rows, 3)), np.zeros((rows, 3)), {}
+    for k, (part, inertia) in enumerate(zip(model.parts, march.interior.inertia(), strict=True)):
+        system = part.system
+        mass, centre = whole.factor * system.total_mass, system.center_of_mass
+        own, position, spun = np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((rows, 3))
+        position[:, :dim] = whole.mean_place(centre + each[:, k, 3 + dim : 3 + 2 * dim] / mass)
+        own[:, :dim] = whole.mean(each[:, k, 3 : 3 + dim])
+        if system.axisymmetric:  # what goes out on one side goes out on the other, too
+            position[:, 0] = own[:, 0] = 0.0
+        spun[:, -turns:] = each[:, k, 3 + 2 * dim :]
+        spun = whole.mean_turn(spun)
+        momentum += own
+        angular += np.cross(position, own) + spun
+        turn = spin = None
+        if _turns_freely(part, whole):
+            # What is cut is symmetric: it has no products of inertia.
+            moment = whole.factor * (np.diag(np.diag(inertia)) if whole.planes else inertia)
+            spin = np.linalg.solve(moment, spun[:, -turns:].T).T
+            turn = _turned(part, spin, march.interior.dt, explicit=explicit)
+        bodies[part.solid.name] = BodyMotion(position, own / mass, turn, spin)
+    return momentum, angular[:, -turns:], bodies
+
+
+def _turns_freely(part: SolidPart, whole: Whole) -> bool:
+    """Whether nothing holds a body but planes that cut it from a whole; an axis does."""
+    planes = part.system.supports.planes
+    cuts = {axis for axis, _ in planes} <= set(whole.levels)
+    return cuts and len(part.solid.all_supports) == len(planes) and not part.solid.is_axisymmetric
+
+
+def _turned(part: SolidPart, spin: Floats, dt: float, *, explicit: bool) -> Floats:
+    """Rotation since the undeformed body as `BodyMotion` has it (collective).
+
+    The sum of the spins is that of the rotations which fit the displacements best, by mass and for
+    small angles: a scheme's displacements are the sums of its velocities.
+    """
+    system = part.system
+    mass = np.repeat(system.node_mass, system.dim)
+    turning = Turning.of(system, lambda velocity: mass * velocity)
+    start = np.linalg.solve(
+        turning.inertia, total(system.comm, turning.rows @ (mass * system.displacement))
+    )
+    each = spin[1:] if explicit else 0.5 * (spin[1:] + spin[:-1])
+    angle = np.cumsum(np.vstack([start, dt * each]), axis=0)
+    if angle.shape[1] == 1:
+        return angle
+    size = np.linalg.norm(angle, axis=1, keepdims=True)
+    # sin(a/2)/a by way of sinc, which knows a = 0.
+    return np.hstack([np.cos(0.5 * size), 0.5 * np.sinc(0.5 * size / np.pi) * angle])
+
+
+def pair_motions(
+    model: SolidsModel, scheme: SolidScheme, march: SolidMarch, rows: Rows, whole: Whole
+) -> dict[str, PairMotion]:
+    """Forces, gaps and slip of each pair; arguments as of `solids_motion`."""
+    # Forces are those on the carrier, columns those on the first body of the pair.
+    first = {name: one for name, (one, _), _ in named_body_pairs(model.scene)}
+    turned = {pair.label for pair in model.pairs if pair.names[0] != first[pair.label]}
+    force = of_layers(scheme, rows.pair_force)
+    open_ = ~(rows.pair_gap < 0.5 * FAR)
+    gap = np.where(open_, np.nan, rows.pair_gap)
+    found = {}
+    for k, name in enumerate(march.pairs):
+        tangential = slip = None
+        if rows.slip.shape[1]:
+            # Images slide the other way along their tangents: in the plane they cancel.
+            tangential = of_layers(scheme, rows.tangential[:, k])
+            slip = np.cumsum(rows.slip[:, k])
+            if tangential.shape[1] > 1:
+                tangential = whole.mean(-tangential if name in turned else tangential)
+            elif whole.planes:
+                tangential, slip = np.zeros_like(tangential), np.zeros_like(slip)
+        found[name] = PairMotion(force[:, k], gap[:, k], tangential, slip)
+    return found
+
+
+def elastic_energy(scheme: SolidScheme, rows: Rows, elastic: Floats) -> Floats:
+    """Elastic energy of each layer [J], (rows,).
 
     Args:
         scheme: What has marched.
         rows: As the march has left them.
         elastic: Sums of the elastic energy [J], without that of contact for explicit schemes.
     """
-    energy, force = elastic.copy(), rows.force.copy()
+    energy = elastic.copy()
     if scheme.massless and scheme.interior == "leapfrog":
         contact = rows.contact_energy
         energy[1:] += 0.5 * (contact[1:] + contact[:-1])
         energy[0] += contact[0]
+    return energy
+
+
+def of_layers(scheme: SolidScheme, forces: Floats) -> Floats:
+    """Contact forces of each layer [N], of those that the march has left, (rows, ...)."""
+    found = forces.copy()
+    if scheme.massless and scheme.interior == "leapfrog":
         # The force found for a layer acts at its start: a layer has the mean of both its ends.
-        force[1:-1] = 0.5 * (rows.force[1:-1] + rows.force[2:])
-    return energy, force
+        found[1:-1] = 0.5 * (forces[1:-1] + forces[2:])
+    return found
 
 
-def work_done(march: SolidMarch, rows: Rows, sums: Floats, *, explicit: bool) -> Floats:
+def work_done(march: SolidMarch, rows: Rows, sums: Floats, dim: int, *, explicit: bool) -> Floats:
     """Work of gravity, loads and moved obstacles up to each layer [J], as the scheme does it.
 
     Args:
         march: At its end.
         rows: As the march has left them, of the whole.
-        sums: Of all ranks and bodies, as `Rows.sums` has them, (rows, 3 + 2 dim).
+        sums: Of all ranks and bodies, as `Rows.sums` has them, (rows, ...).
+        dim: Number of directions.
         explicit: Whether energies belong to the middle of layers.
     """
-    dim = (sums.shape[1] - 3) // 2
-    step = np.diff(sums[:, 3 + dim :], axis=0)  # mass times way
+    step = np.diff(sums[:, 3 + dim : 3 + 2 * dim], axis=0)  # mass times way
     layers = range(len(sums) - 1)
     gravity = np.array([march.interior.gravity(layer) for layer in layers]).reshape(step.shape)
     if explicit:  # energies belong to the middle of layers: half of each neighbouring step

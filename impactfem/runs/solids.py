@@ -33,7 +33,7 @@ from impactfem.runs.solid_output import FieldOutput, Watch, open_spool
 from impactfem.runs.solid_rows import SolidsMotion, solids_motion
 from impactfem.runs.solid_steps import planned_steps
 from impactfem.scene import Scene
-from impactfem.scene.pairing import friction_of
+from impactfem.scene.pairing import friction_of, pair_name
 from impactfem.system.inside import check_inside
 from impactfem.system.massless import mass_transfer
 from impactfem.system.stretches import Stretches
@@ -183,7 +183,10 @@ def _obstacle_gaps(
         if part.contact is not None:
             chosen = np.searchsorted(model.numbers[k], part.contact.numbers)
             moved = surface.gather(part.system.displacement)[chosen]
-            gaps = Gaps(part.obstacles, part.contact, moved, updated=model.updated)
+            names = [pair_name(model.scene, part.solid.name, o.name) for o in part.obstacles]
+            gaps = Gaps(
+                part.obstacles, part.contact, moved, updated=model.updated, pairs=names
+            )  # fmt: skip
             found.append((k, gaps, chosen.astype(np.int64)))
     return found
 
@@ -207,6 +210,7 @@ def _pair_gaps(
         [(interior.own(k), chosen, gaps) for k, gaps, chosen in _obstacle_gaps(model, surfaces)],
         meetings,
         updated=model.updated,
+        names=[pair.label for pair in model.pairs],
     )
 
 

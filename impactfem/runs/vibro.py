@@ -14,7 +14,7 @@ from impactfem.models.vibro import VibroModel, vibro_model
 from impactfem.planning.model_limits import CODES, strain_findings
 from impactfem.planning.vibro import VibroPlan
 from impactfem.reference.bar import Errors, root_of_squares
-from impactfem.result.history import Columns, make_history
+from impactfem.result.history import Columns, PairMotion, make_history
 from impactfem.result.shapes import as_vectors
 from impactfem.result.snapshots import KeptSnapshots
 from impactfem.result.table import Series, Table
@@ -29,7 +29,6 @@ from impactfem.vibro.together import find_together, resolution
 
 Floats = NDArray[np.float64]
 
-_COLUMNS = 20  # constraints up to which each has columns of its own
 _SHIFT = 1e-9  # change of the start whose growth tells how sensitive the motion is
 _ROUNDING, _RTOL = 7e-16, 1e-10  # precision of exact flights, and of an integrator's
 _LOST = 1e-2  # difference from which two motions count as different
@@ -264,10 +263,15 @@ def vibro_history(motion: Trajectory, model: VibroModel) -> Table:
     """History of a motion, in the columns of the contract."""
     elastic = np.array([model.elastic(u) for u in motion.position])
     bodies = model.bodies(motion.position, motion.velocity)
-    momentum = np.zeros((len(motion.times), 3))
+    momentum, angular = np.zeros((2, len(motion.times), 3))
     for mass, body in zip(model.masses, bodies.values(), strict=True):
         momentum += mass * body.velocity
-    direction = _direction(model)
+        angular += np.cross(body.position, mass * body.velocity)
+        if body.spin is not None:
+            angular[:, 2:] += model.inertia * body.spin
+    struck = motion.impulse.copy()
+    struck[1:] -= motion.contact_force[1:] * np.diff(motion.times)[:, None]
+    struck[struck < _TRACE * motion.impulse] = 0.0
     history = make_history(
         Columns(
             time=motion.times,
@@ -276,24 +280,16 @@ def vibro_history(motion: Trajectory, model: VibroModel) -> Table:
             kinetic_energy=motion.kinetic,
             elastic_energy=elastic,
             potential_energy=motion.potential - elastic,
-            momentum=momentum @ direction,
+            momentum=momentum,
+            direction=_direction(model),
+            angular_momentum=angular if model.dim == 3 else angular[:, 2:],
             active=np.count_nonzero(motion.impulse > 0.0, axis=1),
             bodies=bodies,
+            pairs=_pairs(motion, model, struck),
         )
     )
-    struck = motion.impulse.copy()
-    struck[1:] -= motion.contact_force[1:] * np.diff(motion.times)[:, None]
-    struck[struck < _TRACE * motion.impulse] = 0.0
-    history["contact_impulse"] = _column(struck.sum(axis=1), "N s", "impulse", "all impacts")
-    if len(model.labels) <= _COLUMNS:
-        for k, label in enumerate(model.labels):
-            history[f"gap.{k}"] = _column(motion.gap[:, k], "m", "gap", label)
-            force = motion.contact_force[:, k] + 0.0
-            history[f"contact_force.{k}"] = _column(force, "N", "force", label)
-            history[f"contact_impulse.{k}"] = _column(struck[:, k], "N s", "impulse", label)
-    history["momentum"].attrs["direction"] = direction
-    history["momentum"].attrs["long_name"] = (
-        f"linear momentum along ({', '.join(f'{c:.6g}' for c in direction)})"
+    history["contact_impulse"] = Series(
+        ("time",), struck.sum(axis=1), {"units": "N s", "long_name": "impulse of all impacts"}
     )
     history["contact_force"].attrs["comment"] = (
         "sum of the mean normal forces of lasting contact during (t_{m-1}, t_m], without impacts"
@@ -303,10 +299,16 @@ def vibro_history(motion: Trajectory, model: VibroModel) -> Table:
     return history
 
 
-def _column(values: Floats, unit: str, what: str, label: str) -> Series:
-    return Series(
-        ("time",), values, {"units": unit, "long_name": f"{what} of {label}", "label": label}
-    )
+def _pairs(motion: Trajectory, model: VibroModel, struck: Floats) -> dict[str, PairMotion]:
+    """What each pair does: its constraints together."""
+    found = {}
+    for k, name in enumerate(model.pairs):
+        own = model.pair_of == k
+        found[name] = PairMotion(
+            motion.contact_force[:, own].sum(axis=1), motion.gap[:, own].min(axis=1),
+            impulse=struck[:, own].sum(axis=1),
+        )  # fmt: skip
+    return found
 
 
 def _direction(model: VibroModel) -> Floats:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from impactfem.scene.inline import ListOf
-from impactfem.scene.kinds import Real, SideName
+from impactfem.scene.kinds import Name, Real, SideName
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
 
@@ -21,6 +21,12 @@ class Contact:
 
     heading: ClassVar[str] = "contact"
 
+    name: str | None = key(
+        Name(),
+        "name of the pair in columns such as `force.NAME`",
+        default=None,
+        absent="those of between, as ball.floor or ball_skin.floor",
+    )
     between: Sequence[str] = key(
         ListOf(SideName(), at_least=2),
         "names of a body and an obstacle, of two points, or of two solids or their surfaces as "

@@ -7,6 +7,7 @@ from impactfem.methods import METHODS
 from impactfem.scene.bar_row_checks import check_bar_row
 from impactfem.scene.bodies import Bar
 from impactfem.scene.breaks import check_motion
+from impactfem.scene.column_names import check_column_names
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
 from impactfem.scene.obstacles import Wall
 from impactfem.scene.pair_checks import check_pairs
@@ -63,6 +64,7 @@ def check_scene(scene: "Scene", gravity: object) -> None:
         for index, obstacle in enumerate(scene.rigid_obstacles):
             if obstacle.motion is not None:
                 check_motion(f"obstacle[{index}]", "motion", obstacle.motion, scene.duration)
+    check_column_names(scene)
     _check_settings(scene, body)
     if scene.solve.dt is not None and scene.solve.dt > scene.duration:
         text = f" = {scene.solve.dt} exceeds duration = {scene.duration}: give a smaller step."

@@ -5,6 +5,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from impactfem.scene.contacts import Contact
     from impactfem.scene.obstacles import Rigid
     from impactfem.scene.scene import Scene
 
@@ -18,13 +19,41 @@ def side_of(name: str) -> Side:
     return body, (surface,) if slash else None
 
 
-def body_pairs(scene: "Scene") -> list[tuple[Side, Side]]:
-    """Pairs of bodies that may meet: those of ``[[contact]]``, or all where there is none."""
+def default_name(one: str, two: str) -> str:
+    """Name of a pair that has none: "ball/skin" and "floor" are "ball_skin.floor"."""
+    return f"{one}.{two}".replace("/", "_")
+
+
+def name_of(contact: "Contact") -> str:
+    """Name of the pair in columns and messages."""
+    return contact.name or default_name(*contact.between)
+
+
+def pair_name(scene: "Scene", one: str, two: str) -> str:
+    """Name of the pair of two names: that of its contact, or a body's and an obstacle's."""
+    for entry in scene.contacts:
+        if {side_of(name)[0] for name in entry.between} == {one, two}:
+            return name_of(entry)
+    return default_name(one, two)
+
+
+def named_body_pairs(scene: "Scene") -> list[tuple[str, Side, Side]]:
+    """Names of the pairs of `body_pairs`, and these."""
     names = [body.name for body in scene.bodies]
     if not scene.contacts:
-        return [((one, None), (two, None)) for one, two in combinations(names, 2)]
-    sides = [tuple(side_of(name) for name in entry.between) for entry in scene.contacts]
-    return [(one, two) for one, two in sides if one[0] in names and two[0] in names]
+        pairs = combinations(names, 2)
+        return [(default_name(one, two), (one, None), (two, None)) for one, two in pairs]
+    found = []
+    for entry in scene.contacts:
+        one, two = (side_of(name) for name in entry.between)
+        if one[0] in names and two[0] in names:
+            found.append((name_of(entry), one, two))
+    return found
+
+
+def body_pairs(scene: "Scene") -> list[tuple[Side, Side]]:
+    """Pairs of bodies that may meet: those of ``[[contact]]``, or all where there is none."""
+    return [(one, two) for _, one, two in named_body_pairs(scene)]
 
 
 def friction_of(scene: "Scene", one: str, two: str) -> float:

@@ -33,7 +33,8 @@ def test_run_writes_history_and_pictures_and_runs_again(name, command, work):
     assert pairs == [f"{a} and {b}" for a, b in zip(NAMES[name][:-1], NAMES[name][1:], strict=True)]
     assert all(pair in done.out for pair in pairs)
     history = np.genfromtxt(folder / "history.csv", delimiter=",", names=True, deletechars="")
-    forces = [history[f"force.{k}"] for k in range(len(pairs))]
+    met = zip(NAMES[name][:-1], NAMES[name][1:], strict=True)
+    forces = [history[f"force.{a}.{b}"] for a, b in met]
     assert np.allclose(np.sum(forces, axis=0), history["contact_force"], rtol=1e-12)
     assert history["gap"].min() >= 0.0
     assert {f"{body}.vx" for body in NAMES[name]} <= set(history.dtype.names)

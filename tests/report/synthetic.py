@@ -74,7 +74,7 @@ def solid_result(path, dim=2, *, layers=25, obstacles=None, broken=False):
         kinetic_energy=0.5 * velocity**2,
         elastic_energy=0.5 * SPEED**2 - 0.5 * velocity**2,
         potential_energy=zero,
-        momentum=velocity,
+        momentum=np.outer(velocity, [1.0, 0.0, 0.0]),
         active=(pulse > 0.0).astype(np.int64),
         bodies={
             "body": BodyMotion(

@@ -39,7 +39,8 @@ def test_csv_holds_the_columns_of_the_contract(result, tmp_path):
     folder = result.save(tmp_path / "out", pictures=False)
     header = (folder / "history.csv").read_text().splitlines()[0].split(",")
     motion = [f"rod.{name}" for name in ("x", "y", "z", "vx", "vy", "vz")]
-    assert header == ["time", *COLUMNS, *motion]
+    pairs = ["force.rod.wall", "gap.rod.wall"]
+    assert header == ["time", *COLUMNS, "angular_momentum", *motion, *pairs]
     table = np.loadtxt(folder / "history.csv", delimiter=",", skiprows=1)
     for index, name in enumerate(header):
         assert np.array_equal(table[:, index], result.history[name].values), name

@@ -1,12 +1,13 @@
 """Laws of contact between solids: which bodies meet, and what is refused with its remedy."""
 
 import copy
+from dataclasses import replace
 
 import pytest
 
 from impactfem.errors import SceneError
-from impactfem.scene import Scene
-from impactfem.scene.pairing import body_pairs, friction_of, obstacles_of, side_of
+from impactfem.scene import Contact, Scene
+from impactfem.scene.pairing import body_pairs, friction_of, name_of, obstacles_of, side_of
 
 
 def block(name, x):
@@ -130,3 +131,34 @@ def test_setting_that_several_solids_cannot_have_is_refused(name):
         scene(**changes)
     for part in parts:
         assert part in str(error.value)
+
+
+def test_pairs_are_named_by_their_sides_or_as_the_scene_says():
+    plain = Contact(between=["ball/skin", "floor"])
+    assert name_of(plain) == "ball_skin.floor"
+    assert name_of(replace(plain, name="hit")) == "hit"
+
+
+POINTS = {
+    "title": "names", "duration": 1.0,
+    "body": [{"kind": "point", "name": "a", "mass": 1.0, "position": [0.0, 1.0]}],
+    "obstacle": [
+        {"kind": "half_space", "name": n, "point": [0.0, 0.0], "normal": [0.0, 1.0]} for n in "fg"
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "words"),
+    [
+        ({"contact": [{"between": ["a", "f"], "name": "hit"},
+                      {"between": ["a", "g"], "name": "hit"}]}, "contact[1].name", "contact[0]"),
+        ({"contact": [{"between": ["a", "f"], "name": "a b"}]}, "contact[0].name", "letters"),
+        ({"body": [POINTS["body"][0] | {"name": "momentum"}]}, "body[0].name", "another name"),
+    ],
+)  # fmt: skip
+def test_names_that_make_one_column_twice_are_refused(changes, key, words):
+    with pytest.raises(SceneError) as caught:
+        Scene.from_dict(POINTS | changes)
+    assert key in str(caught.value)
+    assert words in str(caught.value)

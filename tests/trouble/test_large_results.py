@@ -45,7 +45,8 @@ def memory(folder, then):
 def saved(folder, scene, rows=3):
     """A result without fields."""
     column = np.linspace(0.0, 1.0, rows)
-    history = make_history(Columns(*[column] * 7, np.zeros(rows, dtype=np.int64)))
+    momentum = np.repeat(column[:, None], 3, axis=1)
+    history = make_history(Columns(*[column] * 6, momentum, np.zeros(rows, dtype=np.int64)))
     used = Scene.from_toml(shipped_scenes()[scene])
     Result(used, history, {"title": "t", "method": "m", "status": "completed"}).save(
         folder, pictures=False

@@ -122,7 +122,7 @@ def test_stack_of_growing_masses_presses_with_its_weight(k, method):
         obstacles=[HalfSpace(name="floor", point=[0.0], normal=[1.0])],
     )  # fmt: skip
     result = impactfem.solve(scene, method=method, dt=1e-3, estimate=False)
-    force = result.history["contact_force.0"].values[3:]
+    force = result.history["force.b0.floor"].values[3:]
     assert force == pytest.approx(G * sum(masses), rel=1e-8)
 
 

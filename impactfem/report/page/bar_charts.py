@@ -207,7 +207,7 @@ def _forces(result: Result) -> Chart | None:
     traces: list[Trace] = []
     for k, name in enumerate(names):
         told = is_told(history[name].values)
-        label = str(history[name].attrs.get("label", name)).replace("|", " and ")
+        label = str(history[name].attrs["label"])
         named = {"showlegend": len(names) <= _LEGEND, "legendgroup": label}
         if exact is not None and (told or is_told(exact[name].values)):
             width, alpha = (1.6, 1.0) if own else (4.0, 0.35)

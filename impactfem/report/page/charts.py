@@ -255,4 +255,4 @@ def _columns(result: Result, prefix: str) -> list[str]:
 
 
 def _label(result: Result, name: str) -> str:
-    return str(result.rows[name].attrs.get("label", name)).replace("|", " and ")
+    return str(result.rows[name].attrs.get("label", name))

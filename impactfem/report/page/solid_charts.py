@@ -20,15 +20,14 @@ def _pair_forces(result: Result) -> Chart | None:
     names = [
         str(name)
         for name in history.data_vars
-        if str(name).startswith(("force.", "contact_force.", "friction_force"))
-        and is_told(history[name].values)
+        if str(name).startswith(("force.", "tangential_force.")) and is_told(history[name].values)
     ]
     if len(names) < 2:
         return None
     time = history["time"].values
     traces = []
     for k, name in enumerate(names):
-        label = str(history[name].attrs.get("label", name)).replace("|", " and ")
+        label = str(history[name].attrs["long_name"])
         traces.append(stairs(time, history[name].values, label, COLOURS[k % len(COLOURS)], "N"))
     caption = "Force of each pair that may meet."
     return Chart("forces", "Forces of pairs", caption, over_time(time, traces, "force [N]"))

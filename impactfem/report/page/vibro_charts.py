@@ -151,7 +151,7 @@ def _forces(result: Result) -> Chart | None:
     names = [
         str(name)
         for name in history.data_vars
-        if str(name).startswith("contact_force.") and is_told(history[name].values)
+        if str(name).startswith("force.") and is_told(history[name].values)
     ]
     if not 1 < len(names) <= _MOST_CURVES:
         return None

@@ -1,0 +1,35 @@
+"""Names that make columns of a history: no two things of a scene may claim the same column."""
+
+from typing import TYPE_CHECKING
+
+from impactfem.scene.pairing import name_of
+from impactfem.scene.schema import KeyedError
+from impactfem.scene.values import show
+
+if TYPE_CHECKING:
+    from impactfem.scene.scene import Scene
+
+RESERVED = (
+    "momentum", "angular_momentum", "force", "gap", "tangential_force", "slip", "impulse",
+)  # fmt: skip
+"""First parts of columns that belong to no body."""
+
+
+def check_column_names(scene: "Scene") -> None:
+    """Refuse names of bodies and pairs that would make the same column twice.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    for index, body in enumerate(scene.bodies):
+        if body.name in RESERVED:
+            text = f" = {show(body.name)} begins columns of the history as {body.name}.x: "
+            raise KeyedError(f"body[{index}]", "name", f"{text}give another name.")
+    taken: dict[str, str] = {}
+    for index, contact in enumerate(scene.contacts):
+        name, where = name_of(contact), f"contact[{index}]"
+        if name in taken:
+            given = "" if contact.name is None else f" = {show(name)}"
+            text = f"{given}: the pair has the name {show(name)} of {taken[name]}: give another."
+            raise KeyedError(where, "name", text)
+        taken[name] = where
