@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from impactfem.exact import ExactBar, ExactBarRow, RowBar
     from impactfem.planning import BarRowPlan, Plan, SolidPlan, VibroPlan, plan
     from impactfem.result import Result
+    from impactfem.result.compare import Comparison, compare
     from impactfem.result.trajectory import Trajectory
     from impactfem.scene import (
         Bar,
@@ -74,6 +75,7 @@ _HOMES = {
     "Beam": "impactfem.scene",
     "Block": "impactfem.scene",
     "Board": "impactfem.studies.hard.cases",
+    "Comparison": "impactfem.result.compare",
     "Contact": "impactfem.scene",
     "ConvergenceError": "impactfem.errors",
     "Cylinder": "impactfem.scene",
@@ -118,6 +120,7 @@ _HOMES = {
     "Trajectory": "impactfem.result.trajectory",
     "VibroPlan": "impactfem.planning",
     "Wall": "impactfem.scene",
+    "compare": "impactfem.result.compare",
     "hard_cases": "impactfem.studies.hard.cases",
     "integrate": "impactfem.vibro.integrating",
     "integrate_ensemble": "impactfem.vibro.ensemble",
@@ -132,6 +135,7 @@ __all__ = [
     "Beam",
     "Block",
     "Board",
+    "Comparison",
     "Contact",
     "ConvergenceError",
     "Cylinder",
@@ -177,6 +181,7 @@ __all__ = [
     "VibroPlan",
     "Wall",
     "__version__",
+    "compare",
     "hard_cases",
     "integrate",
     "integrate_ensemble",

@@ -128,13 +128,21 @@ def _folder(name: str) -> Path:
     return Path(name)
 
 
+def _tolerance(text: str) -> float:
+    """A number from 0 on."""
+    with contextlib.suppress(ValueError):
+        if (value := float(text)) >= 0.0:
+            return value
+    raise argparse.ArgumentTypeError(f"{text} is no tolerance: give a number >= 0")
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="impactfem",
         description="Non-smooth impact dynamics: give it a scene, it answers with displacement, "
         "contact force and energy, with their error and cost.",
         epilog="Exit codes: 0 done, 1 failed, 2 bad input, 3 not to be trusted (result kept and "
-        "marked), 128 + signal interrupted.",
+        "marked) or not the same (compare), 128 + signal interrupted.",
     )
     parser.add_argument(
         "--version", action=_Version, nargs=0, help="show the version of impactfem and exit"
@@ -184,6 +192,13 @@ def _parser() -> argparse.ArgumentParser:
     schema.add_argument("--out", metavar="FILE", type=Path, help="write it to a file")
     plot = command(commands.plot)
     plot.add_argument("folder", metavar="DIR", type=_folder)
+    compare = command(commands.compare)
+    compare.add_argument("one", metavar="DIR", type=_folder, help="result folder")
+    compare.add_argument("other", metavar="DIR", type=_folder, help="another one")
+    compare.add_argument(
+        "--tolerance", metavar="T", type=_tolerance, default=1e-9,
+        help="relative difference beyond which the exit code is 3 (default 1e-9)",
+    )  # fmt: skip
     bench = command(commands.bench)
     bench.add_argument(
         "scene", metavar="SCENE", nargs="?", help="scene file, or name of a shipped scene"

@@ -259,6 +259,20 @@ def plot(given: argparse.Namespace) -> int:
     return FAILED if faults else DONE
 
 
+def compare(given: argparse.Namespace) -> int:
+    """Say how far the histories of two result folders are apart."""
+    from impactfem.report.table import comparison_table  # noqa: PLC0415
+    from impactfem.result.compare import compare as compared  # noqa: PLC0415
+
+    try:
+        found = compared(given.one, given.other)
+    except OutputError as error:
+        complain(str(error))
+        return BAD_INPUT
+    say(comparison_table(found))
+    return DONE if found.within(given.tolerance) else NOT_TRUSTED
+
+
 def bench(given: argparse.Namespace) -> int:
     """Measure errors of methods against time, or run hard cases."""
     from impactfem.studies import bench as studies  # noqa: PLC0415

@@ -132,28 +132,26 @@ def rub(
     )  # fmt: skip
 
 
-def slipped(layer: LayerGaps, place: Floats) -> Floats:
-    """Ways slid in a layer, as the law of friction measures them [m], (k, dim), the first being 0.
+def told(layer: LayerGaps, found: FrictionContact) -> tuple[Floats, Floats]:
+    """What histories have of the forces in a layer, and of the ways slid.
+
+    In the plane the tangent is the normal turned by -90 degrees, which of a floor points to the
+    right: the same whichever side of a gap is looked from.
 
     Args:
         layer: The gaps.
-        place: Their places (gap, r_t) at the end [m], (k, dim).
+        found: Their forces.
+
+    Returns:
+        Normal forces followed by tangential ones [N], (k, 2), or vectors in space, (k, 4); ways as
+        the law of friction measures them [m], in the plane with sign, in space lengths, (k,).
     """
-    found = place - turned(layer.frames, layer.old_way if layer.held is None else layer.held)
-    found[:, 0] = 0.0
-    return found
-
-
-def along(normals: Floats, vectors: Floats) -> Floats:
-    """Tangential vectors in the gaps as histories have them: in the plane one component, (k, 1).
-
-    It is that along the normal turned by -90 degrees, which of a floor points to the right, and the
-    same whichever side of a gap is looked from.
-    """
-    if normals.shape[1] != 2:
-        return vectors
-    found = vectors[:, 0] * normals[:, 1] - vectors[:, 1] * normals[:, 0]
-    return np.asarray(found[:, None])
+    before = turned(layer.frames, layer.old_way if layer.held is None else layer.held)
+    way = found.place[:, 1:] - before[:, 1:]
+    if way.shape[1] == 1:  # the frames have the opposite tangent
+        return found.force * [1.0, -1.0], -way[:, 0]
+    tangential = np.einsum("kij,ki->kj", layer.frames[:, 1:], found.force[:, 1:])
+    return np.hstack([found.force[:, :1], tangential]), np.linalg.norm(way, axis=1)
 
 
 def frames(normals: Floats) -> Floats:

@@ -12,11 +12,10 @@ from impactfem.marching.rubbing import (
     Friction,
     LayerGaps,
     Rubbing,
-    along,
     frames,
     in_space,
     rub,
-    slipped,
+    told,
 )
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import SolidMarch
@@ -57,7 +56,9 @@ class RubbingMarch(SolidMarch):
         """
         place = interior.surface_displacement
         self._rubbing = Rubbing.at_rest(friction, place)
-        self._tangential = self._rubbing_force = self._slip = np.zeros((0, place.shape[1]))
+        self._tangential = self._rubbing_force = np.zeros((len(friction.coefficients), 0))
+        # Gaps that took part, their normal forces and tangential ones, and ways: see `told`.
+        self._slid: tuple[Integers, Floats, Floats] | None = None
         super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance)
         self._rubbing = Rubbing.at_rest(friction, place + self.contact.static)
 
@@ -89,20 +90,15 @@ class RubbingMarch(SolidMarch):
     def _close_pairs(self, row: int, force: Floats) -> None:
         """Store what pairs have of the forces, gaps and slip."""
         super()._close_pairs(row, force)
-        pressed = np.flatnonzero(force)
-        if not row or not len(pressed):
+        if self._slid is None:
             return
-        normals, pressing = self._normals[pressed], force[pressed]
-        tangential = along(normals, self._rubbing_force[pressed])
-        way = along(normals, self._slip[pressed])
-        length = way[:, 0] if way.shape[1] == 1 else np.linalg.norm(way, axis=1)
-        values = np.column_stack([tangential, pressing, pressing * length])
-        pairs = self._gaps.pair_of()[pressed]
-        found = np.zeros((len(self._gaps.pairs), values.shape[1]))
-        np.add.at(found, pairs, values)
-        rows = self.rows
-        rows.tangential[row] = found[:, :-2]
-        np.divide(found[:, -1], found[:, -2], out=rows.slip[row], where=found[:, -2] > 0.0)
+        rows, acting, way = self._slid
+        pressing, count, tangential = acting[:, 0], len(self._gaps.pairs), self.rows.tangential[row]
+        pair = self._gaps.pair_of()[rows] if count > 1 else np.zeros(len(rows), dtype=np.int64)
+        for k in range(tangential.shape[1]):
+            tangential[:, k] = np.bincount(pair, acting[:, 1 + k], count)
+        whole, slid = np.bincount(pair, pressing, count), np.bincount(pair, pressing * way, count)
+        np.divide(slid, whole, out=self.rows.slip[row], where=whole > 0.0)
 
     def _pressed_work(self, way: Floats) -> float:
         """Multipliers times the displacements (pairs, dim) that they give to massless nodes [J]."""
@@ -124,7 +120,8 @@ class RubbingMarch(SolidMarch):
             else (contact.multiplier, contact.gap, state.tangential, last, 1.0)
         )  # fmt: skip
         state.work, self._true_gap = 0.0, gap
-        self._tangential = self._rubbing_force = self._slip = tangential
+        self._tangential = self._rubbing_force = tangential
+        self._slid = None
         taking_part = (old > 0.0) | (contact.multiplier > 0.0) | (gap < -self._tolerance)
         if not taking_part.any():
             return force, multiplier, static, 0
@@ -166,6 +163,5 @@ class RubbingMarch(SolidMarch):
         self._tangential = multipliers - multiplier[:, None] * normals
         state.work = float(found.work.sum())
         self._rubbing_force = whole - force[:, None] * normals
-        self._slip = np.zeros_like(normals)
-        self._slip[rows] = in_space(directions, slipped(layer, found.place))
+        self._slid = rows, *told(layer, found)
         return force, multiplier, static, iterations

@@ -1,10 +1,13 @@
 """Plans and summaries as text tables for a terminal."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from impactfem.planning import AnyPlan, BarRowPlan, Plan, SolidPlan, VibroPlan
 from impactfem.report.page.numbers import largest
+
+if TYPE_CHECKING:
+    from impactfem.result.compare import Comparison
 
 _NOTHING = 1e-15  # share of the energy at first that is rounding
 
@@ -194,6 +197,26 @@ def beyond_model(summary: Mapping[str, Any]) -> str:
 def sentence(finding: Mapping[str, Any]) -> str:
     """The text of a finding with its remedy."""
     return f"{finding['text']}; {finding['remedy']}" if finding["remedy"] else finding["text"]
+
+
+def comparison_table(found: "Comparison") -> str:
+    """Columns of two histories that differ, the worst first, and what is in one alone."""
+    rows = []
+    for column in found.columns:
+        if column.absolute > 0.0:
+            text = f"{column.absolute:.3g} {column.unit} at {column.time:.6g} s, "
+            text += f"{column.relative:.3g} of {column.scale:.4g} {column.unit}"
+            rows.append((column.name, text))
+    equal = len(found.columns) - len(rows)
+    rows.append((f"{equal} other columns" if rows else f"all {equal} columns", "equal"))
+    for names, which in ((found.only_first, "first"), (found.only_second, "second")):
+        if names:
+            rows.append((f"only in the {which}", ", ".join(names)))
+    if found.interpolated:
+        rows.append(("times", "differ: interpolated at those of the one with fewer rows"))
+    if not found.same_end:
+        rows.append(("end", f"differs: compared until {found.until:.6g} s"))
+    return table(rows)
 
 
 def _window(contact: Mapping[str, Any]) -> str:
