@@ -79,6 +79,11 @@ class SurfacePair:
         """Nodes of both among those of the outsides of their bodies."""
         return self.sides[0].nodes, self.sides[1].nodes
 
+    @property
+    def surfaces(self) -> tuple[Surface, Surface]:
+        """Both at t = 0."""
+        return self.sides[0].surface, self.sides[1].surface
+
     def met(self, points: Sequence[Floats], reach: float | None = None) -> MortarPairs:
         """Weighted gaps with the nodes of both sides at some places, (nodes, dim) each.
 

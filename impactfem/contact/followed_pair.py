@@ -1,7 +1,7 @@
 """Gaps between two surfaces in terms of all contact nodes, and pairs that follow their bodies."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,6 @@ from scipy.sparse import csr_matrix
 from impactfem.contact.mortar import MortarPairs
 from impactfem.contact.mortar_surface import Surface, unit
 from impactfem.contact.pairs import Meeting
-
-if TYPE_CHECKING:
-    from impactfem.contact.body_pairs import SurfacePair
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -24,6 +21,21 @@ _CLOSED = 1e-9  # share of the largest gap that counts as closed
 _ALIGNED = 0.8  # least cosine between the mean way and the normal for the way to be the normal
 
 
+class Opposite(Protocol):
+    """Two surfaces that may strike each other, with the distance from which they are looked at."""
+
+    @property
+    def surfaces(self) -> tuple[Surface, Surface]:
+        """Both at t = 0; the first carries the multipliers."""
+
+    @property
+    def reach(self) -> float:
+        """The distance [m]."""
+
+    def met(self, points: Sequence[Floats], reach: float | None = None) -> MortarPairs:
+        """Weighted gaps with the nodes of both at some places (nodes, dim) [m]."""
+
+
 class FollowedPair:
     """A pair of surfaces that follows its bodies: a fixed number of gaps, found where these are.
 
@@ -33,11 +45,11 @@ class FollowedPair:
     pairs of faces of two bodies cost far more than those near each other.
     """
 
-    def __init__(self, pair: "SurfacePair", rows: Sequence[Integers], total: int) -> None:
+    def __init__(self, pair: Opposite, rows: Sequence[Integers], total: int) -> None:
         """Begin; see `SurfacePair.meeting`."""
         self._pair, self._rows, self._total = pair, tuple(rows), total
-        self._corners = np.unique(pair.sides[0].surface.corners)
-        self._near = 2.0 * max(_largest(side.surface) for side in pair.sides)
+        self._corners = np.unique(pair.surfaces[0].corners)
+        self._near = 2.0 * max(map(_largest, pair.surfaces))
         self._last: tuple[Floats, Meeting, float] | None = None
 
     @property
@@ -79,7 +91,7 @@ class FollowedPair:
         normal[:, -1] = 1.0
         area[at] = found.area
         weights = pair_weights(found, self._rows, at, (count, self._total))
-        other = self._pair.sides[1].surface.moved(places[self._rows[1]])
+        other = self._pair.surfaces[1].moved(places[self._rows[1]])
         normal[at] = opposite_normals(other, found)
         gap[at] = np.einsum("ij,ij->i", normal[at], weights[at] @ places)
         return Meeting(weights, gap, normal, area)

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from impactfem import __version__
 from impactfem.cards import card, table
 from impactfem.errors import OutputError
 from impactfem.studies.study_figure import draw
@@ -210,7 +209,15 @@ class Study:
 
     def figure(self) -> Figure:
         """Displacement and force error against time, both axes logarithmic."""
-        return draw(self)
+        return draw(self.title, self.methods, self.baselines, self._points)
+
+    def _points(self, name: str, error: str) -> list[tuple[float, float]]:
+        """Times [ms] and errors of a method, where both are known."""
+        return [
+            (1e3 * row.seconds, getattr(row, error))
+            for row in self.rows
+            if row.method == name and row.seconds and getattr(row, error) is not None
+        ]
 
     def save(self, folder: str | Path, name: str = "study") -> list[Path]:
         """Write NAME.csv, NAME.md and NAME.png.
@@ -233,13 +240,14 @@ class Study:
 def conditions() -> str:
     """Date, machine and versions of a measurement, as a sentence."""
     found = []
-    for package in ("numpy", "numba", "fenics-dolfinx", "dolfinx-solver-real"):
+    for package in ("impactfem", "numpy", "numba", "fenics-dolfinx", "dolfinx-solver-real"):
         try:
             found.append(f"{package} {version(package)}")
         except PackageNotFoundError:
             continue
-    versions = f"impactfem {__version__}, Python {platform.python_version()}, {', '.join(found)}"
-    return f"Measured on {datetime.now(UTC):%Y-%m-%d} on {os.cpu_count()} cores with {versions}."
+    found.insert(1, f"Python {platform.python_version()}")
+    machine = f"on {datetime.now(UTC):%Y-%m-%d} on {os.cpu_count()} cores"
+    return f"Measured {machine} with {', '.join(found)}."
 
 
 def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
