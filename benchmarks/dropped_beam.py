@@ -19,12 +19,12 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from stamp import write_stamp
+from tips import tip_damping_ratio, tip_state, with_tips
 
 from impactfem.scene.beams import Beam
 from impactfem.scene.obstacles import HalfSpace
 from impactfem.system.beam import FreeBeam, free_beam
 from impactfem.system.episode import Episode, contact_episode
-from impactfem.system.tip import tip_damping_ratio, tip_state, with_tips
 from impactfem.vibro.event_driven import EventSettings, integrate_events
 from impactfem.vibro.position_level import PositionSettings, integrate_positions
 from impactfem.vibro.velocity_level import VelocitySettings, integrate_velocities

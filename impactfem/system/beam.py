@@ -150,27 +150,3 @@ class FreeBeam:
 def free_beam(beam: Beam) -> FreeBeam:
     """Discretise a beam by its theory and number of elements."""
     return FreeBeam(beam, beam_matrices(beam))
-
-
-def beam_system(
-    beam: Beam,
-    half_spaces: HalfSpace | Sequence[HalfSpace],
-    gravity: Sequence[float] = (0.0, 0.0),
-    restitution: float | Sequence[float] = 0.0,
-) -> LinearSystem:
-    """A free elastic beam among half-spaces, in the coordinates of `BeamMatrices`.
-
-    Constraints: for each half-space the end at -L/2, then that at +L/2; all nodes in that order
-    with contact = "along".
-
-    Args:
-        beam: The beam.
-        half_spaces: Obstacles at rest.
-        gravity: Acceleration (2,) [m/s^2].
-        restitution: Newton's e of a contact node, which has a small share of the mass: a number,
-            or one for each constraint.
-
-    Raises:
-        SceneError: A value is not allowed.
-    """
-    return free_beam(beam).system(half_spaces, gravity, restitution)

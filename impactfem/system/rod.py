@@ -93,23 +93,3 @@ def rod_system(
         potential=lambda _, u: -float(weight @ u),
         names=("x", "y", "theta"),
     )
-
-
-def end_impulse(
-    mass: float, inclination: float, approach: float, restitution: float
-) -> tuple[float, float]:
-    """Closed form of the impact of one end of a rod that does not turn, on a horizontal floor.
-
-    With the effective mass m_e = m / (1 + 3 cos^2 theta) of the end, P = (1 + e) m_e v.
-
-    Args:
-        mass: m [kg].
-        inclination: theta [rad].
-        approach: Speed v towards the floor [m/s].
-        restitution: e.
-
-    Returns:
-        The impulse P [N s], and the share of the kinetic energy m v^2 / 2 that is lost.
-    """
-    effective = mass / (1.0 + 3.0 * math.cos(inclination) ** 2)
-    return (1.0 + restitution) * effective * approach, (1.0 - restitution**2) * effective / mass

@@ -23,7 +23,6 @@ from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Impacts, Trajectory
 from impactfem.system.generalized import GeneralizedSystem, check_start
 from impactfem.vibro.penalty_legs import Legs, Record
-from impactfem.vibro.penalty_plain import integrate_plainly
 from impactfem.vibro.penalty_projection import Projector
 from impactfem.vibro.vibro_rows import largest_force
 
@@ -47,18 +46,12 @@ class PenaltySettings:
 
     Attributes:
         stiffness: k > 0 [1/s^2], of the acceleration: the spring of a mass m has stiffness k m.
-        dt: Longest output step [s], the one used divides the duration; in the accurate mode also
-            the longest step of the integrator.
+        dt: Longest output step [s], the one used divides the duration; also the longest
+            step of the integrator.
         damping: alpha >= 0; that of the system's restitution if None.
-        integrator: SciPy's. LSODA is the cheapest of the stiff ones here; "paper" mode always
-            uses it.
-        rtol: Relative tolerance; 1e-9, or 1e-5 in "paper" mode, if None.
-        atol: Absolute tolerance of velocities; positions have atol / sqrt(k) in the accurate mode.
-            1e-11, or 1e-7 in "paper" mode, if None.
-        mode: "accurate" restarts the integrator where the active set changes, and integrates the
-            displacement of each leg, so that tolerances refer to penetrations. "paper" calls LSODA
-            with the defaults of Scilab's ``ode``, which knows nothing of the switch.
-        restarted: Start LSODA anew at every output time ("paper" mode only).
+        integrator: SciPy's. LSODA is the cheapest of the stiff ones here.
+        rtol: Relative tolerance; 1e-9 if None.
+        atol: Absolute tolerance of velocities, 1e-11 if None; positions have atol / sqrt(k).
     """
 
     stiffness: float
@@ -67,8 +60,6 @@ class PenaltySettings:
     integrator: Integrator = "lsoda"
     rtol: float | None = None
     atol: float | None = None
-    mode: Literal["accurate", "paper"] = "accurate"
-    restarted: bool = False
 
     def __post_init__(self) -> None:
         """Refuse values that make no sense."""
@@ -85,8 +76,6 @@ class PenaltySettings:
                 f"penalty: integrator = {self.integrator!r} is unknown; choose one of "
                 f"{', '.join(_SOLVERS)}"
             )
-        if self.mode not in {"accurate", "paper"}:
-            raise SceneError(f"penalty: mode = {self.mode!r} is unknown; use accurate or paper")
 
 
 def damping_of(restitution: float) -> float:
@@ -125,24 +114,35 @@ def integrate_penalty(
             given.
         ConvergenceError: The integrator or the projection failed.
     """
+    projector, record, u, v = begin(system, position, velocity, duration, settings)
+    slack = (settings.atol or 1e-11) / math.sqrt(settings.stiffness)
+    Legs(projector, record, _solver(system, u, settings), slack).run(u, v, duration)
+    return trajectory(projector, record)
+
+
+def begin(
+    system: GeneralizedSystem,
+    position: ArrayLike,
+    velocity: ArrayLike,
+    duration: float,
+    settings: PenaltySettings,
+) -> tuple[Projector, Record, Floats, Floats]:
+    """The penalty forces, the record with its first row, and the checked start u and v.
+
+    Raises:
+        SceneError: As of `integrate_penalty`.
+    """
     u, v = (np.atleast_1d(np.asarray(x, dtype=float)) for x in (position, velocity))
     check_start(system, u, v)
     if not (duration > 0.0 and math.isfinite(duration)):
         raise SceneError(f"penalty: duration = {duration:g} is not allowed; give a number > 0")
-    damping = _damping(system, settings)
-    projector = Projector(system, settings.stiffness, damping)
+    projector = Projector(system, settings.stiffness, _damping(system, settings))
     rows = math.ceil(duration / settings.dt - 1e-9) + 1
     times = np.linspace(0.0, duration, rows)
     d, count = system.dofs, system.num_constraints
     record = Record(times, np.zeros((rows, d)), np.zeros((rows, d)), np.zeros((rows, count)))
     record.fill(0.0, lambda _: (u, v, np.zeros(count)))
-    if settings.mode == "paper":
-        tolerances = (settings.rtol or 1e-5, settings.atol or 1e-7)
-        integrate_plainly(projector, record, u, v, tolerances, restarted=settings.restarted)
-    else:
-        slack = (settings.atol or 1e-11) / math.sqrt(settings.stiffness)
-        Legs(projector, record, _solver(system, u, settings), slack).run(u, v, duration)
-    return _trajectory(projector, record)
+    return projector, record, u, v
 
 
 def _damping(system: GeneralizedSystem, settings: PenaltySettings) -> float:
@@ -189,7 +189,8 @@ def _solver(
     return make
 
 
-def _trajectory(projector: Projector, record: Record) -> Trajectory:
+def trajectory(projector: Projector, record: Record) -> Trajectory:
+    """The motion of a record that is full."""
     system, times = projector.system, record.times
     rows = range(len(times))
     place, speed = record.position, record.velocity

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from impactfem import SceneError
 from impactfem.scene.beams import Beam
 from impactfem.scene.obstacles import HalfSpace
-from impactfem.system.beam import FreeBeam, beam_system, free_beam
+from impactfem.system.beam import FreeBeam, free_beam
 from impactfem.system.beam_matrices import euler_bernoulli, timoshenko
 from impactfem.system.generalized import check_start
 
@@ -172,7 +172,7 @@ def test_gaps_are_distances_of_the_nodes(contact, theory):
     beam = steel(5, theory, contact=contact)
     wall = HalfSpace(point=[-3.0, 0.0], normal=[1.0, 0.5])
     body = free_beam(beam)
-    system = beam_system(beam, [FLOOR, wall])
+    system = free_beam(beam).system([FLOOR, wall])
     u = 1e-3 * np.random.default_rng(1).standard_normal(system.dofs)
     points = body.points(u)[[0, -1] if contact == "ends" else slice(None)]
     normal = np.array([1.0, 0.5]) / math.hypot(1.0, 0.5)
@@ -184,7 +184,7 @@ def test_gaps_are_distances_of_the_nodes(contact, theory):
 def test_weight_and_damping_act_on_the_right_motions():
     beam = steel(6, damping_ratio=0.02)
     body = free_beam(beam)
-    system = beam_system(beam, FLOOR, gravity=[0.0, -9.81])
+    system = free_beam(beam).system(FLOOR, gravity=[0.0, -9.81])
     u, v = body.start
     weight = body.rigid_modes.T @ system.force(0.0, u, v)
     assert np.allclose(weight, [0.0, -9.81 * beam.mass, 0.0], atol=1e-12)
@@ -221,8 +221,8 @@ def test_what_cannot_be_is_refused(change, key, remedy):
 def test_moving_floors_and_gravity_in_space_are_refused():
     moving = HalfSpace(point=[0.0, 0.0], normal=[0.0, 1.0], motion=["0", "sin(t)"])
     with pytest.raises(SceneError, match="motion"):
-        beam_system(steel(), moving)
+        free_beam(steel()).system(moving)
     with pytest.raises(SceneError, match="gravity"):
-        beam_system(steel(), FLOOR, gravity=[0.0, 0.0, -9.81])
+        free_beam(steel()).system(FLOOR, gravity=[0.0, 0.0, -9.81])
     with pytest.raises(SceneError, match="half_spaces is empty"):
-        beam_system(steel(), [])
+        free_beam(steel()).system([])

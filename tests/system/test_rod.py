@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from vibro_forms import end_impulse
 
 from impactfem import SceneError
 from impactfem.contact.impact_law import resolve_impact
 from impactfem.scene.beams import Rod
 from impactfem.scene.obstacles import HalfSpace
 from impactfem.system.generalized import check_start, differentiate, factor_mass
-from impactfem.system.rod import end_impulse, rod_system
+from impactfem.system.rod import rod_system
 
 FLOOR = HalfSpace(point=[1.0, 0.5], normal=[0.0, 3.0])
 SLOPE = HalfSpace(point=[-4.0, 0.0], normal=[1.0, 1.0])

@@ -7,14 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from tips import tip_damping_ratio, tip_restitution, tip_state, with_tips
+from vibro_forms import end_impulse
 
 from impactfem.errors import SceneError
 from impactfem.scene.beams import Beam
 from impactfem.scene.obstacles import HalfSpace
 from impactfem.system.beam import free_beam
 from impactfem.system.episode import contact_episode
-from impactfem.system.rod import end_impulse, rod_system
-from impactfem.system.tip import tip_damping_ratio, tip_restitution, tip_state, with_tips
+from impactfem.system.rod import rod_system
 from impactfem.vibro.event_driven import EventSettings, integrate_events
 from impactfem.vibro.position_level import PositionSettings, integrate_positions
 from impactfem.vibro.velocity_level import VelocitySettings, integrate_velocities

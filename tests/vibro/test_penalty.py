@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plain_penalty import integrate_plainly
 from scipy.optimize import brentq
 
 from impactfem.errors import SceneError
@@ -206,11 +207,12 @@ def test_a_short_contact_between_two_steps_is_not_missed():
     assert found.effort.details["restitution"]["count"] == 1
 
 
-def test_the_plain_mode_agrees_with_the_accurate_one_to_its_tolerances():
+def test_one_integrator_that_is_blind_to_the_switch_agrees_with_legs_to_its_tolerances():
     accurate = integrate_penalty(ball(load=-1.0), [0.1], [-1.0], 0.6, PenaltySettings(1e4, 0.01))
     for restarted in (False, True):
-        chosen = PenaltySettings(1e4, 0.01, mode="paper", restarted=restarted)
-        plain = integrate_penalty(ball(load=-1.0), [0.1], [-1.0], 0.6, chosen)
+        plain = integrate_plainly(
+            ball(load=-1.0), [0.1], [-1.0], 0.6, PenaltySettings(1e4, 0.01), restarted=restarted
+        )
         assert np.abs(plain.position - accurate.position).max() < 1e-3
         assert ratio(plain) == pytest.approx(ratio(accurate), abs=1e-2)
 
@@ -231,7 +233,6 @@ def test_the_force_of_a_row_is_its_mean():
     [
         ({"stiffness": 0.0}, "stiffness"), ({"stiffness": -1.0}, "stiffness"),
         ({"dt": 0.0}, "dt"), ({"damping": -0.1}, "damping"), ({"integrator": "euler"}, "euler"),
-        ({"mode": "fast"}, "mode"),
     ],
 )  # fmt: skip
 def test_wrong_settings_are_refused_by_name(wrong, words):

@@ -1,5 +1,7 @@
 """The penalty method as it was used: LSODA over the whole motion, blind to the switch.
 
+    from plain_penalty import integrate_plainly
+
 As Scilab's ``ode`` runs: LSODA chooses its steps freely, and output times are interpolated
 (``itask = 1``). The impulses ride along with a tolerance that keeps them out of the step control.
 """
@@ -7,11 +9,14 @@ As Scilab's ``ode`` runs: LSODA chooses its steps freely, and output times are i
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import LSODA
 from scipy.optimize import brentq
 
 from impactfem.errors import ConvergenceError
+from impactfem.result.trajectory import Trajectory
+from impactfem.system.generalized import GeneralizedSystem
+from impactfem.vibro.penalty import PenaltySettings, begin, trajectory
 from impactfem.vibro.penalty_legs import Record
 from impactfem.vibro.penalty_projection import Projector
 
@@ -22,29 +27,30 @@ _IGNORED = 1e30  # absolute tolerance of quantities that must not steer the step
 
 
 def integrate_plainly(
-    projector: Projector,
-    record: Record,
-    u: Floats,
-    v: Floats,
-    tolerances: tuple[float, float],
+    system: GeneralizedSystem,
+    position: ArrayLike,
+    velocity: ArrayLike,
+    duration: float,
+    settings: PenaltySettings,
     *,
-    restarted: bool,
-) -> None:
-    """Integrate with LSODA, and write rows and contacts to the record.
+    restarted: bool = False,
+) -> Trajectory:
+    """Integrate the penalised motion with LSODA.
 
     Args:
-        projector: Penalty forces.
-        record: Where rows and contacts go; its times end the motion.
-        u: Position at t = 0, shape (d,).
-        v: Velocity at t = 0, shape (d,).
-        tolerances: Relative and absolute.
+        system: The system.
+        position: Position at t = 0, shape (d,).
+        velocity: Velocity at t = 0, shape (d,).
+        duration: End of the motion [s].
+        settings: As of the penalty method; its tolerances are 1e-5 and 1e-7 if not given.
         restarted: Start anew at every output time.
 
     Raises:
         ConvergenceError: LSODA failed.
     """
+    projector, record, u, v = begin(system, position, velocity, duration, settings)
     d, count = projector.system.dofs, projector.system.num_constraints
-    rtol, atol = tolerances
+    rtol, atol = settings.rtol or 1e-5, settings.atol or 1e-7
     steering = np.concatenate([np.full(2 * d, atol), np.full(count, _IGNORED)])
 
     def fun(t: float, y: Floats) -> Floats:
@@ -69,6 +75,7 @@ def integrate_plainly(
             )
         record.evaluations += solver.nfev
         t, y = solver.t, solver.y
+    return trajectory(projector, record)
 
 
 class _Watch:
