@@ -5,13 +5,11 @@ from pathlib import Path
 from matplotlib.animation import FuncAnimation
 
 from impactfem.errors import OutputError
-from impactfem.report.axis_film import axis_reel
-from impactfem.report.bar_film import bar_reel
+from impactfem.report.axis_film import axis_reel, moves_little
+from impactfem.report.body_film import body_reel
 from impactfem.report.film import Film, Reel, check_ending, write_film
-from impactfem.report.point_film import point_reel
-from impactfem.report.solid_film import solid_reel
-from impactfem.result import Fields, Result
-from impactfem.result.shapes import VERTEX
+from impactfem.report.line_film import line_reel
+from impactfem.result import Result
 
 
 def animate(
@@ -34,20 +32,19 @@ def film_if_any(result: Result, path: Path) -> Path | None:
 
 
 def _reel(result: Result, frames: int | None, what: str) -> Reel:
-    reel: Reel | None
-    if isinstance(result.fields, Fields):
-        reel = bar_reel(result, result.fields, frames)
-    elif result.fields is not None and result.scene.solids:
-        reel = solid_reel(result, result.fields, frames)
-    elif result.fields is not None and VERTEX not in result.fields.layout.types:
-        reel = axis_reel(result, result.fields, frames)
-    elif result.fields is not None:
-        reel = point_reel(result, frames)
-    else:
+    fields = result.fields
+    if fields is None:
         raise OutputError(
             f"{what}no fields of a {result.scene.bodies[0].kind} to show; run it again with "
             'output.fields = ["vtkhdf"]'
         )
+    reel: Reel | None
+    if result.scene.dim == 1:
+        reel = line_reel(result, fields, frames)
+    elif moves_little(result, fields):
+        reel = axis_reel(result, fields, frames)
+    else:
+        reel = body_reel(result, fields, frames)
     if reel is None:
         raise OutputError(f"{what}nothing to film: no frame is finite")
     return reel

@@ -12,17 +12,17 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from numpy.typing import NDArray
 
-from impactfem.report.film import BLUE, force_beside, tell_time
-from impactfem.report.plane_picture import draw_obstacles
+from impactfem.report.film import BLUE, even_moments, force_beside, tell_time
 from impactfem.report.sheet import Sheet
-from impactfem.report.solid_film import even_moments
 from impactfem.result import Result, Snapshots
-from impactfem.scene import Beam, HalfSpace
+from impactfem.result.shapes import LINE
+from impactfem.scene import HalfSpace
 
 Floats = NDArray[np.float64]
 
 _FRAMES = 60
 _OBSTACLE = "0.80"
+_VISIBLE = 0.05  # share of the length from which motion is seen at true scale
 
 
 @dataclass(frozen=True)
@@ -56,11 +56,21 @@ class AxisReel:
         return [self.line, *tell_time(self.clock, self.now, float(self.times[moment]))]
 
 
-def axis_reel(result: Result, fields: Snapshots, frames: int | None) -> AxisReel | None:
-    """The reel of a rod, true to scale, or of a beam.
+def moves_little(result: Result, fields: Snapshots) -> bool:
+    """Whether a true picture of a single rod or beam above a plane would show no motion."""
+    layout = fields.layout
+    if set(layout.types) != {LINE} or len(layout.names) > 1:
+        return False
+    planes = any(isinstance(o, HalfSpace) for o in result.scene.rigid_obstacles)
+    way = float(np.nanmax(np.abs(fields.over_time("displacement"))))
+    return planes and way < _VISIBLE * float(np.ptp(layout.points, axis=0).max())
 
-    A beam moves and bends by far less than its length: shown is how far each point of its axis
-    has come along the normal of the first obstacle, above what is left of the way to it.
+
+def axis_reel(result: Result, fields: Snapshots, frames: int | None) -> AxisReel | None:
+    """The reel of a beam that moves and bends by far less than its length.
+
+    Shown is how far each point of its axis has come along the normal of the first obstacle, above
+    what is left of the way to it.
 
     Args:
         result: The result.
@@ -76,10 +86,7 @@ def axis_reel(result: Result, fields: Snapshots, frames: int | None) -> AxisReel
     moments = even_moments(fields.times, frames or _FRAMES)
     figure = Sheet(9.0, 4.0, dpi=90)
     left, right = figure.subplots(1, 2, width_ratios=[1.2, 1.0])
-    if isinstance(result.scene.bodies[0], Beam):
-        curves = _way(left, result, places)
-    else:
-        curves = _true(left, result, places)
+    curves = _way(left, result, places)
     (line,) = left.plot([], [], "o-", color=BLUE, linewidth=2.0, markersize=3.5)
     clock = left.text(0.02, 0.98, "", transform=left.transAxes, va="top", fontsize=9)
     line.set_animated(True)
@@ -87,19 +94,6 @@ def axis_reel(result: Result, fields: Snapshots, frames: int | None) -> AxisReel
     now = force_beside(right, result)
     figure.suptitle(result.scene.title, fontsize=11)
     return AxisReel(figure, fields.times[moments], curves[moments], line, clock, now)
-
-
-def _true(panel: Axes, result: Result, places: Floats) -> Floats:
-    """The plane true to scale, with the obstacles."""
-    low, high = places.min(axis=(0, 1)), places.max(axis=(0, 1))
-    room = 0.1 * float((high - low).max())
-    panel.set_xlim(low[0] - room, high[0] + room)
-    panel.set_ylim(low[1] - room, high[1] + room)
-    panel.set_aspect("equal")
-    panel.set_xlabel("x [m]")
-    panel.set_ylabel("y [m]")
-    draw_obstacles(panel, list(result.scene.rigid_obstacles), 0.0)
-    return places
 
 
 def _way(panel: Axes, result: Result, places: Floats) -> Floats:

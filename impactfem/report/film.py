@@ -97,6 +97,16 @@ def tell_time(clock: Text, now: Line2D, time: float) -> list[Artist]:
     return [clock, now]
 
 
+def even_moments(times: NDArray[np.float64], frames: int) -> NDArray[np.int64]:
+    """Layers at about equal distances in time, at most so many."""
+    wanted = np.linspace(times[0], times[-1], min(frames, len(times)))
+    after = np.clip(np.searchsorted(times, wanted), 1, max(1, len(times) - 1))
+    before = after - 1
+    after = np.minimum(after, len(times) - 1)
+    nearer = wanted - times[before] <= times[after] - wanted
+    return np.unique(np.where(nearer, before, after))
+
+
 def write_film(reel: Reel, path: Path) -> Path:
     """Write a GIF or, with imageio-ffmpeg, an MP4; no display is needed.
 

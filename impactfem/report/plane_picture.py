@@ -1,4 +1,4 @@
-"""Pictures of a solid in the plane: stress in colours, obstacles in grey, contact pressure."""
+"""Pictures of bodies in the plane: stress in colours, obstacles in grey, contact pressure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from impactfem.contact.distance import nearest_obstacle, signed_distance
 from impactfem.report.skin import Skin, Snapshot, union
+from impactfem.report.slender_picture import reach, slender, widened
 
 Floats = NDArray[np.float64]
 
@@ -30,10 +31,10 @@ WIDEST = 5.0
 
 @dataclass(frozen=True)
 class PlanePainter:
-    """Draws a plane or axisymmetric solid at true scale.
+    """Draws plane or axisymmetric bodies at true scale.
 
     Attributes:
-        skin: Skin of the solid.
+        skin: Skin of the bodies.
         obstacles: Obstacles of the scene.
         axisymmetric: Whether x is the radius.
         stress: Largest von Mises stress of the colours [Pa].
@@ -50,15 +51,15 @@ class PlanePainter:
     several: bool = False
 
     def extent(self, snapshot: Snapshot) -> Floats:
-        """Range of x and y of the body, shape (2, 2): rows are directions."""
-        place = snapshot.place[self.skin.nodes, :2]
-        return np.stack([place.min(axis=0), place.max(axis=0)], axis=1)
+        """Range of x and y of the bodies, shape (2, 2): rows are directions."""
+        place, room = snapshot.place[self.skin.nodes, :2], reach(self.skin)
+        return np.stack([(place - room).min(axis=0), (place + room).max(axis=0)], axis=1)
 
     def window(self, extents: Sequence[Floats]) -> Floats:
         """Range of x and y that shows the body and its pressure in some snapshots, (2, 2)."""
         beyond = self.pressure > 0.0 and not self.several
         room = 0.06 * self.skin.size + (1.1 * self._longest if beyond else 0.0)
-        window = union(extents, room)
+        window = widened(union(extents, room), self.skin)
         if self.axisymmetric:
             window[0, 0] = -0.06 * self.skin.size
         return window
@@ -82,15 +83,21 @@ class PlanePainter:
     def draw(self, axes: Axes, snapshot: Snapshot) -> list[Artist]:
         """Draw what belongs to one time; returns the artists from the back to the front."""
         artists = draw_obstacles(axes, self.obstacles, snapshot.time) if self._moves else []
-        mesh = Triangulation(snapshot.place[:, 0], snapshot.place[:, 1], self.skin.triangles)
-        colours = axes.tripcolor(
-            mesh, snapshot.von_mises, shading="gouraud", cmap="viridis",
-            vmin=0.0, vmax=self.stress, rasterized=True,
-        )  # fmt: skip
         ends = snapshot.place[self.skin.segments][:, :, :2]
-        outline = LineCollection(list(ends), colors="black", linewidths=0.5)
-        axes.add_collection(outline, autolim=False)
-        artists += [colours, outline]
+        if len(self.skin.triangles):
+            x, y = snapshot.place[:, 0], snapshot.place[:, 1]
+            colours = axes.tripcolor(
+                Triangulation(x, y, self.skin.triangles), snapshot.von_mises, shading="gouraud",
+                cmap="viridis", vmin=0.0, vmax=self.stress, rasterized=True,
+            )  # fmt: skip
+            outline = LineCollection(list(ends), colors="black", linewidths=0.5)
+            axes.add_collection(outline, autolim=False)
+            artists += [colours, outline]
+        polygons, tints, _ = slender(self.skin, snapshot.place[:, :2])
+        if polygons:
+            others = PolyCollection(polygons, facecolors=tints, linewidths=0, zorder=2.5)
+            axes.add_collection(others, autolim=False)
+            artists.append(others)
         if self.pressure > 0.0:
             drawn = self._pressure_lines if self.several else self._pressure
             pressures = drawn(snapshot, ends)

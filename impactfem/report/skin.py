@@ -64,6 +64,7 @@ class Skin:
         names: Of the bodies.
         mirrors: Axis and coordinate [m] of the planes that the body is mirrored at, in this order.
         opened: Whether one image is left out, so that cut faces are seen.
+        span: How far the bodies move about [m], where that says how large the picture is.
     """
 
     fields: Snapshots
@@ -79,6 +80,7 @@ class Skin:
     names: tuple[str, ...]
     mirrors: tuple[tuple[int, float], ...] = ()
     opened: bool = False
+    span: float = 0.0
 
     @classmethod
     def of(
@@ -158,9 +160,9 @@ class Skin:
 
     @cached_property
     def size(self) -> float:
-        """Largest extent of the undeformed bodies [m]."""
+        """Largest extent of the undeformed bodies, or of their motion if that is known [m]."""
         low, high = self.points - self.radius[:, None], self.points + self.radius[:, None]
-        return float((high.max(axis=0) - low.min(axis=0)).max())
+        return max(float((high.max(axis=0) - low.min(axis=0)).max()), self.span)
 
     @cached_property
     def is_stressed(self) -> NDArray[np.bool_]:

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,13 +16,10 @@ from numpy.typing import NDArray
 from impactfem.report.plane_picture import PRESSURE, WIDEST, PlanePainter
 from impactfem.report.pressure_maps import draw_pressure_maps
 from impactfem.report.sheet import Sheet
-from impactfem.report.skin import Skin, Snapshot
+from impactfem.report.skin import Skin, Snapshot, union
 from impactfem.report.space_picture import Camera, SpacePainter, skin_of
 from impactfem.result import Result
 from impactfem.result.whole import Whole
-
-if TYPE_CHECKING:
-    from impactfem.scene import Solid
 
 Floats = NDArray[np.float64]
 type Painter = PlanePainter | SpacePainter
@@ -32,6 +28,11 @@ _BLUE, _ORANGE = "#0b559f", "#d95f02"
 _FAR = 2.5  # a body that moves farther than so many of its sizes is followed
 _COLOURS = (_BLUE, _ORANGE, "#1b9e77", "#7b3294", "#666666", "#a6761d")  # of bodies
 
+_SEEN = 0.01  # share of the size or of the largest stress from which a difference is seen
+_COLOURED = 0.99  # share of the nodes below the end of the colours
+
+STRESS = "von Mises stress [Pa]\n(colours to the 99th percentile)"
+"""Label of the colours."""
 FLAT = 0.3
 """Height over width of a picture below which panels stand one above the other."""
 
@@ -57,18 +58,21 @@ def survey(
     stress, pressure, extents = 0.0, 0.0, []
     for snapshot in snapshots:
         if snapshot.is_finite:
-            # The few nodes beyond, at the edges of contact, would leave no colours to the others.
-            stress = max(stress, float(np.quantile(snapshot.von_mises[skin.nodes], 0.999)))
+            if skin.is_stressed.any():  # a spot at the edge of contact would spoil the colours
+                seen = snapshot.von_mises[skin.nodes][skin.is_stressed[skin.nodes]]
+                stress = max(stress, float(np.quantile(seen, _COLOURED)))
             pressure = max(pressure, float(snapshot.pressure.max()))
             extents.append(painter.extent(snapshot))
-    return replace(painter, stress=stress or 1.0, pressure=pressure), extents
+    if extents and not len(skin.triangles):
+        skin = replace(skin, span=float(np.ptp(union(extents, 0.0), axis=1).max()))
+    return replace(painter, skin=skin, stress=stress or 1.0, pressure=pressure), extents
 
 
 def _painter(result: Result, skin: Skin) -> Painter:
     if skin.dim == 2:
-        body = cast("Solid", result.scene.bodies[0])
+        turned = any(solid.is_axisymmetric for solid in result.scene.solids)
         several = len(result.scene.bodies) > 1
-        return PlanePainter(skin, result.scene.obstacles, body.is_axisymmetric, several=several)
+        return PlanePainter(skin, result.scene.obstacles, turned, several=several)
     return SpacePainter(skin, result.scene.obstacles, Camera.of(result.scene))
 
 
@@ -77,10 +81,7 @@ def body(result: Result) -> Figure | None:
     if result.fields is None:
         return None
     skin = skin_of(result, result.fields)
-    snapshots = [
-        skin.snapshot(layer) for layer in telling_layers(result, 6 if skin.dim == 2 else 4)
-    ]
-    snapshots = [snapshot for snapshot in snapshots if snapshot.is_finite]
+    snapshots = telling_snapshots(result, skin, 6 if skin.dim == 2 else 4)
     if not snapshots:
         return None
     painter, extents = survey(result, skin, snapshots)
@@ -108,7 +109,7 @@ def body(result: Result) -> Figure | None:
     for axes in panels[len(snapshots) :]:
         axes.set_visible(False)
     colours = ScalarMappable(Normalize(0.0, painter.stress), "viridis")
-    figure.colorbar(colours, ax=list(panels), label="von Mises stress [Pa]", shrink=0.9)
+    figure.colorbar(colours, ax=list(panels), label=STRESS, shrink=0.9)
     if maps:
         closed = Skin.of(result.fields, Whole.of_summary(result.summary))
         draw_pressure_maps(
@@ -186,6 +187,43 @@ def telling_layers(result: Result, most: int = 6) -> list[int]:
         wanted = np.array([times[0], *around, times[-1]])
     nearest = np.abs(moments[None] - wanted[:, None]).argmin(axis=1)
     return [int(layer) for layer in np.unique(nearest)]
+
+
+def telling_snapshots(result: Result, skin: Skin, most: int) -> list[Snapshot]:
+    """Snapshots of `telling_layers` that are finite and differ from each other.
+
+    Where two look the same, the later one stays, and another is taken within the longest time that
+    passes between two, if it differs from both.
+    """
+    wanted = telling_layers(result, most)
+    found: list[Snapshot] = []
+    for snapshot in filter(lambda each: each.is_finite, map(skin.snapshot, wanted)):
+        if found and _alike(found[-1], snapshot, skin.size):
+            found.pop()
+        found.append(snapshot)
+    times = skin.fields.times
+    for _ in range(len(wanted) - len(found)):
+        if len(found) < 2:
+            break
+        gap = int(np.argmax(np.diff([snapshot.time for snapshot in found])))
+        middle = 0.5 * (found[gap].time + found[gap + 1].time)
+        between = skin.snapshot(int(np.abs(times - middle).argmin()))
+        if not between.is_finite or any(
+            _alike(between, beside, skin.size) for beside in found[gap : gap + 2]
+        ):
+            break
+        found.insert(gap + 1, between)
+    return found
+
+
+def _alike(one: Snapshot, other: Snapshot, size: float) -> bool:
+    """Whether two pictures would look the same."""
+    if np.abs(one.place - other.place).max() > _SEEN * size:
+        return False
+    for a, b in ((one.von_mises, other.von_mises), (one.pressure, other.pressure)):
+        if np.abs(a - b).max() > _SEEN * max(float(a.max()), float(b.max())):
+            return False
+    return True
 
 
 def _square(window: Floats) -> Floats:

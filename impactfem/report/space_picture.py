@@ -1,4 +1,4 @@
-"""Pictures of a solid in space, projected and shaded here: no display and no VTK is needed."""
+"""Pictures of bodies in space, projected and shaded here: no display and no VTK is needed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from impactfem.contact.distance import translation
 from impactfem.report.skin import Skin, Snapshot, normals, union
+from impactfem.report.slender_picture import reach, slender, widened
 from impactfem.result import Result, Snapshots
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
@@ -105,12 +106,12 @@ class SpacePainter:
 
     def extent(self, snapshot: Snapshot) -> Floats:
         """Range of the body in the picture, shape (2, 2): rows are directions."""
-        flat = self.camera.flat(snapshot.place[self.skin.nodes])
-        return np.stack([flat.min(axis=0), flat.max(axis=0)], axis=1)
+        flat, room = self.camera.flat(snapshot.place[self.skin.nodes]), reach(self.skin)
+        return np.stack([(flat - room).min(axis=0), (flat + room).max(axis=0)], axis=1)
 
     def window(self, extents: Sequence[Floats]) -> Floats:
         """Range of the picture that shows the body in some snapshots, shape (2, 2)."""
-        return union(extents, 0.15 * self.skin.size)
+        return widened(union(extents, 0.15 * self.skin.size), self.skin)
 
     def prepare(self, axes: Axes, window: Floats, time: float) -> list[Artist]:
         """Set the frame; returns what lies above the body: directions and scale."""
@@ -148,9 +149,12 @@ class SpacePainter:
         shown, tint = np.concatenate(faces), np.concatenate(colours)
         front = _unit_normals(shown) @ self.camera.towards > 0.0
         shown, tint = shown[front], tint[front]
-        order = np.argsort(shown.mean(axis=1) @ self.camera.towards, kind="stable")
+        discs, discs_tint, nodes = slender(self.skin, self.camera.flat(snapshot.place))
+        polygons = [*self.camera.flat(shown), *discs]
+        near = np.concatenate([shown.mean(axis=1), snapshot.place[nodes]]) @ self.camera.towards
+        order, tint = np.argsort(near, kind="stable"), np.concatenate([tint, discs_tint])
         body = PolyCollection(
-            list(self.camera.flat(shown[order])), facecolors=tint[order], edgecolors="face",
+            [polygons[k] for k in order], facecolors=tint[order], edgecolors="face",
             linewidths=0.5, zorder=2, rasterized=True,
         )  # fmt: skip
         axes.add_collection(body, autolim=False)

@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 from impactfem.contact.distance import on_a_line
 from impactfem.report.phase import phase_curve
 from impactfem.report.sheet import Sheet
+from impactfem.report.slender_picture import COLOURS
 from impactfem.result import Result
 from impactfem.scene import HalfSpace, Point, RigidCylinder, RigidSphere
 
 Floats = NDArray[np.float64]
-
-COLOURS = ("#0b559f", "#d95f02", "#1b7837", "#7b3294", "#b2182b", "0.3")
-"""Colours of bodies and constraints."""
 
 _MAX_DOTS = 2000
 _MAX_CURVES = 8

@@ -66,7 +66,7 @@ class Fields(Snapshots):
         """Some fields of a layer as vectors; see `Snapshots.read`."""
         return {name: as_vectors(getattr(self, name)[layer, :, None]) for name in names or MOTION}
 
-    def over_time(self, name: str, body: str | None = None) -> NDArray[Any]:
+    def over_time(self, name: str, body: str | slice | None = None) -> NDArray[Any]:
         """A field at all layers as vectors; see `Snapshots.over_time`."""
         return as_vectors(getattr(self, name)[:, self.nodes(body), None])
 

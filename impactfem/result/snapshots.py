@@ -53,12 +53,12 @@ class Snapshots(ABC):
         """
 
     @abstractmethod
-    def over_time(self, name: str, body: str | None = None) -> NDArray[Any]:
+    def over_time(self, name: str, body: str | slice | None = None) -> NDArray[Any]:
         """A field at all layers, in memory.
 
         Args:
             name: As in `point_data`.
-            body: At the nodes of this one only.
+            body: At its nodes, or at a slice of all nodes only.
 
         Returns:
             Shape (layers, nodes) or (layers, nodes, 3).
@@ -115,12 +115,14 @@ class Snapshots(ABC):
         """Number of layers."""
         return len(self.times)
 
-    def nodes(self, body: str | None) -> slice:
-        """Nodes of a body, of all if None.
+    def nodes(self, body: str | slice | None) -> slice:
+        """Nodes of a body, of all if None; a slice is given back.
 
         Raises:
             SceneError: There is no such body.
         """
+        if isinstance(body, slice):
+            return body
         layout = self.layout
         if body is None:
             return slice(0, int(layout.starts[-1]))
@@ -192,7 +194,7 @@ class KeptSnapshots(Snapshots):
         """Some fields of a layer; see `Snapshots.read`."""
         return {name: self.values[name][layer] for name in names or self.values}
 
-    def over_time(self, name: str, body: str | None = None) -> NDArray[Any]:
+    def over_time(self, name: str, body: str | slice | None = None) -> NDArray[Any]:
         """A field at all layers; see `Snapshots.over_time`."""
         return self.values[name][:, self.nodes(body)]
 

@@ -91,7 +91,7 @@ class StoredSnapshots(Snapshots):
             data = file["VTKHDF/PointData"]
             return {name: data[name][first:last] for name in names or self.point_data}
 
-    def over_time(self, name: str, body: str | None = None) -> NDArray[Any]:
+    def over_time(self, name: str, body: str | slice | None = None) -> NDArray[Any]:
         """A field at all layers; see `Snapshots.over_time`."""
         own, count = self.nodes(body), self.num_points
         with h5py.File(self.path, "r") as file:

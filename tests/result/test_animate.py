@@ -6,15 +6,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from matplotlib.animation import FuncAnimation
+from matplotlib.collections import PolyCollection
 from PIL import Image
 
 import impactfem
 from impactfem.errors import MissingDependencyError, OutputError, SceneError
 from impactfem.report.animation import film_if_any
 from impactfem.report.axis_film import axis_reel
-from impactfem.report.bar_film import bar_reel
-from impactfem.report.point_film import point_reel
-from impactfem.report.solid_film import even_moments
+from impactfem.report.body_film import body_reel
+from impactfem.report.film import even_moments
+from impactfem.report.line_film import line_reel
 from impactfem.shipped import shipped_scenes
 
 
@@ -97,7 +98,7 @@ def test_a_film_saved_by_matplotlib_is_the_same_motion(tmp_path):
 
 def test_bars_are_where_their_nodes_are():
     result = solved("bar_impact_between")
-    reel = bar_reel(result, result.fields, 9)
+    reel = line_reel(result, result.fields, 9)
     for moment, time in enumerate(reel.times):
         layer = int(np.abs(result.fields.times - time).argmin())
         place = result.fields.positions + result.fields.displacement[layer]
@@ -109,7 +110,7 @@ def test_bars_are_where_their_nodes_are():
 
 def test_bars_of_a_row_keep_apart_and_touch_in_the_picture():
     result = solved("two_bars")
-    reel = bar_reel(result, result.fields, 31)
+    reel = line_reel(result, result.fields, 31)
     second = reel.first[1]
     gap = reel.near[:, second] - reel.far[:, second - 1]
     pair = np.interp(reel.times, result.history["time"], result.history["gap.short.long"])
@@ -118,16 +119,25 @@ def test_bars_of_a_row_keep_apart_and_touch_in_the_picture():
 
 def test_points_are_where_the_history_says():
     result = points_run(2)
-    reel = point_reel(result, 7)
-    for moment in range(reel.count):
-        reel.show(moment)
-        row = reel.rows[moment]
-        x, y = reel.dots[0].get_data()
-        assert (x[0], y[0]) == (result.history["ball.x"][row], result.history["ball.y"][row])
-        assert reel.balls[0].get_center() == (x[0], y[0])
-        assert reel.trails[0].get_data()[1][-1] == y[0]
-        time = float(result.history["time"][row])
+    reel = body_reel(result, result.fields, 7)
+    for moment, layer in enumerate(reel.layers):
+        artists = reel.show(moment)
+        time = float(result.fields.times[layer])
+        row = int(np.abs(result.history["time"].values - time).argmin())
+        place = np.array([result.history[f"ball.{c}"].values[row] for c in "xy"])
+        (ball,) = (a for a in artists if isinstance(a, PolyCollection) and a.get_zorder() == 2.5)
+        disc = ball.get_paths()[0].vertices[:-1]
+        assert np.allclose(np.hypot.reduce(disc - place, axis=1), 0.05)
+        assert np.allclose(reel.trails.get_segments()[0][-1], place)
         assert list(reel.now.get_xdata()) == [time, time]
+
+
+def test_points_on_a_line_are_as_wide_as_they_are():
+    result = points_run(1)
+    reel = line_reel(result, result.fields, 7)
+    assert np.allclose(reel.far - reel.near, 0.1)
+    layers = even_moments(result.fields.times, 7)
+    assert np.allclose(reel.near[:, 0], result.fields.places("ball")[layers, 0, 0] - 0.05)
 
 
 def test_ends_of_a_rod_are_as_far_from_the_floor_as_its_gaps_say():

@@ -1,4 +1,4 @@
-"""The motion of solids for a film: stress in colours, with the contact force beside it."""
+"""The motion of bodies in the plane or in space for a film, with a curve beside it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -7,36 +7,44 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from numpy.typing import NDArray
 
-from impactfem.report.film import force_beside, tell_time
+from impactfem.report.film import cursor, even_moments, force_beside, tell_time
 from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin
-from impactfem.report.solid_figures import FLAT, Painter, survey
-from impactfem.report.space_picture import skin_of
+from impactfem.report.slender_picture import COLOURS, tracks
+from impactfem.report.solid_figures import FLAT, STRESS, Painter, survey
+from impactfem.report.space_picture import SpacePainter, skin_of
+from impactfem.report.vibro_figures import gaps
 from impactfem.result import Result, Snapshots
+
+Floats = NDArray[np.float64]
 
 _MOST, _LEAST = 60, 12  # frames
 _TRIANGLES = 600_000  # drawn in all frames together: some seconds
+_TRACK = 0.15  # share of the duration that the track of a point is long
 
 
 @dataclass(frozen=True)
-class SolidReel:
-    """The deformed body at some layers.
+class BodyReel:
+    """The bodies at some layers.
 
     Attributes:
-        figure: With the panel of the body and that of the force.
+        figure: With the panel of the bodies and a curve.
         layers: Layers of the fields, shape (moments,).
-        skin: Skin of the body.
-        painter: Draws it.
-        panel: Where it is drawn.
-        above: What stays above it.
+        skin: What is seen of the bodies.
+        painter: Draws them.
+        panel: Where they are drawn.
+        above: What stays above them.
         clock: Says the time.
         now: Marks the time.
+        ways: Where points are in the picture at all layers [m], (layers, points, 2).
+        trails: Their tracks as drawn.
         drawn: What the last moment drew.
     """
 
@@ -48,6 +56,8 @@ class SolidReel:
     above: Sequence[Artist]
     clock: Text
     now: Line2D
+    ways: Floats
+    trails: LineCollection
     drawn: list[Artist] = field(default_factory=list)
 
     @property
@@ -65,12 +75,13 @@ class SolidReel:
             self.drawn.extend(self.painter.draw(self.panel, snapshot))
         for artist in self.drawn:
             artist.set_animated(True)
+        self.trails.set_segments(tracks(self.skin.fields.times, self.ways, snapshot.time, _TRACK))
         told = tell_time(self.clock, self.now, snapshot.time)
-        return [*self.drawn, *self.above, *told]
+        return [*self.drawn, self.trails, *self.above, *told]
 
 
-def solid_reel(result: Result, fields: Snapshots, frames: int | None) -> SolidReel | None:
-    """The reel of solids.
+def body_reel(result: Result, fields: Snapshots, frames: int | None) -> BodyReel | None:
+    """The reel of bodies in the plane or in space, true to scale.
 
     Args:
         result: The result.
@@ -95,28 +106,43 @@ def solid_reel(result: Result, fields: Snapshots, frames: int | None) -> SolidRe
     else:
         left, right = figure.subplots(1, 2, width_ratios=[1.3, 1.0])
     above = painter.prepare(left, window, float(fields.times[layers[0]]))
-    colours = ScalarMappable(Normalize(0.0, painter.stress), "viridis")
-    figure.colorbar(colours, ax=left, label="von Mises stress [Pa]", shrink=0.9)
-    now = force_beside(right, result)
+    if len(skin.triangles):
+        colours = ScalarMappable(Normalize(0.0, painter.stress), "viridis")
+        figure.colorbar(colours, ax=left, label=STRESS, shrink=0.9)
+    now = _beside(right, result)
     figure.suptitle(result.scene.title, fontsize=11)
     clock = left.text(0.02, 0.98, "", transform=left.transAxes, va="top", zorder=5, fontsize=9)
-    for artist in (*above, clock):
+    ways = _ways(skin, painter)
+    tints = [COLOURS[k % len(COLOURS)] for k in skin.bodies[skin.balls]]
+    trails = LineCollection([], colors=tints or "none", linewidths=1.2, alpha=0.6, zorder=4)
+    left.add_collection(trails, autolim=False)
+    for artist in (*above, clock, trails):
         artist.set_animated(True)
-    return SolidReel(figure, layers, skin, painter, left, above, clock, now)
+    return BodyReel(figure, layers, painter.skin, painter, left, above, clock, now, ways, trails)
 
 
-def even_moments(times: NDArray[np.float64], frames: int) -> NDArray[np.int64]:
-    """Layers at about equal distances in time, at most so many."""
-    wanted = np.linspace(times[0], times[-1], min(frames, len(times)))
-    after = np.clip(np.searchsorted(times, wanted), 1, max(1, len(times) - 1))
-    before = after - 1
-    after = np.minimum(after, len(times) - 1)
-    nearer = wanted - times[before] <= times[after] - wanted
-    return np.unique(np.where(nearer, before, after))
+def _beside(axes: Axes, result: Result) -> Line2D:
+    """The curve beside the motion: the force, or the gaps where contact is by impacts."""
+    if result.impacts is None or result.rows["contact_force"].values.any():
+        return force_beside(axes, result)
+    gaps(axes, result)
+    axes.set_title("")
+    return cursor(axes)
+
+
+def _ways(skin: Skin, painter: Painter) -> Floats:
+    """Where points are in the picture at all layers [m], shape (layers, points, 2)."""
+    if not len(skin.balls):
+        return np.empty((len(skin.fields), 0, 2))
+    own = skin.balls[skin.balls < len(skin.points) >> len(skin.mirrors)]
+    first, last = int(own.min()), int(own.max()) + 1
+    moved = skin.fields.over_time("displacement", slice(first, last))[:, own - first]
+    places = skin.points[own] + moved
+    return painter.camera.flat(places) if isinstance(painter, SpacePainter) else places[:, :, :2]
 
 
 def _size(aspect: float) -> tuple[float, float]:
-    """Size of a frame [inches] in which the body's panel fits its height over width."""
+    """Size of a frame [inches] in which the bodies' panel fits its height over width."""
     if aspect < FLAT:
         return 8.0, 4.2 + 6.0 * aspect
     return 9.0, float(np.clip(4.0 * aspect + 1.0, 3.2, 6.0))

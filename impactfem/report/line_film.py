@@ -1,0 +1,225 @@
+"""The motion of bars and points on a line for a film, with the force or the paths below."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+from numpy.typing import NDArray
+
+from impactfem.contact.distance import on_a_line
+from impactfem.report.bar_row_figures import magnified
+from impactfem.report.film import cursor, even_moments, force_beside, tell_time
+from impactfem.report.sheet import Sheet
+from impactfem.report.slender_picture import COLOURS
+from impactfem.report.vibro_figures import motion
+from impactfem.result import Fields, Result, Snapshots
+
+Floats = NDArray[np.float64]
+Nodes = NDArray[np.int64]
+
+_FRAMES = 60
+_PIECES = 400  # coloured pieces of all bars together
+_COLOURED = 0.99  # share of the stresses within the colours
+_ROOM = 0.08  # share of the extent that is left free around points
+_DOT = 0.01  # of the extent: radius of points that have none
+
+
+@dataclass(frozen=True)
+class LineReel:
+    """Bars or points on their line at some layers.
+
+    Attributes:
+        figure: With the panel of the bodies and a curve.
+        times: [s], shape (moments,).
+        near, far: Places of the ends of the pieces in the picture [m], (moments, pieces).
+        first: First piece of each body, shape (bodies,).
+        pieces: The pieces as drawn.
+        outlines: The outlines of the bodies.
+        walls: Draws the obstacles that move at a time, and returns them.
+        clock: Says the time.
+        now: Marks the time.
+        stress: Stress of the pieces of bars, tension positive [Pa], (moments, pieces).
+        drawn: Obstacles of the last moment.
+    """
+
+    figure: Figure
+    times: Floats
+    near: Floats
+    far: Floats
+    first: Nodes
+    pieces: PolyCollection
+    outlines: LineCollection
+    walls: Callable[[float], Sequence[Artist]]
+    clock: Text
+    now: Line2D
+    stress: Floats | None = None
+    drawn: list[Artist] = field(default_factory=list)
+
+    @property
+    def count(self) -> int:
+        """Number of moments."""
+        return len(self.times)
+
+    def show(self, moment: int) -> Sequence[Artist]:
+        """Let the figure show a layer; returns what moves, from the back to the front."""
+        a, b, time = self.near[moment], self.far[moment], float(self.times[moment])
+        for artist in self.drawn:
+            artist.remove()
+        self.drawn[:] = self.walls(time)
+        for artist in self.drawn:
+            artist.set_animated(True)
+        self.pieces.set_verts(_boxes(a, b))
+        if self.stress is not None:
+            self.pieces.set_array(self.stress[moment])
+        ends = a[self.first], b[np.append(self.first[1:], len(b)) - 1]
+        self.outlines.set_segments(_boxes(*ends)[:, [0, 1, 2, 3, 0]])
+        told = tell_time(self.clock, self.now, time)
+        return [*self.drawn, self.pieces, self.outlines, *told]
+
+
+def line_reel(result: Result, fields: Snapshots, frames: int | None) -> LineReel | None:
+    """The reel of bars, or of points on a line.
+
+    Args:
+        result: The result.
+        fields: Its fields.
+        frames: Number of moments at most; 60 if None.
+
+    Returns:
+        None if the motion is not finite.
+    """
+    moments = even_moments(fields.times, frames or _FRAMES)
+    if isinstance(fields, Fields):
+        return _bars(result, fields, moments)
+    return _points(result, fields, moments)
+
+
+def _bars(result: Result, fields: Fields, moments: Nodes) -> LineReel | None:
+    """Stress in colours; motion and gaps of stiff bars are magnified, as in their world lines."""
+    if not np.isfinite(fields.displacement[moments]).all():
+        return None
+    near, far, moduli, first = _pieces(result, fields)
+    place, factor = magnified(fields, moments)
+    u, x = fields.displacement[moments], fields.positions
+    stress = moduli * (u[:, far] - u[:, near]) / (x[far] - x[near])
+    figure, above, below = _sheet(result)
+    wall = bool(result.scene.obstacles)
+    low, high = float(place.min()), float(place.max())
+    room = 0.04 * (high - low)
+    low = min(low, 0.0) if wall else low
+    above.set_xlim(low - room, high + room)
+    if factor > 1.0:
+        text = f"motion and gaps magnified {factor:g} times"
+        above.text(0.01, 0.95, text, transform=above.transAxes, va="top", fontsize=9)
+    if wall:
+        above.axvspan(low - room, 0.0, color="0.45", alpha=0.5, hatch="//", linewidth=0)
+    # A spot, as the edge of a wave, shall not spoil the colours.
+    most = float(np.quantile(np.abs(stress).max(axis=1), _COLOURED)) or 1.0
+    pieces = PolyCollection(
+        [], cmap="coolwarm", norm=Normalize(-most, most), linewidths=0, antialiaseds=False
+    )
+    figure.colorbar(pieces, ax=above, label="stress [Pa]", aspect=8)
+    ends = place[:, near], place[:, far]
+    return _reel(figure, fields.times[moments], ends, first, pieces, _none, stress,
+                 (above, force_beside(below, result)))  # fmt: skip
+
+
+def _points(result: Result, fields: Snapshots, moments: Nodes) -> LineReel | None:
+    """Points as wide as they are, with the obstacles and the paths of all below."""
+    places = fields.places()[moments, :, 0]
+    if not np.isfinite(places).all():
+        return None
+    figure, above, below = _sheet(result)
+    radius = fields.layout.radius
+    low, high = float((places - radius).min()), float((places + radius).max())
+    extent = max(high - low, 1e-12)
+    above.set_xlim(low - _ROOM * extent, high + _ROOM * extent)
+    half = np.where(radius > 0.0, radius, _DOT * extent)
+    tints = [COLOURS[k % len(COLOURS)] for k in range(len(half))]
+    pieces = PolyCollection([], facecolors=tints, linewidths=0)
+    stay = [entry for entry in result.scene.rigid_obstacles if entry.motion is None]
+    move = [entry for entry in result.scene.rigid_obstacles if entry.motion is not None]
+    _walls(above, stay, 0.0)
+    motion(below, result)
+    below.set_title("")
+    ends = places - half, places + half
+    return _reel(figure, fields.times[moments], ends, np.arange(len(half)), pieces,
+                 lambda time: _walls(above, move, time), None, (above, cursor(below)))  # fmt: skip
+
+
+def _sheet(result: Result) -> tuple[Figure, Axes, Axes]:
+    figure = Sheet(8.0, 4.0, dpi=90)
+    above, below = figure.subplots(2, 1, height_ratios=[0.8, 1.0])
+    above.set_ylim(-2.2, 2.2)
+    above.set_yticks([])
+    above.set_xlabel("x [m]")
+    figure.suptitle(result.scene.title, fontsize=11)
+    return figure, above, below
+
+
+def _reel(
+    figure: Figure,
+    times: Floats,
+    ends: tuple[Floats, Floats],
+    first: Nodes,
+    pieces: PolyCollection,
+    walls: Callable[[float], Sequence[Artist]],
+    stress: Floats | None,
+    panel_and_now: tuple[Axes, Line2D],
+) -> LineReel:
+    panel, now = panel_and_now
+    outlines = LineCollection([], colors="0.25", linewidths=0.8)
+    for drawn in (pieces, outlines):
+        drawn.set_animated(True)
+        panel.add_collection(drawn, autolim=False)
+    clock = panel.text(0.99, 0.95, "", transform=panel.transAxes, ha="right", va="top", fontsize=9)
+    clock.set_animated(True)
+    return LineReel(figure, times, *ends, first, pieces, outlines, walls, clock, now, stress)
+
+
+def _none(_: float) -> Sequence[Artist]:
+    return []
+
+
+def _walls(axes: Axes, obstacles: Sequence[Any], time: float) -> list[Artist]:
+    """Obstacles on a line, as areas on their side."""
+    artists: list[Artist] = []
+    low, high = axes.get_xlim()
+    for obstacle in obstacles:
+        where, side = on_a_line(obstacle, np.array([time]))
+        place = float(where[0])
+        begin, end = (low, place) if side > 0.0 else (place, high)
+        if end > begin:
+            artists.append(axes.axvspan(begin, end, color="0.80", linewidth=0, zorder=0.3))
+        artists.append(axes.axvline(place, color="0.25", linewidth=1.5, zorder=0.4))
+    axes.set_xlim(low, high)
+    return artists
+
+
+def _boxes(near: Floats, far: Floats) -> Any:
+    """Corners of boxes between two ends each, shape (boxes, 4, 2): the types know no arrays."""
+    across = np.broadcast_to([-1.0, -1.0, 1.0, 1.0], (len(near), 4))
+    return np.stack([np.column_stack([near, far, far, near]), across], axis=2)
+
+
+def _pieces(result: Result, fields: Fields) -> tuple[Nodes, Nodes, Floats, Nodes]:
+    """First and last nodes of the pieces, Young's moduli [Pa], and the first piece of each bar."""
+    counts = fields.counts or (len(fields.positions),)
+    starts = np.cumsum([0, *counts])
+    most = max(2, _PIECES // len(counts))
+    near, far, moduli = [], [], []
+    for k, bar in enumerate(result.scene.bars):
+        nodes = np.linspace(starts[k], starts[k + 1] - 1, min(counts[k], most + 1)).astype(int)
+        near.append(nodes[:-1])
+        far.append(nodes[1:])
+        moduli.append(np.full(len(nodes) - 1, bar.youngs_modulus))
+    first = np.cumsum([0, *(len(part) for part in near[:-1])])
+    return np.concatenate(near), np.concatenate(far), np.concatenate(moduli), first

@@ -1,0 +1,94 @@
+"""Points, rods and beams in pictures: discs and bands, seen along any direction."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.colors import to_rgba
+from numpy.typing import NDArray
+
+from impactfem.report.skin import Skin
+
+Floats = NDArray[np.float64]
+
+COLOURS = ("#0b559f", "#d95f02", "#1b7837", "#7b3294", "#b2182b", "0.3")
+"""Colours of bodies and constraints."""
+
+_DOT, _BAND = 0.012, 0.004  # radius of points and of lines that have none, as shares of the size
+_NARROWEST = 0.4  # share of its longer side that a picture of points is wide or high at least
+_ARC = np.linspace(0.0, 2.0 * np.pi, 33)[:-1]
+_CIRCLE = np.stack([np.cos(_ARC), np.sin(_ARC)], axis=1)
+_LIGHT, _HIGHLIGHT = np.array([-0.3, 0.35]), 0.45  # middle and radius of a spot on a ball
+
+
+def slender(skin: Skin, flat: Floats) -> tuple[list[Floats], Floats, NDArray[np.int64]]:
+    """Outlines of all points and lines.
+
+    Args:
+        skin: Of the bodies.
+        flat: Where the nodes are in the picture [m], shape (nodes, 2).
+
+    Returns:
+        Polygons (corners, 2), their colours (polygons, 4), and a node of each that says how near
+        it is.
+    """
+    polygons: list[Floats] = []
+    colours, nodes = [np.empty((0, 4))], [np.empty(0, dtype=np.int64)]
+    tints = np.array([to_rgba(COLOURS[k % len(COLOURS)]) for k in range(len(skin.names))])
+    for a, b in skin.lines:
+        along = flat[b] - flat[a]
+        across = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-300)
+        for half, tint in _bands(skin, int(a), tints[skin.bodies[a]]):
+            ends = half * across
+            polygons.append(
+                np.array([flat[a] - ends, flat[b] - ends, flat[b] + ends, flat[a] + ends])
+            )
+            colours.append(tint[None])
+            nodes.append(np.array([a]))
+    for node in skin.balls:
+        radius = float(skin.radius[node]) or _DOT * skin.size
+        tint = tints[skin.bodies[node]]
+        pale = np.append(0.55 * tint[:3] + 0.45, 1.0)
+        polygons += [
+            flat[node] + radius * _CIRCLE, flat[node] + radius * (_LIGHT + _HIGHLIGHT * _CIRCLE)
+        ]  # fmt: skip
+        colours.append(np.stack([tint, pale]))
+        nodes.append(np.array([node, node]))
+    return polygons, np.concatenate(colours), np.concatenate(nodes)
+
+
+def _bands(skin: Skin, node: int, tint: Floats) -> Sequence[tuple[float, Floats]]:
+    """Half widths and colours of what a line is drawn with: its thickness, pale, and its axis."""
+    axis = (_BAND * skin.size, tint)
+    pale = np.append(0.4 * tint[:3] + 0.6, 1.0)
+    return [(float(skin.radius[node]), pale), axis] if skin.radius[node] > 0.0 else [axis]
+
+
+def reach(skin: Skin) -> Floats:
+    """How far what is drawn of each seen node reaches [m], shape (seen, 1)."""
+    return skin.radius[skin.nodes][:, None]
+
+
+def widened(window: Floats, skin: Skin) -> Floats:
+    """A window that is not too narrow where points move along a line, shape (2, 2)."""
+    if len(skin.triangles):
+        return window
+    extent = np.ptp(window, axis=1)
+    spread = 0.5 * np.maximum(_NARROWEST * extent.max() - extent, 0.0)
+    return np.asarray(window + np.stack([-spread, spread], axis=1))
+
+
+def tracks(times: Floats, places: Floats, time: float, share: float) -> list[Floats]:
+    """Where points have been shortly before a time.
+
+    Args:
+        times: [s], shape (layers,).
+        places: In the picture [m], shape (layers, points, 2).
+        time: [s].
+        share: Of the duration, that a track is long.
+
+    Returns:
+        A line for each point, shape (layers shown, 2).
+    """
+    last = int(np.searchsorted(times, time, side="right"))
+    first = int(np.searchsorted(times, time - share * (times[-1] - times[0])))
+    return [places[first:last, k] for k in range(places.shape[1])]
