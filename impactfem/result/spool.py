@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from impactfem.errors import OutputError
 from impactfem.hdf5 import h5py
-from impactfem.result.killed_files import mend
 from impactfem.result.shapes import FLAGS, MOTION, Layout, Shape, as_vectors
 from impactfem.result.store import reserve
 from impactfem.signals import held_back
@@ -96,8 +95,8 @@ class FieldSpool:
         """
         path = Path(path)
         try:
-            mend(path)
-            with h5py.File(path, "r") as file:
+            # As one of many readers: of a killed run the file still says that it has a writer.
+            with h5py.File(path, "r", swmr=True) as file:
                 root = file["VTKHDF"]
                 data = {name: root["PointData"][name] for name in fields_of(file)}
                 there = int(root["Steps"].attrs["NSteps"])

@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 from trouble_process import environment
 
+from impactfem.errors import OutputError
 from impactfem.result import FieldSpool, Shape, StoredSnapshots
-from impactfem.result.killed_files import mend
 
 NODES = 4
 
 WRITER = """
 import sys
 import numpy as np
+from impactfem.errors import OutputError
 from impactfem.result import FieldSpool, Shape
 shape = Shape("body", np.zeros((4, 2)), [[0, 1, 2], [1, 2, 3]], 5)
 spool = FieldSpool(sys.argv[1], [shape], {"u": 3, "gap": 1})
@@ -60,27 +61,23 @@ def test_what_was_appended_before_a_kill_is_found(tmp_path, lines):
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 
-def test_the_first_block_is_as_the_library_writes_it(tmp_path):
-    """The checksum is that of HDF5: a file that is told to be closed equals one that was closed."""
-    path, copy = tmp_path / "a.h5", tmp_path / "b.h5"
-    with h5py.File(path, "w", libver=("v110", "v110")) as file:
+@pytest.mark.parametrize("libver", ["earliest", "latest"])
+def test_files_of_others_are_refused_and_left_alone(tmp_path, libver):
+    path = tmp_path / "a.vtkhdf"
+    with h5py.File(path, "w", libver=libver) as file:
         file["x"] = np.arange(5)
-        file.swmr_mode = True
-        file.flush()
-        copy.write_bytes(path.read_bytes())
-        with pytest.raises(OSError, match="already open"):
-            h5py.File(copy, "r")
-    mend(copy)
-    assert copy.read_bytes()[:48] == path.read_bytes()[:48]
-    with h5py.File(copy, "r") as file:
-        assert file["x"][:].tolist() == [0, 1, 2, 3, 4]
+    before = path.read_bytes()
+    with pytest.raises(OutputError, match=r"a\.vtkhdf"):
+        FieldSpool.reopen(path)
+    assert path.read_bytes() == before
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89HDF", b"\x89HDF\r\n\x1a\n" + bytes(60), b"x" * 99])
-def test_other_files_are_left_alone(tmp_path, content):
+def test_what_is_no_file_of_fields_is_left_alone(tmp_path, content):
     path = tmp_path / "a"
     path.write_bytes(content)
-    mend(path)
+    with pytest.raises(OutputError):
+        FieldSpool.reopen(path)
     assert path.read_bytes() == content
 
 
