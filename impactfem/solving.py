@@ -26,6 +26,7 @@ from impactfem.runs.bars import RUNNERS
 from impactfem.runs.error_estimate import estimate_error
 from impactfem.runs.forces import bar_window
 from impactfem.runs.line_bodies import bar_figures
+from impactfem.runs.line_probes import bar_probes, check_bar_probes, every_level, thinned
 from impactfem.runs.summary import Cost, summarise
 from impactfem.scene import Scene
 
@@ -98,7 +99,12 @@ def _solve(
 
 def _solve_bar(scene: Scene, chosen: Plan, progress: Progress) -> Result:
     start = time.perf_counter()
-    motion = RUNNERS[METHODS[chosen.method].family](scene, chosen, progress)
+    check_bar_probes(scene)
+    motion = RUNNERS[METHODS[chosen.method].family](every_level(scene), chosen, progress)
+    probes = {}
+    if scene.probes:
+        probes = bar_probes(scene, [motion.positions], [motion.displacement], [motion.velocity])
+        motion = thinned(motion, scene.output.every)
     wall_time = time.perf_counter() - start
     progress.step("measuring the error")
     bar, end = scene.bar, float(motion.times[-1])
@@ -107,7 +113,7 @@ def _solve_bar(scene: Scene, chosen: Plan, progress: Progress) -> Result:
     if motion.is_finite:
         is_exact = chosen.method == "exact"
         errors = rounding_of_exact(scene) if is_exact else measure(motion, exact)
-    history = bar_history(motion, bar, scene.obstacles[0].name)
+    history = bar_history(motion, bar, scene.obstacles[0].name, probes)
     window = bar_window(chosen.method, motion, bar.wave_speed)
     bodies = {bar.name: bar_figures(bar, motion.positions, motion.displacement)}
     effort = replace(motion.effort, force_window=window, bodies=bodies)
@@ -134,7 +140,12 @@ def _grown(chosen: Plan | BarRowPlan, effort: Effort, errors: Errors | None) -> 
 
 def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Result:
     start = time.perf_counter()
-    motion = run_bar_row(scene, chosen, progress)
+    check_bar_probes(scene)
+    motion = run_bar_row(every_level(scene), chosen, progress)
+    probes = {}
+    if scene.probes:
+        probes = bar_probes(scene, motion.positions, motion.displacement, motion.velocity)
+        motion = thinned(motion, scene.output.every)
     wall_time = time.perf_counter() - start
     progress.step("measuring the error")
     end = max(scene.duration, float(motion.times[-1]))
@@ -149,7 +160,7 @@ def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Resu
         for bar, x, u in zip(scene.bars, motion.positions, motion.displacement, strict=True)
     }
     effort = _grown(chosen, replace(motion.effort, bodies=bodies), errors)
-    history = row_history(motion, scene.bars)
+    history = row_history(motion, scene.bars, probes)
     summary = summarise(scene, chosen, history, effort, errors, _cost(wall_time))
     summary["contact"] |= contact_figures(motion, exact if chosen.method == "exact" else None)
     settings = replace(scene.solve, method=chosen.method, elements=chosen.longest)

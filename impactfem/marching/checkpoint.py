@@ -29,6 +29,7 @@ _BROKEN = (
     OSError, ValueError, LookupError, TypeError, AttributeError, EOFError, NotImplementedError,
     SyntaxError, MemoryError, zipfile.BadZipFile, zlib.error, struct.error,
 )  # fmt: skip
+_SUMMED = ("sums", "probes")  # rows to which each rank adds its part
 _OWN = frozenset({"scene", "body", "layer", "dt"})
 
 
@@ -78,7 +79,8 @@ class Checkpoints:
         done = march.layer + 1
         for entry in fields(march.rows):
             data[f"rows.{entry.name}"] = getattr(march.rows, entry.name)[:done]
-        data["rows.sums"] = total(self._comm, march.rows.sums[:done])
+        for name in _SUMMED:
+            data[f"rows.{name}"] = total(self._comm, getattr(march.rows, name)[:done])
         on_root(self._comm, lambda: self._write(data))
 
     def _write(self, data: dict[str, Any]) -> None:
@@ -140,7 +142,8 @@ class Checkpoints:
         for entry in fields(march.rows):
             getattr(march.rows, entry.name)[: layer + 1] = data[f"rows.{entry.name}"]
         if self._comm.rank != 0:  # the sums of all ranks: only once
-            march.rows.sums[: layer + 1] = 0.0
+            for name in _SUMMED:
+                getattr(march.rows, name)[: layer + 1] = 0.0
         march.restore(state, memory, data["asked.nodes"], layer)
         return {
             name: value.item()

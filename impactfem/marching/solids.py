@@ -78,6 +78,7 @@ class Rows:
             the normal turned by -90 degrees, in space a vector, (rows, pairs, 1 or 3); else empty.
         slip: Way slid in the layer [m], the mean over the gaps by their normal force; in the plane
             with the same sign, in space its length, (rows, pairs); without friction empty.
+        probes: What this rank adds to the columns of probes, (rows, columns).
     """
 
     sums: Floats
@@ -93,6 +94,7 @@ class Rows:
     pair_gap: Floats
     tangential: Floats
     slip: Floats
+    probes: Floats
 
     @classmethod
     def empty(cls, rows: int, bodies: int, dim: int, pairs: int, *, friction: bool) -> "Rows":
@@ -106,7 +108,7 @@ class Rows:
         return cls(
             sums, gap, force, contact_energy, obstacle_work, friction_work, largest, active,
             iterations, pair_force, pair_gap, np.zeros((rows, rubbing, turns)),
-            np.zeros((rows, rubbing)),
+            np.zeros((rows, rubbing)), np.zeros((rows, 0)),
         )  # fmt: skip
 
     def first(self, count: int) -> "Rows":
@@ -115,7 +117,7 @@ class Rows:
 
     def times(self, factor: int) -> "Rows":
         """Those of so many bodies that move alike; gaps and counts are the same."""
-        counts = {"gap", "active", "iterations", "pair_gap", "slip"}
+        counts = {"gap", "active", "iterations", "pair_gap", "slip", "probes"}
         return Rows(
             *(
                 getattr(self, entry.name) * (1 if entry.name in counts else factor)

@@ -23,7 +23,9 @@ from impactfem.models.solid_contact import contact_of, reach_of
 from impactfem.scene import Scene, Solid
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.pairing import named_body_pairs, obstacles_of
+from impactfem.scene.probes import Probe, outside
 from impactfem.system.elastic import ElasticSystem, elastic_system
+from impactfem.system.located import Located, locate
 from impactfem.system.surface import SurfaceNodes
 
 Floats = NDArray[np.float64]
@@ -134,6 +136,24 @@ class SolidsModel:
             )
             if pair is not None:
                 found.append(pair)
+        return tuple(found)
+
+    @cached_property
+    def probes(self) -> tuple[tuple[Probe, int, Located], ...]:
+        """The probes of the scene, the place of each one's body and where in it they are.
+
+        Raises:
+            SceneError: One is outside its body (collective).
+        """
+        names = [part.solid.name for part in self.parts]
+        found = []
+        for index, probe in enumerate(self.scene.probes):
+            body = names.index(probe.body)
+            part = self.parts[body]
+            located = locate(part.system, part.solid, np.asarray(probe.point, dtype=float))
+            if not isinstance(located, Located):
+                raise outside(index, probe, located)
+            found.append((probe, body, located))
         return tuple(found)
 
     def _check_apart(self, a: int, b: int) -> None:

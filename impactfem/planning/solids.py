@@ -157,6 +157,9 @@ def plan_solids(scene: Scene) -> SolidPlan:
         scene, solids, [min(extents) for _, extents in found],
         any(is_curved(part.mesh) for part in model.parts), cost, reasons,
     )  # fmt: skip
+    if model.probes:
+        told = (f"{probe.name} in {probe.body}" for probe, *_ in model.probes)
+        reasons["probes"] = f"in every layer: {', '.join(told)}"
     return SolidPlan(
         method=method,
         model=in_words(scene, sizes),

@@ -100,7 +100,9 @@ def kept_levels(layers: int, every: int) -> NDArray[np.int64]:
     return levels if levels[-1] == layers else np.append(levels, layers)
 
 
-def bar_history(motion: BarMotion, bar: Bar, wall: str) -> Table:
+def bar_history(
+    motion: BarMotion, bar: Bar, wall: str, probes: Mapping[str, Mapping[str, Floats]] | None = None
+) -> Table:
     """History of a motion, in the columns of the contract."""
     section = bar.density * bar.area
     force = np.concatenate([[0.0], -section * motion.multiplier + 0.0])  # no negative zeros
@@ -118,6 +120,7 @@ def bar_history(motion: BarMotion, bar: Bar, wall: str) -> Table:
             active=np.concatenate([[0], motion.active.astype(np.int64)]),
             bodies={bar.name: body},
             pairs={default_name(bar.name, wall): PairMotion(force, motion.gap)},
+            probes=probes or {},
         )
     )
 

@@ -1,6 +1,6 @@
 """The motion of a row of bars as every method returns it, and the history and fields made of it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -74,7 +74,11 @@ def pair_names(labels: Sequence[str], bars: Sequence[Bar]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def row_history(motion: RowMotion, bars: Sequence[Bar]) -> Table:
+def row_history(
+    motion: RowMotion,
+    bars: Sequence[Bar],
+    probes: Mapping[str, Mapping[str, Floats]] | None = None,
+) -> Table:
     """History of a motion, in the columns of the contract."""
     force = np.vstack([np.zeros((1, len(motion.labels))), motion.force])
     bodies = {
@@ -98,6 +102,7 @@ def row_history(motion: RowMotion, bars: Sequence[Bar]) -> Table:
                 name: PairMotion(force[:, k], motion.gap[:, k])
                 for k, name in enumerate(pair_names(motion.labels, bars))
             },
+            probes=probes or {},
         )
     )
     history["gap"].attrs["comment"] = "smallest distance of neighbours"

@@ -88,6 +88,13 @@ PAIR_COLUMNS: Mapping[str, tuple[str, str]] = {
 }
 """Columns ``force.PAIR`` of each pair that may meet: unit and meaning."""
 
+PROBE_COLUMNS: Mapping[str, tuple[str, str]] = {
+    "ux": ("m", "displacement of the place since the undeformed body; likewise uy, uz"),
+    "vx": ("m/s", "its velocity; likewise vy, vz"),
+    "sxx": ("Pa", "elastic stress there, tension > 0; likewise syy, szz, sxy, syz, sxz"),
+}
+"""Columns ``NAME.ux`` of each probe: unit and meaning."""
+
 MOST_PAIRS = 100
 """Number of pairs up to which each has columns of its own."""
 
@@ -147,6 +154,7 @@ class Columns:
             turn.
         friction_work: None without friction.
         bodies, pairs: By name.
+        probes: By name, each with its columns by their last part, shape (rows,).
     """
 
     time: Floats
@@ -162,6 +170,7 @@ class Columns:
     friction_work: Floats | None = None
     bodies: Mapping[str, BodyMotion] = field(default_factory=dict)
     pairs: Mapping[str, PairMotion] = field(default_factory=dict)
+    probes: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict)
 
 
 def make_history(columns: Columns) -> Table:
@@ -195,6 +204,11 @@ def make_history(columns: Columns) -> Table:
     if len(columns.pairs) <= MOST_PAIRS:
         for pair, met in columns.pairs.items():
             series |= _of_pair(pair, met)
+    for probe, found in columns.probes.items():
+        for part, told in found.items():
+            name = f"{probe}.{part}"
+            unit, text = PROBE_COLUMNS[f"{part[0]}{'xx' if part[0] == 's' else 'x'}"]
+            series[name] = _series(name, told, unit, text, f"{part} at {probe}")
     return Table.over_time(columns.time, series)
 
 

@@ -184,7 +184,7 @@ def resized(scene: Scene, factor: float) -> Iterator[Scene]:
         )
         settings = replace(scene.solve, dt=None, courant=None, estimate=False)
         output = replace(scene.output, fields=(), checkpoint=0)
-        yield replace(scene, bodies=bodies, solve=settings, output=output)
+        yield replace(scene, bodies=bodies, probes=(), solve=settings, output=output)
 
 
 def _with_size(scene: Scene, solid: Solid, factor: float, files: ExitStack) -> Solid:

@@ -21,6 +21,7 @@ from impactfem.result.table import Table
 from impactfem.result.whole import Whole
 from impactfem.runs.forces import contact_codes, contact_findings, mesh_window
 from impactfem.runs.solid_output import Watch
+from impactfem.runs.solid_probes import SolidProbes
 from impactfem.runs.verdict import PENETRATION_LIMITS
 from impactfem.scene.pairing import named_body_pairs
 
@@ -51,6 +52,7 @@ def solids_motion(
     limit: float | None,
     whole: Whole,
     size: float,
+    probes: SolidProbes,
 ) -> SolidsMotion:
     """Make the motions of the rows of all ranks (collective).
 
@@ -63,6 +65,7 @@ def solids_motion(
         limit: Least stable time step [s] of an explicit scheme.
         whole: What the solids are parts of; the motions are those of the whole.
         size: Size of the elements of those that do not say it [m].
+        probes: What has looked at places.
     """
     each = total(model.comm, march.rows.sums)
     # After a failure the last rows are empty or not finite.
@@ -89,6 +92,7 @@ def solids_motion(
             active=rows.active,
             bodies=bodies,
             pairs=pair_motions(model, scheme, march, rows, whole),
+            probes=probes.columns(total(model.comm, rows.probes)),
         )
     )
     history["potential_energy"].attrs["comment"] = "minus the work of gravity and other loads"

@@ -30,6 +30,7 @@ from impactfem.result.spool import FieldSpool
 from impactfem.result.store import SPOOL
 from impactfem.result.stored_snapshots import StoredSnapshots
 from impactfem.runs.solid_output import FieldOutput, Watch, open_spool
+from impactfem.runs.solid_probes import SolidProbes
 from impactfem.runs.solid_rows import SolidsMotion, solids_motion
 from impactfem.runs.solid_steps import planned_steps
 from impactfem.scene import Scene
@@ -115,9 +116,11 @@ def run_solids(
             layers,
             scene.output.every if scene.output.fields else 0,
         )
-        fields, watch = _march(scene, model, march, gaps, limits, checkpoints, restart)
+        probes = SolidProbes.of(march, model)
+        others = [probes] if scene.probes else []
+        fields, watch = _march(scene, model, march, gaps, limits, others, checkpoints, restart)
         motion = solids_motion(
-            model, scheme, march, watch, limits, limit, plan.whole, plan.mesh_size
+            model, scheme, march, watch, limits, limit, plan.whole, plan.mesh_size, probes
         )
     finally:
         interior.destroy()
@@ -220,6 +223,7 @@ def _march(
     march: SolidMarch,
     gaps: ContactGaps,
     limits: ModelWatch,
+    others: Sequence["Callable[[Level], None]"],
     checkpoints: Path | None,
     restart: Path | None,
 ) -> tuple[StoredSnapshots | None, Watch]:
@@ -227,7 +231,7 @@ def _march(
     comm, collector = model.comm, Collector(model.comm, model.own_numbers)
     positions = np.concatenate([part.system.positions for part in model.parts])
     watch = Watch(model, max(1, march.layers // 50))
-    observers: list[Callable[[Level], None]] = [watch, limits]
+    observers: list[Callable[[Level], None]] = [watch, limits, *others]
     place, passing = _spool_place(comm, checkpoints or restart, keep=bool(scene.output.fields))
     kept = None
     if restart is not None:

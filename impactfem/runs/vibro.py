@@ -1,6 +1,7 @@
 """Run points, rods and beams as the plan says: motion, history, error."""
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any, cast
 
@@ -20,6 +21,7 @@ from impactfem.result.snapshots import KeptSnapshots
 from impactfem.result.table import Series, Table
 from impactfem.result.trajectory import Trajectory
 from impactfem.runs.line_bodies import beam_figures, body_figures
+from impactfem.runs.line_probes import vibro_probes
 from impactfem.runs.vibro_contact import contact_figures, impact_loss
 from impactfem.scene import Scene
 from impactfem.system.episode import contact_episode
@@ -71,6 +73,7 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
     begin = time.perf_counter()
     progress.step("building the system")
     model = vibro_model(scene)
+    probes = vibro_probes(scene, model)
     progress.step("integrating")
     settings = _settings(scene, chosen)
     motion = _integrate(scene, chosen, model)
@@ -118,7 +121,7 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
         bodies=bodies,
     )
     motion = replace(motion, effort=effort)
-    history = vibro_history(motion, model)
+    history = vibro_history(motion, model, probes(motion))
     fields = vibro_fields(motion, model) if scene.output.fields else None
     return VibroRun(motion, history, model, errors, contact, seconds, fields)
 
@@ -259,7 +262,9 @@ def _relative(error: float, size: float) -> float:
     return float(error / size) if size > 0.0 else float(error)
 
 
-def vibro_history(motion: Trajectory, model: VibroModel) -> Table:
+def vibro_history(
+    motion: Trajectory, model: VibroModel, probes: Mapping[str, Mapping[str, Floats]]
+) -> Table:
     """History of a motion, in the columns of the contract."""
     elastic = np.array([model.elastic(u) for u in motion.position])
     bodies = model.bodies(motion.position, motion.velocity)
@@ -286,6 +291,7 @@ def vibro_history(motion: Trajectory, model: VibroModel) -> Table:
             active=np.count_nonzero(motion.impulse > 0.0, axis=1),
             bodies=bodies,
             pairs=_pairs(motion, model, struck),
+            probes=probes,
         )
     )
     history["contact_impulse"] = Series(

@@ -15,6 +15,7 @@ from impactfem.scene.obstacles import (
     Wall,
 )
 from impactfem.scene.points import Point, Spring
+from impactfem.scene.probes import Probe
 from impactfem.scene.scene import Scene
 from impactfem.scene.schema import describe
 from impactfem.scene.settings import Output, Solve
@@ -36,6 +37,7 @@ __all__ = [
     "PiecewiseVector",
     "Point",
     "Pressure",
+    "Probe",
     "Refinement",
     "RigidBox",
     "RigidCylinder",

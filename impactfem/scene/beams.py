@@ -7,6 +7,7 @@ from typing import ClassVar
 
 from impactfem.scene.inline import Vector
 from impactfem.scene.kinds import Choice, Integer, Name, Real
+from impactfem.scene.probes import MOVES
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
 
@@ -30,6 +31,7 @@ class Rod:
     """
 
     kind: ClassVar[str] = "rod"
+    probed: ClassVar[tuple[str, ...]] = MOVES
 
     name: str = key(Name(), "name of the rod in histories", default="rod")
     mass: float = key(Real(above=0), "mass", unit="kg")
@@ -61,6 +63,7 @@ class Beam:
     """
 
     kind: ClassVar[str] = "beam"
+    probed: ClassVar[tuple[str, ...]] = MOVES
 
     name: str = key(Name(), "name of the beam in histories", default="beam")
     length: float = key(Real(above=0), "length", unit="m")

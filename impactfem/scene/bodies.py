@@ -9,6 +9,7 @@ import numpy as np
 
 from impactfem.scene.formula import Formula
 from impactfem.scene.kinds import Choice, FormulaOf, Name, Real
+from impactfem.scene.probes import STRAINS
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
 
@@ -31,6 +32,7 @@ class Bar:
     """
 
     kind: ClassVar[str] = "bar"
+    probed: ClassVar[tuple[str, ...]] = STRAINS
 
     name: str = key(Name(), "name of the bar in histories", default="bar")
     length: float = key(Real(above=0), "length L of the bar", unit="m")

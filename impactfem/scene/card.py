@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from impactfem.scene.scene import Scene
 
 _MOST_OBJECTS = 8
+_TOLD = {"name", "title", "body", "obstacle", "contact", "probe", "solve", "output"}
 _LONGEST = 120  # letters of a value
 
 
@@ -22,6 +23,7 @@ def scene_card(scene: "Scene") -> str:
         ("body", scene.bodies),
         ("obstacle", scene.obstacles),
         ("contact", scene.contacts),
+        ("probe", scene.probes),
     ):
         rows += _objects(what, entries)
     rows += [(what, _keys(entry)) for what, entry in (("scene", scene), *_settings(scene))]
@@ -49,7 +51,7 @@ def _keys(entry: DataclassLike) -> str:
     for name, value in plain(entry).items():
         key = keys[name]
         inner = isinstance(value, Mapping) and not value
-        if name in {"name", "title", "body", "obstacle", "contact", "solve", "output"} or inner:
+        if name in _TOLD or inner:
             continue
         usual = list(key.default) if isinstance(key.default, tuple) else key.default
         if usual is REQUIRED or not (value == usual or _is_zero(value)):

@@ -11,6 +11,7 @@ from impactfem.scene.column_names import check_column_names
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
 from impactfem.scene.obstacles import Wall
 from impactfem.scene.pair_checks import check_pairs
+from impactfem.scene.probes import check_probes
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.solids import Solid
 from impactfem.scene.tables import MODELLED
@@ -65,6 +66,7 @@ def check_scene(scene: "Scene", gravity: object) -> None:
             if obstacle.motion is not None:
                 check_motion(f"obstacle[{index}]", "motion", obstacle.motion, scene.duration)
     check_column_names(scene)
+    check_probes(scene)
     _check_settings(scene, body)
     if scene.solve.dt is not None and scene.solve.dt > scene.duration:
         text = f" = {scene.solve.dt} exceeds duration = {scene.duration}: give a smaller step."

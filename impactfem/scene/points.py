@@ -9,6 +9,7 @@ import numpy as np
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import Formulas, InlineTable, ListOf, Vector
 from impactfem.scene.kinds import Name, Real
+from impactfem.scene.probes import MOVES
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
 
@@ -57,6 +58,7 @@ class Point:
     """
 
     kind: ClassVar[str] = "point"
+    probed: ClassVar[tuple[str, ...]] = MOVES
 
     name: str = key(Name(), "name of the point in histories", default="point")
     mass: float = key(Real(above=0), "mass", unit="kg")

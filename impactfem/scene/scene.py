@@ -17,6 +17,7 @@ from impactfem.scene.kinds import Line, Real
 from impactfem.scene.loads import LoadKind, PiecewiseConstant, PiecewiseVector
 from impactfem.scene.obstacles import OBSTACLES, Rigid, Wall
 from impactfem.scene.points import Point
+from impactfem.scene.probes import MAX_PROBES, Probe
 from impactfem.scene.schema import (
     TOP,
     DataclassLike,
@@ -86,6 +87,12 @@ class Scene:
         name="contact",
         default=(),
     )
+    probes: tuple[Probe, ...] = key(
+        ObjectsKind((Probe,), "[[probe]]", MAX_PROBES, 0),
+        "places whose motion is kept in the history",
+        name="probe",
+        default=(),
+    )
     solve: Solve = key(  # noqa: RUF009  # a field
         SettingsKind(Solve, "[solve]"), "how to solve", default=Solve()
     )
@@ -104,6 +111,7 @@ class Scene:
             bodies: Sequence[Body],
             obstacles: Sequence[Obstacle] = (),
             contacts: Sequence[Contact] = (),
+            probes: Sequence[Probe] = (),
             gravity: float | Sequence[Any] | PiecewiseConstant | PiecewiseVector = 0.0,
             solve: Solve = ...,
             output: Output = ...,
@@ -242,7 +250,7 @@ class Scene:
         """Make a scene from tables as TOML has them; keys with the value None count as absent.
 
         Args:
-            data: keys ``title, duration, gravity, body, obstacle, contact, solve, output``.
+            data: keys ``title, duration, gravity, body, obstacle, contact, probe, solve, output``.
             base: folder where relative mesh paths start.
 
         Raises:
@@ -259,6 +267,8 @@ class Scene:
             )
         if "contact" in values:
             values["contact"] = read_objects(values["contact"], "contact", Contact, MAX_CONTACTS, 0)
+        if "probe" in values:
+            values["probe"] = read_objects(values["probe"], "probe", Probe, MAX_PROBES, 0)
         if "solve" in values:
             values["solve"] = from_table(Solve, values["solve"], "solve")
         if "output" in values:
@@ -271,7 +281,8 @@ class Scene:
         data = plain(self)
         for name in ("body", "obstacle"):
             data[name] = [{"kind": entry.kind, **plain(entry)} for entry in data[name]]
-        data["contact"] = [plain(entry) for entry in data["contact"]]
+        for name in ("contact", "probe"):
+            data[name] = [plain(entry) for entry in data[name]]
         return data | {"solve": plain(self.solve), "output": plain(self.output)}
 
     def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
@@ -289,13 +300,15 @@ class Scene:
             inside = mesh.is_relative_to(target)
             home = data["body"][0] if isinstance(self.bodies[0], Solid) else data["solve"]
             home["mesh"] = str(mesh.relative_to(target) if inside else mesh)
-        bodies, obstacles, contacts = (data.pop(name) for name in ("body", "obstacle", "contact"))
+        bodies, obstacles = data.pop("body"), data.pop("obstacle")
+        contacts, probes = data.pop("contact"), data.pop("probe")
         solve, output = data.pop("solve"), data.pop("output")
         parts: list[tuple[str, type[DataclassLike], dict[str, Any]]] = [
             ("", type(self), data),
             *(("[[body]]", BODIES[entry["kind"]], entry) for entry in bodies),
             *(("[[obstacle]]", OBSTACLES[entry["kind"]], entry) for entry in obstacles),
             *(("[[contact]]", Contact, entry) for entry in contacts),
+            *(("[[probe]]", Probe, entry) for entry in probes),
             ("[solve]", Solve, solve),
             ("[output]", Output, output),
         ]

@@ -290,5 +290,6 @@ def _rank(heading: str) -> int:
     """Return the place of a table in the reference: as in a scene file, inline tables last."""
     bodies = (f'[[body]] with kind = "{kind}"' for kind in ("bar", "solid", "point", "rod", "beam"))
     inline = ("supports", "tractions", "pressures", "shape", "refine", "springs")
-    order = (TOP, *bodies, "[[obstacle]]", "[[contact]]", "[solve]", "[output]", *inline)
+    others = ("[[obstacle]]", "[[contact]]", "[[probe]]", "[solve]", "[output]")
+    order = (TOP, *bodies, *others, *inline)
     return next((i for i, start in enumerate(order) if heading.startswith(start)), len(order))

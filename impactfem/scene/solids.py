@@ -16,6 +16,7 @@ from impactfem.scene.boundary import (
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import Formulas, InlineTable, ListOf, NumberOrVector, Vector
 from impactfem.scene.kinds import Choice, FilePath, Integer, Name, Real
+from impactfem.scene.probes import STRAINS
 from impactfem.scene.schema import check_fields, key, table
 from impactfem.scene.shape import MODELS
 from impactfem.scene.shapes import SHAPES, Block, Cylinder, Disc, Ring, Sphere
@@ -57,6 +58,7 @@ class Solid:
     """
 
     kind: ClassVar[str] = "solid"
+    probed: ClassVar[tuple[str, ...]] = STRAINS
 
     name: str = key(Name(), "name of the body in histories", default="solid")
     model: str = key(Choice(MODELS), "what the body is; axisymmetric: x is the radius, y the axis")

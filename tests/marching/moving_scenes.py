@@ -103,6 +103,10 @@ def pair(method, normals, friction, **more):
                 {"between": ["one", "two"], "friction_coefficient": friction},
                 {"between": ["one", "floor"], "friction_coefficient": friction},
             ],
+            "probe": [
+                {"name": "tip", "body": "two", "point": [0.72, 0.6],
+                 "quantities": ["displacement", "velocity", "stress"]},
+            ],
             "solve": {"method": method, "normals": normals, "estimate": False},
             "output": {"fields": ["vtkhdf"], "every": 3, "checkpoint": 4} | more,
         }

@@ -1,0 +1,95 @@
+"""Probes of a scene: places whose motion is kept in the history."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from impactfem.errors import SceneError
+from impactfem.scene.column_names import RESERVED
+from impactfem.scene.inline import Vector
+from impactfem.scene.kinds import Choices, Name
+from impactfem.scene.nearest import nearest
+from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.values import show
+
+if TYPE_CHECKING:
+    from impactfem.scene.scene import Scene
+
+MAX_PROBES = 100
+MOVES = ("displacement", "velocity")
+"""What is known of every body."""
+STRAINS = (*MOVES, "stress")
+"""What is known of bodies with stresses at every place."""
+
+
+@table("[[probe]]")
+@dataclass(frozen=True, kw_only=True)
+class Probe:
+    """A place of a body whose motion is kept in the history.
+
+    Raises:
+        SceneError: a value is missing or not allowed.
+    """
+
+    heading: ClassVar[str] = "probe"
+
+    name: str = key(Name(), "name of the probe in columns such as NAME.ux")
+    body: str = key(Name(), "name of the body")
+    point: Sequence[float] = key(
+        Vector((1, 2, 3)),
+        "place of the body's material at t = 0; of a bar [x] from its near end",
+        unit="m",
+    )
+    quantities: Sequence[str] = key(
+        Choices(STRAINS), "what is kept; stress of solids and bars", default=MOVES
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.heading)
+        if not self.quantities:
+            raise KeyedError(self.heading, "quantities", " = [] keeps nothing: name one or more.")
+
+
+def check_probes(scene: "Scene") -> None:
+    """Refuse probes that contradict the rest of a scene.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    bodies = {body.name: body for body in scene.bodies}
+    taken = dict.fromkeys(RESERVED, "a column") | dict.fromkeys(bodies, "a body")
+    for index, probe in enumerate(scene.probes):
+        where = f"probe[{index}]"
+        if probe.name in taken:
+            text = f" = {show(probe.name)} is the name of {taken[probe.name]} too: give another."
+            raise KeyedError(where, "name", text)
+        taken[probe.name] = where
+        if probe.body not in bodies:
+            near = nearest(probe.body, bodies)
+            meant = f"did you mean {show(near)}? " if near else ""
+            text = f" = {show(probe.body)}: there is no such body; {meant}give one of "
+            raise KeyedError(where, "body", f"{text}{', '.join(bodies)}.")
+        if len(probe.point) != scene.dim:
+            text = f" = {show(list(probe.point))} has {len(probe.point)} entries, but the scene has"
+            raise KeyedError(where, "point", f"{text} {scene.dim} coordinates: give {scene.dim}.")
+        known = bodies[probe.body].probed
+        for quantity in probe.quantities:
+            if quantity not in known:
+                text = f" = {show(list(probe.quantities))}: of a {bodies[probe.body].kind} only "
+                text += f"{' and '.join(known)} are known; remove {show(quantity)}."
+                raise KeyedError(where, "quantities", text)
+
+
+def outside(index: int, probe: Probe, near: Iterable[float]) -> SceneError:
+    """The error of a probe that is outside its body.
+
+    Args:
+        index: Its place in the scene.
+        probe: The probe.
+        near: A place of the body near it [m].
+    """
+    place = ", ".join(f"{value:.6g}" for value in near)
+    return SceneError(
+        f"probe[{index}].point = {show(list(probe.point))} is outside the body "
+        f"{show(probe.body)}: the nearest point that is known is [{place}]; give a place in it"
+    )

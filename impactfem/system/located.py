@@ -1,0 +1,191 @@
+"""Where a place lies in a body: its cell, and what the nodes there say of its motion and stress."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem import fem
+from impactfem.fem import dolfinx_fem
+from impactfem.forms.elasticity import NEARLY_INCOMPRESSIBLE
+from impactfem.system.elastic import ElasticSystem
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+OUTSIDE = 0.05
+"""Share of a cell by which a place may lie outside: meshes cut corners off round bodies."""
+
+_ROUNDING = 1e-9  # share of a cell below which a place is in it
+_STEPS = 20  # of Newton's method, which straight cells need one of
+_ORDER = {2: ((0, 0), (1, 1), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))}
+
+
+@dataclass(frozen=True)
+class Located:
+    """A place in a body, the same on every rank; rows of weights belong to nodes.
+
+    Attributes:
+        numbers: Canonical numbers of the nodes of its cell, shape (nodes,).
+        values: Shape functions there, shape (nodes,).
+        stress: Components of the stress by name: weights of the displacements [Pa/m], shape
+            (nodes, dim).
+    """
+
+    numbers: Integers
+    values: Floats
+    stress: dict[str, Floats]
+
+
+def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats:
+    """Find a place of t = 0 in a body (collective).
+
+    The stress is that of the strain at the place; of nearly incompressible bodies its pressure is
+    the mean of the cell, as in the equations of motion.
+
+    Args:
+        system: The body.
+        solid: `impactfem.scene.solids.Solid`.
+        point: [m], shape (dim,).
+
+    Returns:
+        Where it lies, or the nearest node [m], shape (dim,), if it is outside.
+    """
+    nodes, comm = system.nodes, system.comm
+    mesh = nodes.space.mesh
+    start = dolfinx_fem.Function(nodes.space)
+    start.x.array[: len(system.displacement)] = system.displacement
+    start.x.scatter_forward()
+    places = nodes.positions + start.x.array.reshape(nodes.positions.shape)
+    owned = mesh.topology.index_map(mesh.topology.dim).size_local
+    cells = np.asarray(nodes.space.dofmap.list[:owned])
+    cell = _Cell(mesh.topology.cell_type.name, int(nodes.space.ufl_element().degree))
+    corners = places[cells]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    room = 0.2 * (high - low)
+    near = np.flatnonzero(((point >= low - room) & (point <= high + room)).all(axis=1))
+    found = []
+    for index in near:
+        at = cell.inverse(corners[index], point)
+        if at is not None and cell.excess(at) <= OUTSIDE:
+            beside = cell.excess(at) > _ROUNDING
+            found.append((beside, int(mesh.topology.original_cell_index[index]), int(index), at))
+    best = min(found, key=lambda entry: entry[:2], default=None)
+    # The same cell on any number of ranks.
+    asked = (2, 0, comm.rank) if best is None else (int(best[0]), best[1], comm.rank)
+    winner = min(comm.allgather(asked))
+    if winner[0] == 2:
+        apart = np.linalg.norm(places - point, axis=1)
+        mine = int(np.argmin(apart))
+        told = comm.allgather((float(apart[mine]), places[mine].tolist()))
+        return np.asarray(min(told)[1])
+    answer = None
+    if comm.rank == winner[2] and best is not None:
+        own = cells[best[2]]
+        x = nodes.positions[own]
+        answer = Located(
+            nodes.numbers[own], cell.basis(cell.clipped(best[3]))[0],
+            _stress(cell, x, cell.clipped(best[3]), solid, axisymmetric=system.axisymmetric),
+        )  # fmt: skip
+    located: Located = comm.bcast(answer, root=winner[2])
+    return located
+
+
+@dataclass(frozen=True)
+class _Cell:
+    """A kind of cell with its shape functions."""
+
+    name: str
+    degree: int
+
+    @property
+    def is_simplex(self) -> bool:
+        return self.name in {"triangle", "tetrahedron"}
+
+    def basis(self, at: Floats) -> tuple[Floats, Floats]:
+        """Shape functions (nodes,) and their reference gradients (nodes, dim) at a place."""
+        values, grads = fem.coordinate_basis(self.name, self.degree, at[None])
+        return np.asarray(values[0]), np.asarray(grads[:, 0].T)
+
+    def inverse(self, corners: Floats, point: Floats) -> Floats | None:
+        """Reference place of a point by Newton's method; None if it is not found."""
+        at = np.full(len(point), 1.0 / (len(point) + 1) if self.is_simplex else 0.5)
+        for _ in range(_STEPS):
+            values, grads = self.basis(at)
+            try:
+                step = np.linalg.solve(corners.T @ grads, point - values @ corners)
+            except np.linalg.LinAlgError:
+                return None
+            at = at + step
+            if np.abs(step).max() < 1e-13:
+                return at
+            if np.abs(at).max() > 10.0:
+                return None
+        return at if np.abs(step).max() < 1e-9 else None
+
+    def excess(self, at: Floats) -> float:
+        """How far outside a reference place lies; <= 0 inside."""
+        beyond = float(at.sum()) - 1.0 if self.is_simplex else float(at.max()) - 1.0
+        return max(beyond, -float(at.min()))
+
+    def clipped(self, at: Floats) -> Floats:
+        """A place in the cell instead of one a little outside."""
+        inside = np.clip(at, 0.0, 1.0)
+        return inside / max(1.0, float(inside.sum())) if self.is_simplex else inside
+
+    def quadrature(self) -> tuple[Floats, Floats]:
+        """Places and weights that integrate dilatations."""
+        return fem.cell_quadrature(self.name, 2 * self.degree + 2)
+
+
+def _stress(
+    cell: _Cell, x: Floats, at: Floats, solid: Any, *, axisymmetric: bool
+) -> dict[str, Floats]:
+    """Weights of the nodal displacements in each component of the stress [Pa/m]."""
+    modulus, nu, dim = solid.youngs_modulus, solid.poisson_ratio, x.shape[1]
+    shear = 0.5 * modulus / (1.0 + nu)
+    lame = modulus * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
+    across = solid.model == "plane_stress"
+    if across:
+        lame = 2.0 * lame * shear / (lame + 2.0 * shear)
+    slopes, hoop = _strains(cell, x, at, axisymmetric=axisymmetric)
+    trace = slopes + hoop
+    locking = nu > NEARLY_INCOMPRESSIBLE and not across
+    if locking and not (cell.is_simplex and cell.degree == 1):
+        trace = _mean_trace(cell, x, axisymmetric=axisymmetric)
+    found = {}
+    for i, j in _ORDER[dim]:
+        part = np.zeros_like(x)
+        part[:, i] += shear * slopes[:, j]
+        part[:, j] += shear * slopes[:, i]
+        found[f"s{'xyz'[i]}{'xyz'[j]}"] = part + (lame * trace if i == j else 0.0)
+    if dim == 2 and not across:
+        found["szz"] = lame * trace + 2.0 * shear * hoop
+    return found
+
+
+def _strains(cell: _Cell, x: Floats, at: Floats, *, axisymmetric: bool) -> tuple[Floats, Floats]:
+    """Gradients of the shape functions and weights of the hoop strain, (nodes, dim) each."""
+    values, grads = cell.basis(at)
+    slopes = grads @ np.linalg.inv(x.T @ grads)
+    hoop = np.zeros_like(x)
+    if axisymmetric:
+        radius = float(values @ x[:, 0])
+        # On the axis u_r / r is du_r / dr.
+        on_axis = radius <= 1e-9 * float(np.abs(x).max())
+        hoop[:, 0] = slopes[:, 0] if on_axis else values / radius
+    return slopes, hoop
+
+
+def _mean_trace(cell: _Cell, x: Floats, *, axisymmetric: bool) -> Floats:
+    """Weights of the mean dilatation of a cell, (nodes, dim)."""
+    total, volume = np.zeros_like(x), 0.0
+    for at, weight in zip(*cell.quadrature(), strict=True):
+        values, grads = cell.basis(at)
+        slopes, hoop = _strains(cell, x, at, axisymmetric=axisymmetric)
+        size = weight * abs(float(np.linalg.det(x.T @ grads)))
+        size *= float(values @ x[:, 0]) if axisymmetric else 1.0
+        total += size * (slopes + hoop)
+        volume += size
+    return total / volume
