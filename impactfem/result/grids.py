@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import MissingDependencyError, SceneError
-from impactfem.result.shapes import Layout
+from impactfem.result.shapes import LINE, VERTEX, Layout
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -79,3 +79,30 @@ def make_grid(
     if "von_mises" in values:
         grid.set_active_scalars("von_mises")
     return grid
+
+
+def thickened(grid: "pv.UnstructuredGrid", layout: Layout) -> "list[pv.DataSet]":
+    """What a grid of `make_grid` looks like: its cells, tubes around lines and balls at points.
+
+    Returns:
+        Solids first, if there are any; lines and points without radius stay as they are.
+    """
+    pyvista = load_pyvista()
+    kinds, found = layout.types, []
+    slender = np.isin(kinds, [LINE, VERTEX])
+    if not slender.any():
+        return [grid]
+    if not slender.all():
+        found.append(grid.extract_cells(~slender))
+    thick = layout.radius[layout.connectivity[layout.offsets[:-1]]]
+    for radius, kind in sorted({*zip(thick[slender], kinds[slender], strict=True)}):
+        part = grid.extract_cells(slender & (thick == radius) & (kinds == kind))
+        if radius > 0.0 and kind == LINE:
+            axis = pyvista.PolyData(np.asarray(part.points), lines=np.asarray(part.cells))
+            for name in part.point_data:
+                axis.point_data[name] = part.point_data[name]
+            part = axis.tube(radius=radius, n_sides=24)
+        elif radius > 0.0:
+            part = part.glyph(orient=False, scale=False, geom=pyvista.Sphere(radius=radius))
+        found.append(part)
+    return found

@@ -16,6 +16,7 @@ from impactfem.report.axis_film import axis_reel
 from impactfem.report.body_film import body_reel
 from impactfem.report.film import even_moments
 from impactfem.report.line_film import line_reel
+from impactfem.result import KeptSnapshots, Shape
 from impactfem.shipped import shipped_scenes
 
 
@@ -287,6 +288,22 @@ def test_a_plotter_shows_the_body(disc, monkeypatch):
     assert added["flat"]
     assert added["mesh"].n_points == disc.fields.num_points
     assert f"t = {float(added['mesh'].field_data['time'][0]):.6g} s" in added["text"]
+
+
+def test_a_plotter_shows_tubes_and_balls():
+    pytest.importorskip("pyvista")
+    from impactfem.result.grids import thickened
+
+    line = Shape.line("rod", [[0.0, 0.0], [1.0, 0.0]], 0.1)
+    balls = Shape.vertices("ball", [[0.0, 2.0]], 0.5)
+    tip = Shape.vertices("tip", [[3.0, 2.0]])
+    still = {name: np.zeros((1, 4, 3)) for name in ("displacement", "velocity")}
+    kept = KeptSnapshots(np.zeros(1), [line, balls, tip], still)
+    point, rod, ball = thickened(kept.grid(), kept.layout)
+    assert rod.bounds[2:4] == pytest.approx((-0.1, 0.1), abs=1e-3)
+    assert ball.bounds[:4] == pytest.approx((-0.5, 0.5, 1.5, 2.5), abs=1e-2)
+    assert point.n_points == 1
+    assert all("velocity" in part.point_data for part in (rod, ball, point))
 
 
 @pytest.mark.parametrize("frames", [1, 2, 7, 60, 5000])
