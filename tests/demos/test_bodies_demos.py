@@ -54,6 +54,7 @@ def test_ball_leaves_the_plate_as_its_page_says(scene, row):
     assert result.summary["energy"]["max_relative_drift"] < 1e-9
 
 
+@pytest.mark.slow
 def test_struck_disc_leaves_near_the_line_of_centres():
     result = solved(shipped_scenes()["colliding_discs"])
     last = result.history.isel(time=-1)

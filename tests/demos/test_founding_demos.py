@@ -36,7 +36,11 @@ def shipped(name):
     return impactfem.Scene.from_toml(shipped_scenes()[name])
 
 
-@pytest.mark.parametrize("name", PICTURES)
+@pytest.mark.parametrize(
+    "name",
+    ["gravity_impact", "point_mass",
+     *(pytest.param(name, marks=pytest.mark.slow) for name in ("step_load", "bouncing"))],
+)  # fmt: skip
 def test_plot_draws_its_pictures(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     said = plot(name, *(["elsewhere"] if name == "point_mass" else []))

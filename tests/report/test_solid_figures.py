@@ -20,7 +20,7 @@ from impactfem.scene import HalfSpace, RigidBox, RigidCylinder, RigidPolyline, R
 BOTH = pytest.mark.parametrize("dim", [2, 3])
 
 
-@BOTH
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_all_pictures_and_the_film_are_written(dim, tmp_path):
     result = solid_result(tmp_path / "fields.vtkhdf", dim)
     figures = result.plot(tmp_path / "out")

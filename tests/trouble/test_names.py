@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trouble_process import DISC, SHORT, contents, equal, run, started, until
+from trouble_process import BARE, DISC, SHORT, contents, equal, run, started, until
 
 import impactfem
 from impactfem.result import Result
@@ -34,8 +34,7 @@ def test_languages(tmp_path, language):
     text = shipped_scenes()["bar_impact"].read_text(encoding="utf-8")
     text = re.sub("title = .*", 'title = "Stöße"', text, count=1)
     (tmp_path / "ü.toml").write_text(text, encoding="utf-8")
-    settings = ["--set", "solve.method=exact", "--set", "output.report=false"]
-    arguments = ("run", "ü.toml", *settings, "--quiet", "--out", "ö o")
+    arguments = ("run", "ü.toml", "--set", "solve.method=exact", *BARE, "--quiet", "--out", "ö o")
     code, out, err = run(tmp_path, *arguments, env=LANGUAGES[language])
     assert (code, err) == (0, "")
     result = Result.load(tmp_path / "ö o")
@@ -109,12 +108,11 @@ def test_very_long_paths(tmp_path):
 
 def test_files_of_the_future(tmp_path):
     """A clock that was put back: nothing depends on the times of files."""
-    settings = ("--set", "output.report=false")
-    assert run(tmp_path, *SHORT, "o", *settings)[0] == 0
+    assert run(tmp_path, *SHORT, "o")[0] == 0
     later = time.time() + 1e8
     for path in (tmp_path / "o").iterdir():
         os.utime(path, (later, later))
-    code, _, err = run(tmp_path, *SHORT, "o", *settings, "--set", "title=new")
+    code, _, err = run(tmp_path, *SHORT, "o", "--set", "title=new")
     assert (code, err) == (0, "")
     assert Result.load(tmp_path / "o").scene.title == "new"
 
