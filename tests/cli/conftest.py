@@ -1,20 +1,15 @@
 """The command line as a user starts it: in this process, in one of its own, or on several ranks."""
 
 import os
-import re
-import shutil
 import signal
 import subprocess
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
+from processes import BARE, LAUNCHER, environment, ranks
 
 from impactfem.cli import main
-
-# A launcher's variables in the environment of the tests would make every child a rank.
-LAUNCHER = re.compile(r"(PMI|OMPI|PRTE|HYDRA|SLURM|MPI_LOCAL)")
 
 SCENE = """
 title = "a bar"
@@ -36,22 +31,13 @@ kind = "wall"
 elements = 4
 """
 
-BARE = tuple(
-    word for what in ("pictures", "film", "report") for word in ("--set", f"output.{what}=false")
-)  # a run that draws nothing
-
-
-def clean_environment(**changes):
-    kept = {name: value for name, value in os.environ.items() if not LAUNCHER.match(name)}
-    return kept | {"OMP_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"} | changes
-
 
 def start(folder, *arguments, **options):
     """Start the command line in a process of its own."""
     given = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     return subprocess.Popen(
         [sys.executable, "-m", "impactfem", *map(str, arguments)],
-        cwd=folder, env=clean_environment(), **(given | options),
+        cwd=folder, env=environment(), **(given | options),
     )  # fmt: skip
 
 
@@ -77,29 +63,15 @@ def finish(process, timeout=120):
     return Done(process.returncode, out, err and said(err))
 
 
-def launch(folder, ranks, *arguments, timeout=120):
+def launch(folder, count, *arguments, timeout=120):
     """Run Python on several ranks."""
-    mpirun = Path(sys.executable).parent / "mpirun"
-    found = str(mpirun) if mpirun.exists() else shutil.which("mpirun")
-    if found is None:
-        pytest.skip("no mpirun beside this Python or on PATH")
-    environment = clean_environment(PRTE_MCA_rmaps_default_mapping_policy=":oversubscribe")
-    if os.geteuid() == 0:  # else Open MPI refuses
-        environment |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    words, needed = ranks(count)
     process = subprocess.Popen(
-        [found, "-n", str(ranks), sys.executable, *map(str, arguments)],
-        cwd=folder, env=environment, stdin=subprocess.DEVNULL,
+        [*words, *map(str, arguments)],
+        cwd=folder, env=environment(**needed), stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     return finish(process, timeout)
-
-
-def contents(folder):
-    """Every file and folder below, with its content: what must stay as it was."""
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else None
-        for path in sorted(folder.rglob("*"))
-    }
 
 
 @pytest.fixture

@@ -6,7 +6,8 @@ And what looks wrong but is not: bodies that never meet, or leave for ever.
 import json
 
 import pytest
-from conftest import contents, launch
+from conftest import launch
+from processes import contents
 
 from impactfem.cli import BAD_INPUT, DONE
 

@@ -1,7 +1,8 @@
 """Malformed scenes and command lines: exit code 2, one message with its remedy, nothing written."""
 
 import pytest
-from conftest import SCENE, contents, finish, start
+from conftest import SCENE, finish, start
+from processes import contents
 
 HEAD, BODY, REST = SCENE.partition("\n[[body]]")[0], "[[body]]", "[[obstacle]]"
 

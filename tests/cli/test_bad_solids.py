@@ -6,7 +6,8 @@ Each under a watchdog: a rank that waits for another would wait for ever.
 import signal
 
 import pytest
-from conftest import contents, launch
+from conftest import launch
+from processes import contents
 
 from impactfem.cli import BAD_INPUT, DONE
 

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import SCENE, Done, clean_environment, finish, launch, start
+from conftest import SCENE, Done, finish, launch, start
+from processes import environment
 
 from impactfem import __version__
 from impactfem.cli import main
@@ -312,7 +313,7 @@ def test_start_up_loads_nothing_heavy(work):
         "heavy = {'numpy', 'scipy', 'dolfinx', 'mpi4py', 'petsc4py', 'gmsh', 'matplotlib', 'h5py',"
         " 'xarray', 'tqdm'}\nprint(*sorted(heavy & set(sys.modules)), file=sys.stderr)"
     )
-    done = subprocess.run([sys.executable, "-c", program], cwd=work, env=clean_environment(),
+    done = subprocess.run([sys.executable, "-c", program], cwd=work, env=environment(),
                           capture_output=True, text=True, check=True)  # fmt: skip
     assert done.stderr.strip() == ""
 
@@ -373,17 +374,17 @@ def test_full_standard_output(work):
 
 def test_closed_streams(work):
     run = f"{sys.executable} -m impactfem run bar_impact --set solve.method=exact --out o >&- 2>&-"
-    assert subprocess.run(["sh", "-c", run], cwd=work, env=clean_environment(),
+    assert subprocess.run(["sh", "-c", run], cwd=work, env=environment(),
                           check=False).returncode == 0  # fmt: skip
     assert names(work / "o") >= FILES
 
 
 def test_unusual_characters_do_not_end_a_run(work):
-    environment = clean_environment(PYTHONIOENCODING="ascii", PYTHONUTF8="1")
+    env = environment(PYTHONIOENCODING="ascii", PYTHONUTF8="1")
     done = subprocess.run(
         [sys.executable, "-m", "impactfem", "run", "bar_impact", "--set", "solve.method=exact",
          "--set", "title=Stoß λ", "--out", b"o\xff"],
-        cwd=work, env=environment, capture_output=True, check=False,
+        cwd=work, env=env, capture_output=True, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, b"")
     assert done.stdout.startswith(rb"Sto\xdf \u03bb")

@@ -4,7 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from conftest import BARE, launch
+from conftest import launch
+from processes import BARE
 
 from impactfem.cli import DONE
 from impactfem.result import Result, StoredSnapshots

@@ -1,6 +1,6 @@
 """`impactfem compare`: what it prints and its exit codes."""
 
-from conftest import BARE
+from processes import BARE
 
 from impactfem.commands import BAD_INPUT, DONE, NOT_TRUSTED
 

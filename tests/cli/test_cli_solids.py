@@ -4,7 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from conftest import BARE, contents, launch
+from conftest import launch
+from processes import BARE, contents
 
 from impactfem.cli import BAD_INPUT, DONE, NOT_TRUSTED
 from impactfem.marching.checkpoint import FILE

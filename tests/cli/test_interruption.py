@@ -9,7 +9,8 @@ import time
 from functools import partial
 
 import pytest
-from conftest import contents, finish, launch, start
+from conftest import finish, launch, start
+from processes import contents
 
 LONG = (
     "run", "prestretched_rod", "--set", "solve.elements=80", "--set", "solve.method=monolithic",

@@ -6,7 +6,8 @@ import tomllib
 
 import jsonschema
 import pytest
-from conftest import contents, finish, launch, start
+from conftest import finish, launch, start
+from processes import contents
 
 from impactfem.cli import BAD_INPUT, DONE, FAILED
 from impactfem.planning import plan

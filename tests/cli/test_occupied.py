@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Done, contents, finish, start
+from conftest import Done, finish, start
+from processes import contents
 
 import impactfem
 from impactfem import Result, Scene

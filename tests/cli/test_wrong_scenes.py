@@ -2,8 +2,9 @@
 
 import jsonschema
 import pytest
-from conftest import contents, finish, start
+from conftest import finish, start
 from mutations import by_hand, mutations
+from processes import contents
 
 from impactfem.cli import BAD_INPUT
 from impactfem.scene.json_schema import json_schema

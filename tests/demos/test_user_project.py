@@ -2,7 +2,6 @@
 
 import ast
 import inspect
-import os
 import re
 import subprocess
 import sys
@@ -11,6 +10,7 @@ import typing
 from pathlib import Path
 
 import pytest
+from processes import environment
 
 import impactfem
 
@@ -25,12 +25,10 @@ LIKE_THEIR_ARGUMENT = {
 
 
 def start(*arguments, **settings):
-    environment = {"PYTHONPATH": str(PROJECT / "src"), "MPLBACKEND": "Agg"}
-    marks = ("PMI_", "PMIX_", "OMPI_COMM_")
-    clean = {name: value for name, value in os.environ.items() if not name.startswith(marks)}
+    env = environment(PYTHONPATH=str(PROJECT / "src"), MPLBACKEND="Agg")
     return subprocess.run(
         [sys.executable, "-P", *map(str, arguments)], capture_output=True, text=True, timeout=300,
-        env=clean | environment, check=False, **settings,
+        env=env, check=False, **settings,
     )  # fmt: skip
 
 

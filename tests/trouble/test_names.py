@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trouble_process import BARE, DISC, SHORT, contents, equal, run, started, until
+from processes import BARE, contents
+from trouble_process import DISC, SHORT, equal, run, started, until
 
 import impactfem
 from impactfem.result import Result

@@ -10,7 +10,8 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from trouble_process import DISC, DRAWN, SHORT, contents, run, started, until
+from processes import contents
+from trouble_process import DISC, DRAWN, SHORT, run, started, until
 
 from impactfem.errors import OutputError
 from impactfem.result import Result

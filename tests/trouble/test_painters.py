@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from trouble_process import contents
+from processes import contents
 
 import impactfem
 from impactfem import Result, Scene

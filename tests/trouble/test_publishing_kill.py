@@ -6,7 +6,8 @@ import signal
 from pathlib import Path
 
 import pytest
-from trouble_process import contents, hidden, until
+from processes import contents
+from trouble_process import hidden, until
 
 from impactfem.errors import OutputError
 from impactfem.result import store

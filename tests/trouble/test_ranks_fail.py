@@ -4,7 +4,8 @@ import time
 from itertools import product
 
 import pytest
-from trouble_process import DISC, SHORT, contents, launched
+from processes import contents
+from trouble_process import DISC, SHORT, launched
 
 PAIR = """
 title = "two discs"

@@ -6,7 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from trouble_process import DISC, SHORT, contents, equal, hidden, run, started, until
+from processes import contents
+from trouble_process import DISC, SHORT, equal, hidden, run, started, until
 
 from impactfem.result.claim import LOCK
 from impactfem.result.store import CHECKPOINT, LAST

@@ -8,7 +8,7 @@ import sys
 import h5py
 import numpy as np
 import pytest
-from trouble_process import environment
+from processes import environment
 
 from impactfem.errors import OutputError
 from impactfem.result import FieldSpool, Shape, StoredSnapshots

@@ -10,7 +10,8 @@ import zipfile
 
 import numpy as np
 import pytest
-from trouble_process import DISC, contents, run
+from processes import contents
+from trouble_process import DISC, run
 
 from impactfem.errors import MeshError, OutputError, SceneError, plain
 from impactfem.marching.checkpoint import FILE, load, scene_of

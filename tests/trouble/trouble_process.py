@@ -2,8 +2,6 @@
 
 import contextlib
 import os
-import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -11,22 +9,14 @@ import time
 from pathlib import Path
 
 import numpy as np
-import pytest
+from processes import BARE, environment, ranks
 
 from impactfem.result import Result
 
-LAUNCHER = re.compile(r"(PMI|OMPI|PRTE|HYDRA|SLURM|MPI_LOCAL)")
-BARE = ("--set", "output.pictures=false", "--set", "output.film=false",
-        "--set", "output.report=false")  # fmt: skip
 DRAWN = ("run", "bar_impact", "--set", "solve.method=exact", "--quiet", "--out")
 SHORT = ("run", "bar_impact", *BARE, "--set", "solve.method=exact", "--quiet", "--out")
 
 DISC = (Path(__file__).parents[1] / "disc.toml").read_text(encoding="utf-8")
-
-
-def environment(**changes):
-    kept = {name: value for name, value in os.environ.items() if not LAUNCHER.match(name)}
-    return kept | {"OMP_NUM_THREADS": "1"} | changes
 
 
 @contextlib.contextmanager
@@ -56,16 +46,10 @@ def run(folder, *arguments, timeout=60, **options):
         return process.returncode, out.decode("utf-8", "replace"), told
 
 
-def launched(folder, ranks, *words, timeout=60):
+def launched(folder, count, *words, timeout=60):
     """Run Python on several ranks; returns code, standard error, and the seconds it took."""
-    mpirun = Path(sys.executable).parent / "mpirun"
-    found = str(mpirun) if mpirun.exists() else shutil.which("mpirun")
-    if found is None:
-        pytest.skip("no mpirun beside this Python or on PATH")
-    env = {"PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe"}
-    if os.geteuid() == 0:  # else Open MPI refuses
-        env |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-    with started(folder, found, "-n", ranks, sys.executable, *words, env=env) as process:
+    start, needed = ranks(count)
+    with started(folder, *start, *words, env=needed) as process:
         _, err = process.communicate(timeout=timeout)
         return process.returncode, err.decode("utf-8", "replace")
 
@@ -78,14 +62,6 @@ def until(condition, seconds=30.0):
             return False
         time.sleep(0.002)
     return True
-
-
-def contents(folder):
-    """Every file and folder below, with its content."""
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else None
-        for path in sorted(folder.rglob("*"))
-    }
 
 
 def hidden(folder):
