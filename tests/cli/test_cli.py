@@ -22,8 +22,9 @@ from impactfem.scene import Scene
 
 HISTORY = [
     "time", "gap", "contact_force", "kinetic_energy", "elastic_energy", "potential_energy",
-    "total_energy", "momentum", "active",
-    "bar.x", "bar.y", "bar.z", "bar.vx", "bar.vy", "bar.vz",
+    "total_energy", "dissipated_energy", "friction_work",
+    "momentum", "momentum.x", "momentum.y", "momentum.z", "active", "angular_momentum",
+    "bar.x", "bar.y", "bar.z", "bar.vx", "bar.vy", "bar.vz", "force.bar.wall", "gap.bar.wall",
 ]  # fmt: skip
 PICTURES = {
     "contact_force.png", "energy.png", "displacement.png", "position.png", "active_set.png",
