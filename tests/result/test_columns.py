@@ -6,6 +6,7 @@ import pytest
 import impactfem
 from impactfem import Contact, HalfSpace, Point, Rod, Scene, Solve
 from impactfem.result.history import COLUMNS
+from impactfem.result.whole import Whole
 from impactfem.shipped import shipped_scenes
 
 SCENES = [
@@ -142,14 +143,40 @@ def test_a_block_slides_in_contact_as_far_as_its_slip_says():
     assert late == pytest.approx(-0.3 * columns(result, "force.foot")[-50:].sum(), rel=1e-6)
 
 
+def test_each_body_has_its_own_pair_with_the_floor():
+    names, places = ("one", "two"), (-1.0, 1.0)
+    bodies = [
+        solid(DISC | {"center": [x, 0.52]}, name=name, velocity=[0.0, -0.1 - 0.05 * x])
+        for name, x in zip(names, places, strict=True)
+    ]
+    result = impactfem.solve(scene(bodies, [FLOOR], 5.0, method="massless"))
+    dt = np.diff(columns(result, "time"))
+    for name in names:
+        speed = columns(result, f"{name}.vy")
+        mass = result.summary["bodies"][name]["mass"]
+        pushed = float((columns(result, f"force.{name}.floor")[1:] * dt).sum())
+        assert mass * (speed[-1] - speed[0]) == pytest.approx(pushed, rel=1e-9)
+        assert columns(result, f"gap.{name}.floor").min() == pytest.approx(0.0, abs=1e-12)
+
+
+def test_images_turn_the_other_way_but_about_the_axis_across_the_plane():
+    turn = np.array([1.0, 2.0, 3.0])
+    assert np.array_equal(Whole((("x", 0.0),)).mean_turn(turn), [1.0, 0.0, 0.0])
+    assert not Whole((("x", 0.0), ("z", 0.0))).mean_turn(turn).any()
+
+
+@pytest.mark.slow
 def test_friction_in_space_is_a_vector_on_the_first_body():
+    """The other one carries the multipliers, since its faces are smaller."""
     contact = [{"between": ["high", "low"], "friction_coefficient": 0.5},
                {"between": ["low", "floor"]}]  # fmt: skip
-    low = solid({"kind": "block", "size": [1.0, 0.3, 1.0], "corner": [0.0, 0.0, 0.0]}, "3d", "low",
-                0.5, contact_surfaces=["top", "bottom"])  # fmt: skip
-    high = solid({"kind": "block", "size": [0.5, 0.3, 0.5], "corner": [0.3, 0.31, 0.2]}, "3d",
-                 "high", 0.5, contact_surfaces=["bottom"], velocity=[0.05, -0.1, 0.02])  # fmt: skip
-    case = scene([low, high], [BELOW], 0.6, contact, method="massless", normals="fixed", dt=0.02)
+    cells = {"cells": "hexahedron"}
+    low = solid({"kind": "block", "size": [1.0, 0.6, 1.0], "corner": [0.0, 0.0, 0.0]}, "3d", "low",
+                0.34, contact_surfaces=["top", "bottom"], **cells)  # fmt: skip
+    high = solid({"kind": "block", "size": [0.5, 0.3, 0.5], "corner": [0.3, 0.605, 0.2]}, "3d",
+                 "high", 0.5, contact_surfaces=["bottom"], velocity=[0.05, -0.1, 0.02],
+                 **cells)  # fmt: skip
+    case = scene([low, high], [BELOW], 0.3, contact, method="massless", normals="fixed", dt=0.03)
     result = impactfem.solve(case)
     dt = np.diff(columns(result, "time"))
     mass = result.summary["bodies"]["high"]["mass"]
