@@ -139,18 +139,10 @@ def _solved(
     return solve(scene, progress=progress, planned=chosen, checkpoints=place, restart=restart)
 
 
-def _is_solid(scene: "Scene") -> bool:
-    return scene.bodies[0].kind == "solid"
-
-
 def _prepare(scene: "Scene") -> None:
     """Load what a plan needs: that of a solid is made of its mesh."""
     body = scene.bodies[0]
-    if (
-        body.kind == "solid"
-        or getattr(body, "theory", "") == "timoshenko"
-        or scene.mesh_path is not None
-    ):
+    if scene.marches or getattr(body, "theory", "") == "timoshenko" or scene.mesh_path is not None:
         _load_finite_elements()
 
 
@@ -188,7 +180,7 @@ def validate(given: argparse.Namespace) -> int:
     path, scene = _read(given)
     _prepare(scene)
     warnings = plan_of(scene).warnings
-    if scene.mesh_path is not None and not _is_solid(scene):
+    if scene.mesh_path is not None and not scene.marches:
         _load_finite_elements()
         from impactfem.fem import MPI  # noqa: PLC0415
         from impactfem.mesh.files import read_mesh  # noqa: PLC0415

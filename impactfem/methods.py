@@ -27,6 +27,7 @@ class Method:
         text: What it is and where its limits lie, in words.
         stable: Whether it is stable only up to courant 1 ("limited") or at any ("always").
         plannable: Whether the plan may choose it.
+        mixes: Whether it takes bodies of different kinds together, with friction.
         bodies: Kinds of bodies it solves: "bar", "solid", "point", "rod", "beam".
         error: For bars, constant and rate of the largest relative displacement error seen for
             events between layers: error <= constant * contacts / elements^rate
@@ -37,6 +38,7 @@ class Method:
     text: str
     stable: Literal["limited", "always"] = "always"
     plannable: bool = True
+    mixes: bool = False
     bodies: frozenset[str] = BAR
     error: tuple[float, float] = DISPERSIVE
 
@@ -61,6 +63,7 @@ METHODS: Mapping[str, Method] = {
         "horizon at any courant number, first order in h off the layers, exact on them; solids: "
         "midpoint rule, massless contact nodes and a discrete gradient, energy to rounding with "
         "fixed normals",
+        mixes=True,
         bodies=BOTH,
         error=(1.0, 1.0),
     ),
@@ -95,6 +98,7 @@ METHODS: Mapping[str, Method] = {
         "Newmark 1/4 with the mass of contact nodes moved to their neighbours: the force follows "
         "from the elastic state and does not ring; energy does not grow; stable at any courant "
         "number",
+        mixes=True,
         bodies=SOLID,
     ),
     "explicit": Method(
@@ -109,6 +113,7 @@ METHODS: Mapping[str, Method] = {
         "theta method 1/2 with impact on velocities (Moreau and Jean): energy never grows, "
         "nodes penetrate by a fraction of a step's way; in solids the force rings with the step; "
         "points, rods and beams: any restitution, first order in dt, impacts are not located",
+        mixes=True,
         bodies=SOLID | VIBRO,
     ),
     "event_driven": Method(

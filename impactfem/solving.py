@@ -255,8 +255,9 @@ def _solids_as_used(scene: Scene, chosen: SolidPlan) -> Scene:
         estimate=chosen.estimate,
         linear_solver=None if chosen.linear_solver == "none" else chosen.linear_solver,
     )
-    pairs = zip(scene.solids, chosen.degrees, strict=True)
-    bodies = tuple(replace(solid, degree=degree) for solid, degree in pairs)
+    degrees = dict(zip((solid.name for solid in scene.solids), chosen.degrees, strict=True))
+    solids = {s.name: replace(s, degree=degrees[s.name]) for s in scene.solids}
+    bodies = tuple(solids.get(body.name, body) for body in scene.bodies)
     return replace(scene, bodies=bodies, solve=settings)
 
 

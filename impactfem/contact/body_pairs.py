@@ -117,11 +117,12 @@ class FixedPair:
     rows: Sequence[Integers]
     total: int
     seen: Floats | None = None  # it depends on no earlier layer
+    follows: bool = False
 
     def look_from(self, places: Floats | None) -> None:
         """Nothing: these surfaces are looked at once."""
 
-    def __call__(self, places: Floats) -> Meeting:
+    def __call__(self, places: Floats, acting: Floats) -> Meeting:  # noqa: ARG002  (fixed)
         """How the surfaces meet with all contact nodes at some places (nodes, dim)."""
         found = self.pair.met([places[own] for own in self.rows])
         count = len(found.gap)

@@ -227,26 +227,69 @@ def _murty(
     )
 
 
-def solve_velocity_layer(
-    free: Floats, speed: Floats, response: Floats, dt: float, solver: Solver
-) -> LayerContact:
-    """Stop nodes that would penetrate: 0 <= Lambda _|_ normal speed >= 0 at the end of the layer.
+@dataclass(frozen=True)
+class Halfway:
+    """Gaps whose law acts on velocities, as those of nodes with mass on both sides.
 
-    Moreau's and Jean's rule with restitution 0. It acts on speeds, so that gaps may stay negative.
+    Positions cannot be the law there: a node that arrives with the speed w would leave with -w.
+    With w_a and w_b before and after the layer, Moreau's and Jean's rule
+
+        0 <= Lambda _|_ w_b + e w_a >= 0    where the gap would close,
+
+    makes the work Lambda (w_a + w_b) dt / 2 <= 0 for nodes that approach. For those that leave
+    (w_a > 0), e = 1 stands in, so that this work is 0: no layer gains energy.
+
+    Attributes:
+        rows: Which gaps, shape (pairs,).
+        way: (w_b + e w_a) dt / 2 without contact forces [m], shape (pairs,) or (pairs, dim) with
+            the tangential parts, which have no e. The unit makes the answer of Lambda that of the
+            gaps, so that both kinds of gaps are one problem.
+    """
+
+    rows: Booleans
+    way: Floats
+
+    def acting(self, gap: Floats) -> NDArray[np.int64]:
+        """Gaps to be solved: those of positions, and of the others what would close."""
+        return np.flatnonzero(~self.rows | (gap <= 0.0))
+
+
+def rebound(before: Floats, after: Floats, restitution: Floats, dt: float) -> Floats:
+    """(w_b + e w_a) dt / 2 of normal velocities [m]; see `Halfway`."""
+    lively = np.where(before > 0.0, 1.0, restitution)
+    return np.asarray(0.5 * dt * (after + lively * before))
+
+
+def solve_layer_at_speed(
+    free: Floats,
+    halfway: Halfway,
+    response: Floats,
+    compliance: Floats,
+    before: tuple[Floats, Floats],
+    rule: Rule,
+    solver: Solver,
+) -> LayerContact:
+    """Find the contact forces of a layer in which the law of some gaps acts on velocities.
 
     Args:
-        free: Gaps at the end of the layer without contact [m], shape (pairs,).
-        speed: Normal speeds there [m/s].
-        response: C, change of the gaps per unit of Lambda [m/N]; that of the speeds is 2 C / dt.
-        dt: Time step [s].
-        solver: Solver of complementarity problems.
+        free: As for `solve_layer`, and so are those not named here.
+        halfway: Which gaps, and what their law acts on.
+        response: See there.
+        compliance: See there; 0 for gaps at velocity level.
+        before: See there.
+        rule: See there; how theta weighs impulses does not matter.
+        solver: See there.
     """
-    closed = np.flatnonzero(free <= 0.0)
-    force, gap = np.zeros(len(free)), free.copy()
-    iterations = 0
-    if len(closed):
-        matrix = (2.0 / dt) * response[np.ix_(closed, closed)]
-        start = np.zeros(len(closed), dtype=bool)
-        force[closed], iterations = solver(matrix, speed[closed], start)
-        gap += response @ force
-    return LayerContact(force, force, gap, 0.5, iterations)
+    acting = halfway.acting(free)
+    fast, block = halfway.rows[acting], np.ix_(acting, acting)
+    found = solve_layer(
+        np.where(fast, halfway.way[acting], free[acting]), response[block], compliance[block],
+        (np.where(fast, 0.0, before[0][acting]), np.where(fast, 0.0, before[1][acting])),
+        rule, solver,
+    )  # fmt: skip
+    force, multiplier = np.zeros(len(free)), np.zeros(len(free))
+    force[acting] = found.force
+    multiplier[acting] = np.where(fast, found.force, found.multiplier)
+    gap = free + response @ force + compliance @ np.where(halfway.rows, 0.0, multiplier)
+    gap[acting[~fast]] = found.gap[~fast]
+    return LayerContact(force, multiplier, gap, found.theta, found.iterations)

@@ -45,6 +45,8 @@ class FollowedPair:
     pairs of faces of two bodies cost far more than those near each other.
     """
 
+    follows = True
+
     def __init__(self, pair: Opposite, rows: Sequence[Integers], total: int) -> None:
         """Begin; see `SurfacePair.meeting`."""
         self._pair, self._rows, self._total = pair, tuple(rows), total
@@ -61,9 +63,9 @@ class FollowedPair:
         """Go on as if the bodies had last been looked at there; None: as if they never had."""
         self._last = None
         if places is not None:
-            self(places)
+            self(places, places)
 
-    def __call__(self, places: Floats) -> Meeting:
+    def __call__(self, places: Floats, acting: Floats) -> Meeting:  # noqa: ARG002  (first order)
         """How the surfaces meet with all contact nodes at some places (nodes, dim)."""
         if self._last is not None:
             begin, met, distance = self._last

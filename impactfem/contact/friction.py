@@ -68,11 +68,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.complementarity import (
+    Halfway,
     Rule,
     _fixed_point,
     solve_by_active_set,
     solve_layer,
-    solve_velocity_layer,
 )
 from impactfem.contact.friction_newton import ConeProblem, solve_cones
 
@@ -239,51 +239,48 @@ def _with_mass(
     return FrictionContact(force, multiplier, place, work, 0.5, iterations)
 
 
-def solve_friction_velocity_layer(
+def solve_friction_layer_at_speed(
     free: Floats,
-    speed: Floats,
+    halfway: Halfway,
     response: Floats,
-    place_a: Floats,
+    compliance: Floats,
+    before: tuple[Floats, Floats],
     friction: Floats,
-    dt: float,
+    rule: Rule,
     tolerance: float,
     max_iterations: int = 1000,
+    held: Floats | None = None,
 ) -> FrictionContact:
-    """Moreau's and Jean's rule with restitution 0 and friction.
+    """Find the contact forces of a layer in which the law of some gaps acts on velocities.
 
-    Args:
-        free: Places at the end of the layer without contact [m], shape (pairs, dim).
-        speed: Relative velocities there [m/s], shape (pairs, dim).
-        response: C, change of the places per unit of F [m/N]; that of the speeds is 2 C / dt.
-        place_a: Places at the start [m], shape (pairs, dim).
-        friction: Coefficients mu, shape (pairs,).
-        dt: Time step [s].
-        tolerance: Rounding level of places [m]; that of speeds is 2 / dt times it.
-        max_iterations: Limit of linear systems.
+    There the force of the layer obeys the cone with the velocity at its end: nodes that stick have
+    no speed. Arguments as of `solve_friction_layer`, and ``halfway`` with tangential parts.
 
     Raises:
-        ConvergenceError: Stick and slip were not found.
+        ConvergenceError: Stick and slip or theta were not found.
     """
-    pairs, dim = free.shape
-    force = np.zeros((pairs, dim))
-    if not friction.any():
-        solver = solve_by_active_set(tolerance, max_iterations)
-        normal = np.ascontiguousarray(response[::dim, ::dim])
-        layer = solve_velocity_layer(free[:, 0], speed[:, 0], normal, dt, solver)
-        force[:, 0], iterations = layer.force, layer.iterations
-    else:
-        closed = np.flatnonzero(free[:, 0] <= 0.0)
-        iterations = 0
-        if len(closed):
-            rows = (dim * closed[:, None] + np.arange(dim)).ravel()
-            matrix = (2.0 / dt) * response[np.ix_(rows, rows)]
-            none = np.zeros(len(closed))
-            problem = ConeProblem(matrix, speed[closed], friction[closed], none)
-            force[closed], iterations = solve_cones(
-                problem, force[closed], 2.0 / dt * tolerance, max_iterations
-            )
-    place = free + _times(response, force)
-    return FrictionContact(force, force, place, _work(force, place, place_a), 0.5, iterations)
+    acting = halfway.acting(free[:, 0])
+    dim = free.shape[1]
+    fast = halfway.rows[acting][:, None]
+    wide = (dim * acting[:, None] + np.arange(dim)).ravel()
+    block = np.ix_(wide, wide)
+    old, place_a = before
+    law = [np.where(fast, 0.0, values[acting]) for values in before]
+    found = solve_friction_layer(
+        np.where(fast, halfway.way[acting], free[acting]), response[block], compliance[block],
+        (law[0], law[1]), friction[acting], rule, tolerance, max_iterations,
+        None if held is None else np.where(fast, 0.0, held[acting]),
+    )  # fmt: skip
+    force, multiplier, work = np.zeros_like(old), np.zeros_like(old), np.zeros(len(old))
+    force[acting] = found.force
+    multiplier[acting] = np.where(fast, found.force, found.multiplier)
+    strained = np.where(halfway.rows[:, None], 0.0, multiplier)
+    place = free + _times(response, force) + _times(compliance, strained)
+    slow = acting[~fast[:, 0]]
+    place[slow] = found.place[~fast[:, 0]]
+    work[acting] = _work(force, place, place_a)[acting]
+    work[slow] = found.work[~fast[:, 0]]
+    return FrictionContact(force, multiplier, place, work, found.theta, found.iterations)
 
 
 def _without_friction(

@@ -1,16 +1,61 @@
 """Gaps and normals of contact nodes, by their initial place or by their present one."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from impactfem.contact.distance import nearest_obstacle, signed_distance, translation
 from impactfem.contact.responses import Columns, Responses
-from impactfem.contact.surfaces import ContactNodes
 
 Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class Touching(Protocol):
+    """Contact nodes at t = 0; see `impactfem.contact.surfaces.ContactNodes`."""
+
+    @property
+    def positions(self) -> Floats:
+        """Places [m], (count, dim)."""
+
+    @property
+    def gap(self) -> Floats:
+        """Gaps [m], (count,)."""
+
+    @property
+    def normal(self) -> Floats:
+        """Normals of the obstacle, (count, dim)."""
+
+    @property
+    def obstacle(self) -> Indices:
+        """Which obstacle, (count,)."""
+
+    @property
+    def pressures(self) -> csr_matrix:
+        """Matrix from forces [N] to pressures [Pa]."""
+
+
+@dataclass(frozen=True)
+class Balls:
+    """Balls beside one obstacle, as `Gaps` takes them; a ball has no pressure."""
+
+    positions: Floats
+    gap: Floats
+    normal: Floats
+    obstacle: Indices
+    pressures: csr_matrix
+
+    @classmethod
+    def beside(cls, obstacle: Any, places: Floats, radius: Floats) -> "Balls":
+        """At some places [m], (balls, dim), with radii [m], (balls,)."""
+        gap, normal = signed_distance(obstacle, places, 0.0)
+        count = len(places)
+        none = np.zeros(count, dtype=np.int64)
+        return cls(places, gap - radius, normal, none, csr_matrix((count, count)))
 
 
 class Gaps:
@@ -25,11 +70,12 @@ class Gaps:
     def __init__(
         self,
         obstacles: Sequence[Any],
-        contact: ContactNodes,
+        contact: Touching,
         initial: Floats,
         *,
         updated: bool,
         pairs: Sequence[str],
+        radius: Floats | float = 0.0,
     ) -> None:
         """Take the obstacle of each node.
 
@@ -40,8 +86,9 @@ class Gaps:
             updated: Whether distance and normal follow the nodes, which then are held off the
                 nearest obstacle; otherwise they are linearised at the place at t = 0.
             pairs: Names of the pairs of the body with the obstacles.
+            radius: Of nodes that are balls [m], (count,) or a number.
         """
-        self.pairs = tuple(pairs)
+        self.pairs, self._radius = tuple(pairs), radius
         self._obstacles, self.updated = obstacles, updated
         self._positions, self._initial = contact.positions - initial, initial
         self._nearest, self._gap, self._normal = contact.obstacle, contact.gap, contact.normal
@@ -106,7 +153,11 @@ class Gaps:
             if mine.any():
                 gap[mine] = signed_distance(obstacle, there[mine], time)[0]
                 normal[mine] = signed_distance(obstacle, acting[mine], time)[1]
-        return gap - np.einsum("ij,ij->i", normal, static), normal
+        return gap - self._radius - np.einsum("ij,ij->i", normal, static), normal
+
+    def only_on(self, nodes: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether a gap weighs no other nodes than some: here each has its own."""
+        return nodes
 
     def advance(self, normals: Floats, time: float) -> Floats:
         """How far each node's obstacle has moved towards it since t = 0 [m], shape (count,)."""

@@ -9,6 +9,8 @@ from impactfem.contact.responses import Columns
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+type Weights = Floats | csr_matrix
+
 _TOGETHER = 64  # nodes whose columns are asked for at once: bounds the memory for them
 
 
@@ -28,14 +30,14 @@ class PairResponses:
             columns: Computes columns (collective).
         """
         self._dim, self._nodes, self._columns = dim, nodes, columns
-        self._weights = csr_matrix((0, nodes))
+        self._weights: Weights = csr_matrix((0, nodes))
         self._place = np.full(nodes, -1, dtype=np.int64)
         self._order: list[int] = []
         size = dim * nodes
         self._layer, self._static = np.empty((0, size)), np.empty((0, size))
 
-    def follow(self, weights: csr_matrix) -> None:
-        """Take other weights W, shape (pairs, nodes)."""
+    def follow(self, weights: Weights) -> None:
+        """Take other weights W, shape (pairs, nodes): an array where there are few."""
         self._weights = weights
 
     @property
@@ -45,7 +47,11 @@ class PairResponses:
 
     def require(self, rows: Integers) -> None:
         """Compute what is missing for some gaps (collective)."""
-        self.learn(np.unique(self._weights[rows].indices))
+        part = self._weights[rows]
+        if isinstance(part, np.ndarray):
+            self.learn(np.flatnonzero(part.any(axis=0)))
+        else:
+            self.learn(np.unique(part.indices))
 
     def learn(self, nodes: Integers) -> None:
         """Compute what is missing for some nodes, in their order (collective)."""
@@ -62,6 +68,25 @@ class PairResponses:
             self._order += part.tolist()
             self._layer = np.vstack([self._layer, layer.reshape(len(part) * dim, -1)])
             self._static = np.vstack([self._static, static.reshape(len(part) * dim, -1)])
+
+    def renew(self, changed: NDArray[np.bool_], answers: Columns) -> None:
+        """Ask again what is known of nodes whose answers have changed (collective).
+
+        Args:
+            changed: Which nodes, shape (nodes,).
+            answers: Computes answers that nobody keeps.
+        """
+        known = [node for node in self._order if changed[node]]
+        if not known:
+            return
+        dim = self._dim
+        forces = np.zeros((len(known), dim, self._nodes, dim))
+        for k, node in enumerate(known):
+            forces[k, :, node] = np.eye(dim)
+        found = answers(forces.reshape(-1, self._nodes, dim))
+        rows = (dim * self._place[known][:, None] + np.arange(dim)).ravel()
+        for kept, new in zip((self._layer, self._static), found, strict=True):
+            kept[rows] = new.reshape(len(rows), -1)
 
     def matrices(self, rows: Integers, normals: Floats) -> tuple[Floats, Floats]:
         """Response C and compliance D of some gaps along their normals [m/N], (k, k) each."""
@@ -85,7 +110,10 @@ class PairResponses:
             frames: Orthonormal directions of each, the normal first, shape (k, dim, dim).
         """
         size = len(rows) * self._dim
-        parts = csr_matrix(vstack([self._operator(rows, frames[:, i]) for i in range(self._dim)]))
+        each = [self._operator(rows, frames[:, i]) for i in range(self._dim)]
+        if isinstance(each[0], np.ndarray):
+            return self._reduced(np.stack(each, axis=1).reshape(size, -1))
+        parts = csr_matrix(vstack(each))
         order = np.arange(size).reshape(self._dim, len(rows)).T.ravel()
         return self._reduced(csr_matrix(parts[order]))
 
@@ -116,7 +144,7 @@ class PairResponses:
     def static(self, rows: Integers, normals: Floats, multipliers: Floats) -> None:
         """None, as `displacement`."""
 
-    def _reduced(self, parts: csr_matrix) -> tuple[Floats, Floats]:
+    def _reduced(self, parts: Weights) -> tuple[Floats, Floats]:
         """B A B^T of the answers A in a layer and static, without what rounding made asymmetric."""
         known = self._known_part(parts)
         layer, static = (
@@ -124,9 +152,11 @@ class PairResponses:
         )
         return 0.5 * (layer + layer.T), 0.5 * (static + static.T)
 
-    def _operator(self, rows: Integers, normals: Floats) -> csr_matrix:
+    def _operator(self, rows: Integers, normals: Floats) -> Weights:
         """B of some gaps, shape (k, nodes * dim)."""
         part = self._weights[rows]
+        if isinstance(part, np.ndarray):
+            return np.asarray(part[:, :, None] * normals[:, None]).reshape(len(rows), -1)
         counts = np.diff(part.indptr)
         values = part.data[:, None] * np.repeat(normals, counts, axis=0)
         columns = self._dim * part.indices[:, None] + np.arange(self._dim)
@@ -135,8 +165,11 @@ class PairResponses:
             (values.ravel(), columns.ravel(), starts), shape=(len(rows), self._nodes * self._dim)
         )
 
-    def _known_part(self, operator: csr_matrix) -> csr_matrix:
+    def _known_part(self, operator: Weights) -> Weights:
         """Columns of B in the order of the known answers, shape (k, known * dim)."""
+        if isinstance(operator, np.ndarray):
+            places = self._dim * self.known[:, None] + np.arange(self._dim)
+            return np.asarray(operator[:, places.ravel()])
         node, axis = np.divmod(operator.indices, self._dim)
         columns = self._dim * self._place[node] + axis
         shape = (operator.shape[0], len(self._layer))

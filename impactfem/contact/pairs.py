@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
 from impactfem.contact.gaps import Gaps
-from impactfem.contact.pair_responses import PairResponses
+from impactfem.contact.pair_responses import PairResponses, Weights
 from impactfem.contact.responses import Columns, Responses
 
 Floats = NDArray[np.float64]
@@ -33,8 +33,19 @@ class Meeting:
     area: Floats
 
 
+_ENTRIES = 4096  # of weights that are kept as an array
+
+
 class Meet(Protocol):
-    """Finds how two surfaces meet."""
+    """Finds how two surfaces meet.
+
+    Attributes:
+        follows: Whether the answer is found anew in each layer.
+    """
+
+    @property
+    def follows(self) -> bool:
+        """See above."""
 
     @property
     def seen(self) -> Floats | None:
@@ -43,8 +54,8 @@ class Meet(Protocol):
     def look_from(self, places: Floats | None) -> None:
         """Go on as after an answer for these places."""
 
-    def __call__(self, places: Floats) -> Meeting:
-        """How they meet when the contact nodes are at some places [m], (nodes, dim)."""
+    def __call__(self, places: Floats, acting: Floats) -> Meeting:
+        """How they meet with the contact nodes at some places, forces acting at others [m]."""
 
 
 class PairGaps:
@@ -64,8 +75,6 @@ class PairGaps:
         initial: Floats,
         obstacles: Sequence[tuple[slice, Integers, Gaps]],
         meetings: Sequence[Meet],
-        *,
-        updated: bool,
         names: Sequence[str],
     ) -> None:
         """Find the gaps of t = 0.
@@ -76,25 +85,37 @@ class PairGaps:
             obstacles: For each body the places of its nodes, those of them (counted from the first
                 of the body) that can touch an obstacle, and their gaps.
             meetings: Pairs of surfaces.
-            updated: Whether pairs follow the bodies.
             names: Of the pairs of surfaces.
         """
-        self.pairs = (*(name for _, _, gaps in obstacles for name in gaps.pairs), *names)
+        listed = (*(name for _, _, gaps in obstacles for name in gaps.pairs), *names)
+        self.pairs = tuple(dict.fromkeys(listed))  # gaps of a pair may have several sources
+        self._listed = np.array([self.pairs.index(name) for name in listed], dtype=np.int64)
         self._places, self._initial = places, initial
-        self._obstacles, self._meetings, self.updated = tuple(obstacles), tuple(meetings), updated
+        self._obstacles, self._meetings = tuple(obstacles), tuple(meetings)
+        self._moving = any(meet.follows for meet in self._meetings)
+        self.updated = self._moving or any(gaps.updated for _, _, gaps in self._obstacles)
         nodes = len(places)
         rows = [own.start + chosen for own, chosen, _ in obstacles]
         chosen = np.concatenate([*rows, np.zeros(0, dtype=np.int64)]).astype(np.int64)
         self._bound = csr_matrix(
             (np.ones(len(chosen)), (np.arange(len(chosen)), chosen)), shape=(len(chosen), nodes)
         )
-        self._first = [meet(places + initial) for meet in self._meetings]
+        # Of few gaps and nodes arrays are far cheaper than what SciPy does for sparse matrices.
+        self._few = _ENTRIES // max(1, nodes)
+        self._dense = self._bound.toarray() if len(chosen) <= self._few else np.zeros((0, nodes))
+        there = places + initial
+        self._first = [meet(there, there) for meet in self._meetings]
         self._weigh(self._first)
         self._area = np.concatenate([*(entry.area for entry in self._first), np.zeros(0)])
         self._responses: PairResponses | None = None
 
     def _weigh(self, met: Sequence[Meeting]) -> None:
         """Keep the weights of all gaps, and how they spread forces."""
+        if self._bound.shape[0] + sum(len(entry.gap) for entry in met) <= self._few:
+            each = [entry.weights.toarray() for entry in met]
+            self._weights: Weights = np.concatenate([self._dense, *each])
+            self._spreading: Weights = self._weights.T
+            return
         self._weights = csr_matrix(vstack([self._bound, *(entry.weights for entry in met)]))
         self._spreading = csr_matrix(self._weights.T)
 
@@ -106,7 +127,7 @@ class PairGaps:
             first += len(gaps.pairs)
         met = [len(entry.gap) for entry in self._first]
         found.append(first + np.repeat(np.arange(len(met)), met))
-        return np.concatenate(found)
+        return self._listed[np.concatenate(found)]
 
     def responses(self, columns: Columns, whole: int | None) -> Responses | PairResponses:
         """How the gaps answer to contact forces along their normals.
@@ -148,18 +169,28 @@ class PairGaps:
             normals.append(normal)
         static = last - begin
         met = self._first
-        if self.updated and self._meetings:
-            met = [meet(self._places + displacement + static) for meet in self._meetings]
+        if self._moving:
+            there = self._places + displacement + static
+            acting = there - back * (displacement - begin)
+            met = [
+                meet(there, acting) if meet.follows else first
+                for meet, first in zip(self._meetings, self._first, strict=True)
+            ]
             self._weigh(met)
             self._area = np.concatenate([entry.area for entry in met])
             if self._responses is not None:
                 self._responses.follow(self._weights)
-        for entry in met:
-            moved = -static if self.updated else displacement - self._initial
+        for meet, entry in zip(self._meetings, met, strict=True):
+            moved = -static if meet.follows else displacement - self._initial
             change = np.einsum("ij,ij->i", entry.normal, entry.weights @ moved)
             gaps.append(entry.gap + change)
             normals.append(entry.normal)
         return np.concatenate(gaps), np.concatenate(normals)
+
+    def only_on(self, nodes: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether a gap weighs no other nodes than some, (pairs,)."""
+        found: NDArray[np.bool_] = abs(self._weights) @ (~nodes).astype(float) == 0.0
+        return found
 
     def shift(self, time: float) -> Floats:
         """Displacement of the obstacles since t = 0 [m], (pairs, dim); 0 between bodies."""
@@ -178,7 +209,7 @@ class PairGaps:
         nodes, first = len(self._places), 0
         place, pressure, pressed = np.full(nodes, np.nan), np.zeros(nodes), np.zeros(nodes)
         bound = self._bound.shape[0]
-        share = abs(self._weights[bound:]).T.tocsr()
+        share = csr_matrix(abs(self._weights[bound:]).T)
         area = share @ self._area
         seen = area > 0.0
         open_ = np.where(np.isfinite(gap[bound:]), self._area, 0.0)

@@ -88,6 +88,9 @@ class Responses:
         """The same: here each gap has its node."""
         self.require(nodes)
 
+    def renew(self, changed: NDArray[np.bool_], answers: Columns) -> None:
+        """Nothing: answers of gaps with fixed normals never change."""
+
     def _learn(self, rows: Integers) -> None:
         """Compute and keep the columns of some nodes."""
         several = len(rows)

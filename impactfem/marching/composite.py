@@ -1,6 +1,6 @@
 """Several bodies in one layer: each moves by its own scheme, contact sees all their nodes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from impactfem.errors import SceneError
 from impactfem.marching.layers import Interior, Sums
 
 Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
 
 
 class Composite:
@@ -29,8 +30,8 @@ class Composite:
 
         Args:
             parts: The bodies.
-            free: Of each body 1 where a contact node may move and 0 where a support holds it,
-                (count, dim); everywhere 1 if None.
+            free: Of the first bodies 1 where a contact node may move and 0 where a support holds
+                it, (count, dim); of the others everywhere 1.
 
         Raises:
             SceneError: Their steps differ.
@@ -47,7 +48,8 @@ class Composite:
         self.whole_columns = min(wholes, default=None)
         self._count = 0  # forces that were asked for
         self._asked = [np.zeros(0, dtype=np.int64) for _ in parts]  # which of them reach each body
-        self._free = [1.0] * len(parts) if free is None else list(free)
+        given = list(free or ())
+        self._free = given + [np.ones((1, 1))] * (len(parts) - len(given))
 
     def own(self, body: int) -> slice:
         """Places of a body's contact nodes."""
@@ -63,9 +65,21 @@ class Composite:
         """Of the contact nodes of all bodies [m], (count, dim)."""
         return np.concatenate([part.surface_displacement for part in self.parts])
 
-    def surface_velocity(self) -> Floats:
-        """Velocity of the contact nodes [m/s], (count, dim) (collective)."""
-        return np.concatenate([part.surface_velocity() for part in self.parts])
+    @property
+    def massive(self) -> Booleans:
+        """Contact nodes with mass, of all bodies."""
+        return np.concatenate([part.massive for part in self.parts])
+
+    @property
+    def volatile(self) -> Booleans:
+        """Contact nodes whose answers change, of all bodies."""
+        return np.concatenate([part.volatile for part in self.parts])
+
+    def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
+        """Velocities of the contact nodes at both ends of the layer [m/s], (count, dim) each."""
+        each = [part.contact_speeds(way[self.own(k)]) for k, part in enumerate(self.parts)]
+        before, after = zip(*each, strict=True)
+        return np.concatenate(before), np.concatenate(after)
 
     def initial(self, static: Floats) -> list[Sums]:
         """Sums of the initial state, of each body."""
@@ -89,15 +103,25 @@ class Composite:
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Answers of the contact nodes to several forces (several, count, dim)."""
+        return self._each(forces, keep=True)
+
+    def answers(self, forces: Floats) -> tuple[Floats, Floats]:
+        """The same, but not numbered."""
+        return self._each(forces, keep=False)
+
+    def _each(self, forces: Floats, *, keep: bool) -> tuple[Floats, Floats]:
         layer, static = np.zeros_like(forces), np.zeros_like(forces)
-        before, self._count = self._count, self._count + len(forces)
+        before = self._count
+        self._count += len(forces) if keep else 0
         for k, part in enumerate(self.parts):
             mine = forces[:, self.own(k)] * self._free[k]
             asked = np.flatnonzero(mine.any(axis=(1, 2)))
             if len(asked):
-                found = part.columns(np.ascontiguousarray(mine[asked]))
+                answer = part.columns if keep else part.answers
+                found = answer(np.ascontiguousarray(mine[asked]))
                 layer[asked, self.own(k)], static[asked, self.own(k)] = found
-                self._asked[k] = np.concatenate([self._asked[k], before + asked])
+                if keep:
+                    self._asked[k] = np.concatenate([self._asked[k], before + asked])
         return layer, static
 
     def static(self, forces: Floats) -> Floats:
@@ -131,7 +155,18 @@ class Composite:
     def state(self) -> dict[str, Any]:
         """What the next layer needs, of all bodies: one after the other, as `velocity` has them."""
         each = [part.state() for part in self.parts]
-        return {name: np.concatenate([state[name] for state in each]) for name in each[0]}
+        return {name: np.concatenate([state[name] for state in each if state]) for name in each[0]}
+
+    def memory(self) -> dict[str, Floats]:
+        """What it needs besides, of each body by its place."""
+        each = enumerate(self.parts)
+        return {f"{k}.{name}": values for k, part in each for name, values in part.memory().items()}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave."""
+        for k, part in enumerate(self.parts):
+            own = f"{k}."
+            part.remember({n.removeprefix(own): v for n, v in memory.items() if n.startswith(own)})
 
     def restore(self, state: dict[str, Any], surface: Floats) -> None:
         """Continue from a state."""

@@ -11,6 +11,7 @@ from impactfem.contact.responses import Columns
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
 
 
 @dataclass
@@ -46,6 +47,14 @@ class Interior(Protocol):
     whole_columns: int | None
 
     @property
+    def massive(self) -> Booleans:
+        """Contact nodes whose mass makes impacts: between them the law acts on speeds, (count,)."""
+
+    @property
+    def volatile(self) -> Booleans:
+        """Contact nodes whose answers change from layer to layer, (count,)."""
+
+    @property
     def velocity(self) -> Floats:
         """Velocity of the owned dofs [m/s]."""
 
@@ -53,8 +62,15 @@ class Interior(Protocol):
     def surface_displacement(self) -> Floats:
         """Of the contact nodes, massless ones without contact forces [m], (count, dim)."""
 
-    def surface_velocity(self) -> Floats:
-        """Velocity of the contact nodes [m/s], (count, dim) (collective)."""
+    def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
+        """Velocities of contact nodes at both ends of the predicted layer, of those with mass.
+
+        Args:
+            way: What they moved in it [m], (count, dim).
+
+        Returns:
+            Before and after it [m/s], (count, dim) each (collective).
+        """
 
     def initial(self, static: Floats) -> Sequence[Sums]:
         """Sums of the initial state, one for each body; ``static`` as in `finish`."""
@@ -76,6 +92,9 @@ class Interior(Protocol):
 
         The forces are numbered in the order in which they are asked for, over all calls.
         """
+
+    def answers(self, forces: Floats) -> tuple[Floats, Floats]:
+        """The same for volatile nodes that are asked again: not numbered."""
 
     def static(self, forces: Floats) -> Floats:
         """Displacement of massless contact nodes by static forces on them, (count, dim) each."""
@@ -102,6 +121,12 @@ class Interior(Protocol):
 
     def state(self) -> dict[str, Any]:
         """What the next layer needs, by name: arrays of owned dofs."""
+
+    def memory(self) -> dict[str, Floats]:
+        """What it needs besides, by name, the same on all ranks."""
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave; other names are passed over."""
 
     def restore(self, state: dict[str, Any], surface: Floats) -> None:
         """Continue from a state; ``surface`` was `surface_displacement`, to the last bit."""
@@ -139,6 +164,9 @@ class Answers(Protocol):
 
     def static(self, rows: Integers, normals: Floats, multipliers: Floats) -> Floats | None:
         """Displacements of the contact nodes by static forces, (nodes, dim); None if not kept."""
+
+    def renew(self, changed: Booleans, answers: Columns) -> None:
+        """Ask again for the answers of volatile nodes (collective)."""
 
 
 class DirectedAnswers(Answers, Protocol):
@@ -178,6 +206,9 @@ class ContactGaps(Protocol):
 
     def spread(self, forces: Floats) -> Floats:
         """Forces on the contact nodes (nodes, dim) by those in the gaps (pairs, dim)."""
+
+    def only_on(self, nodes: Booleans) -> Booleans:
+        """Whether a gap weighs no other nodes than some (nodes,), (pairs,)."""
 
     def at(
         self, displacement: Floats, begin: Floats, last: Floats, time: float, back: float = 0.5

@@ -6,6 +6,7 @@ the space-time Petrov-Galerkin form with layer weight beta = 0. Without contact 
 v M v / 2 + u_m K u_{m+1} / 2 with v = s_m / dt, which is positive while dt omega < 2.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -90,6 +91,7 @@ class Leapfrog:
         self.dt = dt
         self.whole_columns: int | None = None if statics is None else _WHOLE_COLUMNS
         self._system, self._surface, self._statics = system, surface, statics
+        self.massive = self.volatile = np.zeros(surface.count, dtype=bool)
         self._drive = Drive(system, transfer)
         self._matrix = to_blocked(system.stiffness)  # its products are faster
         self._now, self._internal = self._matrix.createVecs()
@@ -122,9 +124,13 @@ class Leapfrog:
         """Displacement of the contact nodes, massless ones in equilibrium, (count, dim)."""
         return self._contact
 
-    def surface_velocity(self) -> Floats:
-        """Velocity of the contact nodes [m/s], (count, dim) (collective)."""
-        return self._surface.gather(self.velocity)
+    def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
+        """Velocities of contact nodes in the layers beside the level [m/s] (collective)."""
+        return self._surface.gather(self.velocity), way / self.dt
+
+    def answers(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Never asked: no answer changes."""
+        return self.columns(forces)
 
     def inertia(self) -> list[Floats]:
         """Moments of inertia [kg m^2]; see `Turning`."""
@@ -262,6 +268,13 @@ class Leapfrog:
     def state(self) -> dict[str, Any]:
         """What the next layer needs."""
         return {"displacement": self.displacement.copy(), "step": self._step.copy()}
+
+    def memory(self) -> dict[str, Floats]:
+        """Nothing besides."""
+        return {}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Nothing."""
 
     def restore(self, state: dict[str, Any], surface: Floats) -> None:
         """Continue from a state; ``surface`` was `surface_displacement`, to the last bit."""

@@ -9,6 +9,7 @@ With w = u + b v in the middle of the layer (b: stiffness damping, a: mass dampi
 Massless contact nodes have zero rows in M: there w is in equilibrium.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,7 @@ class Midpoint:
         self.dt = dt
         self.whole_columns: int | None = None
         self._system, self._surface, self._statics = system, surface, statics
+        self.massive = self.volatile = np.zeros(surface.count, dtype=bool)
         self._transfer, self._drive = transfer, Drive(system, transfer)
         lag = 2.0 * system.rayleigh_stiffness / dt
         self._mu = 2.0 * (2.0 / dt + system.rayleigh_mass) / (dt * (1.0 + lag))
@@ -205,9 +207,14 @@ class Midpoint:
             work += float(reaction @ step[self._drive.moved])
         return self._summed(work)
 
-    def surface_velocity(self) -> Floats:
-        """Velocity of the contact nodes [m/s], (count, dim) (collective)."""
-        return self._surface.gather(self.velocity)
+    def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
+        """Velocities of contact nodes at both ends of the layer [m/s] (collective)."""
+        before = self._surface.gather(self.velocity)
+        return before, 2.0 / self.dt * way - before
+
+    def answers(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Never asked: no answer changes."""
+        return self.columns(forces)
 
     def initial(self, static: Floats) -> list[Sums]:
         """Sums of the initial state."""
@@ -241,6 +248,13 @@ class Midpoint:
     def state(self) -> dict[str, Any]:
         """What the next layer needs."""
         return {"displacement": self.displacement.copy(), "velocity": self.velocity.copy()}
+
+    def memory(self) -> dict[str, Floats]:
+        """Nothing besides."""
+        return {}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Nothing."""
 
     def restore(self, state: dict[str, Any], surface: Floats) -> None:
         """Continue from a state; ``surface`` was `surface_displacement`, to the last bit."""

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.complementarity import Halfway
 from impactfem.contact.friction import (
     FrictionContact,
     solve_friction_layer,
-    solve_friction_velocity_layer,
+    solve_friction_layer_at_speed,
 )
 from impactfem.marching.schemes import SolidScheme
 
@@ -42,7 +43,7 @@ class Rubbing:
         place: Displacement of the contact nodes at the last level, forces included [m], (nodes,
             dim).
         older_place: One level earlier.
-        work: Frictional work of the last layer [J].
+        work: Frictional work in each gap in the last layer [J], (pairs,).
     """
 
     law: Friction
@@ -50,13 +51,13 @@ class Rubbing:
     older_tangential: Floats
     place: Floats
     older_place: Floats
-    work: float = 0.0
+    work: Floats
 
     @classmethod
     def at_rest(cls, law: Friction, place: Floats) -> "Rubbing":
         """No tangential forces yet."""
         zero = np.zeros((len(law.coefficients), place.shape[1]))
-        return cls(law, zero, zero, place, place)
+        return cls(law, zero, zero, place, place, np.zeros(len(zero)))
 
     def advance(self, tangential: Floats, place: Floats) -> None:
         """Go to the next level."""
@@ -77,7 +78,9 @@ class LayerGaps:
         old_tangential: tau_a [N], vectors in space, (k, dim).
         old_way: Relative displacements at a [m], (k, dim).
         held: Where sticking gaps stay [m], (k, dim); None for ``old_way``.
-        speed: Relative velocities at the end without forces [m/s], (k, dim); at velocity level.
+        fast: Gaps whose law acts on velocities, (k,).
+        halfway: Of these, in space, the way of `impactfem.contact.complementarity.Halfway` [m],
+            normal and tangential parts, (k, dim).
     """
 
     rows: Integers
@@ -88,7 +91,8 @@ class LayerGaps:
     old_tangential: Floats
     old_way: Floats
     held: Floats | None
-    speed: Floats
+    fast: NDArray[np.bool_]
+    halfway: Floats
 
 
 def rub(
@@ -97,7 +101,6 @@ def rub(
     layer: LayerGaps,
     blocks: tuple[Floats, Floats],
     share: float,
-    dt: float,
 ) -> FrictionContact:
     """Solve a layer; forces and multipliers come back in the frames of the gaps.
 
@@ -107,7 +110,6 @@ def rub(
         layer: The gaps that take part.
         blocks: C and D in their frames.
         share: Part of the layer's force that acts.
-        dt: Time step [s].
 
     Raises:
         ConvergenceError: Stick, slip or theta were not found.
@@ -118,18 +120,14 @@ def rub(
     before = turned(layer.frames, layer.old_way)
     before[:, 0] = layer.old[1]
     response, compliance = share * blocks[0], blocks[1]
-    if scheme.contact == "velocity":
-        speed = turned(layer.frames, layer.speed)
-        return solve_friction_velocity_layer(
-            free, speed, response, before, mu, dt, law.tolerance, law.max_iterations
-        )
     old = turned(layer.frames, layer.old_tangential)
     old[:, 0] = layer.old[0]
     held = None if layer.held is None else turned(layer.frames, layer.held)[:, 1:]
-    return solve_friction_layer(
-        free, response, compliance, (old, before), mu, scheme.contact, law.tolerance,
-        law.max_iterations, held,
-    )  # fmt: skip
+    rest = (old, before), mu, scheme.rule, law.tolerance, law.max_iterations, held
+    if not layer.fast.any():
+        return solve_friction_layer(free, response, compliance, *rest)
+    halfway = Halfway(layer.fast, turned(layer.frames, layer.halfway))
+    return solve_friction_layer_at_speed(free, halfway, response, compliance, *rest)
 
 
 def told(layer: LayerGaps, found: FrictionContact) -> tuple[Floats, Floats]:

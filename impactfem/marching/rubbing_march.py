@@ -40,6 +40,7 @@ class RubbingMarch(SolidMarch):
         solver: Solver,
         layers: int,
         tolerance: float,
+        restitution: Floats | None,
         friction: Friction,
     ) -> None:
         """Find the contact forces of the initial state, at which nothing rubs yet.
@@ -52,6 +53,7 @@ class RubbingMarch(SolidMarch):
             solver: See there; not asked, but for t = 0.
             layers: See there.
             tolerance: See there.
+            restitution: See there.
             friction: Coulomb's law.
         """
         place = interior.surface_displacement
@@ -59,7 +61,7 @@ class RubbingMarch(SolidMarch):
         self._tangential = self._rubbing_force = np.zeros((len(friction.coefficients), 0))
         # Gaps that took part, their normal forces and tangential ones, and ways: see `told`.
         self._slid: tuple[Integers, Floats, Floats] | None = None
-        super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance)
+        super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, restitution)
         self._rubbing = Rubbing.at_rest(friction, place + self.contact.static)
 
     def _answers(self) -> DirectedAnswers:
@@ -82,14 +84,17 @@ class RubbingMarch(SolidMarch):
         """Keep the tangential state, and sum up what friction and moved obstacles have done."""
         self._rubbing.advance(self._tangential, place)
         rows, row = self.rows, self.layer
-        rows.friction_work[row] = part * self._rubbing.work
+        # What rubs in an impact is part of its law: a split of its loss would say nothing.
+        struck = self._impulsive
+        rows.friction_work[row] = part * float(self._rubbing.work[~struck].sum())
+        rows.impact_work[row] += part * float(self._rubbing.work[struck].sum())
         before = max(0.0, time - self.interior.dt / part)
         shift = self._gaps.shift(time) - self._gaps.shift(before)
         rows.obstacle_work[row] += part * float((self._rubbing_force * shift).sum())
 
-    def _close_pairs(self, row: int, force: Floats) -> None:
+    def _close_pairs(self, row: int, force: Floats, struck: Floats) -> None:
         """Store what pairs have of the forces, gaps and slip."""
-        super()._close_pairs(row, force)
+        super()._close_pairs(row, force, struck)
         if self._slid is None:
             return
         rows, acting, way = self._slid
@@ -103,6 +108,22 @@ class RubbingMarch(SolidMarch):
     def _pressed_work(self, way: Floats) -> float:
         """Multipliers times the displacements (pairs, dim) that they give to massless nodes [J]."""
         return super()._pressed_work(way) + float((self._rubbing.tangential * way).sum())
+
+    def _rubbing_halfway(self, normals: Floats, way: Floats) -> Floats:
+        """`Halfway.way` of all gaps as vectors in space [m], (pairs, dim).
+
+        Args:
+            normals: Of the gaps, (pairs, dim).
+            way: Of the contact nodes in the layer without contact forces [m], (nodes, dim).
+        """
+        gaps, dt = self._gaps, self.interior.dt
+        time = (self.layer + 1) * dt
+        before, after = (gaps.relative(each) for each in self.interior.contact_speeds(way))
+        # Tangentially the speed at the end, against that of what is touched.
+        moved = (gaps.shift(time) - gaps.shift(time - dt)) / dt
+        slid: Floats = 0.5 * dt * (after - moved)
+        along = self._rebound(normals, before, after) - np.einsum("ij,ij->i", normals, slid)
+        return np.asarray(slid + along[:, None] * normals)
 
     def _layer_forces(
         self, gap: Floats, normals: Floats, free: Floats, last: Floats
@@ -119,16 +140,18 @@ class RubbingMarch(SolidMarch):
             if self._skips
             else (contact.multiplier, contact.gap, state.tangential, last, 1.0)
         )  # fmt: skip
-        state.work, self._true_gap = 0.0, gap
+        state.work, self._true_gap = np.zeros(len(gap)), gap
         self._tangential = self._rubbing_force = tangential
         self._slid = None
-        taking_part = (old > 0.0) | (contact.multiplier > 0.0) | (gap < -self._tolerance)
+        taking_part = (old > 0.0) | (contact.multiplier > 0.0) | (gap < -self.tolerance)
         if not taking_part.any():
             return force, multiplier, static, 0
         way = gaps.relative(free) - gaps.shift(time)
         old_way = gaps.relative(old_place) - gaps.shift(max(0.0, time - back * dt))
         held = gaps.relative(last) - gaps.shift(time - dt) if self._skips else None
-        speed = gaps.relative(2.0 / dt * (free - last) - self.speed)
+        fast, halfway = self._at_speed(gap), way
+        if fast[taking_part].any():
+            halfway = self._rubbing_halfway(normals, free - last)
         iterations = 0
         while True:
             rows = np.flatnonzero(taking_part)
@@ -137,19 +160,20 @@ class RubbingMarch(SolidMarch):
             layer = LayerGaps(
                 rows, directions, gap[rows], way[rows], (old[rows], old_gap[rows]),
                 old_tangential[rows], old_way[rows], None if held is None else held[rows],
-                speed[rows],
+                fast[rows], halfway[rows],
             )  # fmt: skip
             blocks = answers.blocks(rows, directions)
-            found = rub(state.law, self._scheme, layer, blocks, share, dt)
+            found = rub(state.law, self._scheme, layer, blocks, share)
             iterations += found.iterations
             acting = in_space(directions, found.force)
             levels = in_space(directions, found.multiplier)
             moved = answers.moved(rows, share * acting, levels)
             true = gap + np.einsum("ij,ij->i", normals, moved)
             true[rows] = found.place[:, 0]
-            missed = true < -self._tolerance
+            missed = true < -self.tolerance
             missed[rows] = False
-            if not missed.any() or self._scheme.contact == "velocity":
+            missed &= ~fast
+            if not missed.any():
                 break
             taking_part |= missed
         whole, multipliers = np.zeros_like(normals), np.zeros_like(normals)
@@ -161,7 +185,7 @@ class RubbingMarch(SolidMarch):
             static = interior.static(gaps.spread(multipliers))
         self._true_gap = true
         self._tangential = multipliers - multiplier[:, None] * normals
-        state.work = float(found.work.sum())
+        state.work[rows] = found.work
         self._rubbing_force = whole - force[:, None] * normals
         self._slid = rows, *told(layer, found)
         return force, multiplier, static, iterations

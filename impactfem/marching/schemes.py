@@ -15,13 +15,19 @@ class SolidScheme:
         interior: "midpoint" is the space-time form with layer weight beta = 1/4 (implicit),
             "leapfrog" with beta = 0 (explicit, lumped mass).
         massless: Whether contact nodes give their mass to their neighbours.
-        contact: Rule for theta (`impactfem.contact.complementarity`), or "velocity": impulses that
-            stop approaching nodes once their gap would close.
+        contact: Rule for theta (`impactfem.contact.complementarity`), or "velocity": impulses on
+            nodes whose gap would close. Where massless nodes meet nothing but nodes with mass,
+            these have the law of velocities in any case.
     """
 
     interior: Literal["midpoint", "leapfrog"]
     massless: bool
     contact: Rule | Literal["velocity"]
+
+    @property
+    def rule(self) -> Rule:
+        """Rule for theta of gaps whose law acts on positions."""
+        return "middle" if self.contact == "velocity" else self.contact
 
     @property
     def shares_forces(self) -> bool:

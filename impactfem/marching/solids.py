@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.complementarity import (
+    Halfway,
     LayerContact,
     Solver,
+    rebound,
     solve_layer,
-    solve_velocity_layer,
+    solve_layer_at_speed,
 )
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI
@@ -70,10 +72,12 @@ class Rows:
         sums: Kinetic, elastic, work of loads, momentum, first moment of mass and angular momentum
             of each body, of this rank, (rows, bodies, 3 + 2 dim + 1 or 3).
         gap, force, contact_energy, obstacle_work, friction_work: Of all ranks, (rows,).
+        impact: Impulse of impacts between nodes with mass [N s], which is none of the force.
+        impact_work: Work of the contact forces between such nodes [J], <= 0.
         largest: Force of the node with the largest [N], (rows,).
         active, iterations: Of all ranks, (rows,).
-        pair_force, pair_gap: Sum of the normal forces [N] and smallest gap [m] of each pair of the
-            scene, (rows, pairs).
+        pair_force, pair_gap, pair_impact: Sum of the normal forces [N], smallest gap [m] and
+            impulse of impacts [N s] of each pair of the scene, (rows, pairs).
         tangential: With friction, sum of the tangential forces of each pair [N], in the plane along
             the normal turned by -90 degrees, in space a vector, (rows, pairs, 1 or 3); else empty.
         slip: Way slid in the layer [m], the mean over the gaps by their normal force; in the plane
@@ -87,11 +91,14 @@ class Rows:
     contact_energy: Floats
     obstacle_work: Floats
     friction_work: Floats
+    impact: Floats
+    impact_work: Floats
     largest: Floats
     active: Integers
     iterations: Integers
     pair_force: Floats
     pair_gap: Floats
+    pair_impact: Floats
     tangential: Floats
     slip: Floats
     probes: Floats
@@ -101,15 +108,12 @@ class Rows:
         """Rows of zeros."""
         turns = dim * (dim - 1) // 2
         sums = np.zeros((rows, bodies, 3 + 2 * dim + turns))
-        gap, force, contact_energy, obstacle_work, friction_work, largest = np.zeros((6, rows))
-        active, iterations = np.zeros((2, rows), dtype=np.int64)
-        pair_force, pair_gap = np.zeros((2, rows, pairs))
+        pair_force, pair_gap, pair_impact = np.zeros((3, rows, pairs))
         rubbing = pairs if friction else 0
-        return cls(
-            sums, gap, force, contact_energy, obstacle_work, friction_work, largest, active,
-            iterations, pair_force, pair_gap, np.zeros((rows, rubbing, turns)),
-            np.zeros((rows, rubbing)), np.zeros((rows, 0)),
-        )  # fmt: skip
+        each: list[Any] = [sums, *np.zeros((8, rows)), *np.zeros((2, rows), dtype=np.int64)]
+        each += [pair_force, pair_gap, pair_impact, np.zeros((rows, rubbing, turns))]
+        each += [np.zeros((rows, rubbing)), np.zeros((rows, 0))]
+        return cls(*each)
 
     def first(self, count: int) -> "Rows":
         """The first so many rows."""
@@ -174,6 +178,7 @@ class SolidMarch:
         solver: Solver,
         layers: int,
         tolerance: float,
+        restitution: Floats | None = None,
     ) -> None:
         """Find the contact forces of the initial state.
 
@@ -185,10 +190,12 @@ class SolidMarch:
             solver: Of complementarity problems.
             layers: Number of layers.
             tolerance: Rounding level of gaps [m].
+            restitution: Newton's e of each gap, shape (pairs,), where nodes have mass; 0 if None.
         """
         self._comm, self._scheme, self._gaps = comm, scheme, gaps
+        self._restitution = restitution
         self.interior = interior
-        self._solver, self.layers, self._tolerance = solver, layers, tolerance
+        self._solver, self.layers, self.tolerance = solver, layers, tolerance
         free = interior.surface_displacement
         self.layer = 0
         self.failure = ""  # why the march ended early
@@ -207,8 +214,8 @@ class SolidMarch:
             layers + 1, len(sums), free.shape[1], len(gaps.pairs), friction=self._rubs
         )
         self.rows.put(0, sums)
-        self.speed = interior.surface_velocity()
-        self._speed_without_contact = np.zeros(count)  # of nodes away from obstacles [m/s]
+        self._by_mass = bool(interior.massive.any())
+        self._impulsive = np.zeros(count, dtype=bool)
         self._close_row(0, np.zeros(count), 0)
 
     def _answers(self) -> Answers:
@@ -219,20 +226,21 @@ class SolidMarch:
         """Forces that keep massless nodes out of the obstacle at t = 0."""
         multiplier = np.zeros(len(gap))
         static = np.zeros_like(self.interior.surface_displacement)
-        if not self._scheme.massless or not (gap < -self._tolerance).any():
+        if not self._scheme.massless or not (gap < -self.tolerance).any():
             return multiplier, static
-        rows = np.flatnonzero(gap < -self._tolerance)
-        while True:
+        rows = np.flatnonzero((gap < -self.tolerance) & ~self._at_speed(gap))
+        while len(rows):
             self._responses.require(rows)
             _, compliance = self._responses.matrices(rows, normals[rows])
             found, _ = self._solver(compliance, gap[rows], np.zeros(len(rows), dtype=bool))
             change = self._responses.approach(rows, normals, np.zeros(len(rows)), found)
-            missed = gap + change < -self._tolerance
+            missed = gap + change < -self.tolerance
             missed[rows] = False
             if not missed.any():
                 multiplier[rows] = found
                 return multiplier, self._pressed(rows, normals, multiplier)
             rows = np.union1d(rows, np.flatnonzero(missed))
+        return multiplier, static
 
     @property
     def pairs(self) -> tuple[str, ...]:
@@ -247,8 +255,8 @@ class SolidMarch:
     def memory(self) -> dict[str, Floats]:
         """What the next layer needs besides the state of the bodies, the same on all ranks."""
         contact = {f"contact.{entry.name}": getattr(self.contact, entry.name) for entry in _CONTACT}
-        surface = self.interior.surface_displacement
-        return contact | {"speed": self.speed, "surface": surface} | self._gaps.memory()
+        own = {"surface": self.interior.surface_displacement} | self.interior.memory()
+        return contact | own | self._gaps.memory()
 
     def restore(
         self, state: dict[str, Any], memory: Mapping[str, Floats], asked: Integers, layer: int
@@ -262,8 +270,8 @@ class SolidMarch:
             layer: Number of layers done.
         """
         self.contact = ContactState(*(memory[f"contact.{entry.name}"] for entry in _CONTACT))
-        self.speed = memory["speed"]
         self.interior.restore(state, memory["surface"])
+        self.interior.remember(memory)
         self._gaps.remember(memory)
         self._responses.learn(asked)
         self.layer = layer
@@ -293,16 +301,13 @@ class SolidMarch:
         # Forces of explicit layers act at their start, amid two steps.
         explicit = self._scheme.interior == "leapfrog"
         gap, normals = self._gaps.at(free, begin, last, time, back=1.0 if explicit else 0.5)
-        if self._scheme.contact == "velocity":
-            end = self._gaps.relative(2.0 / interior.dt * (free - last) - self.speed)
-            self._speed_without_contact = np.einsum("ij,ij->i", normals, end) - self._gaps.speed(
-                normals, time, interior.dt
-            )
+        if interior.volatile.any():
+            self._responses.renew(interior.volatile, interior.answers)
         force, multiplier, static, iterations = self._layer_forces(gap, normals, free, last)
         self.layer = layer + 1
         self.rows.put(self.layer, interior.finish(layer, static))
-        self.speed = 2.0 / interior.dt * (interior.surface_displacement - last) - self.speed
         true = self._true_gap
+        self._struck(force, gap)
         half = 0.5 if explicit else 1.0
         # Along the normals of this layer: others would make work of their turning.
         before = max(0.0, time - interior.dt / half)
@@ -318,11 +323,7 @@ class SolidMarch:
         return force
 
     def _layer_forces(
-        self,
-        gap: Floats,
-        normals: Floats,
-        free: Floats,  # noqa: ARG002  # for friction
-        last: Floats,  # noqa: ARG002  # likewise
+        self, gap: Floats, normals: Floats, free: Floats, last: Floats
     ) -> tuple[Floats, Floats, Floats, int]:
         """Forces of the layer, multipliers at its end, what they do, and linear systems solved.
 
@@ -332,7 +333,33 @@ class SolidMarch:
             free: Displacement of the contact nodes there [m], (nodes, dim).
             last: The same with contact forces, one layer earlier.
         """
-        return self._contact_forces(gap, normals)
+        return self._contact_forces(gap, normals, free - last)
+
+    def _at_speed(self, gap: Floats) -> NDArray[np.bool_]:
+        """Gaps whose law acts on velocities, (pairs,)."""
+        if self._scheme.contact == "velocity":
+            return np.ones(len(gap), dtype=bool)
+        if not self._by_mass:
+            return np.zeros(len(gap), dtype=bool)
+        return self._gaps.only_on(self.interior.massive)
+
+    def _rebound(self, normals: Floats, before: Floats, after: Floats) -> Floats:
+        """`Halfway.way` of all gaps, (pairs,), by relative velocities without contact forces.
+
+        Args:
+            normals: Of the gaps, (pairs, dim).
+            before: At the start of the layer [m/s], (pairs, dim).
+            after: At its end [m/s], (pairs, dim).
+        """
+        gaps, dt = self._gaps, self.interior.dt
+        time = (self.layer + 1) * dt
+        one, two = (np.einsum("ij,ij->i", normals, speed) for speed in (before, after))
+        one -= gaps.speed(normals, max(time - dt, 0.5 * dt), dt)
+        two -= gaps.speed(normals, time, dt)
+        self._mean_way = 0.5 * dt * (one + two)
+        self._arriving = one < -np.abs(two - one)  # faster than forces make in one layer
+        lively = np.zeros(len(normals)) if self._restitution is None else self._restitution
+        return rebound(one, two, lively, dt)
 
     def _end_layer(self, time: float, part: float, place: Floats) -> None:
         """Called when a layer has ended; for friction."""
@@ -341,7 +368,31 @@ class SolidMarch:
         """Multipliers times the displacements (pairs, dim) that they give to massless nodes [J]."""
         return float(self.contact.multiplier @ np.einsum("ij,ij->i", self._normals, way))
 
-    def _contact_forces(self, gap: Floats, normals: Floats) -> tuple[Floats, Floats, Floats, int]:
+    def _struck(self, force: Floats, gap: Floats) -> None:
+        """What impacts of nodes with mass have taken in the layer, and their impulse.
+
+        An impact is where such a node arrives with a speed. What else acts between nodes with mass
+        in its layer belongs to it: the step does not know how long it lasted.
+
+        Args:
+            force: Of the layer [N], (pairs,).
+            gap: Gaps at its end without contact forces [m], (pairs,).
+        """
+        self._impulsive = np.zeros(len(force), dtype=bool)
+        if (self._scheme.contact == "velocity" and not self._by_mass) or not force.any():
+            return
+        fast = self._at_speed(gap) & (force > 0.0)
+        if not fast.any():
+            return
+        row, way = self.layer, self._mean_way + self._true_gap - gap
+        self.rows.impact_work[row] = float(force[fast] @ way[fast])
+        if (fast & (self.contact.multiplier == 0.0) & self._arriving).any():
+            self._impulsive = fast
+            self.rows.impact[row] = self.interior.dt * float(force[fast].sum())
+
+    def _contact_forces(
+        self, gap: Floats, normals: Floats, way: Floats
+    ) -> tuple[Floats, Floats, Floats, int]:
         """Forces of the layer, multipliers at its end and what they do, for free gaps.
 
         Only nodes that push or would penetrate take part; if the others come to penetrate by the
@@ -355,25 +406,30 @@ class SolidMarch:
             (state.older_multiplier, state.older_gap) if self._skips
             else (state.multiplier, state.gap)
         )  # fmt: skip
-        taking_part = (old > 0.0) | (state.multiplier > 0.0) | (gap < -self._tolerance)
+        taking_part = (old > 0.0) | (state.multiplier > 0.0) | (gap < -self.tolerance)
         self._true_gap = gap
         if not taking_part.any():
             return force, multiplier, static, 0
         share, iterations = interior.share(self.layer), 0
+        fast, halfway = self._at_speed(gap), gap
+        if fast[taking_part].any():
+            speeds = (self._gaps.relative(values) for values in interior.contact_speeds(way))
+            halfway = self._rebound(normals, *speeds)
         while True:
             rows = np.flatnonzero(taking_part)
             self._responses.require(rows)
             response, compliance = self._responses.matrices(rows, normals[rows])
-            found = self._solve(
-                gap[rows], share * response, compliance, old[rows], old_gap[rows], rows
-            )
+            before = old[rows], old_gap[rows]
+            law = Halfway(fast[rows], halfway[rows])
+            found = self._solve(gap[rows], law, share * response, compliance, before)
             iterations += found.iterations
             acting = share * found.force
             true = gap + self._responses.approach(rows, normals, acting, found.multiplier)
             true[rows] = found.gap
-            missed = true < -self._tolerance
+            missed = true < -self.tolerance
             missed[rows] = False
-            if not missed.any() or self._scheme.contact == "velocity":
+            missed &= ~fast
+            if not missed.any():
                 break
             taking_part |= missed
         force[rows], multiplier[rows] = found.force, found.multiplier
@@ -395,16 +451,13 @@ class SolidMarch:
         return self.interior.static(self._gaps.spread(multiplier[:, None] * normals))
 
     def _solve(
-        self, gap: Floats, response: Floats, compliance: Floats, old: Floats, old_gap: Floats,
-        rows: Integers,
+        self, gap: Floats, halfway: Halfway, response: Floats, compliance: Floats,
+        before: tuple[Floats, Floats],
     ) -> LayerContact:  # fmt: skip
-        if self._scheme.contact != "velocity":
-            return solve_layer(
-                gap, response, compliance, (old, old_gap), self._scheme.contact, self._solver
-            )
-        return solve_velocity_layer(
-            gap, self._speed_without_contact[rows], response, self.interior.dt, self._solver
-        )
+        rule, solver = self._scheme.rule, self._solver
+        if not halfway.rows.any():
+            return solve_layer(gap, response, compliance, before, rule, solver)
+        return solve_layer_at_speed(gap, halfway, response, compliance, before, rule, solver)
 
     def _observe(self, observers: Sequence[Callable[[Level], None]], force: Floats) -> None:
         if not observers:
@@ -417,25 +470,28 @@ class SolidMarch:
     def _close_row(self, row: int, force: Floats, iterations: int) -> None:
         """Store what is the same on all ranks."""
         rows, state = self.rows, self.contact
+        lasting = np.where(self._impulsive, 0.0, force)
         rows.gap[row] = state.gap.min(initial=np.inf)
-        rows.force[row] = force.sum()
-        rows.largest[row] = force.max(initial=0.0)
+        rows.force[row] = lasting.sum()
+        rows.largest[row] = lasting.max(initial=0.0)
         rows.active[row] = np.count_nonzero(force > 0.0)
         rows.iterations[row] = iterations
-        self._close_pairs(row, force)
+        self._close_pairs(row, lasting, force - lasting)
         if self._skips:
             # gap = g + D lambda and lambda gap = 0: lambda D lambda = lambda . (gap - g).
             pressed = self._pressed_work(self._gaps.relative(state.static))
             rows.contact_energy[row] = 0.5 * pressed
 
-    def _close_pairs(self, row: int, force: Floats) -> None:
-        """Store what pairs have of the forces and gaps."""
+    def _close_pairs(self, row: int, force: Floats, struck: Floats) -> None:
+        """Store what pairs have of lasting forces, of those of impacts, and of gaps."""
         rows, count = self.rows, len(self._gaps.pairs)
         if count == 1:  # they have all
             rows.pair_force[row], rows.pair_gap[row] = rows.force[row], rows.gap[row]
+            rows.pair_impact[row] = rows.impact[row]
             return
         pair = self._gaps.pair_of()
         rows.pair_force[row] = np.bincount(pair, force, count)
+        rows.pair_impact[row] = self.interior.dt * np.bincount(pair, struck, count)
         rows.pair_gap[row] = np.inf
         np.minimum.at(rows.pair_gap[row], pair, self.contact.gap)
 

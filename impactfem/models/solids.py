@@ -1,6 +1,6 @@
 """What the solids of a scene are, meshed and discretised: shared by plan and run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cached_property, lru_cache
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.body_pairs import SurfacePair, make_pair
+from impactfem.contact.body_pairs import Side, SurfacePair, make_pair
 from impactfem.contact.boundary import Boundary, boundary, everywhere
 from impactfem.contact.overlap import overlap
 from impactfem.contact.reach import Reach
@@ -18,6 +18,13 @@ from impactfem.contact.surfaces import ContactNodes
 from impactfem.errors import SceneError
 from impactfem.fem import MPI
 from impactfem.mesh.body import BodyMesh, build_body_mesh
+from impactfem.models.ball_contacts import (
+    BallMeeting,
+    ObstacleMeeting,
+    ball_meetings,
+    obstacle_meetings,
+    strike,
+)
 from impactfem.models.key import SceneKey
 from impactfem.models.solid_contact import contact_of, reach_of
 from impactfem.scene import Scene, Solid
@@ -25,6 +32,7 @@ from impactfem.scene.obstacles import Rigid
 from impactfem.scene.pairing import named_body_pairs, obstacles_of
 from impactfem.scene.probes import Probe, outside
 from impactfem.system.elastic import ElasticSystem, elastic_system
+from impactfem.system.few import FewBodies, few_bodies
 from impactfem.system.located import Located, locate
 from impactfem.system.surface import SurfaceNodes
 
@@ -105,12 +113,14 @@ class SolidsModel:
         scene: The scene.
         parts: The solids, in its order.
         updated: Whether pairs of surfaces follow the bodies.
+        few: Its points, rods and beams.
     """
 
     comm: Any
     scene: Scene
     parts: tuple[SolidPart, ...]
     updated: bool
+    few: tuple[FewBodies, ...] = ()
 
     @cached_property
     def pairs(self) -> tuple[SurfacePair, ...]:
@@ -122,11 +132,13 @@ class SolidsModel:
         names = [part.solid.name for part in self.parts]
         found = []
         for label, (one, first), (two, second) in named_body_pairs(self.scene):
+            if one not in names or two not in names:
+                continue
             a, b = names.index(one), names.index(two)
             self._check_apart(a, b)
             pair = make_pair(
                 (a, b),
-                tuple(self._faces(k, surfaces) for k, surfaces in ((a, first), (b, second))),
+                tuple(self.faces(k, surfaces) for k, surfaces in ((a, first), (b, second))),
                 (names[a], names[b]),
                 self.parts[a].reach.distance + self.parts[b].reach.distance,
                 updated=self.updated,
@@ -148,6 +160,8 @@ class SolidsModel:
         names = [part.solid.name for part in self.parts]
         found = []
         for index, probe in enumerate(self.scene.probes):
+            if probe.body not in names:
+                continue
             body = names.index(probe.body)
             part = self.parts[body]
             located = locate(part.system, part.solid, np.asarray(probe.point, dtype=float))
@@ -167,7 +181,7 @@ class SolidsModel:
                 "by its shape or displacement"
             )
 
-    def _faces(self, body: int, surfaces: Sequence[str] | None) -> tuple[Boundary, Floats, Any]:
+    def faces(self, body: int, surfaces: Sequence[str] | None) -> tuple[Boundary, Floats, Any]:
         """Outside, places of its nodes, and which of its faces may strike."""
         part = self.parts[body]
         solid, outside = part.solid, part.outside
@@ -187,6 +201,60 @@ class SolidsModel:
         return outside, part.places, asked
 
     @cached_property
+    def struck(self) -> Mapping[int, Side]:
+        """Faces that bodies without meshes may strike, by the place of the solid."""
+        return strike(self)
+
+    @cached_property
+    def ball_meetings(self) -> tuple[BallMeeting, ...]:
+        """Meetings of pairs with a body without a mesh.
+
+        Raises:
+            SceneError: Two bodies cannot meet.
+        """
+        counts = [len(numbers) for numbers in self.numbers]
+        counts += [len(bodies.radius) for bodies in self.few]
+        return tuple(ball_meetings(self, np.cumsum([0, *counts]).tolist()))
+
+    @cached_property
+    def obstacle_meetings(self) -> tuple[ObstacleMeeting, ...]:
+        """Meetings of bodies without meshes with obstacles.
+
+        Raises:
+            SceneError: A body is inside an obstacle at t = 0.
+        """
+        return tuple(obstacle_meetings(self))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all bodies, in the order in which they are marched."""
+        solids = (part.solid.name for part in self.parts)
+        return (*solids, *(name for bodies in self.few for name in bodies.names))
+
+    @property
+    def masses(self) -> dict[str, tuple[float, Floats]]:
+        """Mass [kg] and centre at t = 0 [m], (dim,), of all bodies as they are marched."""
+        each = [(part.system.total_mass, part.system.center_of_mass) for part in self.parts]
+        for bodies in self.few:
+            each += list(zip(bodies.masses, bodies.centers, strict=True))
+        return dict(zip(self.names, each, strict=True))
+
+    @property
+    def speeds(self) -> Floats:
+        """Mean velocities of all bodies at t = 0 [m/s], (bodies, dim) (collective)."""
+        found = [part.system.mean(part.system.velocity) for part in self.parts]
+        for bodies in self.few:
+            pushing = bodies.weights * bodies.velocity[:, None]
+            for body, mass in enumerate(bodies.masses):
+                found.append(pushing[bodies.owner == body].sum(axis=0) / mass)
+        return np.array(found)
+
+    @property
+    def dim(self) -> int:
+        """Number of coordinates."""
+        return self.scene.dim
+
+    @cached_property
     def numbers(self) -> tuple[Integers, ...]:
         """Canonical numbers of the contact nodes of each body, increasing."""
         found = []
@@ -200,6 +268,8 @@ class SolidsModel:
                 for side in (0, 1)
                 if pair.bodies[side] == k
             ]
+            if k in self.struck:
+                sets.append(part.outside.numbers[self.struck[k].nodes])
             found.append(np.unique(np.concatenate(sets)))
         return tuple(found)
 
@@ -212,7 +282,8 @@ class SolidsModel:
     def own_numbers(self) -> Integers:
         """Canonical numbers, body after body, of the nodes that this rank owns."""
         each = zip(self.parts, self.starts, strict=False)
-        return np.concatenate([part.system.numbers + start for part, start in each])
+        none = np.zeros(0, dtype=np.int64)
+        return np.concatenate([none, *(part.system.numbers + start for part, start in each)])
 
     def surface(self, body: int) -> SurfaceNodes:
         """Contact nodes of a body on this rank."""
@@ -223,12 +294,15 @@ class SolidsModel:
     def contact_count(self) -> int:
         """Number of gaps."""
         obstacles = sum(part.contact.count for part in self.parts if part.contact is not None)
-        return obstacles + sum(pair.count for pair in self.pairs)
+        obstacles += sum(len(met.nodes) for met in self.obstacle_meetings)
+        balls = sum(met.pair.count for met in self.ball_meetings)
+        return obstacles + balls + sum(pair.count for pair in self.pairs)
 
     @property
     def unknowns(self) -> int:
         """Displacement components of all bodies."""
-        return sum(part.system.num_dofs for part in self.parts)
+        few = sum(bodies.system.dofs for bodies in self.few)
+        return few + sum(part.system.num_dofs for part in self.parts)
 
 
 def solids_model(scene: Scene, degrees: Sequence[int], *, updated: bool = False) -> SolidsModel:
@@ -243,7 +317,8 @@ def solids_model(scene: Scene, degrees: Sequence[int], *, updated: bool = False)
 
 @lru_cache(maxsize=1)
 def _model(key: SceneKey, degrees: tuple[int, ...], updated: bool) -> SolidsModel:  # hashed
-    return SolidsModel(MPI.COMM_WORLD, key.scene, _parts(key, degrees), updated)
+    scene = key.scene
+    return SolidsModel(MPI.COMM_WORLD, scene, _parts(key, degrees), updated, few_bodies(scene))
 
 
 @lru_cache(maxsize=1)

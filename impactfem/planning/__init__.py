@@ -6,10 +6,11 @@ from impactfem.planning.bar_rows import BarRowPlan, plan_bar_row
 from impactfem.planning.bars import Plan, plan_bar
 from impactfem.planning.doubts import MEETS_NOTHING, doubts
 from impactfem.planning.drawing import choose_film, drawing_seconds
-from impactfem.planning.solids import SolidPlan, plan_solids
+from impactfem.planning.few import plan_few
+from impactfem.planning.solid_plan import SolidPlan
+from impactfem.planning.solids import plan_solids
 from impactfem.planning.vibro import VibroPlan, plan_vibro
 from impactfem.scene import Scene
-from impactfem.scene.solids import Solid
 
 __all__ = [
     "AnyPlan",
@@ -34,10 +35,14 @@ def plan(scene: Scene) -> AnyPlan:
         SceneError: The settings cannot work, or need more memory than the machine has.
         MeshError: The mesh cannot be made.
     """
-    if not scene.is_vibro and not isinstance(scene.bodies[0], Solid):
+    if scene.bars:
         bars = plan_bar_row(scene) if scene.is_bar_row else plan_bar(scene)
         return _with_drawing(bars, scene)
-    made = plan_vibro(scene) if scene.is_vibro else plan_solids(scene)
+    made: AnyPlan
+    if scene.is_vibro:
+        made = plan_vibro(scene)
+    else:
+        made = plan_solids(scene) if scene.solids else plan_few(scene)
     found = doubts(scene)
     told = {finding.subject for finding in made.findings if finding.code == MEETS_NOTHING}
     if told & {body.name for body in scene.bodies}:  # which says more

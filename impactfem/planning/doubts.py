@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from impactfem.exact import ExactBar
 from impactfem.findings import Finding, warning
-from impactfem.scene import Beam, HalfSpace, Point, RigidCylinder, RigidSphere, Rod, Scene, Solid
+from impactfem.scene import Beam, HalfSpace, Point, RigidCylinder, RigidSphere, Rod, Scene
 from impactfem.scene.pairing import body_pairs, obstacles_of
 
 MEETS_NOTHING = "meets_nothing"
@@ -66,7 +66,7 @@ def _meet_nothing(scene: Scene) -> bool:
     paths = {name: path for name, path in known.items() if path is not None}
     if len(paths) < len(known):
         return False
-    pairs = _point_pairs(scene) if scene.is_vibro else _solid_pairs(scene)
+    pairs = _point_pairs(scene) if scene.is_vibro else _marched_pairs(scene)
     return not any(
         _may_meet(path, obstacle)
         for name, path in paths.items()
@@ -142,10 +142,8 @@ def _point_pairs(scene: Scene) -> list[tuple[str, str]]:
     return [(one, two) for one, two in pairs if one in names and two in names]
 
 
-def _solid_pairs(scene: Scene) -> list[tuple[str, str]]:
-    """Pairs of solids that may meet."""
-    if len(scene.bodies) < 2 or not all(isinstance(body, Solid) for body in scene.bodies):
-        return []
+def _marched_pairs(scene: Scene) -> list[tuple[str, str]]:
+    """Pairs of bodies that may meet in the march."""
     return [(one[0], two[0]) for one, two in body_pairs(scene)]
 
 

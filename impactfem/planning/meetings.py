@@ -19,15 +19,16 @@ def told_contacts(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding
         reasons: Gets one for each pair of bodies that can meet, and for what cannot touch.
     """
     scene, found = model.scene, []
-    met = {name for pair in model.pairs for name in pair.names}
+    meetings = [p.names for p in model.pairs] + [met.names for met in model.ball_meetings]
+    met = {name for names in meetings for name in names}
     for pair in model.pairs:
         friction = friction_of(scene, *pair.names)
         words = f", friction {friction:g}" if friction else ""
         key = f"contact {pair.names[0]} and {pair.names[1]}"
         reasons[key] = f"{pair.why} ({pair.count}{words})"
     for part in model.parts:
-        found += _told_of(part, reasons, meets=part.solid.name in met, alone=len(model.parts) == 1)
-    pairs = [set(pair.names) for pair in model.pairs]
+        found += _told_of(part, reasons, meets=part.solid.name in met, alone=len(model.names) == 1)
+    pairs = [set(names) for names in meetings]
     for (one, _), (two, _) in body_pairs(scene) if scene.contacts else []:
         if {one, two} <= met and {one, two} not in pairs:
             text = f"bodies {one} and {two} cannot meet: none of their faces are opposite"

@@ -81,7 +81,9 @@ def _why_fixed(model: "SolidsModel") -> str:
         )
     if not model.contact_count:
         return "fixed: nothing can touch"
-    features = min(o.features for part in model.parts for o in part.obstacles)
+    if not any(part.obstacles for part in model.parts):
+        return "those between bodies without meshes and others follow in each layer"
+    features = min((o.features for part in model.parts for o in part.obstacles), default=math.inf)
     if features == math.inf:
         return "fixed: the normal of a plane is the same everywhere, so this is exact"
     return (

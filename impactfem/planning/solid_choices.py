@@ -183,8 +183,9 @@ def choose_method(
             "rounding"
         )
         return "conserving"
-    if max(size.degree for size in sizes) == 2:
-        reasons["method"] = "elements of degree 2 have no lumped mass, so an implicit method"
+    implicit_only = _implicit_only(scene, sizes)
+    if implicit_only:
+        reasons["method"] = implicit_only
         return "massless"
     explicit = explicit_work(solids, sizes, duration)
     implicit = implicit_work(solids, sizes, duration, scene.solve.courant or COURANT)
@@ -205,6 +206,15 @@ def choose_method(
         small = ", for damping by the stiffness shortens its step"
     reasons["method"] = f"explicit steps would take {costs}{small}"
     return "massless"
+
+
+def _implicit_only(scene: Scene, sizes: Sequence[Size]) -> str:
+    """Why steps must be implicit, or nothing."""
+    if len(scene.solids) < len(scene.bodies):
+        return f"{scene.why_marched}: bodies without meshes take implicit steps, which do not ring"
+    if max(size.degree for size in sizes) == 2:
+        return "elements of degree 2 have no lumped mass, so an implicit method"
+    return ""
 
 
 def choose_steps(
@@ -262,11 +272,29 @@ def choose_steps(
         reasons["dt"] += "; by the body that asks for the least step"
     reasons["dt"] += ", or a little less, so that the layers fill the duration"
     layers = count_layers(scene.duration, min(dt, scene.duration))
-    if len(pairs) == 1 and solve.courant is None:
+    if len(pairs) == len(scene.bodies) == 1 and solve.courant is None:
         _offer_bending_step(scene, layers, reasons)
     dt = scene.duration / layers
     number = max(solid.p_wave_speed * dt / size.mesh_size for solid, size in pairs)
     return Steps(dt, number, layers)
+
+
+def shortened(steps: Steps, scene: Scene, limit: float, reasons: dict[str, str]) -> Steps:
+    """Steps that follow what vibrates in bodies without meshes, too.
+
+    Args:
+        steps: Of the solids, implicit.
+        scene: The scene; a step that it gives stays.
+        limit: Longest step of the others [s].
+        reasons: Gets the reason.
+    """
+    if steps.dt is None or steps.dt <= limit or scene.solve.dt is not None:
+        return steps
+    reasons["dt"] = "1/20 of a radian of the fastest vibration of the points, rods and beams"
+    layers = count_layers(scene.duration, limit)
+    dt = scene.duration / layers
+    courant = None if steps.courant is None else steps.courant * dt / steps.dt
+    return Steps(dt, courant, layers)
 
 
 def refuse_unstable(dt: float, method: str, solid: Solid, size: Size) -> None:

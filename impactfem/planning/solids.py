@@ -1,15 +1,13 @@
 """The plan of solids: degree, method, step and solver, with the reasons, and cheaper models."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from impactfem.errors import SceneError
 from impactfem.findings import Finding
-from impactfem.planning.card import Foresees
 from impactfem.planning.estimates import choose_estimate
+from impactfem.planning.few import few_findings, few_in_words, few_step
 from impactfem.planning.meetings import told_contacts
 from impactfem.planning.normals import choose_normals
 from impactfem.planning.offers import offers
@@ -20,6 +18,7 @@ from impactfem.planning.solid_choices import (
     choose_steps,
     method_findings,
     ringing_findings,
+    shortened,
 )
 from impactfem.planning.solid_costs import (
     SHARE_OF_STABLE,
@@ -30,73 +29,10 @@ from impactfem.planning.solid_costs import (
     memory_mib,
     seconds,
 )
+from impactfem.planning.solid_plan import SolidPlan, in_words
 from impactfem.planning.wholes import find_whole
-from impactfem.result.whole import Whole
 from impactfem.scene import Scene
 from impactfem.scene.solids import Solid
-
-_MODELS = {
-    "plane_strain": "in plane strain",
-    "plane_stress": "in plane stress",
-    "axisymmetric": "axisymmetric",
-    "3d": "in 3D",
-}
-_CELLS = {
-    (2, "simplex"): "triangles", (3, "simplex"): "tetrahedra",
-    (2, "hexahedron"): "quadrilaterals", (3, "hexahedron"): "hexahedra",
-}  # fmt: skip
-
-
-@dataclass(frozen=True, repr=False)
-class SolidPlan(Foresees):
-    """What will be modelled and how, for one solid or several.
-
-    Attributes:
-        method: Name as in `impactfem methods`.
-        model: The model in words.
-        degree: Largest degree of the elements.
-        degrees: That of each body.
-        cells: "simplex" or "hexahedron", of the first body.
-        mesh_size: Size of the smallest elements [m], the mean one with a mesh file.
-        dt: Time step [s]; None if it is a share of the stable step, which is found at run time.
-        courant: c_p dt / h of implicit methods; for explicit ones the share of the stable step, or
-            None if dt is given.
-        layers: Time layers; None as for dt.
-        linear_solver: "mumps", "gamg" or "none".
-        normals: "fixed" or "updated".
-        active_set: Solver of the contact conditions.
-        tolerance: Rounding level of gaps, relative to the size of the body.
-        max_iterations: Limit of linear solves of one active-set loop.
-        contact_pairs: Gaps: of nodes to obstacles, and between bodies.
-        unknowns: Displacement components.
-        memory_mib: Estimated peak memory [MiB].
-        seconds: Estimated time [s], that of the runs for the error included, output excluded.
-        estimate: Whether the error is estimated by runs on other elements.
-        whole: What is told of, if planes of symmetry leave only a part to be computed.
-        reasons: Why each choice was made, by key; "offer ..." are cheaper models of the scene.
-    """
-
-    method: str
-    model: str
-    degree: int
-    degrees: tuple[int, ...]
-    cells: str
-    mesh_size: float
-    dt: float | None
-    courant: float | None
-    layers: int | None
-    linear_solver: str
-    normals: str
-    active_set: str
-    tolerance: float
-    max_iterations: int
-    contact_pairs: int
-    unknowns: int
-    memory_mib: float
-    seconds: float
-    estimate: bool
-    whole: Whole
-    reasons: dict[str, str]
 
 
 def plan_solids(scene: Scene) -> SolidPlan:
@@ -128,13 +64,15 @@ def plan_solids(scene: Scene) -> SolidPlan:
     sizes = [size for size, _ in found]
     method = choose_method(scene, sizes, [max(extents) for _, extents in found], reasons)
     steps = choose_steps(scene, method, sizes, reasons)
+    steps = shortened(steps, scene, few_step(model.few), reasons)
     linear_solver = choose_linear_solver(scene, method, sizes, reasons)
     for solid, size in zip(solids, sizes, strict=True):
         findings += ringing_findings(solid, method, size)
+    findings += few_findings(model, reasons)
     flyers = [(part.solid, part.system, part.outside) for part in model.parts]
     findings += flight_findings(scene, flyers, steps.dt)
     findings += told_contacts(model, reasons)
-    if alone:
+    if alone and not model.few:
         reasons |= {f"offer {name}": text for name, text in offers(scene).items()}
     findings += method_findings(method, steps.courant)
     share = (steps.courant or 1.0) / SHARE_OF_STABLE
@@ -162,7 +100,7 @@ def plan_solids(scene: Scene) -> SolidPlan:
         reasons["probes"] = f"in every layer: {', '.join(told)}"
     return SolidPlan(
         method=method,
-        model=in_words(scene, sizes),
+        model="; ".join(filter(None, [few_in_words(model.few), in_words(scene, sizes)])),
         degree=max(degrees),
         degrees=degrees,
         cells=sizes[0].cells,
@@ -229,28 +167,3 @@ def measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, tuple[flo
     mesh_size = solid.mesh_size or float(f"{mean:.6g}")
     size = Size(body_mesh.num_nodes, dim, degree, kind, mesh_size, float(least))
     return size, tuple((high - low).tolist())
-
-
-def in_words(scene: Scene, sizes: Sequence[Size]) -> str:
-    """What the bodies are, in words."""
-    each = [_body(solid, size) for solid, size in zip(scene.solids, sizes, strict=True)]
-    if len(each) > 1:
-        each = [f"{solid.name}: {text}" for solid, text in zip(scene.solids, each, strict=True)]
-    rubs = any(contact.friction_coefficient > 0.0 for contact in scene.contacts)
-    walls = ["rigid obstacles"] * bool(scene.rigid_obstacles)
-    law = ", ".join(["linear elastic", *walls]) + (
-        ", Coulomb friction" if rubs else ", no friction"
-    )
-    return "; ".join([*each, law])
-
-
-def _body(solid: Solid, size: Size) -> str:
-    what = "body of a mesh file" if solid.shape is None else solid.shape.kind
-    letter = "P" if size.cells == "simplex" else "Q"
-    kind = _CELLS[size.dim, size.cells]
-    text = f"{what} {_MODELS[solid.model]}"
-    cuts = () if solid.shape is None else solid.shape.symmetry
-    if cuts:
-        fraction = {1: "half", 2: "quarter", 3: "eighth"}[len(cuts)]
-        text = f"{fraction} of a {text}"
-    return f"{text}, {letter}{size.degree} {kind}"

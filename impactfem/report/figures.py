@@ -17,7 +17,6 @@ from impactfem.report.sheet import Sheet, write_png
 from impactfem.report.solid_figures import solid_painters
 from impactfem.report.vibro_figures import vibro_painters
 from impactfem.result import Fields, Result
-from impactfem.scene import Solid
 
 _BLUE, _ORANGE, _GREEN, _GREY = "#0b559f", "#d95f02", "#1b7837", "0.45"
 _MAX_LINES = 400  # samples along an axis that a picture can show
@@ -28,7 +27,7 @@ def painters(result: Result) -> dict[str, Callable[[], Figure | None]]:
     own = (contact_force, energy)
     found: dict[str, Callable[[], Figure | None]]
     found = {painter.__name__: partial(_draw, painter, result) for painter in own}
-    if isinstance(result.scene.bodies[0], Solid):
+    if result.scene.marches:
         return found | solid_painters(result)
     if result.scene.is_vibro:
         return found | vibro_painters(result)

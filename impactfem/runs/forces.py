@@ -38,17 +38,20 @@ _SMALL = 0.1  # impacts with a smaller share of the largest impulse are not coun
 def mesh_window(solids: Sequence[Solid], degrees: Sequence[int], size: float) -> float:
     """Time [s] over which forces on meshes of solids are means: some nodes' distances of waves.
 
+    0 without any solid: forces between nodes with mass are those of lasting contact.
+
     Args:
         solids: The bodies.
         degrees: Of the elements of each.
         size: Size of elements [m] of those that do not say it.
     """
-    return max(
+    waves = (
         _NODES
         * min([solid.mesh_size or size, *(ball.size for ball in solid.refine)])
         / (degree * solid.p_wave_speed)
         for solid, degree in zip(solids, degrees, strict=True)
     )
+    return max(waves, default=0.0)
 
 
 def largest_force(

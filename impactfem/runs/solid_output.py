@@ -14,10 +14,11 @@ from impactfem.contact.watch import penetration_of_others
 from impactfem.errors import SceneError
 from impactfem.fem import cell_nodes, on_root
 from impactfem.marching.collect import Collector
+from impactfem.marching.few import FewMidpoint
 from impactfem.marching.layers import ContactGaps
 from impactfem.marching.solids import Level
 from impactfem.mesh.body import BodyMesh
-from impactfem.models.solids import SolidPart, SolidsModel
+from impactfem.models.solids import SolidsModel
 from impactfem.result.cell_kinds import KINDS
 from impactfem.result.shapes import Shape, joined
 from impactfem.result.spool import FieldSpool
@@ -40,13 +41,32 @@ class Followed:
     motion: Callable[[Level], Mapping[str, Floats]]
 
 
+def followed(march: FewMidpoint) -> list[Followed]:
+    """Bodies without meshes as they are marched: balls, and axes between contact nodes."""
+    bodies, places = march.bodies, march.bodies.places(march.bodies.position)
+
+    def one(name: str, own: Integers, *, axis: bool) -> Followed:
+        make = Shape.line if axis else Shape.vertices
+
+        def motion(_: Level) -> dict[str, Floats]:
+            moved, speed = march.surface_displacement, march.surface_velocity
+            return {"displacement": moved[own], "velocity": speed[own]}
+
+        return Followed(make(name, places[own], bodies.radius[own]), motion)
+
+    return [
+        one(name, bodies.nodes_of(k), axis=bool(len(bodies.lines_of(k))))
+        for k, name in enumerate(bodies.names)
+    ]
+
+
 class FieldOutput:
     """Appends the fields of every so many layers to a spool on rank 0; nodes body after body."""
 
     def __init__(
         self,
         comm: Any,
-        parts: Sequence[SolidPart],
+        model: SolidsModel,
         collector: Collector,
         contact: Integers,
         gaps: ContactGaps,
@@ -59,7 +79,7 @@ class FieldOutput:
 
         Args:
             comm: MPI communicator.
-            parts: The bodies.
+            model: The bodies.
             collector: Of the nodes of all of them.
             contact: Numbers of the contact nodes among these.
             gaps: Of the march.
@@ -69,7 +89,8 @@ class FieldOutput:
             others: Bodies that follow the solids in the file.
         """
         self._comm, self._collector, self._contact, self._gaps = comm, collector, contact, gaps
-        self._dim, self._stress = parts[0].solid.dim, [part.system.stress_at for part in parts]
+        parts = model.parts
+        self._dim, self._stress = model.dim, [part.system.stress_at for part in parts]
         self._cuts = np.cumsum([0, *(len(part.system.constrained) for part in parts)])
         self._spool, self._every, self._layers = spool, every, layers
         self._others = others
@@ -86,7 +107,7 @@ class FieldOutput:
         values = {
             "displacement": collect(moved, self._dim),
             "velocity": collect(level.velocity, self._dim),
-            "von_mises": collect(np.concatenate(stress), 1),
+            "von_mises": collect(np.concatenate([np.zeros(0), *stress]), 1),
         }
         on_root(self._comm, lambda: self._append(level, values))
 
@@ -100,7 +121,7 @@ class FieldOutput:
         for whole, seen in zip(
             (gap, pressure, active), self._gaps.nodal(level.force, level.gap), strict=True
         ):
-            whole[self._contact] = seen
+            whole[self._contact] = seen[: len(self._contact)]  # other bodies' nodes come after
         solids = {**given, "gap": gap, "contact_pressure": pressure, "active": active}
         each = [solids, *(body.motion(level) for body in self._others)]
         self._spool.append(level.time, joined(each, self._spool.point_data))
@@ -134,8 +155,9 @@ def open_spool(
             f"output.fields: the bodies have different cells ({different}), which only VTKHDF "
             'holds; give fields = ["vtkhdf"], or all bodies the same cells and degree'
         )
-    positions = np.concatenate([part.system.positions for part in parts])
-    points = collector.collect(positions.ravel(), parts[0].solid.dim)
+    none = np.zeros((0, model.dim))
+    positions = np.concatenate([none, *(part.system.positions for part in parts)])
+    points = collector.collect(positions.ravel(), model.dim)
     cells = [_cells(comm, part.mesh) for part in parts]
 
     def make() -> None:

@@ -1,16 +1,74 @@
 """Probes of solids: motion and stress of places, layer by layer."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.contact.closest import closest_shares, distances
+from impactfem.marching.few import FewMidpoint
 from impactfem.marching.solids import Level, SolidMarch
 from impactfem.models.solids import SolidsModel
+from impactfem.scene.probes import Probe, outside
 from impactfem.system.located import Located
 
 Floats = NDArray[np.float64]
+
+_NEAR = 1e-9  # share of a body's size by which a probe may lie off its axis
+
+
+@dataclass(frozen=True)
+class AxisProbe:
+    """A probe of a point, rod or beam: between two of its contact nodes, linearly.
+
+    Attributes:
+        probe: As the scene has it.
+        march: Of its body.
+        nodes: Contact nodes beside it, (nodes,).
+        shares: Their weights, (nodes,).
+    """
+
+    probe: Probe
+    march: FewMidpoint
+    nodes: NDArray[np.int64]
+    shares: Floats
+
+    @property
+    def columns(self) -> list[str]:
+        """Last parts of its columns."""
+        letters = [{"displacement": "u", "velocity": "v"}[name] for name in self.probe.quantities]
+        return [f"{letter}{axis}" for letter in letters for axis in "xyz"[: self.march.bodies.dim]]
+
+    def values(self) -> Floats:
+        """Of its columns now; 0 on ranks that do not sum the body up."""
+        known = {"displacement": self.march.surface_displacement,
+                 "velocity": self.march.surface_velocity}  # fmt: skip
+        each = [self.shares @ known[name][self.nodes] for name in self.probe.quantities]
+        return np.concatenate(each) * self.march.counts
+
+
+def _axes(model: SolidsModel, few: Sequence[FewMidpoint]) -> tuple[AxisProbe, ...]:
+    found = []
+    for index, probe in enumerate(model.scene.probes):
+        for march in few:
+            if probe.body not in march.bodies.names:
+                continue
+            own = march.bodies.nodes_of(march.bodies.names.index(probe.body))
+            lines = march.bodies.lines_of(march.bodies.names.index(probe.body))
+            simplices = lines if len(lines) else np.zeros((1, 1), dtype=np.int64)
+            places = march.bodies.places(march.bodies.position)[own]
+            point = np.array([probe.point], dtype=float)
+            shares = closest_shares(point, places[simplices])
+            _, away = distances(point, places[simplices], shares)
+            at = int(np.argmin(away[0]))
+            nodes = own[simplices[at]]
+            room = float(march.bodies.radius[nodes].max()) + _NEAR * float(np.ptp(places) or 1.0)
+            if away[0, at] > room:
+                raise outside(index, probe, shares[0, at] @ places[simplices[at]])
+            found.append(AxisProbe(probe, march, nodes, shares[0, at]))
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -22,16 +80,25 @@ class SolidProbes:
         names: Probe and last part of each column.
         weights: Of the owned displacements and then the velocities of all bodies, one body after
             the other, (columns, 2 dofs).
+        axes: Probes of bodies without meshes, whose columns follow.
     """
 
     march: SolidMarch
     names: tuple[tuple[str, str], ...]
     weights: csr_matrix
+    axes: tuple[AxisProbe, ...] = ()
 
     @classmethod
-    def of(cls, march: SolidMarch, model: SolidsModel) -> "SolidProbes":
-        """Prepare; the rows of the march get room for the columns."""
-        own, dim = model.own_numbers, model.parts[0].solid.dim
+    def of(
+        cls, march: SolidMarch, model: SolidsModel, few: Sequence[FewMidpoint] = ()
+    ) -> "SolidProbes":
+        """Prepare; the rows of the march get room for the columns.
+
+        Raises:
+            SceneError: A probe is outside its body.
+        """
+        own, dim = model.own_numbers, model.dim
+        axes = _axes(model, few)
         place = {int(number): k for k, number in enumerate(own)} if model.probes else {}
         names: list[tuple[str, str]] = []
         told, rows, columns = [np.zeros(0)], [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
@@ -47,15 +114,18 @@ class SolidProbes:
                     columns.append(own_columns)
                     told.append(weights[mine].ravel())
                     names.append((probe.name, name))
-        march.rows.probes = np.zeros((march.layers + 1, len(names)))
         entries = np.concatenate(told), (np.concatenate(rows), np.concatenate(columns))
         shape = len(names), 2 * dim * len(own)
-        return cls(march, tuple(names), csr_matrix(entries, shape=shape))
+        weights = csr_matrix(entries, shape=shape)
+        names += [(axis.probe.name, column) for axis in axes for column in axis.columns]
+        march.rows.probes = np.zeros((march.layers + 1, len(names)))
+        return cls(march, tuple(names), weights, axes)
 
     def __call__(self, level: Level) -> None:
         """Keep a level."""
         moved = np.concatenate([level.displacement, level.velocity])
-        self.march.rows.probes[level.layer] = self.weights @ moved
+        values = [self.weights @ moved, *(axis.values() for axis in self.axes)]
+        self.march.rows.probes[level.layer] = np.concatenate(values)
 
     def columns(self, values: Floats) -> dict[str, dict[str, Floats]]:
         """Columns of each probe by their last part, of the sums of all ranks (rows, columns)."""

@@ -17,9 +17,10 @@ from impactfem.planning.model_limits import CODES as MODEL_CODES
 from impactfem.planning.model_limits import measured_findings
 from impactfem.result.bar_motion import Effort
 from impactfem.result.history import BodyMotion, Columns, PairMotion, make_history
-from impactfem.result.table import Table
+from impactfem.result.table import Series, Table
 from impactfem.result.whole import Whole
 from impactfem.runs.forces import contact_codes, contact_findings, mesh_window
+from impactfem.runs.line_bodies import body_figures
 from impactfem.runs.solid_output import Watch
 from impactfem.runs.solid_probes import SolidProbes
 from impactfem.runs.verdict import PENETRATION_LIMITS
@@ -72,17 +73,17 @@ def solids_motion(
     bad = ~np.isfinite(each).all(axis=(1, 2))
     done = min(march.layer + 1, int(np.argmax(bad)) if bad.any() else len(each))
     rows, each = march.rows.first(done).times(whole.factor), whole.factor * each[:done]
-    sums = each.sum(axis=1)
-    elastic = elastic_energy(scheme, rows, sums[:, 1])
+    together = each.sum(axis=1)
+    elastic = elastic_energy(scheme, rows, together[:, 1])
     explicit = scheme.interior == "leapfrog"
-    work = work_done(march, rows, sums, model.parts[0].solid.dim, explicit=explicit)
+    work = work_done(march, rows, together, model.dim, explicit=explicit)
     momentum, angular, bodies = body_motions(model, march, each, whole, explicit=explicit)
     history = make_history(
         Columns(
             time=march.interior.dt * np.arange(done, dtype=np.float64),
-            gap=np.where(np.isfinite(rows.gap), rows.gap, np.nan),
+            gap=_clean(np.where(np.isfinite(rows.gap), rows.gap, np.nan), model, march),
             contact_force=of_layers(scheme, rows.force) + 0.0,  # no negative zeros
-            kinetic_energy=sums[:, 0],
+            kinetic_energy=together[:, 0],
             elastic_energy=elastic,
             potential_energy=whole.factor * _level(model) - work,
             momentum=momentum,
@@ -95,14 +96,20 @@ def solids_motion(
             probes=probes.columns(total(model.comm, rows.probes)),
         )
     )
+    if model.few:
+        history["contact_impulse"] = Series(
+            ("time",), rows.impact,
+            {"units": "N s", "long_name": "impulse of impacts", "comment": _IMPACTS},
+        )  # fmt: skip
     history["potential_energy"].attrs["comment"] = "minus the work of gravity and other loads"
     finite = all(bool(np.isfinite(history[name].values).all()) for name in _MOVING) and bool(
-        np.isfinite(sums).all()
+        np.isfinite(together).all()
     )
     effort = _effort(model, march, rows, watch, limits, limit, whole, size)
     return SolidsMotion(history, effort, finite)
 
 
+_IMPACTS = "impulses of impacts between bodies without massless nodes during (t_{m-1}, t_m]"
 _MOVING = ("contact_force", "total_energy")
 
 
@@ -134,6 +141,7 @@ def _effort(
             "mean_iterations_in_contact": float(iterations.mean()) if len(iterations) else 0.0,
             "carriers": {" and ".join(p.names): p.names[0] for p in model.pairs},
             "friction_work": float(rows.friction_work.sum()),
+            "energy_taken": {"impacts": -float(rows.impact_work.sum())} if model.few else {},
             "penetration_elsewhere": watch.depth,
             "watch": watch.message,
             "overlap": watch.overlap,
@@ -142,21 +150,33 @@ def _effort(
             **whole.details(),
         },
         findings=(
-            *contact_findings(rows.force, rows.largest, march.interior.dt),
+            *(contact_findings(rows.force, rows.largest, march.interior.dt) if parts else ()),
             *measured_findings(figures),
             *_overlap_findings(model, watch),
         ),
-        measured=(*contact_codes(rows.force), *MODEL_CODES),
+        measured=(*contact_codes(rows.force), *MODEL_CODES) if parts else (),
         force_window=mesh_window(
             [part.solid for part in parts], [part.degree for part in parts], size
         ),
-        bodies=figures,
+        bodies=figures
+        | {
+            name: body_figures(mass)
+            for name, (mass, _) in model.masses.items()
+            if name not in figures
+        },
     )
+
+
+def _clean(gap: Floats, model: SolidsModel, march: SolidMarch) -> Floats:
+    """Gaps without what is but rounding of the coordinates of bodies without meshes."""
+    if not model.few:
+        return gap
+    return np.where(np.abs(gap) <= march.tolerance, 0.0, gap)
 
 
 def _overlap_findings(model: SolidsModel, watch: Watch) -> tuple[Finding, ...]:
     """Whether bodies lay in each other, though their gaps, means over faces, did not close."""
-    share = watch.overlap / min(part.system.nodes.size for part in model.parts)
+    share = watch.overlap / min((part.system.nodes.size for part in model.parts), default=1.0)
     text = f"bodies lie up to {watch.overlap:.2g} m in each other, {percent(share)} of the smaller"
     text += " one: gaps between bodies are means over faces"
     remedy = "take smaller elements where they meet"
@@ -175,10 +195,11 @@ def body_motions(
         whole: What the solids are parts of.
         explicit: Whether velocities belong to the middle of layers.
     """
-    rows, dim = len(each), model.parts[0].solid.dim
+    rows, dim = len(each), model.dim
     turns = dim * (dim - 1) // 2
     momentum, angular, bodies = np.zeros((rows, 3)), np.zeros((rows, 3)), {}
-    for k, (part, inertia) in enumerate(zip(model.parts, march.interior.inertia(), strict=True)):
+    moments = march.interior.inertia()
+    for k, (part, inertia) in enumerate(zip(model.parts, moments, strict=False)):
         system = part.system
         mass, centre = whole.factor * system.total_mass, system.center_of_mass
         own, position, spun = np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((rows, 3))
@@ -197,7 +218,24 @@ def body_motions(
             spin = np.linalg.solve(moment, spun[:, -turns:].T).T
             turn = _turned(part, spin, march.interior.dt, explicit=explicit)
         bodies[part.solid.name] = BodyMotion(position, own / mass, turn, spin)
-    return momentum, angular[:, -turns:], bodies
+    first = len(model.parts)
+    for few in model.few:
+        for body, name in enumerate(few.names):
+            sums, centre = each[:, first], few.centers[body]
+            own, position, spun = np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((rows, 3))
+            position[:, :dim] = centre + sums[:, 3 + dim : 3 + 2 * dim] / few.masses[body]
+            own[:, :dim] = sums[:, 3 : 3 + dim]
+            spun[:, -turns:] = sums[:, 3 + 2 * dim :]
+            momentum += own
+            angular += np.cross(position, own) + spun
+            spin = turn = None
+            if few.inertias[body] > 0.0:
+                spin = spun[:, -turns:] / few.inertias[body]
+                way = 0.5 * march.interior.dt * (spin[1:] + spin[:-1])
+                turn = few.angles[body] + np.vstack([np.zeros(turns), np.cumsum(way, axis=0)])
+            bodies[name] = BodyMotion(position, own / few.masses[body], turn, spin)
+            first += 1
+    return momentum, angular[:, -turns:], {b.name: bodies[b.name] for b in model.scene.bodies}
 
 
 def _turns_freely(part: SolidPart, whole: Whole) -> bool:
@@ -235,6 +273,7 @@ def pair_motions(
     # Forces are those on the carrier, columns those on the first body of the pair.
     first = {name: one for name, (one, _), _ in named_body_pairs(model.scene)}
     turned = {pair.label for pair in model.pairs if pair.names[0] != first[pair.label]}
+    turned |= {met.label for met in model.ball_meetings if met.carrier != first[met.label]}
     force = of_layers(scheme, rows.pair_force)
     open_ = ~(rows.pair_gap < 0.5 * FAR)
     gap = np.where(open_, np.nan, rows.pair_gap)
@@ -249,7 +288,8 @@ def pair_motions(
                 tangential = whole.mean(-tangential if name in turned else tangential)
             elif whole.planes:
                 tangential, slip = np.zeros_like(tangential), np.zeros_like(slip)
-        found[name] = PairMotion(force[:, k], gap[:, k], tangential, slip)
+        impulse = rows.pair_impact[:, k] if model.few else None
+        found[name] = PairMotion(force[:, k], gap[:, k], tangential, slip, impulse)
     return found
 
 
@@ -318,22 +358,21 @@ def _direction(model: SolidsModel) -> Floats:
     of the first one's approach to the second; of gravity, if they start alike; else the line of
     their centres.
     """
-    dim, way = model.parts[0].solid.dim, np.zeros(3)
-    if len(model.parts) == 1:
+    dim, way = model.dim, np.zeros(3)
+    if len(model.names) == len(model.parts) == 1:
         contact = model.parts[0].contact
         if contact is None or not contact.count:
             return np.array([0.0, 1.0, 0.0])
         way[:dim] = contact.normal[int(np.argmin(contact.gap))]
         return way
-    one, two = model.parts[:2]
-    speeds = [part.system.mean(part.system.velocity) for part in (one, two)]
-    approach = speeds[0] - speeds[1]
+    speeds, (_, places) = model.speeds, zip(*model.masses.values(), strict=True)
+    approach = speeds[0] - (speeds[1] if len(speeds) > 1 else 0.0)
     if np.linalg.norm(approach) <= 1e-12 * np.abs(speeds).max():
         approach = np.zeros(dim)  # rounding
     for candidate in (
         approach,
         np.asarray(model.scene.vector_gravity.at(0.0)),
-        one.system.center_of_mass - two.system.center_of_mass,
+        places[0] - places[-1],
     ):
         way[:dim] = candidate[:dim]
         length = float(np.linalg.norm(way))

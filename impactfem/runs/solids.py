@@ -9,19 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.complementarity import Solver, solve_by_active_set
-from impactfem.contact.gaps import Gaps
-from impactfem.contact.pairs import PairGaps
 from impactfem.errors import ConvergenceError
 from impactfem.fem import gather, on_root
 from impactfem.log import Progress
 from impactfem.marching.checkpoint import Checkpoints
 from impactfem.marching.collect import Collector
 from impactfem.marching.composite import Composite
+from impactfem.marching.few import FewMidpoint
 from impactfem.marching.layers import ContactGaps, Interior
 from impactfem.marching.leapfrog import Leapfrog
 from impactfem.marching.midpoint import Midpoint
 from impactfem.marching.model_watch import ModelWatch
-from impactfem.marching.rubbing import Friction
 from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SOLID_SCHEMES, SolidScheme
 from impactfem.marching.solids import Level, SolidMarch
@@ -29,12 +27,12 @@ from impactfem.models.solids import SolidPart, SolidsModel, solids_model
 from impactfem.result.spool import FieldSpool
 from impactfem.result.store import SPOOL
 from impactfem.result.stored_snapshots import StoredSnapshots
-from impactfem.runs.solid_output import FieldOutput, Watch, open_spool
+from impactfem.runs.contacts import Contacts
+from impactfem.runs.solid_output import FieldOutput, Followed, Watch, followed, open_spool
 from impactfem.runs.solid_probes import SolidProbes
 from impactfem.runs.solid_rows import SolidsMotion, solids_motion
 from impactfem.runs.solid_steps import planned_steps
 from impactfem.scene import Scene
-from impactfem.scene.pairing import friction_of, pair_name
 from impactfem.system.inside import check_inside
 from impactfem.system.massless import mass_transfer
 from impactfem.system.stretches import Stretches
@@ -95,18 +93,24 @@ def run_solids(
     dt, layers, limit = planned_steps(scene.duration, plan, scheme, discretised)
     progress.step("preparing the layers")
     tolerance = plan.tolerance * _size(model)
-    law = _friction(model, plan, tolerance)
-    interiors = [_interior(*parts, scheme, dt, plan.linear_solver) for parts in each]
-    interior: Interior
+    solids = [_interior(*parts, scheme, dt, plan.linear_solver) for parts in each]
+    few = [
+        FewMidpoint(bodies, scene.vector_gravity, dt, counts=model.comm.rank == 0)
+        for bodies in model.few
+    ]
+    composite = Composite([*solids, *few], [_free(*parts[:2]) for parts in each])
+    contacts = Contacts.of(model, surfaces, composite)
+    law = contacts.friction(scene, tolerance, 50 * plan.max_iterations)
+    interior: Interior = composite
     gaps: ContactGaps
-    if len(interiors) == 1 and law is None:
+    if len(solids) == 1 and not few and law is None:
         # Nodes that each have a gap of their own: nothing has to be weighed.
-        interior, gaps = interiors[0], _obstacle_gaps(model, surfaces)[0][1]
+        interior, gaps = solids[0], contacts.obstacles[0].gaps
     else:
-        composite = Composite(interiors, [_free(*parts[:2]) for parts in each])
-        interior, gaps = composite, _pair_gaps(model, surfaces, composite)
+        gaps = contacts.gaps()
     solver = _solver(plan, tolerance)
-    arguments = (model.comm, interior, scheme, gaps, solver, layers, tolerance)
+    lively = contacts.restitution(scene)
+    arguments = (model.comm, interior, scheme, gaps, solver, layers, tolerance, lively)
     march = SolidMarch(*arguments) if law is None else RubbingMarch(*arguments, law)
     progress.step("marching")
     try:
@@ -116,9 +120,12 @@ def run_solids(
             layers,
             scene.output.every if scene.output.fields else 0,
         )
-        probes = SolidProbes.of(march, model)
-        others = [probes] if scene.probes else []
-        fields, watch = _march(scene, model, march, gaps, limits, others, checkpoints, restart)
+        probes = SolidProbes.of(march, model, few)
+        looking = [probes] if scene.probes else []
+        others = [body for part in few for body in followed(part)]
+        fields, watch = _march(
+            scene, model, march, gaps, limits, looking, others, checkpoints, restart
+        )
         motion = solids_motion(
             model, scheme, march, watch, limits, limit, plan.whole, plan.mesh_size, probes
         )
@@ -133,7 +140,10 @@ def run_solids(
 def _size(model: SolidsModel) -> float:
     """Largest extent of the bodies [m] (collective)."""
     positions = (gather(model.comm, part.system.positions) for part in model.parts)
-    return max(float(np.ptp(each, axis=0).max()) for each in positions)
+    sizes = [float(np.ptp(each, axis=0).max()) for each in positions]
+    for bodies in model.few:  # coordinates round by their own size
+        sizes += [float(np.abs(bodies.places(bodies.position)).max()), float(bodies.radius.max())]
+    return max(sizes)
 
 
 def _solver(plan: "SolidPlan", tolerance: float) -> Solver:
@@ -142,20 +152,6 @@ def _solver(plan: "SolidPlan", tolerance: float) -> Solver:
 
         return solve_by_snes_vi(tolerance, plan.max_iterations)
     return solve_by_active_set(tolerance, plan.max_iterations)
-
-
-def _friction(model: SolidsModel, plan: "SolidPlan", tolerance: float) -> Friction | None:
-    """Coefficients of all gaps, in the order of `PairGaps`; None if there is no friction."""
-    scene, parts = model.scene, [np.zeros(0)]
-    for part in model.parts:
-        if part.contact is not None and part.contact.count:
-            each = [friction_of(scene, part.solid.name, o.name) for o in part.obstacles]
-            parts.append(np.array(each)[part.contact.obstacle])
-    parts += [np.full(pair.count, friction_of(scene, *pair.names)) for pair in model.pairs]
-    coefficients = np.concatenate(parts)
-    if not coefficients.any():
-        return None
-    return Friction(coefficients, tolerance, 50 * plan.max_iterations)
 
 
 def _interior(
@@ -177,62 +173,25 @@ def _free(part: SolidPart, surface: SurfaceNodes) -> Floats:
     return surface.gather((~part.system.constrained).astype(float))
 
 
-def _obstacle_gaps(
-    model: SolidsModel, surfaces: Sequence[SurfaceNodes]
-) -> list[tuple[int, Gaps, Any]]:
-    """Of each body that can touch obstacles its place, its gaps and which of its nodes have one."""
-    found = []
-    for k, (part, surface) in enumerate(zip(model.parts, surfaces, strict=True)):
-        if part.contact is not None:
-            chosen = np.searchsorted(model.numbers[k], part.contact.numbers)
-            moved = surface.gather(part.system.displacement)[chosen]
-            names = [pair_name(model.scene, part.solid.name, o.name) for o in part.obstacles]
-            gaps = Gaps(
-                part.obstacles, part.contact, moved, updated=model.updated, pairs=names
-            )  # fmt: skip
-            found.append((k, gaps, chosen.astype(np.int64)))
-    return found
-
-
-def _pair_gaps(
-    model: SolidsModel, surfaces: Sequence[SurfaceNodes], interior: Composite
-) -> PairGaps:
-    """Gaps to obstacles and between bodies."""
-    each = list(zip(model.parts, surfaces, strict=True))
-    meetings = [
-        pair.meeting(
-            [np.searchsorted(model.numbers[b], model.parts[b].outside.numbers[pair.nodes[side]])
-             + interior.offsets[b] for side, b in enumerate(pair.bodies)],
-            interior.offsets[-1],
-        )
-        for pair in model.pairs
-    ]  # fmt: skip
-    return PairGaps(
-        np.concatenate([surface.gather(part.system.positions.ravel()) for part, surface in each]),
-        np.concatenate([surface.gather(part.system.displacement) for part, surface in each]),
-        [(interior.own(k), chosen, gaps) for k, gaps, chosen in _obstacle_gaps(model, surfaces)],
-        meetings,
-        updated=model.updated,
-        names=[pair.label for pair in model.pairs],
-    )
-
-
 def _march(
     scene: Scene,
     model: SolidsModel,
     march: SolidMarch,
     gaps: ContactGaps,
     limits: ModelWatch,
-    others: Sequence["Callable[[Level], None]"],
+    looking: Sequence["Callable[[Level], None]"],
+    others: Sequence[Followed],
     checkpoints: Path | None,
     restart: Path | None,
 ) -> tuple[StoredSnapshots | None, Watch]:
     """Run the loop with everything that looks at its levels."""
     comm, collector = model.comm, Collector(model.comm, model.own_numbers)
-    positions = np.concatenate([part.system.positions for part in model.parts])
+    none = np.zeros((0, model.dim))
+    positions = np.concatenate([none, *(part.system.positions for part in model.parts)])
     watch = Watch(model, max(1, march.layers // 50))
-    observers: list[Callable[[Level], None]] = [watch, limits, *others]
-    place, passing = _spool_place(comm, checkpoints or restart, keep=bool(scene.output.fields))
+    observers: list[Callable[[Level], None]] = [watch, limits, *looking]
+    keep = bool(scene.output.fields)
+    place, passing = _spool_place(comm, checkpoints or restart, keep=keep)
     kept = None
     if restart is not None:
         text = scene.to_toml(folder=restart)
@@ -248,14 +207,15 @@ def _march(
         if restart is None:
             writer.forget()
     spool = None
-    if scene.output.fields:
+    if keep:
         each = zip(model.numbers, model.starts, strict=False)
-        contact = np.concatenate([numbers + start for numbers, start in each])
-        spool = open_spool(model, collector, place, kept)
+        own = [np.zeros(0, dtype=np.int64), *(numbers + start for numbers, start in each)]
+        contact = np.concatenate(own)
+        spool = open_spool(model, collector, place, kept, others)
         observers.append(
             FieldOutput(
-                comm, model.parts, collector, contact, gaps, spool, scene.output.every,
-                march.layers,
+                comm, model, collector, contact, gaps, spool, scene.output.every,
+                march.layers, others,
             )
         )  # fmt: skip
     if writer is not None and scene.output.checkpoint:

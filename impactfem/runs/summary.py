@@ -60,7 +60,12 @@ def summarise(
     # Of what was given: of the largest energy no growth would be more than all of it.
     grown = max(0.0, float((energy - energy[0]).max()) / given)
     gap = history["gap"].values
-    intervals = contact_intervals(t, force, gap)
+    pushing, struck = force, {}
+    if "contact_impulse" in history:  # impacts are no force, but contact
+        impulse = history["contact_impulse"].values
+        pushing = force + np.append(0.0, impulse[1:] / np.diff(t))
+        struck = {"max_impulse": float(impulse.max()) or None}
+    intervals = contact_intervals(t, pushing, gap)
     taken = dict(effort.details.get("energy_taken", {}))
     if rubbed := effort.details.get("friction_work"):
         taken["friction"] = -float(rubbed)
@@ -93,7 +98,8 @@ def summarise(
         "contact": {
             "intervals": intervals,
             **largest_force(t, force, intervals, effort.force_window),
-            "impulse": float(np.sum(force[1:] * np.diff(t))),
+            **struck,
+            "impulse": float(np.sum(pushing[1:] * np.diff(t))),
             "max_penetration": _cleared(
                 max(0.0, -float(np.fmin.reduce(gap))),
                 np.abs(gap).max(),

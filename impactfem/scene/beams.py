@@ -32,6 +32,9 @@ class Rod:
 
     kind: ClassVar[str] = "rod"
     probed: ClassVar[tuple[str, ...]] = MOVES
+    dim: ClassVar[int] = 2
+    waves: ClassVar[bool] = False
+    meets_alike: ClassVar[bool] = False
 
     name: str = key(Name(), "name of the rod in histories", default="rod")
     mass: float = key(Real(above=0), "mass", unit="kg")
@@ -64,6 +67,9 @@ class Beam:
 
     kind: ClassVar[str] = "beam"
     probed: ClassVar[tuple[str, ...]] = MOVES
+    dim: ClassVar[int] = 2
+    waves: ClassVar[bool] = False
+    meets_alike: ClassVar[bool] = False
 
     name: str = key(Name(), "name of the beam in histories", default="beam")
     length: float = key(Real(above=0), "length", unit="m")

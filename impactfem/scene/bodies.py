@@ -33,6 +33,9 @@ class Bar:
 
     kind: ClassVar[str] = "bar"
     probed: ClassVar[tuple[str, ...]] = STRAINS
+    dim: ClassVar[int] = 1
+    waves: ClassVar[bool] = True
+    meets_alike: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the bar in histories", default="bar")
     length: float = key(Real(above=0), "length L of the bar", unit="m")

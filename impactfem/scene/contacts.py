@@ -13,7 +13,7 @@ from impactfem.scene.values import show
 @table("[[contact]]")
 @dataclass(frozen=True, kw_only=True)
 class Contact:
-    """A pair that may meet: a body and an obstacle, two points, or two solids.
+    """A pair that may meet: two bodies, or a body and an obstacle.
 
     Raises:
         SceneError: a value is missing or not allowed.
@@ -29,17 +29,14 @@ class Contact:
     )
     between: Sequence[str] = key(
         ListOf(SideName(), at_least=2),
-        "names of a body and an obstacle, of two points, or of two solids or their surfaces as "
-        "ball/skin",
+        "names of two bodies, or of a body and an obstacle; a surface of a solid as ball/skin",
     )
     restitution: float = key(
         Real(at_least=0),
         "Newton's coefficient of restitution, 0 to 1 (point, rod, beam)",
         default=0.0,
     )
-    friction_coefficient: float = key(
-        Real(at_least=0), "Coulomb's coefficient (solid)", default=0.0
-    )
+    friction_coefficient: float = key(Real(at_least=0), "Coulomb's coefficient", default=0.0)
 
     def __post_init__(self) -> None:
         check_fields(self, self.heading)

@@ -9,12 +9,12 @@ from impactfem.scene.bodies import Bar
 from impactfem.scene.breaks import check_motion
 from impactfem.scene.column_names import check_column_names
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
+from impactfem.scene.mixed import check_mixed
 from impactfem.scene.obstacles import Wall
 from impactfem.scene.pair_checks import check_pairs
 from impactfem.scene.probes import check_probes
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.solids import Solid
-from impactfem.scene.tables import MODELLED
 from impactfem.scene.values import show
 from impactfem.scene.vibro_checks import FAMILY, check_vibro
 
@@ -54,12 +54,8 @@ def check_scene(scene: "Scene", gravity: object) -> None:
         check_bar_row(scene)
     elif isinstance(body, Bar):
         _check_bar(scene, gravity)
-    elif isinstance(body, Solid):
-        for index, solid in enumerate(scene.bodies):
-            if isinstance(solid, Solid):
-                _check_solid(scene, solid, gravity, f"body[{index}]")
-        if scene.has_pairs:
-            check_pairs(scene)
+    elif scene.marches:
+        _check_marched(scene, gravity)
     else:
         check_vibro(scene, gravity)
         for index, obstacle in enumerate(scene.rigid_obstacles):
@@ -71,6 +67,16 @@ def check_scene(scene: "Scene", gravity: object) -> None:
     if scene.solve.dt is not None and scene.solve.dt > scene.duration:
         text = f" = {scene.solve.dt} exceeds duration = {scene.duration}: give a smaller step."
         raise KeyedError("solve", "dt", text)
+
+
+def _check_marched(scene: "Scene", gravity: object) -> None:
+    for index, solid in enumerate(scene.bodies):
+        if isinstance(solid, Solid):
+            _check_solid(scene, solid, gravity, f"body[{index}]")
+    if len(scene.solids) < len(scene.bodies):
+        check_mixed(scene, gravity)
+    elif scene.has_pairs:
+        check_pairs(scene)
 
 
 def _check_names(scene: "Scene") -> None:
@@ -91,18 +97,13 @@ def _check_names(scene: "Scene") -> None:
 
 
 def _check_counts(scene: "Scene") -> None:
-    """Refuse bodies of different kinds, several that are no points, and laws without use."""
+    """Refuse bars beside other bodies, and laws without use."""
     first, count = scene.bodies[0], len(scene.bodies)
-    kinds = {body.kind for body in scene.bodies}
-    if count > 1 and kinds not in ({"point"}, {"solid"}, {"bar"}):
+    if 0 < len(scene.bars) < count:
         shown = show(list(scene.bodies))
-        why = f"there are {count}, but this version models {MODELLED}"
-        raise KeyedError(
-            "body", "", f" = {shown} is not allowed: {why}; give exactly one [[body]]."
-        )
-    if not isinstance(first, Bar | Solid):
-        return
-    if count > 1:
+        why = "a bar meets a wall and other bars only; model it as a solid, or remove the others"
+        raise KeyedError("body", "", f" = {shown} is not allowed: {why}.")
+    if count > 1 or not first.waves:
         return
     if not scene.obstacles:
         kind = "wall" if isinstance(first, Bar) else "half_space"
@@ -181,13 +182,14 @@ def _shown(given: object) -> object:
 def _check_settings(scene: "Scene", body: "Body") -> None:
     """Refuse settings that belong to another kind of body."""
     solve, method = scene.solve, scene.solve.method
-    if method is not None and body.kind not in METHODS[method].bodies:
+    mixed = scene.marches and len(scene.solids) < len(scene.bodies)
+    if method is not None and body.kind not in METHODS[method].bodies and not mixed:
         fitting = " or ".join(show(n) for n, entry in METHODS.items() if body.kind in entry.bodies)
         text = f" = {show(method)} does not solve a {body.kind}: give {fitting}."
         raise KeyedError("solve", "method", text)
-    if isinstance(body, Bar | Solid):
+    if not scene.is_vibro:
         _refuse(scene, _VIBRO_ONLY, FAMILY, body)
-    if not isinstance(body, Solid):
+    if not scene.marches:
         _refuse(scene, _SOLID_ONLY[:2] if scene.is_vibro else _SOLID_ONLY, "solids", body)
     if scene.is_vibro:
         _refuse(scene, (*_BAR_ONLY, *_ELASTIC_ONLY), "bars and solids", body)

@@ -28,7 +28,7 @@ def check_pairs(scene: "Scene") -> None:
     for index, contact in enumerate(scene.contacts):
         _check_contact(scene, contact, f"contact[{index}]")
         for earlier in range(index):
-            _check_twice(scene.contacts[earlier], contact, f"contact[{earlier}]", index)
+            check_twice(scene.contacts[earlier], contact, f"contact[{earlier}]", index)
     rubs = any(contact.friction_coefficient > 0.0 for contact in scene.contacts)
     active_set = scene.solve.active_set
     if rubs and active_set not in {None, "pdas"}:
@@ -37,6 +37,18 @@ def check_pairs(scene: "Scene") -> None:
 
 
 def _check_contact(scene: "Scene", contact: Contact, where: str) -> None:
+    check_sides(scene, contact, where)
+    if contact.restitution > 0.0:
+        text = f" = {show(contact.restitution)} is for points, rods and beams: solids rebound by "
+        raise KeyedError(where, "restitution", f"{text}their own elasticity; remove it.")
+
+
+def check_sides(scene: "Scene", contact: Contact, where: str) -> None:
+    """Refuse names that are none, and surfaces that a body does not have.
+
+    Raises:
+        KeyedError: naming the key.
+    """
     shown = show(list(contact.between))
     bodies = {body.name for body in scene.bodies}
     obstacles = {obstacle.name for obstacle in scene.obstacles}
@@ -61,13 +73,14 @@ def _check_contact(scene: "Scene", contact: Contact, where: str) -> None:
             if own is not None and surface not in own:
                 text = f" = {shown}: {show(name)} has no surface {show(surface)}; "
                 raise KeyedError(where, "between", f"{text}{_meant(surface, own)}")
-    if contact.restitution > 0.0:
-        text = f" = {show(contact.restitution)} is for points, rods and beams: solids rebound by "
-        raise KeyedError(where, "restitution", f"{text}their own elasticity; remove it.")
 
 
-def _check_twice(one: Contact, two: Contact, where: str, index: int) -> None:
-    """Refuse laws that cover the same faces, or rub the same two bodies differently."""
+def check_twice(one: Contact, two: Contact, where: str, index: int) -> None:
+    """Refuse laws that cover the same faces, or rub the same two bodies differently.
+
+    Raises:
+        KeyedError: naming the key.
+    """
     sides = [dict(side_of(name) for name in entry.between) for entry in (one, two)]
     if set(sides[0]) != set(sides[1]):
         return
@@ -85,9 +98,9 @@ def _check_twice(one: Contact, two: Contact, where: str, index: int) -> None:
 
 
 def _surfaces(scene: "Scene", name: str) -> Sequence[str] | None:
-    """Surfaces of a solid's shape; None if a mesh file has them."""
-    solid = next(body for body in scene.bodies if body.name == name)
-    return solid.surface_names if isinstance(solid, Solid) else None
+    """Surfaces of a solid's shape; None if a mesh file has them; none of other bodies."""
+    body = next(body for body in scene.bodies if body.name == name)
+    return body.surface_names if isinstance(body, Solid) else ()
 
 
 def _meant(name: str, known: Sequence[str]) -> str:

@@ -56,12 +56,18 @@ def body_pairs(scene: "Scene") -> list[tuple[Side, Side]]:
     return [(one, two) for _, one, two in named_body_pairs(scene)]
 
 
-def friction_of(scene: "Scene", one: str, two: str) -> float:
-    """Coefficient of friction between two names; 0 where none is given."""
+def law_of(scene: "Scene", one: str, two: str) -> "Contact | None":
+    """The law between two names; None where none is given."""
     for entry in scene.contacts:
         if {side_of(name)[0] for name in entry.between} == {one, two}:
-            return entry.friction_coefficient
-    return 0.0
+            return entry
+    return None
+
+
+def friction_of(scene: "Scene", one: str, two: str) -> float:
+    """Coefficient of friction between two names; 0 where none is given."""
+    law = law_of(scene, one, two)
+    return 0.0 if law is None else law.friction_coefficient
 
 
 def obstacles_of(scene: "Scene", name: str) -> Sequence["Rigid"]:

@@ -59,6 +59,8 @@ class Point:
 
     kind: ClassVar[str] = "point"
     probed: ClassVar[tuple[str, ...]] = MOVES
+    waves: ClassVar[bool] = False
+    meets_alike: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the point in histories", default="point")
     mass: float = key(Real(above=0), "mass", unit="kg")

@@ -15,6 +15,7 @@ from impactfem.scene.crosschecks import check_scene
 from impactfem.scene.inline import plain
 from impactfem.scene.kinds import Line, Real
 from impactfem.scene.loads import LoadKind, PiecewiseConstant, PiecewiseVector
+from impactfem.scene.mixed import why_marched
 from impactfem.scene.obstacles import OBSTACLES, Rigid, Wall
 from impactfem.scene.points import Point
 from impactfem.scene.probes import MAX_PROBES, Probe
@@ -167,20 +168,27 @@ class Scene:
     @property
     def dim(self) -> int:
         """Number of coordinates."""
-        body = self.bodies[0]
-        if isinstance(body, Bar):
-            return 1
-        return 2 if isinstance(body, Rod | Beam) else body.dim
+        return self.bodies[0].dim
 
     @property
     def has_pairs(self) -> bool:
         """Whether it is one of solids that strike each other, or rub."""
-        return isinstance(self.bodies[0], Solid) and (len(self.bodies) > 1 or bool(self.contacts))
+        return bool(self.solids) and (len(self.bodies) > 1 or bool(self.contacts))
 
     @property
     def is_vibro(self) -> bool:
-        """Whether it has few degrees of freedom: points, a rod or a beam."""
-        return not isinstance(self.bodies[0], Bar | Solid)
+        """Whether methods of few degrees of freedom solve it: points, a rod or a beam."""
+        return not self.bodies[0].waves and self.why_marched is None
+
+    @property
+    def marches(self) -> bool:
+        """Whether the march of solids, and of bodies of any kind, solves it."""
+        return not self.bars and not self.is_vibro
+
+    @property
+    def why_marched(self) -> str | None:
+        """Why points, rods and beams need the march, in words; None if other methods do."""
+        return why_marched(self)
 
     @property
     def axial_gravity(self) -> PiecewiseConstant:

@@ -59,6 +59,8 @@ class Solid:
 
     kind: ClassVar[str] = "solid"
     probed: ClassVar[tuple[str, ...]] = STRAINS
+    waves: ClassVar[bool] = True
+    meets_alike: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the body in histories", default="solid")
     model: str = key(Choice(MODELS), "what the body is; axisymmetric: x is the radius, y the axis")

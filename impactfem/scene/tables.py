@@ -11,8 +11,8 @@ from impactfem.scene.values import NotAllowedError, show, type_in_words
 MAX_OBSTACLES = 100
 MAX_BODIES = 100
 MODELLED = (
-    f"one bar and one wall, up to {MAX_BODIES} bars in a row, one rod or beam or up to "
-    f"{MAX_BODIES} solids and up to {MAX_OBSTACLES} obstacles, or up to {MAX_BODIES} points"
+    f"one bar and one wall, up to {MAX_BODIES} bars in a row, or up to {MAX_BODIES} points, rods, "
+    f"beams and solids and up to {MAX_OBSTACLES} obstacles"
 )
 """What a scene may hold, in words."""
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 from impactfem.scene.contacts import Contact
 from impactfem.scene.loads import PiecewiseConstant
 from impactfem.scene.nearest import nearest
-from impactfem.scene.obstacles import HalfSpace, RigidCylinder, RigidSphere, Wall
+from impactfem.scene.obstacles import Wall
 from impactfem.scene.points import Point
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
@@ -27,9 +27,9 @@ def check_vibro(scene: "Scene", gravity: object) -> None:
         KeyedError: naming the key.
     """
     dim = scene.dim
-    _check_bodies(scene, dim)
+    check_bodies(scene, dim)
     _check_obstacles(scene, dim)
-    _check_gravity(scene, dim, gravity)
+    check_gravity(scene, dim, gravity)
     names = {body.name: body for body in scene.bodies} | {o.name: o for o in scene.obstacles}
     for index, contact in enumerate(scene.contacts):
         _check_contact(names, contact, index, scene.contacts[:index])
@@ -46,7 +46,12 @@ def check_vibro(scene: "Scene", gravity: object) -> None:
         raise KeyedError("output", "fields", f"{text}give that or [].")
 
 
-def _check_bodies(scene: "Scene", dim: int) -> None:
+def check_bodies(scene: "Scene", dim: int) -> None:
+    """Refuse points of different dimensions, and springs to what is no point.
+
+    Raises:
+        KeyedError: naming the key.
+    """
     points = {body.name for body in scene.bodies if isinstance(body, Point)}
     for index, body in enumerate(scene.bodies):
         if not isinstance(body, Point):
@@ -65,7 +70,6 @@ def _check_bodies(scene: "Scene", dim: int) -> None:
 
 def _check_obstacles(scene: "Scene", dim: int) -> None:
     body = scene.bodies[0]
-    smooth = (HalfSpace, RigidSphere, RigidCylinder)
     for index, obstacle in enumerate(scene.obstacles):
         where = f"obstacle[{index}]"
         if isinstance(obstacle, Wall):
@@ -75,24 +79,14 @@ def _check_obstacles(scene: "Scene", dim: int) -> None:
             obstacle.check_dimension(dim)
         except KeyedError as error:
             raise error.moved(where) from None
-        if not isinstance(body, Point) and not isinstance(obstacle, HalfSpace):
-            text = f' = {show(obstacle.kind)}: a {body.kind} meets kind = "half_space"; give it.'
-            raise KeyedError(where, "kind", text)
-        if not isinstance(obstacle, smooth):
-            text = f" = {show(obstacle.kind)} has corners: {FAMILY} meet smooth obstacles; "
-            text += 'give one kind = "half_space" for each side.'
-            raise KeyedError(where, "kind", text)
-        if obstacle.motion is None:
-            continue
-        if not isinstance(obstacle, HalfSpace):
-            text = f" of a {obstacle.kind}: only half-spaces move here; remove it."
-            raise KeyedError(where, "motion", text)
-        if not isinstance(body, Point):
-            text = f" of a half_space that a {body.kind} meets is not available: remove it."
-            raise KeyedError(where, "motion", text)
 
 
-def _check_gravity(scene: "Scene", dim: int, given: object) -> None:
+def check_gravity(scene: "Scene", dim: int, given: object) -> None:
+    """Refuse gravity that is no vector with as many entries as the bodies have coordinates.
+
+    Raises:
+        KeyedError: naming the key.
+    """
     gravity = scene.gravity
     example = ", ".join(["0.0"] * (dim - 1) + ["-9.81"])
     if isinstance(gravity, PiecewiseConstant):
@@ -111,11 +105,6 @@ def _check_contact(
     names: dict[str, Any], contact: Contact, index: int, earlier: tuple[Contact, ...]
 ) -> None:
     where = f"contact[{index}]"
-    if contact.friction_coefficient > 0.0:
-        text = (
-            f" = {show(contact.friction_coefficient)}: friction is for solids, {FAMILY} have none"
-        )
-        raise KeyedError(where, "friction_coefficient", f"{text}; remove it.")
     shown = show(list(contact.between))
     for name in contact.between:
         if name not in names:
@@ -126,8 +115,5 @@ def _check_contact(
     bodies = [name for name in contact.between if hasattr(names[name], "mass")]
     if not bodies:
         raise KeyedError(where, "between", f" = {shown} are two obstacles: name a body and one.")
-    if len(bodies) == 2 and not all(isinstance(names[name], Point) for name in bodies):
-        text = f" = {shown} are two bodies: only points meet each other; name an obstacle."
-        raise KeyedError(where, "between", text)
     if any(set(entry.between) == set(contact.between) for entry in earlier):
         raise KeyedError(where, "between", f" = {shown} is given twice: remove one.")

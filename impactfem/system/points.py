@@ -36,6 +36,50 @@ class PointsSystem:
     conservative: bool
 
 
+@dataclass(frozen=True)
+class FreePoints:
+    """Points without gravity and contacts.
+
+    Attributes:
+        system: As of `PointsSystem`, without constraints.
+        elastic: Energy of the springs as a function of u [J].
+        load: Forces by formula, (t, u, v) -> (d,) [N]; None without any.
+    """
+
+    system: GeneralizedSystem
+    elastic: Callable[[Floats], float]
+    load: Callable[[float, Floats, Floats], Floats] | None
+
+
+def free_points(points: Sequence[Point]) -> FreePoints:
+    """Make the system of points that nothing touches.
+
+    Raises:
+        SceneError: A spring has no direction.
+    """
+    dim = points[0].dim
+    springs = _springs(points)
+    loads = _Loads(points, PiecewiseVector((0.0,), ((0.0,) * dim,)))
+    mass = np.repeat([p.mass for p in points], dim)
+
+    def elastic(u: Floats) -> float:
+        return sum(spring.energy(u) for spring in springs)
+
+    formulas = any(p.force is not None for p in points)
+    load = loads.at if formulas else None
+    if loads.is_affine and all(spring.is_linear for spring in springs):
+        stiffness, damping, pull = _linear_part(loads, springs)
+        system: GeneralizedSystem = LinearSystem(
+            mass=mass, stiffness=stiffness, damping=damping, normals=np.zeros((0, len(mass))),
+            load=_signals(loads, pull), offsets=np.zeros(0),
+        )  # fmt: skip
+        return FreePoints(system, elastic, load)
+    system = GeneralizedSystem(
+        mass=mass, force=_force_of(loads, springs), constraints=lambda _: np.zeros(0)
+    )
+    return FreePoints(system, elastic, load)
+
+
 def points_system(scene: Scene) -> PointsSystem:
     """Make the system of the points of a scene.
 
@@ -64,15 +108,12 @@ def points_system(scene: Scene) -> PointsSystem:
         return elastic(u) + (loads.potential(u) if still else 0.0)
 
     if flat and straight and loads.is_affine:
-        stiffness, damping = loads.stiffness.copy(), loads.damping.copy()
-        pull = np.zeros(len(mass))
-        for spring in springs:
-            spring.add_to(stiffness, damping, pull)
+        stiffness, damping, pull = _linear_part(loads, springs)
         system: GeneralizedSystem = LinearSystem(
             mass=mass,
             stiffness=stiffness,
             damping=damping,
-            load=[s.plus(Signal(float(p))) for s, p in zip(loads.signals, pull, strict=True)],
+            load=_signals(loads, pull),
             normals=np.array([gap.normal for gap in gaps]),
             offsets=np.array([gap.offset for gap in gaps]),
             restitution=restitution,
@@ -82,15 +123,9 @@ def points_system(scene: Scene) -> PointsSystem:
         )
         return PointsSystem(system, labels, elastic, still)
 
-    def force(t: float, u: Floats, v: Floats) -> Floats:
-        total = loads.at(t, u, v)
-        for spring in springs:
-            spring.push(total, u, v)
-        return total
-
     system = GeneralizedSystem(
         mass=mass,
-        force=force,
+        force=_force_of(loads, springs),
         constraints=lambda u: np.array([gap.distance(np.asarray(u)) for gap in gaps]),
         jacobian=lambda u: np.array([gap.gradient(u) for gap in gaps]),
         restitution=restitution,
@@ -99,6 +134,33 @@ def points_system(scene: Scene) -> PointsSystem:
         names=names,
     )
     return PointsSystem(system, labels, elastic, still)
+
+
+def _linear_part(loads: "_Loads", springs: Sequence[SpringForce]) -> tuple[Floats, Floats, Floats]:
+    """Stiffness, damping (d, d) and constant pull (d,) of affine loads and linear springs."""
+    stiffness, damping = loads.stiffness.copy(), loads.damping.copy()
+    pull = np.zeros(len(stiffness))
+    for spring in springs:
+        spring.add_to(stiffness, damping, pull)
+    return stiffness, damping, pull
+
+
+def _signals(loads: "_Loads", pull: Floats) -> list[Signal]:
+    return [s.plus(Signal(float(p))) for s, p in zip(loads.signals, pull, strict=True)]
+
+
+def _force_of(
+    loads: "_Loads", springs: Sequence[SpringForce]
+) -> Callable[[float, Floats, Floats], Floats]:
+    """All forces as a function of time, place and velocity."""
+
+    def force(t: float, u: Floats, v: Floats) -> Floats:
+        total = loads.at(t, u, v)
+        for spring in springs:
+            spring.push(total, u, v)
+        return total
+
+    return force
 
 
 def contact_pairs(scene: Scene) -> list[tuple[tuple[str, str], float]]:

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize
 
 from impactfem.contact import friction as friction_module
-from impactfem.contact.complementarity import solve_by_active_set, solve_layer
-from impactfem.contact.friction import solve_friction_layer, solve_friction_velocity_layer
+from impactfem.contact.complementarity import Halfway, solve_by_active_set, solve_layer
+from impactfem.contact.friction import solve_friction_layer, solve_friction_layer_at_speed
 from impactfem.contact.friction_kernels import sweep_cones
 from impactfem.contact.friction_newton import (
     ConeProblem,
@@ -21,6 +21,15 @@ from impactfem.errors import ConvergenceError
 _SEEDS = st.integers(0, 2**32)
 _DIMS = st.integers(2, 3)
 _MUS = st.floats(0.01, 1.5)
+
+
+def at_speed(free, speed, response, place, friction, dt):
+    """Nodes with mass only, without restitution."""
+    halfway = Halfway(np.ones(len(free), dtype=bool), 0.5 * dt * speed)
+    before = np.zeros_like(place), place
+    return solve_friction_layer_at_speed(
+        free, halfway, response, np.zeros_like(response), before, friction, "middle", 1e-15
+    )
 
 
 def _spd(rng, size):
@@ -296,9 +305,7 @@ def test_without_friction_nothing_changes_and_no_cone_is_sought(monkeypatch):
         assert found.theta == expected.theta
         assert not found.force[:, 1:].any()
         assert not found.work.any()
-        velocity = solve_friction_velocity_layer(
-            free, free, response, place, np.zeros(pairs), 0.1, 1e-14
-        )
+        velocity = at_speed(free, free, response, place, np.zeros(pairs), 0.1)
         assert not velocity.force[:, 1:].any()
 
 
@@ -340,9 +347,7 @@ def test_velocity_rule_acts_against_the_speed_at_the_end(seed, pairs, dim, mu):
     rng = np.random.default_rng(seed)
     response, dt = _spd(rng, pairs * dim), 0.1
     free, speed, place = rng.standard_normal((3, pairs, dim))
-    found = solve_friction_velocity_layer(
-        free, speed, response, place, np.full(pairs, mu), dt, 1e-15
-    )
+    found = at_speed(free, speed, response, place, np.full(pairs, mu), dt)
     end = speed + 2.0 / dt * _times(response, found.force)
     closed = free[:, 0] <= 0.0
     scale = (1.0 + np.abs(end).max()) * (1.0 + np.abs(found.force).max())

@@ -6,10 +6,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from impactfem.contact.complementarity import (
+    Halfway,
     _murty,
+    rebound,
     solve_by_active_set,
     solve_layer,
-    solve_velocity_layer,
+    solve_layer_at_speed,
 )
 from impactfem.contact.snes_vi import solve_by_snes_vi
 from impactfem.errors import ConvergenceError
@@ -111,7 +113,11 @@ def test_murty_pivots_agree_with_the_active_set_from_any_start(seed, size):
 def test_velocity_rule_stops_the_nodes_that_would_penetrate():
     response = np.diag([2.0, 1.0, 1.0])
     free, speed = np.array([-0.1, 0.2, -0.1]), np.array([-1.0, -1.0, 0.5])
-    found = solve_velocity_layer(free, speed, response, 0.1, solve_by_active_set(_TOLERANCE, 200))
+    none, solver = np.zeros(3), solve_by_active_set(_TOLERANCE, 200)
+    halfway = Halfway(np.ones(3, dtype=bool), rebound(none, speed, none, 0.1))
+    found = solve_layer_at_speed(
+        free, halfway, response, np.zeros((3, 3)), (none, none), "middle", solver
+    )
     assert found.force == pytest.approx([1.0 / 40.0, 0.0, 0.0])
     assert found.gap == pytest.approx([-0.05, 0.2, -0.1])
 
@@ -136,3 +142,38 @@ def test_a_singular_set_whose_gaps_agree_is_solved() -> None:
     force, _ = solve_by_active_set(1e-12, 50)(np.ones((2, 2)), np.full(2, -3.0), np.ones(2, bool))
     assert force.sum() == pytest.approx(3.0, rel=1e-12)
     assert (force >= 0.0).all()
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32), st.integers(1, 6), st.sampled_from(["conserving", "dissipative"]))
+def test_gaps_at_speed_beside_massless_ones_gain_no_energy(seed, size, rule):
+    """Both laws in one problem: V(g_a) - V(g_b) pays for the work of all forces."""
+    rng = np.random.default_rng(seed)
+    fast = rng.random(size) < 0.5
+    response, compliance = _spd(rng, size), _spd(rng, size)
+    compliance[fast] = compliance[:, fast] = 0.0
+    old = np.where(fast | (rng.random(size) < 0.5), 0.0, rng.random(size))
+    gap = np.where(old > 0.0, 0.0, rng.random(size))
+    free, dt = gap + rng.standard_normal(size), 0.1
+    before = rng.standard_normal(size)
+    after = 2.0 / dt * (free - gap) - before  # of nodes with mass: their way is that of the gap
+    lively = rng.random(size)
+    halfway = Halfway(fast, rebound(before, after, lively, dt))
+    found = solve_layer_at_speed(
+        free, halfway, response, compliance, (old, gap), rule, solve_by_active_set(_TOLERANCE, 200)
+    )
+    scale = 1.0 + np.abs(found.force).max() * np.abs(found.gap).max()
+    end = after + 2.0 / dt * (response @ found.force)
+    struck = fast & (free <= 0.0)
+    rate = (end + np.where(before > 0.0, 1.0, lively) * before)[struck]
+    assert rate.min(initial=0.0) >= -1e-9 * scale
+    assert np.abs(rate * found.force[struck]).max(initial=0.0) <= 1e-9 * scale
+    assert not found.force[fast & ~struck].any()
+    work = found.force[fast] @ (0.5 * dt * (before + end))[fast]
+    assert work <= 1e-9 * scale
+    slow = ~fast
+    way = (found.gap - compliance @ np.where(slow, found.multiplier, 0.0)) - (
+        gap - compliance @ old
+    )
+    stored = [0.5 * m @ compliance @ m for m in (old, np.where(slow, found.multiplier, 0.0))]
+    assert found.force[slow] @ way[slow] <= stored[0] - stored[1] + 1e-9 * scale

@@ -58,7 +58,7 @@ CASES = {
     "two kinds": (
         {"body": [data()["body"][0], {"kind": "point", "name": "ball", "mass": 1.0,
          "position": [0.0, 1.0]}]},
-        ["body = [", "there are 2", "bars in a row"],
+        ["body = [", "a bar meets a wall and other bars only"],
     ),
     "method": (
         {"solve": {"method": "dg"}},

@@ -21,7 +21,6 @@ from impactfem.report.page.chart import (
 from impactfem.report.page.solid_charts import solid_charts
 from impactfem.report.page.vibro_charts import vibro_charts
 from impactfem.result import Result
-from impactfem.scene import Bar, Solid
 
 Floats = NDArray[np.float64]
 
@@ -40,7 +39,7 @@ def charts(result: Result) -> list[Chart]:
     Returns:
         Charts with names of their own.
     """
-    if not isinstance(result.scene.bodies[0], Bar):
+    if not result.scene.bars:
         own = vibro_charts(result) if result.scene.is_vibro else solid_charts(result)
     else:
         own = row_charts(result) if result.scene.is_bar_row else bar_charts(result)
@@ -212,7 +211,7 @@ def ramp_bound(time: Floats, at: Floats, force: Floats) -> Floats:
 def active(result: Result) -> Chart | None:
     """Number of active contacts of solids over time, where there are several."""
     column = result.rows["active"].values
-    if not isinstance(result.scene.bodies[0], Solid) or column.max() <= 1:
+    if not result.scene.marches or column.max() <= 1:
         return None
     time = result.rows["time"].values
     traces = [stairs(time, column, "active contacts", BLUE, "active")]

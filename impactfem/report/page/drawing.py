@@ -5,11 +5,10 @@ from html import escape
 from matplotlib.figure import Figure
 
 from impactfem.report.page.line_drawing import draw_bars, draw_points_on_line
-from impactfem.report.page.plane_drawing import draw_points, draw_slender, draw_solids
+from impactfem.report.page.plane_drawing import draw_plane
 from impactfem.report.page.sketch import svg
 from impactfem.report.page.space_drawing import draw_points_in_space, draw_solids_in_space
 from impactfem.result import Result
-from impactfem.scene import Point, Solid
 
 
 def drawing(result: Result) -> str | None:
@@ -25,10 +24,8 @@ def _figure(result: Result) -> Figure | None:
     scene = result.scene
     if scene.bars:
         return draw_bars(scene)
-    if isinstance(scene.bodies[0], Solid):
-        return draw_solids_in_space(result) if scene.dim == 3 else draw_solids(result)
-    if isinstance(scene.bodies[0], Point):
-        if scene.dim == 1:
-            return draw_points_on_line(scene)
-        return draw_points_in_space(scene) if scene.dim == 3 else draw_points(scene)
-    return draw_slender(scene)
+    if scene.dim == 1:
+        return draw_points_on_line(scene)
+    if scene.dim == 2:
+        return draw_plane(result)
+    return draw_solids_in_space(result) if scene.solids else draw_points_in_space(scene)

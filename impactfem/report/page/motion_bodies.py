@@ -1,7 +1,7 @@
 """The moving picture of solids: deformed triangles coloured by stress, obstacles, pressed faces."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,6 @@ from impactfem.report.page.motion_obstacles import plane_obstacles, space_obstac
 from impactfem.report.skin import Skin
 from impactfem.report.space_picture import Camera, skin_of, vertical_of
 from impactfem.result import Result, Snapshots
-
-if TYPE_CHECKING:
-    from impactfem.scene import Solid
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -156,11 +153,11 @@ def _proper(parts: Integers) -> Integers:
 
 
 def _plane(result: Result, shown: Shown, frames: list[Frame]) -> dict[str, Any]:
-    body = cast("Solid", result.scene.bodies[0])
+    axial = any(solid.is_axisymmetric for solid in result.scene.solids)
     times = np.array([frame.time for frame in frames])
     return {
         "kind": "plane",
-        "mirror": body.is_axisymmetric,
+        "mirror": axial,
         "segments": packed_indices(shown.segments),
         "pressed": [frame.pressed for frame in frames],
         "obstacles": plane_obstacles(result.scene.obstacles, times),
@@ -189,7 +186,7 @@ def _caption(result: Result, skin: Skin, shown: Shown, factors: list[float], lim
     )  # fmt: skip
     if skin.dim == 2:
         text += "; orange is the boundary under contact pressure"
-        if cast("Solid", result.scene.bodies[0]).is_axisymmetric:
+        if any(solid.is_axisymmetric for solid in result.scene.solids):
             text += "; the section through the axis, mirrored"
     if skin.mirrors:
         text += f"; 1 of {2 ** len(skin.mirrors)} parts is computed, the others are mirror images"

@@ -1,16 +1,14 @@
 """What the model of a scene leaves out, and why that may be done or must be known."""
 
-from impactfem.scene import Beam, Point, Rod, Scene, Solid
+from impactfem.scene import Beam, Scene
 
 
 def omissions(scene: Scene) -> list[str]:
     """Sentences about what is not modelled; plain text."""
-    if scene.bars:
-        found = _bars()
-    elif isinstance(scene.bodies[0], Solid):
-        found = _solids(scene)
-    else:
-        found = _few_freedoms(scene)
+    found = _bars() if scene.bars else []
+    if scene.solids:
+        found += _solids(scene)
+    found += _few_freedoms(scene)
     if not _rubs(scene):
         found.append("Friction: no contact of the scene asks for it, so it costs no unknowns.")
     return found
@@ -29,7 +27,7 @@ def _bars() -> list[str]:
 
 
 def _solids(scene: Scene) -> list[str]:
-    solids = [body for body in scene.bodies if isinstance(body, Solid)]
+    solids = scene.solids
     found = [
         "Large strains and rotations: elasticity is linear about the initial shape.",
         "Plasticity, cracks and heat: the material is elastic whatever the stress.",
@@ -48,22 +46,30 @@ def _solids(scene: Scene) -> list[str]:
     return found
 
 
+_INSTANT = "What happens during an impact: a coefficient of restitution stands for the loss."
+
+
 def _few_freedoms(scene: Scene) -> list[str]:
-    body = scene.bodies[0]
+    """Of points, rods and beams, each kind that the scene has."""
     found = []
-    if isinstance(body, Point):
-        found.append("Rotation and deformation: points only move; an impact is an instant.")
-    if isinstance(body, Rod):
-        found.append("Elasticity of the rod: it is rigid, an impact is an instant.")
-    if isinstance(body, Beam):
-        found.append("Large rotations: displacements are small about the place at t = 0.")
-        if body.theory == "euler_bernoulli":
-            found.append("Shear deformation: Euler-Bernoulli theory.")
-        if not any(body.rayleigh_damping):
-            found.append("Damping of the material: the scene gives none.")
-        found.append("Local indentation: the contact itself is rigid.")
-    else:
-        found.append(
-            "What happens during an impact: a coefficient of restitution stands for the loss."
-        )
+    for kind, sentences in _LEFT_OUT.items():
+        if any(body.kind == kind for body in scene.bodies):
+            found += sentences
+    if found and not scene.solids:
+        found.append(_INSTANT)
+    for beam in (body for body in scene.bodies if isinstance(body, Beam)):
+        if beam.theory == "euler_bernoulli":
+            found.append(f"Shear deformation of {beam.name}: Euler-Bernoulli theory.")
+        if not any(beam.rayleigh_damping):
+            found.append(f"Damping of the material of {beam.name}: the scene gives none.")
     return found
+
+
+_LEFT_OUT = {
+    "point": ["Rotation and deformation of points: they only move; an impact is an instant."],
+    "rod": ["Elasticity of rods: they are rigid, an impact is an instant."],
+    "beam": [
+        "Large rotations of beams: displacements are small about the place at t = 0.",
+        "Local indentation of beams: the contact itself is rigid.",
+    ],
+}

@@ -1,7 +1,7 @@
 """Drawings of what moves in the plane: solids, points, rods and beams, with their obstacles."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, cast
 
@@ -82,51 +82,113 @@ class _Window:
         return size
 
 
-def draw_solids(result: Result) -> Figure | None:
-    """Plane and axisymmetric solids: outlines, obstacles, supports, velocities; None if unknown."""
+def draw_plane(result: Result) -> Figure | None:
+    """What moves in the plane, with obstacles, supports, springs, velocities; None if unknown."""
     scene = result.scene
-    solids = [cast("Solid", body) for body in scene.bodies]
+    solids = scene.solids
+    points = [body for body in scene.bodies if isinstance(body, Point)]
+    slender = [body for body in scene.bodies if isinstance(body, Rod | Beam)]
     outlines = _outlines(result, solids)
     if outlines is None:
         return None
     window = _Window()
-    for lines in outlines:
-        window.add(lines.reshape(-1, 2))
+    for place in (*outlines, *map(_reach, points), *map(_ends, slender)):
+        window.add(np.reshape(place, (-1, 2)))
     window.include_obstacles(scene)
     figure, axes = _axes(window)
     size = window.apply(axes, scene)
     draw_obstacles(axes, scene.rigid_obstacles, 0.0)
-    if solids[0].is_axisymmetric:
-        axes.axvline(0.0, color="0.5", linewidth=0.9, linestyle="-.", zorder=0.6)
+    few = len(scene.bodies) <= _MOST_LABELS
     for solid, lines in zip(solids, outlines, strict=True):
-        if lines.shape[1] > 2:
-            axes.add_collection(PolyCollection(list(lines), facecolors=BODY, edgecolors=EDGE,
-                                               linewidths=1.2, zorder=2))  # fmt: skip
-        else:
-            axes.add_collection(LineCollection(list(lines), colors=EDGE, linewidths=1.2, zorder=2))
-        low, high = lines.reshape(-1, 2).min(axis=0), lines.reshape(-1, 2).max(axis=0)
-        centre = 0.5 * (low + high)
-        speed = [constant(entry) for entry in solid.velocity]
-        if any(value is None for value in speed):
-            text = f"v = {formulas(solid.velocity, 'm/s')}"
-            label(axes, centre - [0, 0.08 * size], text, VELOCITY)
-        else:
-            _velocity(axes, centre, [value or 0.0 for value in speed], size)
-        if len(solids) <= _MOST_LABELS:
-            moving = np.array([value or 0.0 for value in speed])
-            back = 0.07 * size * moving / (np.hypot(*moving) or 1.0)
-            label(axes, centre - back, solid.name)
-        for lines_of, text in supported_lines(solid):
-            axes.add_collection(
-                LineCollection(list(lines_of), colors=SUPPORT, linewidths=4.0, zorder=3)
-            )
-            face = lines_of.reshape(-1, 2).mean(axis=0)
-            beyond = (face - centre) / (np.hypot(*(face - centre)) or 1.0)
-            label(axes, face + 0.06 * size * beyond, text, SUPPORT)
-    if len(solids) == 1 and not solids[0].supports:
+        _draw_solid(axes, solid, lines, size, named=few)
+    home = {p.name: np.array(p.position, dtype=np.float64) for p in points}
+    for point in points:
+        _draw_point(axes, point, home, size, named=few)
+    for body in slender:
+        _draw_slender(axes, body, size, named=len(scene.bodies) > 1 and few)
+    axial = any(solid.is_axisymmetric for solid in solids)
+    if axial:
+        axes.axvline(0.0, color="0.5", linewidth=0.9, linestyle="-.", zorder=0.6)
+    if len(scene.bodies) == len(solids) == 1 and not solids[0].supports:
         _measures(axes, outlines[0], size)
-    _finish(axes, scene, size, "radius x [m]" if solids[0].is_axisymmetric else "x [m]")
+    _finish(axes, scene, size, "radius x [m]" if axial else "x [m]")
     return figure
+
+
+def _draw_solid(axes: Axes, solid: Solid, lines: Floats, size: float, *, named: bool) -> None:
+    if lines.shape[1] > 2:
+        axes.add_collection(PolyCollection(list(lines), facecolors=BODY, edgecolors=EDGE,
+                                           linewidths=1.2, zorder=2))  # fmt: skip
+    else:
+        axes.add_collection(LineCollection(list(lines), colors=EDGE, linewidths=1.2, zorder=2))
+    low, high = lines.reshape(-1, 2).min(axis=0), lines.reshape(-1, 2).max(axis=0)
+    centre = 0.5 * (low + high)
+    speed = [constant(entry) for entry in solid.velocity]
+    if any(value is None for value in speed):
+        text = f"v = {formulas(solid.velocity, 'm/s')}"
+        label(axes, centre - [0, 0.08 * size], text, VELOCITY)
+    else:
+        _velocity(axes, centre, [value or 0.0 for value in speed], size)
+    if named:
+        moving = np.array([value or 0.0 for value in speed])
+        back = 0.07 * size * moving / (np.hypot(*moving) or 1.0)
+        label(axes, centre - back, solid.name)
+    for lines_of, text in supported_lines(solid):
+        axes.add_collection(
+            LineCollection(list(lines_of), colors=SUPPORT, linewidths=4.0, zorder=3)
+        )
+        face = lines_of.reshape(-1, 2).mean(axis=0)
+        beyond = (face - centre) / (np.hypot(*(face - centre)) or 1.0)
+        label(axes, face + 0.06 * size * beyond, text, SUPPORT)
+
+
+def _draw_point(
+    axes: Axes, point: Point, home: Mapping[str, Floats], size: float, *, named: bool
+) -> None:
+    at = home[point.name]
+    for tie in point.springs:
+        other = home[tie.to] if tie.to else np.array(tie.anchor, dtype=np.float64)
+        spring(axes, at, other, 0.03 * size)
+    if point.radius > 0.01 * size:
+        axes.add_patch(Circle((at[0], at[1]), point.radius, facecolor=BODY, edgecolor=EDGE,
+                              zorder=4))  # fmt: skip
+    else:
+        axes.plot(*at, "o", color=EDGE, markersize=8, zorder=4)
+    if named:
+        label(axes, at - [0.0, point.radius + 0.05 * size], point.name)
+        _velocity(axes, at, point.velocity or (), size)
+
+
+def _reach(point: Point) -> Floats:
+    """Places of a point and its springs that must be seen [m], (places, 2)."""
+    at = np.array(point.position, dtype=np.float64)
+    ties = [tie.anchor for tie in point.springs if tie.anchor is not None]
+    return np.array([at - point.radius, at + point.radius, *ties])
+
+
+def _ends(body: Rod | Beam) -> Floats:
+    """Both ends of a slender body at t = 0 [m], (2, 2)."""
+    along = np.array([math.cos(body.inclination), math.sin(body.inclination)])
+    centre = np.array(body.center, dtype=np.float64)
+    return np.array([centre - 0.5 * body.length * along, centre + 0.5 * body.length * along])
+
+
+def _draw_slender(axes: Axes, body: Rod | Beam, size: float, *, named: bool) -> None:
+    """A rod or beam; its name where there are others, else its length."""
+    ends, centre = _ends(body), np.array(body.center, dtype=np.float64)
+    along = (ends[1] - ends[0]) / body.length
+    normal = np.array([-along[1], along[0]])
+    thick = body.height if isinstance(body, Beam) else 2 * body.radius
+    across = 0.5 * max(thick, 0.012 * size) * normal
+    corners = [ends[0] - across, ends[1] - across, ends[1] + across, ends[0] + across]
+    axes.add_collection(PolyCollection([np.array(corners)], facecolors=BODY, edgecolors=EDGE,
+                                       zorder=3))  # fmt: skip
+    shift = (0.07 * size + 0.5 * thick) * normal
+    if named:
+        label(axes, ends[0] + 0.7 * shift, body.name)
+    else:
+        dimension(axes, ends[0] + shift, ends[1] + shift, quantity(body.length, "m"))
+    _velocity(axes, centre, body.velocity, size)
 
 
 def _outlines(result: Result, solids: Sequence[Solid]) -> list[Floats] | None:
@@ -149,62 +211,6 @@ def _measures(axes: Axes, lines: Floats, size: float) -> None:
     dimension(axes, (low[0], above), (high[0], above), quantity(high[0] - low[0], "m", 4))
     if high[1] - low[1] > 0.15 * size:
         dimension(axes, (side, low[1]), (side, high[1]), quantity(high[1] - low[1], "m", 4))
-
-
-def draw_points(scene: Scene) -> Figure:
-    """Points in the plane with springs, velocities and obstacles."""
-    points = [cast("Point", body) for body in scene.bodies]
-    window = _Window()
-    for point in points:
-        at = np.array(point.position, dtype=np.float64)
-        window.add([at - point.radius, at + point.radius])
-        for tie in point.springs:
-            if tie.anchor is not None:
-                window.add(tie.anchor)
-    window.include_obstacles(scene)
-    figure, axes = _axes(window)
-    size = window.apply(axes, scene)
-    draw_obstacles(axes, scene.rigid_obstacles, 0.0)
-    home = {p.name: np.array(p.position, dtype=np.float64) for p in points}
-    for point in points:
-        at = home[point.name]
-        for tie in point.springs:
-            other = home[tie.to] if tie.to else np.array(tie.anchor, dtype=np.float64)
-            spring(axes, at, other, 0.03 * size)
-        if point.radius > 0.01 * size:
-            axes.add_patch(Circle((at[0], at[1]), point.radius, facecolor=BODY, edgecolor=EDGE,
-                                  zorder=4))  # fmt: skip
-        else:
-            axes.plot(*at, "o", color=EDGE, markersize=8, zorder=4)
-        if len(points) <= _MOST_LABELS:
-            label(axes, at - [0.0, point.radius + 0.05 * size], point.name)
-            _velocity(axes, at, point.velocity or (), size)
-    _finish(axes, scene, size, "x [m]")
-    return figure
-
-
-def draw_slender(scene: Scene) -> Figure:
-    """A rod or beam with its obstacles."""
-    body = cast("Rod | Beam", scene.bodies[0])
-    along = np.array([math.cos(body.inclination), math.sin(body.inclination)])
-    centre = np.array(body.center, dtype=np.float64)
-    ends = np.array([centre - 0.5 * body.length * along, centre + 0.5 * body.length * along])
-    thick = body.height if isinstance(body, Beam) else 2 * body.radius
-    window = _Window()
-    window.add(ends)
-    window.include_obstacles(scene)
-    figure, axes = _axes(window)
-    size = window.apply(axes, scene)
-    draw_obstacles(axes, scene.rigid_obstacles, 0.0)
-    across = 0.5 * max(thick, 0.012 * size) * np.array([-along[1], along[0]])
-    corners = [ends[0] - across, ends[1] - across, ends[1] + across, ends[0] + across]
-    axes.add_collection(PolyCollection([np.array(corners)], facecolors=BODY, edgecolors=EDGE,
-                                       zorder=3))  # fmt: skip
-    shift = (0.07 * size + 0.5 * thick) * np.array([-along[1], along[0]])
-    dimension(axes, ends[0] + shift, ends[1] + shift, quantity(body.length, "m"))
-    _velocity(axes, centre, body.velocity, size)
-    _finish(axes, scene, size, "x [m]")
-    return figure
 
 
 def _axes(window: _Window) -> tuple[Figure, Axes]:

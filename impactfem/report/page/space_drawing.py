@@ -15,7 +15,7 @@ from impactfem.report.page.sketch import EDGE, GRAVITY, VELOCITY, arrow, empty, 
 from impactfem.report.solid_figures import survey
 from impactfem.report.space_picture import Camera, SpacePainter, skin_of
 from impactfem.result import Result
-from impactfem.scene import HalfSpace, Point, Scene, Solid
+from impactfem.scene import HalfSpace, Point, Scene
 
 Floats = NDArray[np.float64]
 
@@ -44,14 +44,19 @@ def draw_solids_in_space(result: Result) -> Figure | None:
         axes.spines[side].set_visible(False)
     painter.prepare(axes, window, 0.0)
     painter.draw(axes, snapshot)
-    camera, bodies = painter.camera, [cast("Solid", body) for body in result.scene.bodies]
-    for k, solid in enumerate(bodies):
+    camera = painter.camera
+    for k, solid in enumerate(result.scene.solids):
         own = snapshot.place[skin.nodes][skin.bodies[skin.nodes] == k]
         centre = camera.flat(0.5 * (own.min(axis=0) + own.max(axis=0)))
         speed = [constant(entry) or 0.0 for entry in solid.velocity]
         _velocity(axes, camera, centre, np.array(speed), skin.size)
         back = camera.flat(np.array(speed) / (np.linalg.norm(speed) or 1.0))
         label(axes, centre - 0.08 * skin.size * back, solid.name)
+    for point in (body for body in result.scene.bodies if isinstance(body, Point)):
+        flat = camera.flat(np.array(point.position, dtype=np.float64))
+        axes.plot(*flat, "o", color=EDGE, markersize=9, zorder=4)
+        label(axes, flat - [0.0, 0.06 * skin.size], point.name)
+        _velocity(axes, camera, flat, np.array(point.velocity or (0.0, 0.0, 0.0)), skin.size)
     _gravity(axes, camera, result.scene, window, skin.size)
     return figure
 

@@ -36,6 +36,7 @@ class RigidObstacle:
     """What the rigid obstacles of solids have in common."""
 
     kind: ClassVar[str]
+    is_smooth: ClassVar[bool] = True
     name: str
     motion: tuple[Formula, ...] | None
     _vectors: ClassVar[tuple[str, ...]] = ()
@@ -94,6 +95,13 @@ class RigidObstacle:
             Distances [m], shape (points,); unit normals towards the body, shape (points, dim).
         """
         raise NotImplementedError
+
+    def other_gap(self, points: Floats) -> Field | None:  # noqa: ARG002
+        """Distances from another face that balls may touch at once, as `gap`; None if none can.
+
+        Infinite where a point sees but one.
+        """
+        return None
 
     def mirrors(self, other: "RigidObstacle", mirror: Mirror) -> bool:
         """Whether it, at rest, is the mirror image of another one."""

@@ -36,6 +36,7 @@ class RigidBox(RigidObstacle):
     """
 
     kind: ClassVar[str] = "box"
+    is_smooth: ClassVar[bool] = False
     _vectors: ClassVar[tuple[str, ...]] = ("center", "size")
 
     name: str = key(Name(), NAME, default="box")

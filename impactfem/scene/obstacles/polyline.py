@@ -27,6 +27,9 @@ from impactfem.scene.obstacles.mirror import Mirror
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
 
+_ALIKE = 0.9  # cosine between normals from which two segments look the same way
+_DEEP = 0.5  # share of a segment by which a point may lie behind it and still touch it
+
 
 @table('[[obstacle]] with kind = "polyline"')
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +45,7 @@ class RigidPolyline(RigidObstacle):
     """
 
     kind: ClassVar[str] = "polyline"
+    is_smooth: ClassVar[bool] = False
 
     name: str = key(Name(), NAME, default="polyline")
     points: Sequence[Sequence[float]] = key(
@@ -140,6 +144,27 @@ class RigidPolyline(RigidObstacle):
         middle = sums[vertex[touching]]
         normal[corner[touching], :2] = middle / np.hypot(*middle.T)[:, None]
         return gap, normal
+
+    def other_gap(self, points: Floats) -> Field | None:
+        """Distances from the nearest segment that looks elsewhere than the nearest one.
+
+        Seen are segments with the foot of the point's normal between their ends and the point on
+        their left: a ball in a corner that bends inwards touches two.
+        """
+        chain = np.asarray(self.points, dtype=np.float64)
+        first, found = self.gap(points)
+        gap = np.full_like(first, np.inf)
+        for start, end in pairwise(chain[np.r_[True, np.any(np.diff(chain, axis=0), axis=1)]]):
+            length = math.dist(start, end)
+            along = (end - start) / length
+            left = np.array([-along[1], along[0]])
+            arms = points[:, :2] - start
+            place, height = arms @ along, arms @ left
+            seen = (place > 0.0) & (place < length) & (height >= -_DEEP * length)
+            closer = seen & (found[:, :2] @ left < _ALIKE) & (height < gap)
+            gap[closer] = height[closer]
+            found[closer, :2] = left
+        return gap, found
 
     def is_image(self, other: Self, mirror: Mirror) -> bool:
         """Whether it, at rest, is the mirror image of another one of its kind."""

@@ -17,6 +17,9 @@ class Wall:
     """
 
     kind: ClassVar[str] = "wall"
+    is_smooth: ClassVar[bool] = True
+    is_flat: ClassVar[bool] = True
+    motion: ClassVar[None] = None
 
     name: str = key(Name(), "name of the wall", default="wall")
 

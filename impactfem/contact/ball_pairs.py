@@ -1,0 +1,184 @@
+"""Gaps between balls and axes on one side, and points, axes or surfaces on the other.
+
+A ball is a contact node with a radius; an axis is a chain of straight lines between such nodes (a
+rod, a beam). Forces act along the line of the closest points, so that pairs keep the momentum and
+the moment of momentum. The closest places are found anew in each layer.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from impactfem.contact.closest import closest_shares, distances
+from impactfem.contact.followed_pair import FAR
+from impactfem.contact.mortar_surface import Surface
+from impactfem.contact.pairs import Meeting
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_SAME = 1e-9  # share of a distance by which two count as the same
+_ALIKE = 0.9  # cosine of directions from which two closest places count as one
+_TINY = np.finfo(float).tiny
+
+
+@dataclass(frozen=True)
+class Target:
+    """What balls are held off.
+
+    Attributes:
+        nodes: Places of its nodes among all contact nodes, shape (nodes,).
+        simplices: Its points, lines or triangles, by numbers of these nodes, (simplices, corners).
+        signs: 1 where the normal of a face, from the order of its corners, points outwards and -1
+            elsewhere, shape (simplices,); None if there is no inside: points and axes.
+        radius: Of the nodes of points and axes [m], shape (nodes,).
+    """
+
+    nodes: Integers
+    simplices: Integers
+    signs: Floats | None
+    radius: Floats
+
+    @classmethod
+    def of_axis(cls, nodes: Integers, lines: Integers, radius: Floats) -> "Target":
+        """Of the lines between nodes, (lines, 2); of the nodes themselves where there are none."""
+        simplices = lines if len(lines) else np.arange(len(nodes))[:, None]
+        return cls(nodes, simplices, None, radius)
+
+    @classmethod
+    def of_surface(cls, nodes: Integers, surface: Surface) -> "Target":
+        """Of a meshed surface: its faces as lines or triangles between nodes."""
+        parts = surface.faces[:, surface.parts]  # (faces, parts, corners)
+        signs = np.repeat(surface.sides, parts.shape[1])
+        flat = parts.reshape(-1, parts.shape[2])
+        if flat.shape[1] == 4:  # quadrilaterals, by the corners around them
+            flat = np.stack([flat[:, (0, 1, 2)], flat[:, (0, 2, 3)]], axis=1).reshape(-1, 3)
+            signs = np.repeat(signs, 2)
+        return cls(nodes, flat, signs, np.zeros(len(nodes)))
+
+    def normals(self, places: Floats) -> Floats:
+        """Outward normals of its faces, their length that of the areas, (simplices, dim)."""
+        corners = places[self.nodes[self.simplices]]
+        if corners.shape[2] == 2:
+            t = corners[:, 1] - corners[:, 0]
+            across = np.stack([t[:, 1], -t[:, 0]], axis=1)
+        else:
+            across = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        signs = np.ones(len(corners)) if self.signs is None else self.signs
+        return np.asarray(across * signs[:, None])
+
+
+@dataclass(frozen=True)
+class BallPair:
+    """Balls that are held off a target, as `impactfem.contact.pairs` takes them.
+
+    A ball may touch a surface that bends inwards at several places, at most as many as there are
+    dimensions: each has that many gaps, those without a place of their own are open by ``far``.
+
+    Attributes:
+        balls: Places of the balls among all contact nodes, shape (balls,).
+        radius: Of the balls [m], shape (balls,).
+        target: What they are held off.
+        total: Number of all contact nodes.
+        far: Gap of what meets nothing [m].
+    """
+
+    balls: Integers
+    radius: Floats
+    target: Target
+    total: int
+    far: float = FAR
+
+    follows = True
+    seen = None  # it depends on no earlier layer
+
+    def look_from(self, places: Floats | None) -> None:
+        """Nothing: it is looked at anew each time."""
+
+    @property
+    def slots(self) -> int:
+        """Gaps of a ball: one with points and axes, as many as dimensions with surfaces."""
+        return 1 if self.target.signs is None else self.target.simplices.shape[1]
+
+    @property
+    def count(self) -> int:
+        """Number of gaps."""
+        return len(self.balls) * self.slots
+
+    def __call__(self, places: Floats, acting: Floats) -> Meeting:
+        """How they meet with all contact nodes at some places (nodes, dim).
+
+        Gaps are those there, normals and weights those where forces act, amid the way: their work
+        then is that of the change of the gap, but for the cube of the way.
+        """
+        gaps, _, direction = self._looks(places)
+        _, shares, amid = self._looks(acting)
+        target, dim, count = self.target, places.shape[1], self.count
+        gap, normal = np.full(count, self.far), np.zeros((count, dim))
+        normal[:, -1] = 1.0
+        each, rows, columns, values = np.arange(len(self.balls)), [], [], []
+        for slot in range(self.slots):
+            best = np.argmin(gaps, axis=1)
+            known = each[np.isfinite(gaps[each, best])]
+            row, at = known * self.slots + slot, best[known]
+            gap[row], normal[row] = gaps[known, at], amid[known, at]
+            nodes = target.nodes[target.simplices[at]]
+            rows += [row, np.repeat(row, nodes.shape[1])]
+            columns += [self.balls[known], nodes.ravel()]
+            values += [np.ones(len(known)), -shares[known, at].ravel()]
+            # Another place is one that looks elsewhere.
+            alike = np.einsum("psd,pd->ps", direction, direction[each, best]) > _ALIKE
+            gaps = np.where(alike, np.inf, gaps)
+        found = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+        weights = csr_matrix(found, shape=(count, self.total))
+        return Meeting(weights, gap, normal, np.zeros(count))
+
+    def _looks(self, places: Floats) -> tuple[Floats, Floats, Floats]:
+        """Gaps of all balls to all simplices, weights of closest points, directions to the balls.
+
+        Shapes (balls, simplices), (balls, simplices, corners), (balls, simplices, dim).
+        """
+        target, points = self.target, places[self.balls]
+        corners = places[target.nodes[target.simplices]]
+        shares = closest_shares(points, corners)
+        arms, length = distances(points, corners, shares)
+        if target.signs is None:
+            away, direction = length, arms / np.maximum(length, _TINY)[..., None]
+        else:
+            away, direction = self._outside(places, shares, arms, length)
+        radii = np.einsum("psc,sc->ps", shares, target.radius[target.simplices])
+        return away - radii - self.radius[:, None], shares, direction
+
+    def _outside(
+        self, places: Floats, shares: Floats, arms: Floats, length: Floats
+    ) -> tuple[Floats, Floats]:
+        """Signed distances from faces, infinite for those that are not met, and their directions.
+
+        A face is met where its closest point is closest among all around it, and is seen from
+        outside; inside the body it is the nearest face only.
+        """
+        target, inner = self.target, (shares > _SAME).all(axis=2)
+        faces = target.normals(places)
+        faces = faces / np.maximum(np.linalg.norm(faces, axis=1), _TINY)[:, None]
+        nodes = np.zeros((len(target.nodes), faces.shape[1]))
+        for corner in target.simplices.T:
+            np.add.at(nodes, corner, faces)
+        around = np.einsum("psc,scd->psd", shares, nodes[target.simplices])
+        around /= np.maximum(np.linalg.norm(around, axis=2), _TINY)[..., None]
+        outward = np.where(inner[..., None], faces, around)
+        side = np.where(np.einsum("psd,psd->ps", arms, outward) < 0.0, -1.0, 1.0)
+        # At edges along the arm, but where this is no more than rounding.
+        clear = ~inner & (length > _SAME * float(np.ptp(places[target.nodes], axis=0).max()))
+        straight = side[..., None] * arms / np.maximum(length, _TINY)[..., None]
+        direction = np.where(clear[..., None], straight, outward)
+        least = np.full((len(arms), len(nodes)), np.inf)
+        for k, corner in enumerate(target.simplices.T):
+            value = np.where(shares[:, :, k] > _SAME, length, np.inf)
+            np.minimum.at(least.T, corner, value.T)
+        near = np.where(shares > _SAME, least[:, target.simplices], np.inf).min(axis=2)
+        met = inner | (length <= near * (1.0 + _SAME))
+        nearest = length <= length.min(axis=1, keepdims=True) * (1.0 + _SAME)
+        met &= (side > 0.0) | nearest
+        return np.where(met, side * length, np.inf), direction

@@ -1,0 +1,257 @@
+"""Layers of bodies of few degrees of freedom: the midpoint rule in their coordinates.
+
+    M (v_b - v_a) = dt (f(t, q, v) + W g + H^T F) at the middle,   q_b = q_a + dt (v_a + v_b) / 2,
+
+with contact forces F of the layer and H where the free motion is halfway. Each rank holds the whole
+bodies, of which there are few, and only rank 0 sums them up.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import ConvergenceError
+from impactfem.marching.layers import Sums
+from impactfem.scene import PiecewiseVector
+from impactfem.system.few import FewBodies
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+_MOST_ITERATIONS = 50
+_SETTLED = 1e-13  # change of velocities, as a share of the largest
+_SHARE_OF_SIZE = 1e-6  # of coordinates and speeds by which forces are differentiated
+
+
+class FewMidpoint:
+    """Interior of few degrees of freedom; see `impactfem.marching.layers.Interior`.
+
+    Attributes:
+        bodies: What moves.
+        counts: Whether this rank sums the bodies up.
+    """
+
+    whole_columns: int | None = None
+
+    def __init__(
+        self, bodies: FewBodies, gravity: PiecewiseVector, dt: float, *, counts: bool
+    ) -> None:
+        """Begin at t = 0.
+
+        Args:
+            bodies: What moves.
+            gravity: [m/s^2].
+            dt: Time step [s].
+            counts: Whether this rank sums the bodies up.
+        """
+        self.dt, self.bodies, self.counts, self._gravity = dt, bodies, counts, gravity
+        self._system = bodies.system
+        self._mass = self._system.mass(bodies.position)
+        self._q, self._v = bodies.position.copy(), bodies.velocity.copy()
+        self._start = bodies.places(bodies.position)
+        self._jacobian = bodies.jacobian(self._q)
+        self._linear = isinstance(self._system, LinearSystem)
+        self._steady = _steady_load(self._system)
+        self._prepare(0.0)
+        self._ahead = self._v.copy()
+        self._pushed = np.zeros_like(self._q)
+        count = len(self._start)
+        self.massive: Booleans = np.ones(count, dtype=bool)
+        changing = bodies.turning or not self._linear
+        self.volatile: Booleans = np.full(count, changing)
+
+    def _prepare(self, time: float) -> None:
+        """Invert M + dt C / 2 + dt^2 K / 4, with forces linearised: layers then are products."""
+        stiffness, damping = _tangent(self._system, time, self._q, self._v)
+        half = 0.5 * self.dt
+        self._inverse = np.linalg.inv(self._mass + half * damping + half**2 * stiffness)
+        self._renew_answer()
+
+    def _renew_answer(self) -> None:
+        """Velocities by unit forces on the contact nodes, (d, nodes dim)."""
+        self._answer = self.dt * self._inverse @ self._jacobian.T
+        self._compliance = 0.5 * self.dt * self._jacobian @ self._answer
+
+    @property
+    def velocity(self) -> Floats:
+        """None: its velocities are in `memory`, the same on all ranks."""
+        return np.zeros(0)
+
+    @property
+    def surface_displacement(self) -> Floats:
+        """Of the contact nodes since t = 0 [m], (count, dim)."""
+        return self.bodies.places(self._q) - self._start
+
+    @property
+    def surface_velocity(self) -> Floats:
+        """Of the contact nodes [m/s], (count, dim)."""
+        return (self.bodies.jacobian(self._q) @ self._v).reshape(self._start.shape)
+
+    def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)
+        """Velocities of the contact nodes at both ends of the layer without contact forces."""
+        shape = self._start.shape
+        before, after = self._jacobian @ self._v, self._jacobian @ self._ahead
+        return before.reshape(shape), after.reshape(shape)
+
+    def inertia(self) -> list[Floats]:
+        """Moments of inertia of each body [kg m^2]; 0 of points."""
+        turns = self.bodies.moments.shape[1]
+        return [moment * np.eye(turns) for moment in self.bodies.inertias]
+
+    def share(self, layer: int) -> float:  # noqa: ARG002  (as the interface has it)
+        """All of a layer's contact force acts."""
+        return 1.0
+
+    def gravity(self, layer: int) -> Floats:
+        """Mean gravity of a layer [m/s^2], shape (dim,)."""
+        if self._gravity.is_constant:  # asked for in every layer
+            return np.array(self._gravity.values[0])
+        return np.asarray(self._gravity.mean(layer * self.dt, (layer + 1) * self.dt))
+
+    def predict(self, layer: int) -> Floats:
+        """Solve the layer without contact forces."""
+        time = (layer + 0.5) * self.dt
+        if not self._linear:
+            self._prepare(time)
+        self._time, self._weight = time, self.bodies.weights @ self.gravity(layer)
+        self._pushed = np.zeros_like(self._q)
+        self._ahead = self._settle(self._v)
+        if self.bodies.turning:
+            self._jacobian = self.bodies.jacobian(self._middle(self._ahead))
+            self._renew_answer()
+        return self.bodies.places(self._end(self._ahead)) - self._start
+
+    def _middle(self, ahead: Floats) -> Floats:
+        return np.asarray(self._q + 0.25 * self.dt * (self._v + ahead))
+
+    def _end(self, ahead: Floats) -> Floats:
+        return np.asarray(self._q + 0.5 * self.dt * (self._v + ahead))
+
+    def _settle(self, guess: Floats) -> Floats:
+        """Velocities at the end of the layer, by Newton's method with the tangent of its start."""
+        ahead = guess
+        for _ in range(_MOST_ITERATIONS):
+            mean = 0.5 * (self._v + ahead)
+            force = self._force(self._middle(ahead), mean) + self._weight
+            missing = self.dt * force + self._pushed - self._mass @ (ahead - self._v)
+            change = self._inverse @ missing
+            ahead = ahead + change
+            if self._linear:
+                return ahead
+            if not np.isfinite(ahead).all():
+                break
+            if np.abs(change).max() <= _SETTLED * np.abs(ahead).max() + np.finfo(float).tiny:
+                return ahead
+        raise ConvergenceError(
+            f"the forces on {', '.join(self.bodies.names)} did not settle at t = {self._time:.6g} "
+            "s; use a smaller solve.dt"
+        )
+
+    def _force(self, q: Floats, v: Floats) -> Floats:
+        system = self._system
+        if self._steady is None or not isinstance(system, LinearSystem):
+            return system.force(self._time, q, v)
+        return self._steady - system.stiffness @ q - system.damping @ v
+
+    def columns(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Displacements of the contact nodes by several forces; nothing is massless."""
+        moved = forces.reshape(len(forces), -1) @ self._compliance.T
+        return moved.reshape(forces.shape), np.zeros_like(forces)
+
+    answers = columns
+
+    def static(self, forces: Floats) -> Floats:
+        """Nothing is massless."""
+        return np.zeros_like(forces)
+
+    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
+        """Add the layer's contact forces (count, dim)."""
+        self._pushed = self._pushed + self.dt * (self._jacobian.T @ forces.ravel())
+        guess = self._ahead + self._answer @ forces.ravel()
+        self._ahead = guess if self._linear else self._settle(guess)
+
+    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
+        """End the layer and sum up."""
+        end, mean = self._end(self._ahead), 0.5 * (self._v + self._ahead)
+        work = np.zeros(len(self._q))
+        if self.bodies.load is not None:
+            work = self.bodies.load(self._time, self._middle(self._ahead), mean) * (end - self._q)
+        self._q, self._v = end, self._ahead
+        return self._summed(work)
+
+    def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+        """Sums of the initial state."""
+        return self._summed(np.zeros(len(self._q)))
+
+    def _summed(self, work: Floats) -> list[Sums]:
+        """Sums of each body; the energy of springs is told of the first."""
+        bodies, none = self.bodies, np.zeros(self.bodies.dim)
+        if not self.counts:
+            still = np.zeros(bodies.moments.shape[1])
+            return [Sums(0.0, 0.0, 0.0, none, none, still) for _ in bodies.names]
+        pushing, moved = self._mass @ self._v, self._q - bodies.position
+        found = []
+        for body in range(len(bodies.names)):
+            own = bodies.owner == body
+            weights = bodies.weights[own]
+            found.append(
+                Sums(
+                    0.5 * float(self._v[own] @ pushing[own]),
+                    bodies.elastic(self._q) if body == 0 else 0.0,
+                    float(work[own].sum()),
+                    weights.T @ self._v[own],
+                    weights.T @ moved[own],
+                    bodies.moments[own].T @ self._v[own],
+                )
+            )
+        return found
+
+    def placed(self, static: Floats) -> Floats:  # noqa: ARG002  (as the interface has it)
+        """None, as `velocity`."""
+        return np.zeros(0)
+
+    def state(self) -> dict[str, Any]:
+        """None, as `velocity`."""
+        return {}
+
+    def memory(self) -> dict[str, Floats]:
+        """Coordinates and their rates."""
+        return {"coordinates": self._q.copy(), "rates": self._v.copy()}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave."""
+        self._q, self._v = memory["coordinates"].copy(), memory["rates"].copy()
+
+    def restore(self, state: dict[str, Any], surface: Floats) -> None:
+        """Nothing: see `remember`."""
+
+    def destroy(self) -> None:
+        """Nothing to free."""
+
+
+def _steady_load(system: GeneralizedSystem) -> Floats | None:
+    """Constant loads of a linear system, asked for in every layer; None if they change."""
+    if not isinstance(system, LinearSystem) or not all(s.is_constant for s in system.load):
+        return None
+    return np.array([signal.constant for signal in system.load], dtype=float)
+
+
+def _tangent(system: GeneralizedSystem, time: float, q: Floats, v: Floats) -> tuple[Floats, Floats]:
+    """Stiffness -df/dq and damping -df/dv (d, d) each, by central differences if not constant."""
+    if isinstance(system, LinearSystem):
+        return system.stiffness, system.damping
+    return (
+        _falling(lambda x: system.force(time, x, v), q),
+        _falling(lambda x: system.force(time, q, x), v),
+    )
+
+
+def _falling(force: Callable[[Floats], Floats], values: Floats) -> Floats:
+    """Minus the derivative of forces at some values, (d, d)."""
+    step = _SHARE_OF_SIZE * max(float(np.abs(values).max(initial=0.0)), _SHARE_OF_SIZE)
+    sides = step * np.eye(len(values))
+    columns = [force(values - h) - force(values + h) for h in sides]
+    return np.stack(columns, axis=1) / (2.0 * step)

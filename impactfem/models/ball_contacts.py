@@ -1,0 +1,286 @@
+"""How points, rods and beams meet each other and solids: which gaps there are, between what."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.ball_pairs import BallPair, Target
+from impactfem.contact.body_pairs import Side
+from impactfem.contact.followed_pair import FAR
+from impactfem.contact.gaps import Balls, Gaps
+from impactfem.contact.mortar_surface import Surface
+from impactfem.errors import SceneError
+from impactfem.scene.obstacles import Rigid
+from impactfem.scene.pairing import body_pairs, named_body_pairs, obstacles_of, pair_name
+from impactfem.system.few import FewBodies
+
+if TYPE_CHECKING:
+    from impactfem.models.solids import SolidsModel
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_RESOLVED = 2.0  # faces in the radius of a ball from which the nodes of the faces follow its shape
+_ROUNDING = 1e-9  # share of a size by which bodies may overlap at t = 0
+
+
+@dataclass(frozen=True)
+class BallMeeting:
+    """A pair of bodies of which at least one has no mesh.
+
+    Attributes:
+        label: Name of the pair.
+        names: Of the bodies.
+        carrier: Which of them the forces of the gaps act on.
+        pair: Its gaps.
+        patch: Whether the contact is one of many nodes, or of single places on a solid.
+    """
+
+    label: str
+    names: tuple[str, str]
+    carrier: str
+    pair: BallPair
+    patch: bool
+
+
+@dataclass(frozen=True)
+class _Balls:
+    """A body without a mesh: its contact nodes among all, radii and lines between them."""
+
+    name: str
+    nodes: Integers
+    radius: Floats
+    lines: Integers
+
+    @property
+    def axis(self) -> Target:
+        return Target.of_axis(self.nodes, self.lines, self.radius)
+
+
+@dataclass(frozen=True)
+class _Faces:
+    """A solid: contact nodes of its faces among all, and the faces."""
+
+    name: str
+    nodes: Integers
+    surface: Surface
+
+    @property
+    def size(self) -> float:
+        """Typical size of a face [m]."""
+        corners = self.surface.points[self.surface.corners]
+        edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        return float(np.median(edges))
+
+
+def places_of(few: Sequence[FewBodies]) -> Floats:
+    """Places of the contact nodes of bodies without a mesh at t = 0 [m]."""
+    return np.concatenate([bodies.places(bodies.position) for bodies in few])
+
+
+def ball_meetings(model: "SolidsModel", offsets: Sequence[int]) -> list[BallMeeting]:
+    """Meetings of all pairs with a body without a mesh.
+
+    Args:
+        model: The bodies.
+        offsets: Where the contact nodes of each part begin, their number last.
+
+    Raises:
+        SceneError: Two bodies overlap at t = 0, or have no extent, so that they cannot meet.
+    """
+    sides = _sides(model, offsets)
+    found: list[BallMeeting] = []
+    for label, (one, _), (two, _) in named_body_pairs(model.scene):
+        first, second = sides.get(one), sides.get(two)
+        if isinstance(first, _Faces) and isinstance(second, _Faces):
+            continue
+        if first is None or second is None:
+            continue
+        if isinstance(first, _Faces) or isinstance(second, _Faces):
+            found += _on_solid(label, first, second, offsets[-1])
+        else:
+            found += _slender(label, first, second, offsets[-1], asked=bool(model.scene.contacts))
+    return found
+
+
+def _sides(model: "SolidsModel", offsets: Sequence[int]) -> dict[str, _Balls | _Faces]:
+    """What each body offers to the others, by its name."""
+    found: dict[str, _Balls | _Faces] = {}
+    for k, side in model.struck.items():
+        numbers = model.parts[k].outside.numbers[side.nodes]
+        nodes = np.searchsorted(model.numbers[k], numbers) + offsets[k]
+        found[model.parts[k].solid.name] = _Faces(model.parts[k].solid.name, nodes, side.surface)
+    for bodies, (start, _) in zip(
+        model.few, list(pairwise(offsets))[len(model.parts) :], strict=True
+    ):
+        for body, name in enumerate(bodies.names):
+            own = bodies.nodes_of(body)
+            found[name] = _Balls(name, own + start, bodies.radius[own], bodies.lines_of(body))
+    return found
+
+
+def _on_solid(
+    label: str, one: _Balls | _Faces, two: _Balls | _Faces, total: int
+) -> list[BallMeeting]:
+    """A body without a mesh on a solid.
+
+    Where its radius spans several faces, their nodes are held off it: the patch of contact then has
+    the shape that bodies take. Else its nodes are held off the faces, a place at a time; corners of
+    the solid are held off its axis too, if it has a thickness.
+    """
+    ball, solid = (two, one) if isinstance(one, _Faces) else (one, two)
+    if not isinstance(ball, _Balls) or not isinstance(solid, _Faces):
+        raise TypeError("one is a solid, one is not")
+    names, none = (one.name, two.name), np.zeros(len(solid.nodes))
+    thick = float(ball.radius.min())
+    around = BallPair(solid.nodes, none, ball.axis, total)
+    if thick >= _RESOLVED * solid.size:
+        return [BallMeeting(label, names, solid.name, around, patch=True)]
+    target = Target.of_surface(solid.nodes, solid.surface)
+    places = BallPair(ball.nodes, ball.radius, target, total)
+    found = [BallMeeting(label, names, ball.name, places, patch=False)]
+    if len(ball.lines) and thick > 0.0:
+        found.append(BallMeeting(label, names, solid.name, around, patch=False))
+    return found
+
+
+def _slender(label: str, one: _Balls, two: _Balls, total: int, *, asked: bool) -> list[BallMeeting]:
+    """Two bodies without meshes: nodes of each on the axis of the other, if it has one."""
+    if float(one.radius.min() + two.radius.min()) <= 0.0:
+        if not asked:
+            return []
+        raise SceneError(
+            f"contact of {one.name} and {two.name}: both have radius = 0, so that they cannot "
+            "meet; give one a radius"
+        )
+    names = one.name, two.name
+    pairs = [(one, two)] if len(two.lines) or not len(one.lines) else []
+    pairs += [(two, one)] if len(one.lines) else []
+    return [
+        BallMeeting(label, names, a.name, BallPair(a.nodes, a.radius, b.axis, total), patch=False)
+        for a, b in pairs
+    ]
+
+
+def point_loads(model: "SolidsModel") -> list[tuple[str, str]]:
+    """Bodies that press on single places of solids, and these."""
+    solids, found = {part.solid.name for part in model.parts}, []
+    for met in model.ball_meetings:
+        one, two = met.names if met.names[1] in solids else reversed(met.names)
+        if two in solids and not met.patch:
+            found.append((one, two))
+    return found
+
+
+def check_apart(meetings: Sequence[BallMeeting], places: Floats) -> None:
+    """Refuse bodies that overlap at t = 0, with all contact nodes at some places [m].
+
+    Raises:
+        SceneError: They do.
+    """
+    for meeting in meetings:
+        met = meeting.pair(places, places)
+        own = places[np.concatenate([meeting.pair.balls, meeting.pair.target.nodes])]
+        size = float(np.ptp(own, axis=0).max())
+        worst = int(np.argmin(met.gap)) if len(met.gap) else 0
+        if len(met.gap) and met.gap[worst] < -_ROUNDING * size:
+            one, two = meeting.names
+            raise SceneError(
+                f"bodies {one} and {two} overlap by {-met.gap[worst]:.4g} m at t = 0: move one, or "
+                "make a radius smaller"
+            )
+
+
+@dataclass(frozen=True)
+class _OtherFace:
+    """A second face of an obstacle that a ball may touch at once, as `Gaps` takes obstacles."""
+
+    obstacle: Rigid
+
+    @property
+    def name(self) -> str:
+        return self.obstacle.name
+
+    @property
+    def motion(self) -> Any:
+        return self.obstacle.motion
+
+    def gap(self, points: Floats) -> tuple[Floats, Floats]:
+        found = self.obstacle.other_gap(points)
+        if found is None:
+            raise TypeError(f"obstacle {self.name} has one face only")
+        return np.minimum(found[0], FAR), found[1]
+
+
+def _faces(obstacle: Rigid) -> list[Any]:
+    """An obstacle, and its other face if it has one."""
+    return (
+        [obstacle]
+        if obstacle.other_gap(np.zeros((0, 3))) is None
+        else [obstacle, _OtherFace(obstacle)]
+    )
+
+
+@dataclass(frozen=True)
+class ObstacleMeeting:
+    """A body without a mesh beside an obstacle.
+
+    Attributes:
+        names: Of the body and the obstacle.
+        part: Place of its system among those of the model.
+        nodes: Its contact nodes among those of the system, (nodes,).
+        gaps: Of these.
+    """
+
+    names: tuple[str, str]
+    part: int
+    nodes: Integers
+    gaps: Gaps
+
+
+def obstacle_meetings(model: "SolidsModel") -> list[ObstacleMeeting]:
+    """Meetings of bodies without meshes with obstacles: each node has a gap to each of them.
+
+    Raises:
+        SceneError: A body is inside an obstacle at t = 0.
+    """
+    found = []
+    for k, bodies in enumerate(model.few):
+        places = bodies.places(bodies.position)
+        for body, name in enumerate(bodies.names):
+            own = bodies.nodes_of(body)
+            own = own[bodies.touching[own]]
+            for obstacle in (face for o in obstacles_of(model.scene, name) for face in _faces(o)):
+                radius = bodies.shell[own]
+                balls = Balls.beside(obstacle, places[own], radius)
+                size = max(1.0, float(np.abs(places[own]).max(initial=0.0)))
+                if balls.gap.min(initial=0.0) < -1e-12 * size:
+                    raise SceneError(
+                        f"{name} on {obstacle.name}: it is {-balls.gap.min():.6g} m inside at "
+                        "t = 0; move it"
+                    )
+                gaps = Gaps(
+                    (obstacle,), balls, np.zeros_like(balls.positions), updated=True,
+                    pairs=(pair_name(model.scene, name, obstacle.name),), radius=radius,
+                )  # fmt: skip
+                found.append(ObstacleMeeting((name, obstacle.name), k, own, gaps))
+    return found
+
+
+def strike(model: "SolidsModel") -> dict[int, Side]:
+    """Faces of the solids that bodies without meshes may strike, by the place of the solid."""
+    names = [part.solid.name for part in model.parts]
+    asked: dict[int, NDArray[np.bool_]] = {}
+    for sides in body_pairs(model.scene):
+        solids = [side for side in sides if side[0] in names]
+        if len(solids) != 1 or not model.few:
+            continue
+        k = names.index(solids[0][0])
+        _, _, faces = model.faces(k, solids[0][1])
+        asked[k] = faces | asked.get(k, np.zeros_like(faces))
+    parts = model.parts
+    return {k: Side.of(parts[k].outside, parts[k].places, faces) for k, faces in asked.items()}

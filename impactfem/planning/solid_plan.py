@@ -1,0 +1,100 @@
+"""The plan of bodies that are marched, as data, and what they are in words."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from impactfem.planning.card import Foresees
+from impactfem.planning.solid_costs import Size
+from impactfem.result.whole import Whole
+from impactfem.scene import Scene
+from impactfem.scene.solids import Solid
+
+_MODELS = {
+    "plane_strain": "in plane strain",
+    "plane_stress": "in plane stress",
+    "axisymmetric": "axisymmetric",
+    "3d": "in 3D",
+}
+_CELLS = {
+    (2, "simplex"): "triangles", (3, "simplex"): "tetrahedra",
+    (2, "hexahedron"): "quadrilaterals", (3, "hexahedron"): "hexahedra",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, repr=False)
+class SolidPlan(Foresees):
+    """What will be modelled and how, for one solid or several.
+
+    Attributes:
+        method: Name as in `impactfem methods`.
+        model: The model in words.
+        degree: Largest degree of the elements.
+        degrees: That of each body.
+        cells: "simplex" or "hexahedron", of the first body.
+        mesh_size: Size of the smallest elements [m], the mean one with a mesh file.
+        dt: Time step [s]; None if it is a share of the stable step, which is found at run time.
+        courant: c_p dt / h of implicit methods; for explicit ones the share of the stable step, or
+            None if dt is given.
+        layers: Time layers; None as for dt.
+        linear_solver: "mumps", "gamg" or "none".
+        normals: "fixed" or "updated".
+        active_set: Solver of the contact conditions.
+        tolerance: Rounding level of gaps, relative to the size of the body.
+        max_iterations: Limit of linear solves of one active-set loop.
+        contact_pairs: Gaps: of nodes to obstacles, and between bodies.
+        unknowns: Displacement components.
+        memory_mib: Estimated peak memory [MiB].
+        seconds: Estimated time [s], that of the runs for the error included, output excluded.
+        estimate: Whether the error is estimated by runs on other elements.
+        whole: What is told of, if planes of symmetry leave only a part to be computed.
+        reasons: Why each choice was made, by key; "offer ..." are cheaper models of the scene.
+    """
+
+    method: str
+    model: str
+    degree: int
+    degrees: tuple[int, ...]
+    cells: str
+    mesh_size: float
+    dt: float | None
+    courant: float | None
+    layers: int | None
+    linear_solver: str
+    normals: str
+    active_set: str
+    tolerance: float
+    max_iterations: int
+    contact_pairs: int
+    unknowns: int
+    memory_mib: float
+    seconds: float
+    estimate: bool
+    whole: Whole
+    reasons: dict[str, str]
+
+
+def in_words(scene: Scene, sizes: Sequence[Size]) -> str:
+    """What the bodies are, in words."""
+    each = [_body(solid, size) for solid, size in zip(scene.solids, sizes, strict=True)]
+    if len(each) > 1:
+        each = [f"{solid.name}: {text}" for solid, text in zip(scene.solids, each, strict=True)]
+    return "; ".join([*each, f"linear elastic, {law_in_words(scene)}"])
+
+
+def law_in_words(scene: Scene) -> str:
+    """What bodies meet, and how."""
+    rubs = any(contact.friction_coefficient > 0.0 for contact in scene.contacts)
+    walls = "rigid obstacles, " * bool(scene.rigid_obstacles)
+    return walls + ("Coulomb friction" if rubs else "no friction")
+
+
+def _body(solid: Solid, size: Size) -> str:
+    what = "body of a mesh file" if solid.shape is None else solid.shape.kind
+    letter = "P" if size.cells == "simplex" else "Q"
+    kind = _CELLS[size.dim, size.cells]
+    text = f"{what} {_MODELS[solid.model]}"
+    cuts = () if solid.shape is None else solid.shape.symmetry
+    if cuts:
+        fraction = {1: "half", 2: "quarter", 3: "eighth"}[len(cuts)]
+        text = f"{fraction} of a {text}"
+    return f"{text}, {letter}{size.degree} {kind}"

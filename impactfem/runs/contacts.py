@@ -1,0 +1,158 @@
+"""All gaps of a march in their order, and the laws of the scene for each of them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.body_pairs import SurfacePair
+from impactfem.contact.gaps import Gaps
+from impactfem.contact.pairs import Meet, PairGaps
+from impactfem.marching.composite import Composite
+from impactfem.marching.rubbing import Friction
+from impactfem.models.ball_contacts import check_apart, places_of
+from impactfem.models.solids import SolidsModel
+from impactfem.scene import Contact, Scene
+from impactfem.scene.pairing import law_of, pair_name
+from impactfem.system.surface import SurfaceNodes
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+Names = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Nodes of a part beside obstacles.
+
+    Attributes:
+        part: Place of the part in the march.
+        nodes: Its contact nodes with a gap, (gaps,).
+        gaps: Of these.
+        names: Body and obstacle of each gap at t = 0.
+    """
+
+    part: int
+    nodes: Integers
+    gaps: Gaps
+    names: tuple[Names, ...]
+
+
+@dataclass(frozen=True)
+class Between:
+    """Two bodies that may meet: name of the pair, theirs, gaps, and number of gaps."""
+
+    label: str
+    names: Names
+    meet: Meet
+    count: int
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Gaps to obstacles, then gaps between bodies.
+
+    Attributes:
+        obstacles: Of each part that can touch obstacles.
+        pairs: Of bodies that can meet.
+        owns: Where the contact nodes of each part are.
+        places: Of the contact nodes, undeformed [m], (nodes, dim).
+        initial: Their displacement at t = 0 [m], (nodes, dim).
+    """
+
+    obstacles: tuple[Beside, ...]
+    pairs: tuple[Between, ...]
+    owns: tuple[slice, ...]
+    places: Floats
+    initial: Floats
+
+    @classmethod
+    def of(
+        cls, model: SolidsModel, surfaces: Sequence[SurfaceNodes], march: Composite
+    ) -> "Contacts":
+        """All contacts of some bodies.
+
+        Args:
+            model: The bodies.
+            surfaces: Contact nodes of the solids on this rank.
+            march: Their interiors.
+
+        Raises:
+            SceneError: Bodies overlap at t = 0, or cannot meet.
+        """
+        solids = list(zip(model.parts, surfaces, strict=True))
+        places = [surface.gather(part.system.positions.ravel()) for part, surface in solids]
+        initial = [surface.gather(part.system.displacement) for part, surface in solids]
+        if model.few:
+            places.append(places_of(model.few))
+            initial.append(np.zeros_like(places[-1]))
+        joined = np.concatenate(places), np.concatenate(initial)
+        obstacles = []
+        for k, (part, surface) in enumerate(solids):
+            if part.contact is not None:
+                chosen = np.searchsorted(model.numbers[k], part.contact.numbers)
+                moved = surface.gather(part.system.displacement)[chosen]
+                name = part.solid.name
+                pairs = [pair_name(model.scene, name, o.name) for o in part.obstacles]
+                gaps = Gaps(part.obstacles, part.contact, moved, updated=model.updated, pairs=pairs)
+                each = [(name, part.obstacles[i].name) for i in part.contact.obstacle]
+                obstacles.append(Beside(k, chosen.astype(np.int64), gaps, tuple(each)))
+        for met in model.obstacle_meetings:
+            each = [met.names] * len(met.nodes)
+            obstacles.append(Beside(len(solids) + met.part, met.nodes, met.gaps, tuple(each)))
+        offsets = march.offsets
+        between = [
+            Between(p.label, p.names, p.meeting(_rows(model, offsets, p), offsets[-1]), p.count)
+            for p in model.pairs
+        ]
+        balls = model.ball_meetings
+        check_apart(balls, joined[0] + joined[1])
+        between += [Between(met.label, met.names, met.pair, met.pair.count) for met in balls]
+        owns = tuple(march.own(k) for k in range(len(march.parts)))
+        return cls(tuple(obstacles), tuple(between), owns, *joined)
+
+    def gaps(self) -> PairGaps:
+        """The gaps, in the order of `names`."""
+        obstacles = [(self.owns[each.part], each.nodes, each.gaps) for each in self.obstacles]
+        meets, labels = [pair.meet for pair in self.pairs], [pair.label for pair in self.pairs]
+        return PairGaps(self.places, self.initial, obstacles, meets, labels)
+
+    @property
+    def names(self) -> tuple[Names, ...]:
+        """Bodies, or body and obstacle, of each gap."""
+        found = [names for each in self.obstacles for names in each.names]
+        return (*found, *(pair.names for pair in self.pairs for _ in range(pair.count)))
+
+    def friction(self, scene: Scene, tolerance: float, most: int) -> Friction | None:
+        """Coulomb's law in the gaps; None without friction.
+
+        Args:
+            scene: Its laws.
+            tolerance: Rounding level of places [m].
+            most: Limit of linear systems of a layer.
+        """
+        found = self._each(scene, lambda law: law.friction_coefficient)
+        return Friction(found, tolerance, most) if found.any() else None
+
+    def restitution(self, scene: Scene) -> Floats | None:
+        """Newton's e of the gaps; None if it is 0 everywhere."""
+        found = self._each(scene, lambda law: law.restitution)
+        return found if found.any() else None
+
+    def _each(self, scene: Scene, value: Callable[[Contact], float]) -> Floats:
+        known: dict[Names, float] = {}
+        for names in set(self.names):
+            law = law_of(scene, *names)
+            known[names] = 0.0 if law is None else value(law)
+        return np.array([known[names] for names in self.names])
+
+
+def _rows(model: SolidsModel, offsets: Sequence[int], pair: SurfacePair) -> list[Integers]:
+    """Places of both sides' nodes of a pair among all contact nodes."""
+    return [
+        np.searchsorted(model.numbers[b], model.parts[b].outside.numbers[pair.nodes[side]])
+        + offsets[b]
+        for side, b in enumerate(pair.bodies)
+    ]

@@ -1,0 +1,116 @@
+"""Scenes of points, rods and beams, perhaps with solids, that only the one march solves.
+
+Methods of single families know smooth obstacles at rest, points that meet, and no friction. The
+march takes any bodies that move in the plane or in space, any obstacle, and friction.
+"""
+
+from typing import TYPE_CHECKING
+
+from impactfem.methods import METHODS
+from impactfem.scene.breaks import check_motion
+from impactfem.scene.contacts import Contact
+from impactfem.scene.obstacles import Wall
+from impactfem.scene.pair_checks import check_sides, check_twice
+from impactfem.scene.pairing import side_of
+from impactfem.scene.schema import KeyedError
+from impactfem.scene.values import show
+from impactfem.scene.vibro_checks import check_bodies, check_gravity
+
+if TYPE_CHECKING:
+    from impactfem.scene.scene import Obstacle, Scene
+
+MARCHING = tuple(name for name, method in METHODS.items() if method.mixes)
+"""Methods that take bodies of different kinds together."""
+
+
+def why_marched(scene: "Scene") -> str | None:
+    """Why points, rods and beams need the march, in words; None if other methods do."""
+    kinds = {body.kind for body in scene.bodies}
+    if len(kinds) > 1:
+        return f"bodies of different kinds ({', '.join(sorted(kinds))})"
+    if len(scene.bodies) > 1 and not scene.bodies[0].meets_alike:
+        return f"several bodies of kind {scene.bodies[0].kind}"
+    rubbing = [law.between for law in scene.contacts if law.friction_coefficient > 0.0]
+    if rubbing:
+        return f"friction between {' and '.join(rubbing[0])}"
+    return next(filter(None, (_of_obstacle(scene, o) for o in scene.obstacles)), None)
+
+
+def _of_obstacle(scene: "Scene", obstacle: "Obstacle") -> str | None:
+    """What of an obstacle other methods do not know, in words."""
+    found, points = None, scene.bodies[0].meets_alike
+    if not obstacle.is_smooth:
+        found = f"the corners of {obstacle.name}"
+    elif not obstacle.is_flat and (obstacle.motion or not points):
+        found = f"{obstacle.name}, which is curved"
+    elif obstacle.motion and not points:
+        found = f"the motion of {obstacle.name}"
+    return found
+
+
+def check_mixed(scene: "Scene", gravity: object) -> None:
+    """Refuse a scene for the march that contradicts itself.
+
+    Args:
+        scene: The scene, its fields checked one by one.
+        gravity: As given, for messages.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    _check_dimensions(scene)
+    check_bodies(scene, scene.dim)
+    check_gravity(scene, scene.dim, gravity)
+    for index, obstacle in enumerate(scene.obstacles):
+        where = f"obstacle[{index}]"
+        if isinstance(obstacle, Wall):
+            text = ' = "wall" is for bars: other bodies meet kind = "half_space" (point, normal) '
+            raise KeyedError(where, "kind", f"{text}or another one; give it.")
+        try:
+            obstacle.check_dimension(scene.dim)
+        except KeyedError as error:
+            raise error.moved(where) from None
+        if obstacle.motion is not None:
+            check_motion(where, "motion", obstacle.motion, scene.duration)
+    for index, contact in enumerate(scene.contacts):
+        _check_contact(scene, contact, f"contact[{index}]")
+        for earlier in range(index):
+            check_twice(scene.contacts[earlier], contact, f"contact[{earlier}]", index)
+    if not scene.obstacles and len(scene.bodies) == 1:
+        raise KeyedError("obstacle", "", " is missing: nothing can be hit; add an [[obstacle]].")
+    _check_method(scene)
+
+
+def _check_dimensions(scene: "Scene") -> None:
+    dim = scene.dim
+    for index, body in enumerate(scene.bodies):
+        if body.dim != dim:
+            text = f" {body.name} has {body.dim} coordinates, but {scene.bodies[0].name} has {dim}:"
+            raise KeyedError(f"body[{index}]", "", f"{text} give all the same number.")
+    if any(solid.is_axisymmetric for solid in scene.solids):
+        text = ' = "axisymmetric": points, rods and beams are not round about its axis; use '
+        raise KeyedError("body", "model", f'{text}model = "3d".')
+    if dim == 1:
+        text = f": {why_marched(scene)} needs two or three coordinates, position has 1; give 2."
+        raise KeyedError("body[0]", "position", text)
+
+
+def _check_contact(scene: "Scene", contact: Contact, where: str) -> None:
+    check_sides(scene, contact, where)
+    if contact.restitution == 0.0:
+        return
+    waves = {body.name: body.waves for body in scene.bodies}
+    for entry in contact.between:
+        name, _ = side_of(entry)
+        if waves.get(name, False):
+            text = f" = {show(contact.restitution)}: {name} rebounds by its own elasticity, "
+            raise KeyedError(where, "restitution", f"{text}which needs no such law; remove it.")
+
+
+def _check_method(scene: "Scene") -> None:
+    method = scene.solve.method
+    if method is None or method in MARCHING:
+        return
+    fitting = " or ".join(show(name) for name in MARCHING)
+    text = f" = {show(method)} does not solve {why_marched(scene)}: give {fitting}."
+    raise KeyedError("solve", "method", text)
