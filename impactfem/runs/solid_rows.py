@@ -141,7 +141,7 @@ def _effort(
             "mean_iterations_in_contact": float(iterations.mean()) if len(iterations) else 0.0,
             "carriers": {" and ".join(p.names): p.names[0] for p in model.pairs},
             "friction_work": float(rows.friction_work.sum()),
-            "energy_taken": {"impacts": -float(rows.impact_work.sum())} if model.few else {},
+            "energy_taken": {"impacts": -float(taken)} if (taken := rows.impact_work.sum()) else {},
             "penetration_elsewhere": watch.depth,
             "watch": watch.message,
             "overlap": watch.overlap,

@@ -64,7 +64,7 @@ def summarise(
     if "contact_impulse" in history:  # impacts are no force, but contact
         impulse = history["contact_impulse"].values
         pushing = force + np.append(0.0, impulse[1:] / np.diff(t))
-        struck = {"max_impulse": float(impulse.max()) or None}
+        struck = {"max_impulse": float(impulse.max())} if impulse.any() else {}
     intervals = contact_intervals(t, pushing, gap)
     taken = dict(effort.details.get("energy_taken", {}))
     if rubbed := effort.details.get("friction_work"):
