@@ -21,6 +21,7 @@ TABLES = {
     '[[obstacle]] with kind = "sphere"': language.RigidSphere,
     '[[obstacle]] with kind = "wall"': language.Wall,
     "[[contact]]": language.Contact,
+    "[[probe]]": language.Probe,
     "[solve]": Solve,
     "[output]": Output,
     "supports = [{ ... }]": Support,
@@ -46,6 +47,7 @@ def test_every_table_and_key_is_described():
         "body",
         "obstacle",
         "contact",
+        "probe",
         "solve",
         "output",
     ]
