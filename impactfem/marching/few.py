@@ -76,6 +76,11 @@ class FewMidpoint:
         self._compliance = 0.5 * self.dt * self._jacobian @ self._answer
 
     @property
+    def coordinates(self) -> Floats:
+        """Q now, shape (d,)."""
+        return self._q
+
+    @property
     def velocity(self) -> Floats:
         """None: its velocities are in `memory`, the same on all ranks."""
         return np.zeros(0)

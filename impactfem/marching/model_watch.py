@@ -4,14 +4,14 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS
 from impactfem.marching.solids import Level
-from impactfem.system.stretches import Stretches
+from impactfem.system.stretches import Look
 
 Floats = NDArray[np.float64]
 
@@ -45,6 +45,21 @@ class Seen:
     volume_ratio_min: float = 1.0
 
 
+class Looked(Protocol):
+    """A body that can be looked at: `impactfem.system.stretches.Stretches`, or a beam."""
+
+    @property
+    def mass(self) -> float:
+        """[kg]."""
+
+    @property
+    def inertia(self) -> Floats:
+        """About its centre [kg m^2], (1, 1) or (3, 3)."""
+
+    def look(self, displacement: Floats, known: float = 0.0) -> Look:
+        """Measure it now; see `Stretches.look`."""
+
+
 class ModelWatch:
     """Measures bodies at levels that are kept, at peaks of the contact force, and now and then.
 
@@ -53,7 +68,7 @@ class ModelWatch:
     """
 
     def __init__(
-        self, bodies: Mapping[str, Stretches], sizes: Sequence[int], layers: int, kept: int
+        self, bodies: Mapping[str, Looked], sizes: Sequence[int], layers: int, kept: int
     ) -> None:
         """Look at some layers.
 
@@ -116,7 +131,7 @@ def _is_near(seen: Seen) -> bool:
     return share > _NEAR
 
 
-def _look(seen: Seen, stretches: Stretches, displacement: Floats) -> None:
+def _look(seen: Seen, stretches: Looked, displacement: Floats) -> None:
     look = stretches.look(displacement, seen.strain_99)
     if not math.isfinite(look.rotation + look.strain_max + look.volume_ratio_min):
         return  # the march itself says so

@@ -85,8 +85,10 @@ def few_step(few: Sequence["FewBodies"]) -> float:
 
     steps = [float("inf")]
     for bodies in few:
-        rate = bodies.bending * _OF_BENDING
-        rate = rate or highest_frequency(bodies.system, bodies.position, bodies.velocity)
+        if bodies.beam is None:
+            rate = highest_frequency(bodies.system, bodies.position, bodies.velocity)
+        else:  # no step has to follow the fastest of a beam
+            rate = _OF_BENDING * bodies.beam.beam.first_frequency
         steps += [1.0 / (_PER_RADIAN * rate)] if rate > 0.0 else []
     return min(steps)
 

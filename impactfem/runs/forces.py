@@ -10,6 +10,7 @@ from impactfem.findings import Finding, percent
 from impactfem.methods import METHODS
 from impactfem.planning.resolution import SINGLE_LIMIT, STEPS, single_node, unresolved
 from impactfem.result import BarMotion
+from impactfem.result.table import Table
 from impactfem.scene import Solid
 
 Floats = NDArray[np.float64]
@@ -25,6 +26,7 @@ about this force.
 # distance h: of the mean over h/c 21 to 31 % is left, over 4 h/c 4 to 26 %, over 10 h/c 2 to 7 %
 # (blocks in 2D and 3D, degrees 1 and 2, all schemes).
 _NODES = 10.0
+_SEVERAL = 2
 _PART = 0.25  # longest window as a share of the longest contact: 3 % off the peak of half a sine
 _STEPS = 4  # shortest window
 
@@ -52,6 +54,28 @@ def mesh_window(solids: Sequence[Solid], degrees: Sequence[int], size: float) ->
         for solid, degree in zip(solids, degrees, strict=True)
     )
     return max(waves, default=0.0)
+
+
+def strongest_spells(
+    history: Table, together: Sequence[Sequence[float]]
+) -> Sequence[Sequence[float]]:
+    """Contact intervals of the pair with the largest force: others may rest all the time [s].
+
+    Args:
+        history: With columns ``force.PAIR``.
+        together: Intervals of all pairs, for histories of a single one.
+    """
+    forces = {n: column.values for n, column in history.items() if n.startswith("force.")}
+    if len(forces) < _SEVERAL:
+        return together
+    peaks = {name: float(force.max(initial=0.0)) for name, force in forces.items()}
+    name = max(peaks, key=lambda name: peaks[name])
+    if not (np.isfinite(peaks[name]) and peaks[name] > 0.0):
+        return together
+    time, force = history["time"].values, forces[name]
+    on = np.concatenate([[False], force[1:] > NO_FORCE * peaks[name], [False]])
+    first, last = np.flatnonzero(on[1:] != on[:-1]).reshape(-1, 2).T
+    return list(zip(time[first].tolist(), time[last].tolist(), strict=True))
 
 
 def largest_force(

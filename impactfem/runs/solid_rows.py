@@ -154,7 +154,7 @@ def _effort(
             *measured_findings(figures),
             *_overlap_findings(model, watch),
         ),
-        measured=(*contact_codes(rows.force), *MODEL_CODES) if parts else (),
+        measured=(*(contact_codes(rows.force) if parts else ()), *MODEL_CODES),
         force_window=mesh_window(
             [part.solid for part in parts], [part.degree for part in parts], size
         ),

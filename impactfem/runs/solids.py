@@ -27,6 +27,7 @@ from impactfem.models.solids import SolidPart, SolidsModel, solids_model
 from impactfem.result.spool import FieldSpool
 from impactfem.result.store import SPOOL
 from impactfem.result.stored_snapshots import StoredSnapshots
+from impactfem.runs.beam_looks import beam_looks
 from impactfem.runs.contacts import Contacts
 from impactfem.runs.solid_output import FieldOutput, Followed, Watch, followed, open_spool
 from impactfem.runs.solid_probes import SolidProbes
@@ -115,8 +116,11 @@ def run_solids(
     progress.step("marching")
     try:
         limits = ModelWatch(
-            {part.solid.name: Stretches(part.system, part.solid) for part in model.parts},
-            [len(part.system.constrained) for part in model.parts],
+            {
+                **{p.solid.name: Stretches(p.system, p.solid) for p in model.parts},
+                **beam_looks(few),
+            },
+            [*(len(p.system.constrained) for p in model.parts), *(0 for _ in few)],
             layers,
             scene.output.every if scene.output.fields else 0,
         )

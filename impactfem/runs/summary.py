@@ -11,7 +11,7 @@ from impactfem.planning import AnyPlan
 from impactfem.reference.bar import Errors
 from impactfem.result import Effort
 from impactfem.result.table import Table
-from impactfem.runs.forces import NO_FORCE, largest_force, peak_findings
+from impactfem.runs.forces import NO_FORCE, largest_force, peak_findings, strongest_spells
 from impactfem.runs.verdict import GROWTH_LIMITS, judge
 from impactfem.scene import Scene
 
@@ -97,7 +97,7 @@ def summarise(
         },
         "contact": {
             "intervals": intervals,
-            **largest_force(t, force, intervals, effort.force_window),
+            **largest_force(t, force, strongest_spells(history, intervals), effort.force_window),
             **struck,
             "impulse": float(np.sum(pushing[1:] * np.diff(t))),
             "max_penetration": _cleared(

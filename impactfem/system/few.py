@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.scene import Beam, Point, Rod, Scene
-from impactfem.system.beam import free_beam
+from impactfem.system.beam import FreeBeam, free_beam
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.system.points import free_points
 
@@ -48,8 +48,7 @@ class FewBodies:
         load: Forces that do work besides gravity, springs and inertia, (t, q, q') -> (d,); None
             without any.
         words: What they are, in words.
-        bending: First angular frequency of bending [rad/s], of beams; no step has to follow their
-            fastest ones. 0 for others.
+        beam: The beam, None for other bodies.
     """
 
     names: tuple[str, ...]
@@ -74,7 +73,7 @@ class FewBodies:
     elastic: Callable[[Floats], float]
     load: Callable[[float, Floats, Floats], Floats] | None
     words: str
-    bending: float = 0.0
+    beam: FreeBeam | None = None
 
     @property
     def dim(self) -> int:
@@ -221,5 +220,5 @@ def _of_beam(beam: Beam) -> FewBodies:
         elastic=lambda q: 0.5 * float(q @ (matrices.stiffness @ q)),
         load=None,
         words=f"a free beam of {beam.elements} elements",
-        bending=beam.first_frequency,
+        beam=free,
     )

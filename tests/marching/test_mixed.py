@@ -283,3 +283,15 @@ def test_probes_of_bodies_without_meshes():
     scene = impactfem.Scene.from_dict(data | {"probe": probes})
     with pytest.raises(SceneError, match="outside the body"):
         impactfem.solve(scene)
+
+
+@pytest.mark.parametrize(("spin", "level"), [(0.5, "care"), (8.0, "do_not_trust")])
+def test_a_beam_that_turns_is_told(spin, level):
+    """Its model is linear about t = 0: .05 rad pass, .8 rad do not."""
+    beam = body("beam", "b", 0.5, 0.0) | {"angular_velocity": spin}
+    box = {"kind": "box", "name": "box", "center": [0.0, -1.0], "size": [1.0, 1.0]}
+    result = impactfem.solve(mixed([beam], 0.1, [box], dt=1e-3))
+    assert result.summary["verdict"]["level"] == level
+    assert result.summary["bodies"]["b"]["rotation_max"] == pytest.approx(0.1 * spin, rel=1e-6)
+    codes = {found["code"] for found in result.summary["verdict"]["findings"]}
+    assert ("model_rotation" in codes) == (level == "do_not_trust")
