@@ -194,6 +194,7 @@ class SolidMarch:
         """
         self._comm, self._scheme, self._gaps = comm, scheme, gaps
         self._restitution = restitution
+        self._by_mass = bool(interior.massive.any())
         self.interior = interior
         self._solver, self.layers, self.tolerance = solver, layers, tolerance
         free = interior.surface_displacement
@@ -214,7 +215,6 @@ class SolidMarch:
             layers + 1, len(sums), free.shape[1], len(gaps.pairs), friction=self._rubs
         )
         self.rows.put(0, sums)
-        self._by_mass = bool(interior.massive.any())
         self._impulsive = np.zeros(count, dtype=bool)
         self._close_row(0, np.zeros(count), 0)
 

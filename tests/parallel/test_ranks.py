@@ -19,7 +19,7 @@ def histories(method, **bar):
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
         space = layered_mesh(comm, 20, 100, 1.0)
         solution = solve_galerkin(space, body, gravity, GalerkinSettings(active_set=method))
-        answers.append((bar_history(solution, body, "wall"), bar_fields(solution)))
+        answers.append((bar_history(solution, body, "wall"), bar_fields(solution, body.name)))
     return answers
 
 

@@ -75,7 +75,7 @@ CASES = {
     "misspelt in solve": ({"solve.elments": 7}, ["solve.elments = 7", '"elements"?']),
     "misspelt in output": ({"output.evry": 7}, ["output.evry = 7", '"every"?']),
     "extra": ({"body.0.colour": "red"}, ['body[0].colour = "red"', "remove it", "Known keys"]),
-    "contact": ({"contact": [{}]}, ["contact[0].between is missing", "two points"]),
+    "contact": ({"contact": [{}]}, ["contact[0].between is missing", "names of two bodies"]),
     "wrong table": ({"elements": 10}, ["elements = 10", "belongs to ", " or [solve]; move it"]),
     "top key in table": (
         {"body.0.duration": 3},
