@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS
-from impactfem.marching.solids import Level
+from impactfem.marching.rows import Level
 from impactfem.system.stretches import Look
 
 Floats = NDArray[np.float64]

@@ -1,31 +1,79 @@
 """How points, rods and beams meet each other and solids: which gaps there are, between what."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.ball_pairs import BallPair, Target
 from impactfem.contact.body_pairs import Side
+from impactfem.contact.boundary import Boundary
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.gaps import Balls, Gaps
 from impactfem.contact.mortar_surface import Surface
 from impactfem.errors import SceneError
+from impactfem.scene import Scene, Solid
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.pairing import body_pairs, named_body_pairs, obstacles_of, pair_name
 from impactfem.system.few import FewBodies
-
-if TYPE_CHECKING:
-    from impactfem.models.solids import SolidsModel
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _RESOLVED = 2.0  # faces in the radius of a ball from which the nodes of the faces follow its shape
 _ROUNDING = 1e-9  # share of a size by which bodies may overlap at t = 0
+
+
+class Part(Protocol):
+    """A solid of the model; see `impactfem.models.solids.SolidPart`."""
+
+    @property
+    def solid(self) -> Solid:
+        """The body."""
+
+    @property
+    def outside(self) -> Boundary:
+        """Its faces."""
+
+    @property
+    def places(self) -> Floats:
+        """Places of their nodes at t = 0 [m]."""
+
+
+class Bodies(Protocol):
+    """What is asked of a model; see `impactfem.models.solids.SolidsModel`."""
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+
+    @property
+    def parts(self) -> Sequence[Part]:
+        """Its solids."""
+
+    @property
+    def few(self) -> Sequence[FewBodies]:
+        """Its points, rods and beams."""
+
+    @property
+    def struck(self) -> Mapping[int, Side]:
+        """Faces that these may strike, by the place of the solid."""
+
+    @property
+    def numbers(self) -> Sequence[Integers]:
+        """Canonical numbers of the contact nodes of each solid."""
+
+    @property
+    def ball_meetings(self) -> "Sequence[BallMeeting]":
+        """What `ball_meetings` has found."""
+
+    def faces(
+        self, body: int, surfaces: Sequence[str] | None
+    ) -> tuple[Boundary, Floats, NDArray[np.bool_]]:
+        """Outside of a solid, places of its nodes, and which of its faces may strike."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +130,7 @@ def places_of(few: Sequence[FewBodies]) -> Floats:
     return np.concatenate([bodies.places(bodies.position) for bodies in few])
 
 
-def ball_meetings(model: "SolidsModel", offsets: Sequence[int]) -> list[BallMeeting]:
+def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
     """Meetings of all pairs with a body without a mesh.
 
     Args:
@@ -107,7 +155,7 @@ def ball_meetings(model: "SolidsModel", offsets: Sequence[int]) -> list[BallMeet
     return found
 
 
-def _sides(model: "SolidsModel", offsets: Sequence[int]) -> dict[str, _Balls | _Faces]:
+def _sides(model: Bodies, offsets: Sequence[int]) -> dict[str, _Balls | _Faces]:
     """What each body offers to the others, by its name."""
     found: dict[str, _Balls | _Faces] = {}
     for k, side in model.struck.items():
@@ -166,7 +214,7 @@ def _slender(label: str, one: _Balls, two: _Balls, total: int, *, asked: bool) -
     ]
 
 
-def point_loads(model: "SolidsModel") -> list[tuple[str, str]]:
+def point_loads(model: Bodies) -> list[tuple[str, str]]:
     """Bodies that press on single places of solids, and these."""
     solids, found = {part.solid.name for part in model.parts}, []
     for met in model.ball_meetings:
@@ -242,7 +290,7 @@ class ObstacleMeeting:
     gaps: Gaps
 
 
-def obstacle_meetings(model: "SolidsModel") -> list[ObstacleMeeting]:
+def obstacle_meetings(model: Bodies) -> list[ObstacleMeeting]:
     """Meetings of bodies without meshes with obstacles: each node has a gap to each of them.
 
     Raises:
@@ -271,7 +319,7 @@ def obstacle_meetings(model: "SolidsModel") -> list[ObstacleMeeting]:
     return found
 
 
-def strike(model: "SolidsModel") -> dict[int, Side]:
+def strike(model: Bodies) -> dict[int, Side]:
     """Faces of the solids that bodies without meshes may strike, by the place of the solid."""
     names = [part.solid.name for part in model.parts]
     asked: dict[int, NDArray[np.bool_]] = {}

@@ -16,7 +16,7 @@ from impactfem.fem import cell_nodes, on_root
 from impactfem.marching.collect import Collector
 from impactfem.marching.few import FewMidpoint
 from impactfem.marching.layers import ContactGaps
-from impactfem.marching.solids import Level
+from impactfem.marching.rows import Level
 from impactfem.mesh.body import BodyMesh
 from impactfem.models.solids import SolidsModel
 from impactfem.result.cell_kinds import KINDS

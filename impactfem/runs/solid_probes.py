@@ -9,7 +9,8 @@ from scipy.sparse import csr_matrix
 
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.marching.few import FewMidpoint
-from impactfem.marching.solids import Level, SolidMarch
+from impactfem.marching.rows import Level
+from impactfem.marching.solids import SolidMarch
 from impactfem.models.solids import SolidsModel
 from impactfem.scene.probes import Probe, outside
 from impactfem.system.located import Located

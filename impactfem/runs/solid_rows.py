@@ -9,8 +9,9 @@ from impactfem.contact.followed_pair import FAR
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.collect import total
 from impactfem.marching.model_watch import ModelWatch
+from impactfem.marching.rows import Rows
 from impactfem.marching.schemes import SolidScheme
-from impactfem.marching.solids import Rows, SolidMarch
+from impactfem.marching.solids import SolidMarch
 from impactfem.marching.turning import Turning
 from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.planning.model_limits import CODES as MODEL_CODES

@@ -20,9 +20,10 @@ from impactfem.marching.layers import ContactGaps, Interior
 from impactfem.marching.leapfrog import Leapfrog
 from impactfem.marching.midpoint import Midpoint
 from impactfem.marching.model_watch import ModelWatch
+from impactfem.marching.rows import Level
 from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SOLID_SCHEMES, SolidScheme
-from impactfem.marching.solids import Level, SolidMarch
+from impactfem.marching.solids import SolidMarch
 from impactfem.models.solids import SolidPart, SolidsModel, solids_model
 from impactfem.result.spool import FieldSpool
 from impactfem.result.store import SPOOL

@@ -1,0 +1,131 @@
+"""What a march shows of a level, and what each layer leaves in the history."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.marching.layers import Interior, Sums
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Level:
+    """State at the end of a layer, as observers see it.
+
+    Attributes:
+        layer: Number of layers done.
+        time: [s].
+        force: Normal force of each contact node during the layer [N], shape (count,).
+        gap: True gap of each contact node [m], shape (count,).
+    """
+
+    def __init__(
+        self, interior: Interior, layer: int, static: Floats, force: Floats, gap: Floats
+    ) -> None:
+        """Show a level of an interior.
+
+        Args:
+            interior: At the end of a layer.
+            layer: Number of layers done.
+            static: Displacement of massless nodes by the multipliers [m], (count, dim).
+            force: See above.
+            gap: See above.
+        """
+        self._interior, self._static = interior, static
+        self.layer, self.time = layer, layer * interior.dt
+        self.force, self.gap = force, gap
+
+    @cached_property
+    def displacement(self) -> Floats:
+        """Displacement of the dofs this rank owns, contact included [m]."""
+        return self._interior.placed(self._static)
+
+    @property
+    def velocity(self) -> Floats:
+        """Velocity of the dofs this rank owns [m/s]."""
+        return self._interior.velocity
+
+
+@dataclass
+class Rows:
+    """What each layer leaves in the history; row 0 is the initial state.
+
+    Attributes:
+        sums: Kinetic, elastic, work of loads, momentum, first moment of mass and angular momentum
+            of each body, of this rank, (rows, bodies, 3 + 2 dim + 1 or 3).
+        gap, force, contact_energy, obstacle_work, friction_work: Of all ranks, (rows,).
+        impact: Impulse of impacts between nodes with mass [N s], which is none of the force.
+        impact_work: Work of the contact forces between such nodes [J], <= 0.
+        largest: Force of the node with the largest [N], (rows,).
+        active, iterations: Of all ranks, (rows,).
+        pair_force, pair_gap, pair_impact: Sum of the normal forces [N], smallest gap [m] and
+            impulse of impacts [N s] of each pair of the scene, (rows, pairs).
+        tangential: With friction, sum of the tangential forces of each pair [N], in the plane along
+            the normal turned by -90 degrees, in space a vector, (rows, pairs, 1 or 3); else empty.
+        slip: Way slid in the layer [m], the mean over the gaps by their normal force; in the plane
+            with the same sign, in space its length, (rows, pairs); without friction empty.
+        probes: What this rank adds to the columns of probes, (rows, columns).
+    """
+
+    sums: Floats
+    gap: Floats
+    force: Floats
+    contact_energy: Floats
+    obstacle_work: Floats
+    friction_work: Floats
+    impact: Floats
+    impact_work: Floats
+    largest: Floats
+    active: Integers
+    iterations: Integers
+    pair_force: Floats
+    pair_gap: Floats
+    pair_impact: Floats
+    tangential: Floats
+    slip: Floats
+    probes: Floats
+
+    @classmethod
+    def empty(cls, rows: int, bodies: int, dim: int, pairs: int, *, friction: bool) -> "Rows":
+        """Rows of zeros."""
+        turns = dim * (dim - 1) // 2
+        sums = np.zeros((rows, bodies, 3 + 2 * dim + turns))
+        pair_force, pair_gap, pair_impact = np.zeros((3, rows, pairs))
+        rubbing = pairs if friction else 0
+        each: list[Any] = [sums, *np.zeros((8, rows)), *np.zeros((2, rows), dtype=np.int64)]
+        each += [pair_force, pair_gap, pair_impact, np.zeros((rows, rubbing, turns))]
+        each += [np.zeros((rows, rubbing)), np.zeros((rows, 0))]
+        return cls(*each)
+
+    def first(self, count: int) -> "Rows":
+        """The first so many rows."""
+        return Rows(*(getattr(self, entry.name)[:count] for entry in fields(self)))
+
+    def times(self, factor: int) -> "Rows":
+        """Those of so many bodies that move alike; gaps and counts are the same."""
+        counts = {"gap", "active", "iterations", "pair_gap", "slip", "probes"}
+        return Rows(
+            *(
+                getattr(self, entry.name) * (1 if entry.name in counts else factor)
+                for entry in fields(self)
+            )
+        )
+
+    def put(self, row: int, bodies: Sequence[Sums]) -> None:
+        """Store the sums of a row, of each body."""
+        self.sums[row] = [
+            [
+                sums.kinetic,
+                sums.elastic,
+                sums.work,
+                *sums.momentum,
+                *sums.first_moment,
+                *sums.angular_momentum,
+            ]
+            for sums in bodies
+        ]
