@@ -23,7 +23,7 @@ unique (Haslinger, Math. Methods Appl. Sci. 5 (1983) 422-437). Of random dense p
 19 pairs all were solved up to mu = 1, all but about 1 in 1000 at mu = 3 and 1 in 70 at mu = 10.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,10 @@ _STEPS = 25  # of Newton from one start; the method needs 3 to 8 where it conver
 # Frozen bounds before each further attempt, and the share of a new bound that is taken.
 _ATTEMPTS = ((5, 0.5), (20, 0.5), (80, 0.25), (320, 0.1))
 _SWEEPS = 200
+_DEPENDENT = 1e-6  # least eigenvalue of the matrix with unit diagonal
+_COMPLIANCES = (1e-10, 1e-8, 1e-6)
+"""Where forces depend on each other, as those along a rod at both of its ends, Newton's systems
+are singular or nearly so: a little compliance of each tells them apart."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +64,10 @@ class ConeProblem:
     def answers(self, force: Floats) -> Floats:
         """(w, s) for forces of shape (pairs, dim)."""
         return self.offset + (self.matrix @ force.ravel()).reshape(force.shape)
+
+    def softened(self, share: float) -> "ConeProblem":
+        """The same with a compliance of each force by itself, a share of what it has."""
+        return replace(self, matrix=self.matrix + np.diag(share * np.diag(self.matrix)))
 
     def bound(self, force: Floats) -> Floats:
         """Largest tangential force of each pair [N]."""
@@ -84,11 +92,16 @@ def solve_cones(
         ConvergenceError: Neither Newton's method nor the fixed point has found them.
     """
     force, missed, total = _newton(problem, start, tolerance, max_iterations)
+    given, shares = problem, iter(_COMPLIANCES if missed > 1.0 and _is_singular(problem) else ())
+    while missed > 1.0 and (share := next(shares, None)) is not None:
+        given = problem.softened(share)
+        force, missed, steps = _newton(given, start, tolerance, max_iterations)
+        total += steps
     for outer, share in _ATTEMPTS:
         if missed <= 1.0 or total >= max_iterations:
             break
-        near = _with_frozen_bounds(problem, start, outer, share)
-        force, missed, steps = _newton(problem, near, tolerance, max_iterations - total)
+        near = _with_frozen_bounds(given, start, outer, share)
+        force, missed, steps = _newton(given, near, tolerance, max_iterations - total)
         total += steps
         start = near
     if missed > 1.0:
@@ -97,7 +110,14 @@ def solve_cones(
             f"systems; the largest friction_coefficient is {problem.friction.max():g}: use a "
             "smaller one, or a smaller solve.dt"
         )
-    return _without_traces(problem, force), total
+    return _without_traces(given, force), total
+
+
+def _is_singular(problem: ConeProblem) -> bool:
+    """Whether forces depend on each other, but for rounding and small angles."""
+    root = 1.0 / np.sqrt(np.maximum(np.diag(problem.matrix), np.finfo(float).tiny))
+    least = np.linalg.eigvalsh(root[:, None] * problem.matrix * root)[0]
+    return bool(least < _DEPENDENT)
 
 
 def _without_traces(problem: ConeProblem, force: Floats) -> Floats:

@@ -121,7 +121,8 @@ def _energy(scene: Scene, summary: Mapping[str, Any]) -> tuple[Finding, ...]:
 def _is_damped(body: Any) -> bool:
     """Whether a body takes energy itself."""
     rates = (getattr(body, "rayleigh_mass", 0.0), getattr(body, "rayleigh_stiffness", 0.0))
-    return any((*rates, *getattr(body, "rayleigh_damping", ())))
+    springs = (spring.damping for spring in getattr(body, "springs", ()))
+    return any((*rates, *getattr(body, "rayleigh_damping", ()), *springs))
 
 
 def _error(summary: Mapping[str, Any]) -> tuple[Finding, ...]:

@@ -295,3 +295,18 @@ def test_a_beam_that_turns_is_told(spin, level):
     assert result.summary["bodies"]["b"]["rotation_max"] == pytest.approx(0.1 * spin, rel=1e-6)
     codes = {found["code"] for found in result.summary["verdict"]["findings"]}
     assert ("model_rotation" in codes) == (level == "do_not_trust")
+
+
+@pytest.mark.parametrize(("tilt", "restitution", "mu"), [(0.3, 0.6, 0.4), (1.3, 0.0, 0.5)])
+def test_a_tumbling_rod_comes_to_rest(tilt, restitution, mu):
+    """Lying, both ends rub in one direction: forces along the rod depend on each other."""
+    rod = {"kind": "rod", "name": "r", "mass": 1.0, "length": 0.3, "radius": 0.02,
+           "center": [0.0, 0.5], "inclination": tilt, "velocity": [0.5, 0.0],
+           "angular_velocity": 3.0}  # fmt: skip
+    law = {"between": ["r", "floor"], "friction_coefficient": mu, "restitution": restitution}
+    result = impactfem.solve(mixed([rod], 2.5, [FLOOR], [law], (0.0, -9.81), dt=2e-3))
+    assert result.summary["status"] == "completed"
+    assert result.history["contact_force"].values[-1] == pytest.approx(9.81, rel=1e-3)
+    assert abs(result.history["r.vx"].values[-1]) + abs(result.history["r.spin"].values[-1]) < 1e-3
+    energy = result.history["total_energy"].values
+    assert np.diff(energy).max() <= 1e-5 * abs(energy).max()
