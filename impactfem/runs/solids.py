@@ -47,6 +47,9 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
+_LAYERS = 100  # whose way tells how coordinates round
+_FRAMES = 150  # layers of fields that are kept of bodies without meshes, at most twice as many
+
 
 # The loop looks itself whether numbers are finite.
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -94,7 +97,7 @@ def run_solids(
     discretised = {parts[0].solid.name: parts for parts in each}
     dt, layers, limit = planned_steps(scene.duration, plan, scheme, discretised)
     progress.step("preparing the layers")
-    tolerance = plan.tolerance * _size(model)
+    tolerance = plan.tolerance * _size(model, dt)
     solids = [_interior(*parts, scheme, dt, plan.linear_solver) for parts in each]
     few = [
         FewMidpoint(bodies, scene.vector_gravity, dt, counts=model.comm.rank == 0)
@@ -123,7 +126,7 @@ def run_solids(
             },
             [*(len(p.system.constrained) for p in model.parts), *(0 for _ in few)],
             layers,
-            scene.output.every if scene.output.fields else 0,
+            _every(model, layers) if scene.output.fields else 0,
         )
         probes = SolidProbes.of(march, model, few)
         looking = [probes] if scene.probes else []
@@ -142,13 +145,26 @@ def run_solids(
     return motion, fields
 
 
-def _size(model: SolidsModel) -> float:
-    """Largest extent of the bodies [m] (collective)."""
+def _size(model: SolidsModel, dt: float) -> float:
+    """Largest extent of the bodies [m], of bodies without meshes what coordinates round by.
+
+    Their places may be 0, and a point has no extent: so their ways count too (collective).
+    """
     positions = (gather(model.comm, part.system.positions) for part in model.parts)
     sizes = [float(np.ptp(each, axis=0).max()) for each in positions]
-    for bodies in model.few:  # coordinates round by their own size
+    some = _LAYERS * dt
+    for bodies in model.few:
+        speed = float(np.abs(bodies.jacobian(bodies.position) @ bodies.velocity).max())
+        pull = float(np.linalg.norm(model.scene.vector_gravity.values, axis=1).max())
         sizes += [float(np.abs(bodies.places(bodies.position)).max()), float(bodies.radius.max())]
+        sizes.append(speed * some + 0.5 * pull * some**2)
     return max(sizes)
+
+
+def _every(model: SolidsModel, layers: int) -> int:
+    """Layers between two that fields are kept of: of small bodies no more than films need."""
+    asked = model.scene.output.every
+    return asked if model.parts else max(asked, layers // _FRAMES)
 
 
 def _solver(plan: "SolidPlan", tolerance: float) -> Solver:
@@ -219,7 +235,7 @@ def _march(
         spool = open_spool(model, collector, place, kept, others)
         observers.append(
             FieldOutput(
-                comm, model, collector, contact, gaps, spool, scene.output.every,
+                comm, model, collector, contact, gaps, spool, _every(model, march.layers),
                 march.layers, others,
             )
         )  # fmt: skip

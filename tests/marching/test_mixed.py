@@ -94,6 +94,7 @@ def test_a_sliding_body_stops_where_coulomb_says(kind):
     assert result.summary["contact"]["max_force"] == pytest.approx(30.0, rel=1e-9)
     codes = [found["code"] for found in result.summary["verdict"]["findings"]]
     assert codes == ["no_estimate"]
+    assert result.summary["contact"]["intervals"] == [[0.0, pytest.approx(1.0, rel=1e-9)]]
 
 
 @pytest.mark.parametrize(("slope", "moves"), [(0.2, False), (0.4, True)])
