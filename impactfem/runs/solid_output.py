@@ -22,6 +22,7 @@ from impactfem.models.solids import SolidsModel
 from impactfem.result.cell_kinds import KINDS
 from impactfem.result.shapes import Shape, joined
 from impactfem.result.spool import FieldSpool
+from impactfem.runs.axis_watch import AxisWatch
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -199,10 +200,12 @@ class Watch:
         depth: Of the deepest node without contact unknowns in an obstacle [m]; 0 without any.
         message: What was seen of it, in words.
         overlap: How deep one body was in another [m]; gaps between bodies are means over faces.
+        axes: What was seen of rods and beams.
     """
 
-    def __init__(self, model: SolidsModel, every: int) -> None:
+    def __init__(self, model: SolidsModel, every: int, axes: AxisWatch) -> None:
         """Look at the bodies of a model every so many layers."""
+        self.axes = axes
         self._comm, self._parts, self._every = model.comm, model.parts, every
         self._pairs = [pair.bodies for pair in model.pairs]
         parts = model.parts
@@ -212,6 +215,7 @@ class Watch:
 
     def __call__(self, level: Level) -> None:
         """Look at a level if it is its turn (collective)."""
+        self.axes(level)
         if level.layer % self._every:
             return
         each = [level.displacement[first:end] for first, end in pairwise(self._cuts)]

@@ -154,6 +154,7 @@ def _effort(
             *(contact_findings(rows.force, rows.largest, march.interior.dt) if parts else ()),
             *measured_findings(figures),
             *_overlap_findings(model, watch),
+            *watch.axes.findings(),
         ),
         measured=(*(contact_codes(rows.force) if parts else ()), *MODEL_CODES),
         force_window=mesh_window(

@@ -28,6 +28,7 @@ from impactfem.models.solids import SolidPart, SolidsModel, solids_model
 from impactfem.result.spool import FieldSpool
 from impactfem.result.store import SPOOL
 from impactfem.result.stored_snapshots import StoredSnapshots
+from impactfem.runs.axis_watch import AxisWatch
 from impactfem.runs.beam_looks import beam_looks
 from impactfem.runs.contacts import Contacts
 from impactfem.runs.solid_output import FieldOutput, Followed, Watch, followed, open_spool
@@ -132,7 +133,16 @@ def run_solids(
         looking = [probes] if scene.probes else []
         others = [body for part in few for body in followed(part)]
         fields, watch = _march(
-            scene, model, march, gaps, limits, looking, others, checkpoints, restart
+            scene,
+            model,
+            march,
+            gaps,
+            limits,
+            AxisWatch(scene, few, layers),
+            looking,
+            others,
+            checkpoints,
+            restart,
         )
         motion = solids_motion(
             model, scheme, march, watch, limits, limit, plan.whole, plan.mesh_size, probes
@@ -200,6 +210,7 @@ def _march(
     march: SolidMarch,
     gaps: ContactGaps,
     limits: ModelWatch,
+    axes: AxisWatch,
     looking: Sequence["Callable[[Level], None]"],
     others: Sequence[Followed],
     checkpoints: Path | None,
@@ -209,7 +220,7 @@ def _march(
     comm, collector = model.comm, Collector(model.comm, model.own_numbers)
     none = np.zeros((0, model.dim))
     positions = np.concatenate([none, *(part.system.positions for part in model.parts)])
-    watch = Watch(model, max(1, march.layers // 50))
+    watch = Watch(model, max(1, march.layers // 50), axes)
     observers: list[Callable[[Level], None]] = [watch, limits, *looking]
     keep = bool(scene.output.fields)
     place, passing = _spool_place(comm, checkpoints or restart, keep=keep)
@@ -219,6 +230,7 @@ def _march(
         start = Checkpoints(comm, collector, positions, restart, text).read(march)
         watch.depth, watch.message = float(start["depth"]), str(start["message"])
         watch.overlap = float(start["overlap"])
+        axes.restore(str(start["axes"]))
         limits.restore(str(start["limits"]))
         kept = int(start["fields"])
     writer = None
@@ -272,6 +284,7 @@ def _saver(
             kept = on_root(comm, lambda: 0 if spool is None else len(spool))
             seen: dict[str, float | str] = {
                 "depth": watch.depth, "message": watch.message, "overlap": watch.overlap,
+                "axes": watch.axes.state(),
                 "limits": limits.state(),
             }  # fmt: skip
             writer.write(march, {"fields": kept, **seen})

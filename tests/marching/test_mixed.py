@@ -311,3 +311,15 @@ def test_a_tumbling_rod_comes_to_rest(tilt, restitution, mu):
     assert abs(result.history["r.vx"].values[-1]) + abs(result.history["r.spin"].values[-1]) < 1e-3
     energy = result.history["total_energy"].values
     assert np.diff(energy).max() <= 1e-5 * abs(energy).max()
+
+
+@pytest.mark.parametrize(("x", "told"), [(0.45, True), (0.0, False)])
+def test_a_corner_that_passes_through_a_rod_is_told(x, told):
+    """Only the ends of a rod touch obstacles: it falls across the corner of a box, or flat."""
+    rod = {"kind": "rod", "name": "r", "mass": 1.0, "length": 0.4, "radius": 0.01,
+           "center": [x, 0.25]}  # fmt: skip
+    box = {"kind": "box", "name": "box", "center": [0.0, 0.0], "size": [1.0, 0.2]}
+    result = impactfem.solve(mixed([rod], 0.4, [box], (), (0.0, -9.81), dt=1e-3))
+    found = [f for f in result.summary["verdict"]["findings"] if "axis of r" in f["text"]]
+    assert bool(found) == told
+    assert result.summary["verdict"]["level"] == ("do_not_trust" if told else "care")
