@@ -1,4 +1,8 @@
-"""A watch on rods and beams between the nodes that touch obstacles: corners may pass there."""
+"""A watch on what contact of bodies without meshes may miss: corners, and steps that are too long.
+
+Rods and beams touch obstacles with their nodes, so that corners may pass between; balls and axes
+have no inside, so that what moves farther in a step than they are thick may pass through them.
+"""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -10,14 +14,15 @@ from impactfem.contact.distance import signed_distance
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.few import FewMidpoint
 from impactfem.marching.rows import Level
+from impactfem.models.solids import SolidsModel
 from impactfem.runs.verdict import PENETRATION_LIMITS
-from impactfem.scene import Scene
 from impactfem.scene.pairing import obstacles_of
 
 Floats = NDArray[np.float64]
 
 _PLACES = 8  # along each line, looked at
 _LOOKS = 400  # at a run
+_SHARES = (0.5, 1.0)  # of a thickness, passed in a step
 
 
 class AxisWatch:
@@ -25,10 +30,18 @@ class AxisWatch:
 
     Attributes:
         depth: Of each pair of a body and an obstacle [m], by their names.
+        speed: Largest of a contact node [m/s].
     """
 
-    def __init__(self, scene: Scene, few: Sequence[FewMidpoint], layers: int) -> None:
+    def __init__(self, model: SolidsModel, few: Sequence[FewMidpoint], layers: int) -> None:
         """Look at some layers of a march."""
+        scene, self.speed = model.scene, 0.0
+        reaches = [
+            float(met.pair.radius.min() + met.pair.target.radius.min())
+            for met in model.ball_meetings
+            if met.pair.target.signs is None
+        ]
+        self._reach = min(reaches, default=np.inf)
         self._every = max(1, layers // _LOOKS)
         self._bodies = [
             (march, name, march.bodies.lines[march.bodies.body[march.bodies.lines[:, 0]] == k])
@@ -45,6 +58,8 @@ class AxisWatch:
         if level.layer % self._every:
             return
         for march, name, lines in self._bodies:
+            fast = float(np.linalg.norm(march.surface_velocity, axis=1).max())
+            self.speed = max(self.speed, fast) if np.isfinite(fast) else self.speed
             if not len(lines):
                 continue
             nodes = march.bodies.places(march.coordinates)
@@ -58,6 +73,12 @@ class AxisWatch:
 
     def findings(self) -> Iterator[Finding]:
         """What was seen."""
+        dt = self._bodies[0][0].dt if self._bodies else 0.0
+        share = self.speed * dt / self._reach
+        text = f"a body moves {self.speed * dt:.2g} m in a step, {percent(share)} of the least "
+        text += "thickness of two that may meet: they can pass through each other"
+        remedy = f"use solve.dt below {_SHARES[0] * self._reach / (self.speed or 1.0):.1g}"
+        yield from by_limits("contact_unresolved", share, _SHARES, text, remedy=remedy)
         for march, name, lines in self._bodies:
             if not len(lines):
                 continue
@@ -75,8 +96,9 @@ class AxisWatch:
 
     def state(self) -> str:
         """What was seen, for a checkpoint."""
-        return json.dumps([[*pair, depth] for pair, depth in self.depth.items()])
+        return json.dumps([self.speed, [[*pair, depth] for pair, depth in self.depth.items()]])
 
     def restore(self, state: str) -> None:
         """Go on from what was seen."""
-        self.depth = {(body, obstacle): depth for body, obstacle, depth in json.loads(state)}
+        self.speed, seen = json.loads(state)
+        self.depth = {(body, obstacle): depth for body, obstacle, depth in seen}

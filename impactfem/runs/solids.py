@@ -138,7 +138,7 @@ def run_solids(
             march,
             gaps,
             limits,
-            AxisWatch(scene, few, layers),
+            AxisWatch(model, few, layers),
             looking,
             others,
             checkpoints,

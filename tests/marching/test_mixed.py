@@ -323,3 +323,11 @@ def test_a_corner_that_passes_through_a_rod_is_told(x, told):
     found = [f for f in result.summary["verdict"]["findings"] if "axis of r" in f["text"]]
     assert bool(found) == told
     assert result.summary["verdict"]["level"] == ("do_not_trust" if told else "care")
+
+
+@pytest.mark.parametrize(("dt", "told"), [(4e-3, True), (2e-4, False)])
+def test_steps_longer_than_a_thickness_are_told(dt, told):
+    bodies = [body("rod", "r", 0.0, 0.0), body("point", "p", 0.3, -10.0)]
+    result = impactfem.solve(mixed(bodies, 0.04, dt=dt))
+    codes = [found["code"] for found in result.summary["verdict"]["findings"]]
+    assert ("contact_unresolved" in codes) == told
