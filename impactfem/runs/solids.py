@@ -127,7 +127,7 @@ def run_solids(
             },
             [*(len(p.system.constrained) for p in model.parts), *(0 for _ in few)],
             layers,
-            _every(model, layers) if scene.output.fields else 0,
+            _every(scene, layers) if scene.output.fields else 0,
         )
         probes = SolidProbes.of(march, model, few)
         looking = [probes] if scene.probes else []
@@ -171,10 +171,10 @@ def _size(model: SolidsModel, dt: float) -> float:
     return max(sizes)
 
 
-def _every(model: SolidsModel, layers: int) -> int:
+def _every(scene: Scene, layers: int) -> int:
     """Layers between two that fields are kept of: of small bodies no more than films need."""
-    asked = model.scene.output.every
-    return asked if model.parts else max(asked, layers // _FRAMES)
+    asked = scene.output.every
+    return asked if scene.solids else max(asked, layers // _FRAMES)
 
 
 def _solver(plan: "SolidPlan", tolerance: float) -> Solver:
@@ -247,7 +247,7 @@ def _march(
         spool = open_spool(model, collector, place, kept, others)
         observers.append(
             FieldOutput(
-                comm, model, collector, contact, gaps, spool, _every(model, march.layers),
+                comm, model, collector, contact, gaps, spool, _every(scene, march.layers),
                 march.layers, others,
             )
         )  # fmt: skip
