@@ -77,7 +77,8 @@ class SolidMarch:
         """
         self._comm, self._scheme, self._gaps = comm, scheme, gaps
         self._restitution = restitution
-        self._by_mass = bool(interior.massive.any())
+        self._massive, self._volatile = interior.massive, interior.volatile
+        self._by_mass, self._changes = bool(self._massive.any()), bool(self._volatile.any())
         self.interior = interior
         self._solver, self.layers, self.tolerance = solver, layers, tolerance
         free = interior.surface_displacement
@@ -184,8 +185,8 @@ class SolidMarch:
         # Forces of explicit layers act at their start, amid two steps.
         explicit = self._scheme.interior == "leapfrog"
         gap, normals = self._gaps.at(free, begin, last, time, back=1.0 if explicit else 0.5)
-        if interior.volatile.any():
-            self._responses.renew(interior.volatile, interior.answers)
+        if self._changes:
+            self._responses.renew(self._volatile, interior.answers)
         force, multiplier, static, iterations = self._layer_forces(gap, normals, free, last)
         self.layer = layer + 1
         self.rows.put(self.layer, interior.finish(layer, static))
@@ -224,7 +225,7 @@ class SolidMarch:
             return np.ones(len(gap), dtype=bool)
         if not self._by_mass:
             return np.zeros(len(gap), dtype=bool)
-        return self._gaps.only_on(self.interior.massive)
+        return self._gaps.only_on(self._massive)
 
     def _rebound(self, normals: Floats, before: Floats, after: Floats) -> Floats:
         """`Halfway.way` of all gaps, (pairs,), by relative velocities without contact forces.

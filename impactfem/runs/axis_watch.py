@@ -44,7 +44,7 @@ class AxisWatch:
         self._reach = min(reaches, default=np.inf)
         self._every = max(1, layers // _LOOKS)
         self._bodies = [
-            (march, name, march.bodies.lines[march.bodies.body[march.bodies.lines[:, 0]] == k])
+            (march, name, march.bodies.nodes_of(k)[march.bodies.lines_of(k)])
             for march in few
             for k, name in enumerate(march.bodies.names)
         ]

@@ -73,9 +73,17 @@ def strongest_spells(
     if not (np.isfinite(peaks[name]) and peaks[name] > 0.0):
         return together
     time, force = history["time"].values, forces[name]
-    on = np.concatenate([[False], force[1:] > NO_FORCE * peaks[name], [False]])
-    first, last = np.flatnonzero(on[1:] != on[:-1]).reshape(-1, 2).T
-    return list(zip(time[first].tolist(), time[last].tolist(), strict=True))
+    return [(float(time[first]), float(time[last])) for first, last in spells_of(force)]
+
+
+def spells_of(force: Floats) -> NDArray[np.int64]:
+    """Rows from before the first to the last of each spell with a force, shape (spells, 2).
+
+    Args:
+        force: In each step [N], shape (rows,); row 0 is ignored.
+    """
+    on = np.concatenate([[False], force[1:] > NO_FORCE * force.max(), [False]])
+    return np.flatnonzero(on[1:] != on[:-1]).reshape(-1, 2)
 
 
 def largest_force(
@@ -185,9 +193,7 @@ def shortest_impact(force: Floats) -> int | None:
     Args:
         force: In each step [N], shape (rows,); row 0 is ignored.
     """
-    on = np.concatenate([[False], force[1:] > NO_FORCE * force.max(), [False]])
-    changes = np.flatnonzero(on[1:] != on[:-1])
-    spells = list(zip(changes[::2], changes[1::2], strict=True))
+    spells = spells_of(force)
     impulses = [float(force[1:][a:b].sum()) for a, b in spells]
     lasting = [
         int(b - a)

@@ -11,7 +11,7 @@ from impactfem.planning import AnyPlan
 from impactfem.reference.bar import Errors
 from impactfem.result import Effort
 from impactfem.result.table import Table
-from impactfem.runs.forces import NO_FORCE, largest_force, peak_findings, strongest_spells
+from impactfem.runs.forces import largest_force, peak_findings, spells_of, strongest_spells
 from impactfem.runs.verdict import GROWTH_LIMITS, judge
 from impactfem.scene import Scene
 
@@ -137,11 +137,9 @@ def contact_intervals(times: Floats, force: Floats, gap: Floats) -> list[list[fl
     Returns:
         Pairs [t_in, t_out] in seconds.
     """
-    on = np.concatenate([[False], force[1:] > NO_FORCE * force.max(), [False]])
-    changes = np.flatnonzero(on[1:] != on[:-1])
     shut = ~(gap > _SHUT * np.abs(gap).max())
     found = []
-    for first, last in zip(changes[::2], changes[1::2], strict=True):
+    for first, last in spells_of(force):
         closed = first + np.flatnonzero(shut[first : last + 1])
         begin, end = (closed[0], closed[-1]) if len(closed) else (first + 1, last - 1)
         before, after = max(begin - 1, first), min(end + 1, last)
