@@ -95,6 +95,9 @@ def plan_solids(scene: Scene) -> SolidPlan:
         scene, solids, [min(extents) for _, extents in found],
         any(is_curved(part.mesh) for part in model.parts), cost, reasons,
     )  # fmt: skip
+    others = [name for bodies in model.few for name in bodies.names]
+    whole, cuts = find_whole(scene, model.parts, others, reasons)
+    findings += cuts
     if model.probes:
         told = (f"{probe.name} in {probe.body}" for probe, *_ in model.probes)
         reasons["probes"] = f"in every layer: {', '.join(told)}"
@@ -118,7 +121,7 @@ def plan_solids(scene: Scene) -> SolidPlan:
         memory_mib=memory_mib(sizes, linear_solver),
         seconds=cost(1.0) + more,
         estimate=estimate,
-        whole=find_whole(scene, model.parts, reasons),
+        whole=whole,
         reasons=reasons,
         findings=tuple(findings),
     )

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
+from impactfem.findings import Finding, warning
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene, Solid
 from impactfem.scene.obstacles import Rigid
@@ -27,7 +28,9 @@ class Part(Protocol):
         """Its supports."""
 
 
-def find_whole(scene: Scene, parts: Sequence[Part], reasons: dict[str, str]) -> Whole:
+def find_whole(
+    scene: Scene, parts: Sequence[Part], others: Sequence[str], reasons: dict[str, str]
+) -> tuple[Whole, list[Finding]]:
     """Find the planes of symmetry that cut every body of a scene.
 
     A cut of a shape is one as the scene says. A support of kind "symmetry" is one where it says
@@ -37,9 +40,19 @@ def find_whole(scene: Scene, parts: Sequence[Part], reasons: dict[str, str]) -> 
     Args:
         scene: The scene.
         parts: Its solids.
+        others: Names of bodies without meshes, which no plane cuts.
         reasons: Gets what was decided.
+
+    Returns:
+        What the solids are parts of, and what is to be told of it.
     """
     each = [_planes(scene, part) for part in parts]
+    if others and any(each):
+        cut = next(part.solid.name for part, planes in zip(parts, each, strict=True) if planes)
+        text = f"{cut} is part of a symmetric whole, but {others[0]} is not cut: it meets this "
+        text += "part alone, and forces, energies and masses are those of what is computed"
+        remedy = f"model all of {cut}, or give {others[0]} the mass that belongs to its part"
+        return Whole(), [warning("setting", text, cut, remedy=remedy)]
     size = max(part.system.nodes.size for part in parts)
     common = {
         axis: level
@@ -61,7 +74,7 @@ def find_whole(scene: Scene, parts: Sequence[Part], reasons: dict[str, str]) -> 
             "not all bodies are cut by the same planes: forces, energies and masses are those of "
             "the parts that are computed"
         )
-    return whole
+    return whole, []
 
 
 def _planes(scene: Scene, part: Part) -> dict[int, float]:

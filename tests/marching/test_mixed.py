@@ -74,6 +74,22 @@ def test_every_pair_of_kinds_keeps_momentum_and_gains_no_energy(one, two):
     assert energy.max() <= energy[0] * (1.0 + (5e-4 if "solid" in {one, two} else 1e-12))
 
 
+def test_a_body_beside_a_cut_one_is_told_as_it_is_computed():
+    """A plane cuts the block, not the point: nothing may be told twice."""
+    block = body("solid", "block", 0.0, 0.0)
+    block["shape"] = {"kind": "block", "size": [0.1, 0.05], "corner": [0.0, 0.0]}
+    block["supports"] = [{"surface": "left", "kind": "symmetry"}]
+    point = body("point", "point", 0.08, -2.0)
+    given = mixed([block, point], 0.01, dt=5e-5)
+    (finding,) = [f for f in impactfem.plan(given).findings if "not cut" in f.text]
+    assert finding.severity == "warning"
+    result = impactfem.solve(given)
+    assert result.history["kinetic_energy"].values[0] == pytest.approx(0.5 * 0.5 * 2.0**2)
+    assert result.history["momentum.y"].values[0] == pytest.approx(-0.5 * 2.0)
+    whole = impactfem.plan(mixed([{**block, "supports": []}, point], 0.01, dt=5e-5))
+    assert not [f for f in whole.findings if "not cut" in f.text]
+
+
 @pytest.mark.parametrize("kind", ["point", "rod"])
 def test_a_sliding_body_stops_where_coulomb_says(kind):
     """Way v0^2 / (2 mu g) and time v0 / (mu g): the step divides it, so that both are exact."""
