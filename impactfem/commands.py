@@ -35,6 +35,7 @@ def _read(given: argparse.Namespace) -> "tuple[Path, Scene]":
 def run(given: argparse.Namespace) -> int:
     """Solve a scene and write its result."""
     from impactfem.log import Progress  # noqa: PLC0415
+    from impactfem.methods import is_exact  # noqa: PLC0415
     from impactfem.planning import plan as plan_of  # noqa: PLC0415
     from impactfem.report.table import summary_table  # noqa: PLC0415
     from impactfem.result.occupied import check_free  # noqa: PLC0415
@@ -47,7 +48,7 @@ def run(given: argparse.Namespace) -> int:
     chosen = plan_of(scene)
     for warning in chosen.warnings:
         progress.message(f"warning: {warning}")
-    if chosen.method != "exact" and not scene.is_vibro and not scene.is_bar_row:
+    if not is_exact(chosen.method) and not scene.is_vibro and not scene.is_bar_row:
         _load_finite_elements()
     stages = progress.stages(4 if scene.bodies[0].kind == "bar" else 5)
     place = given.restart or folder

@@ -20,15 +20,24 @@ class Method:
     """A method as data.
 
     Attributes:
-        family: Which solver runs it: "marching" (compiled layers), "monolithic" (one space-time
-            system), "dg" (discontinuous in space-time), "exact", "solid" (solids only) or "vibro"
-            (points, rods, beams only). Solids are always marched on DOLFINx, and the others by the
-            velocity-level scheme of that name, whatever the family says of bars.
+        family: Which solver of bars runs it: "marching" (compiled layers), "monolithic" (one
+            space-time system), "dg" (discontinuous in space-time) or "exact"; "solid" and "vibro"
+            are for other bodies, whose methods are the schemes and integrators of their names.
         text: What it is and where its limits lie, in words.
         stable: Whether it is stable only up to courant 1 ("limited") or at any ("always").
         plannable: Whether the plan may choose it.
         mixes: Whether it takes bodies of different kinds together, with friction.
         bodies: Kinds of bodies it solves: "bar", "solid", "point", "rod", "beam".
+        exact: Whether it has neither mesh nor iterations, nor errors but those of rounding.
+        layered: Whether it has time layers, on which events may fall; else triangles.
+        assembled: Whether all layers are one linear system, which PETSc's solvers take.
+        windowed: Whether one active-set loop can solve several layers.
+        locates: Whether impacts are located one by one, so that they can share in turns, and the
+            time step is that of the output.
+        yields: Whether stiff springs stand for constraints.
+        lively: Whether it may gain energy with restitution near 1.
+        tolerance: Relative rounding level of the active set, if none is given.
+        own: Keys of ``[solve]`` that belong to it alone.
         error: For bars, constant and rate of the largest relative displacement error seen for
             events between layers: error <= constant * contacts / elements^rate
             (benchmarks/error_constants.py).
@@ -41,6 +50,15 @@ class Method:
     mixes: bool = False
     bodies: frozenset[str] = BAR
     error: tuple[float, float] = DISPERSIVE
+    exact: bool = False
+    layered: bool = True
+    assembled: bool = False
+    windowed: bool = False
+    locates: bool = False
+    yields: bool = False
+    lively: bool = False
+    tolerance: float = 1e-13
+    own: tuple[str, ...] = ()
 
 
 METHODS: Mapping[str, Method] = {
@@ -55,6 +73,7 @@ METHODS: Mapping[str, Method] = {
         stable="limited",
         bodies=BOTH,
         error=(4.0, 1.0),
+        windowed=True,
     ),
     "conserving": Method(
         "marching",
@@ -72,11 +91,17 @@ METHODS: Mapping[str, Method] = {
         "discontinuous P0, P1, P2 in space-time, upwind, on any triangles; diffuses jumps on "
         "unfitted meshes; with fitted = true the events and their characteristics become mesh "
         "lines and the error falls to rounding (up to 10 contacts: 8e-12 in 150 random scenes)",
+        layered=False,
+        windowed=True,
+        tolerance=1e-10,
+        own=("degree", "fitted"),
     ),
     "exact": Method(
         "exact",
         "characteristics of a homogeneous bar; exact for piecewise linear initial data, thousands "
         "of bounces in a fraction of a second",
+        exact=True,
+        tolerance=1e-10,
     ),
     "monolithic": Method(
         "monolithic",
@@ -85,6 +110,8 @@ METHODS: Mapping[str, Method] = {
         "the swept galerkin at higher cost",
         stable="limited",
         error=(4.0, 1.0),
+        assembled=True,
+        tolerance=1e-10,
     ),
     "newmark": Method(
         "marching",
@@ -122,12 +149,15 @@ METHODS: Mapping[str, Method] = {
         "motion is linear, by an integrator of order 8 elsewhere; lasting contact by "
         "complementarity; cost grows with the number of impacts",
         bodies=VIBRO,
+        locates=True,
+        own=("stick_speed",),
     ),
     "paoli_schatzman": Method(
         "vibro",
         "position-level scheme: one projection a step, restitution built in, needs no detection "
         "and passes accumulations of impacts; first order in dt",
         bodies=VIBRO,
+        lively=True,
     ),
     "penalty": Method(
         "vibro",
@@ -136,9 +166,13 @@ METHODS: Mapping[str, Method] = {
         "plan",
         plannable=False,
         bodies=VIBRO,
+        yields=True,
+        own=("penalty_stiffness", "penalty_damping", "penalty_integrator"),
     ),
 }
 """Methods by name."""
 
-DISPERSIVE = (3.0, 2.0 / 3.0)
-"""As `Method.error`, of methods for bars whose waves are dispersed."""
+
+def is_exact(name: str | None) -> bool:
+    """Whether a method is the exact solution; not if none is named."""
+    return name is not None and METHODS[name].exact

@@ -8,7 +8,7 @@ import numpy as np
 
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBar
-from impactfem.methods import Method
+from impactfem.methods import METHODS, Method
 from impactfem.scene import Scene
 
 DEFAULT_ELEMENTS = 80
@@ -49,7 +49,7 @@ def choose_grid(scene: Scene, method: Method, exact: ExactBar, reasons: dict[str
         reasons["elements"] = f"the mesh file {solve.mesh} decides"
         return Grid()
     elements = _choose_elements(scene, method, exact, reasons)
-    if method.family == "dg":
+    if not method.layered:
         reasons["dt"] = "triangles have no layers"
         return Grid(elements)
     h = bar.length / elements
@@ -83,7 +83,7 @@ def _choose_elements(scene: Scene, method: Method, exact: ExactBar, reasons: dic
     if solve.elements is not None:
         reasons["elements"] = "as asked"
         return solve.elements
-    if solve.accuracy is not None and method.family in {"marching", "monolithic"}:
+    if solve.accuracy is not None and method.layered and not method.exact:
         aligned = _aligned_elements(exact)
         if aligned is not None and method.stable == "limited":
             reasons["elements"] = f"{aligned}: its layers hold all events, where nodes are exact"
@@ -101,7 +101,7 @@ def _choose_elements(scene: Scene, method: Method, exact: ExactBar, reasons: dic
             )
         return max(int(wanted), 40)
     aligned = _aligned_elements(exact)
-    if method.family == "dg":
+    if not method.layered:
         reasons["elements"] = "between the lines of a fitted mesh few triangles do"
         return _FITTED_ELEMENTS if fitting_pays(scene, exact) else DEFAULT_ELEMENTS
     reasons["elements"] = (
@@ -138,7 +138,8 @@ def fitting_pays(scene: Scene, exact: ExactBar) -> bool:
     if solve.mesh is not None:
         return False
     asked = (solve.elements, solve.courant, solve.dt, solve.window, solve.accuracy)
-    layers = solve.method != "dg" and any(key is not None for key in asked)
+    layered = solve.method is None or METHODS[solve.method].layered
+    layers = layered and any(key is not None for key in asked)
     return not layers and 1 <= len(exact.contacts) <= _FITTED_CONTACTS and not exact.sampled
 
 

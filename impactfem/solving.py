@@ -9,7 +9,7 @@ from typing import Any
 
 from impactfem.errors import SceneError
 from impactfem.log import Progress
-from impactfem.methods import METHODS
+from impactfem.methods import METHODS, is_exact
 from impactfem.planning import AnyPlan, BarRowPlan, Plan, SolidPlan, VibroPlan, plan
 from impactfem.planning.bar_errors import rounding_findings
 from impactfem.provenance import run_record
@@ -111,15 +111,14 @@ def _solve_bar(scene: Scene, chosen: Plan, progress: Progress) -> Result:
     exact = exact_bar(scene, None if end <= scene.duration * (1.0 + 1e-9) else end)
     errors = None
     if motion.is_finite:
-        is_exact = chosen.method == "exact"
-        errors = rounding_of_exact(scene) if is_exact else measure(motion, exact)
+        errors = rounding_of_exact(scene) if is_exact(chosen.method) else measure(motion, exact)
     history = bar_history(motion, bar, scene.obstacles[0].name, probes)
     window = bar_window(chosen.method, motion, bar.wave_speed)
     bodies = {bar.name: bar_figures(bar, motion.positions, motion.displacement)}
     effort = replace(motion.effort, force_window=window, bodies=bodies)
     effort = _grown(chosen, effort, errors)
     summary = summarise(scene, chosen, history, effort, errors, _cost(wall_time))
-    if chosen.method == "exact":
+    if is_exact(chosen.method):
         summary["contact"] |= contact_figures_of_bar(exact, bar)
     return Result(
         _bar_as_used(scene, chosen),
@@ -150,7 +149,7 @@ def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Resu
     progress.step("measuring the error")
     end = max(scene.duration, float(motion.times[-1]))
     exact = exact_row_if_known(scene, end) if chosen.exact_known else None
-    reference = exact if chosen.method != "exact" and motion.is_finite else None
+    reference = None if is_exact(chosen.method) or not motion.is_finite else exact
     errors = None if reference is None else measure_row(motion, reference)
     if exact is not None and exact.sampled and motion.is_finite:
         sampling = sampling_of_row(scene, exact)
@@ -162,7 +161,7 @@ def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Resu
     effort = _grown(chosen, replace(motion.effort, bodies=bodies), errors)
     history = row_history(motion, scene.bars, probes)
     summary = summarise(scene, chosen, history, effort, errors, _cost(wall_time))
-    summary["contact"] |= contact_figures(motion, exact if chosen.method == "exact" else None)
+    summary["contact"] |= contact_figures(motion, exact if is_exact(chosen.method) else None)
     settings = replace(scene.solve, method=chosen.method, elements=chosen.longest)
     if settings.dt is None:
         settings = replace(settings, courant=max(chosen.courant))
@@ -238,7 +237,9 @@ def _bar_as_used(scene: Scene, chosen: Plan) -> Scene:
     settings = scene.solve
     filled = replace(settings, method=chosen.method, degree=chosen.degree, fitted=chosen.fitted)
     if settings.mesh is None:
-        if settings.accuracy is None or chosen.method == "dg":  # else the size follows from it
+        if (
+            settings.accuracy is None or not METHODS[chosen.method].layered
+        ):  # else the size follows from it
             filled = replace(filled, elements=chosen.elements)
         if settings.dt is None:
             filled = replace(filled, courant=chosen.courant)

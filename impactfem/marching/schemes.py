@@ -25,6 +25,11 @@ class SolidScheme:
     contact: Rule | Literal["velocity"]
 
     @property
+    def explicit(self) -> bool:
+        """Whether nothing but the contact is solved for: the mass is lumped, beta is 0."""
+        return self.interior == "leapfrog"
+
+    @property
     def rule(self) -> Rule:
         """Rule for theta of gaps whose law acts on positions."""
         return "middle" if self.contact == "velocity" else self.contact
@@ -32,7 +37,7 @@ class SolidScheme:
     @property
     def shares_forces(self) -> bool:
         """Whether a level takes half the force of each neighbouring layer, as the bar does."""
-        return self.interior == "leapfrog" and not self.massless
+        return self.explicit and not self.massless
 
 
 SOLID_SCHEMES: Mapping[str, SolidScheme] = {

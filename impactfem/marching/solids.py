@@ -87,7 +87,7 @@ class SolidMarch:
         self._responses = self._answers()
         # An explicit step spans two layers: what it conserves pairs each level with the one after
         # the next, and contact nodes that have mass take the forces of neighbouring layers.
-        self._skips = scheme.interior == "leapfrog" and scheme.massless
+        self._skips = scheme.explicit and scheme.massless
         gap, normals = gaps.at(free, free, free, 0.0)
         count = len(gap)
         self._normals = normals
@@ -183,7 +183,7 @@ class SolidMarch:
         last = begin + state.static
         free = interior.predict(layer)
         # Forces of explicit layers act at their start, amid two steps.
-        explicit = self._scheme.interior == "leapfrog"
+        explicit = self._scheme.explicit
         gap, normals = self._gaps.at(free, begin, last, time, back=1.0 if explicit else 0.5)
         if self._changes:
             self._responses.renew(self._volatile, interior.answers)

@@ -50,9 +50,9 @@ def cost_of_bar(scene: Scene, method: Method, grid: Grid, degree: int, passes: i
         SceneError: It needs more memory than the machine has.
     """
     every = scene.output.every
-    if method.family == "exact":
+    if method.exact:
         return Cost(0, None, *marching_cost(grid, every, 20))
-    if method.family == "dg":
+    if not method.layered:
         if scene.solve.accuracy is not None:  # refined until it is reached
             return Cost()
         triangles, pairs = _triangles(scene, grid)
@@ -67,7 +67,7 @@ def cost_of_bar(scene: Scene, method: Method, grid: Grid, degree: int, passes: i
     else:
         return Cost()
     unknowns = nodes + pairs
-    if method.family == "monolithic":
+    if method.assembled:
         return Cost(unknowns, pairs, *monolithic_cost(unknowns, passes))
     return Cost(unknowns, pairs, *marching_cost(grid, every, passes))
 

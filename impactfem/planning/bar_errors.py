@@ -44,9 +44,9 @@ def predicted_error(
     Off layers it is the largest seen in the standing studies (`Method.error`).
     """
     method = METHODS[name]
-    if method.family == "exact":
+    if method.exact:
         return rounding_of_exact(scene).displacement_max
-    if method.family == "dg":
+    if not method.layered:
         return _FITTED if fitted and not exact.sampled else None
     if not method.plannable or grid.elements is None or grid.courant is None:
         return None

@@ -10,7 +10,7 @@ import numpy as np
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBarRow
 from impactfem.findings import Finding, warning
-from impactfem.methods import DISPERSIVE, METHODS
+from impactfem.methods import DISPERSIVE, METHODS, is_exact
 from impactfem.planning.bar_errors import EXACT, ROUNDING, rounding_findings
 from impactfem.planning.card import Foresees
 from impactfem.reference.bar_row import exact_row_if_known
@@ -115,12 +115,12 @@ def plan_bar_row(scene: Scene) -> BarRowPlan:
         on_layers=aligned,
         exact_known=exact is not None,
         contact_pairs=layers * pairs,
-        unknowns=0 if method == "exact" else nodes * layers,
+        unknowns=0 if METHODS[method].exact else nodes * layers,
         memory_mib=memory,
         seconds=seconds,
         predicted_error=(
             followed
-            if method == "exact"
+            if METHODS[method].exact
             else _predicted(method, exact, elements, courant, rounding)
         ),
         reasons=reasons,
@@ -183,7 +183,7 @@ def _unmatched(transits: Sequence[float], longest: int) -> list[int]:
 def _refuse_unmatched(scene: Scene, transits: Sequence[float], asked: int) -> None:
     """Refuse a number of elements that does not match where others do."""
     others = [n for n in range(_LEAST, _MOST + 1) if _matching(transits, n)]
-    if not others or scene.solve.method == "exact":
+    if not others or is_exact(scene.solve.method):
         return
     near = sorted(sorted(others, key=lambda n: abs(n - asked))[:2])
     raise SceneError(
@@ -197,7 +197,7 @@ def _choose_step(scene: Scene, limits: "np.ndarray[Any, Any]", reasons: dict[str
     """Time step [s], at most h / c of each bar."""
     solve, limit = scene.solve, float(min(limits))
     dt = limit * (solve.courant or 1.0) if solve.dt is None else solve.dt
-    if dt > limit * _STABLE and solve.method != "exact":
+    if dt > limit * _STABLE and not is_exact(solve.method):
         given = "dt" if solve.dt is not None else "courant"
         name = scene.bars[int(np.argmin(limits))].name
         raise SceneError(
@@ -302,7 +302,7 @@ def _findings(
     if exact is None:
         text = "too many waves for the exact solution: the error is not measured"
         return (warning("no_estimate", text),)
-    if method == "exact":
+    if METHODS[method].exact:
         return ()
     limited = METHODS[method].stable == "limited"
     if limited and min(courant) < 1.0 - _WHOLE:

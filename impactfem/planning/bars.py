@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from impactfem.exact import ExactBar
 from impactfem.findings import Finding, warning
-from impactfem.methods import METHODS
+from impactfem.methods import METHODS, Method
 from impactfem.planning.bar_costs import cost_of_bar
 from impactfem.planning.bar_errors import (
     EXACT,
@@ -98,12 +98,12 @@ def plan_bar(scene: Scene) -> Plan:
     method = METHODS[name]
     fitted = fitting_pays(scene, exact) if solve.fitted is None else solve.fitted
     grid = choose_grid(scene, method, exact, reasons)
-    window, iterations = _choose_window(scene, name, exact, grid, reasons)
+    window, iterations = _choose_window(scene, method, exact, grid, reasons)
     degree = 1 if solve.degree is None else solve.degree
     cost = cost_of_bar(scene, method, grid, degree, iterations)
     predicted = predicted_error(scene, exact, name, grid, fitted=fitted)
     own = method.stable == "limited" and on_its_own_mesh(scene, exact) == grid.elements
-    by_rounding = predicted is not None and (own or method.family == "exact")
+    by_rounding = predicted is not None and (own or method.exact)
     grown = rounding_findings(predicted or 0.0, "will grow") if by_rounding else ()
     return Plan(
         method=name,
@@ -113,11 +113,11 @@ def plan_bar(scene: Scene) -> Plan:
         dt=grid.dt,
         courant=grid.courant,
         window=window,
-        degree=degree if method.family == "dg" else None,
-        fitted=None if method.family != "dg" else fitted,
-        active_set="none" if method.family == "exact" else solve.active_set or "pdas",
+        degree=None if method.layered else degree,
+        fitted=None if method.layered else fitted,
+        active_set="none" if method.exact else solve.active_set or "pdas",
         gamma=solve.gamma or 1.0,
-        tolerance=solve.tolerance or (1e-13 if method.family == "marching" else 1e-10),
+        tolerance=solve.tolerance or method.tolerance,
         max_iterations=solve.max_iterations or 3 * iterations + 50,
         contact_pairs=cost.contact_pairs,
         unknowns=cost.unknowns,
@@ -196,25 +196,24 @@ def _choose_method(scene: Scene, exact: ExactBar, reasons: dict[str, str]) -> st
 
 
 def _choose_window(
-    scene: Scene, name: str, exact: ExactBar, grid: Grid, reasons: dict[str, str]
+    scene: Scene, method: Method, exact: ExactBar, grid: Grid, reasons: dict[str, str]
 ) -> tuple[int | str, int]:
     """Window of the active-set loop, and the number of linear solves to expect."""
     impacts = len(exact.contacts)
-    family = METHODS[name].family
     # In one loop over several impacts their layers settle one impact after the other.
     several = impacts * (grid.elements or DEFAULT_ELEMENTS)
     everything = 3 if impacts <= 1 else several
-    if family == "monolithic":
+    if method.assembled:
         reasons["active_set"] = (
             f"one loop for {impacts} contact interval{'s' if impacts != 1 else ''}: about "
             + ("3 linear solves" if impacts <= 1 else f"{several // impacts} to {2 * several}")
         )
         return "all", everything
-    if name not in {"galerkin", "dg"}:
+    if not method.windowed:
         return 1, 1
     window = scene.solve.window or 1
     if window == 1:
-        what = "edge of the wall" if family == "dg" else "layer"
+        what = "layer" if method.layered else "edge of the wall"
         reasons["window"] = f"1: each {what} is a scalar complementarity problem, no iteration"
         return 1, 1
     reasons["window"] = "as asked"
@@ -223,10 +222,11 @@ def _choose_window(
 
 def _findings(name: str, grid: Grid, exact: ExactBar) -> tuple[Finding, ...]:
     """What the user should know before trusting the answer."""
-    if name == "newmark":
-        text = "newmark is a negative control: its energy grows at every impact"
+    method = METHODS[name]
+    if not method.plannable:
+        text = f"{name} is a negative control: its energy grows at every impact"
         return (warning("control_method", text),)
-    if name not in {"galerkin", "monolithic"} or grid.courant is None or grid.elements is None:
+    if method.stable != "limited" or grid.courant is None or grid.elements is None:
         return ()
     if grid.courant < _NEARLY_ONE:
         ringing = "the contact force of this method rings (overshoot up to 4 times)"

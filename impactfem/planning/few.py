@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from impactfem.errors import SceneError
 from impactfem.findings import Finding, warning
+from impactfem.methods import METHODS
 from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.solid_plan import SolidPlan, law_in_words
 from impactfem.result.whole import Whole
@@ -61,7 +62,7 @@ def plan_few(scene: Scene) -> SolidPlan:
         linear_solver="mumps",
         normals="updated",
         active_set=solve.active_set or "pdas",
-        tolerance=solve.tolerance or 1e-13,
+        tolerance=solve.tolerance or METHODS[METHOD].tolerance,
         max_iterations=solve.max_iterations or 200,
         contact_pairs=model.contact_count,
         unknowns=model.unknowns,

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from impactfem.errors import SceneError
 from impactfem.findings import Finding, warning
+from impactfem.methods import METHODS
 from impactfem.planning.solid_costs import (
     NEARLY_INCOMPRESSIBLE,
     Size,
@@ -386,6 +387,6 @@ def method_findings(method: str, courant: float | None) -> list[Finding]:
     text = _WARNINGS.get(method)
     if text is None:
         return []
-    below = method == "galerkin" and courant is not None and courant < 1.0 - 1e-9
+    below = METHODS[method].stable == "limited" and courant is not None and courant < 1.0 - 1e-9
     text = f"{text} (here courant = {courant:g})" if below else text
     return [warning("control_method", text)]

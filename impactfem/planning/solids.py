@@ -6,6 +6,7 @@ import numpy as np
 
 from impactfem.errors import SceneError
 from impactfem.findings import Finding
+from impactfem.methods import METHODS
 from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.few import few_findings, few_in_words, few_step
 from impactfem.planning.meetings import told_contacts
@@ -114,7 +115,7 @@ def plan_solids(scene: Scene) -> SolidPlan:
         linear_solver=linear_solver,
         normals="updated" if model.updated else "fixed",
         active_set=solve.active_set or "pdas",
-        tolerance=solve.tolerance or 1e-13,
+        tolerance=solve.tolerance or METHODS[method].tolerance,
         max_iterations=solve.max_iterations or 200,
         contact_pairs=model.contact_count,
         unknowns=model.unknowns,

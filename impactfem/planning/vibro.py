@@ -87,7 +87,7 @@ def plan_vibro(scene: Scene) -> VibroPlan:
         )
     memory = _memory(scene, steps)
     stiffness = None
-    if method == "penalty":
+    if METHODS[method].yields:
         stiffness = solve.penalty_stiffness or _choose_stiffness(scene, reasons)
     estimate = _choose_estimate(scene, method, steps, reasons)
     return VibroPlan(
@@ -126,7 +126,7 @@ def _choose_method(model: "VibroModel", reasons: dict[str, str]) -> str:
 
 def _choose_step(scene: Scene, model: "VibroModel", method: str, reasons: dict[str, str]) -> float:
     even = scene.duration / _ROWS
-    if method == "event_driven":
+    if METHODS[method].locates:
         reasons["dt"] = f"{_ROWS} rows of output; flights and impacts do not depend on it"
         return even
     if model.beam is not None:
@@ -154,12 +154,12 @@ def _choose_stiffness(scene: Scene, reasons: dict[str, str]) -> float:
 def _choose_estimate(scene: Scene, method: str, steps: int, reasons: dict[str, str]) -> bool:
     if scene.solve.estimate is not None:
         return scene.solve.estimate
-    if method != "event_driven" and steps > 1_000_000:
+    if not METHODS[method].locates and steps > 1_000_000:
         reasons["estimate"] = "left out: many steps; set estimate = true to have it"
         return False
     reasons["estimate"] = (
         "by a second run from a start changed by 1e-9, or with tolerances 100 times as large"
-        if method == "event_driven"
+        if METHODS[method].locates
         else "against a run of the event-driven method, or with half the step"
     )
     return True
@@ -168,12 +168,7 @@ def _choose_estimate(scene: Scene, method: str, steps: int, reasons: dict[str, s
 def _check_settings(scene: Scene, method: str) -> None:
     """Refuse settings of other methods."""
     solve = scene.solve
-    owners = {
-        "stick_speed": "event_driven",
-        "penalty_stiffness": "penalty",
-        "penalty_damping": "penalty",
-        "penalty_integrator": "penalty",
-    }
+    owners = {key: name for name, entry in METHODS.items() for key in entry.own}
     for name, owner in owners.items():
         value = getattr(solve, name)
         if value is not None and method != owner:
@@ -181,7 +176,7 @@ def _check_settings(scene: Scene, method: str) -> None:
                 f'solve.{name} = {show(value)} belongs to method = "{owner}", not to "{method}": '
                 "remove it"
             )
-    if solve.impact_law == "sequential" and method != "event_driven":
+    if solve.impact_law == "sequential" and not METHODS[method].locates:
         raise SceneError(
             f'solve.impact_law = "sequential" needs method = "event_driven", not "{method}": the '
             "others share an impact between all constraints at once; remove it"
@@ -200,9 +195,9 @@ def _memory(scene: Scene, steps: int) -> float:
 
 def _seconds(model: "VibroModel", method: str, steps: int, *, estimate: bool) -> float | None:
     """Time of the run; micro-seconds a step as measured in benchmarks/vibro_speed.py."""
-    if method == "event_driven":
+    if METHODS[method].locates:
         return None
-    if method == "penalty":
+    if METHODS[method].yields:
         return 2e-3 * steps
     d = model.system.dofs
     if estimate and model.beam is not None:
@@ -220,10 +215,10 @@ def _findings(scene: Scene, model: "VibroModel", method: str) -> list[Finding]:
     if not METHODS[method].plannable:
         text = f"method {method} is for comparison: {METHODS[method].text}"
         found.append(warning("control_method", text))
-    if method == "paoli_schatzman" and float(model.system.restitution.max()) > _LIVELY:
+    if METHODS[method].lively and float(model.system.restitution.max()) > _LIVELY:
         text = (
-            "paoli_schatzman can gain energy with restitution near 1: beside corners, and at some "
-            "steps over thousands of bounces"
+            f"{method} can gain energy with restitution near 1: beside corners, and at some steps "
+            "over thousands of bounces"
         )
         remedy = "event_driven or moreau_jean do not"
         found.append(warning("energy_growth", text, remedy=remedy))

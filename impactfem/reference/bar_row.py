@@ -6,6 +6,7 @@ from impactfem.errors import SceneError
 from impactfem.exact import ExactBarRow, RowBar
 from impactfem.exact.row_bar import PIECES
 from impactfem.exact.row_waves import TooManyWavesError
+from impactfem.methods import is_exact
 from impactfem.scene import Bar, Scene
 
 MAX_TRANSITS = 1e5
@@ -50,7 +51,7 @@ def exact_row_if_known(scene: Scene, duration: float | None = None) -> ExactBarR
     try:
         return exact_row(scene, duration)
     except TooManyWavesError:
-        if scene.solve.method == "exact":
+        if is_exact(scene.solve.method):
             raise
         return None
 

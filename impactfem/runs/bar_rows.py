@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from impactfem.exact import ExactBarRow
 from impactfem.log import Progress
+from impactfem.methods import is_exact
 from impactfem.planning.bar_rows import BarRowPlan
 from impactfem.reference.bar import Errors
 from impactfem.reference.bar_row import exact_row
@@ -29,7 +30,7 @@ def run_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> RowMoti
     Raises:
         SceneError: There are too many waves to follow.
     """
-    if chosen.method == "exact":
+    if is_exact(chosen.method):
         progress.step("following the characteristics")
         end = max(scene.duration, chosen.layers * chosen.dt)
         return exact_row_motion(scene, exact_row(scene, end), chosen)

@@ -50,7 +50,7 @@ def planned_steps(
     Raises:
         SceneError: The step asked for is beyond the stable one.
     """
-    if scheme.interior != "leapfrog":
+    if not scheme.explicit:
         if plan.dt is None:
             raise SceneError("solve.dt: the plan has no time step; give solve.dt")
         return plan.dt, count_layers(duration, plan.dt), None

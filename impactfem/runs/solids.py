@@ -194,7 +194,7 @@ def _interior(
     linear_solver: str,
 ) -> Interior:
     statics = None if transfer is None else SurfaceStatics(part.system.stiffness, surface)
-    if scheme.interior == "leapfrog":
+    if scheme.explicit:
         return Leapfrog(part.system, surface, statics, transfer, dt)
     return Midpoint(part.system, surface, statics, transfer, dt, linear_solver)
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from impactfem.findings import Finding, by_limits, level_of, percent, settled, warning
+from impactfem.methods import is_exact
 from impactfem.result.table import Table
 from impactfem.runs.scales import size_of
 from impactfem.scene import Scene
@@ -65,7 +66,7 @@ def judge(
         *_contact(scene, history, summary),
     ]
     codes = [*_JUDGED, *measured]
-    if summary["error"] is not None or summary["method"] == "exact":
+    if summary["error"] is not None or is_exact(summary["method"]):
         codes += ["error_large", "no_estimate"]
     every = settled(foreseen, [*own, *found], codes)
     faults = [finding.code for finding in every if finding.severity == "fault"]
@@ -128,7 +129,7 @@ def _is_damped(body: Any) -> bool:
 def _error(summary: Mapping[str, Any]) -> tuple[Finding, ...]:
     error = summary["error"]
     if error is None:
-        if summary["method"] == "exact":
+        if is_exact(summary["method"]):
             return ()
         why = summary["details"].get("error_estimate", {})
         why = why.get("message", "") if isinstance(why, Mapping) else why

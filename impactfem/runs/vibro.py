@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, cast
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.findings import ROTATION_LIMITS, Finding, by_limits, warning
 from impactfem.log import Progress
+from impactfem.methods import METHODS
 from impactfem.models.vibro import VibroModel, vibro_model
 from impactfem.planning.model_limits import CODES, strain_findings
 from impactfem.planning.vibro import VibroPlan
@@ -27,7 +28,7 @@ from impactfem.scene import Scene
 from impactfem.system.episode import contact_episode
 from impactfem.system.generalized import LinearSystem
 from impactfem.vibro.integrating import INTEGRATORS
-from impactfem.vibro.together import find_together, resolution
+from impactfem.vibro.together import find_together
 
 Floats = NDArray[np.float64]
 
@@ -81,8 +82,7 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
     findings: list[Finding] = []
     names = model.bodies(motion.position[:1], motion.velocity[:1])
     bodies = {n: body_figures(mass) for n, mass in zip(names, model.masses, strict=True)}
-    within = resolution(chosen.method, scene.duration, settings)
-    together = find_together(model.system, motion, within)
+    together = find_together(model.system, motion, settings.resolution(scene.duration))
     if together is not None:
         findings.append(warning("impact_law", together.text(model.labels)))
     if model.beam is not None:
@@ -152,25 +152,22 @@ def _episode(scene: Scene, model: VibroModel, motion: Trajectory) -> dict[str, A
 
 def _settings(scene: Scene, chosen: VibroPlan) -> Any:
     """Settings of the method as the plan says."""
-    settings: dict[str, Any] = {}
-    if chosen.method == "event_driven":
-        settings = {
-            "rows": max(1, chosen.steps // scene.output.every),
-            "stick_speed": chosen.stick_speed,
-            "impact_law": chosen.impact_law,
-        }
-        if scene.solve.tolerance is not None:
-            settings |= {"rtol": scene.solve.tolerance, "atol": 1e-2 * scene.solve.tolerance}
-    elif chosen.method == "penalty":
-        settings = {
-            "stiffness": chosen.penalty_stiffness,
-            "damping": chosen.penalty_damping,
-            "integrator": chosen.penalty_integrator,
-            "dt": chosen.dt,
-        }
-    else:
-        settings = {"dt": chosen.dt, "every": scene.output.every}
-    return INTEGRATORS[chosen.method].settings(**settings)
+    tolerance, every = scene.solve.tolerance, scene.output.every
+    offered = {
+        "dt": chosen.dt,
+        "every": every,
+        "rows": max(1, chosen.steps // every),
+        "stick_speed": chosen.stick_speed,
+        "impact_law": chosen.impact_law,
+        "stiffness": chosen.penalty_stiffness,
+        "damping": chosen.penalty_damping,
+        "integrator": chosen.penalty_integrator,
+        "rtol": tolerance,
+        "atol": None if tolerance is None else 1e-2 * tolerance,
+    }
+    settings = INTEGRATORS[chosen.method].settings
+    known = (field.name for field in fields(settings))
+    return settings(**{name: offered[name] for name in known if offered.get(name) is not None})
 
 
 def _integrate(
@@ -188,7 +185,7 @@ def _estimate(
     scene: Scene, chosen: VibroPlan, model: VibroModel, motion: Trajectory
 ) -> tuple[Errors | None, str, Trajectory | None]:
     """Errors against a second run, what it says in words, and that run if its step is another."""
-    if chosen.method == "event_driven":
+    if METHODS[chosen.method].locates:
         return *_sensitivity(scene, chosen, model, motion), None
     other = replace(chosen, method="event_driven", impact_law="simultaneous")
     reference, name = None, "event-driven method"

@@ -129,20 +129,21 @@ class Solve:
         self._exclude("dt", ("courant",), "each follows from the other; remove one of them")
         fixed = "the mesh fixes it; remove one of them"
         self._exclude("mesh", ("elements", "courant", "dt"), fixed)
-        if self.method == "exact":
+        method = None if self.method is None else METHODS[self.method]
+        if method is not None and method.exact:
             without = ("mesh", "active_set", "gamma", "tolerance", "max_iterations", "window")
             reason = "the exact solution has no mesh and no iterations; remove one of them"
             self._exclude("method", without, reason)
-        if self.method not in {None, "dg"}:
+        if method is not None and method.layered:
             self._exclude("method", ("degree", "fitted"), 'they belong to method = "dg"')
             fixed = "the size follows from the accuracy; remove one of them"
             self._exclude("accuracy", ("elements",), fixed)
-        if self.method == "dg":
+        if method is not None and not method.layered:
             reason = "triangles have no layers; remove one of them"
             self._exclude("method", ("courant", "dt"), reason)
             if self.window not in {None, 1, "all"}:
                 self._exclude("window", ("method",), 'dg knows 1 and "all"')
-        windowed = self.method in {None, "galerkin", "dg"}
+        windowed = method is None or method.windowed
         if not windowed and self.window not in {None, "all"}:
             self._exclude("window", ("method",), "only galerkin has windows of layers")
 

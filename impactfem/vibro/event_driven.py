@@ -73,6 +73,10 @@ class EventSettings:
         if self.keep_impacts is not None and self.keep_impacts < 0:
             raise SceneError(f"keep_impacts = {self.keep_impacts}: give a number >= 0, or None")
 
+    def resolution(self, duration: float) -> float:
+        """Impacts closer in time than this are one [s]."""
+        return 1e-9 * duration
+
 
 def integrate_events(
     system: GeneralizedSystem,

@@ -14,7 +14,7 @@ from impactfem.system.generalized import GeneralizedSystem
 from impactfem.vibro.event_driven import EventSettings, integrate_events
 from impactfem.vibro.penalty import PenaltySettings, integrate_penalty
 from impactfem.vibro.position_level import PositionSettings, integrate_positions
-from impactfem.vibro.together import find_together, resolution
+from impactfem.vibro.together import find_together
 from impactfem.vibro.velocity_level import VelocitySettings, integrate_velocities
 
 
@@ -81,7 +81,7 @@ def integrate(
     chosen = entry.settings(**settings)
     u, v = (np.atleast_1d(np.asarray(value, dtype=float)) for value in (position, velocity))
     motion = entry.integrate(system, u, v, float(duration), chosen)
-    together = find_together(system, motion, resolution(method, duration, chosen))
+    together = find_together(system, motion, chosen.resolution(duration))
     if together is None:
         return motion
     warnings.warn(together.text(), ImpactWarning, stacklevel=2)

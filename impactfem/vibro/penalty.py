@@ -77,6 +77,10 @@ class PenaltySettings:
                 f"{', '.join(_SOLVERS)}"
             )
 
+    def resolution(self, _: float) -> float:
+        """Impacts closer in time than this are one: they last so long [s]."""
+        return math.pi / math.sqrt(self.stiffness)
+
 
 def damping_of(restitution: float) -> float:
     """alpha(e) = -ln e / sqrt(pi^2 + ln^2 e); 1 for e = 0, 0 for e = 1."""

@@ -74,6 +74,10 @@ class PositionSettings:
     every: int = 1
     impact_law: Law = "simultaneous"
 
+    def resolution(self, _: float) -> float:
+        """Impacts closer in time than this are one [s]."""
+        return 2.0 * self.dt
+
 
 def integrate_positions(
     system: GeneralizedSystem,

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,21 +54,6 @@ class Together:
             f"({names}; {self.count} such impacts): {meaning}. Vary the start a little and compare "
             "impact_law simultaneous and sequential before trusting what follows"
         )
-
-
-def resolution(method: str, duration: float, settings: Any) -> float:
-    """Impacts closer in time than this are one to a method [s].
-
-    Args:
-        method: Name of the method.
-        duration: [s].
-        settings: Its settings.
-    """
-    if method == "event_driven":
-        return 1e-9 * duration
-    if method == "penalty":
-        return math.pi / math.sqrt(settings.stiffness)
-    return 2.0 * float(settings.dt)
 
 
 def find_together(system: GeneralizedSystem, motion: Trajectory, within: float) -> Together | None:

@@ -68,6 +68,10 @@ class VelocitySettings:
     every: int = 1
     impact_law: Law = "simultaneous"
 
+    def resolution(self, _: float) -> float:
+        """Impacts closer in time than this are one [s]."""
+        return 2.0 * self.dt
+
 
 def integrate_velocities(
     system: GeneralizedSystem,

@@ -20,7 +20,7 @@ SIZES = {"dg": 16, "exact": 4, "monolithic": 20}  # elements; 40 of the others
 def bound(method: str, elements: int, contacts: int, courant: float = 1.0) -> float:
     """Largest relative displacement error to expect of a method."""
     constant, rate = METHODS[method].error
-    if method in {"galerkin", "monolithic"} and courant < 1.0 - 1e-9:
+    if METHODS[method].stable == "limited" and courant < 1.0 - 1e-9:
         constant, rate = DISPERSIVE
     return float(constant * max(1, contacts) / elements**rate * max(1.0, courant))
 
@@ -37,10 +37,10 @@ def solved(method: str, scene: Scene) -> Result:
     if given.mesh is not None:
         elements = 16
     else:
-        settings["solve.elements"] = SIZES["exact"] if method == "exact" else elements
-    if method == "dg" and given.fitted is None:
+        settings["solve.elements"] = SIZES["exact"] if METHODS[method].exact else elements
+    if not METHODS[method].layered and given.fitted is None:
         settings["solve.fitted"] = False  # the plan may fit the mesh; that has cases of its own
-    if method == "exact":
+    if METHODS[method].exact:
         elements = SIZES["exact"]  # which only samples it
     layers = scene.duration / scene.bar.transit_time * elements / (given.courant or 1.0)
     settings["output.every"] = max(1, int(layers) // 400)
@@ -84,7 +84,7 @@ def plain(method: str, row: Row) -> Facts:
 
     def facts(scene: Scene) -> Facts:
         found, given = facts_of(solved(method, scene)), scene.solve
-        if "of bound" in row.figures and method != "exact" and "displacement" in found:
+        if "of bound" in row.figures and not METHODS[method].exact and "displacement" in found:
             elements = given.elements or SIZES.get(method, 40)
             contacts = len(exact_bar(scene).contacts)
             limit = bound(method, elements, contacts, given.courant or 1.0)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impactfem.errors import ImpactWarning
+from impactfem.methods import METHODS
 from impactfem.result import Result
 from impactfem.result.trajectory import Trajectory
 from impactfem.scene import Scene
@@ -45,9 +46,9 @@ def solved(method: str, name: str, sizes: Sizes, **settings: Any) -> Result:
     e = settings.pop("restitution", None)
     if e is not None:
         scene = replace(scene, contacts=tuple(replace(c, restitution=e) for c in scene.contacts))
-    located = method in {"event_driven", "penalty"}
-    settings["dt"] = sizes.row if located else sizes.dt
-    if method == "penalty":
+    known = METHODS[method]
+    settings["dt"] = sizes.row if known.locates or known.yields else sizes.dt
+    if known.yields:
         settings["penalty_stiffness"] = sizes.stiffness
     return solve(scene, method=method, estimate=False, **settings)
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from impactfem.methods import METHODS
 from impactfem.studies.hard.board import Case, Facts
 from impactfem.studies.hard.point_facts import facts_of, run, solved
 from impactfem.studies.hard.points import (
@@ -35,7 +36,7 @@ def cradle(method: str, row: Row) -> Facts:
     facts: dict[str, float] = {}
     silent = False
     for law, (settings, exact) in _LAWS.items():
-        if law == "sequential" and method != "event_driven":
+        if law == "sequential" and not METHODS[method].locates:
             continue
         result = solved(method, "cradle", row.sizes, **settings)
         last = [float(result.history[f"{n}.vx"][-1]) for n in ("first", "second", "third")]
@@ -54,7 +55,7 @@ def stack(method: str, row: Row) -> Facts:
     )  # fmt: skip
     facts: dict[str, float] = {}
     for name, height, duration in (("put down", 0.0, 0.2), ("dropped", 0.1, 2.0)):
-        if height and method == "penalty":
+        if height and METHODS[method].yields:
             continue
         motion = run(method, system, [0.0, height], [0.0, 0.0], duration, row.sizes)
         facts[name] = abs(float(motion.contact_force[-1, 0]) / (G * sum(masses)) - 1.0)
@@ -117,7 +118,7 @@ def hop_height() -> float:
 
 def hop(method: str, row: Row) -> Facts:
     """The founding paper's driven oscillator: height of its last hops."""
-    rows = row.sizes if method == "penalty" else replace(row.sizes, row=1e-4)
+    rows = row.sizes if METHODS[method].yields else replace(row.sizes, row=1e-4)
     history = solved(method, "oscillator", rows).history
     times, place = history["time"].values, history["mass.x"].values
     place = place[times >= _LAST - 6.0 * 2.0 * math.pi / _DRIVE]

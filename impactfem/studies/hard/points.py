@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from impactfem.exact.vibro import ZenoBall, elastic_corner, grazing_impact
+from impactfem.methods import METHODS
 from impactfem.scene import Formula
 from impactfem.scene.signal import Signal
 from impactfem.studies.hard.board import Facts
@@ -28,7 +29,7 @@ def zeno(method: str, row: Row) -> Facts:
     result = solved(method, "bouncing_ball", row.sizes)
     history = result.history
     times, force = history["time"].values, history["contact_force"].values
-    if method == "event_driven":
+    if METHODS[method].locates:
         stop = result.summary["details"]["sticking"][0][0]
     else:
         pushed = force[1:] * np.diff(times) + history["contact_impulse"].values[1:]
@@ -44,9 +45,9 @@ def zeno(method: str, row: Row) -> Facts:
 
 def bounces(method: str, row: Row) -> Facts:
     """Elastic bounces for a long time: 1e5 if they are located, else 1e4."""
-    count = 100_000 if method == "event_driven" else 10_000
+    count = 100_000 if METHODS[method].locates else 10_000
     motion = run(method, _ball(1.0), [1.0], [0.0], (count + 0.25) * _FLIGHT, row.sizes)
-    kept = slice(None) if method == "event_driven" else away_from_impacts(motion)
+    kept = slice(None) if METHODS[method].locates else away_from_impacts(motion)
     drift = motion.total[kept] / G - 1.0
     return facts_of(motion, G) | {
         "growth": max(0.0, float(drift.max())),
@@ -99,7 +100,7 @@ def table(method: str, row: Row) -> Facts:
     ball = _ball(0.5, Signal(harmonics=((turn, 0.0, high),)))
     motion = run(method, ball, [0.0], [high * turn], 0.5, row.sizes)
     leaving = math.asin(G / (high * turn**2)) / turn
-    if method == "event_driven":
+    if METHODS[method].locates:
         found = motion.effort.details["sticking"][0][1]
     else:
         found = motion.times[np.flatnonzero(motion.impulse[:, 0] > 0.0)[-1]]

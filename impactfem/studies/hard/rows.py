@@ -33,11 +33,16 @@ class Sizes:
 
         h of moreau_jean, 2 h of paoli_schatzman, pi / sqrt(k) of penalty, none of event_driven.
         """
-        if method == "event_driven":
-            return 0.0
-        if method == "penalty":
-            return math.pi / math.sqrt(self.stiffness)
-        return 2.0 * self.dt if method == "paoli_schatzman" else self.dt
+        return _LASTING[method](self)
+
+
+_LASTING: Mapping[str, Callable[[Sizes], float]] = {
+    "event_driven": lambda _: 0.0,
+    "penalty": lambda sizes: math.pi / math.sqrt(sizes.stiffness),
+    "paoli_schatzman": lambda sizes: 2.0 * sizes.dt,
+    "moreau_jean": lambda sizes: sizes.dt,
+}
+"""How long impacts of a method last [s]."""
 
 
 @dataclass(frozen=True)

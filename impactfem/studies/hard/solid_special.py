@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.marching.schemes import SOLID_SCHEMES
 from impactfem.result import Result
 from impactfem.studies.hard.board import Case, Facts
 from impactfem.studies.hard.meshes import curved_disc, mesh_file, square
 from impactfem.studies.hard.rows import Row, load
 from impactfem.studies.hard.solids import (
-    EXPLICIT,
     beyond,
     face,
     facts_of,
@@ -70,7 +70,7 @@ def _from_file(text: str, method: str, row: Row) -> Result:
     with mesh_file(text, "body.msh") as path:
         own: dict[str, Any] = {"shape": None, "mesh_size": None, "mesh": path}
         more = {f"body.body.{key}": value for key, value in own.items()}
-        if method not in EXPLICIT:
+        if not SOLID_SCHEMES[method].explicit:
             more["solve.dt"] = _DT  # the plan's step would follow slivers
         return solved(method, row.scene(more))
 

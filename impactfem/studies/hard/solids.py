@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 
 from impactfem.errors import ConvergenceError
+from impactfem.marching.schemes import SOLID_SCHEMES
 from impactfem.result import Result
 from impactfem.scene import Scene
 from impactfem.solving import solve
 from impactfem.studies.hard.board import Facts
 from impactfem.studies.hard.rows import Row
-
-EXPLICIT = ("explicit", "galerkin")
 
 
 def solved(method: str, scene: Scene) -> Result:
@@ -32,9 +31,10 @@ def facts_of(result: Result) -> dict[str, float]:
     """Figures of a run, dimensionless for bodies of size 1."""
     history, scene = result.history, result.scene
     force, gap = history["contact_force"].values, history["gap"].values
+    scheme = SOLID_SCHEMES[result.summary["method"]]
     # The first half step of an explicit march has another energy, dt^2 a M a / 8 less: what the
     # layers conserve is that of the middle of the first.
-    first = 1 if result.summary["method"] in EXPLICIT else 0
+    first = int(scheme.explicit)
     total = history["total_energy"].values[first:]
     inside = history["kinetic_energy"].values + history["elastic_energy"].values
     start, most = max(abs(float(total[0])), float(inside[0])), float(inside.max())
@@ -49,7 +49,7 @@ def facts_of(result: Result) -> dict[str, float]:
         "penetration": depth,
         "pull": max(0.0, -float(force.min())) / max(float(np.abs(force).max()), 1e-300),
     }
-    if result.summary["method"] == "moreau_jean":
+    if scheme.contact == "velocity":
         velocity = np.hypot(history["body.vx"].values, history["body.vy"].values)
         facts["steps sunk"] = depth / max(float(velocity.max()) * dt, 1e-300)
     if len(scene.obstacles) == 1 and scene.obstacles[0].kind == "half_space":
@@ -59,7 +59,7 @@ def facts_of(result: Result) -> dict[str, float]:
 
 def _impulse_error(result: Result) -> float:
     """By how much the momentum changes otherwise than by the impulses of force and gravity."""
-    history, method = result.history, result.summary["method"]
+    history, scheme = result.history, SOLID_SCHEMES[result.summary["method"]]
     momentum, force = history["momentum"].values, history["contact_force"].values
     dt = float(history["time"].values[1])
     direction = np.asarray(history["momentum"].attrs["direction"])[:2]
@@ -69,10 +69,10 @@ def _impulse_error(result: Result) -> float:
         return float(np.abs(force).max())
     mass = float(momentum[fastest] / velocity[fastest])
     weight = mass * float(result.scene.vector_gravity.at(0.0) @ direction)
-    if method == "explicit":  # momentum belongs to the middle of layers, and layers have the mean
-        change, acting = 0.5 * (momentum[3:] - momentum[1:-2]), force[2:-1]
-    elif method == "galerkin":
+    if scheme.shares_forces:
         change, acting = np.diff(momentum)[1:], 0.5 * (force[1:-1] + force[2:])
+    elif scheme.explicit:  # momentum belongs to the middle of layers, and layers have the mean
+        change, acting = 0.5 * (momentum[3:] - momentum[1:-2]), force[2:-1]
     else:
         change, acting = np.diff(momentum), force[1:]
     missing = change - dt * (acting + weight)
