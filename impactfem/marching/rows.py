@@ -1,6 +1,6 @@
 """What a march shows of a level, and what each layer leaves in the history."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any
@@ -25,7 +25,13 @@ class Level:
     """
 
     def __init__(
-        self, interior: Interior, layer: int, static: Floats, force: Floats, gap: Floats
+        self,
+        interior: Interior,
+        layer: int,
+        static: Floats,
+        force: Floats,
+        gap: Floats,
+        pushes: Callable[[], Floats],
     ) -> None:
         """Show a level of an interior.
 
@@ -35,8 +41,9 @@ class Level:
             static: Displacement of massless nodes by the multipliers [m], (count, dim).
             force: See above.
             gap: See above.
+            pushes: Gives `nodal_forces`.
         """
-        self._interior, self._static = interior, static
+        self._interior, self._static, self._pushes = interior, static, pushes
         self.layer, self.time = layer, layer * interior.dt
         self.force, self.gap = force, gap
 
@@ -49,6 +56,11 @@ class Level:
     def velocity(self) -> Floats:
         """Velocity of the dofs this rank owns [m/s]."""
         return self._interior.velocity
+
+    @cached_property
+    def nodal_forces(self) -> Floats:
+        """Lasting contact forces on the contact nodes, friction included [N], (nodes, dim)."""
+        return self._pushes()
 
 
 @dataclass

@@ -105,6 +105,13 @@ class RubbingMarch(SolidMarch):
         whole, slid = np.bincount(pair, pressing, count), np.bincount(pair, pressing * way, count)
         np.divide(slid, whole, out=self.rows.slip[row], where=whole > 0.0)
 
+    def _vectors(self, lasting: Floats) -> Floats:
+        """Forces in the gaps as vectors with those of friction, (pairs, dim) [N]."""
+        rubbing = self._tangential if self._scheme.shares_forces else self._rubbing_force
+        if not rubbing.size:  # at t = 0
+            return super()._vectors(lasting)
+        return super()._vectors(lasting) + np.where(self._impulsive[:, None], 0.0, rubbing)
+
     def _pressed_work(self, way: Floats) -> float:
         """Multipliers times the displacements (pairs, dim) that they give to massless nodes [J]."""
         return super()._pressed_work(way) + float((self._rubbing.tangential * way).sum())

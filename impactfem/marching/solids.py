@@ -347,9 +347,16 @@ class SolidMarch:
         if not observers:
             return
         state = self.contact
-        level = Level(self.interior, self.layer, state.static, force, state.gap)
+        level = Level(
+            self.interior, self.layer, state.static, force, state.gap,
+            lambda: self._gaps.spread(self._vectors(np.where(self._impulsive, 0.0, force))),
+        )  # fmt: skip
         for observer in observers:
             observer(level)
+
+    def _vectors(self, lasting: Floats) -> Floats:
+        """Forces in the gaps as vectors (pairs, dim), of their normal parts (pairs,) [N]."""
+        return lasting[:, None] * self._normals
 
     def _close_row(self, row: int, force: Floats, iterations: int) -> None:
         """Store what is the same on all ranks."""

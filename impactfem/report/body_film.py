@@ -18,7 +18,7 @@ from impactfem.report.film import cursor, even_moments, force_beside, tell_time
 from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin
 from impactfem.report.slender_picture import COLOURS, tracks
-from impactfem.report.solid_figures import FLAT, STRESS, Painter, survey
+from impactfem.report.solid_figures import FLAT, STRESS, Painter, forces_key, survey
 from impactfem.report.space_picture import SpacePainter, skin_of
 from impactfem.report.vibro_figures import gaps
 from impactfem.result import Result, Snapshots
@@ -109,6 +109,8 @@ def body_reel(result: Result, fields: Snapshots, frames: int | None) -> BodyReel
     if len(skin.triangles):
         colours = ScalarMappable(Normalize(0.0, painter.stress), "viridis")
         figure.colorbar(colours, ax=left, label=STRESS, shrink=0.9)
+    if painter.force > 0.0:
+        left.set_title(f"arrows: {forces_key(painter)}", fontsize=9)
     now = _beside(right, result)
     figure.suptitle(result.scene.title, fontsize=11)
     clock = left.text(0.02, 0.98, "", transform=left.transAxes, va="top", zorder=5, fontsize=9)

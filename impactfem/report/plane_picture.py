@@ -12,6 +12,7 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from impactfem.contact.distance import nearest_obstacle, signed_distance
+from impactfem.report.arrows import FORCE, SEEN
 from impactfem.report.skin import Skin, Snapshot, union
 from impactfem.report.slender_picture import reach, slender, widened
 
@@ -39,6 +40,7 @@ class PlanePainter:
         axisymmetric: Whether x is the radius.
         stress: Largest von Mises stress of the colours [Pa].
         pressure: Largest contact pressure of all pictures [Pa].
+        force: Largest contact force of all pictures [N].
         several: Whether bodies can strike each other: then the pressure is a line along the
             contact, the wider the larger, as an area beyond it would cover the other body.
     """
@@ -48,6 +50,7 @@ class PlanePainter:
     axisymmetric: bool
     stress: float = 1.0
     pressure: float = 0.0
+    force: float = 0.0
     several: bool = False
 
     def extent(self, snapshot: Snapshot) -> Floats:
@@ -103,6 +106,9 @@ class PlanePainter:
             pressures = drawn(snapshot, ends)
             axes.add_collection(pressures, autolim=False)
             artists.append(pressures)
+        if self.force > 0.0:
+            longest = self._longest if len(self.skin.triangles) else _LONGEST * self.skin.size
+            artists.append(draw_arrows(axes, snapshot.arrows[:, :, :2], longest, self.force))
         return artists
 
     @property
@@ -143,6 +149,23 @@ class PlanePainter:
             list(ends[shown]), colors=PRESSURE, capstyle="butt", zorder=3,
             linewidths=np.maximum(1.0, WIDEST * pressure[shown].mean(axis=1) / self.pressure),
         )  # fmt: skip
+
+
+def draw_arrows(axes: Axes, arrows: Floats, longest: float, largest: float) -> Artist:
+    """Draw forces from where they act on, for each body those on it.
+
+    Args:
+        axes: Where.
+        arrows: Places in the picture [m] and forces [N], shape (arrows, 2, 2).
+        longest: Length of the largest force in the picture [m].
+        largest: That force [N].
+    """
+    shown = arrows[np.linalg.norm(arrows[:, 1], axis=1) > SEEN * largest]
+    return axes.quiver(
+        *shown[:, 0].T, *(longest / largest * shown[:, 1].T), scale=1.0, scale_units="xy",
+        angles="xy", color=FORCE, width=0.008, headwidth=4.0, headlength=5.0, headaxislength=4.5,
+        minlength=0.5, zorder=4,
+    )  # fmt: skip
 
 
 def draw_obstacles(axes: Axes, obstacles: Sequence[Any], time: float) -> list[Artist]:

@@ -1,12 +1,13 @@
 """What is seen of bodies: triangles to colour, outlines, lines, balls, where they are pressed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.report.arrows import resultants
 from impactfem.result import Snapshots
 from impactfem.result.cell_kinds import BY_VTK_TYPE, CellKind, boundary_facets, face_triangles
 from impactfem.result.shapes import LINE, VERTEX
@@ -15,7 +16,7 @@ from impactfem.result.whole import Whole
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_SHOWN = ("displacement", "von_mises", "contact_pressure", "gap")
+_SHOWN = ("displacement", "von_mises", "contact_pressure", "contact_force", "gap")
 _SAME = 1e-9  # of the size: nodes nearer to a plane of symmetry lie on it
 
 
@@ -29,6 +30,7 @@ class Snapshot:
         von_mises: [Pa], 0 where bodies have none, shape (nodes,).
         pressure: Contact pressure [Pa], 0 where there is none, shape (nodes,).
         may_touch: Whether a node may touch an obstacle, shape (nodes,).
+        arrows: Contact forces as `impactfem.report.arrows.resultants`, shape (arrows, 2, 3).
     """
 
     time: float
@@ -36,11 +38,17 @@ class Snapshot:
     von_mises: Floats
     pressure: Floats
     may_touch: NDArray[np.bool_]
+    arrows: Floats = field(default_factory=lambda: np.empty((0, 2, 3)))
 
     @property
     def is_finite(self) -> bool:
         """Whether it can be drawn."""
         return bool(np.isfinite(self.place).all() and np.isfinite(self.von_mises).all())
+
+    @property
+    def largest_force(self) -> float:
+        """Of all arrows [N]; 0 without any."""
+        return float(np.linalg.norm(self.arrows[:, 1], axis=1).max(initial=0.0))
 
 
 @dataclass(frozen=True)
@@ -167,9 +175,11 @@ class Skin:
     @cached_property
     def is_stressed(self) -> NDArray[np.bool_]:
         """Whether a node is one of a solid, shape (nodes,)."""
-        found = np.zeros(len(self.points), dtype=bool)
-        found[self.triangles] = True
-        return found
+        images = 2 ** len(self.mirrors)
+        count = len(self.points) // images
+        found = np.zeros(count, dtype=bool)
+        found[self.triangles % count] = True  # the first image may be the one left out
+        return np.tile(found, images)
 
     def snapshot(self, layer: int) -> Snapshot:
         """Read a layer."""
@@ -184,11 +194,24 @@ class Skin:
         for facets in self.facets:
             _fill_middles(facets, self.dim, pressure, touching)
         images = 2 ** len(self.mirrors)
+        places = self.points[:count] + values["displacement"]
+        forces = np.nan_to_num(values.get("contact_force", np.zeros((count, 3))))
         return Snapshot(
-            float(self.fields.times[layer]),
-            _mirrored(self.points[:count] + values["displacement"], self.mirrors),
-            *(np.tile(part, images) for part in (stress, pressure, touching)),
+            time=float(self.fields.times[layer]),
+            place=_mirrored(places, self.mirrors),
+            von_mises=np.tile(stress, images),
+            pressure=np.tile(pressure, images),
+            may_touch=np.tile(touching, images),
+            arrows=self._arrows(places, forces),
         )
+
+    def _arrows(self, places: Floats, forces: Floats) -> Floats:
+        """Contact forces on patches; those on balls and rods act on their surface."""
+        amount = np.linalg.norm(forces, axis=1, keepdims=True)
+        inward = np.divide(forces, amount, out=np.zeros_like(forces), where=amount > 0.0)
+        surface = places - self.radius[: len(places), None] * inward
+        lines = self.lines[(self.lines < len(places)).all(axis=1)]
+        return resultants(forces, surface, [*self.facets, lines], self.mirrors)
 
 
 def _surface(

@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from impactfem.report.arrows import FORCE
 from impactfem.report.plane_picture import PRESSURE, WIDEST, PlanePainter
 from impactfem.report.pressure_maps import draw_pressure_maps
 from impactfem.report.sheet import Sheet
@@ -55,17 +56,19 @@ def survey(
         A painter with colours that suit them, and the extent of the body in each that is finite.
     """
     painter = _painter(result, skin)
-    stress, pressure, extents = 0.0, 0.0, []
+    stress, pressure, force, extents = 0.0, 0.0, 0.0, []
     for snapshot in snapshots:
         if snapshot.is_finite:
             if skin.is_stressed.any():  # a spot at the edge of contact would spoil the colours
                 seen = snapshot.von_mises[skin.nodes][skin.is_stressed[skin.nodes]]
                 stress = max(stress, float(np.quantile(seen, _COLOURED)))
             pressure = max(pressure, float(snapshot.pressure.max()))
+            force = max(force, snapshot.largest_force)
             extents.append(painter.extent(snapshot))
     if extents and not len(skin.triangles):
         skin = replace(skin, span=float(np.ptp(union(extents, 0.0), axis=1).max()))
-    return replace(painter, skin=skin, stress=stress or 1.0, pressure=pressure), extents
+    found = replace(painter, skin=skin, stress=stress or 1.0, pressure=pressure, force=force)
+    return found, extents
 
 
 def _painter(result: Result, skin: Skin) -> Painter:
@@ -117,16 +120,31 @@ def body(result: Result) -> Figure | None:
             [body.name for body in result.scene.bodies],
             result.summary.get("details", {}).get("carriers", {}).values(),
         )  # fmt: skip
-    elif painter.pressure > 0.0:
+    if keys := _keys(painter, areas=not maps):
+        figure.legend(handles=keys, loc="outside lower center", frameon=False)
+    what = "deformed bodies" if len(result.scene.bodies) > 1 else "deformed body"
+    figure.suptitle(_title(result, f"{what}, true to scale"), fontsize=11)
+    return figure
+
+
+def _keys(painter: Painter, *, areas: bool) -> list[Patch | Line2D]:
+    """What pressures, if they are drawn as areas or lines, and arrows say."""
+    keys: list[Patch | Line2D] = []
+    if painter.pressure > 0.0 and areas:
         label = f"contact pressure, at most {painter.pressure:.3g} Pa"
         key: Patch | Line2D = Patch(color=PRESSURE, label=label)
         if isinstance(painter, PlanePainter) and painter.several:
             label = f"contact pressure by the width of the line, at most {painter.pressure:.3g} Pa"
             key = Line2D([], [], color=PRESSURE, linewidth=WIDEST, label=label)
-        figure.legend(handles=[key], loc="outside lower center", frameon=False)
-    what = "deformed bodies" if len(result.scene.bodies) > 1 else "deformed body"
-    figure.suptitle(_title(result, f"{what}, true to scale"), fontsize=11)
-    return figure
+        keys.append(key)
+    if painter.force > 0.0:
+        keys.append(Line2D([], [], color=FORCE, marker=">", label=forces_key(painter)))
+    return keys
+
+
+def forces_key(painter: Painter) -> str:
+    """What the arrows of pictures say."""
+    return f"contact forces, the longest arrow {painter.force:.3g} N"
 
 
 def centre_of_mass(result: Result) -> Figure:

@@ -14,6 +14,7 @@ from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
 from impactfem.contact.distance import translation
+from impactfem.report.plane_picture import draw_arrows
 from impactfem.report.skin import Skin, Snapshot, normals, union
 from impactfem.report.slender_picture import reach, slender, widened
 from impactfem.result import Result, Snapshots
@@ -27,6 +28,7 @@ _ELEVATION = np.radians(14.0)
 _AZIMUTHS = np.radians([55.0, 125.0, 235.0, 305.0])
 _GREY = np.array([0.72, 0.72, 0.72, 1.0])
 _ARROW = {"arrowstyle": "->", "shrinkA": 0.0, "shrinkB": 0.0}
+_LONGEST = 0.3  # share of the size that the largest contact force is drawn at
 _FLOOR, _GRID = "0.90", "0.70"
 
 
@@ -96,6 +98,7 @@ class SpacePainter:
         camera: Where it is looked from.
         stress: Largest von Mises stress of the colours [Pa].
         pressure: Largest contact pressure of all pictures [Pa].
+        force: Largest contact force of all pictures [N].
     """
 
     skin: Skin
@@ -103,6 +106,7 @@ class SpacePainter:
     camera: Camera
     stress: float = 1.0
     pressure: float = 0.0
+    force: float = 0.0
 
     def extent(self, snapshot: Snapshot) -> Floats:
         """Range of the body in the picture, shape (2, 2): rows are directions."""
@@ -158,7 +162,11 @@ class SpacePainter:
             linewidths=0.5, zorder=2, rasterized=True,
         )  # fmt: skip
         axes.add_collection(body, autolim=False)
-        return [*artists, body]
+        artists.append(body)
+        if self.force > 0.0:
+            flat = self.camera.flat(snapshot.arrows)
+            artists.append(draw_arrows(axes, flat, _LONGEST * self.skin.size, self.force))
+        return artists
 
     @cached_property
     def _light(self) -> Floats:

@@ -16,19 +16,19 @@ from impactfem.result.store import reserve
 from impactfem.signals import held_back
 
 POINT_DATA: Mapping[str, int] = MappingProxyType(
-    {**MOTION, "von_mises": 1, "contact_pressure": 1, "gap": 1, "active": 1}
+    {**MOTION, "von_mises": 1, "contact_pressure": 1, "contact_force": 3, "gap": 1, "active": 1}
 )
-"""Fields of scenes with solids: besides the motion [Pa], [Pa], [m], 0 or 1.
+"""Fields of scenes that are marched: besides the motion [Pa], [Pa], [N], [m], 0 or 1.
 
-At nodes of a solid without contact unknown ``gap`` is NaN, ``contact_pressure`` and ``active`` are
-0; at those of other bodies what they do not have is NaN.
+At nodes of a solid without contact unknown ``gap`` is NaN, and what contact does there is 0; at
+those of other bodies what they do not have is NaN.
 """
 
 ABOUT = "impactfem"
 """Group beside that of VTK, which readers pass over: names and first nodes of the bodies."""
 
 # The same value at nearly all nodes: packed, they take no room.
-_PACKED = frozenset({"contact_pressure", "gap", "active"})
+_PACKED = frozenset({"contact_pressure", "contact_force", "gap", "active"})
 _CHUNK, _LEAST = 1 << 17, 1 << 9  # values of a chunk at most (1 MiB of floats), rows at least
 
 

@@ -34,24 +34,32 @@ class Followed:
 
     Attributes:
         shape: Its vertices or lines, where they are at t = 0.
-        motion: Displacement and velocity of their nodes at a level, shape (nodes, dim); what is not
-            given is NaN in the file. Asked on rank 0 only.
+        motion: Displacement, velocity and contact force of their nodes at a level, shape
+            (nodes, dim); what is not given is NaN in the file. Asked on rank 0 only.
     """
 
     shape: Shape
     motion: Callable[[Level], Mapping[str, Floats]]
 
 
-def followed(march: FewMidpoint) -> list[Followed]:
-    """Bodies without meshes as they are marched: balls, and axes between contact nodes."""
+def followed(march: FewMidpoint, among: slice) -> list[Followed]:
+    """Bodies without meshes as they are marched: balls, and axes between contact nodes.
+
+    Args:
+        march: What moves them.
+        among: Which of all contact nodes are theirs.
+    """
     bodies, places = march.bodies, march.bodies.places(march.bodies.position)
 
     def one(name: str, own: Integers, *, axis: bool) -> Followed:
         make = Shape.line if axis else Shape.vertices
 
-        def motion(_: Level) -> dict[str, Floats]:
+        def motion(level: Level) -> dict[str, Floats]:
             moved, speed = march.surface_displacement, march.surface_velocity
-            return {"displacement": moved[own], "velocity": speed[own]}
+            forces = level.nodal_forces[among]
+            return {
+                "displacement": moved[own], "velocity": speed[own], "contact_force": forces[own]
+            }  # fmt: skip
 
         return Followed(make(name, places[own], bodies.radius[own]), motion)
 
@@ -123,7 +131,12 @@ class FieldOutput:
             (gap, pressure, active), self._gaps.nodal(level.force, level.gap), strict=True
         ):
             whole[self._contact] = seen[: len(self._contact)]  # other bodies' nodes come after
-        solids = {**given, "gap": gap, "contact_pressure": pressure, "active": active}
+        forces = np.zeros((nodes, self._dim))
+        forces[self._contact] = level.nodal_forces[: len(self._contact)]
+        solids = {
+            **given, "gap": gap, "contact_pressure": pressure, "contact_force": forces,
+            "active": active,
+        }  # fmt: skip
         each = [solids, *(body.motion(level) for body in self._others)]
         self._spool.append(level.time, joined(each, self._spool.point_data))
 

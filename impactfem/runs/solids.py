@@ -131,7 +131,11 @@ def run_solids(
         )
         probes = SolidProbes.of(march, model, few)
         looking = [probes] if scene.probes else []
-        others = [body for part in few for body in followed(part)]
+        others = [
+            body
+            for k, part in enumerate(few, start=len(solids))
+            for body in followed(part, composite.own(k))
+        ]
         fields, watch = _march(
             scene,
             model,

@@ -61,6 +61,9 @@ def solid_result(path, dim=2, *, layers=25, obstacles=None, broken=False):
                     "velocity": np.zeros_like(place),
                     "von_mises": stress * (np.nan if broken and k == layers - 1 else 1.0),
                     "contact_pressure": PEAK_PRESSURE * pulse[k] * share,
+                    "contact_force": np.outer(
+                        PEAK_FORCE * pulse[k] * share / max(share.sum(), 1e-12), [0.0, 1.0, 0.0]
+                    ),
                     "gap": np.where(rim & (local[:, 1] < 0.0), place[:, 1], np.nan),
                     "active": share > 0.0,
                 },

@@ -72,7 +72,7 @@ def test_pressure_at_a_corner_goes_into_the_obstacle(tmp_path):
     with FieldSpool(tmp_path / "f.vtkhdf", [Shape("body", points, [[0, 1, 2, 3]], 9)]) as spool:
         spool.append(0.0, {"displacement": 0 * points, "velocity": 0 * points, "von_mises": [1] * 4,
                            "contact_pressure": [3.0, 1.0, 0.0, 0.0], "gap": [0, 0, 1, 1],
-                           "active": [1, 1, 0, 0]})  # fmt: skip
+                           "contact_force": 0 * points, "active": [1, 1, 0, 0]})  # fmt: skip
     skin = Skin.of(StoredSnapshots(tmp_path / "f.vtkhdf"))
     floor = HalfSpace(name="floor", point=[0.0, 0.0], normal=[0.0, 2.0])
     painter = PlanePainter(skin, [floor], False, 1.0, 3.0)
@@ -200,7 +200,7 @@ def test_a_part_is_shown_with_its_mirror_images(tmp_path, axes):
         moved = 0.1 * (points - 1.0)
         spool.append(0.0, {"displacement": moved, "velocity": moved, "von_mises": np.arange(8.0),
                            "contact_pressure": np.ones(8), "gap": np.zeros(8),
-                           "active": np.ones(8)})  # fmt: skip
+                           "contact_force": 0 * points, "active": np.ones(8)})  # fmt: skip
     fields = StoredSnapshots(tmp_path / "f.vtkhdf")
     whole = Whole(tuple((axis, 1.0) for axis in axes))
 
@@ -215,6 +215,10 @@ def test_a_part_is_shown_with_its_mirror_images(tmp_path, axes):
     assert volume(closed) == pytest.approx(whole.factor * 1.1**3)
     assert not closed.bodies.any()
     assert closed.snapshot(0).von_mises.sum() == whole.factor * 28.0
+    opened = Skin.of(fields, whole, np.array([0.5, 0.3, 0.8]))
+    assert opened.snapshot(0).von_mises.sum() == whole.factor * 28.0
+    opened = Skin.of(fields, whole, np.array([-0.5, -0.3, -0.8]))  # the computed part is left out
+    assert opened.snapshot(0).von_mises.sum() == whole.factor * 28.0
     opened = Skin.of(fields, whole, np.array([0.5, 0.3, 0.8]))
     assert opened.opened is (len(axes) > 1)
     assert volume(opened) == pytest.approx((whole.factor - opened.opened) * 1.1**3)

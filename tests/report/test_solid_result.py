@@ -37,7 +37,7 @@ def test_a_saved_result_loads_the_same_and_reads_fields_when_asked(result, tmp_p
     for name, values in result.fields.read(2).items():
         assert np.array_equal(again.fields.read(2)[name], values, equal_nan=True)
     # The result stays usable, and a loaded one can be saved elsewhere and over itself.
-    assert len(result.fields.read(0)) == 6
+    assert len(result.fields.read(0)) == 7
     again.save(folder, pictures=False)
     again.save(tmp_path / "other", pictures=False)
     assert len(Result.load(tmp_path / "other").fields) == len(Result.load(folder).fields) == 5

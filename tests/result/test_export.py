@@ -34,6 +34,7 @@ def values(points, time):
         "velocity": np.stack([x * y, y + time, x * z], axis=1),
         "von_mises": 1e6 * (1.0 + x + y * y + 7 * z + time),
         "contact_pressure": np.where(abs(y) < 1e-9, 5.0 + x + time, 0.0),
+        "contact_force": np.where(abs(y[:, None]) < 1e-9, points + time, 0.0),
         "gap": np.where(abs(y) < 1e-9, x + time, np.nan),
         "active": (abs(y) < 1e-9).astype(np.uint8),
     }

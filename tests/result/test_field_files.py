@@ -33,6 +33,7 @@ def values(layer):
         "velocity": np.stack([2 * node, 3 * node, 4 * node], axis=1),
         "von_mises": 5 * node,
         "contact_pressure": 6 * node,
+        "contact_force": np.stack([7 * node, 8 * node, 9 * node], axis=1),
         "gap": gap,
         "active": node % 2 == 0,
     }
