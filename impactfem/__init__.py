@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         SceneError,
     )
     from impactfem.exact import ExactBar, ExactBarRow, RowBar
-    from impactfem.planning import BarRowPlan, Plan, SolidPlan, VibroPlan, plan
+    from impactfem.planning import Plan, plan
     from impactfem.result import Result
     from impactfem.result.compare import Comparison, compare
     from impactfem.result.trajectory import Trajectory
@@ -72,7 +72,6 @@ if TYPE_CHECKING:
 # Public names and where they live; loaded when first used, so that `import impactfem` is fast.
 _HOMES = {
     "Bar": "impactfem.scene",
-    "BarRowPlan": "impactfem.planning",
     "Beam": "impactfem.scene",
     "Block": "impactfem.scene",
     "Board": "impactfem.studies.hard.cases",
@@ -112,7 +111,6 @@ _HOMES = {
     "SceneError": "impactfem.errors",
     "Signal": "impactfem.scene.signal",
     "Solid": "impactfem.scene",
-    "SolidPlan": "impactfem.planning",
     "Solve": "impactfem.scene",
     "Sphere": "impactfem.scene",
     "Spring": "impactfem.scene",
@@ -120,7 +118,6 @@ _HOMES = {
     "Support": "impactfem.scene",
     "Traction": "impactfem.scene",
     "Trajectory": "impactfem.result.trajectory",
-    "VibroPlan": "impactfem.planning",
     "Wall": "impactfem.scene",
     "compare": "impactfem.result.compare",
     "hard_cases": "impactfem.studies.hard.cases",
@@ -133,7 +130,6 @@ _HOMES = {
 
 __all__ = [
     "Bar",
-    "BarRowPlan",
     "Beam",
     "Block",
     "Board",
@@ -173,7 +169,6 @@ __all__ = [
     "SceneError",
     "Signal",
     "Solid",
-    "SolidPlan",
     "Solve",
     "Sphere",
     "Spring",
@@ -181,7 +176,6 @@ __all__ = [
     "Support",
     "Traction",
     "Trajectory",
-    "VibroPlan",
     "Wall",
     "__version__",
     "compare",

@@ -14,7 +14,7 @@ from impactfem.signals import InterruptedRunError, held_back
 
 if TYPE_CHECKING:
     from impactfem.log import Progress
-    from impactfem.planning import AnyPlan
+    from impactfem.planning import Plan
     from impactfem.result import Result
     from impactfem.scene import Scene
 
@@ -129,7 +129,7 @@ def _to_run(given: argparse.Namespace) -> "tuple[Path | None, Scene, Path]":
 
 
 def _solved(
-    scene: "Scene", chosen: "AnyPlan", restart: Path | None, folder: Path, progress: "Progress"
+    scene: "Scene", chosen: "Plan[Any]", restart: Path | None, folder: Path, progress: "Progress"
 ) -> "Result":
     """Solve a scene as planned, with checkpoints if it asks for them."""
     from impactfem.solving import solve  # noqa: PLC0415

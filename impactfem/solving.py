@@ -10,7 +10,7 @@ from typing import Any
 from impactfem.errors import SceneError
 from impactfem.log import Progress
 from impactfem.methods import METHODS, is_exact
-from impactfem.planning import AnyPlan, BarRowPlan, Plan, SolidPlan, VibroPlan, plan
+from impactfem.planning import BarNumbers, MarchNumbers, Plan, RowNumbers, VibroNumbers, plan
 from impactfem.planning.bar_errors import rounding_findings
 from impactfem.provenance import run_record
 from impactfem.reference.bar import Errors, exact_bar, exact_curves, measure
@@ -37,7 +37,7 @@ def solve(
     progress: Progress | None = None,
     checkpoints: Path | None = None,
     restart: Path | None = None,
-    planned: AnyPlan | None = None,
+    planned: Plan[Any] | None = None,
     **settings: Any,
 ) -> Result:
     """Solve a scene.
@@ -80,24 +80,24 @@ def solve(
 
 def _solve(
     scene: Scene,
-    chosen: AnyPlan,
+    chosen: Plan[Any],
     progress: Progress,
     checkpoints: Path | None,
     restart: Path | None,
 ) -> Result:
-    if isinstance(chosen, SolidPlan):
+    if scene.solver == "march":
         return _solve_solids(scene, chosen, progress, checkpoints, restart)
     if checkpoints is not None or restart is not None:
         body = scene.bodies[0]
         raise SceneError(f"body {body.name}: a {body.kind} is not checkpointed; leave that out")
-    if isinstance(chosen, VibroPlan):
+    if scene.solver == "vibro":
         return _solve_vibro(scene, chosen, progress)
-    if isinstance(chosen, BarRowPlan):
+    if scene.solver == "bar_row":
         return _solve_bar_row(scene, chosen, progress)
     return _solve_bar(scene, chosen, progress)
 
 
-def _solve_bar(scene: Scene, chosen: Plan, progress: Progress) -> Result:
+def _solve_bar(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> Result:
     start = time.perf_counter()
     check_bar_probes(scene)
     motion = RUNNERS[METHODS[chosen.method].family](every_level(scene), chosen, progress)
@@ -129,7 +129,7 @@ def _solve_bar(scene: Scene, chosen: Plan, progress: Progress) -> Result:
     )
 
 
-def _grown(chosen: Plan | BarRowPlan, effort: Effort, errors: Errors | None) -> Effort:
+def _grown(chosen: Plan[Any], effort: Effort, errors: Errors | None) -> Effort:
     """The effort with what rounding has grown to, where the plan foretold that it grows."""
     if errors is None or all(found.code != "rounding_growth" for found in chosen.findings):
         return effort
@@ -137,7 +137,7 @@ def _grown(chosen: Plan | BarRowPlan, effort: Effort, errors: Errors | None) -> 
     return replace(effort, findings=grown, measured=("rounding_growth",))
 
 
-def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Result:
+def _solve_bar_row(scene: Scene, chosen: Plan[RowNumbers], progress: Progress) -> Result:
     start = time.perf_counter()
     check_bar_probes(scene)
     motion = run_bar_row(every_level(scene), chosen, progress)
@@ -148,7 +148,7 @@ def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Resu
     wall_time = time.perf_counter() - start
     progress.step("measuring the error")
     end = max(scene.duration, float(motion.times[-1]))
-    exact = exact_row_if_known(scene, end) if chosen.exact_known else None
+    exact = exact_row_if_known(scene, end) if chosen.numbers.exact_known else None
     reference = None if is_exact(chosen.method) or not motion.is_finite else exact
     errors = None if reference is None else measure_row(motion, reference)
     if exact is not None and exact.sampled and motion.is_finite:
@@ -176,7 +176,7 @@ def _solve_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> Resu
 
 def _solve_solids(
     scene: Scene,
-    chosen: SolidPlan,
+    chosen: Plan[MarchNumbers],
     progress: Progress,
     checkpoints: Path | None,
     restart: Path | None,
@@ -196,7 +196,7 @@ def _solve_solids(
 
 
 def _estimated(
-    used: Scene, chosen: SolidPlan, history: Table, effort: Effort, progress: Progress,
+    used: Scene, chosen: Plan[MarchNumbers], history: Table, effort: Effort, progress: Progress,
     *, is_finite: bool,
 ) -> tuple[Errors | None, Effort]:  # fmt: skip
     """The estimated errors of solids, and the effort with what told them."""
@@ -207,7 +207,7 @@ def _estimated(
     return errors, replace(effort, details={**effort.details, "error_estimate": note})
 
 
-def _solve_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> Result:
+def _solve_vibro(scene: Scene, chosen: Plan[VibroNumbers], progress: Progress) -> Result:
     from impactfem.runs.vibro import run_vibro  # noqa: PLC0415  (loads Numba)
 
     run = run_vibro(scene, chosen, progress)
@@ -232,7 +232,7 @@ def _solve_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> Result:
     return Result(used, run.history, summary, run.fields, impacts=run.motion.impacts)
 
 
-def _bar_as_used(scene: Scene, chosen: Plan) -> Scene:
+def _bar_as_used(scene: Scene, chosen: Plan[BarNumbers]) -> Scene:
     """The scene with the plan's choices filled in."""
     settings = scene.solve
     filled = replace(settings, method=chosen.method, degree=chosen.degree, fitted=chosen.fitted)
@@ -246,7 +246,7 @@ def _bar_as_used(scene: Scene, chosen: Plan) -> Scene:
     return replace(scene, solve=filled)
 
 
-def _solids_as_used(scene: Scene, chosen: SolidPlan) -> Scene:
+def _solids_as_used(scene: Scene, chosen: Plan[MarchNumbers]) -> Scene:
     """The scene with the plan's choices filled in."""
     settings = replace(
         scene.solve,

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, override
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from impactfem.exact import ExactBarRow
 from impactfem.findings import Finding, warning
 from impactfem.methods import DISPERSIVE, METHODS, is_exact
 from impactfem.planning.bar_errors import EXACT, ROUNDING, rounding_findings
-from impactfem.planning.card import Foresees
+from impactfem.planning.plans import Numbers, Plan, cost_rows
 from impactfem.reference.bar_row import exact_row_if_known
 from impactfem.reference.rounding import sampling_of_row
 from impactfem.scene import Bar, Scene
@@ -28,13 +28,11 @@ _GROWTH = 5.0  # of an error from contact to contact, the most seen of one bar
 _EXACT = 1e-12  # of the characteristics, tested against closed forms
 
 
-@dataclass(frozen=True, repr=False)
-class BarRowPlan(Foresees):
-    """What will be modelled and how.
+@dataclass(frozen=True, kw_only=True)
+class RowNumbers(Numbers):
+    """Numbers of the run of bars in a row.
 
     Attributes:
-        method: "galerkin", "conserving" or "exact".
-        model: The model in words.
         elements: Elements along each bar.
         layers: Time layers.
         dt: Time step [s], the same for all bars.
@@ -45,13 +43,8 @@ class BarRowPlan(Foresees):
         exact_known: Whether the exact solution can be followed to the end.
         contact_pairs: Complementarity pairs, layers times pairs of neighbours.
         unknowns: Nodes times layers; 0 of the exact solution.
-        memory_mib: Estimated peak memory [MiB].
-        seconds: Estimated time [s] on a 2-core machine.
-        reasons: Why each choice was made, by key.
     """
 
-    method: str
-    model: str
     elements: tuple[int, ...]
     layers: int
     dt: float
@@ -61,17 +54,26 @@ class BarRowPlan(Foresees):
     exact_known: bool
     contact_pairs: int
     unknowns: int
-    memory_mib: float
-    seconds: float
-    reasons: dict[str, str]
 
     @property
     def longest(self) -> int:
         """Elements along the bar with the longest transit time, as solve.elements counts."""
         return max(self.elements)
 
+    @override
+    def rows(self, plan: Plan[Any]) -> list[tuple[str, str]]:
+        low, high = min(self.courant), max(self.courant)
+        courant = f"{high:g}" if self.matched else f"{low:g} to {high:g}"
+        return [
+            ("elements", " + ".join(str(count) for count in self.elements)),
+            ("layers", str(self.layers)),
+            ("dt", f"{self.dt:g} s (courant {courant})"),
+            ("unknowns", f"{self.unknowns} ({self.contact_pairs} contact pairs)"),
+            *cost_rows(plan),
+        ]
 
-def plan_bar_row(scene: Scene) -> BarRowPlan:
+
+def plan_bar_row(scene: Scene) -> Plan[RowNumbers]:
     """Choose method, elements and step for bars in a row; nothing is solved but the exact motion.
 
     Raises:
@@ -104,18 +106,20 @@ def plan_bar_row(scene: Scene) -> BarRowPlan:
     grid = Grid(sum(elements) + len(elements) - 1, layers, dt)
     memory, seconds = marching_cost(grid, scene.output.every, 1)
     nodes = sum(elements) + len(elements)
-    return BarRowPlan(
+    return Plan(
         method=method,
         model=_model(bars, wall=bool(scene.obstacles)),
-        elements=tuple(elements),
-        layers=layers,
-        dt=dt,
-        courant=courant,
-        matched=matched,
-        on_layers=aligned,
-        exact_known=exact is not None,
-        contact_pairs=layers * pairs,
-        unknowns=0 if METHODS[method].exact else nodes * layers,
+        numbers=RowNumbers(
+            elements=tuple(elements),
+            layers=layers,
+            dt=dt,
+            courant=courant,
+            matched=matched,
+            on_layers=aligned,
+            exact_known=exact is not None,
+            contact_pairs=layers * pairs,
+            unknowns=0 if METHODS[method].exact else nodes * layers,
+        ),
         memory_mib=memory,
         seconds=seconds,
         predicted_error=(

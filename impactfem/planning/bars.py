@@ -1,6 +1,7 @@
 """The plan of a bar: the least model and method that it needs, with the reasons."""
 
 from dataclasses import dataclass
+from typing import Any, override
 
 from impactfem.exact import ExactBar
 from impactfem.findings import Finding, warning
@@ -12,8 +13,8 @@ from impactfem.planning.bar_errors import (
     rounding_findings,
     rounding_of_galerkin,
 )
-from impactfem.planning.card import Foresees
 from impactfem.planning.doubts import doubts_of_bar
+from impactfem.planning.plans import Numbers, Plan, cost_rows
 from impactfem.reference.bar import exact_bar
 from impactfem.scene import Scene
 from impactfem.sizing import (
@@ -31,13 +32,11 @@ OFF_LAYERS = "conserving"
 """Method where layers are asked for and events fall between them."""
 
 
-@dataclass(frozen=True, repr=False)
-class Plan(Foresees):
-    """What will be modelled and how.
+@dataclass(frozen=True, kw_only=True)
+class BarNumbers(Numbers):
+    """Numbers of the run of one bar.
 
     Attributes:
-        method: Name as in `impactfem methods`.
-        model: The model in words.
         elements: Elements along the bar; None if a mesh file decides.
         layers: Time layers; None if a mesh file decides or there are none.
         dt: Time step [s]; None as for the layers.
@@ -51,13 +50,8 @@ class Plan(Foresees):
         max_iterations: Limit of linear solves of one active-set loop.
         contact_pairs: Complementarity pairs; None as for the unknowns, and if there are none.
         unknowns: Number of unknowns; None if only the run decides (accuracy of dg).
-        memory_mib: Estimated peak memory [MiB]; None if not known beforehand.
-        seconds: Estimated time [s] on a 2-core machine; None if not known beforehand.
-        reasons: Why each choice was made, by key.
     """
 
-    method: str
-    model: str
     elements: int | None
     layers: int | None
     dt: float | None
@@ -71,12 +65,31 @@ class Plan(Foresees):
     max_iterations: int
     contact_pairs: int | None
     unknowns: int | None
-    memory_mib: float | None
-    seconds: float | None
-    reasons: dict[str, str]
+
+    @override
+    def rows(self, plan: Plan[Any]) -> list[tuple[str, str]]:
+        found = [
+            (name, "from the mesh file" if value is None else str(value))
+            for name, value in (("elements", self.elements), ("layers", self.layers))
+        ]
+        if self.dt is not None and self.courant is not None:
+            found.append(("dt", f"{self.dt:g} s (courant {self.courant:g})"))
+        if self.degree is not None:
+            fitted = "fitted to" if self.fitted else "not fitted to"
+            found.append(("mesh", f"P{self.degree}, {fitted} events"))
+        if not METHODS[plan.method].exact:
+            numbers = f"gamma {self.gamma:g}, tolerance {self.tolerance:g}"
+            limit = f"at most {self.max_iterations} iterations"
+            found += [
+                ("window", str(self.window)),
+                ("active set", f"{self.active_set}, {numbers}, {limit}"),
+            ]
+            if self.unknowns is not None:
+                found.append(("unknowns", f"{self.unknowns} ({self.contact_pairs} contact pairs)"))
+        return found + cost_rows(plan)
 
 
-def plan_bar(scene: Scene) -> Plan:
+def plan_bar(scene: Scene) -> Plan[BarNumbers]:
     """Choose method and numbers for the bar of a scene; nothing is solved but the exact events.
 
     Raises:
@@ -108,19 +121,21 @@ def plan_bar(scene: Scene) -> Plan:
     return Plan(
         method=name,
         model=f"elastic bar in 1D, far end {bar.far_end}, rigid wall at its near end",
-        elements=grid.elements,
-        layers=grid.layers,
-        dt=grid.dt,
-        courant=grid.courant,
-        window=window,
-        degree=None if method.layered else degree,
-        fitted=None if method.layered else fitted,
-        active_set="none" if method.exact else solve.active_set or "pdas",
-        gamma=solve.gamma or 1.0,
-        tolerance=solve.tolerance or method.tolerance,
-        max_iterations=solve.max_iterations or 3 * iterations + 50,
-        contact_pairs=cost.contact_pairs,
-        unknowns=cost.unknowns,
+        numbers=BarNumbers(
+            elements=grid.elements,
+            layers=grid.layers,
+            dt=grid.dt,
+            courant=grid.courant,
+            window=window,
+            degree=None if method.layered else degree,
+            fitted=None if method.layered else fitted,
+            active_set="none" if method.exact else solve.active_set or "pdas",
+            gamma=solve.gamma or 1.0,
+            tolerance=solve.tolerance or method.tolerance,
+            max_iterations=solve.max_iterations or 3 * iterations + 50,
+            contact_pairs=cost.contact_pairs,
+            unknowns=cost.unknowns,
+        ),
         memory_mib=cost.memory_mib,
         seconds=cost.seconds,
         predicted_error=predicted,

@@ -5,6 +5,7 @@ nothing. Where that is not certain (loads, rotations, moving obstacles), nothing
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,10 +39,18 @@ class _Path:
         return float(np.abs(np.diff(self.centres, axis=0)).max(initial=0.0))
 
 
-def doubts(scene: Scene) -> tuple[Finding, ...]:
-    """Warnings about points, rods, beams and solids that meet nothing, and about units."""
+def doubts(scene: Scene, told: Sequence[Finding] = ()) -> tuple[Finding, ...]:
+    """Warnings about points, rods, beams and solids that meet nothing, and about units.
+
+    Args:
+        scene: The scene.
+        told: What is known already, which may say more of a body that meets nothing.
+    """
+    if scene.bars:
+        return ()
     found = [doubt for body in scene.bodies for doubt in _units(body)]
-    if _meet_nothing(scene):
+    lonely = {finding.subject for finding in told if finding.code == MEETS_NOTHING}
+    if not lonely & {body.name for body in scene.bodies} and _meet_nothing(scene):
         what = f"{scene.bodies[0].name} meets" if len(scene.bodies) == 1 else "the bodies meet"
         text = f"{what} nothing within duration = {scene.duration:g} s"
         remedy = "check the signs of velocity and gravity, and the duration"

@@ -7,7 +7,8 @@ from impactfem.errors import SceneError
 from impactfem.findings import Finding, warning
 from impactfem.methods import METHODS
 from impactfem.planning.estimates import choose_estimate
-from impactfem.planning.solid_plan import SolidPlan, law_in_words
+from impactfem.planning.plans import Plan
+from impactfem.planning.solid_plan import MarchNumbers, law_in_words
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
 
@@ -23,7 +24,7 @@ _MOST = 10_000_000
 _SECONDS = 3e-4  # of a layer
 
 
-def plan_few(scene: Scene) -> SolidPlan:
+def plan_few(scene: Scene) -> Plan[MarchNumbers]:
     """Choose the numbers of a march of bodies without meshes.
 
     Raises:
@@ -49,27 +50,29 @@ def plan_few(scene: Scene) -> SolidPlan:
     )
     if solve.estimate is None:
         reasons["estimate"] = "by runs with steps twice and four times as long"
-    return SolidPlan(
+    return Plan(
         method=solve.method or METHOD,
         model=f"{few_in_words(model.few)}, {law_in_words(scene)}",
-        degree=0,
-        degrees=(),
-        cells="none",
-        mesh_size=0.0,
-        dt=scene.duration / layers,
-        courant=None,
-        layers=layers,
-        linear_solver="mumps",
-        normals="updated",
-        active_set=solve.active_set or "pdas",
-        tolerance=solve.tolerance or METHODS[METHOD].tolerance,
-        max_iterations=solve.max_iterations or 200,
-        contact_pairs=model.contact_count,
-        unknowns=model.unknowns,
+        numbers=MarchNumbers(
+            degree=0,
+            degrees=(),
+            cells="none",
+            mesh_size=0.0,
+            dt=scene.duration / layers,
+            courant=None,
+            layers=layers,
+            linear_solver="mumps",
+            normals="updated",
+            active_set=solve.active_set or "pdas",
+            tolerance=solve.tolerance or METHODS[METHOD].tolerance,
+            max_iterations=solve.max_iterations or 200,
+            contact_pairs=model.contact_count,
+            unknowns=model.unknowns,
+            estimate=estimate,
+            whole=Whole(),
+        ),
         memory_mib=1.0,
         seconds=seconds + more,
-        estimate=estimate,
-        whole=Whole(),
         reasons=reasons,
         findings=tuple(law_findings(scene)),
     )

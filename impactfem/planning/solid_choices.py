@@ -57,7 +57,7 @@ _WORTH_OFFERING = 3.0
 
 @dataclass(frozen=True)
 class Steps:
-    """The time step as far as it is known before the run; see `SolidPlan`."""
+    """The time step as far as it is known before the run; see `MarchNumbers`."""
 
     dt: float | None
     courant: float | None

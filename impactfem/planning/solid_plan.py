@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, override
 
-from impactfem.planning.card import Foresees
+from impactfem.planning.plans import Numbers, Plan, cost_rows, estimate_row
 from impactfem.planning.solid_costs import Size
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
@@ -21,13 +22,11 @@ _CELLS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, repr=False)
-class SolidPlan(Foresees):
-    """What will be modelled and how, for one solid or several.
+@dataclass(frozen=True, kw_only=True)
+class MarchNumbers(Numbers):
+    """Numbers of the march, of one body or several.
 
     Attributes:
-        method: Name as in `impactfem methods`.
-        model: The model in words.
         degree: Largest degree of the elements.
         degrees: That of each body.
         cells: "simplex" or "hexahedron", of the first body.
@@ -43,15 +42,10 @@ class SolidPlan(Foresees):
         max_iterations: Limit of linear solves of one active-set loop.
         contact_pairs: Gaps: of nodes to obstacles, and between bodies.
         unknowns: Displacement components.
-        memory_mib: Estimated peak memory [MiB].
-        seconds: Estimated time [s], that of the runs for the error included, output excluded.
         estimate: Whether the error is estimated by runs on other elements.
         whole: What is told of, if planes of symmetry leave only a part to be computed.
-        reasons: Why each choice was made, by key; "offer ..." are cheaper models of the scene.
     """
 
-    method: str
-    model: str
     degree: int
     degrees: tuple[int, ...]
     cells: str
@@ -66,11 +60,30 @@ class SolidPlan(Foresees):
     max_iterations: int
     contact_pairs: int
     unknowns: int
-    memory_mib: float
-    seconds: float
     estimate: bool
     whole: Whole
-    reasons: dict[str, str]
+
+    @override
+    def rows(self, plan: Plan[Any]) -> list[tuple[str, str]]:
+        found_later = "as many as the stable step asks for, found when the run starts"
+        if self.dt is None:
+            step = f"{self.courant:g} of the stable step"
+        elif self.courant is None:
+            step = f"{self.dt:g} s"
+        else:
+            step = f"{self.dt:g} s (courant {self.courant:g})"
+        limits = f"tolerance {self.tolerance:g}, at most {self.max_iterations} iterations"
+        return [
+            ("mesh size", f"{self.mesh_size:g} m"),
+            ("layers", found_later if self.layers is None else str(self.layers)),
+            ("dt", step),
+            ("linear solver", self.linear_solver),
+            ("normals", self.normals),
+            ("active set", f"{self.active_set}, {limits}"),
+            ("unknowns", f"{self.unknowns} ({self.contact_pairs} contact pairs)"),
+            estimate_row(self),
+            *cost_rows(plan),
+        ]
 
 
 def in_words(scene: Scene, sizes: Sequence[Size]) -> str:

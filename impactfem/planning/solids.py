@@ -8,10 +8,11 @@ from impactfem.errors import SceneError
 from impactfem.findings import Finding
 from impactfem.methods import METHODS
 from impactfem.planning.estimates import choose_estimate
-from impactfem.planning.few import few_findings, few_in_words, few_step
+from impactfem.planning.few import few_findings, few_in_words, few_step, plan_few
 from impactfem.planning.meetings import told_contacts
 from impactfem.planning.normals import choose_normals
 from impactfem.planning.offers import offers
+from impactfem.planning.plans import Plan
 from impactfem.planning.solid_choices import (
     choose_degrees,
     choose_linear_solver,
@@ -30,13 +31,23 @@ from impactfem.planning.solid_costs import (
     memory_mib,
     seconds,
 )
-from impactfem.planning.solid_plan import SolidPlan, in_words
+from impactfem.planning.solid_plan import MarchNumbers, in_words
 from impactfem.planning.wholes import find_whole
 from impactfem.scene import Scene
 from impactfem.scene.solids import Solid
 
 
-def plan_solids(scene: Scene) -> SolidPlan:
+def plan_march(scene: Scene) -> Plan[MarchNumbers]:
+    """Choose method and numbers for bodies that are marched (collective).
+
+    Raises:
+        SceneError: The settings cannot work, or need more memory than the machine has.
+        MeshError: A mesh cannot be made.
+    """
+    return plan_solids(scene) if scene.solids else plan_few(scene)
+
+
+def plan_solids(scene: Scene) -> Plan[MarchNumbers]:
     """Choose method and numbers for the solids of a scene (collective: they are meshed).
 
     Raises:
@@ -102,27 +113,29 @@ def plan_solids(scene: Scene) -> SolidPlan:
     if model.probes:
         told = (f"{probe.name} in {probe.body}" for probe, *_ in model.probes)
         reasons["probes"] = f"in every layer: {', '.join(told)}"
-    return SolidPlan(
+    return Plan(
         method=method,
         model="; ".join(filter(None, [few_in_words(model.few), in_words(scene, sizes)])),
-        degree=max(degrees),
-        degrees=degrees,
-        cells=sizes[0].cells,
-        mesh_size=min(size.mesh_size for size in sizes),
-        dt=steps.dt,
-        courant=steps.courant,
-        layers=steps.layers,
-        linear_solver=linear_solver,
-        normals="updated" if model.updated else "fixed",
-        active_set=solve.active_set or "pdas",
-        tolerance=solve.tolerance or METHODS[method].tolerance,
-        max_iterations=solve.max_iterations or 200,
-        contact_pairs=model.contact_count,
-        unknowns=model.unknowns,
+        numbers=MarchNumbers(
+            degree=max(degrees),
+            degrees=degrees,
+            cells=sizes[0].cells,
+            mesh_size=min(size.mesh_size for size in sizes),
+            dt=steps.dt,
+            courant=steps.courant,
+            layers=steps.layers,
+            linear_solver=linear_solver,
+            normals="updated" if model.updated else "fixed",
+            active_set=solve.active_set or "pdas",
+            tolerance=solve.tolerance or METHODS[method].tolerance,
+            max_iterations=solve.max_iterations or 200,
+            contact_pairs=model.contact_count,
+            unknowns=model.unknowns,
+            estimate=estimate,
+            whole=whole,
+        ),
         memory_mib=memory_mib(sizes, linear_solver),
         seconds=cost(1.0) + more,
-        estimate=estimate,
-        whole=whole,
         reasons=reasons,
         findings=tuple(findings),
     )

@@ -2,14 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, override
 
 import numpy as np
 
 from impactfem.errors import SceneError
 from impactfem.findings import Finding, warning
 from impactfem.methods import METHODS
-from impactfem.planning.card import Foresees
+from impactfem.planning.plans import Numbers, Plan, estimate_row
 from impactfem.scene import Scene
 from impactfem.scene.values import show
 
@@ -24,13 +24,11 @@ _BEAM_PERIOD = 200.0  # steps of the first bending period
 _BYTES = 8.0 * 24.0
 
 
-@dataclass(frozen=True, repr=False)
-class VibroPlan(Foresees):
-    """What will be modelled and how, for few degrees of freedom.
+@dataclass(frozen=True, kw_only=True)
+class VibroNumbers(Numbers):
+    """Numbers of the run of few degrees of freedom.
 
     Attributes:
-        method: Name as in `impactfem methods`.
-        model: The model in words.
         dt: Time step, of "event_driven" that of the output [s].
         steps: Steps of that length.
         unknowns: Degrees of freedom.
@@ -41,13 +39,8 @@ class VibroPlan(Foresees):
         penalty_damping: Given alpha; None for that of the restitution.
         penalty_integrator: SciPy's integrator; None for others.
         estimate: Whether the error is estimated by a second run.
-        memory_mib: Estimated memory of the history [MiB].
-        seconds: Estimated time [s]; None for "event_driven", whose impacts are not known before.
-        reasons: Why each choice was made, by key.
     """
 
-    method: str
-    model: str
     dt: float
     steps: int
     unknowns: int
@@ -58,12 +51,29 @@ class VibroPlan(Foresees):
     penalty_damping: float | None
     penalty_integrator: str | None
     estimate: bool
-    memory_mib: float
-    seconds: float | None
-    reasons: dict[str, str]
+
+    @override
+    def rows(self, plan: Plan[Any]) -> list[tuple[str, str]]:
+        found = [
+            ("dt", f"{self.dt:g} s{' of the output' * METHODS[plan.method].locates}"),
+            ("steps", str(self.steps)),
+            ("unknowns", f"{self.unknowns} ({self.contact_pairs} constraints)"),
+            ("impact law", self.impact_law),
+        ]
+        if self.penalty_stiffness is not None:
+            given = self.penalty_damping
+            damping = "that of the restitution" if given is None else given
+            found.append(("penalty", f"k = {self.penalty_stiffness:g} 1/s^2, alpha: {damping}"))
+        unknown = "depends on the number of impacts"
+        return [
+            *found,
+            estimate_row(self),
+            ("memory", f"about {plan.memory_mib:.2g} MiB"),
+            ("time", unknown if plan.seconds is None else f"about {plan.seconds:.2g} s"),
+        ]
 
 
-def plan_vibro(scene: Scene) -> VibroPlan:
+def plan_vibro(scene: Scene) -> Plan[VibroNumbers]:
     """Choose method and numbers for points, a rod or a beam.
 
     Raises:
@@ -90,19 +100,21 @@ def plan_vibro(scene: Scene) -> VibroPlan:
     if METHODS[method].yields:
         stiffness = solve.penalty_stiffness or _choose_stiffness(scene, reasons)
     estimate = _choose_estimate(scene, method, steps, reasons)
-    return VibroPlan(
+    return Plan(
         method=method,
         model=model.words,
-        dt=scene.duration / steps,
-        steps=steps,
-        unknowns=model.system.dofs,
-        contact_pairs=model.system.num_constraints,
-        impact_law=solve.impact_law or "simultaneous",
-        stick_speed=solve.stick_speed,
-        penalty_stiffness=stiffness,
-        penalty_damping=solve.penalty_damping,
-        penalty_integrator=(solve.penalty_integrator or "lsoda") if stiffness else None,
-        estimate=estimate,
+        numbers=VibroNumbers(
+            dt=scene.duration / steps,
+            steps=steps,
+            unknowns=model.system.dofs,
+            contact_pairs=model.system.num_constraints,
+            impact_law=solve.impact_law or "simultaneous",
+            stick_speed=solve.stick_speed,
+            penalty_stiffness=stiffness,
+            penalty_damping=solve.penalty_damping,
+            penalty_integrator=(solve.penalty_integrator or "lsoda") if stiffness else None,
+            estimate=estimate,
+        ),
         memory_mib=memory,
         seconds=_seconds(model, method, steps, estimate=estimate),
         reasons=reasons,

@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from impactfem.planning import AnyPlan, BarRowPlan, Plan, SolidPlan, VibroPlan
 from impactfem.report.page.numbers import largest
 
 if TYPE_CHECKING:
+    from impactfem.planning import Plan
     from impactfem.result.compare import Comparison
 
 _NOTHING = 1e-15  # share of the energy at first that is rounding
@@ -19,14 +19,9 @@ def table(rows: Sequence[tuple[str, str]], title: str = "") -> str:
     return "\n".join(([title, "-" * len(title)] if title else []) + lines)
 
 
-def plan_table(plan: AnyPlan) -> str:
+def plan_table(plan: "Plan[Any]") -> str:
     """The plan with its reasons."""
-    if isinstance(plan, SolidPlan):
-        rows = _solid_rows(plan)
-    elif isinstance(plan, BarRowPlan):
-        rows = _bar_row_rows(plan)
-    else:
-        rows = _vibro_rows(plan) if isinstance(plan, VibroPlan) else _bar_rows(plan)
+    rows = [("model", plan.model), ("method", plan.method), *plan.numbers.rows(plan)]
     if plan.drawing_seconds:
         film = ", film" if plan.film else ""
         drawn = f"about {plan.drawing_seconds:.2g} s more for pictures{film} and report"
@@ -37,97 +32,6 @@ def plan_table(plan: AnyPlan) -> str:
         rows.append(("predicted error", f"{plan.predicted_error:.2g} of the displacement"))
     rows += [(finding.severity, finding.sentence) for finding in plan.findings]
     return table(rows, "Plan")
-
-
-def _solid_rows(plan: SolidPlan) -> list[tuple[str, str]]:
-    found_later = "as many as the stable step asks for, found when the run starts"
-    if plan.dt is None:
-        step = f"{plan.courant:g} of the stable step"
-    elif plan.courant is None:
-        step = f"{plan.dt:g} s"
-    else:
-        step = f"{plan.dt:g} s (courant {plan.courant:g})"
-    numbers = f"tolerance {plan.tolerance:g}, at most {plan.max_iterations} iterations"
-    return [
-        ("model", plan.model),
-        ("method", plan.method),
-        ("mesh size", f"{plan.mesh_size:g} m"),
-        ("layers", found_later if plan.layers is None else str(plan.layers)),
-        ("dt", step),
-        ("linear solver", plan.linear_solver),
-        ("normals", plan.normals),
-        ("active set", f"{plan.active_set}, {numbers}"),
-        ("unknowns", f"{plan.unknowns} ({plan.contact_pairs} contact pairs)"),
-        ("estimate", "the error, by further runs" if plan.estimate else "none"),
-        *_cost_rows(plan.memory_mib, plan.seconds),
-    ]
-
-
-def _bar_row_rows(plan: BarRowPlan) -> list[tuple[str, str]]:
-    low, high = min(plan.courant), max(plan.courant)
-    courant = f"{high:g}" if plan.matched else f"{low:g} to {high:g}"
-    return [
-        ("model", plan.model),
-        ("method", plan.method),
-        ("elements", " + ".join(str(count) for count in plan.elements)),
-        ("layers", str(plan.layers)),
-        ("dt", f"{plan.dt:g} s (courant {courant})"),
-        ("unknowns", f"{plan.unknowns} ({plan.contact_pairs} contact pairs)"),
-        *_cost_rows(plan.memory_mib, plan.seconds),
-    ]
-
-
-def _vibro_rows(plan: VibroPlan) -> list[tuple[str, str]]:
-    rows = [
-        ("model", plan.model),
-        ("method", plan.method),
-        ("dt", f"{plan.dt:g} s{' of the output' * (plan.method == 'event_driven')}"),
-        ("steps", str(plan.steps)),
-        ("unknowns", f"{plan.unknowns} ({plan.contact_pairs} constraints)"),
-        ("impact law", plan.impact_law),
-    ]
-    if plan.penalty_stiffness is not None:
-        damping = (
-            "that of the restitution" if plan.penalty_damping is None else plan.penalty_damping
-        )
-        rows.append(("penalty", f"k = {plan.penalty_stiffness:g} 1/s^2, alpha: {damping}"))
-    rows.append(("estimate", "the error, by further runs" if plan.estimate else "none"))
-    rows.append(("memory", f"about {plan.memory_mib:.2g} MiB"))
-    unknown = "depends on the number of impacts"
-    rows.append(("time", unknown if plan.seconds is None else f"about {plan.seconds:.2g} s"))
-    return rows
-
-
-def _cost_rows(memory_mib: float, seconds: float) -> list[tuple[str, str]]:
-    return [
-        ("memory", f"about {memory_mib:.0f} MiB"),
-        ("time", f"about {seconds:.2g} s on two cores"),
-    ]
-
-
-def _bar_rows(plan: Plan) -> list[tuple[str, str]]:
-    rows = [("model", plan.model), ("method", plan.method)]
-    for name in ("elements", "layers"):
-        value = getattr(plan, name)
-        rows.append((name, "from the mesh file" if value is None else str(value)))
-    if plan.dt is not None and plan.courant is not None:
-        rows.append(("dt", f"{plan.dt:g} s (courant {plan.courant:g})"))
-    if plan.degree is not None:
-        rows.append(
-            ("mesh", f"P{plan.degree}, {'fitted to' if plan.fitted else 'not fitted to'} events")
-        )
-    if plan.method != "exact":
-        numbers = f"gamma {plan.gamma:g}, tolerance {plan.tolerance:g}"
-        limit = f"at most {plan.max_iterations} iterations"
-        rows += [
-            ("window", str(plan.window)),
-            ("active set", f"{plan.active_set}, {numbers}, {limit}"),
-        ]
-        if plan.unknowns is not None:
-            rows.append(("unknowns", f"{plan.unknowns} ({plan.contact_pairs} contact pairs)"))
-    if plan.memory_mib is not None and plan.seconds is not None:
-        rows += _cost_rows(plan.memory_mib, plan.seconds)
-    return rows
 
 
 def summary_table(summary: Mapping[str, Any]) -> str:

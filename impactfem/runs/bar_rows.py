@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from impactfem.exact import ExactBarRow
 from impactfem.log import Progress
 from impactfem.methods import is_exact
-from impactfem.planning.bar_rows import BarRowPlan
+from impactfem.planning import Plan, RowNumbers
 from impactfem.reference.bar import Errors
 from impactfem.reference.bar_row import exact_row
 from impactfem.result.bar_motion import Effort, kept_levels
@@ -24,34 +24,36 @@ _SAMPLES = 1001  # times of the exact curves besides the jumps
 _JUMPS = 2000  # jumps of a force that a picture shows
 
 
-def run_bar_row(scene: Scene, chosen: BarRowPlan, progress: Progress) -> RowMotion:
+def run_bar_row(scene: Scene, chosen: Plan[RowNumbers], progress: Progress) -> RowMotion:
     """Compute the motion of bars in a row.
 
     Raises:
         SceneError: There are too many waves to follow.
     """
+    numbers = chosen.numbers
     if is_exact(chosen.method):
         progress.step("following the characteristics")
-        end = max(scene.duration, chosen.layers * chosen.dt)
+        end = max(scene.duration, numbers.layers * numbers.dt)
         return exact_row_motion(scene, exact_row(scene, end), chosen)
     progress.step("loading the time loops (compiled at their first use)")
     from impactfem.marching.bar_row import march_row  # noqa: PLC0415  (loads Numba)
 
     progress.step("marching")
     return march_row(
-        scene.bars, chosen.elements, chosen.dt, chosen.layers,
+        scene.bars, numbers.elements, numbers.dt, numbers.layers,
         wall=_wall(scene), every=scene.output.every, method=chosen.method,
     )  # fmt: skip
 
 
-def exact_row_motion(scene: Scene, exact: ExactBarRow, chosen: BarRowPlan) -> RowMotion:
+def exact_row_motion(scene: Scene, exact: ExactBarRow, chosen: Plan[RowNumbers]) -> RowMotion:
     """The exact motion at the planned levels and nodes; forces are means over layers."""
-    times = chosen.dt * np.arange(chosen.layers + 1, dtype=np.float64)
-    kept = kept_levels(chosen.layers, scene.output.every)
+    numbers = chosen.numbers
+    times = numbers.dt * np.arange(numbers.layers + 1, dtype=np.float64)
+    kept = kept_levels(numbers.layers, scene.output.every)
     count, pairs = len(scene.bars), len(exact.contacts)
     positions = tuple(
         np.linspace(0.0, bar.length, n + 1)
-        for bar, n in zip(scene.bars, chosen.elements, strict=True)
+        for bar, n in zip(scene.bars, numbers.elements, strict=True)
     )
     kinetic, elastic = exact.energy(times)
     t = times[kept, None]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from impactfem.errors import MeshError, SceneError
 from impactfem.log import Progress
-from impactfem.planning import Plan
+from impactfem.planning import BarNumbers, Plan
 from impactfem.reference.bar import exact_bar, exact_motion
 from impactfem.result import BarMotion
 from impactfem.scene import Scene
@@ -17,38 +17,40 @@ from impactfem.sizing import DEFAULT_ELEMENTS
 Floats = NDArray[np.float64]
 
 
-def _solve_exact(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
+def _solve_exact(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> BarMotion:
+    numbers = chosen.numbers
     progress.step("following the characteristics")
     bar = scene.bar
-    times = np.linspace(0.0, scene.duration, (chosen.layers or 1) + 1)
-    positions = np.linspace(0.0, bar.length, (chosen.elements or DEFAULT_ELEMENTS) + 1)
+    times = np.linspace(0.0, scene.duration, (numbers.layers or 1) + 1)
+    positions = np.linspace(0.0, bar.length, (numbers.elements or DEFAULT_ELEMENTS) + 1)
     exact = exact_bar(scene)
     return exact_motion(exact, bar, scene.axial_gravity, times, positions, scene.output.every)
 
 
-def _solve_marching(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
+def _solve_marching(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> BarMotion:
+    numbers = chosen.numbers
     progress.step("loading the time loops (compiled at their first use)")
     from impactfem.marching.march import SCHEMES, Marching, march  # noqa: PLC0415  (loads Numba)
 
     bar, scheme = scene.bar, SCHEMES[chosen.method]
     if scene.mesh_path is not None:
         positions, dt, layers = _layers_of_mesh(scene, chosen.method)
-    elif chosen.elements and chosen.layers and chosen.dt:
-        positions = np.linspace(0.0, bar.length, chosen.elements + 1)
-        dt, layers = chosen.dt, chosen.layers
+    elif numbers.elements and numbers.layers and numbers.dt:
+        positions = np.linspace(0.0, bar.length, numbers.elements + 1)
+        dt, layers = numbers.dt, numbers.layers
     else:
         raise SceneError("solve: the plan has neither elements nor a mesh; give solve.elements")
     progress.step("marching")
-    numbers = Marching(
+    marching = Marching(
         dt,
         layers,
-        window=layers if chosen.window == "all" else int(chosen.window),
-        gamma=chosen.gamma,
-        tolerance=chosen.tolerance,
-        max_iterations=chosen.max_iterations,
+        window=layers if numbers.window == "all" else int(numbers.window),
+        gamma=numbers.gamma,
+        tolerance=numbers.tolerance,
+        max_iterations=numbers.max_iterations,
         every=scene.output.every,
     )
-    return march(bar, scene.axial_gravity, positions, scheme, numbers)
+    return march(bar, scene.axial_gravity, positions, scheme, marching)
 
 
 def _layers_of_mesh(scene: Scene, method: str) -> tuple[Floats, float, int]:
@@ -87,7 +89,7 @@ def _layers_of_mesh(scene: Scene, method: str) -> tuple[Floats, float, int]:
     return bar.length * nodes, float(steps[0]), len(steps)
 
 
-def _solve_monolithic(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
+def _solve_monolithic(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> BarMotion:
     # DOLFINx and Gmsh load slowly: only for methods that need them.
     from impactfem.fem import MPI  # noqa: PLC0415
     from impactfem.mesh.files import read_mesh  # noqa: PLC0415
@@ -97,22 +99,23 @@ def _solve_monolithic(scene: Scene, chosen: Plan, progress: Progress) -> BarMoti
 
     comm = MPI.COMM_WORLD
     bar, path = scene.bar, scene.mesh_path
+    numbers = chosen.numbers
     progress.step("building the space-time mesh")
     if path is not None:
         space = read_mesh(comm, path, bar.length, scene.duration, bar.wave_speed)
         refuse_growth(space, path)
-    elif chosen.elements and chosen.layers and chosen.courant:
-        space = layered_mesh(comm, chosen.elements, chosen.layers, chosen.courant)
+    elif numbers.elements and numbers.layers and numbers.courant:
+        space = layered_mesh(comm, numbers.elements, numbers.layers, numbers.courant)
     else:
         raise SceneError("solve: the plan has neither elements nor a mesh; give solve.elements")
     progress.step("solving")
     settings = GalerkinSettings(
-        chosen.active_set, chosen.gamma, chosen.tolerance, chosen.max_iterations
+        numbers.active_set, numbers.gamma, numbers.tolerance, numbers.max_iterations
     )
     return solve_galerkin(space, bar, scene.axial_gravity, settings, progress, scene.output.every)
 
 
-def _solve_dg(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
+def _solve_dg(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> BarMotion:
     from impactfem.fem import MPI  # noqa: PLC0415
     from impactfem.mesh.files import read_mesh  # noqa: PLC0415
     from impactfem.spacetime.discontinuous import (  # noqa: PLC0415
@@ -121,21 +124,22 @@ def _solve_dg(scene: Scene, chosen: Plan, progress: Progress) -> BarMotion:
     )
 
     bar, path, asked = scene.bar, scene.mesh_path, scene.solve
+    numbers = chosen.numbers
     progress.step("building the space-time mesh")
     mesh = None
     if path is not None:
         mesh = read_mesh(MPI.COMM_WORLD, path, bar.length, scene.duration, bar.wave_speed)
     settings = DiscontinuousSettings(
-        degree=1 if chosen.degree is None else chosen.degree,
-        elements=chosen.elements or DEFAULT_ELEMENTS,
-        fitted=bool(chosen.fitted),
-        events=_known_events(scene) if chosen.fitted else (),
+        degree=1 if numbers.degree is None else numbers.degree,
+        elements=numbers.elements or DEFAULT_ELEMENTS,
+        fitted=bool(numbers.fitted),
+        events=_known_events(scene) if numbers.fitted else (),
         accuracy=asked.accuracy,
         mesh=mesh,
-        window=chosen.window,
-        gamma=chosen.gamma,
-        tolerance=chosen.tolerance,
-        max_iterations=chosen.max_iterations,
+        window=numbers.window,
+        gamma=numbers.gamma,
+        tolerance=numbers.tolerance,
+        max_iterations=numbers.max_iterations,
         every=scene.output.every,
     )
     progress.step("solving")
@@ -152,7 +156,7 @@ def _known_events(scene: Scene) -> tuple[float, ...]:
     return tuple(time for time in ends if time < scene.duration)
 
 
-RUNNERS: Mapping[str, Callable[[Scene, Plan, Progress], BarMotion]] = {
+RUNNERS: Mapping[str, Callable[[Scene, Plan[BarNumbers], Progress], BarMotion]] = {
     "dg": _solve_dg,
     "exact": _solve_exact,
     "marching": _solve_marching,

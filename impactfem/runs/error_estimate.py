@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError, ImpactError
 from impactfem.log import Progress
-from impactfem.planning import SolidPlan
+from impactfem.planning import MarchNumbers, Plan
 from impactfem.reference.bar import Errors
 from impactfem.result.table import Table
 from impactfem.scene import Scene, Solid
@@ -71,7 +71,7 @@ class Track:
 
 
 def estimate_error(
-    scene: Scene, chosen: SolidPlan, history: Table
+    scene: Scene, chosen: Plan[MarchNumbers], history: Table
 ) -> tuple[Errors | None, dict[str, Any]]:
     """Run the scene on other elements and tell the error from the differences (collective).
 
@@ -147,22 +147,23 @@ def can_be_resized(scene: Scene) -> bool:
     return all(body.mesh_size is not None for body in scene.bodies if isinstance(body, Solid))
 
 
-def _run(scene: Scene, chosen: SolidPlan, factor: float) -> Track:
+def _run(scene: Scene, chosen: Plan[MarchNumbers], factor: float) -> Track:
     """The scene on elements so many times as large, with steps as much larger."""
     from impactfem.runs.solids import run_solids  # noqa: PLC0415  (loads DOLFINx)
 
-    explicit = chosen.linear_solver == "none"  # steps follow from the stiffness anyway
+    numbers = chosen.numbers
+    explicit = numbers.linear_solver == "none"  # steps follow from the stiffness anyway
     numbers = replace(
-        chosen,
-        mesh_size=factor * chosen.mesh_size,
-        dt=None if explicit or chosen.dt is None else factor * chosen.dt,
-        courant=chosen.courant or (0.9 if explicit else None),
+        numbers,
+        mesh_size=factor * numbers.mesh_size,
+        dt=None if explicit or numbers.dt is None else factor * numbers.dt,
+        courant=numbers.courant or (0.9 if explicit else None),
         layers=None,
         estimate=False,
     )
     names = [body.name for body in scene.bodies]
     with resized(scene, factor) as other:
-        motion, _ = run_solids(other, numbers, Progress())
+        motion, _ = run_solids(other, replace(chosen, numbers=numbers), Progress())
     if not motion.effort.converged:
         raise ConvergenceError(motion.effort.message)
     return Track.of_history(motion.history, names)

@@ -14,7 +14,7 @@ from impactfem.system.spectrum import largest_eigenvalue
 from impactfem.system.surface import SurfaceNodes
 
 if TYPE_CHECKING:
-    from impactfem.planning import SolidPlan
+    from impactfem.planning import MarchNumbers, Plan
 
 
 class Discretised(Protocol):
@@ -31,7 +31,7 @@ class Discretised(Protocol):
 
 def planned_steps(
     duration: float,
-    plan: "SolidPlan",
+    plan: "Plan[MarchNumbers]",
     scheme: SolidScheme,
     discretised: Mapping[str, tuple[Discretised, SurfaceNodes, Any]],
 ) -> tuple[float, int, float | None]:
@@ -50,23 +50,24 @@ def planned_steps(
     Raises:
         SceneError: The step asked for is beyond the stable one.
     """
+    numbers = plan.numbers
     if not scheme.explicit:
-        if plan.dt is None:
+        if numbers.dt is None:
             raise SceneError("solve.dt: the plan has no time step; give solve.dt")
-        return plan.dt, count_layers(duration, plan.dt), None
+        return numbers.dt, count_layers(duration, numbers.dt), None
     stable = {name: stable_step(*parts) for name, parts in discretised.items()}
     slowest = min(stable, key=lambda name: stable[name])
     limit = stable[slowest]
-    dt = plan.dt if plan.dt is not None else (plan.courant or SHARE_OF_STABLE) * limit
+    dt = numbers.dt if numbers.dt is not None else (numbers.courant or SHARE_OF_STABLE) * limit
     if dt > limit * (1 + 1e-9):
-        asked = "dt" if plan.dt is not None else "courant"
+        asked = "dt" if numbers.dt is not None else "courant"
         raise SceneError(
             f"solve.{asked}: the time step {dt:g} s is beyond the stability limit {limit:g} s of "
             f"method {plan.method} on the mesh of body {slowest}; use solve.dt <= "
             f'{_down(limit):g}, solve.courant <= 1, or method = "massless"'
         )
     layers = count_layers(duration, dt)
-    return (dt if plan.dt is not None else duration / layers), layers, limit
+    return (dt if numbers.dt is not None else duration / layers), layers, limit
 
 
 def stable_step(model: Discretised, surface: SurfaceNodes, transfer: Any) -> float:

@@ -44,7 +44,7 @@ from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from impactfem.planning import SolidPlan
+    from impactfem.planning import MarchNumbers, Plan
 
 Floats = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ _FRAMES = 150  # layers of fields that are kept of bodies without meshes, at mos
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def run_solids(
     scene: Scene,
-    plan: "SolidPlan",
+    plan: "Plan[MarchNumbers]",
     progress: Progress,
     *,
     checkpoints: Path | None = None,
@@ -81,8 +81,9 @@ def run_solids(
             then says so in its effort.
         OutputError: The checkpoint cannot be read or written.
     """
+    numbers = plan.numbers
     progress.step("meshing and assembling")
-    model = solids_model(scene, plan.degrees, updated=plan.normals == "updated")
+    model = solids_model(scene, numbers.degrees, updated=numbers.normals == "updated")
     scheme = SOLID_SCHEMES[plan.method]
     surfaces = [model.surface(k) for k in range(len(model.parts))]
     transfers = [
@@ -98,15 +99,15 @@ def run_solids(
     discretised = {parts[0].solid.name: parts for parts in each}
     dt, layers, limit = planned_steps(scene.duration, plan, scheme, discretised)
     progress.step("preparing the layers")
-    tolerance = plan.tolerance * _size(model, dt)
-    solids = [_interior(*parts, scheme, dt, plan.linear_solver) for parts in each]
+    tolerance = numbers.tolerance * _size(model, dt)
+    solids = [_interior(*parts, scheme, dt, numbers.linear_solver) for parts in each]
     few = [
         FewMidpoint(bodies, scene.vector_gravity, dt, counts=model.comm.rank == 0)
         for bodies in model.few
     ]
     composite = Composite([*solids, *few], [_free(*parts[:2]) for parts in each])
     contacts = Contacts.of(model, surfaces, composite)
-    law = contacts.friction(scene, tolerance, 50 * plan.max_iterations)
+    law = contacts.friction(scene, tolerance, 50 * numbers.max_iterations)
     interior: Interior = composite
     gaps: ContactGaps
     if len(solids) == 1 and not few and law is None:
@@ -114,7 +115,7 @@ def run_solids(
         interior, gaps = solids[0], contacts.obstacles[0].gaps
     else:
         gaps = contacts.gaps()
-    solver = _solver(plan, tolerance)
+    solver = _solver(numbers, tolerance)
     lively = contacts.restitution(scene)
     arguments = (model.comm, interior, scheme, gaps, solver, layers, tolerance, lively)
     march = SolidMarch(*arguments) if law is None else RubbingMarch(*arguments, law)
@@ -149,7 +150,7 @@ def run_solids(
             restart,
         )
         motion = solids_motion(
-            model, scheme, march, watch, limits, limit, plan.whole, plan.mesh_size, probes
+            model, scheme, march, watch, limits, limit, numbers.whole, numbers.mesh_size, probes
         )
     finally:
         interior.destroy()
@@ -181,12 +182,12 @@ def _every(scene: Scene, layers: int) -> int:
     return asked if scene.solids else max(asked, layers // _FRAMES)
 
 
-def _solver(plan: "SolidPlan", tolerance: float) -> Solver:
-    if plan.active_set == "snes_vi":
+def _solver(numbers: "MarchNumbers", tolerance: float) -> Solver:
+    if numbers.active_set == "snes_vi":
         from impactfem.contact.snes_vi import solve_by_snes_vi  # noqa: PLC0415  (rarely asked)
 
-        return solve_by_snes_vi(tolerance, plan.max_iterations)
-    return solve_by_active_set(tolerance, plan.max_iterations)
+        return solve_by_snes_vi(tolerance, numbers.max_iterations)
+    return solve_by_active_set(tolerance, numbers.max_iterations)
 
 
 def _interior(

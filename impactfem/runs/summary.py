@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.planning import AnyPlan
+from impactfem.planning import Plan
 from impactfem.reference.bar import Errors
 from impactfem.result import Effort
 from impactfem.result.table import Table
@@ -34,7 +34,7 @@ class Cost:
 
 
 def summarise(
-    scene: Scene, chosen: AnyPlan, history: Table, effort: Effort, errors: Errors | None,
+    scene: Scene, chosen: Plan[Any], history: Table, effort: Effort, errors: Errors | None,
     cost: Cost, *, driven: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
     """Figures and verdict of a run, as in ``summary.json``; None for what is not finite.

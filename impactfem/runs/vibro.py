@@ -13,8 +13,8 @@ from impactfem.findings import ROTATION_LIMITS, Finding, by_limits, warning
 from impactfem.log import Progress
 from impactfem.methods import METHODS
 from impactfem.models.vibro import VibroModel, vibro_model
+from impactfem.planning import Plan, VibroNumbers
 from impactfem.planning.model_limits import CODES, strain_findings
-from impactfem.planning.vibro import VibroPlan
 from impactfem.reference.bar import Errors, root_of_squares
 from impactfem.result.history import Columns, PairMotion, make_history
 from impactfem.result.shapes import as_vectors
@@ -64,7 +64,7 @@ class VibroRun:
     fields: KeptSnapshots | None = None
 
 
-def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
+def run_vibro(scene: Scene, chosen: Plan[VibroNumbers], progress: Progress) -> VibroRun:
     """Integrate the motion of points, a rod or a beam.
 
     Raises:
@@ -94,7 +94,7 @@ def run_vibro(scene: Scene, chosen: VibroPlan, progress: Progress) -> VibroRun:
         bodies[name] = beam_figures(model.beam, motion.position, turned)
         findings += strain_findings(name, bodies[name]["strain_99"] or 0.0)
     errors, note, reference = None, "", None
-    if chosen.estimate and motion.is_finite:
+    if chosen.numbers.estimate and motion.is_finite:
         progress.step("estimating the error by a second run")
         errors, note, reference = _estimate(scene, chosen, model, motion)
     details = dict(motion.effort.details) | {"constraints": list(model.labels)}
@@ -150,18 +150,19 @@ def _episode(scene: Scene, model: VibroModel, motion: Trajectory) -> dict[str, A
     return {"episode": asdict(found) | {"is_over": found.is_over}}
 
 
-def _settings(scene: Scene, chosen: VibroPlan) -> Any:
+def _settings(scene: Scene, chosen: Plan[VibroNumbers]) -> Any:
     """Settings of the method as the plan says."""
+    numbers = chosen.numbers
     tolerance, every = scene.solve.tolerance, scene.output.every
     offered = {
-        "dt": chosen.dt,
+        "dt": numbers.dt,
         "every": every,
-        "rows": max(1, chosen.steps // every),
-        "stick_speed": chosen.stick_speed,
-        "impact_law": chosen.impact_law,
-        "stiffness": chosen.penalty_stiffness,
-        "damping": chosen.penalty_damping,
-        "integrator": chosen.penalty_integrator,
+        "rows": max(1, numbers.steps // every),
+        "stick_speed": numbers.stick_speed,
+        "impact_law": numbers.impact_law,
+        "stiffness": numbers.penalty_stiffness,
+        "damping": numbers.penalty_damping,
+        "integrator": numbers.penalty_integrator,
         "rtol": tolerance,
         "atol": None if tolerance is None else 1e-2 * tolerance,
     }
@@ -171,7 +172,7 @@ def _settings(scene: Scene, chosen: VibroPlan) -> Any:
 
 
 def _integrate(
-    scene: Scene, chosen: VibroPlan, model: VibroModel, start: Floats | None = None
+    scene: Scene, chosen: Plan[VibroNumbers], model: VibroModel, start: Floats | None = None
 ) -> Trajectory:
     entry = INTEGRATORS[chosen.method]
     begin = model.position if start is None else start
@@ -182,12 +183,14 @@ def _integrate(
 
 
 def _estimate(
-    scene: Scene, chosen: VibroPlan, model: VibroModel, motion: Trajectory
+    scene: Scene, chosen: Plan[VibroNumbers], model: VibroModel, motion: Trajectory
 ) -> tuple[Errors | None, str, Trajectory | None]:
     """Errors against a second run, what it says in words, and that run if its step is another."""
     if METHODS[chosen.method].locates:
         return *_sensitivity(scene, chosen, model, motion), None
-    other = replace(chosen, method="event_driven", impact_law="simultaneous")
+    numbers = chosen.numbers
+    located = replace(numbers, impact_law="simultaneous")
+    other = replace(chosen, method="event_driven", numbers=located)
     reference, name = None, "event-driven method"
     if model.beam is None:
         try:
@@ -195,17 +198,18 @@ def _estimate(
         except ConvergenceError:
             reference = None
     if reference is None:
-        other, name = replace(chosen, dt=0.5 * chosen.dt, steps=2 * chosen.steps), "same with dt/2"
+        halved = replace(numbers, dt=0.5 * numbers.dt, steps=2 * numbers.steps)
+        other, name = replace(chosen, numbers=halved), "same with dt/2"
         fine = replace(scene, output=replace(scene.output, every=2 * scene.output.every))
         reference = _integrate(fine, other, model)
         # e(dt) is the difference over 1 - 2^-p: told as for order 1, that of steps with impacts.
-        halved = compare(motion, reference, f"twice the difference to the {name}")
-        return halved.times(2.0, 2.0), f"against the {name}", reference
+        found = compare(motion, reference, f"twice the difference to the {name}")
+        return found.times(2.0, 2.0), f"against the {name}", reference
     return compare(motion, reference, name), f"against the {name}", reference
 
 
 def _sensitivity(
-    scene: Scene, chosen: VibroPlan, model: VibroModel, motion: Trajectory
+    scene: Scene, chosen: Plan[VibroNumbers], model: VibroModel, motion: Trajectory
 ) -> tuple[Errors | None, str]:
     """Precision of the flights times the growth of a small change of the start."""
     if int(motion.effort.details.get("impacts", 0)) > _EVENTS:

@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 from impactfem.errors import SceneError
 from impactfem.scene.beams import Beam, Rod
@@ -184,6 +184,15 @@ class Scene:
     def marches(self) -> bool:
         """Whether the march of solids, and of bodies of any kind, solves it."""
         return not self.bars and not self.is_vibro
+
+    @property
+    def solver(self) -> Literal["bar", "bar_row", "march", "vibro"]:
+        """What solves it: methods of one bar, of bars in a row, the march, or of few degrees."""
+        if self.marches:
+            return "march"
+        if self.is_vibro:
+            return "vibro"
+        return "bar_row" if self.is_bar_row else "bar"
 
     @property
     def why_marched(self) -> str | None:

@@ -1,5 +1,7 @@
 """What the plan chooses, and that it says why."""
 
+import copy
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -150,3 +152,24 @@ def test_scene_as_used_reads_back_and_plans_the_same(tmp_path):
         again = impactfem.plan(impactfem.Scene.from_toml(folder / "scene.toml"))
         assert again.method == result.summary["method"]
         assert again.elements == result.summary["plan"]["elements"]
+
+
+SCENES = ("doyen_impact", "two_bars", "bouncing_ball", "dropped_disc")
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_scene_has_one_kind_of_plan(name):
+    """Its choices are those of ``plan --json``; each of its numbers is an attribute of it."""
+    plan = impactfem.plan(impactfem.Scene.from_toml(shipped_scenes()[name]))
+    assert type(plan) is impactfem.Plan
+    told = plan.as_json()["choices"]
+    assert told == [asdict(choice) for choice in plan.choices]
+    assert {"film", "method", "model", "unknowns", "contact_pairs"} <= {c["key"] for c in told}
+    for choice in plan.choices:
+        if choice.key != "whole":  # a table of its own
+            assert getattr(plan, choice.key) == choice.value
+        assert choice.why == plan.reasons.get(choice.key)
+    assert copy.deepcopy(plan) == plan
+    assert replace(plan, film=True).dt == plan.dt
+    with pytest.raises(AttributeError, match="colour"):
+        _ = plan.colour

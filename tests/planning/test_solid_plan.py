@@ -6,7 +6,7 @@ import pytest
 from solid_scenes import DISC, FLOOR, solid_scene
 
 import impactfem
-from impactfem.planning import SolidPlan
+from impactfem.planning import MarchNumbers
 from impactfem.planning.solid_choices import slenderness
 
 LONG_BLOCK = {"kind": "block", "size": [1.0, 0.1], "corner": [0.0, 0.1]}
@@ -35,7 +35,7 @@ FINE_SPOT = [{"point": [0.0, 0.02], "radius": 0.02, "size": 0.0008}]
 )
 def test_method_and_degree_follow_from_the_scene(keys, method, degree, reason):
     plan = impactfem.plan(solid_scene(**keys))
-    assert isinstance(plan, SolidPlan)
+    assert isinstance(plan.numbers, MarchNumbers)
     assert (plan.method, plan.degree) == (method, degree)
     assert reason in plan.reasons["method"]
     assert plan.reasons["degree"]

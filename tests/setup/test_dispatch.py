@@ -23,7 +23,7 @@ FAMILIES = {"has_pairs", "is_bar_row", "is_vibro"}
 
 MOST = {
     "a class of bodies or obstacles": 74,
-    "a name of a kind or method": 24,
+    "a name of a kind or method": 22,
     "the first body": 39,
     "the kind": 44,
     "the family": 25,

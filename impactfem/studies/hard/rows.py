@@ -33,16 +33,16 @@ class Sizes:
 
         h of moreau_jean, 2 h of paoli_schatzman, pi / sqrt(k) of penalty, none of event_driven.
         """
-        return _LASTING[method](self)
+        lasting = _LASTING.get(method)
+        return self.dt if lasting is None else lasting(self)
 
 
 _LASTING: Mapping[str, Callable[[Sizes], float]] = {
     "event_driven": lambda _: 0.0,
     "penalty": lambda sizes: math.pi / math.sqrt(sizes.stiffness),
     "paoli_schatzman": lambda sizes: 2.0 * sizes.dt,
-    "moreau_jean": lambda sizes: sizes.dt,
 }
-"""How long impacts of a method last [s]."""
+"""How long impacts of a method last [s], where it is not a step."""
 
 
 @dataclass(frozen=True)
