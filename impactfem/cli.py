@@ -192,6 +192,17 @@ def _parser() -> argparse.ArgumentParser:
     schema.add_argument("--out", metavar="FILE", type=Path, help="write it to a file")
     plot = command(commands.plot)
     plot.add_argument("folder", metavar="DIR", type=_folder)
+    show = command(commands.show)
+    show.add_argument("folder", metavar="DIR", type=_folder)
+    show.add_argument(
+        "--at", metavar="T", type=float, help="time [s] (default: that of the largest force)"
+    )
+    show.add_argument(
+        "--field", metavar="NAME", help="field that colours tell (default: stress, or velocity)"
+    )
+    show.add_argument(
+        "--out", metavar="FILE", type=Path, help="write a picture (.png) or a page (.html)"
+    )
     compare = command(commands.compare)
     compare.add_argument("one", metavar="DIR", type=_folder, help="result folder")
     compare.add_argument("other", metavar="DIR", type=_folder, help="another one")

@@ -252,6 +252,24 @@ def plot(given: argparse.Namespace) -> int:
     return FAILED if faults else DONE
 
 
+def show(given: argparse.Namespace) -> int:
+    """Show a result in space with a time slider, or write a picture of it."""
+    from impactfem.report.view import show as shown  # noqa: PLC0415
+    from impactfem.result import Result  # noqa: PLC0415
+
+    if rank():
+        return DONE
+    try:
+        result = Result.load(given.folder)
+    except OutputError as error:
+        complain(str(error))
+        return BAD_INPUT
+    shown(result, given.at, given.field, given.out)
+    if given.out is not None:
+        say(str(given.out))
+    return DONE
+
+
 def compare(given: argparse.Namespace) -> int:
     """Say how far the histories of two result folders are apart."""
     from impactfem.report.table import comparison_table  # noqa: PLC0415

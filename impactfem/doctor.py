@@ -6,7 +6,6 @@ import importlib.util
 import os
 import platform
 import shutil
-import subprocess
 import sys
 import sysconfig
 import tempfile
@@ -15,17 +14,12 @@ from pathlib import Path
 import numpy as np
 
 import impactfem
+from impactfem.result.grids import drawing_fault
 
 _LIBRARIES = ("numpy", "scipy", "numba", "xarray", "h5py", "matplotlib", "plotly", "tqdm")
 _WITHOUT = "missing; bars with method exact, bars in a row, points, rods and beams need none"
 _PACKAGES = ("mumps", "superlu_dist", "hypre", "ptscotch", "slepc")
 _PAGE = Path(__file__).parent / "report" / "page"
-_RENDER = """
-import pyvista
-plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
-plotter.add_mesh(pyvista.Sphere())
-plotter.screenshot(return_img=True)
-"""
 
 
 def examine() -> tuple[list[tuple[str, str]], list[str]]:
@@ -175,13 +169,7 @@ def _rendering() -> str:
     """Whether pyvista can draw without a display; tried in its own process, as VTK may abort."""
     if importlib.util.find_spec("pyvista") is None:
         return "matplotlib only (pyvista is optional: pip install impactfem[view])"
-    try:
-        done = subprocess.run(  # noqa: S603  (our own text)
-            [sys.executable, "-c", _RENDER], capture_output=True, timeout=60, check=False
-        )
-    except subprocess.TimeoutExpired:
-        return "matplotlib; pyvista hangs without a display"
-    version = _version("pyvista")
-    if done.returncode == 0:
+    version, fault = _version("pyvista"), drawing_fault()
+    if not fault:
         return f"matplotlib and pyvista {version}, off screen"
-    return f"matplotlib; pyvista {version} reads files but cannot draw here (no display or Xvfb)"
+    return f"matplotlib; pyvista {version} reads files but {fault}"

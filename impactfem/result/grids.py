@@ -1,5 +1,7 @@
 """Fields at one time as pyvista's unstructured grids; pyvista is loaded when they are asked for."""
 
+import subprocess
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +16,12 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
+_RENDER = """
+import pyvista
+plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
+plotter.add_mesh(pyvista.Sphere())
+plotter.screenshot(return_img=True)
+"""
 _LATE = 1e-6  # share of the time of the fields by which a time may lie beyond its ends
 
 
@@ -30,6 +38,17 @@ def load_pyvista() -> Any:
             f"this needs pyvista ({error}); `pip install pyvista`, on Debian "
             "`apt install python3-pyvista`, or open fields.vtkhdf in ParaView"
         ) from error
+
+
+def drawing_fault() -> str:
+    """Why VTK cannot draw here, "" if it can; tried in a process of its own, as it may abort."""
+    try:
+        done = subprocess.run(  # noqa: S603  (our own text)
+            [sys.executable, "-c", _RENDER], capture_output=True, timeout=60, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return "hangs without a display"
+    return "cannot draw here (no display or Xvfb)" if done.returncode else ""
 
 
 def nearest_layer(times: Floats, time: float) -> int:

@@ -8,12 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-import numpy as np
-
 from impactfem.errors import OutputError, SceneError
 from impactfem.result.export import needed_bytes, write_fields
 from impactfem.result.fields import StoredFields
-from impactfem.result.grids import load_pyvista, thickened
 from impactfem.result.history import write_csv
 from impactfem.result.netcdf import read_netcdf, write_netcdf
 from impactfem.result.occupied import check_free
@@ -197,24 +194,21 @@ class Result:
             SceneError: The time is none of the fields.
             MissingDependencyError: pyvista is not installed.
         """
-        return self._known_fields().grid(time=time, deformed=True)
+        from impactfem.report.view import known_fields  # noqa: PLC0415
 
-    def _known_fields(self) -> Snapshots:
-        if self.fields is None:
-            raise OutputError(
-                "this result has no fields: solve it (a solid on rank 0) with "
-                'output.fields = ["vtkhdf"]'
-            )
-        return self.fields
+        return known_fields(self).grid(time=time, deformed=True)
 
-    def plotter(self, time: float, *, off_screen: bool | None = None) -> "pv.Plotter":
-        """A plotter of pyvista that shows the bodies at a time, coloured by stress or by speed.
+    def plotter(
+        self, time: float, *, field: str | None = None, off_screen: bool | None = None
+    ) -> "pv.Plotter":
+        """A plotter of pyvista that shows bodies, obstacles and contact forces at a time.
 
         Rods and beams are tubes, points are balls, as thick as they are. VTK as Debian builds it
         needs a display to draw, off screen too; `mesh_at` needs none.
 
         Args:
             time: [s].
+            field: That colours tell, vectors by their length; stress, or else velocity, if None.
             off_screen: Whether to draw without a window; pyvista decides if None.
 
         Returns:
@@ -222,34 +216,12 @@ class Result:
 
         Raises:
             OutputError: There are no fields.
-            SceneError: The time is none of the fields.
+            SceneError: The time or the field is none of the fields.
             MissingDependencyError: pyvista is not installed.
         """
-        pyvista, grid = load_pyvista(), self.mesh_at(time)
-        plotter: pv.Plotter = pyvista.Plotter(off_screen=off_screen)
-        layout = self._known_fields().layout
-        stressed = "von_mises" in grid.point_data
-        title = "von Mises stress [Pa]" if stressed else "speed [m/s]"
-        shown = "von_mises" if stressed else "velocity"
-        values = np.asarray(grid.point_data[shown])
-        size = values if stressed else np.linalg.norm(values, axis=1)
-        for part in thickened(grid, layout):
-            plotter.add_mesh(
-                part,
-                scalars=shown,
-                clim=[0.0, float(np.nanmax(size)) or 1.0],
-                scalar_bar_args={"title": f"{title}\n"},
-                nan_color="gray",
-                line_width=6.0,
-                point_size=15.0,
-                render_points_as_spheres=True,
-                cmap="viridis",
-            )
-        when = float(grid.field_data["time"][0])
-        plotter.add_text(f"{self.scene.title}\nt = {when:.6g} s", font_size=10)
-        if self.scene.dim < 3:
-            plotter.view_xy()
-        return plotter
+        from impactfem.report.view import make_view  # noqa: PLC0415
+
+        return make_view(self, time, field, off_screen=off_screen)[0].plotter
 
     def save(self, folder: str | Path, *, pictures: bool = True) -> Path:
         """Write scene, histories, fields and summary into a folder, then pictures and report.

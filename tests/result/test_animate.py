@@ -264,32 +264,6 @@ def test_without_pyvista_it_is_told_how_to_get_it(disc, monkeypatch):
             asked()
 
 
-def test_a_plotter_shows_the_body(disc, monkeypatch):
-    pyvista = pytest.importorskip("pyvista")
-    added = {}
-
-    class Paper:  # VTK as Debian builds it cannot draw without a display
-        def __init__(self, off_screen):
-            added["off_screen"] = off_screen
-
-        def add_mesh(self, mesh, **settings):
-            added["mesh"], added["scalars"] = mesh, settings["scalars"]
-
-        def add_text(self, text, **_):
-            added["text"] = text
-
-        def view_xy(self):
-            added["flat"] = True
-
-    monkeypatch.setattr(pyvista, "Plotter", Paper)
-    assert isinstance(disc.plotter(5e-4, off_screen=True), Paper)
-    assert added["scalars"] == "von_mises"
-    assert added["off_screen"]
-    assert added["flat"]
-    assert added["mesh"].n_points == disc.fields.num_points
-    assert f"t = {float(added['mesh'].field_data['time'][0]):.6g} s" in added["text"]
-
-
 def test_a_plotter_shows_tubes_and_balls():
     pytest.importorskip("pyvista")
     from impactfem.result.grids import thickened

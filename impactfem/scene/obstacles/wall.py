@@ -3,7 +3,10 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from impactfem.scene.kinds import Name
+from impactfem.scene.obstacles.base import Field, Floats
 from impactfem.scene.schema import check_fields, key, table
 
 
@@ -25,3 +28,7 @@ class Wall:
 
     def __post_init__(self) -> None:
         check_fields(self, self.kind)
+
+    def gap(self, points: Floats) -> Field:
+        """Distances of places (points, 1) from it, shape (points,), and normals, (points, 1)."""
+        return points[:, 0], np.ones((len(points), 1))
