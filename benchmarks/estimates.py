@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from stamp import RESULTS, write_stamp
 
 import impactfem
+from impactfem.facade import Result
 from impactfem.reference.bar import Errors
-from impactfem.result import Result
 from impactfem.runs.error_estimate import Track, difference
 from impactfem.scene import Scene
 from impactfem.studies.study import markdown_table

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
         SceneError,
     )
     from impactfem.exact import ExactBar, ExactBarRow, RowBar
+    from impactfem.facade import Result
     from impactfem.planning import Plan, plan
-    from impactfem.result import Result
     from impactfem.result.compare import Comparison, compare
     from impactfem.result.trajectory import Trajectory
     from impactfem.scene import (
@@ -99,7 +99,7 @@ _HOMES = {
     "Pressure": "impactfem.scene",
     "Probe": "impactfem.scene",
     "Refinement": "impactfem.scene",
-    "Result": "impactfem.result",
+    "Result": "impactfem.facade",
     "RigidBox": "impactfem.scene",
     "RigidCylinder": "impactfem.scene",
     "RigidPolyline": "impactfem.scene",

@@ -13,9 +13,9 @@ from impactfem.shipped import find_scene, shipped_scenes
 from impactfem.signals import InterruptedRunError, held_back
 
 if TYPE_CHECKING:
+    from impactfem.facade import Result
     from impactfem.log import Progress
     from impactfem.planning import Plan
-    from impactfem.result import Result
     from impactfem.scene import Scene
 
 DONE, FAILED, BAD_INPUT, NOT_TRUSTED = 0, 1, 2, 3
@@ -229,8 +229,8 @@ def schema(given: argparse.Namespace) -> int:
 def plot(given: argparse.Namespace) -> int:
     """Draw the pictures and the report of a result folder again."""
     spare_signatures()
+    from impactfem.facade import Result  # noqa: PLC0415
     from impactfem.report.adding import add_pictures  # noqa: PLC0415
-    from impactfem.result import Result  # noqa: PLC0415
     from impactfem.result.store import CHECKPOINT, SPOOL  # noqa: PLC0415
     from impactfem.resuming import claimed, clear  # noqa: PLC0415
     from impactfem.scene import Output  # noqa: PLC0415
@@ -254,8 +254,8 @@ def plot(given: argparse.Namespace) -> int:
 
 def show(given: argparse.Namespace) -> int:
     """Show a result in space with a time slider, or write a picture of it."""
+    from impactfem.facade import Result  # noqa: PLC0415
     from impactfem.report.view import show as shown  # noqa: PLC0415
-    from impactfem.result import Result  # noqa: PLC0415
 
     if rank():
         return DONE

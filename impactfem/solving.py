@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from impactfem.errors import SceneError
+from impactfem.facade import Result
 from impactfem.log import Progress
 from impactfem.methods import METHODS, is_exact
 from impactfem.planning import BarNumbers, MarchNumbers, Plan, RowNumbers, VibroNumbers, plan
@@ -17,7 +18,6 @@ from impactfem.reference.bar import Errors, exact_bar, exact_curves, measure
 from impactfem.reference.bar import contact_figures as contact_figures_of_bar
 from impactfem.reference.bar_row import exact_row_if_known
 from impactfem.reference.rounding import rounding_of_exact, sampling_of_row
-from impactfem.result import Result
 from impactfem.result.bar_motion import Effort, bar_fields, bar_history
 from impactfem.result.bar_row_motion import pair_names, row_fields, row_history
 from impactfem.result.table import Table

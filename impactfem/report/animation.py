@@ -9,11 +9,11 @@ from impactfem.report.axis_film import axis_reel, moves_little
 from impactfem.report.body_film import body_reel
 from impactfem.report.film import Film, Reel, check_ending, write_film
 from impactfem.report.line_film import line_reel
-from impactfem.result import Result
+from impactfem.result import Record
 
 
 def animate(
-    result: Result, path: str | Path | None = None, frames: int | None = None
+    result: Record, path: str | Path | None = None, frames: int | None = None
 ) -> Path | FuncAnimation:
     """Film a motion; see `Result.animate`."""
     if path is not None:
@@ -22,7 +22,7 @@ def animate(
     return Film(reel, result.scene.title) if path is None else write_film(reel, Path(path))
 
 
-def film_if_any(result: Result, path: Path) -> Path | None:
+def film_if_any(result: Record, path: Path) -> Path | None:
     """Write a film if there is something to film."""
     try:
         reel = _reel(result, None, "")
@@ -31,7 +31,7 @@ def film_if_any(result: Result, path: Path) -> Path | None:
     return write_film(reel, path)
 
 
-def _reel(result: Result, frames: int | None, what: str) -> Reel:
+def _reel(result: Record, frames: int | None, what: str) -> Reel:
     fields = result.fields
     if fields is None:
         raise OutputError(

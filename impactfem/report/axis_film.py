@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from impactfem.report.film import BLUE, even_moments, force_beside, tell_time
 from impactfem.report.sheet import Sheet
-from impactfem.result import Result, Snapshots
+from impactfem.result import Record, Snapshots
 from impactfem.result.shapes import LINE
 from impactfem.scene import HalfSpace
 
@@ -56,7 +56,7 @@ class AxisReel:
         return [self.line, *tell_time(self.clock, self.now, float(self.times[moment]))]
 
 
-def moves_little(result: Result, fields: Snapshots) -> bool:
+def moves_little(result: Record, fields: Snapshots) -> bool:
     """Whether a true picture of a single rod or beam above a plane would show no motion."""
     layout = fields.layout
     if set(layout.types) != {LINE} or len(layout.names) > 1:
@@ -66,7 +66,7 @@ def moves_little(result: Result, fields: Snapshots) -> bool:
     return planes and way < _VISIBLE * float(np.ptp(layout.points, axis=0).max())
 
 
-def axis_reel(result: Result, fields: Snapshots, frames: int | None) -> AxisReel | None:
+def axis_reel(result: Record, fields: Snapshots, frames: int | None) -> AxisReel | None:
     """The reel of a beam that moves and bends by far less than its length.
 
     Shown is how far each point of its axis has come along the normal of the first obstacle, above
@@ -96,7 +96,7 @@ def axis_reel(result: Result, fields: Snapshots, frames: int | None) -> AxisReel
     return AxisReel(figure, fields.times[moments], curves[moments], line, clock, now)
 
 
-def _way(panel: Axes, result: Result, places: Floats) -> Floats:
+def _way(panel: Axes, result: Record, places: Floats) -> Floats:
     """Ways along a normal over the axis, above what would touch the obstacle."""
     pieces = np.hypot.reduce(np.diff(places[0], axis=0), axis=1)
     stations = np.append(0.0, np.cumsum(pieces))

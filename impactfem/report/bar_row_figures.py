@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from impactfem.report.sheet import Sheet
-from impactfem.result import Fields, Result
+from impactfem.result import Fields, Record
 
 _CONTACT, _GREY = "crimson", "0.45"
 _MAX_LINES = 400  # samples along an axis that a picture can show
@@ -19,7 +19,7 @@ _SHARE = 0.6  # of the length of all bars that their motion may take in a pictur
 _LEGEND = 10  # curves up to which each has a name of its own
 
 
-def bar_row_painters(result: Result) -> dict[str, Callable[[], Figure]]:
+def bar_row_painters(result: Record) -> dict[str, Callable[[], Figure]]:
     """What draws every figure that the result of a row of bars allows, by name."""
     found = {"forces": partial(_draw, forces, result)}
     found["velocities"] = partial(_draw, velocities, result)
@@ -28,7 +28,7 @@ def bar_row_painters(result: Result) -> dict[str, Callable[[], Figure]]:
     return dict(found)
 
 
-def _draw(painter: Callable[[Axes, Result], None], result: Result, height: float = 4.2) -> Figure:
+def _draw(painter: Callable[[Axes, Record], None], result: Record, height: float = 4.2) -> Figure:
     figure = Sheet(7.0, height)
     axes = figure.add_subplot()
     painter(axes, result)
@@ -40,7 +40,7 @@ def _draw(painter: Callable[[Axes, Result], None], result: Result, height: float
     return figure
 
 
-def world_lines(axes: Axes, result: Result) -> None:
+def world_lines(axes: Axes, result: Record) -> None:
     """Points of all bars over time, their contacts as thick lines, and the wall if there is one.
 
     Stiff bars move by far less than their length: their motion and the gaps between them are
@@ -87,7 +87,7 @@ def world_lines(axes: Axes, result: Result) -> None:
     axes.legend(loc="lower right", framealpha=0.9)
 
 
-def forces(axes: Axes, result: Result) -> None:
+def forces(axes: Axes, result: Record) -> None:
     """Force of each pair, that of the run as steps and the exact one as a broad line behind."""
     time, exact = result.rows["time"].values, result.exact_rows
     names = [name for name in result.rows.data_vars if name.startswith("force.")]
@@ -110,7 +110,7 @@ def forces(axes: Axes, result: Result) -> None:
         axes.legend(frameon=False)
 
 
-def velocities(axes: Axes, result: Result) -> None:
+def velocities(axes: Axes, result: Record) -> None:
     """Velocity of the centre of mass of each bar."""
     bars = result.scene.bars
     for bar, colour in zip(bars, _colours(len(bars)), strict=True):

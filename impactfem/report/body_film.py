@@ -21,7 +21,7 @@ from impactfem.report.slender_picture import COLOURS, tracks
 from impactfem.report.solid_figures import FLAT, STRESS, Painter, forces_key, survey
 from impactfem.report.space_picture import SpacePainter, skin_of
 from impactfem.report.vibro_figures import gaps
-from impactfem.result import Result, Snapshots
+from impactfem.result import Record, Snapshots
 
 Floats = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ class BodyReel:
         return [*self.drawn, self.trails, *self.above, *told]
 
 
-def body_reel(result: Result, fields: Snapshots, frames: int | None) -> BodyReel | None:
+def body_reel(result: Record, fields: Snapshots, frames: int | None) -> BodyReel | None:
     """The reel of bodies in the plane or in space, true to scale.
 
     Args:
@@ -123,7 +123,7 @@ def body_reel(result: Result, fields: Snapshots, frames: int | None) -> BodyReel
     return BodyReel(figure, layers, painter.skin, painter, left, above, clock, now, ways, trails)
 
 
-def _beside(axes: Axes, result: Result) -> Line2D:
+def _beside(axes: Axes, result: Record) -> Line2D:
     """The curve beside the motion: the force, or the gaps where contact is by impacts."""
     if result.impacts is None or result.rows["contact_force"].values.any():
         return force_beside(axes, result)

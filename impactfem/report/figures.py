@@ -11,18 +11,18 @@ from matplotlib.figure import Figure
 from matplotlib.image import NonUniformImage
 
 from impactfem.errors import SceneError
-from impactfem.report.adding import Faults
 from impactfem.report.bar_row_figures import bar_row_painters
+from impactfem.report.faults import Faults
 from impactfem.report.sheet import Sheet, write_png
 from impactfem.report.solid_figures import solid_painters
 from impactfem.report.vibro_figures import vibro_painters
-from impactfem.result import Fields, Result
+from impactfem.result import Fields, Record
 
 _BLUE, _ORANGE, _GREEN, _GREY = "#0b559f", "#d95f02", "#1b7837", "0.45"
 _MAX_LINES = 400  # samples along an axis that a picture can show
 
 
-def painters(result: Result) -> dict[str, Callable[[], Figure | None]]:
+def painters(result: Record) -> dict[str, Callable[[], Figure | None]]:
     """What draws each figure that the result allows, by name; nothing is drawn yet."""
     own = (contact_force, energy)
     found: dict[str, Callable[[], Figure | None]]
@@ -41,13 +41,13 @@ def painters(result: Result) -> dict[str, Callable[[], Figure | None]]:
     return found
 
 
-def draw_all(result: Result) -> dict[str, Figure]:
+def draw_all(result: Record) -> dict[str, Figure]:
     """Draw every figure that the result allows, by name; no display is needed."""
     drawn = {name: paint() for name, paint in painters(result).items()}
     return {name: figure for name, figure in drawn.items() if figure is not None}
 
 
-def draw_one(result: Result, name: str) -> Figure:
+def draw_one(result: Record, name: str) -> Figure:
     """Draw one figure.
 
     Raises:
@@ -63,7 +63,7 @@ def draw_one(result: Result, name: str) -> Figure:
     return figure
 
 
-def write_pictures(result: Result, folder: Path, faults: Faults) -> list[Path]:
+def write_pictures(result: Record, folder: Path, faults: Faults) -> list[Path]:
     """Draw everything that the result allows, and write it one after the other.
 
     Args:
@@ -99,7 +99,7 @@ def write_all(figures: Mapping[str, Figure], folder: Path) -> list[Path]:
     return paths
 
 
-def _draw(painter: Callable[[Axes, Result], None], result: Result) -> Figure:
+def _draw(painter: Callable[[Axes, Record], None], result: Record) -> Figure:
     figure = Sheet(7.0, 4.2)
     axes = figure.add_subplot()
     painter(axes, result)
@@ -108,12 +108,12 @@ def _draw(painter: Callable[[Axes, Result], None], result: Result) -> Figure:
     return figure
 
 
-def _time_label(axes: Axes, result: Result) -> None:
+def _time_label(axes: Axes, result: Record) -> None:
     axes.set_xlabel("time [s]")
     axes.set_xlim(0.0, float(result.rows["time"].values[-1]))
 
 
-def displacement(axes: Axes, result: Result) -> None:
+def displacement(axes: Axes, result: Record) -> None:
     """Displacement over time and position, with the contact line at the wall end."""
     fields = result.fields
     if not isinstance(fields, Fields):
@@ -134,7 +134,7 @@ def displacement(axes: Axes, result: Result) -> None:
     axes.set_title(f"{result.scene.title}: displacement (red: contact)")
 
 
-def position(axes: Axes, result: Result) -> None:
+def position(axes: Axes, result: Record) -> None:
     """World lines of points of the bar, with the wall."""
     fields = result.fields
     if not isinstance(fields, Fields):
@@ -154,7 +154,7 @@ def position(axes: Axes, result: Result) -> None:
     axes.set_title(f"{result.scene.title}: points of the bar")
 
 
-def contact_force(axes: Axes, result: Result) -> None:
+def contact_force(axes: Axes, result: Record) -> None:
     """Contact force of the run against the exact one."""
     if (exact := result.exact_rows) is not None:
         axes.plot(exact["time"].values, exact["contact_force"].values, color=_ORANGE,
@@ -178,7 +178,7 @@ def contact_force(axes: Axes, result: Result) -> None:
         right.set_ylabel("impulse of an impact [N s]", color=_ORANGE)
 
 
-def energy(axes: Axes, result: Result) -> None:
+def energy(axes: Axes, result: Record) -> None:
     """Kinetic, elastic, potential and total energy."""
     shown = (("kinetic", _BLUE), ("elastic", _ORANGE), ("potential", _GREEN))
     time = result.rows["time"].values
@@ -194,7 +194,7 @@ def energy(axes: Axes, result: Result) -> None:
     axes.legend(frameon=False)
 
 
-def active_set(axes: Axes, result: Result) -> None:
+def active_set(axes: Axes, result: Record) -> None:
     """Changes of the active set after each iteration."""
     changes = np.asarray(result.summary["active_set"]["set_changes"])
     iterations = np.arange(1, len(changes) + 1)

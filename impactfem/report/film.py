@@ -20,7 +20,7 @@ from PIL import Image
 from impactfem.errors import MissingDependencyError, OutputError
 from impactfem.report.plane_picture import PRESSURE
 from impactfem.report.player import player
-from impactfem.result import Result
+from impactfem.result import Record
 
 type Pixels = NDArray[np.uint8]
 
@@ -76,7 +76,7 @@ def beside(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64], l
     axes.set_ylabel(label)
 
 
-def force_beside(axes: Axes, result: Result) -> Line2D:
+def force_beside(axes: Axes, result: Record) -> Line2D:
     """Draw the contact force beside a motion; returns the line that marks the moment."""
     history = result.rows
     beside(axes, history["time"].values, history["contact_force"].values, "contact force [N]")

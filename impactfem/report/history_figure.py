@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from impactfem.errors import SceneError
 from impactfem.report.sheet import Sheet
-from impactfem.result import Result
+from impactfem.result import Record
 from impactfem.result.table import Series, Table
 
 DEFAULT = ("gap", "contact_force", "kinetic_energy", "elastic_energy", "total_energy")
@@ -23,7 +23,7 @@ _LEGEND = 12  # curves up to which each has a name
 _LONGEST = 42  # letters of a label before it is wrapped
 
 
-def plot_history(result: Result, *names: str) -> Figure:
+def plot_history(result: Record, *names: str) -> Figure:
     """Draw columns of the history; see `Result.plot_history`."""
     history = result.rows
     groups: dict[str, list[str]] = {}

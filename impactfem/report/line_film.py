@@ -20,7 +20,7 @@ from impactfem.report.film import cursor, even_moments, force_beside, tell_time
 from impactfem.report.sheet import Sheet
 from impactfem.report.slender_picture import COLOURS
 from impactfem.report.vibro_figures import motion
-from impactfem.result import Fields, Result, Snapshots
+from impactfem.result import Fields, Record, Snapshots
 
 Floats = NDArray[np.float64]
 Nodes = NDArray[np.int64]
@@ -85,7 +85,7 @@ class LineReel:
         return [*self.drawn, self.pieces, self.outlines, *told]
 
 
-def line_reel(result: Result, fields: Snapshots, frames: int | None) -> LineReel | None:
+def line_reel(result: Record, fields: Snapshots, frames: int | None) -> LineReel | None:
     """The reel of bars, or of points on a line.
 
     Args:
@@ -102,7 +102,7 @@ def line_reel(result: Result, fields: Snapshots, frames: int | None) -> LineReel
     return _points(result, fields, moments)
 
 
-def _bars(result: Result, fields: Fields, moments: Nodes) -> LineReel | None:
+def _bars(result: Record, fields: Fields, moments: Nodes) -> LineReel | None:
     """Stress in colours; motion and gaps of stiff bars are magnified, as in their world lines."""
     if not np.isfinite(fields.displacement[moments]).all():
         return None
@@ -132,7 +132,7 @@ def _bars(result: Result, fields: Fields, moments: Nodes) -> LineReel | None:
                  (above, force_beside(below, result)))  # fmt: skip
 
 
-def _points(result: Result, fields: Snapshots, moments: Nodes) -> LineReel | None:
+def _points(result: Record, fields: Snapshots, moments: Nodes) -> LineReel | None:
     """Points as wide as they are, with the obstacles and the paths of all below."""
     places = fields.places()[moments, :, 0]
     if not np.isfinite(places).all():
@@ -155,7 +155,7 @@ def _points(result: Result, fields: Snapshots, moments: Nodes) -> LineReel | Non
                  lambda time: _walls(above, move, time), None, (above, cursor(below)))  # fmt: skip
 
 
-def _sheet(result: Result) -> tuple[Figure, Axes, Axes]:
+def _sheet(result: Record) -> tuple[Figure, Axes, Axes]:
     figure = Sheet(8.0, 4.0, dpi=90)
     above, below = figure.subplots(2, 1, height_ratios=[0.8, 1.0])
     above.set_ylim(-2.2, 2.2)
@@ -210,7 +210,7 @@ def _boxes(near: Floats, far: Floats) -> Any:
     return np.stack([np.column_stack([near, far, far, near]), across], axis=2)
 
 
-def _pieces(result: Result, fields: Fields) -> tuple[Nodes, Nodes, Floats, Nodes]:
+def _pieces(result: Record, fields: Fields) -> tuple[Nodes, Nodes, Floats, Nodes]:
     """First and last nodes of the pieces, Young's moduli [Pa], and the first piece of each bar."""
     counts = fields.counts or (len(fields.positions),)
     starts = np.cumsum([0, *counts])

@@ -4,10 +4,10 @@ from impactfem.cards import card, curve
 from impactfem.report.page.numbers import largest
 from impactfem.report.page.verdict import headline
 from impactfem.report.table import summary_rows
-from impactfem.result import Result
+from impactfem.result import Record
 
 
-def result_card(result: Result) -> str:
+def result_card(result: Record) -> str:
     """The figures of ``impactfem run``'s table, findings, and the contact force over time."""
     summary, history = result.summary, result.rows
     rows = [(name, text) for name, text in summary_rows(summary) if name != "verdict"]

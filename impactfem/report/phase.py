@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.result import Result
+from impactfem.result import Record
 from impactfem.scene import HalfSpace
 from impactfem.scene.jets import motion_at
 from impactfem.system.points import contact_pairs
@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 _SMEARED = 1.5  # rows about an impact in which a scheme with steps means velocities over it
 
 
-def phase_curve(result: Result) -> tuple[Floats, Floats, Floats]:
+def phase_curve(result: Record) -> tuple[Floats, Floats, Floats]:
     """Times [s], positions [m] and velocities [m/s] of one point on a line, each of shape (n,).
 
     Rows of the history, and between them the states just before and just after each impact: at the

@@ -19,7 +19,7 @@ from impactfem.report.pressure_maps import draw_pressure_maps
 from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin, Snapshot, union
 from impactfem.report.space_picture import Camera, SpacePainter, skin_of
-from impactfem.result import Result
+from impactfem.result import Record
 from impactfem.result.whole import Whole
 
 Floats = NDArray[np.float64]
@@ -38,7 +38,7 @@ FLAT = 0.3
 """Height over width of a picture below which panels stand one above the other."""
 
 
-def solid_painters(result: Result) -> dict[str, Callable[[], Figure | None]]:
+def solid_painters(result: Record) -> dict[str, Callable[[], Figure | None]]:
     """What draws the pictures that only solids have, by name; None if there is nothing to draw."""
     found: dict[str, Callable[[], Figure | None]] = {}
     found["centre_of_mass"] = partial(centre_of_mass, result)
@@ -48,7 +48,7 @@ def solid_painters(result: Result) -> dict[str, Callable[[], Figure | None]]:
 
 
 def survey(
-    result: Result, skin: Skin, snapshots: Iterable[Snapshot]
+    result: Record, skin: Skin, snapshots: Iterable[Snapshot]
 ) -> tuple[Painter, list[Floats]]:
     """Look at some snapshots, one at a time.
 
@@ -71,7 +71,7 @@ def survey(
     return found, extents
 
 
-def _painter(result: Result, skin: Skin) -> Painter:
+def _painter(result: Record, skin: Skin) -> Painter:
     if skin.dim == 2:
         turned = any(solid.is_axisymmetric for solid in result.scene.solids)
         several = len(result.scene.bodies) > 1
@@ -79,7 +79,7 @@ def _painter(result: Result, skin: Skin) -> Painter:
     return SpacePainter(skin, result.scene.obstacles, Camera.of(result.scene))
 
 
-def body(result: Result) -> Figure | None:
+def body(result: Record) -> Figure | None:
     """Snapshots of the deformed body with its obstacles, true to scale; None if nothing can be."""
     if result.fields is None:
         return None
@@ -147,7 +147,7 @@ def forces_key(painter: Painter) -> str:
     return f"contact forces, the longest arrow {painter.force:.3g} N"
 
 
-def centre_of_mass(result: Result) -> Figure:
+def centre_of_mass(result: Record) -> Figure:
     """Position and velocity of the centres of mass along the direction of the momentum."""
     figure = Sheet(7.0, 5.0)
     above, below = figure.subplots(2, 1, sharex=True)
@@ -177,13 +177,13 @@ def centre_of_mass(result: Result) -> Figure:
     return figure
 
 
-def direction_of(result: Result) -> Floats:
+def direction_of(result: Record) -> Floats:
     """Direction of the momentum in the history; y if it says none."""
     given = result.rows["momentum"].attrs.get("direction", (0.0, 1.0, 0.0))
     return np.asarray(given, dtype=np.float64)
 
 
-def telling_layers(result: Result, most: int = 6) -> list[int]:
+def telling_layers(result: Record, most: int = 6) -> list[int]:
     """Kept layers that tell the motion: the first, some around the largest force, the last.
 
     Args:
@@ -207,7 +207,7 @@ def telling_layers(result: Result, most: int = 6) -> list[int]:
     return [int(layer) for layer in np.unique(nearest)]
 
 
-def telling_snapshots(result: Result, skin: Skin, most: int) -> list[Snapshot]:
+def telling_snapshots(result: Record, skin: Skin, most: int) -> list[Snapshot]:
     """Snapshots of `telling_layers` that are finite and differ from each other.
 
     Where two look the same, the later one stays, and another is taken within the longest time that
@@ -256,11 +256,11 @@ def _letter(direction: Floats) -> str:
     return "(" + ", ".join(f"{component:.3g}" for component in direction) + ")"
 
 
-def _mark_contact(axes: Axes, result: Result) -> None:
+def _mark_contact(axes: Axes, result: Record) -> None:
     for first, last in result.summary["contact"]["intervals"]:
         axes.axvspan(first, last, color="0.85", linewidth=0)
 
 
-def _title(result: Result, what: str) -> str:
+def _title(result: Record, what: str) -> str:
     status = result.summary["status"]
     return f"{result.scene.title}: {what}" + (f"  [{status}]" if status != "completed" else "")

@@ -17,7 +17,7 @@ from impactfem.contact.distance import translation
 from impactfem.report.plane_picture import draw_arrows
 from impactfem.report.skin import Skin, Snapshot, normals, union
 from impactfem.report.slender_picture import reach, slender, widened
-from impactfem.result import Result, Snapshots
+from impactfem.result import Record, Snapshots
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
 from impactfem.scene.obstacles.faces import spacing
@@ -218,7 +218,7 @@ class SpacePainter:
         return drawn
 
 
-def skin_of(result: Result, fields: Snapshots) -> Skin:
+def skin_of(result: Record, fields: Snapshots) -> Skin:
     """Skin of the bodies of a result; a quarter or eighth is completed but for what hides it."""
     whole = Whole.of_summary(result.summary)
     scene = result.scene

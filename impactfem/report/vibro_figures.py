@@ -13,7 +13,7 @@ from impactfem.contact.distance import on_a_line
 from impactfem.report.phase import phase_curve
 from impactfem.report.sheet import Sheet
 from impactfem.report.slender_picture import COLOURS
-from impactfem.result import Result
+from impactfem.result import Record
 from impactfem.scene import HalfSpace, Point, RigidCylinder, RigidSphere
 
 Floats = NDArray[np.float64]
@@ -22,11 +22,11 @@ _MAX_DOTS = 2000
 _MAX_CURVES = 8
 
 
-def vibro_painters(result: Result) -> dict[str, Callable[[], Figure]]:
+def vibro_painters(result: Record) -> dict[str, Callable[[], Figure]]:
     """What draws every figure of points, a rod or a beam, by name."""
     points = isinstance(result.scene.bodies[0], Point)
     dim = result.scene.dim
-    found: dict[str, Callable[[Axes, Result], None]] = {}
+    found: dict[str, Callable[[Axes, Record], None]] = {}
     if points and dim == 2:
         found["path"] = path
     if points and dim != 2:
@@ -39,14 +39,14 @@ def vibro_painters(result: Result) -> dict[str, Callable[[], Figure]]:
     return {name: partial(_figure, painter, result) for name, painter in found.items()}
 
 
-def _figure(painter: Callable[[Axes, Result], None], result: Result) -> Figure:
+def _figure(painter: Callable[[Axes, Record], None], result: Record) -> Figure:
     figure = Sheet(7.0, 4.2)
     axes = figure.add_subplot()
     painter(axes, result)
     return figure
 
 
-def path(axes: Axes, result: Result) -> None:
+def path(axes: Axes, result: Record) -> None:
     """Paths of points in the plane, with the obstacles."""
     names = [body.name for body in result.scene.bodies]
     for k, name in enumerate(names):
@@ -69,7 +69,7 @@ def path(axes: Axes, result: Result) -> None:
         axes.legend(frameon=False)
 
 
-def _obstacles(axes: Axes, result: Result, size: float) -> None:
+def _obstacles(axes: Axes, result: Record, size: float) -> None:
     """Half-spaces and circles as they are at t = 0."""
     for obstacle in result.scene.rigid_obstacles:
         if isinstance(obstacle, HalfSpace):
@@ -91,7 +91,7 @@ def _obstacles(axes: Axes, result: Result, size: float) -> None:
             )  # fmt: skip
 
 
-def motion(axes: Axes, result: Result) -> None:
+def motion(axes: Axes, result: Record) -> None:
     """Coordinates of points over time; on a line with the obstacles."""
     time = result.rows["time"].values
     letters = "xyz"[: result.scene.dim]
@@ -113,7 +113,7 @@ def motion(axes: Axes, result: Result) -> None:
     axes.legend(frameon=False)
 
 
-def phase(axes: Axes, result: Result) -> None:
+def phase(axes: Axes, result: Record) -> None:
     """Velocity against position of one point on a line; impacts are vertical jumps."""
     _, x, v = phase_curve(result)
     axes.plot(x, v, color=COLOURS[0], linewidth=0.8)
@@ -123,7 +123,7 @@ def phase(axes: Axes, result: Result) -> None:
     axes.set_title(f"{result.scene.title}: phase portrait (dot: start)")
 
 
-def gaps(axes: Axes, result: Result) -> None:
+def gaps(axes: Axes, result: Record) -> None:
     """Gaps of the constraints over time, those that come closest first."""
     names = [name for name in result.rows.data_vars if name.startswith("gap.")] or ["gap"]
     lows = {name: float(np.fmin.reduce(result.rows[name].values)) for name in names}
@@ -142,7 +142,7 @@ def gaps(axes: Axes, result: Result) -> None:
     axes.legend(frameon=False)
 
 
-def impacts(axes: Axes, result: Result) -> None:
+def impacts(axes: Axes, result: Record) -> None:
     """Impact speeds over time, a colour for each constraint."""
     found = result.impacts
     if found is None:
@@ -165,6 +165,6 @@ def impacts(axes: Axes, result: Result) -> None:
     axes.legend(frameon=False)
 
 
-def _time(axes: Axes, result: Result) -> None:
+def _time(axes: Axes, result: Record) -> None:
     axes.set_xlabel("time [s]")
     axes.set_xlim(0.0, float(result.rows["time"].values[-1]))

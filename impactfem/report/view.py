@@ -22,7 +22,7 @@ from impactfem.result.whole import Whole
 if TYPE_CHECKING:
     import pyvista as pv
 
-    from impactfem.result import Result, Snapshots
+    from impactfem.result import Record, Snapshots
 
 Floats = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ class View:
     """
 
     def __init__(
-        self, result: "Result", field: str | None = None, *, off_screen: bool | None = None
+        self, result: "Record", field: str | None = None, *, off_screen: bool | None = None
     ) -> None:
         """Make the plotter; nothing is in it yet.
 
@@ -218,7 +218,7 @@ class View:
         )  # fmt: skip
 
 
-def known_fields(result: "Result") -> "Snapshots":
+def known_fields(result: "Record") -> "Snapshots":
     """The fields of a result.
 
     Raises:
@@ -233,7 +233,7 @@ def known_fields(result: "Result") -> "Snapshots":
 
 
 def make_view(
-    result: "Result",
+    result: "Record",
     time: float | None = None,
     field: str | None = None,
     *,
@@ -255,7 +255,7 @@ def make_view(
 
 
 def show(
-    result: "Result",
+    result: "Record",
     time: float | None = None,
     field: str | None = None,
     path: Path | None = None,

@@ -7,7 +7,7 @@ if TYPE_CHECKING:
     from impactfem.result.bar_motion import BarMotion, Effort
     from impactfem.result.fields import Fields
     from impactfem.result.history import BodyMotion, make_history
-    from impactfem.result.result import Result
+    from impactfem.result.record import Record
     from impactfem.result.shapes import Layout, Shape
     from impactfem.result.snapshots import KeptSnapshots, Snapshots
     from impactfem.result.spool import FieldSpool
@@ -22,7 +22,7 @@ _HOMES = {
     "Fields": "impactfem.result.fields",
     "KeptSnapshots": "impactfem.result.snapshots",
     "Layout": "impactfem.result.shapes",
-    "Result": "impactfem.result.result",
+    "Record": "impactfem.result.record",
     "Shape": "impactfem.result.shapes",
     "Snapshots": "impactfem.result.snapshots",
     "StoredSnapshots": "impactfem.result.stored_snapshots",
@@ -37,7 +37,7 @@ __all__ = [
     "Fields",
     "KeptSnapshots",
     "Layout",
-    "Result",
+    "Record",
     "Shape",
     "Snapshots",
     "StoredSnapshots",

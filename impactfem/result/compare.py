@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import OutputError
-from impactfem.result.result import Result
+from impactfem.result.record import Record
 from impactfem.result.table import Table
 from impactfem.scene.column_names import RESERVED
 
@@ -69,14 +69,14 @@ class Comparison:
         return self.same_end and self.worst <= tolerance
 
 
-def compare(one: Result | str | Path, other: Result | str | Path) -> Comparison:
+def compare(one: Record | str | Path, other: Record | str | Path) -> Comparison:
     """Compare the histories of two results, or of two result folders.
 
     Raises:
         OutputError: A folder holds no complete result.
     """
     first, second = (
-        result if isinstance(result, Result) else Result.load(result) for result in (one, other)
+        result if isinstance(result, Record) else Record.load(result) for result in (one, other)
     )
     return compare_histories(first.rows, second.rows)
 

@@ -17,7 +17,7 @@ from processes import environment
 
 from impactfem import __version__
 from impactfem.cli import main
-from impactfem.result import Result
+from impactfem.facade import Result
 from impactfem.scene import Scene
 
 HISTORY = [

@@ -8,7 +8,8 @@ from conftest import launch
 from processes import BARE
 
 from impactfem.cli import DONE
-from impactfem.result import Result, StoredSnapshots
+from impactfem.facade import Result
+from impactfem.result import StoredSnapshots
 
 DISCS = """
 title = "Two discs"

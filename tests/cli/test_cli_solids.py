@@ -8,8 +8,8 @@ from conftest import launch
 from processes import BARE, contents
 
 from impactfem.cli import BAD_INPUT, DONE, NOT_TRUSTED
+from impactfem.facade import Result
 from impactfem.marching.checkpoint import FILE
-from impactfem.result import Result
 from impactfem.scene import Scene
 from impactfem.signals import InterruptedRunError
 

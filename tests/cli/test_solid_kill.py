@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from conftest import finish, launch, start
 
+from impactfem.facade import Result
 from impactfem.marching.checkpoint import FILE
-from impactfem.result import Result
 
 SCENE = (Path(__file__).parents[1] / "disc.toml").read_text(encoding="utf-8")
 for line, other in {

@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.spatial import Delaunay
 
-from impactfem.result import FieldSpool, Result, Shape, StoredSnapshots
+from impactfem.facade import Result
+from impactfem.result import FieldSpool, Shape, StoredSnapshots
 from impactfem.result.cell_kinds import KINDS
 from impactfem.result.history import BodyMotion, Columns, make_history
 from impactfem.scene import HalfSpace, Scene, Solid

@@ -8,12 +8,13 @@ from matplotlib.collections import PolyCollection
 from PIL import Image
 from synthetic import PEAK_PRESSURE, solid_result
 
+from impactfem.facade import Result
 from impactfem.report.body_film import body_reel
 from impactfem.report.film import write_film
 from impactfem.report.skin import Skin
 from impactfem.report.solid_figures import survey, telling_snapshots
 from impactfem.report.space_picture import SpacePainter
-from impactfem.result import FieldSpool, KeptSnapshots, Result, Shape, StoredSnapshots
+from impactfem.result import FieldSpool, KeptSnapshots, Shape, StoredSnapshots
 from impactfem.result.shapes import joined
 from impactfem.result.spool import POINT_DATA
 

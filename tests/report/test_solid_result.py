@@ -64,7 +64,7 @@ def test_a_full_disk_is_noticed_before_anything_is_written(result, tmp_path, mon
         asked.append(size)
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("impactfem.result.result.reserve", full)
+    monkeypatch.setattr("impactfem.result.record.reserve", full)
     with pytest.raises(OutputError, match=r"out: cannot be written \(No space left"):
         result.save(tmp_path / "out", pictures=False)
     assert asked == [result.fields.path.stat().st_size]

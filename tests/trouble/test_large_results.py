@@ -9,7 +9,8 @@ import pytest
 from processes import environment
 
 from impactfem.errors import OutputError
-from impactfem.result import FieldSpool, Result, Shape, StoredSnapshots
+from impactfem.facade import Result
+from impactfem.result import FieldSpool, Shape, StoredSnapshots
 from impactfem.result.history import Columns, make_history
 from impactfem.result.shapes import MOTION
 from impactfem.result.spool import POINT_DATA
@@ -21,7 +22,7 @@ from impactfem.shipped import shipped_scenes
 READ = """
 import re, sys
 from pathlib import Path
-from impactfem.result import Result
+from impactfem.facade import Result
 
 def peak():  # of this program: that of getrusage begins with the parent's
     return int(re.search(r"VmHWM:\\s*(\\d+)", Path("/proc/self/status").read_text())[1]) / 1024

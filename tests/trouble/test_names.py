@@ -12,7 +12,7 @@ from processes import BARE, contents
 from trouble_process import DISC, SHORT, equal, run, started, until
 
 import impactfem
-from impactfem.result import Result
+from impactfem.facade import Result
 from impactfem.result.store import CHECKPOINT
 from impactfem.shipped import shipped_scenes
 

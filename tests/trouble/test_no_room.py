@@ -14,7 +14,7 @@ from processes import contents
 from trouble_process import DISC, DRAWN, SHORT, run, started, until
 
 from impactfem.errors import OutputError
-from impactfem.result import Result
+from impactfem.facade import Result
 from impactfem.result.claim import Claim
 from impactfem.result.store import CHECKPOINT, LAST, reserve, staged
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from processes import BARE, environment, ranks
 
-from impactfem.result import Result
+from impactfem.facade import Result
 
 DRAWN = ("run", "bar_impact", "--set", "solve.method=exact", "--quiet", "--out")
 SHORT = ("run", "bar_impact", *BARE, "--set", "solve.method=exact", "--quiet", "--out")

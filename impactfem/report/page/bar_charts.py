@@ -17,7 +17,7 @@ from impactfem.report.page.chart import (
     over_time,
     stairs,
 )
-from impactfem.result import Fields, Result
+from impactfem.result import Fields, Record
 
 Floats = NDArray[np.float64]
 
@@ -29,13 +29,13 @@ _CONTACT, _WALL = "crimson", "#999999"
 _MAP_DIGITS = 5
 
 
-def bar_charts(result: Result) -> list[Chart]:
+def bar_charts(result: Record) -> list[Chart]:
     """Charts that only a single bar has."""
     fields = result.fields
     return [_map(result, fields), _points(result, fields)] if isinstance(fields, Fields) else []
 
 
-def row_charts(result: Result) -> list[Chart]:
+def row_charts(result: Record) -> list[Chart]:
     """Charts that only a row of bars has."""
     made = [_forces(result), _velocities(result)]
     if isinstance(result.fields, Fields):
@@ -76,7 +76,7 @@ def round_below(number: float) -> float:
     return float(max(step * decade for step in (1.0, 2.0, 5.0) if step * decade <= number))
 
 
-def _map(result: Result, fields: Fields) -> Chart:
+def _map(result: Record, fields: Fields) -> Chart:
     t, x = evenly(len(fields.times), _MAP), evenly(len(fields.positions), _MAP)
     values = fields.displacement[np.ix_(t, x)].T
     heat = {
@@ -114,7 +114,7 @@ def _contacts(spans: Sequence[Sequence[float]]) -> list[Trace]:
     ]  # fmt: skip
 
 
-def _points(result: Result, fields: Fields) -> Chart:
+def _points(result: Record, fields: Fields) -> Chart:
     t = evenly(len(fields.times), _LINE)
     nodes = evenly(len(fields.positions), _LINES)
     traces = []
@@ -150,7 +150,7 @@ def _add_wall(figure: dict[str, Any], low: float, high: float) -> None:
     figure["layout"]["yaxis"]["range"] = numbers([min(low, 0.0) - room, high + room])
 
 
-def _row_points(result: Result, fields: Fields) -> Chart:
+def _row_points(result: Record, fields: Fields) -> Chart:
     """World lines of all bars; motion and gaps magnified alike where they are small."""
     factor = magnifier(fields, 0.6)
     stacked = stacked_places(fields)
@@ -196,7 +196,7 @@ def _row_points(result: Result, fields: Fields) -> Chart:
     return Chart("world_lines", "World lines", f"{caption}.", figure)
 
 
-def _forces(result: Result) -> Chart | None:
+def _forces(result: Record) -> Chart | None:
     """Force of each pair, exact ones as broad lines behind."""
     history, exact = result.rows, result.exact_rows
     time = history["time"].values
@@ -226,7 +226,7 @@ def _forces(result: Result) -> Chart | None:
     return Chart("forces", "Forces between neighbours", f"{caption}.", figure)
 
 
-def _velocities(result: Result) -> Chart:
+def _velocities(result: Record) -> Chart:
     time, bars = result.rows["time"].values, result.scene.bars
     traces = [
         line(time, result.rows[f"{bar.name}.vx"].values, bar.name, _colour(k), "m/s",

@@ -20,7 +20,7 @@ from impactfem.report.page.chart import (
 )
 from impactfem.report.page.solid_charts import solid_charts
 from impactfem.report.page.vibro_charts import vibro_charts
-from impactfem.result import Result
+from impactfem.result import Record
 
 Floats = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ _ROUNDING = 1e-17  # relative, below which a point counts as exact
 _SURE = 0.5  # share of an error up to which its reference may be uncertain
 
 
-def charts(result: Result) -> list[Chart]:
+def charts(result: Record) -> list[Chart]:
     """Make every chart that has something to tell, the most telling first.
 
     Args:
@@ -48,7 +48,7 @@ def charts(result: Result) -> list[Chart]:
     return [chart for chart in made if chart is not None]
 
 
-def contact_force(result: Result) -> Chart | None:
+def contact_force(result: Record) -> Chart | None:
     """Contact force of the run against the exact one; None if there never is any."""
     time, force = result.rows["time"].values, result.rows["contact_force"].values
     exact, method = result.exact_rows, result.summary["method"]
@@ -75,7 +75,7 @@ def contact_force(result: Result) -> Chart | None:
     return Chart("contact_force", "Contact force", f"{caption}.", figure)
 
 
-def gap(result: Result) -> Chart:
+def gap(result: Record) -> Chart:
     """Smallest distance from the obstacles, or that of each contact if these are few."""
     history = result.rows
     time = history["time"].values
@@ -97,7 +97,7 @@ def gap(result: Result) -> Chart:
     return Chart("gap", "Gap", caption, over_time(time, traces, "gap [m]", spans))
 
 
-def energy(result: Result) -> Chart | None:
+def energy(result: Record) -> Chart | None:
     """Parts of the energy and their sum."""
     history = result.rows
     time = history["time"].values
@@ -118,7 +118,7 @@ def energy(result: Result) -> Chart | None:
     return Chart("energy", "Energy", f"{caption}.", over_time(time, traces, "energy [J]", spans))
 
 
-def momentum(result: Result) -> Chart | None:
+def momentum(result: Record) -> Chart | None:
     """Linear momentum, as the history holds it."""
     column = result.rows["momentum"]
     if not is_told(column.values):
@@ -133,7 +133,7 @@ def momentum(result: Result) -> Chart | None:
     )
 
 
-def error(result: Result) -> Chart | None:
+def error(result: Record) -> Chart | None:
     """Error of the gap and of the impulse so far against the exact solution, where both are known.
 
     Returns:
@@ -208,7 +208,7 @@ def ramp_bound(time: Floats, at: Floats, force: Floats) -> Floats:
     return bound
 
 
-def active(result: Result) -> Chart | None:
+def active(result: Record) -> Chart | None:
     """Number of active contacts of solids over time, where there are several."""
     column = result.rows["active"].values
     if not result.scene.marches or column.max() <= 1:
@@ -221,7 +221,7 @@ def active(result: Result) -> Chart | None:
     )
 
 
-def set_changes(result: Result) -> Chart | None:
+def set_changes(result: Record) -> Chart | None:
     """Changes of the active set after each iteration; None if there were not several iterations."""
     changes = result.summary["active_set"]["set_changes"]
     if len(changes) < 2:
@@ -249,9 +249,9 @@ def _integral(at: Floats, values: Floats, time: Floats) -> Floats:
     return np.asarray(total[np.searchsorted(places, time)])
 
 
-def _columns(result: Result, prefix: str) -> list[str]:
+def _columns(result: Record, prefix: str) -> list[str]:
     return [str(name) for name in result.rows.data_vars if str(name).startswith(prefix)]
 
 
-def _label(result: Result, name: str) -> str:
+def _label(result: Record, name: str) -> str:
     return str(result.rows[name].attrs.get("label", name))

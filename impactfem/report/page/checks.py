@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from impactfem.report.page.numbers import counted, number, percent, quantity
-from impactfem.result import Result
+from impactfem.result import Record
 from impactfem.runs.scales import size_of
 from impactfem.runs.verdict import GROWTH_LIMITS, PENETRATION_LIMITS
 
@@ -33,7 +33,7 @@ class Check:
         return "not applicable" if self.holds is None else "yes" if self.holds else "NO"
 
 
-def checks(result: Result) -> list[Check]:
+def checks(result: Record) -> list[Check]:
     """All checks of a run, in the order of the report."""
     return [
         _settled(result),
@@ -44,7 +44,7 @@ def checks(result: Result) -> list[Check]:
     ]
 
 
-def _settled(result: Result) -> Check:
+def _settled(result: Record) -> Check:
     active = result.summary["active_set"]
     changes = active["set_changes"]
     found = active["message"] or f"{counted(active['iterations'], 'iteration')} or events"
@@ -55,7 +55,7 @@ def _settled(result: Result) -> Check:
     return Check("The active set settled", found, bool(active["converged"]))
 
 
-def _energy(result: Result) -> Check:
+def _energy(result: Record) -> Check:
     energy, name = result.summary["energy"], "Energy does not grow"
     growth = energy["max_relative_growth"]
     if energy.get("driven"):
@@ -65,7 +65,7 @@ def _energy(result: Result) -> Check:
     return Check(name, found, growth is not None and growth <= GROWTH_LIMITS[0])
 
 
-def _penetration(result: Result) -> Check:
+def _penetration(result: Record) -> Check:
     deep, size = result.summary["contact"]["max_penetration"], size_of(result.scene, result.rows)
     name = "Bodies do not penetrate"
     if deep is None:
@@ -76,7 +76,7 @@ def _penetration(result: Result) -> Check:
     return Check(name, found, deep <= PENETRATION_LIMITS[0] * size if size else deep == 0.0)
 
 
-def _pull(result: Result) -> Check:
+def _pull(result: Record) -> Check:
     force = result.rows["contact_force"].values
     name = "Obstacles push, never pull"
     if not np.isfinite(force).all():
@@ -86,7 +86,7 @@ def _pull(result: Result) -> Check:
     return Check(name, found, least >= -_ROUNDING * max(most, abs(least)))
 
 
-def complementarity(result: Result) -> Check:
+def complementarity(result: Record) -> Check:
     """Gap or force is zero: in each step the force times the smaller gap at its two ends.
 
     Impacts inside a step leave both ends open, so motions with impacts cannot be judged this way.

@@ -8,10 +8,10 @@ from impactfem.report.page.line_drawing import draw_bars, draw_points_on_line
 from impactfem.report.page.plane_drawing import draw_plane
 from impactfem.report.page.sketch import svg
 from impactfem.report.page.space_drawing import draw_points_in_space, draw_solids_in_space
-from impactfem.result import Result
+from impactfem.result import Record
 
 
-def drawing(result: Result) -> str | None:
+def drawing(result: Record) -> str | None:
     """The initial configuration as an SVG element; None if nothing tells what it looks like.
 
     The shape of a solid with a mesh file is known only if its fields were kept.
@@ -20,7 +20,7 @@ def drawing(result: Result) -> str | None:
     return None if figure is None else svg(figure, escape(f"Drawing of {result.scene.title}"))
 
 
-def _figure(result: Result) -> Figure | None:
+def _figure(result: Record) -> Figure | None:
     scene = result.scene
     if scene.bars:
         return draw_bars(scene)

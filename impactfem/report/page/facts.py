@@ -8,13 +8,13 @@ from impactfem.report.page.checks import checks
 from impactfem.report.page.elements import bullets, code, link, paragraph, section, table, terms
 from impactfem.report.page.numbers import counted, largest, number, percent, quantity, span
 from impactfem.report.page.omissions import omissions
-from impactfem.result import Result
-from impactfem.result.result import FIELD_FILES, IMPACTS
+from impactfem.result import Record
+from impactfem.result.record import FIELD_FILES, IMPACTS
 
 _MOST = 12  # contact intervals that are listed
 
 
-def model(result: Result) -> str:
+def model(result: Record) -> str:
     """What was modelled, how, and what was left out, with the reasons of the plan."""
     plan = result.summary["plan"]
     method = result.summary["method"]
@@ -37,7 +37,7 @@ def model(result: Result) -> str:
     )
 
 
-def error(result: Result) -> str:
+def error(result: Record) -> str:
     """The error with its reference, and what the figures mean."""
     found, note = result.summary["error"], _note(result)
     if found is None:
@@ -66,7 +66,7 @@ def error(result: Result) -> str:
     return section("error", "Error", *lines)
 
 
-def _note(result: Result) -> str:
+def _note(result: Record) -> str:
     """What the method says of its estimate: a text, or a message with what the second run took."""
     note = result.summary["details"].get("error_estimate", "")
     if isinstance(note, str):
@@ -88,13 +88,13 @@ def _limits(*, exact: bool) -> str:
     )
 
 
-def obeyed(result: Result) -> str:
+def obeyed(result: Record) -> str:
     """Checks that every run must pass."""
     rows = [(check.name, check.answer, check.found) for check in checks(result)]
     return section("checks", "Checks", table(rows, ("what must hold", "holds", "found")))
 
 
-def contact(result: Result) -> str:
+def contact(result: Record) -> str:
     """Contact intervals and figures, of pairs too."""
     found = result.summary["contact"]
     rows = [
@@ -142,7 +142,7 @@ def _intervals(intervals: Sequence[Sequence[float]], name: str) -> str:
     return table(rows, ("", "from", "to", "lasting")) + rest
 
 
-def cost(result: Result) -> str:
+def cost(result: Record) -> str:
     """What the run took, beside what was planned."""
     summary = result.summary
     plan = summary["plan"]
@@ -171,7 +171,7 @@ def cost(result: Result) -> str:
     )  # fmt: skip
 
 
-def origin(result: Result) -> str:
+def origin(result: Record) -> str:
     """Command, date, machine and versions."""
     run: dict[str, Any] = result.summary.get("run") or {}
     if not run:
@@ -194,7 +194,7 @@ def origin(result: Result) -> str:
     )  # fmt: skip
 
 
-def files(result: Result, pictures: Sequence[str], faults: Sequence[str]) -> str:
+def files(result: Record, pictures: Sequence[str], faults: Sequence[str]) -> str:
     """The files of the folder, as links.
 
     Args:

@@ -8,7 +8,7 @@ from impactfem.report.page.chart import is_told, numbers, thin
 from impactfem.report.page.motion_bars import bars_motion
 from impactfem.report.page.motion_bodies import bodies_motion
 from impactfem.report.page.motion_data import rows_at
-from impactfem.result import Fields, Result
+from impactfem.result import Fields, Record
 
 SCRIPTS = ("motion_tools.js", "motion_views.js", "motion.js")
 """Scripts beside this module that draw charts and moving pictures, in the order of loading."""
@@ -16,7 +16,7 @@ SCRIPTS = ("motion_tools.js", "motion_views.js", "motion.js")
 _CURVE = 2000  # points of the force beside the picture
 
 
-def motion(result: Result) -> dict[str, Any] | None:
+def motion(result: Record) -> dict[str, Any] | None:
     """Make the data of the moving picture.
 
     Args:
@@ -54,7 +54,7 @@ def motion(result: Result) -> dict[str, Any] | None:
     }
 
 
-def _curve(result: Result) -> dict[str, Any]:
+def _curve(result: Record) -> dict[str, Any]:
     """Contact force over time, and the exact one if the run is not exact itself."""
     time, force = result.rows["time"].values, result.rows["contact_force"].values
     kept = thin(force, _CURVE)

@@ -7,7 +7,7 @@ import numpy as np
 from impactfem.report.page.bar_charts import evenly, magnifier, stacked_places
 from impactfem.report.page.chart import numbers
 from impactfem.report.page.motion_data import packed, packed_signs, telling_frames
-from impactfem.result import Fields, Result
+from impactfem.result import Fields, Record
 
 _NODES = 400  # of all bars together
 _LEAST = 12  # of each of many bars
@@ -15,7 +15,7 @@ _SHARE = 0.3  # of all lengths that motion and gaps may take when magnified
 _VISIBLE = 0.05  # share of all lengths from which motion is seen as it is
 
 
-def bars_motion(result: Result, fields: Fields) -> dict[str, Any] | None:
+def bars_motion(result: Record, fields: Fields) -> dict[str, Any] | None:
     """Data of one bar or a row of bars.
 
     Bars are drawn at ``base`` + factor * ``motion``: the places that they would have if all touched

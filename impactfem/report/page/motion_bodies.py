@@ -18,7 +18,7 @@ from impactfem.report.page.motion_data import (
 from impactfem.report.page.motion_obstacles import plane_obstacles, space_obstacles
 from impactfem.report.skin import Skin
 from impactfem.report.space_picture import Camera, skin_of, vertical_of
-from impactfem.result import Result, Snapshots
+from impactfem.result import Record, Snapshots
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -60,7 +60,7 @@ class Frame:
     pressed: list[int]
 
 
-def bodies_motion(result: Result, fields: Snapshots) -> dict[str, Any] | None:
+def bodies_motion(result: Record, fields: Snapshots) -> dict[str, Any] | None:
     """Data of one or several solids in the plane or in space.
 
     Returns:
@@ -152,7 +152,7 @@ def _proper(parts: Integers) -> Integers:
     return np.asarray(parts[apart][np.sort(first)])
 
 
-def _plane(result: Result, shown: Shown, frames: list[Frame]) -> dict[str, Any]:
+def _plane(result: Record, shown: Shown, frames: list[Frame]) -> dict[str, Any]:
     axial = any(solid.is_axisymmetric for solid in result.scene.solids)
     times = np.array([frame.time for frame in frames])
     return {
@@ -164,7 +164,7 @@ def _plane(result: Result, shown: Shown, frames: list[Frame]) -> dict[str, Any]:
     }
 
 
-def _space(result: Result, skin: Skin, times: Floats) -> dict[str, Any]:
+def _space(result: Record, skin: Skin, times: Floats) -> dict[str, Any]:
     points = skin.points[skin.nodes]
     centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
     reach = _REACH * skin.size
@@ -176,7 +176,7 @@ def _space(result: Result, skin: Skin, times: Floats) -> dict[str, Any]:
     }
 
 
-def _caption(result: Result, skin: Skin, shown: Shown, factors: list[float], limit: float) -> str:
+def _caption(result: Record, skin: Skin, shown: Shown, factors: list[float], limit: float) -> str:
     several = len(result.scene.bodies) > 1
     text = "Deformed bodies" if several else "Deformed body"
     text += f", coloured by the von Mises stress up to {limit:.3g} Pa"

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impactfem.result import Result
+from impactfem.result import Record
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -63,7 +63,7 @@ def _text(values: NDArray[Any], bits: int) -> str:
     return base64.b64encode(values.astype(kind).tobytes()).decode("ascii")
 
 
-def telling_frames(result: Result, times: ArrayLike, most: int = MOST_FRAMES) -> Integers:
+def telling_frames(result: Record, times: ArrayLike, most: int = MOST_FRAMES) -> Integers:
     """Choose frames evenly in time, up to half of them in contact, one at the largest force.
 
     Args:
@@ -98,7 +98,7 @@ def telling_frames(result: Result, times: ArrayLike, most: int = MOST_FRAMES) ->
     return np.unique(np.clip(chosen, 0, len(at) - 1)).astype(np.int64)
 
 
-def rows_at(result: Result, times: ArrayLike) -> Integers:
+def rows_at(result: Record, times: ArrayLike) -> Integers:
     """Rows of the history nearest to some times."""
     levels = result.rows["time"].values
     at = np.asarray(times, dtype=np.float64)

@@ -12,7 +12,7 @@ from impactfem.report.page.motion_data import telling_frames
 from impactfem.report.page.motion_obstacles import plane_obstacles
 from impactfem.report.page.motion_poles import poles_motion
 from impactfem.report.space_picture import Camera, plane_normals
-from impactfem.result import Result
+from impactfem.result import Record
 from impactfem.scene import HalfSpace, Point, RigidPolyline
 
 Floats = NDArray[np.float64]
@@ -26,7 +26,7 @@ _NUMBERS = 150_000  # of all trails together
 _TRAIL = 0.2  # share of the duration that is drawn behind a point on a line
 
 
-def points_motion(result: Result) -> dict[str, Any] | None:
+def points_motion(result: Record) -> dict[str, Any] | None:
     """Data of points, a rod or a beam.
 
     Returns:
@@ -47,7 +47,7 @@ def points_motion(result: Result) -> dict[str, Any] | None:
     } | own  # fmt: skip
 
 
-def _rows(result: Result) -> tuple[Integers, Integers]:
+def _rows(result: Record) -> tuple[Integers, Integers]:
     """Rows of the history for trails, and which of these are frames."""
     history, scene = result.rows, result.scene
     columns = [f"{body.name}.{c}" for body in scene.bodies for c in "xyz"[: scene.dim]]
@@ -62,7 +62,7 @@ def _rows(result: Result) -> tuple[Integers, Integers]:
     return finite[kept], np.searchsorted(kept, frames)
 
 
-def _places(result: Result, rows: Integers) -> Floats:
+def _places(result: Record, rows: Integers) -> Floats:
     """Places of all points, shape (rows, points, dim)."""
     letters = "xyz"[: result.scene.dim]
     columns = [
@@ -72,7 +72,7 @@ def _places(result: Result, rows: Integers) -> Floats:
     return np.transpose(np.array(columns), (2, 0, 1))
 
 
-def _on_a_line(result: Result, rows: Integers) -> dict[str, Any]:
+def _on_a_line(result: Record, rows: Integers) -> dict[str, Any]:
     """Places and obstacles over time: a paper strip that the points draw on."""
     scene, time = result.scene, result.rows["time"].values[rows]
     obstacles = []
@@ -96,7 +96,7 @@ def _on_a_line(result: Result, rows: Integers) -> dict[str, Any]:
     }
 
 
-def _in_the_plane(result: Result, rows: Integers, at: Integers) -> dict[str, Any]:
+def _in_the_plane(result: Record, rows: Integers, at: Integers) -> dict[str, Any]:
     """Paths in the plane; those in space as a camera sees them."""
     scene = result.scene
     places = _places(result, rows)
@@ -129,7 +129,7 @@ def _in_the_plane(result: Result, rows: Integers, at: Integers) -> dict[str, Any
     }  # fmt: skip
 
 
-def _springs(result: Result) -> list[tuple[int, Any]]:
+def _springs(result: Record) -> list[tuple[int, Any]]:
     """Springs with the index of the point that they pull."""
     return [
         (k, spring)
@@ -139,7 +139,7 @@ def _springs(result: Result) -> list[tuple[int, Any]]:
     ]
 
 
-def _camera(result: Result) -> Camera:
+def _camera(result: Record) -> Camera:
     gravity = np.asarray(result.scene.vector_gravity.at(0.0), dtype=np.float64)
     size = float(np.linalg.norm(gravity))
     vertical = -gravity / size if size > 0.0 else np.eye(3)[1]
@@ -148,7 +148,7 @@ def _camera(result: Result) -> Camera:
 
 
 def _outlines(
-    result: Result, camera: Camera, places: Floats, times: Floats
+    result: Record, camera: Camera, places: Floats, times: Floats
 ) -> list[dict[str, Any]]:
     """Obstacles in space as lines of the picture: grids of planes, outlines of round ones."""
     low, high = places.min(axis=(0, 1)), places.max(axis=(0, 1))

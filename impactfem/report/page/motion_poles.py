@@ -6,14 +6,14 @@ import numpy as np
 
 from impactfem.report.page.motion_data import factors_of, packed, telling_frames
 from impactfem.report.page.motion_obstacles import plane_obstacles
-from impactfem.result import Result
+from impactfem.result import Record
 from impactfem.scene import Beam, Rod
 
 _FRAMES = 240
 _NODES = 65  # of a line
 
 
-def poles_motion(result: Result) -> dict[str, Any] | None:
+def poles_motion(result: Record) -> dict[str, Any] | None:
     """Data of a rod or a beam.
 
     Returns:

@@ -6,8 +6,8 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from impactfem.report.adding import Faults
 from impactfem.report.animation import film_if_any
+from impactfem.report.faults import Faults
 from impactfem.report.figures import draw_all, write_pictures
 from impactfem.report.page import facts
 from impactfem.report.page.charts import charts
@@ -25,7 +25,7 @@ from impactfem.report.page.verdict import headline, reasons
 from impactfem.report.page.words import in_words
 from impactfem.report.sheet import write_png
 from impactfem.report.table import beyond_model
-from impactfem.result import Result
+from impactfem.result import Record
 from impactfem.scene import Output
 
 FILM, PAGE = "motion.gif", "report.html"
@@ -50,7 +50,7 @@ _TITLES = {
 }
 
 
-def write_report(result: Result, folder: Path, faults: Faults, wanted: Output) -> list[Path]:
+def write_report(result: Record, folder: Path, faults: Faults, wanted: Output) -> list[Path]:
     """Write pictures, film and page.
 
     Args:
@@ -77,7 +77,7 @@ def write_report(result: Result, folder: Path, faults: Faults, wanted: Output) -
 
 
 def write_page(
-    result: Result, path: Path, pictures: Sequence[Path] | None = None, faults: Faults | None = None
+    result: Record, path: Path, pictures: Sequence[Path] | None = None, faults: Faults | None = None
 ) -> Path:
     """Write the page of a result.
 
@@ -98,7 +98,7 @@ def write_page(
 
 
 def page(
-    result: Result, pictures: Sequence[Path] | None = None, faults: Faults | None = None
+    result: Record, pictures: Sequence[Path] | None = None, faults: Faults | None = None
 ) -> str:
     """The page of a result as HTML.
 
@@ -143,7 +143,7 @@ def page(
     )
 
 
-def _drawn(result: Result) -> list[tuple[str, bytes]]:
+def _drawn(result: Record) -> list[tuple[str, bytes]]:
     images = []
     for name, figure in draw_all(result).items():
         buffer = io.BytesIO()
@@ -152,7 +152,7 @@ def _drawn(result: Result) -> list[tuple[str, bytes]]:
     return images
 
 
-def _byline(result: Result) -> str:
+def _byline(result: Record) -> str:
     summary = result.summary
     parts = [f"method {summary['method']}"]
     if run := summary.get("run"):
@@ -160,7 +160,7 @@ def _byline(result: Result) -> str:
     return ", ".join(parts)
 
 
-def _verdict(result: Result) -> str:
+def _verdict(result: Record) -> str:
     """What a person must see first: whether to trust it, and the main figures."""
     summary = result.summary
     error, energy = summary["error"], summary["energy"]
@@ -201,7 +201,7 @@ def _contents(sections: Sequence[str]) -> str:
     )
 
 
-def _scene(result: Result, faults: Faults) -> str:
+def _scene(result: Record, faults: Faults) -> str:
     picture = faults.guarded("the drawing on the page", lambda: drawing(result))
     caption = (
         "The scene at t = 0. Orange: velocities, purple: supports and loads, green: gravity; "

@@ -29,7 +29,7 @@ from impactfem.report.page.sketch import (
 )
 from impactfem.report.plane_picture import draw_obstacles
 from impactfem.report.space_picture import skin_of
-from impactfem.result import Result
+from impactfem.result import Record
 from impactfem.scene import Beam, HalfSpace, Point, Rod, Scene, Solid
 
 Floats = NDArray[np.float64]
@@ -82,7 +82,7 @@ class _Window:
         return size
 
 
-def draw_plane(result: Result) -> Figure | None:
+def draw_plane(result: Record) -> Figure | None:
     """What moves in the plane, with obstacles, supports, springs, velocities; None if unknown."""
     scene = result.scene
     solids = scene.solids
@@ -191,7 +191,7 @@ def _draw_slender(axes: Axes, body: Rod | Beam, size: float, *, named: bool) -> 
     _velocity(axes, centre, body.velocity, size)
 
 
-def _outlines(result: Result, solids: Sequence[Solid]) -> list[Floats] | None:
+def _outlines(result: Record, solids: Sequence[Solid]) -> list[Floats] | None:
     """For each solid polygons (1, corners, 2), or segments (segments, 2, 2) of its mesh."""
     known = [outline_of(solid) for solid in solids]
     if all(outline is not None for outline in known):

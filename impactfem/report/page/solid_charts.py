@@ -3,18 +3,18 @@
 import numpy as np
 
 from impactfem.report.page.chart import COLOURS, Chart, is_told, line, over_time, stairs
-from impactfem.result import Result
+from impactfem.result import Record
 
 _STILL = 1e-3  # of the largest component, below which one is not seen
 
 
-def solid_charts(result: Result) -> list[Chart]:
+def solid_charts(result: Record) -> list[Chart]:
     """Charts that only solids have: forces of pairs, way and velocity of each body."""
     made = [_pair_forces(result), *_centres(result)]
     return [chart for chart in made if chart is not None]
 
 
-def _pair_forces(result: Result) -> Chart | None:
+def _pair_forces(result: Record) -> Chart | None:
     """Force of each pair, where the history holds several of them."""
     history = result.rows
     names = [
@@ -33,7 +33,7 @@ def _pair_forces(result: Result) -> Chart | None:
     return Chart("forces", "Forces of pairs", caption, over_time(time, traces, "force [N]"))
 
 
-def _centres(result: Result) -> list[Chart]:
+def _centres(result: Record) -> list[Chart]:
     """Way and velocity of the centres of mass, components that stay zero left out."""
     history, bodies = result.rows, result.scene.bodies
     time = history["time"].values

@@ -14,7 +14,7 @@ from impactfem.report.page.numbers import constant, quantity
 from impactfem.report.page.sketch import EDGE, GRAVITY, VELOCITY, arrow, empty, label
 from impactfem.report.solid_figures import survey
 from impactfem.report.space_picture import Camera, SpacePainter, skin_of
-from impactfem.result import Result
+from impactfem.result import Record
 from impactfem.scene import HalfSpace, Point, Scene
 
 Floats = NDArray[np.float64]
@@ -23,7 +23,7 @@ _SHADE = 0.45  # place in the colour scale for bodies without stress
 _ARROW = 0.22
 
 
-def draw_solids_in_space(result: Result) -> Figure | None:
+def draw_solids_in_space(result: Record) -> Figure | None:
     """Solids in space with obstacles and velocities; None if their fields were not kept."""
     if result.fields is None:
         return None

@@ -22,7 +22,7 @@ from impactfem.report.page.chart import (
     thin,
 )
 from impactfem.report.phase import phase_curve
-from impactfem.result import Result
+from impactfem.result import Record
 from impactfem.scene import Point
 
 Floats = NDArray[np.float64]
@@ -35,7 +35,7 @@ _RANGE = 1e3  # of impact speeds beyond which the axis is logarithmic
 _PATH = 2000  # samples of a path
 
 
-def vibro_charts(result: Result) -> list[Chart]:
+def vibro_charts(result: Record) -> list[Chart]:
     """Charts that only points, rods and beams have."""
     points = isinstance(result.scene.bodies[0], Point)
     alone = len(result.scene.bodies) == 1
@@ -48,7 +48,7 @@ def vibro_charts(result: Result) -> list[Chart]:
     return [chart for chart in made if chart is not None]
 
 
-def _coordinates(result: Result) -> Chart | None:
+def _coordinates(result: Record) -> Chart | None:
     """Coordinates over time, in one dimension with the obstacles."""
     history, scene = result.rows, result.scene
     time = history["time"].values
@@ -83,7 +83,7 @@ def _coordinates(result: Result) -> Chart | None:
     return Chart("motion", "Motion", caption, figure)
 
 
-def _path(result: Result) -> Chart:
+def _path(result: Record) -> Chart:
     """Paths in the plane, both axes at one scale."""
     history = result.rows
     data = []
@@ -118,7 +118,7 @@ def _path(result: Result) -> Chart:
     return Chart("path", "Path", caption, figure)
 
 
-def _phase(result: Result) -> Chart:
+def _phase(result: Record) -> Chart:
     """Velocity against position of one point on a line."""
     name = result.scene.bodies[0].name
     times, x, v = phase_curve(result)
@@ -145,7 +145,7 @@ def _phase(result: Result) -> Chart:
     return Chart("phase", "Phase portrait", caption, figure)
 
 
-def _forces(result: Result) -> Chart | None:
+def _forces(result: Record) -> Chart | None:
     """Force of each constraint, where several of them carry any."""
     history = result.rows
     names = [
@@ -165,7 +165,7 @@ def _forces(result: Result) -> Chart | None:
     return Chart("forces", "Forces by contact", caption, over_time(time, traces, "force [N]"))
 
 
-def _impacts(result: Result) -> Chart | None:
+def _impacts(result: Record) -> Chart | None:
     """Impact speeds over time, a colour for each constraint."""
     found = result.impacts
     if found is None or not len(found):

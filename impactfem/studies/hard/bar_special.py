@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from impactfem.errors import ConvergenceError
+from impactfem.facade import Result
 from impactfem.reference.bar import exact_bar, measure
-from impactfem.result import Result
 from impactfem.scene import PiecewiseConstant
 from impactfem.solving import solve
 from impactfem.studies.hard.bars import (

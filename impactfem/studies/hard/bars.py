@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from impactfem.errors import ConvergenceError
+from impactfem.facade import Result
 from impactfem.methods import DISPERSIVE, METHODS
 from impactfem.reference.bar import exact_bar
-from impactfem.result import Fields, Result
+from impactfem.result import Fields
 from impactfem.scene import Scene
 from impactfem.solving import solve
 from impactfem.studies.hard.board import Facts

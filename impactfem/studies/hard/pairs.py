@@ -3,7 +3,7 @@
 import numpy as np
 
 from impactfem.errors import ConvergenceError
-from impactfem.result import Result
+from impactfem.facade import Result
 from impactfem.solving import solve
 from impactfem.studies.hard.board import Case, Facts
 from impactfem.studies.hard.rows import Row, load

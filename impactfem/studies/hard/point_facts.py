@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impactfem.errors import ImpactWarning
+from impactfem.facade import Result
 from impactfem.methods import METHODS
-from impactfem.result import Result
 from impactfem.result.trajectory import Trajectory
 from impactfem.scene import Scene
 from impactfem.shipped import find_scene

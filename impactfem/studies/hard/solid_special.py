@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.facade import Result
 from impactfem.marching.schemes import SOLID_SCHEMES
-from impactfem.result import Result
 from impactfem.studies.hard.board import Case, Facts
 from impactfem.studies.hard.meshes import curved_disc, mesh_file, square
 from impactfem.studies.hard.rows import Row, load

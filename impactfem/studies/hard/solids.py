@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from impactfem.errors import ConvergenceError
+from impactfem.facade import Result
 from impactfem.marching.schemes import SOLID_SCHEMES
-from impactfem.result import Result
 from impactfem.scene import Scene
 from impactfem.solving import solve
 from impactfem.studies.hard.board import Facts
