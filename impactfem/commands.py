@@ -35,12 +35,13 @@ def _read(given: argparse.Namespace) -> "tuple[Path, Scene]":
 def run(given: argparse.Namespace) -> int:
     """Solve a scene and write its result."""
     from impactfem.log import Progress  # noqa: PLC0415
-    from impactfem.methods import is_exact  # noqa: PLC0415
+    from impactfem.methods import METHODS  # noqa: PLC0415
     from impactfem.planning import plan as plan_of  # noqa: PLC0415
     from impactfem.report.table import summary_table  # noqa: PLC0415
     from impactfem.result.occupied import check_free  # noqa: PLC0415
     from impactfem.result.store import CHECKPOINT, SPOOL  # noqa: PLC0415
     from impactfem.resuming import claimed, clear, kept  # noqa: PLC0415
+    from impactfem.runs import RUNNERS  # noqa: PLC0415
 
     path, scene, folder = _to_run(given)
     progress = Progress(enabled=rank() == 0 and not given.quiet)
@@ -48,9 +49,9 @@ def run(given: argparse.Namespace) -> int:
     chosen = plan_of(scene)
     for warning in chosen.warnings:
         progress.message(f"warning: {warning}")
-    if not is_exact(chosen.method) and not scene.is_vibro and not scene.is_bar_row:
+    if METHODS[chosen.method].assembled or not METHODS[chosen.method].layered:
         _load_finite_elements()
-    stages = progress.stages(4 if scene.bodies[0].kind == "bar" else 5)
+    stages = progress.stages(RUNNERS[scene.solver].stages)
     place = given.restart or folder
     on_root(lambda: check_free(folder, path))
     with claimed(folder, given.restart), stages, kept(place, bool(scene.output.checkpoint)):

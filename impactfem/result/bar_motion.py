@@ -1,4 +1,4 @@
-"""The motion of a bar as every method returns it, and the history and fields made of it."""
+"""The motion of a bar as every method returns it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,11 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.findings import Finding
-from impactfem.result.fields import Fields
-from impactfem.result.history import BodyMotion, Columns, PairMotion, make_history
-from impactfem.result.table import Table
-from impactfem.scene import Bar
-from impactfem.scene.pairing import default_name
 
 Floats = NDArray[np.float64]
 
@@ -98,36 +93,3 @@ def kept_levels(layers: int, every: int) -> NDArray[np.int64]:
     """Every ``every``-th level from 0 on, and the last one."""
     levels = np.arange(0, layers + 1, every)
     return levels if levels[-1] == layers else np.append(levels, layers)
-
-
-def bar_history(
-    motion: BarMotion, bar: Bar, wall: str, probes: Mapping[str, Mapping[str, Floats]] | None = None
-) -> Table:
-    """History of a motion, in the columns of the contract."""
-    section = bar.density * bar.area
-    force = np.concatenate([[0.0], -section * motion.multiplier + 0.0])  # no negative zeros
-    position = motion.mean_displacement + 0.5 * bar.length
-    body = BodyMotion.along_axis(position, motion.mean_velocity)
-    return make_history(
-        Columns(
-            time=motion.times,
-            gap=motion.gap,
-            contact_force=force,
-            kinetic_energy=section * motion.kinetic,
-            elastic_energy=section * motion.elastic,
-            potential_energy=section * motion.potential,
-            momentum=bar.mass * body.velocity,
-            active=np.concatenate([[0], motion.active.astype(np.int64)]),
-            bodies={bar.name: body},
-            pairs={default_name(bar.name, wall): PairMotion(force, motion.gap)},
-            probes=probes or {},
-        )
-    )
-
-
-def bar_fields(motion: BarMotion, name: str) -> Fields:
-    """Displacement and velocity at the kept levels."""
-    return Fields(
-        motion.times[motion.kept], motion.positions, motion.displacement, motion.velocity,
-        bars=(name,),
-    )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The motion of a row of bars as every method returns it, and the history and fields made of it."""
+"""The motion of bars in a row, or of a row of one, and the history and fields made of it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.result.bar_motion import Effort
+from impactfem.result.bar_motion import BarMotion, Effort
 from impactfem.result.fields import Fields
 from impactfem.result.history import BodyMotion, Columns, PairMotion, make_history
 from impactfem.result.table import Table
@@ -36,6 +36,8 @@ class RowMotion:
         mean_displacement: Of the centres of mass at t_m [m], shape (layers + 1, bars).
         mean_velocity: Of the centres of mass in each layer [m/s], shape (layers + 1, bars).
         effort: How the method got there.
+        potential: Potential energy [J], shape (layers + 1,); None: there is none.
+        active: Pairs in contact in each row, shape (layers + 1,); None: those that press.
     """
 
     times: Floats
@@ -51,6 +53,30 @@ class RowMotion:
     mean_displacement: Floats
     mean_velocity: Floats
     effort: Effort = field(default_factory=Effort)
+    potential: Floats | None = None
+    active: NDArray[np.int64] | None = None
+
+    @classmethod
+    def of_one(cls, motion: BarMotion, bar: Bar, wall: str) -> "RowMotion":
+        """A bar and its wall as a row of one."""
+        section = bar.density * bar.area
+        return cls(
+            times=motion.times,
+            labels=pair_labels([bar], wall),
+            positions=(motion.positions,),
+            kept=motion.kept,
+            displacement=(motion.displacement,),
+            velocity=(motion.velocity,),
+            gap=motion.gap[:, None],
+            force=(-section * motion.multiplier + 0.0)[:, None],  # no negative zeros
+            kinetic=section * motion.kinetic[:, None],
+            elastic=section * motion.elastic[:, None],
+            mean_displacement=motion.mean_displacement[:, None],
+            mean_velocity=motion.mean_velocity[:, None],
+            effort=motion.effort,
+            potential=section * motion.potential,
+            active=np.append(0, motion.active.astype(np.int64)),
+        )
 
     @property
     def is_finite(self) -> bool:
@@ -87,6 +113,7 @@ def row_history(
         )
         for k, bar in enumerate(bars)
     }
+    still, pressing = np.zeros_like(motion.times), np.count_nonzero(force > 0.0, axis=1)
     history = make_history(
         Columns(
             time=motion.times,
@@ -94,9 +121,9 @@ def row_history(
             contact_force=force.sum(axis=1),
             kinetic_energy=motion.kinetic.sum(axis=1),
             elastic_energy=motion.elastic.sum(axis=1),
-            potential_energy=np.zeros_like(motion.times),
+            potential_energy=still if motion.potential is None else motion.potential,
             momentum=np.sum([bar.mass * bodies[bar.name].velocity for bar in bars], axis=0),
-            active=np.count_nonzero(force > 0.0, axis=1),
+            active=pressing if motion.active is None else motion.active,
             bodies=bodies,
             pairs={
                 name: PairMotion(force[:, k], motion.gap[:, k])
@@ -105,17 +132,19 @@ def row_history(
             probes=probes or {},
         )
     )
-    history["gap"].attrs["comment"] = "smallest distance of neighbours"
+    if len(bars) > 1:
+        history["gap"].attrs["comment"] = "smallest distance of neighbours"
     return history
 
 
 def row_fields(motion: RowMotion, names: tuple[str, ...]) -> Fields:
     """Displacement and velocity of all bars at the kept levels, one bar after the other."""
+    counts = tuple(len(positions) for positions in motion.positions)
     return Fields(
         motion.times[motion.kept],
         np.concatenate(motion.positions),
         np.hstack(motion.displacement),
         np.hstack(motion.velocity),
-        tuple(len(positions) for positions in motion.positions),
+        counts if len(names) > 1 else None,
         names,
     )

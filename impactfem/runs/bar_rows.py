@@ -1,6 +1,8 @@
 """Run bars in a row as the plan says: motion, error against the exact one, curves, figures."""
 
+import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,13 +10,17 @@ from numpy.typing import NDArray
 
 from impactfem.exact import ExactBarRow
 from impactfem.log import Progress
-from impactfem.methods import is_exact
+from impactfem.methods import METHODS
 from impactfem.planning import Plan, RowNumbers
 from impactfem.reference.bar import Errors
-from impactfem.reference.bar_row import exact_row
+from impactfem.reference.bar_row import exact_row, exact_row_if_known
+from impactfem.reference.rounding import sampling_of_row
 from impactfem.result.bar_motion import Effort, kept_levels
-from impactfem.result.bar_row_motion import RowMotion, pair_labels
+from impactfem.result.bar_row_motion import RowMotion, pair_labels, pair_names
 from impactfem.result.table import Series, Table
+from impactfem.runs.bar_run import Measured, run_of_bars
+from impactfem.runs.line_probes import check_bar_probes, every_level, thinned
+from impactfem.runs.run import Checkpointing, Cost, Run
 from impactfem.runs.summary import contact_intervals
 from impactfem.scene import Scene
 
@@ -24,30 +30,62 @@ _SAMPLES = 1001  # times of the exact curves besides the jumps
 _JUMPS = 2000  # jumps of a force that a picture shows
 
 
-def run_bar_row(scene: Scene, chosen: Plan[RowNumbers], progress: Progress) -> RowMotion:
-    """Compute the motion of bars in a row.
+def run(scene: Scene, plan: Plan[RowNumbers], progress: Progress, saved: Checkpointing) -> Run:
+    """Compute the motion of bars in a row and measure its error.
 
     Raises:
         SceneError: There are too many waves to follow.
     """
-    numbers = chosen.numbers
-    if is_exact(chosen.method):
+    start = time.perf_counter()
+    saved.refuse(scene)
+    check_bar_probes(scene)
+    full = _solve(every_level(scene), plan, progress)
+    cost = Cost.since(start)
+    progress.step("measuring the error")
+    measured = _measured(scene, plan, thinned(full, scene))
+    return run_of_bars(scene, plan, _as_used(scene, plan), full, measured, cost)
+
+
+def _solve(scene: Scene, plan: Plan[RowNumbers], progress: Progress) -> RowMotion:
+    numbers = plan.numbers
+    if METHODS[plan.method].exact:
         progress.step("following the characteristics")
         end = max(scene.duration, numbers.layers * numbers.dt)
-        return exact_row_motion(scene, exact_row(scene, end), chosen)
+        return exact_row_motion(scene, exact_row(scene, end), numbers)
     progress.step("loading the time loops (compiled at their first use)")
     from impactfem.marching.bar_row import march_row  # noqa: PLC0415  (loads Numba)
 
     progress.step("marching")
     return march_row(
         scene.bars, numbers.elements, numbers.dt, numbers.layers,
-        wall=_wall(scene), every=scene.output.every, method=chosen.method,
+        wall=_wall(scene), every=scene.output.every, method=plan.method,
     )  # fmt: skip
 
 
-def exact_row_motion(scene: Scene, exact: ExactBarRow, chosen: Plan[RowNumbers]) -> RowMotion:
+def _measured(scene: Scene, plan: Plan[RowNumbers], motion: RowMotion) -> Measured:
+    end = max(scene.duration, float(motion.times[-1]))
+    exact = exact_row_if_known(scene, end) if plan.numbers.exact_known else None
+    errors, own = None, METHODS[plan.method].exact
+    if exact is not None and motion.is_finite:
+        errors = None if own else measure_row(motion, exact)
+        if exact.sampled:
+            sampling = sampling_of_row(scene, exact)
+            errors = sampling if errors is None else errors.plus(sampling)
+    names = pair_names(motion.labels, scene.bars)
+    curves = None if exact is None else row_curves(exact, end, names)
+    return Measured(errors, curves, contact_figures(motion, exact if own else None))
+
+
+def _as_used(scene: Scene, plan: Plan[RowNumbers]) -> Scene:
+    """The scene with the plan's choices filled in."""
+    settings = replace(scene.solve, method=plan.method, elements=plan.numbers.longest)
+    if settings.dt is None:
+        settings = replace(settings, courant=max(plan.numbers.courant))
+    return replace(scene, solve=settings)
+
+
+def exact_row_motion(scene: Scene, exact: ExactBarRow, numbers: RowNumbers) -> RowMotion:
     """The exact motion at the planned levels and nodes; forces are means over layers."""
-    numbers = chosen.numbers
     times = numbers.dt * np.arange(numbers.layers + 1, dtype=np.float64)
     kept = kept_levels(numbers.layers, scene.output.every)
     count, pairs = len(scene.bars), len(exact.contacts)

@@ -1,5 +1,6 @@
-"""How each family of methods is run for a scene; heavy libraries are loaded when needed."""
+"""Run one bar as planned, by each family of methods; heavy libraries are loaded when needed."""
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -8,9 +9,22 @@ from numpy.typing import NDArray
 
 from impactfem.errors import MeshError, SceneError
 from impactfem.log import Progress
+from impactfem.methods import METHODS
 from impactfem.planning import BarNumbers, Plan
-from impactfem.reference.bar import exact_bar, exact_motion
+from impactfem.reference.bar import (
+    contact_figures,
+    exact_bar,
+    exact_curves,
+    exact_motion,
+    measure,
+)
+from impactfem.reference.rounding import rounding_of_exact
 from impactfem.result import BarMotion
+from impactfem.result.bar_row_motion import RowMotion
+from impactfem.runs.bar_run import Measured, run_of_bars
+from impactfem.runs.forces import bar_window
+from impactfem.runs.line_probes import check_bar_probes, every_level, thinned
+from impactfem.runs.run import Checkpointing, Cost, Run
 from impactfem.scene import Scene
 from impactfem.sizing import DEFAULT_ELEMENTS
 
@@ -156,10 +170,50 @@ def _known_events(scene: Scene) -> tuple[float, ...]:
     return tuple(time for time in ends if time < scene.duration)
 
 
-RUNNERS: Mapping[str, Callable[[Scene, Plan[BarNumbers], Progress], BarMotion]] = {
+SOLVED: Mapping[str, Callable[[Scene, Plan[BarNumbers], Progress], BarMotion]] = {
     "dg": _solve_dg,
     "exact": _solve_exact,
     "marching": _solve_marching,
     "monolithic": _solve_monolithic,
 }
-"""Runner of each family in `impactfem.methods`."""
+"""What solves a bar by each family in `impactfem.methods`."""
+
+
+def run(scene: Scene, plan: Plan[BarNumbers], progress: Progress, saved: Checkpointing) -> Run:
+    """Compute the motion of a bar and measure its error."""
+    start = time.perf_counter()
+    saved.refuse(scene)
+    check_bar_probes(scene)
+    full = SOLVED[METHODS[plan.method].family](every_level(scene), plan, progress)
+    cost = Cost.since(start)
+    progress.step("measuring the error")
+    measured = _measured(scene, plan, thinned(full, scene))
+    (wall,) = scene.obstacles
+    row = RowMotion.of_one(full, scene.bar, wall.name)
+    return run_of_bars(scene, plan, _as_used(scene, plan), row, measured, cost)
+
+
+def _measured(scene: Scene, plan: Plan[BarNumbers], motion: BarMotion) -> Measured:
+    bar, end, method = scene.bar, float(motion.times[-1]), METHODS[plan.method]
+    exact = exact_bar(scene, None if end <= scene.duration * (1.0 + 1e-9) else end)
+    errors = None
+    if motion.is_finite:
+        errors = rounding_of_exact(scene) if method.exact else measure(motion, exact)
+    return Measured(
+        errors,
+        exact_curves(exact, bar, end),
+        contact_figures(exact, bar) if method.exact else {},
+        bar_window(method, motion, bar.wave_speed),
+    )
+
+
+def _as_used(scene: Scene, plan: Plan[BarNumbers]) -> Scene:
+    """The scene with the plan's choices filled in."""
+    settings, numbers, method = scene.solve, plan.numbers, METHODS[plan.method]
+    filled = replace(settings, method=plan.method, degree=numbers.degree, fitted=numbers.fitted)
+    if settings.mesh is None:
+        if settings.accuracy is None or not method.layered:  # else the size follows from it
+            filled = replace(filled, elements=numbers.elements)
+        if settings.dt is None:
+            filled = replace(filled, courant=numbers.courant)
+    return replace(scene, solve=filled)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.findings import Finding, percent
-from impactfem.methods import METHODS
+from impactfem.methods import Method
 from impactfem.planning.resolution import SINGLE_LIMIT, STEPS, single_node, unresolved
 from impactfem.result import BarMotion
 from impactfem.result.table import Table
@@ -144,15 +144,15 @@ def peak_findings(contact: Mapping[str, Any]) -> tuple[Finding, ...]:
     )
 
 
-def bar_window(method: str, motion: BarMotion, wave_speed: float) -> float:
+def bar_window(method: Method, motion: BarMotion, wave_speed: float) -> float:
     """Time [s] over which forces of a bar are means; 0 where rows are right by themselves.
 
     Methods that are stable up to courant 1 are exact at the nodes there, and ring below; a
     negative control rings always.
     """
-    known, distance = METHODS[method], float(np.diff(motion.positions).max())
+    distance = float(np.diff(motion.positions).max())
     below = wave_speed * float(np.diff(motion.times).max()) < (1.0 - 1e-9) * distance
-    rings = not known.plannable or (known.stable == "limited" and below)
+    rings = not method.plannable or (method.stable == "limited" and below)
     return _NODES * distance / wave_speed if rings else 0.0
 
 

@@ -1,6 +1,6 @@
 """Probes of bars, points, rods and beams: places between the nodes of a line."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -115,9 +115,11 @@ def every_level(scene: Scene) -> Scene:
     return replace(scene, output=replace(scene.output, every=1)) if scene.probes else scene
 
 
-def thinned[M: (BarMotion, RowMotion)](motion: M, every: int) -> M:
-    """The motion with the fields of every so many levels that were asked for."""
-    kept = kept_levels(len(motion.times) - 1, every)
+def thinned[M: (BarMotion, RowMotion)](motion: M, scene: Scene) -> M:
+    """The motion with the fields of those levels only that were asked for."""
+    if not scene.probes:
+        return motion
+    kept = kept_levels(len(motion.times) - 1, scene.output.every)
 
     def cut(values: Any) -> Any:
         return tuple(map(cut, values)) if isinstance(values, tuple) else values[kept]
@@ -128,25 +130,19 @@ def thinned[M: (BarMotion, RowMotion)](motion: M, every: int) -> M:
     return thin
 
 
-def bar_probes(
-    scene: Scene,
-    positions: Sequence[Floats],
-    displacement: Sequence[Floats],
-    velocity: Sequence[Floats],
-) -> Probed:
+def bar_probes(scene: Scene, motion: RowMotion) -> Probed:
     """Columns of probes of bars: displacement from the place without strain, elastic stress.
 
     Args:
         scene: The scene.
-        positions: Of each bar the places of its nodes from the near end [m], (nodes,).
-        displacement: u at every level [m], (rows, nodes).
-        velocity: [m/s], (rows, nodes).
+        motion: Its motion with all levels kept.
     """
     names, found = [bar.name for bar in scene.bars], {}
     for probe in scene.probes:
         k = names.index(probe.body)
-        bar, x = scene.bars[k], positions[k]
-        found[probe.name] = _of_bar(probe, bar, x, displacement[k], velocity[k])
+        found[probe.name] = _of_bar(
+            probe, scene.bars[k], motion.positions[k], motion.displacement[k], motion.velocity[k]
+        )
     return found
 
 

@@ -1,17 +1,15 @@
 """The figures of a run, as written to ``summary.json``."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.planning import Plan
-from impactfem.reference.bar import Errors
-from impactfem.result import Effort
-from impactfem.result.table import Table
 from impactfem.runs.forces import largest_force, peak_findings, spells_of, strongest_spells
+from impactfem.runs.run import Run
 from impactfem.runs.verdict import GROWTH_LIMITS, judge
 from impactfem.scene import Scene
 
@@ -24,30 +22,15 @@ _ROUNDING = 1e-15
 _SHUT = 1e-9
 
 
-@dataclass(frozen=True)
-class Cost:
-    """What a run took."""
-
-    wall_time: float
-    memory_mib: float
-    ranks: int
-
-
-def summarise(
-    scene: Scene, chosen: Plan[Any], history: Table, effort: Effort, errors: Errors | None,
-    cost: Cost, *, driven: bool = False,
-) -> dict[str, Any]:  # fmt: skip
+def summarise(scene: Scene, chosen: Plan[Any], run: Run) -> dict[str, Any]:
     """Figures and verdict of a run, as in ``summary.json``; None for what is not finite.
 
     Args:
         scene: What was modelled.
         chosen: The plan.
-        history: History of the run.
-        effort: How the method got there.
-        errors: Errors against a reference, None if not measured.
-        cost: What the run took.
-        driven: Whether loads do work that the history does not hold: then energy may grow.
+        run: What its runner gave.
     """
+    history, effort, cost, driven = run.history, run.effort, run.cost, not run.conservative
     t, force = history["time"].values, history["contact_force"].values
     energy = history["total_energy"].values
     # Kinetic and elastic energy too: the potential may make the sum nearly vanish. And the work on
@@ -105,7 +88,7 @@ def summarise(
                 np.abs(gap).max(),
             ),
         },
-        "error": asdict(errors) if errors else None,
+        "error": asdict(run.errors) if run.errors else None,
         "bodies": effort.bodies,
         "details": effort.details,
         "plan": chosen.as_dict(),
@@ -114,6 +97,7 @@ def summarise(
     findings = [*effort.findings, *peak_findings(plain["contact"])]
     found = judge(scene, history, plain, chosen.findings, findings, effort.measured)
     plain |= _plain(found)
+    plain["contact"] |= run.contact
     return plain
 
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, fields, replace
 from typing import Any, cast
 
 import numpy as np
@@ -23,6 +23,7 @@ from impactfem.result.table import Series, Table
 from impactfem.result.trajectory import Trajectory
 from impactfem.runs.line_bodies import beam_figures, body_figures
 from impactfem.runs.line_probes import vibro_probes
+from impactfem.runs.run import Checkpointing, Cost, Run
 from impactfem.runs.vibro_contact import contact_figures, impact_loss
 from impactfem.scene import Scene
 from impactfem.system.episode import contact_episode
@@ -41,44 +42,22 @@ _TINY = 1e-100
 _EVENTS = 200_000  # impacts up to which a reference run is made
 
 
-@dataclass(frozen=True)
-class VibroRun:
-    """What a run gives.
-
-    Attributes:
-        motion: The motion in generalised coordinates.
-        history: History in the columns of the contract.
-        model: The system.
-        errors: Errors against a second run; None if none was made.
-        contact: Intervals, largest force and impulses, for the summary.
-        seconds: Time of the run itself, without that for the error [s].
-        fields: Where the bodies are; None if they are not wanted.
-    """
-
-    motion: Trajectory
-    history: Table
-    model: VibroModel
-    errors: Errors | None
-    contact: dict[str, Any]
-    seconds: float
-    fields: KeptSnapshots | None = None
-
-
-def run_vibro(scene: Scene, chosen: Plan[VibroNumbers], progress: Progress) -> VibroRun:
+def run(scene: Scene, chosen: Plan[VibroNumbers], progress: Progress, saved: Checkpointing) -> Run:
     """Integrate the motion of points, a rod or a beam.
 
     Raises:
         SceneError: The start or the settings cannot work.
         ConvergenceError: A step or an event could not be solved.
     """
-    begin = time.perf_counter()
+    start = time.perf_counter()
+    saved.refuse(scene)
     progress.step("building the system")
     model = vibro_model(scene)
     probes = vibro_probes(scene, model)
     progress.step("integrating")
     settings = _settings(scene, chosen)
     motion = _integrate(scene, chosen, model)
-    seconds = time.perf_counter() - begin
+    cost = Cost.since(start)
     findings: list[Finding] = []
     names = model.bodies(motion.position[:1], motion.velocity[:1])
     bodies = {n: body_figures(mass) for n, mass in zip(names, model.masses, strict=True)}
@@ -89,7 +68,7 @@ def run_vibro(scene: Scene, chosen: Plan[VibroNumbers], progress: Progress) -> V
         turned = float(model.beam.angle(motion.position))
         text = f"the beam turns by {turned:.2g} rad, but rotations are linearised about the start"
         remedy = "shorten the duration to the contact"
-        name = scene.bodies[0].name
+        name = model.beam.beam.name
         findings += by_limits("model_rotation", turned, ROTATION_LIMITS, text, name, remedy)
         bodies[name] = beam_figures(model.beam, motion.position, turned)
         findings += strain_findings(name, bodies[name]["strain_99"] or 0.0)
@@ -120,10 +99,26 @@ def run_vibro(scene: Scene, chosen: Plan[VibroNumbers], progress: Progress) -> V
         measured=("impact_law", *CODES, "force_peak"),
         bodies=bodies,
     )
-    motion = replace(motion, effort=effort)
-    history = vibro_history(motion, model, probes(motion))
-    fields = vibro_fields(motion, model) if scene.output.fields else None
-    return VibroRun(motion, history, model, errors, contact, seconds, fields)
+    for finding in findings:
+        progress.message(f"{finding.severity}: {finding.sentence}")
+    return Run(
+        used=_as_used(scene, chosen),
+        history=vibro_history(motion, model, probes(motion)),
+        effort=effort,
+        errors=errors,
+        cost=cost,
+        fields=vibro_fields(motion, model) if scene.output.fields else None,
+        impacts=motion.impacts,
+        contact=contact,
+        conservative=model.conservative,
+    )
+
+
+def _as_used(scene: Scene, chosen: Plan[VibroNumbers]) -> Scene:
+    """The scene with the plan's choices filled in."""
+    names = ("dt", "impact_law", "estimate", "penalty_stiffness", "penalty_integrator")
+    known = {name: getattr(chosen.numbers, name) for name in names}
+    return replace(scene, solve=replace(scene.solve, method=chosen.method, **known))
 
 
 def vibro_fields(motion: Trajectory, model: VibroModel) -> KeptSnapshots:

@@ -418,7 +418,7 @@ def test_dolfinx_missing_is_said_before_solving(command, monkeypatch):
     for name in [name for name in sys.modules if name.startswith("impactfem.fem")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "dolfinx", None)
-    done = command("run", "bar_impact", *GLOBAL)
+    done = command("run", "bar_impact", "--set", "solve.method=monolithic")
     assert done.code == 1
     assert "Remedy" in done.err
     assert "python3-dolfinx" in done.err

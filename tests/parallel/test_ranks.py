@@ -10,7 +10,7 @@ def histories(method, **bar):
     """History on all ranks together, and on this rank alone."""
     from impactfem.fem import MPI
     from impactfem.mesh.spacetime import layered_mesh
-    from impactfem.result.bar_motion import bar_fields, bar_history
+    from impactfem.result.bar_row_motion import RowMotion, row_fields, row_history
     from impactfem.spacetime.galerkin import GalerkinSettings, solve_galerkin
 
     body = impactfem.Bar(length=2.0, density=3.0, youngs_modulus=12.0, **bar)
@@ -19,7 +19,8 @@ def histories(method, **bar):
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
         space = layered_mesh(comm, 20, 100, 1.0)
         solution = solve_galerkin(space, body, gravity, GalerkinSettings(active_set=method))
-        answers.append((bar_history(solution, body, "wall"), bar_fields(solution, body.name)))
+        motion = RowMotion.of_one(solution, body, "wall")
+        answers.append((row_history(motion, [body]), row_fields(motion, (body.name,))))
     return answers
 
 

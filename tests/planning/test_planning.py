@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import impactfem
+from impactfem.planning import PLANNERS
+from impactfem.runs import RUNNERS, runner
 from impactfem.shipped import shipped_scenes
 
 MESH = str(Path(__file__).parents[2] / "meshes" / "bar_spacetime.geo")
@@ -173,3 +175,9 @@ def test_every_scene_has_one_kind_of_plan(name):
     assert replace(plan, film=True).dt == plan.dt
     with pytest.raises(AttributeError, match="colour"):
         _ = plan.colour
+
+
+def test_whatever_solves_a_scene_is_planned_and_run():
+    scenes = (impactfem.Scene.from_toml(path) for path in shipped_scenes().values())
+    assert {scene.solver for scene in scenes} == {*PLANNERS} == {*RUNNERS}
+    assert all(callable(runner(name)) for name in RUNNERS)

@@ -93,6 +93,14 @@ def test_a_run_loads_no_data_frames_and_compilers_that_it_does_not_use(tmp_path)
     assert {"dolfinx", "matplotlib"} <= names
 
 
+@pytest.mark.slow
+def test_a_march_of_a_bar_loads_no_finite_elements(tmp_path):
+    quiet = ("--quiet", "--set", "output.report=false", "--set", "output.pictures=false")
+    names = loaded("run", "doyen_impact", "--out", str(tmp_path / "result"), *quiet)
+    assert "numba" in names
+    assert not names & {"dolfinx", "petsc4py"}
+
+
 def test_a_library_is_hidden_only_meanwhile():
     with pytest.raises(ModuleNotFoundError), without("this"):
         import this  # noqa: F401

@@ -1,0 +1,48 @@
+"""Run bodies that are marched as planned, and estimate their error."""
+
+import time
+from dataclasses import replace
+
+from impactfem.log import Progress
+from impactfem.planning import MarchNumbers, Plan
+from impactfem.runs.error_estimate import estimate_error
+from impactfem.runs.run import Checkpointing, Cost, Run
+from impactfem.runs.solids import run_solids
+from impactfem.scene import Scene
+
+
+def run(scene: Scene, plan: Plan[MarchNumbers], progress: Progress, saved: Checkpointing) -> Run:
+    """March the bodies (collective); see `run_solids`."""
+    start = time.perf_counter()
+    motion, fields = run_solids(
+        scene, plan, progress, checkpoints=saved.folder, restart=saved.restart
+    )
+    cost = Cost.since(start)
+    effort, used = motion.effort, _as_used(scene, plan)
+    unknowns = max(1, effort.num_unknowns)
+    details = {**effort.details, "memory_per_unknown_kib": cost.memory_mib * 1024 / unknowns}
+    errors = None
+    if plan.numbers.estimate and motion.is_finite and effort.converged:
+        progress.step("estimating the error on other elements")
+        errors, details["error_estimate"] = estimate_error(used, plan, motion.history)
+    effort = replace(effort, details=details)
+    return Run(
+        used=used, history=motion.history, effort=effort, errors=errors, cost=cost, fields=fields
+    )
+
+
+def _as_used(scene: Scene, plan: Plan[MarchNumbers]) -> Scene:
+    """The scene with the plan's choices filled in."""
+    numbers = plan.numbers
+    settings = replace(
+        scene.solve,
+        method=plan.method,
+        courant=numbers.courant if scene.solve.dt is None else None,
+        normals=numbers.normals,
+        estimate=numbers.estimate,
+        linear_solver=None if numbers.linear_solver == "none" else numbers.linear_solver,
+    )
+    degrees = dict(zip((solid.name for solid in scene.solids), numbers.degrees, strict=True))
+    solids = {s.name: replace(s, degree=degrees[s.name]) for s in scene.solids}
+    bodies = tuple(solids.get(body.name, body) for body in scene.bodies)
+    return replace(scene, bodies=bodies, solve=settings)
