@@ -15,12 +15,14 @@ from matplotlib.text import Text
 from numpy.typing import NDArray
 
 from impactfem.report.film import cursor, even_moments, force_beside, tell_time
+from impactfem.report.panel import colour
+from impactfem.report.panel_figure import draw_panel
+from impactfem.report.panels import gap
 from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin
-from impactfem.report.slender_picture import COLOURS, tracks
+from impactfem.report.slender_picture import tracks
 from impactfem.report.solid_figures import FLAT, STRESS, Painter, forces_key, survey
 from impactfem.report.space_picture import SpacePainter, skin_of
-from impactfem.report.vibro_figures import gaps
 from impactfem.result import Record, Snapshots
 
 Floats = NDArray[np.float64]
@@ -115,7 +117,7 @@ def body_reel(result: Record, fields: Snapshots, frames: int | None) -> BodyReel
     figure.suptitle(result.scene.title, fontsize=11)
     clock = left.text(0.02, 0.98, "", transform=left.transAxes, va="top", zorder=5, fontsize=9)
     ways = _ways(skin, painter)
-    tints = [COLOURS[k % len(COLOURS)] for k in skin.bodies[skin.balls]]
+    tints = [colour(k) for k in skin.bodies[skin.balls]]
     trails = LineCollection([], colors=tints or "none", linewidths=1.2, alpha=0.6, zorder=4)
     left.add_collection(trails, autolim=False)
     for artist in (*above, clock, trails):
@@ -127,8 +129,7 @@ def _beside(axes: Axes, result: Record) -> Line2D:
     """The curve beside the motion: the force, or the gaps where contact is by impacts."""
     if result.impacts is None or result.rows["contact_force"].values.any():
         return force_beside(axes, result)
-    gaps(axes, result)
-    axes.set_title("")
+    draw_panel(axes, gap(result))
     return cursor(axes)
 
 

@@ -15,11 +15,12 @@ from matplotlib.text import Text
 from numpy.typing import NDArray
 
 from impactfem.contact.distance import on_a_line
-from impactfem.report.bar_row_figures import magnified
 from impactfem.report.film import cursor, even_moments, force_beside, tell_time
+from impactfem.report.line_panels import magnified
+from impactfem.report.motion_panels import motion
+from impactfem.report.panel import colour
+from impactfem.report.panel_figure import draw_panel
 from impactfem.report.sheet import Sheet
-from impactfem.report.slender_picture import COLOURS
-from impactfem.report.vibro_figures import motion
 from impactfem.result import Fields, Record, Snapshots
 
 Floats = NDArray[np.float64]
@@ -143,13 +144,13 @@ def _points(result: Record, fields: Snapshots, moments: Nodes) -> LineReel | Non
     extent = max(high - low, 1e-12)
     above.set_xlim(low - _ROOM * extent, high + _ROOM * extent)
     half = np.where(radius > 0.0, radius, _DOT * extent)
-    tints = [COLOURS[k % len(COLOURS)] for k in range(len(half))]
+    tints = [colour(k) for k in range(len(half))]
     pieces = PolyCollection([], facecolors=tints, linewidths=0)
     stay = [entry for entry in result.scene.rigid_obstacles if entry.motion is None]
     move = [entry for entry in result.scene.rigid_obstacles if entry.motion is not None]
     _walls(above, stay, 0.0)
-    motion(below, result)
-    below.set_title("")
+    if (panel := motion(result)) is not None:
+        draw_panel(below, panel)
     ends = places - half, places + half
     return _reel(figure, fields.times[moments], ends, np.arange(len(half)), pieces,
                  lambda time: _walls(above, move, time), None, (above, cursor(below)))  # fmt: skip

@@ -6,12 +6,11 @@ import numpy as np
 from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 
+from impactfem.report.panel import colour
 from impactfem.report.skin import Skin
 
 Floats = NDArray[np.float64]
 
-COLOURS = ("#0b559f", "#d95f02", "#1b7837", "#7b3294", "#b2182b", "0.3")
-"""Colours of bodies and constraints."""
 
 _DOT, _BAND = 0.012, 0.004  # radius of points and of lines that have none, as shares of the size
 _NARROWEST = 0.4  # share of its longer side that a picture of points is wide or high at least
@@ -33,7 +32,7 @@ def slender(skin: Skin, flat: Floats) -> tuple[list[Floats], Floats, NDArray[np.
     """
     polygons: list[Floats] = []
     colours, nodes = [np.empty((0, 4))], [np.empty(0, dtype=np.int64)]
-    tints = np.array([to_rgba(COLOURS[k % len(COLOURS)]) for k in range(len(skin.names))])
+    tints = np.array([to_rgba(colour(k)) for k in range(len(skin.names))])
     for a, b in skin.lines:
         along = flat[b] - flat[a]
         across = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-300)

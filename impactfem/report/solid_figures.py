@@ -1,11 +1,9 @@
-"""Pictures of a solid's motion: snapshots of the body, and its centre of mass over time."""
+"""Snapshots of bodies in the plane and in space, and what survey they need."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -25,9 +23,7 @@ from impactfem.result.whole import Whole
 Floats = NDArray[np.float64]
 type Painter = PlanePainter | SpacePainter
 
-_BLUE, _ORANGE = "#0b559f", "#d95f02"
 _FAR = 2.5  # a body that moves farther than so many of its sizes is followed
-_COLOURS = (_BLUE, _ORANGE, "#1b9e77", "#7b3294", "#666666", "#a6761d")  # of bodies
 
 _SEEN = 0.01  # share of the size or of the largest stress from which a difference is seen
 _COLOURED = 0.99  # share of the nodes below the end of the colours
@@ -36,15 +32,6 @@ STRESS = "von Mises stress [Pa]\n(colours to the 99th percentile)"
 """Label of the colours."""
 FLAT = 0.3
 """Height over width of a picture below which panels stand one above the other."""
-
-
-def solid_painters(result: Record) -> dict[str, Callable[[], Figure | None]]:
-    """What draws the pictures that only solids have, by name; None if there is nothing to draw."""
-    found: dict[str, Callable[[], Figure | None]] = {}
-    found["centre_of_mass"] = partial(centre_of_mass, result)
-    if result.fields is not None:
-        found["body"] = partial(body, result)
-    return found
 
 
 def survey(
@@ -90,7 +77,7 @@ def body(result: Record) -> Figure | None:
     painter, extents = survey(result, skin, snapshots)
     maps = skin.dim == 3 and painter.pressure > 0.0
     window = painter.window(extents)
-    follows = float(np.ptp(window, axis=1).max()) > _FAR * skin.size
+    follows = float(np.ptp(window, axis=1).max()) > _FAR * painter.skin.size
     aspect = 1.0 if follows else float(np.ptp(window[1]) / np.ptp(window[0]))
     side_by_side = aspect > 1.8 or (aspect > 1.2 and len(snapshots) == 4) or maps
     columns = len(snapshots) if side_by_side else min(3, len(snapshots))
@@ -111,8 +98,9 @@ def body(result: Record) -> Figure | None:
             axes.label_outer()
     for axes in panels[len(snapshots) :]:
         axes.set_visible(False)
-    colours = ScalarMappable(Normalize(0.0, painter.stress), "viridis")
-    figure.colorbar(colours, ax=list(panels), label=STRESS, shrink=0.9)
+    if len(skin.triangles):
+        colours = ScalarMappable(Normalize(0.0, painter.stress), "viridis")
+        figure.colorbar(colours, ax=list(panels), label=STRESS, shrink=0.9)
     if maps:
         closed = Skin.of(result.fields, Whole.of_summary(result.summary))
         draw_pressure_maps(
@@ -145,42 +133,6 @@ def _keys(painter: Painter, *, areas: bool) -> list[Patch | Line2D]:
 def forces_key(painter: Painter) -> str:
     """What the arrows of pictures say."""
     return f"contact forces, the longest arrow {painter.force:.3g} N"
-
-
-def centre_of_mass(result: Record) -> Figure:
-    """Position and velocity of the centres of mass along the direction of the momentum."""
-    figure = Sheet(7.0, 5.0)
-    above, below = figure.subplots(2, 1, sharex=True)
-    history, bodies = result.rows, result.scene.bodies
-    direction, several = direction_of(result), len(bodies) > 1
-    for axes, prefix, single in ((above, "", _BLUE), (below, "v", _ORANGE)):
-        for k, each in enumerate(bodies):
-            values = np.stack([history[f"{each.name}.{prefix}{a}"].values for a in "xyz"], axis=1)
-            way = values @ direction
-            if several and not prefix:
-                way = way - way[0]  # bodies far from each other, with small ways
-            colour = _COLOURS[k % len(_COLOURS)] if several else single
-            axes.plot(history["time"].values, way, color=colour, linewidth=1.4, label=each.name)
-        _mark_contact(axes, result)
-    letter, where = _letter(direction), ""
-    if len(letter) > 1:  # too long for the axes
-        letter, where = "d", f", d = {letter}"
-    above.set_ylabel(f"{'way' if several else 'position'} along {letter} [m]")
-    below.set_ylabel(f"velocity along {letter} [m/s]")
-    below.axhline(0.0, color="0.6", linewidth=0.6)
-    below.set_xlabel("time [s]")
-    below.set_xlim(0.0, float(history["time"].values[-1]))
-    if several:
-        above.legend(frameon=False)
-    what = "centres of mass" if several else "centre of mass"
-    above.set_title(_title(result, f"{what} (grey: contact{where})"))
-    return figure
-
-
-def direction_of(result: Record) -> Floats:
-    """Direction of the momentum in the history; y if it says none."""
-    given = result.rows["momentum"].attrs.get("direction", (0.0, 1.0, 0.0))
-    return np.asarray(given, dtype=np.float64)
 
 
 def telling_layers(result: Record, most: int = 6) -> list[int]:
@@ -247,18 +199,6 @@ def _alike(one: Snapshot, other: Snapshot, size: float) -> bool:
 def _square(window: Floats) -> Floats:
     middle, half = window.mean(axis=1), 0.5 * np.ptp(window, axis=1).max()
     return np.stack([middle - half, middle + half], axis=1)
-
-
-def _letter(direction: Floats) -> str:
-    for axis, name in zip(np.eye(3), "xyz", strict=True):
-        if np.allclose(direction, axis):
-            return name
-    return "(" + ", ".join(f"{component:.3g}" for component in direction) + ")"
-
-
-def _mark_contact(axes: Axes, result: Record) -> None:
-    for first, last in result.summary["contact"]["intervals"]:
-        axes.axvspan(first, last, color="0.85", linewidth=0)
 
 
 def _title(result: Record, what: str) -> str:

@@ -33,6 +33,7 @@ _OWN = (
     "contact_force.png", "energy.png", "displacement.png", "position.png", "active_set.png",
     "centre_of_mass.png", "body.png", "motion.gif", "forces.png", "velocities.png",
     "world_lines.png", "path.png", "motion.png", "phase.png", "gaps.png", "impacts.png",
+    "gap.png", "impulses.png", "strain.png", "velocity.png", "velocity_map.png",
     "impacts.csv", "report.html",
     LAST,
 )  # fmt: skip

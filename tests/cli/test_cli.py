@@ -27,8 +27,8 @@ HISTORY = [
     "bar.x", "bar.y", "bar.z", "bar.vx", "bar.vy", "bar.vz", "force.bar.wall", "gap.bar.wall",
 ]  # fmt: skip
 PICTURES = {
-    "contact_force.png", "energy.png", "displacement.png", "position.png", "active_set.png",
-    "motion.gif",
+    "contact_force.png", "energy.png", "displacement.png", "world_lines.png", "velocity_map.png",
+    "strain.png", "active_set.png", "motion.gif",
 }  # fmt: skip
 GLOBAL = ("--set", "solve.method=galerkin", "--set", "solve.window=all")  # the active-set loop
 FILES = {"scene.toml", "history.csv", "history.nc", "report.html", "summary.json"}

@@ -10,7 +10,7 @@ from impactfem.shipped import shipped_scenes
 
 NAMES = {"two_bars": ["short", "long"], "wave_cradle": ["striker", "first", "second", "third",
                                                         "fourth", "fifth"]}  # fmt: skip
-PICTURES = {"contact_force.png", "energy.png", "forces.png", "velocities.png", "world_lines.png"}
+PICTURES = {"contact_force.png", "energy.png", "strain.png", "velocity.png", "world_lines.png"}
 
 
 @pytest.mark.parametrize("name", NAMES)

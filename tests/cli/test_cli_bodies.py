@@ -60,7 +60,7 @@ def test_run_writes_a_result_with_both_bodies(discs, command, work):
     done = command("run", discs, "--set", 'body.right.cells="hexahedron"', drawn=True)
     assert done.code == DONE, done.err
     folder = work / "results/discs"
-    assert {"body.png", "centre_of_mass.png", "motion.gif", "energy.png", "contact_force.png"} <= {
+    assert {"body.png", "velocity.png", "motion.gif", "energy.png", "contact_force.png"} <= {
         path.name for path in folder.iterdir()
     }
     summary = json.loads((folder / "summary.json").read_text())

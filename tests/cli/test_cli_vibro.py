@@ -31,7 +31,7 @@ def test_run_writes_history_impacts_and_pictures(name, settings, command, work):
     folder = work / "results" / name
     written = {path.name for path in folder.iterdir()}
     assert {"scene.toml", "history.csv", "history.nc", "impacts.csv", "summary.json"} <= written
-    assert ({"contact_force.png", "energy.png", "gaps.png", "impacts.png"} <= written) is drawn
+    assert ({"contact_force.png", "energy.png", "gap.png", "impacts.png"} <= written) is drawn
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["status"] == "completed"
     codes = [finding["code"] for finding in summary["verdict"]["findings"]]

@@ -10,8 +10,10 @@ from synthetic import solid_result
 
 from impactfem import Result, solve
 from impactfem.reference.bar import exact_bar
-from impactfem.report.page.chart import MOST_POINTS, is_told, numbers, thin
-from impactfem.report.page.charts import charts, interpolation_bound
+from impactfem.report.error_panel import interpolation_bound
+from impactfem.report.page.chart import MOST_POINTS, numbers, thin
+from impactfem.report.page.charts import charts
+from impactfem.report.panel import is_told
 from impactfem.scene import Scene
 from impactfem.shipped import find_scene
 

@@ -24,7 +24,7 @@ BOTH = pytest.mark.parametrize("dim", [2, 3])
 def test_all_pictures_and_the_film_are_written(dim, tmp_path):
     result = solid_result(tmp_path / "fields.vtkhdf", dim)
     figures = result.plot(tmp_path / "out")
-    names = {"contact_force", "energy", "centre_of_mass", "body"}
+    names = {"contact_force", "energy", "motion", "velocity", "body"}
     assert set(figures) == names
     assert {p.name for p in (tmp_path / "out").iterdir()} == {
         "motion.gif", *(f"{name}.png" for name in names)
@@ -125,12 +125,13 @@ def test_layers_that_are_not_finite_are_left_out(dim, tmp_path):
         assert film.n_frames > 10
 
 
-def test_the_centre_of_mass_is_drawn_along_the_momentum(tmp_path):
+def test_the_centre_of_mass_is_drawn_with_what_moves(tmp_path):
     result = solid_result(tmp_path / "fields.vtkhdf")
-    above, below = result.plot()["centre_of_mass"].axes
-    assert np.array_equal(above.lines[0].get_ydata(), result.history["body.y"].values)
-    assert np.array_equal(below.lines[0].get_ydata(), result.history["body.vy"].values)
-    assert above.get_ylabel() == "position along y [m]"
+    (way,) = result.figure("motion").axes[0].lines
+    (speed,) = result.figure("velocity").axes[0].lines
+    place = result.history["body.y"].values
+    assert np.array_equal(way.get_ydata(), place - place[0])
+    assert np.array_equal(speed.get_ydata(), result.history["body.vy"].values)
 
 
 def test_the_direction_of_the_momentum_survives_the_disk(tmp_path):
@@ -171,7 +172,7 @@ def test_films_that_cannot_be_made_say_why(tmp_path, monkeypatch):
     without = Result(result.scene, result.history, result.summary)
     with pytest.raises(OutputError, match="no fields of a solid"):
         without.animate(tmp_path / "motion.gif")
-    assert set(without.plot()) == {"contact_force", "energy", "centre_of_mass"}
+    assert set(without.plot()) == {"contact_force", "energy", "motion", "velocity"}
 
 
 @BOTH

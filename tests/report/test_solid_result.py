@@ -48,7 +48,9 @@ def test_the_command_plot_draws_solids_again(result, tmp_path, capsys):
 
     folder = result.save(tmp_path / "out", pictures=False)
     assert main(["plot", str(folder)]) == 0
-    pictures = ["contact_force.png", "energy.png", "centre_of_mass.png", "body.png", "motion.gif"]
+    pictures = [
+        "contact_force.png", "motion.png", "velocity.png", "energy.png", "body.png", "motion.gif",
+    ]  # fmt: skip
     pictures.append("report.html")
     assert capsys.readouterr().out.split() == [str(folder / name) for name in pictures]
     assert all((folder / name).stat().st_size > 1000 for name in pictures)

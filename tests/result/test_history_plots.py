@@ -110,5 +110,8 @@ def test_unknown_figures_are_told_with_the_nearest(bar):
 def test_a_figure_costs_no_other(bar, monkeypatch):
     from impactfem.report import figures
 
-    monkeypatch.setattr(figures, "displacement", lambda *_: pytest.fail("was drawn"))
-    assert bar.figure("energy").axes
+    drawn = []
+    monkeypatch.setattr(figures, "panel_figure", lambda _, panel: drawn.append(panel.name))
+    with pytest.raises(SceneError):  # nothing was made
+        bar.figure("energy")
+    assert drawn == ["energy"]

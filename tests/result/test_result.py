@@ -60,13 +60,16 @@ def test_saved_scene_runs_to_the_same_answer(result, tmp_path):
 
 def test_figures_show_the_data(result):
     figures = result.plot()
-    assert set(figures) == {"displacement", "position", "contact_force", "energy", "active_set"}
+    assert set(figures) == {
+        "displacement", "world_lines", "velocity_map", "strain", "contact_force", "energy",
+        "active_set",
+    }  # fmt: skip
     force = figures["contact_force"].axes[0]
     exact = next(line for line in force.lines if line.get_label() == "exact")
     assert max(exact.get_ydata()) == pytest.approx(0.5)
     stairs = force.patches[0].get_data()
     assert stairs.values.max() == pytest.approx(0.5)
-    position = figures["position"].axes[0]
+    position = figures["world_lines"].axes[0]
     assert max(line.get_ydata().max() for line in position.lines) == pytest.approx(2.0)
     labels = {line.get_label() for line in figures["energy"].axes[0].lines}
     assert labels == {"kinetic", "elastic", "total"}

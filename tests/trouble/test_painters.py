@@ -13,13 +13,17 @@ from processes import contents
 import impactfem
 from impactfem import Result, Scene
 from impactfem.report import figures
+from impactfem.report.sheet import Sheet
 from impactfem.result.store import LAST
 from impactfem.shipped import shipped_scenes
 
 pytestmark = pytest.mark.filterwarnings("ignore:This process .* is multi-threaded")
 
 DATA = {"scene.toml", "history.csv", "history.nc", "exact.nc", "fields.vtkhdf", LAST}
-DRAWN = {"contact_force.png", "displacement.png", "energy.png", "position.png"}
+DRAWN = {
+    f"{name}.png"
+    for name in ("contact_force", "displacement", "energy", "strain", "velocity_map", "world_lines")
+}
 OFF = ["output.report=false", "output.film=false"]
 
 
@@ -46,11 +50,11 @@ def faulty(fault):
     [ValueError("bad\n\nvalue"), MemoryError(), RecursionError(), FileNotFoundError(2, "no font")],
 )
 def test_a_picture_that_fails_is_one_line(result, tmp_path, monkeypatch, fault):
-    monkeypatch.setattr(figures, "_draw", faulty(fault))  # of four pictures
+    monkeypatch.setattr(figures, "_draw", faulty(fault))
     with pytest.warns(RuntimeWarning) as told:
         folder = result.save(tmp_path / "o")
     lines = [str(each.message) for each in told]
-    assert len(lines) == 4
+    assert len(lines) == len(DRAWN)
     for line in lines:
         assert "\n" not in line
         assert f".png ({type(fault).__name__}" in line
@@ -58,7 +62,7 @@ def test_a_picture_that_fails_is_one_line(result, tmp_path, monkeypatch, fault):
     assert set(contents(folder)) == DATA
     verdict = json.loads((folder / LAST).read_text())["verdict"]
     assert verdict["level"] == result.summary["verdict"]["level"]
-    assert [each["code"] for each in verdict["findings"]].count("drawing") == 4
+    assert [each["code"] for each in verdict["findings"]].count("drawing") == len(DRAWN)
     monkeypatch.undo()
     assert impactfem.report.adding.add_pictures(Result.load(folder), folder)[1] == []
     assert "not drawn" not in (folder / LAST).read_text()
@@ -96,7 +100,7 @@ def test_a_kill_while_painting_and_while_pictures_are_moved_in(result, tmp_path,
     folder = tmp_path / "o"
     result.save(folder)
     ends = set()
-    for step in range(40):
+    for step in range(50):
         child = os.fork()
         if child == 0:
             left = [step]
@@ -112,7 +116,7 @@ def test_a_kill_while_painting_and_while_pictures_are_moved_in(result, tmp_path,
 
             try:
                 result.write_data(folder)
-                monkeypatch.setattr(figures, "_draw", lambda *_: figures.Sheet(1.0, 1.0))
+                monkeypatch.setattr(figures, "_draw", lambda *_: Sheet(1.0, 1.0))
                 for name in ("rename", "replace", "unlink", "write_text", "mkdir"):
                     monkeypatch.setattr(Path, name, counted(getattr(Path, name)))
                 impactfem.report.adding.add_pictures(result, folder)

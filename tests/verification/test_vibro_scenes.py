@@ -216,6 +216,6 @@ def test_result_is_kept_and_read_back(tmp_path):
     again = impactfem.Result.load(folder)
     assert again.scene == result.scene
     assert np.array_equal(again.impacts.before, result.impacts.before)
-    assert {"motion.png", "phase.png", "gaps.png", "impacts.png", "impacts.csv"} <= {
+    assert {"motion.png", "phase.png", "gap.png", "impacts.png", "impacts.csv"} <= {
         path.name for path in folder.iterdir()
     }

@@ -13,8 +13,6 @@ Integers = NDArray[np.int64]
 type Trace = dict[str, Any]
 type Spans = Sequence[Sequence[float]]
 
-BLUE, ORANGE, GREEN, GREY = "#0b559f", "#d95f02", "#1b7837", "#666666"
-COLOURS = (BLUE, ORANGE, GREEN, "#7b3294", "#b2182b", GREY)
 MOST_POINTS = 4000
 """Points of a trace at most."""
 DIGITS = 7
@@ -75,37 +73,6 @@ def numbers(values: ArrayLike, digits: int = DIGITS) -> list[float | None]:
     ]
 
 
-def line(
-    time: ArrayLike, values: ArrayLike, name: str, colour: str, unit: str, **more: Any
-) -> Trace:
-    """A curve over time, thinned if it is long.
-
-    Args:
-        time: [s], shape (rows,).
-        values: Shape (rows,).
-        name: For legend and hover.
-        colour: As CSS writes it.
-        unit: Of the values.
-        more: Further keys of the trace; those of ``line`` are merged.
-    """
-    kept = thin(values)
-    style = {"color": colour, "width": 1.6} | more.pop("line", {})
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "x": numbers(np.asarray(time)[kept]),
-        "y": numbers(np.asarray(values)[kept]),
-        "name": name,
-        "line": style,
-        "hovertemplate": f"t = %{{x:.6g}} s<br>%{{y:.6g}} {unit}<extra>{name}</extra>",
-    } | more
-
-
-def stairs(time: ArrayLike, values: ArrayLike, name: str, colour: str, unit: str) -> Trace:
-    """A curve that has the value of row m during (t_{m-1}, t_m]."""
-    return line(time, values, name, colour, unit, line={"shape": "vh", "width": 1.4})
-
-
 def axis(title: str, **more: Any) -> dict[str, Any]:
     """An axis with its title, unit included."""
     return {
@@ -164,9 +131,3 @@ def over_time(
         ]  # fmt: skip
     legend = {"showlegend": len(data) > 1}
     return {"data": data, "layout": layout(x, vertical, shapes=shapes, **(legend | more))}
-
-
-def is_told(values: ArrayLike) -> bool:
-    """Whether a column says anything: some value is finite and not 0."""
-    column = np.asarray(values, dtype=np.float64)
-    return bool((np.isfinite(column) & (column != 0.0)).any())

@@ -8,6 +8,7 @@ from impactfem.report.page.checks import checks
 from impactfem.report.page.elements import bullets, code, link, paragraph, section, table, terms
 from impactfem.report.page.numbers import counted, largest, number, percent, quantity, span
 from impactfem.report.page.omissions import omissions
+from impactfem.report.panel import is_exact
 from impactfem.result import Record
 from impactfem.result.record import FIELD_FILES, IMPACTS
 
@@ -42,7 +43,7 @@ def error(result: Record) -> str:
     found, note = result.summary["error"], _note(result)
     if found is None:
         why = "This is the exact solution: its error is rounding."
-        if result.summary["method"] != "exact":
+        if not is_exact(result.summary):
             why = "No error was measured: there is neither an exact solution nor a second run."
             reason = result.summary["plan"]["reasons"].get("estimate")
             why += f" {reason[:1].upper()}{reason[1:]}." if reason else ""

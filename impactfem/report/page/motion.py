@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from impactfem.report.page.chart import is_told, numbers, thin
+from impactfem.report.page.chart import numbers, thin
 from impactfem.report.page.motion_bars import bars_motion
 from impactfem.report.page.motion_bodies import bodies_motion
 from impactfem.report.page.motion_data import rows_at
+from impactfem.report.panel import is_told
 from impactfem.result import Fields, Record
 
 SCRIPTS = ("motion_tools.js", "motion_views.js", "motion.js")

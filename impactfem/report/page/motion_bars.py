@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from impactfem.report.page.bar_charts import evenly, magnifier, stacked_places
+from impactfem.report.line_panels import magnified, stacked_places
 from impactfem.report.page.chart import numbers
 from impactfem.report.page.motion_data import packed, packed_signs, telling_frames
+from impactfem.report.panel import evenly
 from impactfem.result import Fields, Record
 
 _NODES = 400  # of all bars together
@@ -44,7 +45,7 @@ def bars_motion(result: Record, fields: Fields) -> dict[str, Any] | None:
     strain = (stretched[:, first + 1] - stretched[:, first]) / lengths
     limit = float(np.abs(strain).max())
     span = float(np.ptp(moved))
-    factor = magnifier(fields, _SHARE) if span < _VISIBLE * float(stacked[-1]) else 1.0
+    factor = magnified(fields, share=_SHARE)[1] if span < _VISIBLE * float(stacked[-1]) else 1.0
     names = [bar.name for bar in result.scene.bars]
     return {
         "kind": "bars",

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.distance import on_a_line, translation
-from impactfem.report.page.bar_charts import evenly
 from impactfem.report.page.chart import numbers
 from impactfem.report.page.motion_data import telling_frames
 from impactfem.report.page.motion_obstacles import plane_obstacles
 from impactfem.report.page.motion_poles import poles_motion
+from impactfem.report.panel import evenly
 from impactfem.report.space_picture import Camera, plane_normals
 from impactfem.result import Record
 from impactfem.scene import HalfSpace, Point, RigidPolyline

@@ -23,6 +23,7 @@ from impactfem.report.page.motion import SCRIPTS, motion
 from impactfem.report.page.numbers import largest, percent, span
 from impactfem.report.page.verdict import headline, reasons
 from impactfem.report.page.words import in_words
+from impactfem.report.panel import is_exact
 from impactfem.report.sheet import write_png
 from impactfem.report.table import beyond_model
 from impactfem.result import Record
@@ -164,7 +165,7 @@ def _verdict(result: Record) -> str:
     """What a person must see first: whether to trust it, and the main figures."""
     summary = result.summary
     error, energy = summary["error"], summary["energy"]
-    shown = "not measured" if summary["method"] != "exact" else "exact"
+    shown = "exact" if is_exact(summary) else "not measured"
     if error is not None:
         shown = f"{percent(error['displacement_max'])} / {percent(error['force_l1'])}"
     change = "driven by loads" if energy.get("driven") else percent(energy["final_relative_drift"])

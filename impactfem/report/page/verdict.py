@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from impactfem.report.page.numbers import percent
+from impactfem.report.panel import is_exact
 from impactfem.report.table import beyond_model, sentence
 
 HEADLINES = {
@@ -46,7 +47,7 @@ def _holds(summary: Mapping[str, Any], codes: set[str]) -> Iterator[str]:
         if gone and energy.get("taken") and abs(energy["unexplained"]) < _KNOWN * -lost:
             gone += f", taken by {' and '.join(energy['taken'])}"
         yield f"Energy never grows{gone}."
-    if summary["method"] == "exact":
+    if is_exact(summary):
         yield "It is the exact solution, to rounding."
     elif error is not None and "error_large" not in codes:
         how = "Measured error" if "exact" in error["reference"] else "Estimated error of the mesh"
