@@ -143,8 +143,8 @@ def _solved(
 
 def _prepare(scene: "Scene") -> None:
     """Load what a plan needs: that of a solid is made of its mesh."""
-    body = scene.bodies[0]
-    if scene.marches or getattr(body, "theory", "") == "timoshenko" or scene.mesh_path is not None:
+    sheared = any(getattr(body, "theory", "") == "timoshenko" for body in scene.bodies)
+    if scene.marches or sheared or scene.mesh_path is not None:
         _load_finite_elements()
 
 

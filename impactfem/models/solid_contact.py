@@ -39,7 +39,7 @@ def contact_of(
     Raises:
         SceneError: The solid is inside an obstacle at t = 0, or a surface is unknown.
     """
-    cuts = [support.surface for support in solid.all_supports if support.kind == "symmetry"]
+    cuts = [support.surface for support in solid.all_supports if support.mirrors]
     if solid.is_axisymmetric:
         cuts.append("axis")
     return contact_nodes(
@@ -51,7 +51,7 @@ def contact_of(
 
 def _driven(scene: Scene, solid: Solid) -> str | None:
     """What moves a solid besides its own speed and gravity; None if nothing does."""
-    if any(support.kind == "motion" for support in solid.supports):
+    if any(support.moves for support in solid.supports):
         return "moving supports"
     if solid.tractions or solid.pressures:
         return "tractions or pressures"

@@ -185,7 +185,7 @@ class SolidsModel:
         """Outside, places of its nodes, and which of its faces may strike."""
         part = self.parts[body]
         solid, outside = part.solid, part.outside
-        cuts = [s.surface for s in solid.all_supports if s.kind == "symmetry"]
+        cuts = [s.surface for s in solid.all_supports if s.mirrors]
         asked = ~outside.on([*cuts, "axis"])
         chosen = surfaces or solid.contact_surfaces
         if chosen is not None:

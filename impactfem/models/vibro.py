@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from impactfem.errors import SceneError
 from impactfem.models.key import SceneKey
 from impactfem.result.history import BodyMotion
 from impactfem.result.shapes import Shape
-from impactfem.scene import Beam, HalfSpace, PiecewiseVector, Point, Rod, Scene
+from impactfem.scene import Beam, PiecewiseVector, Point, Rod, Scene
 from impactfem.scene.pairing import pair_name
 from impactfem.system.beam import FreeBeam, free_beam
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
@@ -81,21 +82,15 @@ def vibro_model(scene: Scene) -> VibroModel:
 @lru_cache(maxsize=1)
 def _model(key: SceneKey) -> VibroModel:
     scene = key.scene
-    body = scene.bodies[0]
-    if isinstance(body, Rod):
-        model = _of_rod(scene, body)
-    elif isinstance(body, Beam):
-        model = _of_beam(scene, body)
-    else:
-        model = _of_points(scene)
+    (kind,) = {body.kind for body in scene.bodies}
+    model = _MODELS[kind](scene, *scene.bodies)
     check_start(model.system, model.position, model.velocity)
     return model
 
 
-def _of_points(scene: Scene) -> VibroModel:
+def _of_points(scene: Scene, *points: Point) -> VibroModel:
     found = points_system(scene)
     position, velocity = start_state(scene)
-    points = [body for body in scene.bodies if isinstance(body, Point)]
     dim = scene.dim
 
     def bodies(u: Floats, v: Floats) -> dict[str, BodyMotion]:
@@ -185,16 +180,23 @@ def _of_beam(scene: Scene, beam: Beam) -> VibroModel:
     )  # fmt: skip
 
 
+_MODELS: Mapping[str, Callable[..., VibroModel]] = {
+    "beam": _of_beam,
+    "point": _of_points,
+    "rod": _of_rod,
+}
+
+
 def _pairs(scene: Scene, each: int) -> tuple[tuple[str, ...], Integers]:
     """Names of the pairs, and which of them each constraint belongs to, so many of a pair."""
     names = tuple(pair_name(scene, *pair) for pair, _ in contact_pairs(scene))
     return names, np.repeat(np.arange(len(names)), each)
 
 
-def _planes(scene: Scene) -> tuple[list[HalfSpace], list[float], list[str]]:
+def _planes(scene: Scene) -> tuple[list[Any], list[float], list[str]]:
     """Half-spaces that the body may meet, with their restitution and names."""
     pairs = contact_pairs(scene)
-    by_name = {o.name: o for o in scene.rigid_obstacles if isinstance(o, HalfSpace)}
+    by_name = {o.name: o for o in scene.rigid_obstacles}
     names = [pair[1] for pair, _ in pairs]
     return [by_name[name] for name in names], [e for _, e in pairs], names
 

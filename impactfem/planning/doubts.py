@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from impactfem.exact import ExactBar
 from impactfem.findings import Finding, warning
-from impactfem.scene import Beam, HalfSpace, Point, RigidCylinder, RigidSphere, Rod, Scene
+from impactfem.scene import Scene
 from impactfem.scene.pairing import body_pairs, obstacles_of
 
 MEETS_NOTHING = "meets_nothing"
@@ -51,7 +51,8 @@ def doubts(scene: Scene, told: Sequence[Finding] = ()) -> tuple[Finding, ...]:
     found = [doubt for body in scene.bodies for doubt in _units(body)]
     lonely = {finding.subject for finding in told if finding.code == MEETS_NOTHING}
     if not lonely & {body.name for body in scene.bodies} and _meet_nothing(scene):
-        what = f"{scene.bodies[0].name} meets" if len(scene.bodies) == 1 else "the bodies meet"
+        first, *others = (body.name for body in scene.bodies)
+        what = "the bodies meet" if others else f"{first} meets"
         text = f"{what} nothing within duration = {scene.duration:g} s"
         remedy = "check the signs of velocity and gravity, and the duration"
         found.append(warning(MEETS_NOTHING, text, remedy=remedy))
@@ -75,12 +76,13 @@ def _meet_nothing(scene: Scene) -> bool:
     paths = {name: path for name, path in known.items() if path is not None}
     if len(paths) < len(known):
         return False
-    pairs = _point_pairs(scene) if scene.is_vibro else _marched_pairs(scene)
+    # Other methods than the march take points to meet only where it is said.
+    pairs = body_pairs(scene) if scene.contacts or scene.marches else []
     return not any(
         _may_meet(path, obstacle)
         for name, path in paths.items()
         for obstacle in obstacles_of(scene, name)
-    ) and not any(_may_touch(paths[one], paths[two]) for one, two in pairs)
+    ) and not any(_may_touch(paths[one[0]], paths[two[0]]) for one, two in pairs)
 
 
 def _units(body: Any) -> list[Finding]:
@@ -101,78 +103,30 @@ def _units(body: Any) -> list[Finding]:
 
 def _path(scene: Scene, body: Any, times: Floats) -> _Path | None:
     """Way of a body that flies freely; None if that is not certain."""
-    box = _box(body)
-    velocity = _uniform_velocity(body)
-    if box is None or velocity is None:
+    flight = body.flight
+    if flight is None:
         return None
+    velocity = np.asarray(flight.velocity)
     gravity = np.asarray(scene.vector_gravity.at(times), dtype=float)
     step = times[1] - times[0]
     speed = velocity + np.vstack([np.zeros_like(velocity), np.cumsum(gravity[:-1], axis=0) * step])
     way = np.vstack([np.zeros_like(velocity), np.cumsum(speed[1:] + speed[:-1], axis=0) * step / 2])
-    half, centre = box
-    return _Path(half, centre + way)
-
-
-def _box(body: Any) -> tuple[Floats, Floats] | None:
-    """Half edges and centre of a box around a body in any rotation that it may take."""
-    if isinstance(body, Point):
-        return np.full(body.dim, body.radius), np.asarray(body.position)
-    if isinstance(body, Rod | Beam):
-        half = body.length / 2 + getattr(body, "radius", 0.0)
-        return np.full(2, half), np.asarray(body.center)
-    if body.shape is None:
-        return None
-    lower, upper = map(np.asarray, body.shape.bounds(axisymmetric=body.is_axisymmetric))
-    return (upper - lower) / 2, (upper + lower) / 2
-
-
-def _uniform_velocity(body: Any) -> Floats | None:
-    """Velocity of a body with which it moves without load and rotation; else None."""
-    if isinstance(body, Point):
-        return None if body.force or body.springs else np.asarray(body.velocity)
-    if isinstance(body, Rod):
-        return np.asarray(body.velocity)
-    if isinstance(body, Beam):
-        return None if body.rayleigh_damping[0] else np.asarray(body.velocity)
-    spin = body.angular_velocity
-    loads = (body.supports, body.tractions, body.pressures, body.rayleigh_mass)
-    turns = any(spin) if isinstance(spin, tuple) else spin
-    formulas = (*body.velocity, *body.displacement)
-    still = all(entry.is_constant and float(entry()) == 0.0 for entry in body.displacement)
-    if any(loads) or turns or not still or not all(entry.is_constant for entry in formulas):
-        return None
-    return np.array([float(entry()) for entry in body.velocity])
-
-
-def _point_pairs(scene: Scene) -> list[tuple[str, str]]:
-    """Pairs of points that may meet."""
-    names = {body.name for body in scene.bodies}
-    pairs = [entry.between for entry in scene.contacts]
-    return [(one, two) for one, two in pairs if one in names and two in names]
-
-
-def _marched_pairs(scene: Scene) -> list[tuple[str, str]]:
-    """Pairs of bodies that may meet in the march."""
-    return [(one[0], two[0]) for one, two in body_pairs(scene)]
+    return _Path(np.asarray(flight.half), np.asarray(flight.center) + way)
 
 
 def _may_meet(path: _Path, obstacle: Any) -> bool:
     """Whether a box may meet an obstacle; true if it is not known."""
+    plane, core = obstacle.plane, obstacle.core
     if obstacle.motion is not None:
         return True
-    if isinstance(obstacle, HalfSpace):
-        normal = np.asarray(obstacle.unit_normal)
-        height = (path.centres - np.asarray(obstacle.point)) @ normal
-        return bool((height - np.abs(normal) @ path.half <= path.margin).any())
-    circle = isinstance(obstacle, RigidCylinder) and len(obstacle.point) == 2
-    if isinstance(obstacle, RigidSphere) or circle:
-        if obstacle.side == "inside":
-            return True
-        centre = np.asarray(getattr(obstacle, "center", getattr(obstacle, "point", None)))
-        apart = np.maximum(np.abs(path.centres - centre) - path.half, 0.0)
-        reach = obstacle.radius + path.margin * math.sqrt(len(centre))
-        return bool((np.linalg.norm(apart, axis=1) <= reach).any())
-    return True
+    if plane is not None:
+        height = (path.centres - np.asarray(plane.point)) @ np.asarray(plane.normal)
+        return bool((height - np.abs(plane.normal) @ path.half <= path.margin).any())
+    if core is None or core.axis is not None or core.side < 0.0:
+        return True
+    apart = np.maximum(np.abs(path.centres - core.center) - path.half, 0.0)
+    reach = core.radius + path.margin * math.sqrt(len(core.center))
+    return bool((np.linalg.norm(apart, axis=1) <= reach).any())
 
 
 def _may_touch(one: _Path, two: _Path) -> bool:

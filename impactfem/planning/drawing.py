@@ -1,6 +1,6 @@
 """What drawing a result takes: the time around the solution that can be switched off."""
 
-from impactfem.scene import Scene, Solid
+from impactfem.scene import Scene
 
 # Processor time [s] on a 2-core machine: loading Matplotlib, then 4 to 6 pictures, a film of 60
 # frames, the report. Measured on shipped scenes of every kind: pictures 0.6 to 1.2, film 0.3 to
@@ -37,4 +37,4 @@ def drawing_seconds(scene: Scene, *, film: bool) -> float:
 
 
 def _film_seconds(scene: Scene) -> float:
-    return _FILM_OF_SOLID if isinstance(scene.bodies[0], Solid) else _FILM
+    return _FILM_OF_SOLID if scene.solids else _FILM

@@ -8,6 +8,7 @@ from impactfem.findings import Finding, warning
 from impactfem.methods import METHODS
 from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.plans import Plan
+from impactfem.planning.solid_costs import physical_mib
 from impactfem.planning.solid_plan import MarchNumbers, law_in_words
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
@@ -22,6 +23,8 @@ _PER_RADIAN = 20.0  # steps of a radian of the fastest vibration
 _OF_BENDING = 5.0  # a beam's modes up to about the second are followed like a vibration
 _MOST = 10_000_000
 _SECONDS = 3e-4  # of a layer
+_BASE_MIB = 240.0  # of the process with DOLFINx
+_ROW_BYTES = 400.0  # of a layer in the history, and as much of each body; measured with 1 and 4
 
 
 def plan_few(scene: Scene) -> Plan[MarchNumbers]:
@@ -71,11 +74,26 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
             estimate=estimate,
             whole=Whole(),
         ),
-        memory_mib=1.0,
+        memory_mib=_memory(scene, layers),
         seconds=seconds + more,
         reasons=reasons,
         findings=tuple(law_findings(scene)),
     )
+
+
+def _memory(scene: Scene, layers: int) -> float:
+    """Estimated peak memory [MiB].
+
+    Raises:
+        SceneError: The machine has less.
+    """
+    needed = _BASE_MIB + layers * _ROW_BYTES * (1 + len(scene.bodies)) / 2**20
+    if needed > physical_mib():
+        raise SceneError(
+            f"solve.dt: the history of {layers:.3g} steps needs about {needed / 1024:.3g} GiB, "
+            f"this machine has {physical_mib() / 1024:.3g}; give a larger dt or a shorter duration"
+        )
+    return needed
 
 
 def few_in_words(few: Sequence["FewBodies"]) -> str:

@@ -118,7 +118,7 @@ def flyer(scene: Scene, solid: Solid, system: ElasticSystem, outside: Boundary) 
         outside: Its faces.
     """
     planes = dict(system.supports.planes)
-    held = any(support.kind != "symmetry" for support in solid.supports)
+    held = any(not support.mirrors for support in solid.supports)
     mass, centre = system.total_mass, system.center_of_mass
     arm = in_space(system.positions - centre)
     own = np.einsum("k,ki,kj->ij", system.node_mass, arm, arm)

@@ -112,7 +112,7 @@ def _way(part: "SolidPart") -> Floats:
 
 
 def _is_held(part: "SolidPart") -> bool:
-    return any(support.kind != "symmetry" for support in part.solid.supports)
+    return any(not support.mirrors for support in part.solid.supports)
 
 
 def _way_over(part: "SolidPart", normal: Floats) -> float:

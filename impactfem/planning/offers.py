@@ -8,7 +8,7 @@ from impactfem.planning.mirrors import mirror_axes
 from impactfem.planning.sampling import is_independent, is_zero, of_formulas, turns
 from impactfem.scene import Scene
 from impactfem.scene.boundary import Support
-from impactfem.scene.obstacles import HalfSpace, Rigid
+from impactfem.scene.obstacles import Rigid
 from impactfem.scene.shapes import Block, Cylinder, Sphere
 from impactfem.scene.solids import Solid
 
@@ -55,10 +55,11 @@ def _bar(scene: Scene) -> str:
     solid, shape = scene.solid, scene.solid.shape
     if not isinstance(shape, Block) or shape.angle or len(scene.rigid_obstacles) != 1:
         return ""
-    plane = scene.rigid_obstacles[0]
-    if not isinstance(plane, HalfSpace) or plane.motion or not _is_plainly_loaded(solid):
+    (obstacle,) = scene.rigid_obstacles
+    plane = obstacle.plane
+    if plane is None or obstacle.motion or not _is_plainly_loaded(solid):
         return ""
-    normal = np.array(plane.unit_normal)
+    normal = np.array(plane.normal)
     axis = int(np.argmax(np.abs(normal)))
     if abs(normal[axis]) < 1.0 - 1e-12 or (solid.is_axisymmetric and axis != 1):
         return ""
@@ -69,7 +70,7 @@ def _bar(scene: Scene) -> str:
     touched = solid.contact_surfaces is None or near in solid.contact_surfaces
     if near in supports or not touched or not why or not _moves_along(scene, axis):
         return ""
-    if any(support.kind == "motion" for support in solid.supports):
+    if any(support.moves for support in solid.supports):
         return ""
     lower, upper = shape.bounds(axisymmetric=solid.is_axisymmetric)
     start = lower[axis] if normal[axis] > 0 else -upper[axis]
@@ -102,8 +103,8 @@ def _modulus(solid: Solid, axis: int, supports: Mapping[str, Support]) -> tuple[
     faces = [_after_cut(solid, k, name) for k in across for name in _SIDES[k]]
     if solid.is_axisymmetric:
         faces = [name for name in faces if name in (solid.surface_names or ())]  # none at r = 0
-    blocked = all(name in supports and supports[name].kind == "symmetry" for name in faces)
-    loose = all(name not in supports or supports[name].kind == "symmetry" for name in faces)
+    blocked = all(name in supports and supports[name].mirrors for name in faces)
+    loose = all(name not in supports or supports[name].mirrors for name in faces)
     if blocked and faces:
         held = "with blocked sides (symmetry on " + " and ".join(faces) + ")"
         if solid.model == "plane_stress":
@@ -121,7 +122,7 @@ def _section(solid: Solid, axis: int) -> float:
     if shape is None or volume is None:
         raise ValueError("a mesh file has no shape")
     lower, upper = shape.bounds(axisymmetric=solid.is_axisymmetric)
-    planes = {support.surface for support in solid.all_supports if support.kind == "symmetry"}
+    planes = {support.surface for support in solid.all_supports if support.mirrors}
     beside = [k for k in range(int(solid.is_axisymmetric), solid.dim) if k != axis]
     cuts = [_AXES[k] in shape.symmetry or len(planes & {*_SIDES[k]}) == 1 for k in beside]
     return 2.0 ** sum(cuts) * volume / (upper[axis] - lower[axis])
@@ -167,10 +168,10 @@ def _plane_strain(scene: Scene) -> str:
         return ""
     supports = {support.surface: support for support in solid.all_supports}
     ends = [_after_cut(solid, 2, name) for name in _SIDES[2]]
-    if not all(name in supports and supports[name].kind == "symmetry" for name in ends):
+    if not all(name in supports and supports[name].mirrors for name in ends):
         return ""
     flat = all(
-        support.kind != "motion" or support.value is None or is_zero(support.value[2])
+        not support.moves or support.value is None or is_zero(support.value[2])
         for support in solid.supports
     )
     initial = (solid.velocity, solid.displacement)

@@ -191,22 +191,23 @@ def count_layers(duration: float, dt: float) -> int:
     """
     count = duration / dt * (1.0 - 1e-9)
     needed = count * _ROW_BYTES / 2**20
-    if not needed <= _physical_mib():
+    if not needed <= physical_mib():
         raise SceneError(
             f"duration = {duration:g} s is {count:.3g} layers of {dt:.3g} s, whose history needs "
-            f"about {needed / 1024:.3g} GiB, and this machine has {_physical_mib() / 1024:.3g}; "
+            f"about {needed / 1024:.3g} GiB, and this machine has {physical_mib() / 1024:.3g}; "
             "give a shorter duration, larger elements or a larger solve.dt (check the units)"
         )
     return max(1, math.ceil(count))
 
 
-def _physical_mib() -> float:
+def physical_mib() -> float:
+    """Memory of the machine [MiB]."""
     return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**20
 
 
 def _check(needed: float, unknowns: float) -> None:
     """Refuse what cannot fit."""
-    physical = _physical_mib()
+    physical = physical_mib()
     if needed > physical:
         raise SceneError(
             f"body.mesh_size: {unknowns:.3g} unknowns need about {needed / 1024:.3g} GiB, this "

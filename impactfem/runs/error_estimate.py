@@ -144,7 +144,7 @@ def _share(ratio: float) -> float:
 
 def can_be_resized(scene: Scene) -> bool:
     """Whether all solids are meshed by this run, so that their elements can be made larger."""
-    return all(body.mesh_size is not None for body in scene.bodies if isinstance(body, Solid))
+    return all(solid.mesh_size is not None for solid in scene.solids)
 
 
 def _run(scene: Scene, chosen: Plan[MarchNumbers], factor: float) -> Track:
@@ -179,10 +179,8 @@ def resized(scene: Scene, factor: float) -> Iterator[Scene]:
         MeshError: A mesh file cannot be refined.
     """
     with ExitStack() as files:
-        bodies = tuple(
-            _with_size(scene, body, factor, files) if isinstance(body, Solid) else body
-            for body in scene.bodies
-        )
+        others = {solid.name: _with_size(scene, solid, factor, files) for solid in scene.solids}
+        bodies = tuple(others.get(body.name, body) for body in scene.bodies)
         settings = replace(scene.solve, dt=None, courant=None, estimate=False)
         output = replace(scene.output, fields=(), checkpoint=0)
         yield replace(scene, bodies=bodies, probes=(), solve=settings, output=output)

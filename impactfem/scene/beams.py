@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from impactfem.scene.flight import Flight
 from impactfem.scene.inline import Vector
 from impactfem.scene.kinds import Choice, Integer, Name, Real
 from impactfem.scene.probes import MOVES
@@ -50,6 +51,11 @@ class Rod:
     def __post_init__(self) -> None:
         check_fields(self, self.kind)
         _check_angle(self)
+
+    @property
+    def flight(self) -> Flight:
+        """How it flies."""
+        return Flight((self.length / 2 + self.radius,) * 2, self.center, self.velocity)
 
 
 @table('[[body]] with kind = "beam"')
@@ -110,6 +116,13 @@ class Beam:
         self._check_slenderness()
         self._check_damping()
         self._check_scales()
+
+    @property
+    def flight(self) -> Flight | None:
+        """How it flies; None if damping brakes its fall."""
+        if self.rayleigh_damping[0]:
+            return None
+        return Flight((self.length / 2,) * 2, self.center, self.velocity)
 
     @property
     def area(self) -> float:

@@ -36,6 +36,7 @@ class Bar:
     dim: ClassVar[int] = 1
     waves: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True
+    flight: ClassVar[None] = None  # it is strained where it meets
 
     name: str = key(Name(), "name of the bar in histories", default="bar")
     length: float = key(Real(above=0), "length L of the bar", unit="m")

@@ -46,7 +46,7 @@ class Support:
 
     def __post_init__(self) -> None:
         check_fields(self, "support")
-        if self.kind == "motion":
+        if self.moves:
             if self.value is None:
                 text = ' is missing: a motion needs formulas in t, as ["0", "0.1*sin(t)"].'
                 raise KeyedError("support", "value", text)
@@ -56,6 +56,16 @@ class Support:
         elif self.value is not None:
             text = f' is not allowed with kind = "{self.kind}": remove it, or use kind = "motion".'
             raise KeyedError("support", "value", text)
+
+    @property
+    def moves(self) -> bool:
+        """Whether the surface moves as given."""
+        return self.kind == "motion"
+
+    @property
+    def mirrors(self) -> bool:
+        """Whether the surface is a plane of symmetry, on which the body may slide."""
+        return self.kind == "symmetry"
 
 
 @table("tractions = [{ ... }]")

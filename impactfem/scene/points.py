@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import Formulas, InlineTable, ListOf, Vector
 from impactfem.scene.kinds import Name, Real
@@ -96,6 +97,13 @@ class Point:
             force: Sequence[float | str | Formula] | None = None,
             springs: Sequence[Spring | Mapping[str, Any]] = (),
         ) -> None: ...
+
+    @property
+    def flight(self) -> Flight | None:
+        """How it flies; None if forces or springs act on it."""
+        if self.force or self.springs:
+            return None
+        return Flight((self.radius,) * self.dim, self.position, self.velocity or ())
 
     def __post_init__(self) -> None:
         check_fields(self, self.kind)

@@ -147,6 +147,11 @@ class Scene:
         return tuple(body for body in self.bodies if isinstance(body, Bar))
 
     @property
+    def points(self) -> tuple[Point, ...]:
+        """The points of the scene; none if its bodies are others."""
+        return tuple(body for body in self.bodies if isinstance(body, Point))
+
+    @property
     def is_bar_row(self) -> bool:
         """Whether several bars meet each other."""
         return len(self.bars) > 1

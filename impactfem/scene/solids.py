@@ -13,6 +13,7 @@ from impactfem.scene.boundary import (
     Support,
     Traction,
 )
+from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import Formulas, InlineTable, ListOf, NumberOrVector, Vector
 from impactfem.scene.kinds import Choice, FilePath, Integer, Name, Real
@@ -160,6 +161,22 @@ class Solid:
         check_fields(self, self.kind)
         self._fill()
         check_solid(self)
+
+    @property
+    def flight(self) -> Flight | None:
+        """How it flies; None if loads, supports or rotation act on it or its box is not known."""
+        spin = self.angular_velocity
+        loads = (self.supports, self.tractions, self.pressures, self.rayleigh_mass)
+        turns = any(spin) if isinstance(spin, tuple) else spin
+        still = all(entry.is_constant and float(entry()) == 0.0 for entry in self.displacement)
+        if self.shape is None or any(loads) or turns or not still:
+            return None
+        if not all(entry.is_constant for entry in self.velocity):
+            return None
+        lower, upper = self.shape.bounds(axisymmetric=self.is_axisymmetric)
+        half = tuple((b - a) / 2 for a, b in zip(lower, upper, strict=True))
+        center = tuple((b + a) / 2 for a, b in zip(lower, upper, strict=True))
+        return Flight(half, center, tuple(float(entry()) for entry in self.velocity))
 
     @property
     def dim(self) -> int:

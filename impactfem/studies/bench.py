@@ -12,13 +12,11 @@ from impactfem.studies.variant import Variant
 from impactfem.studies.work_precision import work_precision
 
 DEFAULTS = {
-    "bar": ("galerkin,conserving,exact", "20,40,80"),
-    **dict.fromkeys(
-        ("point", "rod", "beam"), ("paoli_schatzman,moreau_jean,event_driven", "1000,4000,16000")
-    ),
-    "solid": ("massless,conserving,explicit", "8,16"),
+    **dict.fromkeys(("bar", "bar_row"), ("galerkin,conserving,exact", "20,40,80")),
+    "march": ("massless,conserving,explicit", "8,16"),
+    "vibro": ("paoli_schatzman,moreau_jean,event_driven", "1000,4000,16000"),
 }
-"""Methods and sizes by the kind of body."""
+"""Methods and sizes by `Scene.solver`."""
 
 
 def bench(given: argparse.Namespace, say: Callable[[str], None]) -> bool:
@@ -37,7 +35,7 @@ def bench(given: argparse.Namespace, say: Callable[[str], None]) -> bool:
     if given.scene is None:
         raise SceneError("bench: no scene is given; name one, or use --hard")
     scene = Scene.from_toml(find_scene(given.scene))
-    methods, sizes = DEFAULTS[scene.bodies[0].kind]
+    methods, sizes = DEFAULTS[scene.solver]
     names = names or Variant.split(methods)
     sizes = given.sizes or sizes
     study = work_precision(scene, names, _sizes(sizes), given.repeats, progress=say)

@@ -15,7 +15,7 @@ from impactfem.errors import ImpactError, SceneError
 from impactfem.methods import METHODS
 from impactfem.reference.bar import exact_bar, measure
 from impactfem.result.bar_motion import BarMotion
-from impactfem.scene import Scene, Solid
+from impactfem.scene import Scene
 from impactfem.solving import solve
 from impactfem.studies.solids import Attempt, attempts_at
 from impactfem.studies.study import Row, Study
@@ -68,9 +68,9 @@ def work_precision(
         scene = scene.with_settings({f"solve.{key}": value for key, value in settings.items()})
     variants = [Variant.parse(name) for name in methods]
     ordered = sorted(set(sizes))
-    attempt = _how(scene, ordered)
+    attempt = _HOW[scene.solver](scene, ordered)
     if baselines and attempt is not _attempt:
-        kind = scene.bodies[0].kind
+        kind = next(body.kind for body in scene.bodies)
         raise SceneError(f"baselines: studies of a {kind} have none; leave them out")
     parts = [_rows_of(scene, variant, ordered, repeats, attempt) for variant in variants]
     for name, solver in (baselines or {}).items():
@@ -79,15 +79,9 @@ def work_precision(
     for row in chain.from_iterable(parts):
         rows.append(row)
         if progress:
-            progress(row.text if not scene.is_vibro else row.text.replace(" elements:", " steps:"))
+            stepped = attempt is attempt_steps
+            progress(row.text.replace(" elements:", " steps:") if stepped else row.text)
     return Study(scene.title, tuple(rows), repeats, tuple(baselines or ()))
-
-
-def _how(scene: Scene, sizes: Sequence[int]) -> Attempt:
-    """How a scene is solved at one of the sizes."""
-    if scene.is_vibro:
-        return attempt_steps
-    return attempts_at(scene, sizes) if isinstance(scene.bodies[0], Solid) else _attempt
 
 
 def _rows_of(
@@ -145,6 +139,15 @@ def _attempt(scene: Scene, variant: Variant, elements: int) -> Any:
         return solve(case.with_settings({"output.every": every}))
     except ImpactError as error:
         return error
+
+
+_HOW: Mapping[str, Callable[[Scene, Sequence[int]], Attempt]] = {
+    "bar": lambda *_: _attempt,
+    "bar_row": lambda *_: _attempt,
+    "march": attempts_at,
+    "vibro": lambda *_: attempt_steps,
+}
+"""How a scene is solved at one of the sizes, by `Scene.solver`."""
 
 
 def _rows_of_baseline(

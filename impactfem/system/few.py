@@ -5,8 +5,9 @@ W = M R for unit motions R along the axes, and by contact nodes at places x(q) w
 H = dx / dq. W^T q' is the momentum, W^T q the first moment of mass, whatever the coordinates.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,16 +98,9 @@ def few_bodies(scene: Scene) -> tuple[FewBodies, ...]:
     Raises:
         SceneError: A spring has no direction.
     """
-    found = []
-    points = [body for body in scene.bodies if isinstance(body, Point)]
-    if points:
-        found.append(_of_points(points))
-    for body in scene.bodies:
-        if isinstance(body, Rod):
-            found.append(_of_rod(body))
-        elif isinstance(body, Beam):
-            found.append(_of_beam(body))
-    return tuple(found)
+    found = [_of_points(scene.points)] if scene.points else []
+    slender = (body for body in scene.bodies if body.kind in _SLENDER)
+    return (*found, *(_SLENDER[body.kind](body) for body in slender))
 
 
 def _of_points(points: Sequence[Point]) -> FewBodies:
@@ -222,3 +216,6 @@ def _of_beam(beam: Beam) -> FewBodies:
         words=f"a free beam of {beam.elements} elements",
         beam=free,
     )
+
+
+_SLENDER: Mapping[str, Callable[[Any], FewBodies]] = {"beam": _of_beam, "rod": _of_rod}

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
-from impactfem.scene import HalfSpace, Point, RigidCylinder, RigidSphere, Scene
+from impactfem.scene import Formula, Point, Scene
 from impactfem.scene.affine import affine_parts
 from impactfem.scene.signal import Signal
 
@@ -81,20 +81,17 @@ def make_gap(points: Sequence[Point], scene: Scene, pair: tuple[str, str]) -> Ga
         index = places[pair[1]]
         return _of_two(points, (places[pair[0]], index), own, slice(index * dim, (index + 1) * dim))
     obstacle = next(entry for entry in scene.rigid_obstacles if entry.name == pair[1])
-    if isinstance(obstacle, HalfSpace):
+    plane, core = obstacle.plane, obstacle.core
+    if plane is not None:
         row = np.zeros(dim * len(points))
-        row[own] = obstacle.unit_normal
-        level = float(np.dot(obstacle.unit_normal, obstacle.point))
-        return Gap(own, normal=row, offset=-level - point.radius, motion=_motion(obstacle))
-    if not isinstance(obstacle, RigidSphere | RigidCylinder):
+        row[own] = plane.normal
+        level = float(np.dot(plane.normal, plane.point))
+        motion = _motion(plane.normal, obstacle.motion)
+        return Gap(own, normal=row, offset=-level - point.radius, motion=motion)
+    if core is None:
         raise SceneError(f"{obstacle.name}: points do not meet a {obstacle.kind}; give half-spaces")
-    side = -1.0 if obstacle.side == "inside" else 1.0
-    reach = obstacle.radius + side * point.radius
-    if isinstance(obstacle, RigidSphere):
-        return Gap(own, center=np.asarray(obstacle.center, dtype=float), reach=reach, side=side)
-    center = np.asarray(obstacle.point, dtype=float)
-    axis = None if obstacle.unit_axis is None else np.asarray(obstacle.unit_axis)
-    return Gap(own, center=center, axis=axis, reach=reach, side=side)
+    reach = core.radius + core.side * point.radius
+    return Gap(own, center=core.center, axis=core.axis, reach=reach, side=core.side)
 
 
 def _of_two(points: Sequence[Point], pair: tuple[int, int], own: slice, other: slice) -> Gap:
@@ -114,10 +111,10 @@ def _of_two(points: Sequence[Point], pair: tuple[int, int], own: slice, other: s
     return Gap(own, other, normal=row, offset=-reach)
 
 
-def _motion(obstacle: HalfSpace) -> Signal:
+def _motion(normal: Sequence[float], motion: Sequence[Formula] | None) -> Signal:
     """Way of a half-space along its normal."""
     total = Signal()
-    for share, formula in zip(obstacle.unit_normal, obstacle.motion or (), strict=False):
+    for share, formula in zip(normal, motion or (), strict=False):
         parts = affine_parts(formula, ())
         exact = parts is not None and parts[1].is_exact
         whole = parts[1] if parts is not None and exact else Signal(formulas=((1.0, formula),))

@@ -86,7 +86,7 @@ def points_system(scene: Scene) -> PointsSystem:
     Raises:
         SceneError: A point starts inside an obstacle or another point.
     """
-    points = [body for body in scene.bodies if isinstance(body, Point)]
+    points = scene.points
     names = [f"{p.name}.{letter}" for p in points for letter in COORDINATES[: scene.dim]]
     pairs = contact_pairs(scene)
     gaps = [make_gap(points, scene, pair) for pair, _ in pairs]
@@ -177,7 +177,7 @@ def contact_pairs(scene: Scene) -> list[tuple[tuple[str, str], float]]:
 
 def start_state(scene: Scene) -> tuple[Floats, Floats]:
     """Positions [m] and velocities [m/s] of the points at t = 0, each (points * dim,)."""
-    points = [body for body in scene.bodies if isinstance(body, Point)]
+    points = scene.points
     position = np.concatenate([p.position for p in points]).astype(float)
     return position, np.concatenate([p.velocity or () for p in points]).astype(float)
 

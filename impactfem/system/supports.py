@@ -97,7 +97,7 @@ def find_supports(
     levels: list[Floats] = [np.zeros(0)] * nodes.dim
     for k, support in enumerate(supports):
         facets = surface_facets(surfaces, support.surface, "support")
-        if support.kind == "symmetry":
+        if support.mirrors:
             for direction, part in enumerate(_plane_facets(nodes, facets, support.surface)):
                 dofs = nodes.dofs(nodes.on_facets(part), direction)
                 _hold(nodes, state, by, dofs, 0, k, labels, formulas)
@@ -145,7 +145,7 @@ def surface_facets(
 
 
 def _values(support: Any, dim: int) -> Sequence[Formula | None]:
-    return support.value if support.kind == "motion" else (_ZERO,) * dim
+    return support.value if support.moves else (_ZERO,) * dim
 
 
 def _index(formulas: list[Formula], formula: Formula | None) -> int:

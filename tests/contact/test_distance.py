@@ -233,6 +233,26 @@ def test_turns_and_moves_with_its_obstacle(shape: str, dim: int, seed: int) -> N
     np.testing.assert_allclose(moved_normal, normal @ turn.T, atol=1e-9)
 
 
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_planes_and_round_obstacles_tell_their_place(shape: str, dim: int) -> None:
+    if dim == 3 and shape in ("polyline", "closed"):
+        return
+    rng = np.random.default_rng(dim)
+    it = make(shape, dim, rng).obstacle
+    points = cloud(rng, it, dim)
+    gap, _ = it.gap(points)
+    assert (it.plane is not None) == (shape == "half_space")
+    assert (it.core is not None) == shape.startswith(("sphere", "cylinder"))
+    if it.plane is not None:
+        assert (points - it.plane.point) @ it.plane.normal == pytest.approx(gap)
+    if it.core is not None:
+        arms = points - it.core.center
+        if it.core.axis is not None:
+            arms -= np.outer(arms @ it.core.axis, it.core.axis)
+        assert it.core.side * (np.linalg.norm(arms, axis=1) - it.core.radius) == pytest.approx(gap)
+
+
 def test_directions_where_the_distance_has_no_gradient() -> None:
     centre = np.zeros((1, 2))
     ball = obstacle("sphere", center=(0.0, 0.0), radius=2.0, side="outside")

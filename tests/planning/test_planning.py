@@ -181,3 +181,34 @@ def test_whatever_solves_a_scene_is_planned_and_run():
     scenes = (impactfem.Scene.from_toml(path) for path in shipped_scenes().values())
     assert {scene.solver for scene in scenes} == {*PLANNERS} == {*RUNNERS}
     assert all(callable(runner(name)) for name in RUNNERS)
+
+
+def sliding(count, steps):
+    names = [f"p{k}" for k in range(count)]
+    return impactfem.Scene(
+        title="points that rub are marched",
+        duration=1.0,
+        gravity=[0.0, -9.81],
+        bodies=[
+            impactfem.Point(name=name, mass=1.0, position=[2.0 * k, 0.1], radius=0.1)
+            for k, name in enumerate(names)
+        ],
+        obstacles=[impactfem.HalfSpace(name="floor", point=[0, 0], normal=[0, 1])],
+        contacts=[
+            impactfem.Contact(between=[name, "floor"], friction_coefficient=0.3) for name in names
+        ],
+        solve=impactfem.Solve(dt=1.0 / steps, estimate=False),
+    )
+
+
+@pytest.mark.parametrize(("count", "measured"), [(1, 272.8), (4, 317.8)])
+def test_memory_of_a_march_without_meshes_counts_rows_of_each_body(count, measured):
+    plan = impactfem.plan(sliding(count, 40_000))
+    assert plan.memory_mib == pytest.approx(measured, rel=0.03)  # MiB, of such a run
+
+
+def test_a_history_of_a_march_that_cannot_fit_is_refused(monkeypatch):
+    monkeypatch.setattr("impactfem.planning.few.physical_mib", lambda: 300.0)
+    impactfem.plan(sliding(1, 40_000))
+    with pytest.raises(impactfem.SceneError, match=r"history of 4e\+04 steps needs"):
+        impactfem.plan(sliding(4, 40_000))

@@ -6,7 +6,7 @@ obstacle is revolved about the axis, as the body is.
 
 import math
 from collections.abc import Sequence
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,29 @@ NAME = "name of the obstacle"
 MOTION = "displacement of the obstacle in time"
 SIDE = "where the body is"
 MOTION_KIND = Formulas(("t",))
+
+
+class Plane(NamedTuple):
+    """Where a flat obstacle ends, at rest: a point [m] and the unit normal to the body, (dim,)."""
+
+    point: Sequence[float]
+    normal: Sequence[float]
+
+
+class Core(NamedTuple):
+    """What a round obstacle is at rest.
+
+    Attributes:
+        center: Its centre, or a point of its axis [m], (dim,).
+        axis: Direction of a cylinder's axis with length 1, (3,); None for a ball or a circle.
+        radius: [m].
+        side: 1 if the body is outside, -1 inside.
+    """
+
+    center: Floats
+    axis: Floats | None
+    radius: float
+    side: float
 
 
 class RigidObstacle:
@@ -71,8 +94,18 @@ class RigidObstacle:
         return False
 
     @property
-    def plane_normal(self) -> tuple[float, ...] | None:
+    def plane(self) -> Plane | None:
+        """Where it ends if that is a plane."""
+        return None
+
+    @property
+    def plane_normal(self) -> Sequence[float] | None:
         """Its normal if it is a plane: then pictures show where it is."""
+        return None if self.plane is None else self.plane.normal
+
+    @property
+    def core(self) -> Core | None:
+        """What it is if it is round."""
         return None
 
     def is_revolved(self, place: Floats, within: float) -> bool:  # noqa: ARG002

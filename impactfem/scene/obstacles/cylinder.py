@@ -15,6 +15,7 @@ from impactfem.scene.obstacles.base import (
     NAME,
     SIDE,
     SIDES,
+    Core,
     Field,
     Floats,
     Motion,
@@ -74,6 +75,11 @@ class RigidCylinder(RoundObstacle):
     def unit_axis(self) -> tuple[float, ...] | None:
         """The axis with length 1 (3,); None in 2D."""
         return None if self.axis is None else unit(self.axis)
+
+    @property
+    def core(self) -> Core:
+        """Axis and radius."""
+        return self.round_core(self.point, self.unit_axis)
 
     def check_dimension(self, dim: int) -> None:
         """As for all obstacles; a cylinder needs its axis in 3D and only there."""

@@ -15,6 +15,7 @@ from impactfem.scene.obstacles.base import (
     Field,
     Floats,
     Motion,
+    Plane,
     RigidObstacle,
     unit,
     unit_vector,
@@ -70,9 +71,9 @@ class HalfSpace(RigidObstacle):
         return True
 
     @property
-    def plane_normal(self) -> tuple[float, ...]:
-        """Its normal."""
-        return self.unit_normal
+    def plane(self) -> Plane:
+        """Where it ends."""
+        return Plane(self.point, self.unit_normal)
 
     def is_revolved(self, place: Floats, within: float) -> bool:  # noqa: ARG002  (it has no middle)
         """Whether it is level."""

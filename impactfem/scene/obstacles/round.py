@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from impactfem.scene.obstacles.base import ROUNDING, Field, Floats, RigidObstacle
+from impactfem.scene.obstacles.base import ROUNDING, Core, Field, Floats, RigidObstacle
 
 
 class RoundObstacle(RigidObstacle):
@@ -23,6 +23,11 @@ class RoundObstacle(RigidObstacle):
     def sign(self) -> float:
         """1 if the body is outside, else -1."""
         return -1.0 if self.side == "inside" else 1.0
+
+    def round_core(self, center: Sequence[float], axis: Sequence[float] | None) -> Core:
+        """What it is at rest, with its centre and axis."""
+        direction = None if axis is None else np.asarray(axis)
+        return Core(np.asarray(center, dtype=float), direction, self.radius, self.sign)
 
     def round_gap(self, arms: Floats, fallback: Floats) -> Field:
         """Distances and normals.

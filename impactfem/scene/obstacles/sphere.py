@@ -15,6 +15,7 @@ from impactfem.scene.obstacles.base import (
     NAME,
     SIDE,
     SIDES,
+    Core,
     Field,
     Floats,
     Motion,
@@ -59,6 +60,11 @@ class RigidSphere(RoundObstacle):
 
     def __post_init__(self) -> None:
         check_fields(self, self.kind)
+
+    @property
+    def core(self) -> Core:
+        """Centre and radius."""
+        return self.round_core(self.center, None)
 
     def is_revolved(self, place: Floats, within: float) -> bool:
         """Whether its centre lies on the vertical."""

@@ -52,7 +52,7 @@ def facts_of(result: Result) -> dict[str, float]:
     if scheme.contact == "velocity":
         velocity = np.hypot(history["body.vx"].values, history["body.vy"].values)
         facts["steps sunk"] = depth / max(float(velocity.max()) * dt, 1e-300)
-    if len(scene.obstacles) == 1 and scene.obstacles[0].kind == "half_space":
+    if [obstacle.plane_normal is not None for obstacle in scene.rigid_obstacles] == [True]:
         facts["impulse"] = _impulse_error(result)
     return facts
 
