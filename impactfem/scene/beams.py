@@ -35,6 +35,7 @@ class Rod:
     probed: ClassVar[tuple[str, ...]] = MOVES
     dim: ClassVar[int] = 2
     waves: ClassVar[bool] = False
+    round_ends: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = False
 
     name: str = key(Name(), "name of the rod in histories", default="rod")
@@ -75,6 +76,7 @@ class Beam:
     probed: ClassVar[tuple[str, ...]] = MOVES
     dim: ClassVar[int] = 2
     waves: ClassVar[bool] = False
+    round_ends: ClassVar[bool] = False
     meets_alike: ClassVar[bool] = False
 
     name: str = key(Name(), "name of the beam in histories", default="beam")

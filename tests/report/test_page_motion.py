@@ -26,7 +26,7 @@ from impactfem.report.page.motion_data import (
 )
 from impactfem.report.page.motion_obstacles import plane_obstacles, space_obstacles
 from impactfem.report.skin import Skin
-from impactfem.result import FieldSpool, Shape, StoredSnapshots
+from impactfem.result import FieldSpool, KeptSnapshots, Shape, StoredSnapshots
 from impactfem.result.cell_kinds import KINDS
 from impactfem.scene import (
     HalfSpace,
@@ -337,6 +337,56 @@ def test_other_bodies_have_a_motion_too(scene):
     assert len(shown["times"]) == len(shown["force"]) == len(shown["gap"]) > 20
     assert shown["caption"].endswith(".")
     assert len(json.dumps(shown, allow_nan=False)) < 400_000
+
+
+def beside(kinds, dim):
+    """Fields of bodies without meshes that fly and turn, beside those of others."""
+    along = np.linspace(0.0, 0.4, 5)
+    rod = np.pad(along[:, None], ((0, 0), (0, dim - 1)))
+    shapes = {
+        "ball": Shape.vertices("ball", [[1.0] * dim], 0.2),
+        "rod": Shape.line("rod", rod, 0.05),
+    }
+    angle = np.linspace(0.0, 1.0, 6)
+    turned = along[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None]
+    rods = np.pad(turned, ((0, 0), (0, 0), (0, 1))) - np.pad(rod, ((0, 0), (0, 3 - dim)))
+    ways = {"ball": angle[:, None, None] * [0.3, 0.2, 0.0], "rod": rods}
+    moved = np.concatenate([ways[kind] for kind in kinds], axis=1)
+    values = {"displacement": moved, "velocity": 0.0 * moved}
+    return KeptSnapshots(1.2 * angle, [shapes[kind] for kind in kinds], values)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_balls_and_rods_are_drawn_as_thick_as_they_are(dim, tmp_path):
+    result = replace(solid_result(tmp_path / "f.vtkhdf", dim), fields=beside(["ball", "rod"], dim))
+    shown = motion(result)
+    assert shown["kind"] == ("plane" if dim == 2 else "space")
+    assert shown["coloured"] == 0
+    assert "stress" not in shown["caption"]
+    count = len(shown["times"])
+    reference = unpacked(shown["reference"]).reshape(-1, dim)
+    place = reference + unpacked(shown["displacement"]).reshape(count, -1, dim)
+    drawn = np.unique(unpacked(shown["triangles"]).astype(int))
+    fields = result.fields
+    for frame, time in enumerate(shown["times"]):
+        where = fields.places()[int(np.abs(fields.times - time).argmin())][:, :dim]
+        centre, axis = where[0], where[1:]
+        apart = np.linalg.norm(place[frame, drawn] - centre, axis=1)
+        along = (axis[-1] - axis[0]) / np.linalg.norm(axis[-1] - axis[0])
+        arm = place[frame, drawn] - axis[0]
+        off = np.linalg.norm(arm - np.outer(arm @ along, along), axis=1)
+        ball = np.abs(apart - 0.2) < 2e-3
+        assert ball.sum() >= 20
+        assert off[~ball] == pytest.approx(0.05, abs=2e-3)
+        assert (~ball).sum() >= 10
+
+
+def test_one_line_has_its_own_picture_and_a_solid_keeps_its_colours(tmp_path):
+    result = solid_result(tmp_path / "f.vtkhdf")
+    solid = motion(result)
+    assert 3 * solid["coloured"] == len(unpacked(solid["triangles"]))
+    rod = replace(solve(ROD), impacts=None)
+    assert "coloured" not in motion(rod)
 
 
 def test_without_fields_there_is_no_picture_of_solids_and_bars(tmp_path):

@@ -8,8 +8,11 @@ from impactfem.report.page.chart import numbers, thin
 from impactfem.report.page.motion_bars import bars_motion
 from impactfem.report.page.motion_bodies import bodies_motion
 from impactfem.report.page.motion_data import rows_at
+from impactfem.report.page.motion_points import points_motion
+from impactfem.report.page.motion_poles import poles_motion
 from impactfem.report.panel import is_told
 from impactfem.result import Fields, Record
+from impactfem.result.shapes import LINE, VERTEX
 
 SCRIPTS = ("motion_tools.js", "motion_views.js", "motion.js")
 """Scripts beside this module that draw charts and moving pictures, in the order of loading."""
@@ -21,7 +24,7 @@ def motion(result: Record) -> dict[str, Any] | None:
     """Make the data of the moving picture.
 
     Args:
-        result: Bars and solids need their fields; points, rods and beams do not.
+        result: With fields.
 
     Returns:
         Plain data: ``kind`` ("bars", "plane", "space" or "points"), ``caption``, ``times`` of the
@@ -29,17 +32,18 @@ def motion(result: Record) -> dict[str, Any] | None:
         kind needs. None if there is nothing to show.
     """
     fields = result.fields
+    if fields is None:
+        return None
+    layout = fields.layout
+    kinds = set(layout.types.tolist())
     if isinstance(fields, Fields):
         own = bars_motion(result, fields)
-    elif fields is not None and result.scene.solids:
-        own = bodies_motion(result, fields)
-    elif result.scene.is_vibro:
-        # It loads the systems of points, which bars and solids need not wait for.
-        from impactfem.report.page.motion_points import points_motion  # noqa: PLC0415
-
-        own = points_motion(result)
+    elif kinds == {VERTEX}:  # alone, with the ways that they have gone
+        own = points_motion(result, layout.radius)
+    elif kinds == {LINE} and len(layout.names) == 1:
+        own = poles_motion(result, fields)
     else:
-        return None
+        own = bodies_motion(result, fields)
     if own is None or len(own["times"]) < 2:
         return None
     times = np.asarray(own.pop("times"))

@@ -1,6 +1,6 @@
-"""The moving picture of solids: deformed triangles coloured by stress, obstacles, pressed faces."""
+"""The moving picture of bodies: triangles coloured by stress, balls, tubes, pressed faces."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from impactfem.report.page.motion_data import (
     telling_frames,
 )
 from impactfem.report.page.motion_obstacles import plane_obstacles, space_obstacles
+from impactfem.report.page.motion_slender import Tubes, tubes_of
 from impactfem.report.skin import Skin
 from impactfem.report.space_picture import Camera, skin_of, vertical_of
 from impactfem.result import Record, Snapshots
@@ -49,8 +50,9 @@ class Frame:
 
     Attributes:
         time: [s].
-        way: Displacement of the nodes that are drawn [m], shape (shown, 3).
-        stress: Von Mises stress there [Pa], shape (shown,).
+        way: Displacement of the nodes that are drawn and of the corners of balls and tubes [m],
+            shape (drawn, 3).
+        stress: Von Mises stress there [Pa], shape (drawn,); 0 of balls and tubes.
         pressed: Segments under contact pressure at both ends.
     """
 
@@ -61,7 +63,7 @@ class Frame:
 
 
 def bodies_motion(result: Record, fields: Snapshots) -> dict[str, Any] | None:
-    """Data of one or several solids in the plane or in space.
+    """Data of bodies in the plane or in space.
 
     Returns:
         None if no kept layer is finite.
@@ -71,7 +73,10 @@ def bodies_motion(result: Record, fields: Snapshots) -> dict[str, Any] | None:
     most = int(np.clip(BUDGET / (weight * len(skin.nodes)), _LEAST_FRAMES, MOST_FRAMES))
     layers = telling_frames(result, fields.times, most)
     shown = choose(skin, int(BUDGET / (weight * len(layers))))
-    frames = [frame for layer in layers if (frame := _frame(skin, shown, int(layer))) is not None]
+    tubes = tubes_of(_spanned(skin, layers))
+    corners = tubes.places(skin.points)
+    made = (_frame(skin, shown, tubes, int(layer)) for layer in layers)
+    frames = [frame for frame in made if frame is not None]
     if not frames:
         return None
     times = np.array([frame.time for frame in frames])
@@ -80,13 +85,16 @@ def bodies_motion(result: Record, fields: Snapshots) -> dict[str, Any] | None:
     limit = float(max(np.quantile(part, _MOST_STRESSED) for part in stress)) or 1.0
     farthest = float(np.linalg.norm(way, axis=2).max())
     factors = factors_of(farthest, skin.size)
-    own = _plane(result, shown, frames) if skin.dim == 2 else _space(result, skin, times)
+    drawn, first = len(shown.triangles), len(shown.nodes)
+    segments = np.concatenate([shown.segments, tubes.segments + first])
+    own = _plane(result, segments, frames) if skin.dim == 2 else _space(result, skin, times)
     return {
         "caption": _caption(result, skin, shown, factors, limit),
         "times": times,
-        "reference": packed(skin.points[shown.nodes, : skin.dim]),
+        "reference": packed(np.concatenate([skin.points[shown.nodes], corners])[:, : skin.dim]),
         "displacement": packed(way[:, :, : skin.dim]),
-        "triangles": packed_indices(shown.triangles),
+        "triangles": packed_indices(np.concatenate([shown.triangles, tubes.triangles + first])),
+        "coloured": drawn,
         "value": packed(np.minimum(stress, limit), bits=8),
         "limit": limit,
         "valueName": "von Mises stress [Pa]",
@@ -130,16 +138,25 @@ def _middles(points: Floats, groups: Integers) -> Integers:
     return np.asarray(order[np.append(0, np.cumsum(counts)[:-1])])
 
 
-def _frame(skin: Skin, shown: Shown, layer: int) -> Frame | None:
+def _spanned(skin: Skin, layers: Integers) -> Skin:
+    """The skin with the extent of the motion, by which the thickness of thin things goes."""
+    if len(skin.triangles):
+        return skin
+    places = [skin.snapshot(int(layer)).place for layer in layers]
+    return replace(skin, span=float(np.nanmax(np.ptp(np.concatenate(places), axis=0))))
+
+
+def _frame(skin: Skin, shown: Shown, tubes: Tubes, layer: int) -> Frame | None:
     """Read a layer and keep what is drawn of it: all layers at once may not fit in memory."""
     snapshot = skin.snapshot(layer)
     if not snapshot.is_finite:
         return None
     ends = snapshot.pressure[shown.nodes[shown.segments]]
+    corners = tubes.places(snapshot.place) - tubes.places(skin.points)
     return Frame(
         snapshot.time,
-        (snapshot.place - skin.points)[shown.nodes],
-        snapshot.von_mises[shown.nodes],
+        np.concatenate([(snapshot.place - skin.points)[shown.nodes], corners]),
+        np.concatenate([snapshot.von_mises[shown.nodes], np.zeros(len(corners))]),
         np.flatnonzero((ends > 0.0).all(axis=1)).tolist(),
     )
 
@@ -152,13 +169,13 @@ def _proper(parts: Integers) -> Integers:
     return np.asarray(parts[apart][np.sort(first)])
 
 
-def _plane(result: Record, shown: Shown, frames: list[Frame]) -> dict[str, Any]:
+def _plane(result: Record, segments: Integers, frames: list[Frame]) -> dict[str, Any]:
     axial = any(solid.is_axisymmetric for solid in result.scene.solids)
     times = np.array([frame.time for frame in frames])
     return {
         "kind": "plane",
         "mirror": axial,
-        "segments": packed_indices(shown.segments),
+        "segments": packed_indices(segments),
         "pressed": [frame.pressed for frame in frames],
         "obstacles": plane_obstacles(result.scene.obstacles, times),
     }
@@ -179,18 +196,19 @@ def _space(result: Record, skin: Skin, times: Floats) -> dict[str, Any]:
 def _caption(result: Record, skin: Skin, shown: Shown, factors: list[float], limit: float) -> str:
     several = len(result.scene.bodies) > 1
     text = "Deformed bodies" if several else "Deformed body"
-    text += f", coloured by the von Mises stress up to {limit:.3g} Pa"
+    if len(skin.triangles):
+        text += f", coloured by the von Mises stress up to {limit:.3g} Pa"
     text += ", true to scale" if len(factors) == 1 else (
         ", true to scale at first; displacements can be magnified, but obstacles and gaps are not, "
         "so that magnified bodies may seem to overlap them"
     )  # fmt: skip
-    if skin.dim == 2:
+    if skin.dim == 2 and len(skin.triangles):
         text += "; orange is the boundary under contact pressure"
         if any(solid.is_axisymmetric for solid in result.scene.solids):
             text += "; the section through the axis, mirrored"
     if skin.mirrors:
         text += f"; 1 of {2 ** len(skin.mirrors)} parts is computed, the others are mirror images"
         text += ", the one in front left out" if skin.opened else ""
-    if len(shown.nodes) < len(skin.nodes):
+    if len(shown.triangles) and len(shown.nodes) < len(skin.nodes):
         text += f"; {len(shown.nodes)} of {len(skin.nodes)} nodes are drawn"
     return text + "."

@@ -1,4 +1,4 @@
-"""The moving picture of points with their trails, and of rods and beams as lines."""
+"""The moving picture of points with their trails."""
 
 from typing import Any
 
@@ -9,11 +9,9 @@ from impactfem.contact.distance import on_a_line, translation
 from impactfem.report.page.chart import numbers
 from impactfem.report.page.motion_data import telling_frames
 from impactfem.report.page.motion_obstacles import plane_obstacles
-from impactfem.report.page.motion_poles import poles_motion
 from impactfem.report.panel import evenly
-from impactfem.report.space_picture import Camera, plane_normals
+from impactfem.report.space_picture import Camera
 from impactfem.result import Record
-from impactfem.scene import HalfSpace, Point, RigidPolyline
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -26,14 +24,12 @@ _NUMBERS = 150_000  # of all trails together
 _TRAIL = 0.2  # share of the duration that is drawn behind a point on a line
 
 
-def points_motion(result: Record) -> dict[str, Any] | None:
-    """Data of points, a rod or a beam.
+def points_motion(result: Record, radii: Floats) -> dict[str, Any] | None:
+    """Data of points, and their radii [m], (points,).
 
     Returns:
         None if no row of the history is finite.
     """
-    if not isinstance(result.scene.bodies[0], Point):
-        return poles_motion(result)
     rows, at = _rows(result)
     if not len(rows):
         return None
@@ -42,7 +38,7 @@ def points_motion(result: Record) -> dict[str, Any] | None:
     return {
         "kind": "points", "times": time[at], "at": at.tolist(), "time": numbers(time),
         "names": [body.name for body in result.scene.bodies],
-        "radii": [body.radius for body in result.scene.bodies if isinstance(body, Point)],
+        "radii": numbers(radii),
         "factors": [1.0], "factor": 1.0,
     } | own  # fmt: skip
 
@@ -112,7 +108,7 @@ def _in_the_plane(result: Record, rows: Integers, at: Integers) -> dict[str, Any
             if spring.anchor is not None
         ]
     else:
-        camera = _camera(result)
+        camera = Camera.of(scene)
         flat = camera.flat(places)
         seen = {"obstacles": [], "outlines": _outlines(result, camera, places, times)}
         caption = "The points with the way that they have gone, in parallel projection."
@@ -131,20 +127,8 @@ def _in_the_plane(result: Record, rows: Integers, at: Integers) -> dict[str, Any
 
 def _springs(result: Record) -> list[tuple[int, Any]]:
     """Springs with the index of the point that they pull."""
-    return [
-        (k, spring)
-        for k, body in enumerate(result.scene.bodies)
-        if isinstance(body, Point)
-        for spring in body.springs
-    ]
-
-
-def _camera(result: Record) -> Camera:
-    gravity = np.asarray(result.scene.vector_gravity.at(0.0), dtype=np.float64)
-    size = float(np.linalg.norm(gravity))
-    vertical = -gravity / size if size > 0.0 else np.eye(3)[1]
-    planes = plane_normals(result.scene)
-    return Camera.facing(vertical, planes)
+    bodies: tuple[Any, ...] = result.scene.bodies
+    return [(k, spring) for k, body in enumerate(bodies) for spring in body.springs]
 
 
 def _outlines(
@@ -155,19 +139,10 @@ def _outlines(
     centre, reach = 0.5 * (low + high), 0.7 * float(np.max(high - low)) or 1.0
     made: list[dict[str, Any]] = []
     for obstacle in result.scene.rigid_obstacles:
-        if isinstance(obstacle, HalfSpace):
-            corners, grid = obstacle.grid(np.zeros(3), centre, reach)
-            lines = [*grid, np.vstack([corners, corners[:1]])]
-        elif isinstance(obstacle, RigidPolyline):
-            chain = np.array(obstacle.points)
-            lines = [
-                np.column_stack([chain, np.full(len(chain), z)])
-                for z in centre[2] + reach * np.array([-1.0, 0.0, 1.0])
-            ]
-        else:
-            seen = np.unique(
-                camera.flat(obstacle.faces(centre, reach).reshape(-1, 3)).round(12), axis=0
-            )
+        faces = obstacle.faces(centre, reach)
+        lines = [*_rim(faces), *obstacle.lines(centre, reach)]
+        if not lines:  # closed
+            seen = np.unique(camera.flat(faces.reshape(-1, 3)).round(12), axis=0)
             hull = _hull(seen)
             made.append({"lines": [numbers(seen[np.append(hull, hull[0])])]})
             continue
@@ -177,6 +152,18 @@ def _outlines(
             ways = np.array([np.zeros(3) + translation(obstacle, float(t)) for t in times])
             entry["way"] = numbers(camera.flat(ways))
     return made
+
+
+def _rim(faces: Floats) -> Floats:
+    """Edges that belong to one triangle only, shape (edges, 2, 3)."""
+    corners, index = np.unique(faces.reshape(-1, 3).round(12), axis=0, return_inverse=True)
+    triangles = index.reshape(-1, 3)
+    edges = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]],
+                                    triangles[:, [2, 0]]]), axis=1)  # fmt: skip
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    found, times = np.unique(edges, axis=0, return_counts=True)
+    rim: Floats = corners[found[times == 1]]
+    return rim
 
 
 def _hull(places: Floats) -> Integers:

@@ -1,28 +1,26 @@
 """The moving picture of a rod or a beam: its axis, where the run has it."""
 
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from impactfem.report.page.motion_data import factors_of, packed, telling_frames
 from impactfem.report.page.motion_obstacles import plane_obstacles
-from impactfem.result import Record
-from impactfem.scene import Beam, Rod
+from impactfem.result import Record, Snapshots
 
 _FRAMES = 240
 _NODES = 65  # of a line
 
 
-def poles_motion(result: Record) -> dict[str, Any] | None:
+def poles_motion(result: Record, fields: Snapshots) -> dict[str, Any] | None:
     """Data of a rod or a beam.
 
     Returns:
-        None if the result has no fields, or no moment of it is finite.
+        None if no moment of it is finite.
     """
-    if result.fields is None:
-        return None
-    body = result.scene.bodies[0]
-    places = result.fields.places(body.name)[:, :, :2]
+    bodies: tuple[Any, ...] = result.scene.bodies
+    (body,) = bodies
+    places = fields.places(body.name)[:, :, :2]
     count = places.shape[1]
     nodes = np.unique(np.linspace(0, count - 1, min(count, _NODES)).round().astype(np.int64))
     places = places[:, nodes]
@@ -30,30 +28,29 @@ def poles_motion(result: Record) -> dict[str, Any] | None:
     finite = np.flatnonzero(np.isfinite(way).all(axis=(1, 2)))
     if not len(finite):
         return None
-    kept = result.fields.times[finite]
+    kept = fields.times[finite]
     frames = telling_frames(result, kept, _FRAMES)
     times, shown = kept[frames], way[finite[frames]]
-    length = cast("Rod | Beam", body).length
+    length = float(np.linalg.norm(np.diff(places[0], axis=0), axis=1).sum())
     factors = factors_of(float(np.linalg.norm(shown, axis=2).max()), length)
-    thickness = 2.0 * body.radius if isinstance(body, Rod) else cast("Beam", body).height
     return {
         "kind": "points",
         "dim": 2,
-        "caption": _caption(isinstance(body, Rod), factors),
+        "caption": _caption(body.kind, body.round_ends, factors),
         "times": times,
         "names": [body.name],
         "reference": packed(places[0]),
         "displacement": packed(shown),
-        "thickness": thickness,
-        "round": isinstance(body, Rod),
+        "thickness": 2.0 * float(fields.layout.radius[0]),
+        "round": body.round_ends,
         "obstacles": plane_obstacles(result.scene.obstacles, times),
         "factors": factors,
         "factor": factors[-1],
     }
 
 
-def _caption(is_rod: bool, factors: list[float]) -> str:
-    text = "The rod" if is_rod else "The beam, whose axis touches,"
+def _caption(what: str, round_ends: bool, factors: list[float]) -> str:
+    text = f"The {what}{'' if round_ends else ', whose axis touches,'}"
     text += " and where it was at first (grey)"
     if len(factors) > 1:
         text += (

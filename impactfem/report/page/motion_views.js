@@ -4,6 +4,7 @@
 const impactfemViews = (function () {
   const {VIRIDIS, SIGNED, SOLID, EDGE, FOOT, unpack, tint, stage, mapping, widened, legend, grid, drawObstacles, windows, fitted} = impactfemTools;
   const BODIES = ["#0b559f", "#d95f02", "#1b7837", "#7b3294", "#b2182b", "#666666"];
+  const PLAIN = "#7a9cc6"; // balls and tubes, which have no stress
   const PRESSED = "#d95f02"; // boundary under contact pressure
   const LEVELS = 48; // of colours
   const LIGHT = {x: 4e4, y: 8e4, z: -1e5}; // as the camera sees it: right, up, negative towards it
@@ -58,14 +59,15 @@ const impactfemViews = (function () {
       const half = length / 2, y = Float64Array.from({length: half}, (_, k) => map.Y(place(f, 2 * k + 1)));
       for (const side of data.mirror ? [1, -1] : [1]) {
         const x = Float64Array.from({length: half}, (_, k) => map.X(side * place(f, 2 * k)));
-        const groups = Array.from({length: LEVELS}, () => []);
+        const groups = Array.from({length: LEVELS + 1}, () => []), plain = 3 * data.coloured;
         for (let t = 0; t < triangles.length; t += 3) {
+          if (t >= plain) { groups[LEVELS].push(t); continue; }
           const mean = (value[f * half + triangles[t]] + value[f * half + triangles[t + 1]] + value[f * half + triangles[t + 2]]) / 3;
           groups[Math.min(LEVELS - 1, Math.floor(LEVELS * mean / data.limit))].push(t);
         }
         groups.forEach((group, level) => {
           if (!group.length) return;
-          ctx.fillStyle = ctx.strokeStyle = tint(VIRIDIS, level / (LEVELS - 1));
+          ctx.fillStyle = ctx.strokeStyle = level < LEVELS ? tint(VIRIDIS, level / (LEVELS - 1)) : PLAIN;
           ctx.lineWidth = 0.7;
           ctx.beginPath();
           for (const t of group) [0, 1, 2].forEach((c) => ctx[c ? "lineTo" : "moveTo"](x[triangles[t + c]], y[triangles[t + c]]));
@@ -85,7 +87,7 @@ const impactfemViews = (function () {
         edge(Array.from({length: segments.length / 2}, (_, k) => k), "#222222", 0.8);
         edge(data.pressed[f], PRESSED, 4);
       }
-      legend(ctx, width, height, map.scale, state.factor, VIRIDIS, 0, data.limit, data.valueName);
+      legend(ctx, width, height, map.scale, state.factor, ...(data.coloured ? [VIRIDIS, 0, data.limit, data.valueName] : []));
     });
   }
 
@@ -99,9 +101,11 @@ const impactfemViews = (function () {
     const traces = [], ways = [];
     const mesh = (xyz, index) => ({type: "mesh3d", x: xyz[0], y: xyz[1], z: xyz[2], i: every(index, 0), j: every(index, 1), k: every(index, 2), flatshading: false, hoverinfo: "skip",
       lighting: {ambient: 0.7, diffuse: 0.4, specular: 0, fresnel: 0}, lightposition: LIGHT});
-    traces.push({...mesh(parts(0), corners), intensity: value.slice(0, nodes), cmin: 0, cmax: data.limit, colorscale: "Viridis",
+    const plain = 3 * data.coloured, rest = corners.length > plain ? 1 : 0;
+    traces.push({...mesh(parts(0), corners.slice(0, plain)), intensity: value.slice(0, nodes), cmin: 0, cmax: data.limit, colorscale: "Viridis",
       hovertemplate: "%{intensity:.4g}<extra></extra>",
       colorbar: {title: {text: data.valueName, side: "top"}, orientation: "h", y: -0.02, yanchor: "bottom", thickness: 8, len: 0.7, nticks: 5, exponentformat: "power"}});
+    if (rest) traces.push({...mesh(parts(0), corners.slice(plain)), color: PLAIN, showscale: false});
     for (const o of data.obstacles) {
       const at = unpack(o.corners).map((v) => v / size), xyz = [0, 1, 2].map((a) => at.filter((_, k) => k % 3 === a));
       traces.push({...mesh(xyz, Array.from(unpack(o.triangles))), color: "#bbbbbb", opacity: o.lines.length ? 0.35 : 1, showscale: false});
@@ -124,10 +128,11 @@ const impactfemViews = (function () {
     return () => {
       const f = state.frame, [x, y, z] = parts(f);
       Plotly.restyle(pane, {x: [x], y: [y], z: [z], intensity: [value.slice(f * nodes, (f + 1) * nodes)]}, [0]);
+      if (rest) Plotly.restyle(pane, {x: [x], y: [y], z: [z]}, [1]);
       ways.forEach((o, k) => {
         if (!o.way) return;
         const shifted = o.xyz.map((axis, a) => Array.from(axis, (v) => (v === null ? null : v + o.way[3 * f + a] / size)));
-        Plotly.restyle(pane, {x: [shifted[0]], y: [shifted[1]], z: [shifted[2]]}, [k + 1]);
+        Plotly.restyle(pane, {x: [shifted[0]], y: [shifted[1]], z: [shifted[2]]}, [k + 1 + rest]);
       });
     };
   }
