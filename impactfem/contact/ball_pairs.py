@@ -98,6 +98,18 @@ class BallPair:
         """Nothing: it is looked at anew each time."""
 
     @property
+    def nodes(self) -> Integers:
+        """Places of all its nodes among all contact nodes."""
+        return np.concatenate([self.balls, self.target.nodes])
+
+    @property
+    def thickness(self) -> float:
+        """Way [m] through both, where nothing tells on which side a ball is; else infinite."""
+        if self.target.signs is not None:
+            return float("inf")
+        return float(self.radius.min() + self.target.radius.min())
+
+    @property
     def slots(self) -> int:
         """Gaps of a ball: one with points and axes, as many as dimensions with surfaces."""
         return 1 if self.target.signs is None else self.target.simplices.shape[1]

@@ -239,19 +239,25 @@ class Halfway:
     makes the work Lambda (w_a + w_b) dt / 2 <= 0 for nodes that approach. For those that leave
     (w_a > 0), e = 1 stands in, so that this work is 0: no layer gains energy.
 
+    Between nodes with mass and ends of bars, or two of these, nothing stores the force from layer
+    to layer either, but an end has a velocity at once: the law acts on gaps, and the force of a
+    layer is its own. Its work is Lambda times the change of the gap, never positive.
+
     Attributes:
-        rows: Which gaps, shape (pairs,).
+        rows: Which gaps have forces of the layer alone, of both sorts, shape (pairs,).
         way: (w_b + e w_a) dt / 2 without contact forces [m], shape (pairs,) or (pairs, dim) with
             the tangential parts, which have no e. The unit makes the answer of Lambda that of the
-            gaps, so that both kinds of gaps are one problem.
+            gaps, so that both kinds of gaps are one problem. Of ends of bars the gap itself [m].
+        ends: Which of the gaps are those of ends of bars, shape (pairs,).
     """
 
     rows: Booleans
     way: Floats
+    ends: Booleans
 
     def acting(self, gap: Floats) -> NDArray[np.int64]:
         """Gaps to be solved: those of positions, and of the others what would close."""
-        return np.flatnonzero(~self.rows | (gap <= 0.0))
+        return np.flatnonzero(~self.rows | self.ends | (gap <= 0.0))
 
 
 def rebound(before: Floats, after: Floats, restitution: Floats, dt: float) -> Floats:

@@ -58,6 +58,28 @@ class Meet(Protocol):
         """How they meet with the contact nodes at some places, forces acting at others [m]."""
 
 
+class NodeMeet(Meet, Protocol):
+    """Finds how nodes of bodies without meshes meet others.
+
+    Attributes:
+        count: Number of gaps.
+        thickness: What a body must not move in a step [m]; infinite if nothing can pass.
+        nodes: Places of all nodes of both sides among all contact nodes.
+    """
+
+    @property
+    def count(self) -> int:
+        """See above."""
+
+    @property
+    def thickness(self) -> float:
+        """See above."""
+
+    @property
+    def nodes(self) -> Integers:
+        """See above."""
+
+
 class PairGaps:
     """Gaps of contact nodes to obstacles and to other bodies, as `SolidMarch` takes them.
 

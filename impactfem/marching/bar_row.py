@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.exact.pieces import Line
 from impactfem.marching.bar_row_kernels import two_step_row
 from impactfem.marching.chain import Chain
 from impactfem.marching.row_wave_kernels import conserving_row
-from impactfem.marching.waves import Delay, left_before, lines
+from impactfem.marching.waves import Delay, left_ends
 from impactfem.result.bar_motion import Effort, kept_levels
 from impactfem.result.bar_row_motion import RowMotion, pair_labels
 from impactfem.scene import Bar
@@ -134,18 +133,8 @@ def _by_waves(
     past = max(delay.layers for delay in delays) + 1
     mean, rise = np.zeros((2, 2 * len(bars), past + layers))
     for k, (bar, delay) in enumerate(zip(bars, delays, strict=True)):
-        wave = left_before(bar, past)
-        half = len(wave.left) // 2
-        until = wave.border[half]
-        parts = (
-            Line([x - until for x in wave.border[half:]], wave.left[half:], wave.right[half:]),
-            Line(wave.border[: half + 1], wave.left[:half], wave.right[:half]),
-        )
-        signs = (1.0, -1.0 if bar.far_end == "clamped" else 1.0)
-        own = slice(past - delay.layers - 1, past)
-        for end, (part, sign) in enumerate(zip(parts, signs, strict=True), start=2 * k):
-            found = lines(part, dt, delay.layers + 1, delay.share)
-            mean[end, own], rise[end, own] = sign * found[0], sign * found[1]
+        own = slice(2 * k, 2 * k + 2), slice(past - delay.layers - 1, past)
+        mean[own], rise[own] = left_ends(bar, delay, dt)
     speeds = np.array([bar.wave_speed for bar in bars])
     counts = np.diff(record.ends)
     conserving_row(

@@ -71,6 +71,11 @@ class Composite:
         return np.concatenate([part.massive for part in self.parts])
 
     @property
+    def radiating(self) -> Booleans:
+        """Contact nodes that carry waves away, of all bodies."""
+        return np.concatenate([part.radiating for part in self.parts])
+
+    @property
     def volatile(self) -> Booleans:
         """Contact nodes whose answers change, of all bodies."""
         return np.concatenate([part.volatile for part in self.parts])

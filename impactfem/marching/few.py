@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from impactfem.errors import ConvergenceError
 from impactfem.marching.layers import Sums
 from impactfem.scene import PiecewiseVector
-from impactfem.system.few import FewBodies
+from impactfem.system.few import FewBodies, Lumped
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
 _MOST_ITERATIONS = 50
@@ -26,8 +27,8 @@ _SETTLED = 1e-13  # change of velocities, as a share of the largest
 _SHARE_OF_SIZE = 1e-6  # of coordinates and speeds by which forces are differentiated
 
 
-class FewMidpoint:
-    """Interior of few degrees of freedom; see `impactfem.marching.layers.Interior`.
+class FewInterior:
+    """What interiors of bodies without meshes have in common: no node of them is massless.
 
     Attributes:
         bodies: What moves.
@@ -48,32 +49,12 @@ class FewMidpoint:
             counts: Whether this rank sums the bodies up.
         """
         self.dt, self.bodies, self.counts, self._gravity = dt, bodies, counts, gravity
-        self._system = bodies.system
-        self._mass = self._system.mass(bodies.position)
         self._q, self._v = bodies.position.copy(), bodies.velocity.copy()
         self._start = bodies.places(bodies.position)
-        self._jacobian = bodies.jacobian(self._q)
-        self._linear = isinstance(self._system, LinearSystem)
-        self._steady = _steady_load(self._system)
-        self._prepare(0.0)
-        self._ahead = self._v.copy()
-        self._pushed = np.zeros_like(self._q)
-        count = len(self._start)
-        self.massive: Booleans = np.ones(count, dtype=bool)
-        changing = bodies.turning or not self._linear
-        self.volatile: Booleans = np.full(count, changing)
-
-    def _prepare(self, time: float) -> None:
-        """Invert M + dt C / 2 + dt^2 K / 4, with forces linearised: layers then are products."""
-        stiffness, damping = _tangent(self._system, time, self._q, self._v)
-        half = 0.5 * self.dt
-        self._inverse = np.linalg.inv(self._mass + half * damping + half**2 * stiffness)
-        self._renew_answer()
-
-    def _renew_answer(self) -> None:
-        """Velocities by unit forces on the contact nodes, (d, nodes dim)."""
-        self._answer = self.dt * self._inverse @ self._jacobian.T
-        self._compliance = 0.5 * self.dt * self._jacobian @ self._answer
+        none = np.zeros(len(self._start), dtype=bool)
+        self.massive: Booleans = none
+        self.radiating: Booleans = none
+        self.volatile: Booleans = none
 
     @property
     def coordinates(self) -> Floats:
@@ -90,21 +71,40 @@ class FewMidpoint:
         """Of the contact nodes since t = 0 [m], (count, dim)."""
         return self.bodies.places(self._q) - self._start
 
+    def shape(self, body: int) -> tuple[Floats, Floats, Integers]:
+        """What a body looks like at rest: places [m], radii [m], and nodes joined by lines."""
+        own, bodies = self.bodies.nodes_of(body), self.bodies
+        return self._start[own], bodies.radius[own], bodies.lines_of(body)
+
+    def material(self, body: int) -> Floats:
+        """Places of the same nodes as probes are given, shape (nodes, dim)."""
+        return self.shape(body)[0]
+
+    def motion(self, body: int) -> dict[str, Floats]:
+        """Fields of a body at these nodes now: displacement [m], velocity [m/s], (nodes, dim)."""
+        own = self.bodies.nodes_of(body)
+        return {
+            "displacement": self.surface_displacement[own],
+            "velocity": self.surface_velocity[own],
+        }
+
+    def acting(self, body: int, forces: Floats) -> Floats:
+        """Contact forces [N] on these nodes by those on all contact nodes, (nodes, dim) each."""
+        return np.asarray(forces[self.bodies.nodes_of(body)])
+
+    def stress(self, body: int) -> Floats:  # noqa: ARG002  (of bars)
+        """Axial stress at these nodes [Pa], (nodes,); NaN if it is not known."""
+        return np.full(1, np.nan)
+
     @property
     def surface_velocity(self) -> Floats:
         """Of the contact nodes [m/s], (count, dim)."""
-        return (self.bodies.jacobian(self._q) @ self._v).reshape(self._start.shape)
-
-    def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)
-        """Velocities of the contact nodes at both ends of the layer without contact forces."""
-        shape = self._start.shape
-        before, after = self._jacobian @ self._v, self._jacobian @ self._ahead
-        return before.reshape(shape), after.reshape(shape)
+        raise NotImplementedError
 
     def inertia(self) -> list[Floats]:
         """Moments of inertia of each body [kg m^2]; 0 of points."""
-        turns = self.bodies.moments.shape[1]
-        return [moment * np.eye(turns) for moment in self.bodies.inertias]
+        dim = self.bodies.dim
+        return [moment * np.eye(dim * (dim - 1) // 2) for moment in self.bodies.inertias]
 
     def share(self, layer: int) -> float:  # noqa: ARG002  (as the interface has it)
         """All of a layer's contact force acts."""
@@ -115,6 +115,85 @@ class FewMidpoint:
         if self._gravity.is_constant:  # asked for in every layer
             return np.array(self._gravity.values[0])
         return np.asarray(self._gravity.mean(layer * self.dt, (layer + 1) * self.dt))
+
+    def static(self, forces: Floats) -> Floats:
+        """Nothing is massless."""
+        return np.zeros_like(forces)
+
+    def placed(self, static: Floats) -> Floats:  # noqa: ARG002  (as the interface has it)
+        """None, as `velocity`."""
+        return np.zeros(0)
+
+    def state(self) -> dict[str, Any]:
+        """None, as `velocity`."""
+        return {}
+
+    def memory(self) -> dict[str, Floats]:
+        """Coordinates and their rates."""
+        return {"coordinates": self._q.copy(), "rates": self._v.copy()}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave."""
+        self._q, self._v = memory["coordinates"].copy(), memory["rates"].copy()
+
+    def restore(self, state: dict[str, Any], surface: Floats) -> None:
+        """Nothing: see `remember`."""
+
+    def destroy(self) -> None:
+        """Nothing to free."""
+
+
+class FewMidpoint(FewInterior):
+    """Interior of few degrees of freedom; see `impactfem.marching.layers.Interior`."""
+
+    bodies: Lumped
+
+    def __init__(
+        self, bodies: Lumped, gravity: PiecewiseVector, dt: float, *, counts: bool
+    ) -> None:
+        """Begin at t = 0; see `FewInterior`."""
+        super().__init__(bodies, gravity, dt, counts=counts)
+        self._system = bodies.system
+        self._mass = self._system.mass(bodies.position)
+        self._jacobian = bodies.jacobian(self._q)
+        self._linear = isinstance(self._system, LinearSystem)
+        self._steady = _steady_load(self._system)
+        self._prepare(0.0)
+        self._ahead = self._v.copy()
+        self._pushed = np.zeros_like(self._q)
+        self.massive = np.ones(len(self._start), dtype=bool)
+        self.volatile = np.full(len(self._start), bodies.turning or not self._linear)
+
+    def _prepare(self, time: float) -> None:
+        """Invert M + dt C / 2 + dt^2 K / 4, with forces linearised: layers then are products."""
+        stiffness, damping = _tangent(self._system, time, self._q, self._v)
+        half = 0.5 * self.dt
+        self._inverse = np.linalg.inv(self._mass + half * damping + half**2 * stiffness)
+        self._renew_answer()
+
+    def _renew_answer(self) -> None:
+        """Velocities by unit forces on the contact nodes, (d, nodes dim)."""
+        self._answer = self.dt * self._inverse @ self._jacobian.T
+        self._compliance = 0.5 * self.dt * self._jacobian @ self._answer
+
+    @property
+    def surface_velocity(self) -> Floats:
+        """Of the contact nodes [m/s], (count, dim)."""
+        return (self.bodies.jacobian(self._q) @ self._v).reshape(self._start.shape)
+
+    def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)
+        """Velocities of the contact nodes at both ends of the layer without contact forces.
+
+        Each where the bodies are then: what turns on a node that stays has none at either end, and
+        with the Jacobian between them it would, now up, now down, and the force with it.
+        """
+        jacobian, shape = self.bodies.jacobian, self._start.shape
+        if not self.bodies.turning:
+            before, after = self._jacobian @ self._v, self._jacobian @ self._ahead
+        else:
+            before = jacobian(self._q) @ self._v
+            after = jacobian(self._end(self._ahead)) @ self._ahead
+        return before.reshape(shape), after.reshape(shape)
 
     def predict(self, layer: int) -> Floats:
         """Solve the layer without contact forces."""
@@ -168,10 +247,6 @@ class FewMidpoint:
 
     answers = columns
 
-    def static(self, forces: Floats) -> Floats:
-        """Nothing is massless."""
-        return np.zeros_like(forces)
-
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (count, dim)."""
         self._pushed = self._pushed + self.dt * (self._jacobian.T @ forces.ravel())
@@ -213,28 +288,6 @@ class FewMidpoint:
                 )
             )
         return found
-
-    def placed(self, static: Floats) -> Floats:  # noqa: ARG002  (as the interface has it)
-        """None, as `velocity`."""
-        return np.zeros(0)
-
-    def state(self) -> dict[str, Any]:
-        """None, as `velocity`."""
-        return {}
-
-    def memory(self) -> dict[str, Floats]:
-        """Coordinates and their rates."""
-        return {"coordinates": self._q.copy(), "rates": self._v.copy()}
-
-    def remember(self, memory: Mapping[str, Floats]) -> None:
-        """Go on from what `memory` gave."""
-        self._q, self._v = memory["coordinates"].copy(), memory["rates"].copy()
-
-    def restore(self, state: dict[str, Any], surface: Floats) -> None:
-        """Nothing: see `remember`."""
-
-    def destroy(self) -> None:
-        """Nothing to free."""
 
 
 def _steady_load(system: GeneralizedSystem) -> Floats | None:

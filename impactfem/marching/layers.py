@@ -51,6 +51,10 @@ class Interior(Protocol):
         """Contact nodes whose mass makes impacts: between them the law acts on speeds, (count,)."""
 
     @property
+    def radiating(self) -> Booleans:
+        """Contact nodes that forces give a velocity at once, as ends of bars do, (count,)."""
+
+    @property
     def volatile(self) -> Booleans:
         """Contact nodes whose answers change from layer to layer, (count,)."""
 

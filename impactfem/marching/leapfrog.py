@@ -91,7 +91,7 @@ class Leapfrog:
         self.dt = dt
         self.whole_columns: int | None = None if statics is None else _WHOLE_COLUMNS
         self._system, self._surface, self._statics = system, surface, statics
-        self.massive = self.volatile = np.zeros(surface.count, dtype=bool)
+        self.massive = self.radiating = self.volatile = np.zeros(surface.count, dtype=bool)
         self._drive = Drive(system, transfer)
         self._matrix = to_blocked(system.stiffness)  # its products are faster
         self._now, self._internal = self._matrix.createVecs()

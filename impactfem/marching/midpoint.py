@@ -49,7 +49,7 @@ class Midpoint:
         self.dt = dt
         self.whole_columns: int | None = None
         self._system, self._surface, self._statics = system, surface, statics
-        self.massive = self.volatile = np.zeros(surface.count, dtype=bool)
+        self.massive = self.radiating = self.volatile = np.zeros(surface.count, dtype=bool)
         self._transfer, self._drive = transfer, Drive(system, transfer)
         lag = 2.0 * system.rayleigh_stiffness / dt
         self._mu = 2.0 * (2.0 / dt + system.rayleigh_mass) / (dt * (1.0 + lag))

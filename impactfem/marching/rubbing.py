@@ -81,6 +81,7 @@ class LayerGaps:
         fast: Gaps whose law acts on velocities, (k,).
         halfway: Of these, in space, the way of `impactfem.contact.complementarity.Halfway` [m],
             normal and tangential parts, (k, dim).
+        ends: Which of these are gaps of ends of bars, (k,).
     """
 
     rows: Integers
@@ -93,6 +94,7 @@ class LayerGaps:
     held: Floats | None
     fast: NDArray[np.bool_]
     halfway: Floats
+    ends: NDArray[np.bool_]
 
 
 def rub(
@@ -126,7 +128,7 @@ def rub(
     rest = (old, before), mu, scheme.rule, law.tolerance, law.max_iterations, held
     if not layer.fast.any():
         return solve_friction_layer(free, response, compliance, *rest)
-    halfway = Halfway(layer.fast, turned(layer.frames, layer.halfway))
+    halfway = Halfway(layer.fast, turned(layer.frames, layer.halfway), layer.ends)
     return solve_friction_layer_at_speed(free, halfway, response, compliance, *rest)
 
 

@@ -116,12 +116,13 @@ class RubbingMarch(SolidMarch):
         """Multipliers times the displacements (pairs, dim) that they give to massless nodes [J]."""
         return super()._pressed_work(way) + float((self._rubbing.tangential * way).sum())
 
-    def _rubbing_halfway(self, normals: Floats, way: Floats) -> Floats:
+    def _rubbing_halfway(self, normals: Floats, way: Floats, ends: Floats) -> Floats:
         """`Halfway.way` of all gaps as vectors in space [m], (pairs, dim).
 
         Args:
             normals: Of the gaps, (pairs, dim).
             way: Of the contact nodes in the layer without contact forces [m], (nodes, dim).
+            ends: Gaps of ends of bars [m], NaN elsewhere, (pairs,).
         """
         gaps, dt = self._gaps, self.interior.dt
         time = (self.layer + 1) * dt
@@ -129,7 +130,9 @@ class RubbingMarch(SolidMarch):
         # Tangentially the speed at the end, against that of what is touched.
         moved = (gaps.shift(time) - gaps.shift(time - dt)) / dt
         slid: Floats = 0.5 * dt * (after - moved)
-        along = self._rebound(normals, before, after) - np.einsum("ij,ij->i", normals, slid)
+        rebound = self._rebound(normals, before, after)
+        rebound = np.where(np.isnan(ends), rebound, ends)
+        along = rebound - np.einsum("ij,ij->i", normals, slid)
         return np.asarray(slid + along[:, None] * normals)
 
     def _layer_forces(
@@ -156,9 +159,9 @@ class RubbingMarch(SolidMarch):
         way = gaps.relative(free) - gaps.shift(time)
         old_way = gaps.relative(old_place) - gaps.shift(max(0.0, time - back * dt))
         held = gaps.relative(last) - gaps.shift(time - dt) if self._skips else None
-        fast, halfway = self._at_speed(gap), way
-        if fast[taking_part].any():
-            halfway = self._rubbing_halfway(normals, free - last)
+        (fast, ends), halfway = self._laws(len(gap)), way
+        if (fast | ends)[taking_part].any():
+            halfway = self._rubbing_halfway(normals, free - last, np.where(ends, gap, np.nan))
         iterations = 0
         while True:
             rows = np.flatnonzero(taking_part)
@@ -167,7 +170,7 @@ class RubbingMarch(SolidMarch):
             layer = LayerGaps(
                 rows, directions, gap[rows], way[rows], (old[rows], old_gap[rows]),
                 old_tangential[rows], old_way[rows], None if held is None else held[rows],
-                fast[rows], halfway[rows],
+                (fast | ends)[rows], halfway[rows], ends[rows],
             )  # fmt: skip
             blocks = answers.blocks(rows, directions)
             found = rub(state.law, self._scheme, layer, blocks, share)

@@ -23,6 +23,7 @@ from impactfem.marching.schemes import SolidScheme
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
 
 _CHECKED = 32  # layers between checks that all numbers are finite
 
@@ -78,6 +79,7 @@ class SolidMarch:
         self._comm, self._scheme, self._gaps = comm, scheme, gaps
         self._restitution = restitution
         self._massive, self._volatile = interior.massive, interior.volatile
+        self._radiating = interior.radiating
         self._by_mass, self._changes = bool(self._massive.any()), bool(self._volatile.any())
         self.interior = interior
         self._solver, self.layers, self.tolerance = solver, layers, tolerance
@@ -112,7 +114,8 @@ class SolidMarch:
         static = np.zeros_like(self.interior.surface_displacement)
         if not self._scheme.massless or not (gap < -self.tolerance).any():
             return multiplier, static
-        rows = np.flatnonzero((gap < -self.tolerance) & ~self._at_speed(gap))
+        fast, ends = self._laws(len(gap))
+        rows = np.flatnonzero((gap < -self.tolerance) & ~fast & ~ends)
         while len(rows):
             self._responses.require(rows)
             _, compliance = self._responses.matrices(rows, normals[rows])
@@ -219,13 +222,21 @@ class SolidMarch:
         """
         return self._contact_forces(gap, normals, free - last)
 
-    def _at_speed(self, gap: Floats) -> NDArray[np.bool_]:
-        """Gaps whose law acts on velocities, (pairs,)."""
+    def _laws(self, count: int) -> tuple[Booleans, Booleans]:
+        """Gaps whose law acts on velocities, and those of ends of bars; see `Halfway`.
+
+        Args:
+            count: Number of gaps.
+        """
+        none = np.zeros(count, dtype=bool)
+        by_mass, only_on = self._by_mass, self._gaps.only_on
         if self._scheme.contact == "velocity":
-            return np.ones(len(gap), dtype=bool)
-        if not self._by_mass:
-            return np.zeros(len(gap), dtype=bool)
-        return self._gaps.only_on(self._massive)
+            loose = ~none
+        else:
+            any_loose = by_mass or self._radiating.any()
+            loose = only_on(self._massive | self._radiating) if any_loose else none
+        ends = loose & ~only_on(~self._radiating) if self._radiating.any() else none
+        return loose & ~ends, ends
 
     def _rebound(self, normals: Floats, before: Floats, after: Floats) -> Floats:
         """`Halfway.way` of all gaps, (pairs,), by relative velocities without contact forces.
@@ -265,7 +276,7 @@ class SolidMarch:
         self._impulsive = np.zeros(len(force), dtype=bool)
         if (self._scheme.contact == "velocity" and not self._by_mass) or not force.any():
             return
-        fast = self._at_speed(gap) & (force > 0.0)
+        fast = self._laws(len(gap))[0] & (force > 0.0)
         if not fast.any():
             return
         row, way = self.layer, self._mean_way + self._true_gap - gap
@@ -295,16 +306,16 @@ class SolidMarch:
         if not taking_part.any():
             return force, multiplier, static, 0
         share, iterations = interior.share(self.layer), 0
-        fast, halfway = self._at_speed(gap), gap
+        (fast, ends), halfway = self._laws(count), gap
         if fast[taking_part].any():
             speeds = (self._gaps.relative(values) for values in interior.contact_speeds(way))
-            halfway = self._rebound(normals, *speeds)
+            halfway = np.where(fast, self._rebound(normals, *speeds), gap)
         while True:
             rows = np.flatnonzero(taking_part)
             self._responses.require(rows)
             response, compliance = self._responses.matrices(rows, normals[rows])
             before = old[rows], old_gap[rows]
-            law = Halfway(fast[rows], halfway[rows])
+            law = Halfway((fast | ends)[rows], halfway[rows], ends[rows])
             found = self._solve(gap[rows], law, share * response, compliance, before)
             iterations += found.iterations
             acting = share * found.force

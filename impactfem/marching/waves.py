@@ -111,6 +111,29 @@ def left_before(bar: Bar, cells: int) -> Line:
     )
 
 
+def left_ends(bar: Bar, delay: Delay, dt: float) -> tuple[Floats, Floats]:
+    """Waves that left both ends in the transit before t = 0, as one line a layer.
+
+    Args:
+        bar: The bar.
+        delay: Its transit in layers.
+        dt: Layer [s].
+
+    Returns:
+        Mean and half the rise [m/s] of the near end and the far end, (2, layers + 1) each.
+    """
+    wave = left_before(bar, delay.layers + 1)
+    half = len(wave.left) // 2
+    until = wave.border[half]
+    parts = (
+        Line([x - until for x in wave.border[half:]], wave.left[half:], wave.right[half:]),
+        Line(wave.border[: half + 1], wave.left[:half], wave.right[:half]),
+    )
+    each = np.array([lines(part, dt, delay.layers + 1, delay.share) for part in parts])
+    each[1] *= -1.0 if bar.far_end == "clamped" else 1.0
+    return each[:, 0], each[:, 1]
+
+
 def lines(wave: Line, dt: float, count: int, share: float) -> tuple[Floats, Floats]:
     """L2 projection of a wave on one line a layer, the layers counted back from its end.
 

@@ -1,6 +1,6 @@
-"""How points, rods and beams meet each other and solids: which gaps there are, between what."""
+"""How bodies without meshes meet each other and solids: which gaps there are, between what."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Protocol
@@ -13,11 +13,19 @@ from impactfem.contact.body_pairs import Side
 from impactfem.contact.boundary import Boundary
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.gaps import Balls, Gaps
+from impactfem.contact.line_pairs import LinePair
 from impactfem.contact.mortar_surface import Surface
+from impactfem.contact.pairs import NodeMeet
 from impactfem.errors import SceneError
 from impactfem.scene import Scene, Solid
 from impactfem.scene.obstacles import Rigid
-from impactfem.scene.pairing import body_pairs, named_body_pairs, obstacles_of, pair_name
+from impactfem.scene.pairing import (
+    body_pairs,
+    named_body_pairs,
+    obstacles_of,
+    pair_name,
+    surfaces_on,
+)
 from impactfem.system.few import FewBodies
 
 Floats = NDArray[np.float64]
@@ -91,18 +99,25 @@ class BallMeeting:
     label: str
     names: tuple[str, str]
     carrier: str
-    pair: BallPair
+    pair: NodeMeet
     patch: bool
 
 
 @dataclass(frozen=True)
 class _Balls:
-    """A body without a mesh: its contact nodes among all, radii and lines between them."""
+    """A body without a mesh: its contact nodes among all, radii and lines between them.
+
+    Attributes:
+        facing: Of each node the way that its end looks along the x axis, 0 if it has none.
+        places: At t = 0 [m], (nodes, dim).
+    """
 
     name: str
     nodes: Integers
     radius: Floats
     lines: Integers
+    facing: Floats
+    places: Floats
 
     @property
     def axis(self) -> Target:
@@ -140,34 +155,56 @@ def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
     Raises:
         SceneError: Two bodies overlap at t = 0, or have no extent, so that they cannot meet.
     """
-    sides = _sides(model, offsets)
+    asked, sides = bool(model.scene.contacts), _sides(model, offsets)
     found: list[BallMeeting] = []
-    for label, (one, _), (two, _) in named_body_pairs(model.scene):
-        first, second = sides.get(one), sides.get(two)
+    for label, *both in named_body_pairs(model.scene):
+        # A law names the ends that meet; without any all do.
+        first, second = (
+            sides[name](on or ("",) if asked else None) if name in sides else None
+            for name, on in both
+        )
         if isinstance(first, _Faces) and isinstance(second, _Faces):
             continue
         if first is None or second is None:
             continue
         if isinstance(first, _Faces) or isinstance(second, _Faces):
             found += _on_solid(label, first, second, offsets[-1])
+        elif model.scene.dim == 1:
+            found += _on_line(label, first, second, offsets[-1], asked=asked)
         else:
-            found += _slender(label, first, second, offsets[-1], asked=bool(model.scene.contacts))
+            found += _slender(label, first, second, offsets[-1], asked=asked)
     return found
 
 
-def _sides(model: Bodies, offsets: Sequence[int]) -> dict[str, _Balls | _Faces]:
+type _Side = Callable[[Sequence[str] | None], _Balls | _Faces]
+"""What a body offers to another one, by the surfaces that a contact law names; None without one."""
+
+
+def _sides(model: Bodies, offsets: Sequence[int]) -> dict[str, _Side]:
     """What each body offers to the others, by its name."""
-    found: dict[str, _Balls | _Faces] = {}
-    for k, side in model.struck.items():
+    found: dict[str, _Side] = {}
+
+    def faces(k: int, side: Side) -> _Side:
         numbers = model.parts[k].outside.numbers[side.nodes]
         nodes = np.searchsorted(model.numbers[k], numbers) + offsets[k]
-        found[model.parts[k].solid.name] = _Faces(model.parts[k].solid.name, nodes, side.surface)
-    for bodies, (start, _) in zip(
-        model.few, list(pairwise(offsets))[len(model.parts) :], strict=True
-    ):
-        for body, name in enumerate(bodies.names):
-            own = bodies.nodes_of(body)
-            found[name] = _Balls(name, own + start, bodies.radius[own], bodies.lines_of(body))
+        whole = _Faces(model.parts[k].solid.name, nodes, side.surface)
+        return lambda _: whole
+
+    def balls(bodies: FewBodies, body: int, start: int) -> _Side:
+        places, lines = bodies.places(bodies.position), bodies.lines_of(body)
+
+        def some(surfaces: Sequence[str] | None) -> _Balls:
+            own = bodies.meeting(body, surfaces)
+            parts = own + start, bodies.radius[own], lines, bodies.facing[own], places[own]
+            return _Balls(bodies.names[body], *parts)
+
+        return some
+
+    for k, side in model.struck.items():
+        found[model.parts[k].solid.name] = faces(k, side)
+    starts = list(pairwise(offsets))[len(model.parts) :]
+    for bodies, (start, _) in zip(model.few, starts, strict=True):
+        found |= {name: balls(bodies, k, start) for k, name in enumerate(bodies.names)}
     return found
 
 
@@ -214,6 +251,34 @@ def _slender(label: str, one: _Balls, two: _Balls, total: int, *, asked: bool) -
     ]
 
 
+def _on_line(label: str, one: _Balls, two: _Balls, total: int, *, asked: bool) -> list[BallMeeting]:
+    """Two bodies on the x axis: ends that look at each other, in the order of t = 0.
+
+    Raises:
+        SceneError: The bodies overlap, or a law names an end that looks away from the other body.
+    """
+    found, size = [], float(np.ptp(np.concatenate([one.places, two.places]))) or 1.0
+    for a, b in np.ndindex(len(one.nodes), len(two.nodes)):
+        apart = float(two.places[b, 0] - one.places[a, 0])
+        # The way from one to two: that of an end; of bodies without ends that of their places.
+        looks = {float(one.facing[a]), -float(two.facing[b])} - {0.0}
+        ways = looks or {1.0 if apart >= 0.0 else -1.0}
+        room = float(one.radius[a] + two.radius[b])
+        if len(ways) > 1 or apart * min(ways) - room < -_ROUNDING * size:
+            continue
+        ends = (one, a), (two, b)
+        (lower, i), (upper, j) = ends if min(ways) > 0.0 else reversed(ends)
+        pair = LinePair(int(lower.nodes[i]), int(upper.nodes[j]), room, total)
+        found.append(BallMeeting(label, (one.name, two.name), upper.name, pair, patch=False))
+    if not found:
+        why = "overlap at t = 0" + ", or meet at other ends than it names" * asked
+        raise SceneError(
+            f"contact {label}: {one.name} and {two.name} {why}; move one (the near end of a bar "
+            "is that at gap, bar/far_end the other)"
+        )
+    return found
+
+
 def point_loads(model: Bodies) -> list[tuple[str, str]]:
     """Bodies that press on single places of solids, and these."""
     solids, found = {part.solid.name for part in model.parts}, []
@@ -232,7 +297,7 @@ def check_apart(meetings: Sequence[BallMeeting], places: Floats) -> None:
     """
     for meeting in meetings:
         met = meeting.pair(places, places)
-        own = places[np.concatenate([meeting.pair.balls, meeting.pair.target.nodes])]
+        own = places[meeting.pair.nodes]
         size = float(np.ptp(own, axis=0).max())
         worst = int(np.argmin(met.gap)) if len(met.gap) else 0
         if len(met.gap) and met.gap[worst] < -_ROUNDING * size:
@@ -300,9 +365,9 @@ def obstacle_meetings(model: Bodies) -> list[ObstacleMeeting]:
     for k, bodies in enumerate(model.few):
         places = bodies.places(bodies.position)
         for body, name in enumerate(bodies.names):
-            own = bodies.nodes_of(body)
-            own = own[bodies.touching[own]]
             for obstacle in (face for o in obstacles_of(model.scene, name) for face in _faces(o)):
+                own = bodies.meeting(body, surfaces_on(model.scene, name, obstacle.name))
+                own = own[bodies.touching[own]]
                 radius = bodies.shell[own]
                 balls = Balls.beside(obstacle, places[own], radius)
                 size = max(1.0, float(np.abs(places[own]).max(initial=0.0)))

@@ -32,7 +32,8 @@ from impactfem.scene.obstacles import Rigid
 from impactfem.scene.pairing import named_body_pairs, obstacles_of
 from impactfem.scene.probes import Probe, outside
 from impactfem.system.elastic import ElasticSystem, elastic_system
-from impactfem.system.few import FewBodies, few_bodies
+from impactfem.system.few import FewBodies
+from impactfem.system.few_bodies import few_bodies
 from impactfem.system.located import Located, locate
 from impactfem.system.surface import SurfaceNodes
 
@@ -113,7 +114,7 @@ class SolidsModel:
         scene: The scene.
         parts: The solids, in its order.
         updated: Whether pairs of surfaces follow the bodies.
-        few: Its points, rods and beams.
+        few: Its bodies without meshes.
     """
 
     comm: Any
@@ -243,11 +244,7 @@ class SolidsModel:
     def speeds(self) -> Floats:
         """Mean velocities of all bodies at t = 0 [m/s], (bodies, dim) (collective)."""
         found = [part.system.mean(part.system.velocity) for part in self.parts]
-        for bodies in self.few:
-            pushing = bodies.weights * bodies.velocity[:, None]
-            for body, mass in enumerate(bodies.masses):
-                found.append(pushing[bodies.owner == body].sum(axis=0) / mass)
-        return np.array(found)
+        return np.array([*found, *(speed for bodies in self.few for speed in bodies.speeds)])
 
     @property
     def dim(self) -> int:
@@ -301,7 +298,7 @@ class SolidsModel:
     @property
     def unknowns(self) -> int:
         """Displacement components of all bodies."""
-        few = sum(bodies.system.dofs for bodies in self.few)
+        few = sum(len(bodies.position) for bodies in self.few)
         return few + sum(part.system.num_dofs for part in self.parts)
 
 

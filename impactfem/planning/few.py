@@ -1,5 +1,6 @@
-"""The plan of points, rods and beams in the march: step, estimate, what their impacts are."""
+"""The plan of bodies without meshes in the march: step, estimate, what their impacts are."""
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -8,7 +9,7 @@ from impactfem.findings import Finding, warning
 from impactfem.methods import METHODS
 from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.plans import Plan
-from impactfem.planning.solid_costs import physical_mib
+from impactfem.planning.solid_costs import count_layers, physical_mib
 from impactfem.planning.solid_plan import MarchNumbers, law_in_words
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
 METHOD = "moreau_jean"
 _LAYERS = 2000
 _PER_RADIAN = 20.0  # steps of a radian of the fastest vibration
-_OF_BENDING = 5.0  # a beam's modes up to about the second are followed like a vibration
+_OF_TRANSIT = 200  # steps of a wave through a bar
+_BRAKED, _RESOLVED = 0.05, 0.25  # steps by the time in which a bar brakes a body: chosen, told
 _MOST = 10_000_000
 _SECONDS = 3e-4  # of a layer
 _BASE_MIB = 240.0  # of the process with DOLFINx
@@ -40,8 +42,7 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
     if solve.method is not None:
         reasons["method"] = "as asked"
     model = solids_model(scene, (), updated=True)
-    dt = solve.dt or _step(model, reasons)
-    layers = max(1, round(scene.duration / dt))
+    dt, layers = _steps(scene, model.few, reasons)
     if layers > _MOST:
         raise SceneError(
             f"solve.dt = {dt:g} s makes {layers:.3g} steps of duration = {scene.duration:g} s, "
@@ -61,7 +62,7 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
             degrees=(),
             cells="none",
             mesh_size=0.0,
-            dt=scene.duration / layers,
+            dt=dt,
             courant=None,
             layers=layers,
             linear_solver="mumps",
@@ -77,7 +78,7 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
         memory_mib=_memory(scene, layers),
         seconds=seconds + more,
         reasons=reasons,
-        findings=tuple(law_findings(scene)),
+        findings=(*law_findings(scene), *bar_findings(model.few, dt)),
     )
 
 
@@ -103,16 +104,8 @@ def few_in_words(few: Sequence["FewBodies"]) -> str:
 
 def few_step(few: Sequence["FewBodies"]) -> float:
     """Step that follows what vibrates in the bodies [s]; infinite if nothing does."""
-    from impactfem.vibro.position_start import highest_frequency  # noqa: PLC0415  (SciPy)
-
-    steps = [float("inf")]
-    for bodies in few:
-        if bodies.beam is None:
-            rate = highest_frequency(bodies.system, bodies.position, bodies.velocity)
-        else:  # no step has to follow the fastest of a beam
-            rate = _OF_BENDING * bodies.beam.beam.first_frequency
-        steps += [1.0 / (_PER_RADIAN * rate)] if rate > 0.0 else []
-    return min(steps)
+    rates = (bodies.rate() for bodies in few)
+    return min((1.0 / (_PER_RADIAN * rate) for rate in rates if rate > 0.0), default=float("inf"))
 
 
 def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]:
@@ -138,7 +131,8 @@ def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]
 
 def law_findings(scene: Scene) -> list[Finding]:
     """What is not settled of the laws of impact."""
-    if scene.contacts or scene.solids:
+    dead = sum(not body.waves for body in scene.bodies)
+    if scene.contacts or dead + bool(dead and scene.obstacles) < 2:
         lively = any(law.restitution > 0.0 for law in scene.contacts)
         rubs = any(law.friction_coefficient > 0.0 for law in scene.contacts)
         if not (lively and rubs):
@@ -153,11 +147,50 @@ def law_findings(scene: Scene) -> list[Finding]:
     return [warning("setting", text, remedy=remedy)]
 
 
-def _step(model: "SolidsModel", reasons: dict[str, str]) -> float:
+def bar_findings(few: Sequence["FewBodies"], dt: float) -> list[Finding]:
+    """What steps do not follow of the bodies that bars brake."""
+    slowest = min(_braked(few), default=float("inf"))
+    if dt <= _RESOLVED * slowest:
+        return []
+    text = f"a bar brakes the lightest body within {slowest:.2g} s, and steps are {dt:.2g} s: "
+    text += "the force of its impact is not resolved"
+    remedy = f"use solve.dt below {_BRAKED * slowest:.1g}"
+    return [warning("contact_unresolved", text, remedy=remedy)]
+
+
+def _braked(few: Sequence["FewBodies"]) -> list[float]:
+    """Times m / Z in which bars brake bodies without waves [s]."""
+    stiffest = max((bodies.impedance for bodies in few), default=0.0)
+    masses = [mass for bodies in few if not bodies.impedance for mass in bodies.masses]
+    return [mass / stiffest for mass in masses] if stiffest > 0.0 else []
+
+
+def _steps(scene: Scene, few: Sequence["FewBodies"], reasons: dict[str, str]) -> tuple[float, int]:
+    """Time step [s] and number of layers."""
+    solve, duration = scene.solve, scene.duration
+    shortest = min(bodies.transit for bodies in few)
+    if solve.dt is not None or shortest == float("inf"):
+        layers = max(1, round(duration / (solve.dt or _step(scene, few, reasons))))
+        return duration / layers, layers
+    # Whole layers in a transit keep the shape of waves; the last one may end past the duration.
+    count = solve.elements or max(
+        _OF_TRANSIT,
+        math.ceil(shortest / min([few_step(few), *(_BRAKED * time for time in _braked(few))])),
+    )
+    reasons["dt"] = f"{count} steps of a wave through the shortest bar, whose shape then stays"
+    if solve.elements is None:
+        reasons["dt"] += (
+            f": {_OF_TRANSIT}, and {1.0 / _BRAKED:g} of the time in which bars brake other bodies"
+        )
+    dt = shortest / count
+    return dt, count_layers(duration, dt)
+
+
+def _step(scene: Scene, few: Sequence["FewBodies"], reasons: dict[str, str]) -> float:
     """Time step [s]."""
-    even = model.scene.duration / _LAYERS
+    even = scene.duration / _LAYERS
     reasons["dt"] = (
         f"{_LAYERS} steps, and {_PER_RADIAN:g} in a radian of the fastest vibration; impacts are "
         "not located, so that errors are of the order of the step"
     )
-    return min(even, few_step(model.few))
+    return min(even, few_step(few))

@@ -145,7 +145,7 @@ def _choose_step(scene: Scene, model: "VibroModel", method: str, reasons: dict[s
         period = 2.0 * math.pi / model.beam.beam.first_frequency
         reasons["dt"] = f"{_BEAM_PERIOD:g} steps in the first bending period of {period:.3g} s"
         return min(even, period / _BEAM_PERIOD)
-    from impactfem.vibro.position_start import highest_frequency  # noqa: PLC0415  (SciPy)
+    from impactfem.system.frequency import highest_frequency  # noqa: PLC0415  (SciPy)
 
     frequency = highest_frequency(model.system, model.position, model.velocity)
     drive = max((w for s in _signals(model) for w, _, _ in s.harmonics), default=0.0)

@@ -100,7 +100,7 @@ def line_reel(result: Record, fields: Snapshots, frames: int | None) -> LineReel
     moments = even_moments(fields.times, frames or _FRAMES)
     if isinstance(fields, Fields):
         return _bars(result, fields, moments)
-    return _points(result, fields, moments)
+    return _bodies(result, fields, moments)
 
 
 def _bars(result: Record, fields: Fields, moments: Nodes) -> LineReel | None:
@@ -133,25 +133,27 @@ def _bars(result: Record, fields: Fields, moments: Nodes) -> LineReel | None:
                  (above, force_beside(below, result)))  # fmt: skip
 
 
-def _points(result: Record, fields: Snapshots, moments: Nodes) -> LineReel | None:
-    """Points as wide as they are, with the obstacles and the paths of all below."""
-    places = fields.places()[moments, :, 0]
+def _bodies(result: Record, fields: Snapshots, moments: Nodes) -> LineReel | None:
+    """Points and bars as wide as they are, with the obstacles and the paths of all below."""
+    places, layout = fields.places()[moments, :, 0], fields.layout
     if not np.isfinite(places).all():
         return None
     figure, above, below = _sheet(result)
-    radius = fields.layout.radius
-    low, high = float((places - radius).min()), float((places + radius).max())
+    first, last = layout.starts[:-1], layout.starts[1:] - 1
+    radius = np.maximum(layout.radius[first], layout.radius[last])
+    low, high = float((places[:, first] - radius).min()), float((places[:, last] + radius).max())
     extent = max(high - low, 1e-12)
     above.set_xlim(low - _ROOM * extent, high + _ROOM * extent)
-    half = np.where(radius > 0.0, radius, _DOT * extent)
-    tints = [colour(k) for k in range(len(half))]
+    half = np.where((radius > 0.0) | (last > first), radius, _DOT * extent)
+    listed = [body.name for body in result.scene.bodies]  # as the paths below are coloured
+    tints = [colour(listed.index(name)) for name in layout.names]
     pieces = PolyCollection([], facecolors=tints, linewidths=0)
     stay = [entry for entry in result.scene.rigid_obstacles if entry.motion is None]
     move = [entry for entry in result.scene.rigid_obstacles if entry.motion is not None]
     _walls(above, stay, 0.0)
     if (panel := motion(result)) is not None:
         draw_panel(below, panel)
-    ends = places - half, places + half
+    ends = places[:, first] - half, places[:, last] + half
     return _reel(figure, fields.times[moments], ends, np.arange(len(half)), pieces,
                  lambda time: _walls(above, move, time), None, (above, cursor(below)))  # fmt: skip
 

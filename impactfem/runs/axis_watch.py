@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from impactfem.contact.distance import signed_distance
 from impactfem.findings import Finding, by_limits, percent
-from impactfem.marching.few import FewMidpoint
+from impactfem.marching.few import FewInterior
 from impactfem.marching.rows import Level
 from impactfem.models.solids import SolidsModel
 from impactfem.runs.verdict import PENETRATION_LIMITS
@@ -33,15 +33,10 @@ class AxisWatch:
         speed: Largest of a contact node [m/s].
     """
 
-    def __init__(self, model: SolidsModel, few: Sequence[FewMidpoint], layers: int) -> None:
+    def __init__(self, model: SolidsModel, few: Sequence[FewInterior], layers: int) -> None:
         """Look at some layers of a march."""
         scene, self.speed = model.scene, 0.0
-        reaches = [
-            float(met.pair.radius.min() + met.pair.target.radius.min())
-            for met in model.ball_meetings
-            if met.pair.target.signs is None
-        ]
-        self._reach = min(reaches, default=np.inf)
+        self._reach = min((met.pair.thickness for met in model.ball_meetings), default=np.inf)
         self._every = max(1, layers // _LOOKS)
         self._bodies = [
             (march, name, march.bodies.nodes_of(k)[march.bodies.lines_of(k)])

@@ -14,13 +14,13 @@ from impactfem.contact.watch import penetration_of_others
 from impactfem.errors import SceneError
 from impactfem.fem import cell_nodes, on_root
 from impactfem.marching.collect import Collector
-from impactfem.marching.few import FewMidpoint
+from impactfem.marching.few import FewInterior
 from impactfem.marching.layers import ContactGaps
 from impactfem.marching.rows import Level
 from impactfem.mesh.body import BodyMesh
 from impactfem.models.solids import SolidsModel
 from impactfem.result.cell_kinds import KINDS
-from impactfem.result.shapes import Shape, joined
+from impactfem.result.shapes import LINE, Shape, joined
 from impactfem.result.spool import FieldSpool
 from impactfem.runs.axis_watch import AxisWatch
 
@@ -42,31 +42,29 @@ class Followed:
     motion: Callable[[Level], Mapping[str, Floats]]
 
 
-def followed(march: FewMidpoint, among: slice) -> list[Followed]:
-    """Bodies without meshes as they are marched: balls, and axes between contact nodes.
+def followed(march: FewInterior, among: slice) -> list[Followed]:
+    """Bodies without meshes as they are marched: balls, and axes between nodes.
 
     Args:
         march: What moves them.
         among: Which of all contact nodes are theirs.
     """
-    bodies, places = march.bodies, march.bodies.places(march.bodies.position)
 
-    def one(name: str, own: Integers, *, axis: bool) -> Followed:
-        make = Shape.line if axis else Shape.vertices
+    def one(body: int, name: str) -> Followed:
+        places, radius, lines = march.shape(body)
+        shape = (
+            Shape(name, places, lines, LINE, radius)
+            if len(lines)
+            else Shape.vertices(name, places, radius)
+        )
 
         def motion(level: Level) -> dict[str, Floats]:
-            moved, speed = march.surface_displacement, march.surface_velocity
-            forces = level.nodal_forces[among]
-            return {
-                "displacement": moved[own], "velocity": speed[own], "contact_force": forces[own]
-            }  # fmt: skip
+            forces = march.acting(body, level.nodal_forces[among])
+            return march.motion(body) | {"contact_force": forces}
 
-        return Followed(make(name, places[own], bodies.radius[own]), motion)
+        return Followed(shape, motion)
 
-    return [
-        one(name, bodies.nodes_of(k), axis=bool(len(bodies.lines_of(k))))
-        for k, name in enumerate(bodies.names)
-    ]
+    return [one(body, name) for body, name in enumerate(march.bodies.names)]
 
 
 class FieldOutput:

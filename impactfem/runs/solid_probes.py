@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from impactfem.contact.closest import closest_shares, distances
-from impactfem.marching.few import FewMidpoint
+from impactfem.marching.few import FewInterior
 from impactfem.marching.rows import Level
 from impactfem.marching.solids import SolidMarch
 from impactfem.models.solids import SolidsModel
@@ -22,53 +22,58 @@ _NEAR = 1e-9  # share of a body's size by which a probe may lie off its axis
 
 @dataclass(frozen=True)
 class AxisProbe:
-    """A probe of a point, rod or beam: between two of its contact nodes, linearly.
+    """A probe of a body without a mesh: between two of its nodes, linearly.
 
     Attributes:
         probe: As the scene has it.
         march: Of its body.
-        nodes: Contact nodes beside it, (nodes,).
+        body: Its place there.
+        nodes: Of the body beside it, (nodes,).
         shares: Their weights, (nodes,).
     """
 
     probe: Probe
-    march: FewMidpoint
+    march: FewInterior
+    body: int
     nodes: NDArray[np.int64]
     shares: Floats
 
     @property
     def columns(self) -> list[str]:
         """Last parts of its columns."""
-        letters = [{"displacement": "u", "velocity": "v"}[name] for name in self.probe.quantities]
-        return [f"{letter}{axis}" for letter in letters for axis in "xyz"[: self.march.bodies.dim]]
+        axes = "xyz"[: self.march.bodies.dim]
+        known = {"displacement": [f"u{axis}" for axis in axes],
+                 "velocity": [f"v{axis}" for axis in axes], "stress": ["sxx"]}  # fmt: skip
+        return [column for name in self.probe.quantities for column in known[name]]
 
     def values(self) -> Floats:
         """Of its columns now; 0 on ranks that do not sum the body up."""
-        known = {"displacement": self.march.surface_displacement,
-                 "velocity": self.march.surface_velocity}  # fmt: skip
+        known = self.march.motion(self.body)
+        if "stress" in self.probe.quantities:
+            known = known | {"stress": self.march.stress(self.body)[:, None]}
         each = [self.shares @ known[name][self.nodes] for name in self.probe.quantities]
         return np.concatenate(each) * self.march.counts
 
 
-def _axes(model: SolidsModel, few: Sequence[FewMidpoint]) -> tuple[AxisProbe, ...]:
+def _axes(model: SolidsModel, few: Sequence[FewInterior]) -> tuple[AxisProbe, ...]:
     found = []
     for index, probe in enumerate(model.scene.probes):
         for march in few:
             if probe.body not in march.bodies.names:
                 continue
-            own = march.bodies.nodes_of(march.bodies.names.index(probe.body))
-            lines = march.bodies.lines_of(march.bodies.names.index(probe.body))
+            body = march.bodies.names.index(probe.body)
+            _, radius, lines = march.shape(body)
+            places = march.material(body)
             simplices = lines if len(lines) else np.zeros((1, 1), dtype=np.int64)
-            places = march.bodies.places(march.bodies.position)[own]
             point = np.array([probe.point], dtype=float)
             shares = closest_shares(point, places[simplices])
             _, away = distances(point, places[simplices], shares)
             at = int(np.argmin(away[0]))
-            nodes = own[simplices[at]]
-            room = float(march.bodies.radius[nodes].max()) + _NEAR * float(np.ptp(places) or 1.0)
+            nodes = simplices[at]
+            room = float(radius[nodes].max()) + _NEAR * float(np.ptp(places) or 1.0)
             if away[0, at] > room:
                 raise outside(index, probe, shares[0, at] @ places[simplices[at]])
-            found.append(AxisProbe(probe, march, nodes, shares[0, at]))
+            found.append(AxisProbe(probe, march, body, nodes, shares[0, at]))
     return tuple(found)
 
 
@@ -91,7 +96,7 @@ class SolidProbes:
 
     @classmethod
     def of(
-        cls, march: SolidMarch, model: SolidsModel, few: Sequence[FewMidpoint] = ()
+        cls, march: SolidMarch, model: SolidsModel, few: Sequence[FewInterior] = ()
     ) -> "SolidProbes":
         """Prepare; the rows of the march get room for the columns.
 

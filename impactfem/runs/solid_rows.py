@@ -187,8 +187,10 @@ def _overlap_findings(model: SolidsModel, watch: Watch) -> tuple[Finding, ...]:
 
 def body_motions(
     model: SolidsModel, march: SolidMarch, each: Floats, whole: Whole, *, explicit: bool
-) -> tuple[Floats, Floats, dict[str, BodyMotion]]:
+) -> tuple[Floats, Floats | None, dict[str, BodyMotion]]:
     """Momentum (rows, 3), angular momentum (rows, 1 or 3) and the motion of each body (collective).
+
+    On a line nothing turns.
 
     Args:
         model: The solids.
@@ -200,44 +202,36 @@ def body_motions(
     rows, dim = len(each), model.dim
     turns = dim * (dim - 1) // 2
     momentum, angular, bodies = np.zeros((rows, 3)), np.zeros((rows, 3)), {}
-    moments = march.interior.inertia()
-    for k, (part, inertia) in enumerate(zip(model.parts, moments, strict=False)):
-        system = part.system
-        mass, centre = whole.factor * system.total_mass, system.center_of_mass
-        own, position, spun = np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((rows, 3))
+    few = [(few, body) for few in model.few for body in range(len(few.names))]
+    for k, ((name, (part_mass, centre)), inertia) in enumerate(
+        zip(model.masses.items(), march.interior.inertia(), strict=True)
+    ):
+        part = model.parts[k] if k < len(model.parts) else None
+        mass = whole.factor * part_mass
+        own, position, spun = np.zeros((3, rows, 3))
         position[:, :dim] = whole.mean_place(centre + each[:, k, 3 + dim : 3 + 2 * dim] / mass)
         own[:, :dim] = whole.mean(each[:, k, 3 : 3 + dim])
-        if system.axisymmetric:  # what goes out on one side goes out on the other, too
-            position[:, 0] = own[:, 0] = 0.0
-        spun[:, -turns:] = each[:, k, 3 + 2 * dim :]
+        if part is not None and part.system.axisymmetric:
+            position[:, 0] = own[:, 0] = 0.0  # what goes out on one side goes out on the other, too
+        spun[:, 3 - turns :] = each[:, k, 3 + 2 * dim :]
         spun = whole.mean_turn(spun)
         momentum += own
         angular += np.cross(position, own) + spun
         turn = spin = None
-        if _turns_freely(part, whole):
+        if inertia.any() and (part is None or _turns_freely(part, whole)):
             # What is cut is symmetric: it has no products of inertia.
             moment = whole.factor * (np.diag(np.diag(inertia)) if whole.planes else inertia)
-            spin = np.linalg.solve(moment, spun[:, -turns:].T).T
-            turn = _turned(part, spin, march.interior.dt, explicit=explicit)
-        bodies[part.solid.name] = BodyMotion(position, own / mass, turn, spin)
-    first = len(model.parts)
-    for few in model.few:
-        for body, name in enumerate(few.names):
-            sums, centre = each[:, first], few.centers[body]
-            own, position, spun = np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((rows, 3))
-            position[:, :dim] = centre + sums[:, 3 + dim : 3 + 2 * dim] / few.masses[body]
-            own[:, :dim] = sums[:, 3 : 3 + dim]
-            spun[:, -turns:] = sums[:, 3 + 2 * dim :]
-            momentum += own
-            angular += np.cross(position, own) + spun
-            spin = turn = None
-            if few.inertias[body] > 0.0:
-                spin = spun[:, -turns:] / few.inertias[body]
-                way = 0.5 * march.interior.dt * (spin[1:] + spin[:-1])
-                turn = few.angles[body] + np.vstack([np.zeros(turns), np.cumsum(way, axis=0)])
-            bodies[name] = BodyMotion(position, own / few.masses[body], turn, spin)
-            first += 1
-    return momentum, angular[:, -turns:], {b.name: bodies[b.name] for b in model.scene.bodies}
+            spin = np.linalg.solve(moment, spun[:, 3 - turns :].T).T
+            each_layer = spin[1:] if explicit else 0.5 * (spin[1:] + spin[:-1])
+            if part is None:
+                bodies_of, body = few[k - len(model.parts)]
+                start = np.full(turns, bodies_of.angles[body])
+            else:
+                start = _turned_at_start(part)
+            turn = _rotation(np.vstack([start, march.interior.dt * each_layer]))
+        bodies[name] = BodyMotion(position, own / mass, turn, spin)
+    told = angular[:, 3 - turns :] if turns else None
+    return momentum, told, {b.name: bodies[b.name] for b in model.scene.bodies}
 
 
 def _turns_freely(part: SolidPart, whole: Whole) -> bool:
@@ -247,22 +241,24 @@ def _turns_freely(part: SolidPart, whole: Whole) -> bool:
     return cuts and len(part.solid.all_supports) == len(planes) and not part.solid.is_axisymmetric
 
 
-def _turned(part: SolidPart, spin: Floats, dt: float, *, explicit: bool) -> Floats:
-    """Rotation since the undeformed body as `BodyMotion` has it (collective).
+def _turned_at_start(part: SolidPart) -> Floats:
+    """Rotation of a solid at t = 0 since the undeformed body, (1,) or (3,) (collective).
 
-    The sum of the spins is that of the rotations which fit the displacements best, by mass and for
-    small angles: a scheme's displacements are the sums of its velocities.
+    It is the one that fits the displacements best, by mass and for small angles, and so is its sum
+    with the spins: a scheme's displacements are the sums of its velocities.
     """
     system = part.system
     mass = np.repeat(system.node_mass, system.dim)
     turning = Turning.of(system, lambda velocity: mass * velocity)
-    start = np.linalg.solve(
-        turning.inertia, total(system.comm, turning.rows @ (mass * system.displacement))
-    )
-    each = spin[1:] if explicit else 0.5 * (spin[1:] + spin[:-1])
-    angle = np.cumsum(np.vstack([start, dt * each]), axis=0)
+    moved = total(system.comm, turning.rows @ (mass * system.displacement))
+    return np.asarray(np.linalg.solve(turning.inertia, moved))
+
+
+def _rotation(steps: Floats) -> Floats:
+    """Rotations as `BodyMotion` has them, of the first one and its changes, (rows, 1 or 3)."""
+    angle = np.cumsum(steps, axis=0)
     if angle.shape[1] == 1:
-        return angle
+        return np.asarray(angle)
     size = np.linalg.norm(angle, axis=1, keepdims=True)
     # sin(a/2)/a by way of sinc, which knows a = 0.
     return np.hstack([np.cos(0.5 * size), 0.5 * np.sinc(0.5 * size / np.pi) * angle])

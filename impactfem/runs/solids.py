@@ -15,7 +15,7 @@ from impactfem.log import Progress
 from impactfem.marching.checkpoint import Checkpoints
 from impactfem.marching.collect import Collector
 from impactfem.marching.composite import Composite
-from impactfem.marching.few import FewMidpoint
+from impactfem.marching.few import FewInterior, FewMidpoint
 from impactfem.marching.layers import ContactGaps, Interior
 from impactfem.marching.leapfrog import Leapfrog
 from impactfem.marching.midpoint import Midpoint
@@ -24,29 +24,37 @@ from impactfem.marching.rows import Level
 from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SOLID_SCHEMES, SolidScheme
 from impactfem.marching.solids import SolidMarch
+from impactfem.marching.wave_bar import WaveBar
 from impactfem.models.solids import SolidPart, SolidsModel, solids_model
 from impactfem.result.spool import FieldSpool
 from impactfem.result.store import SPOOL
 from impactfem.result.stored_snapshots import StoredSnapshots
 from impactfem.runs.axis_watch import AxisWatch
-from impactfem.runs.beam_looks import beam_looks
 from impactfem.runs.contacts import Contacts
+from impactfem.runs.line_looks import line_looks
 from impactfem.runs.solid_output import FieldOutput, Followed, Watch, followed, open_spool
 from impactfem.runs.solid_probes import SolidProbes
 from impactfem.runs.solid_rows import SolidsMotion, solids_motion
 from impactfem.runs.solid_steps import planned_steps
 from impactfem.scene import Scene
+from impactfem.system.few import ElasticBar, FewBodies, Lumped
 from impactfem.system.inside import check_inside
 from impactfem.system.massless import mass_transfer
 from impactfem.system.stretches import Stretches
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from impactfem.planning import MarchNumbers, Plan
 
 Floats = NDArray[np.float64]
+
+_INTERIORS: "Mapping[type[FewBodies], Callable[..., FewMidpoint | WaveBar]]" = {
+    Lumped: FewMidpoint,
+    ElasticBar: WaveBar,
+}
+"""How bodies without meshes are marched."""
 
 _LAYERS = 100  # whose way tells how coordinates round
 _FRAMES = 150  # layers of fields that are kept of bodies without meshes, at most twice as many
@@ -99,12 +107,12 @@ def run_solids(
     discretised = {parts[0].solid.name: parts for parts in each}
     dt, layers, limit = planned_steps(scene.duration, plan, scheme, discretised)
     progress.step("preparing the layers")
-    tolerance = numbers.tolerance * _size(model, dt)
     solids = [_interior(*parts, scheme, dt, numbers.linear_solver) for parts in each]
     few = [
-        FewMidpoint(bodies, scene.vector_gravity, dt, counts=model.comm.rank == 0)
+        _INTERIORS[type(bodies)](bodies, scene.vector_gravity, dt, counts=model.comm.rank == 0)
         for bodies in model.few
     ]
+    tolerance = numbers.tolerance * _size(model, few, dt)
     composite = Composite([*solids, *few], [_free(*parts[:2]) for parts in each])
     contacts = Contacts.of(model, surfaces, composite)
     law = contacts.friction(scene, tolerance, 50 * numbers.max_iterations)
@@ -124,7 +132,7 @@ def run_solids(
         limits = ModelWatch(
             {
                 **{p.solid.name: Stretches(p.system, p.solid) for p in model.parts},
-                **beam_looks(few),
+                **line_looks(few),
             },
             [*(len(p.system.constrained) for p in model.parts), *(0 for _ in few)],
             layers,
@@ -160,7 +168,7 @@ def run_solids(
     return motion, fields
 
 
-def _size(model: SolidsModel, dt: float) -> float:
+def _size(model: SolidsModel, few: Sequence[FewInterior], dt: float) -> float:
     """Largest extent of the bodies [m], of bodies without meshes what coordinates round by.
 
     Their places may be 0, and a point has no extent: so their ways count too (collective).
@@ -168,8 +176,8 @@ def _size(model: SolidsModel, dt: float) -> float:
     positions = (gather(model.comm, part.system.positions) for part in model.parts)
     sizes = [float(np.ptp(each, axis=0).max()) for each in positions]
     some = _LAYERS * dt
-    for bodies in model.few:
-        speed = float(np.abs(bodies.jacobian(bodies.position) @ bodies.velocity).max())
+    for march in few:
+        bodies, speed = march.bodies, float(np.abs(march.surface_velocity).max())
         pull = float(np.linalg.norm(model.scene.vector_gravity.values, axis=1).max())
         sizes += [float(np.abs(bodies.places(bodies.position)).max()), float(bodies.radius.max())]
         sizes.append(speed * some + 0.5 * pull * some**2)

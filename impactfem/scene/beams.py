@@ -5,10 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
+from impactfem.scene.body import BodyKind, Floats
 from impactfem.scene.flight import Flight
 from impactfem.scene.inline import Vector
 from impactfem.scene.kinds import Choice, Integer, Name, Real
-from impactfem.scene.probes import MOVES
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
 
@@ -24,7 +26,7 @@ _INCLINATION = "angle of the axis to the x axis, from -pi to pi"
 
 @table('[[body]] with kind = "rod"')
 @dataclass(frozen=True, kw_only=True)
-class Rod:
+class Rod(BodyKind):
     """A slender rigid rod that moves in the plane and touches obstacles with its ends.
 
     Raises:
@@ -32,11 +34,8 @@ class Rod:
     """
 
     kind: ClassVar[str] = "rod"
-    probed: ClassVar[tuple[str, ...]] = MOVES
     dim: ClassVar[int] = 2
-    waves: ClassVar[bool] = False
     round_ends: ClassVar[bool] = True
-    meets_alike: ClassVar[bool] = False
 
     name: str = key(Name(), "name of the rod in histories", default="rod")
     mass: float = key(Real(above=0), "mass", unit="kg")
@@ -53,6 +52,23 @@ class Rod:
         check_fields(self, self.kind)
         _check_angle(self)
 
+    def box(self) -> tuple[Floats, Floats]:
+        """Half edges and centre [m] of a box around it in any rotation."""
+        return np.full(2, self.length / 2 + self.radius), np.asarray(self.center, dtype=np.float64)
+
+    def centre_velocity(self) -> Floats:
+        """Velocity of its centre at t = 0 [m/s], (2,)."""
+        return np.asarray(self.velocity, dtype=np.float64)
+
+    def centreline(self) -> Floats:
+        """Both ends of its axis at t = 0 [m], (2, 2)."""
+        return _ends(self)
+
+    @property
+    def thickness(self) -> float:
+        """Its diameter [m]."""
+        return 2.0 * self.radius
+
     @property
     def flight(self) -> Flight:
         """How it flies."""
@@ -61,7 +77,7 @@ class Rod:
 
 @table('[[body]] with kind = "beam"')
 @dataclass(frozen=True, kw_only=True)
-class Beam:
+class Beam(BodyKind):
     """A free elastic beam of rectangular section that falls in the plane.
 
     Its axis touches obstacles, with both ends or with all nodes. Displacements and rotations from
@@ -73,11 +89,8 @@ class Beam:
     """
 
     kind: ClassVar[str] = "beam"
-    probed: ClassVar[tuple[str, ...]] = MOVES
     dim: ClassVar[int] = 2
-    waves: ClassVar[bool] = False
     round_ends: ClassVar[bool] = False
-    meets_alike: ClassVar[bool] = False
 
     name: str = key(Name(), "name of the beam in histories", default="beam")
     length: float = key(Real(above=0), "length", unit="m")
@@ -118,6 +131,23 @@ class Beam:
         self._check_slenderness()
         self._check_damping()
         self._check_scales()
+
+    def box(self) -> tuple[Floats, Floats]:
+        """Half edges and centre [m] of a box around its axis in any rotation."""
+        return np.full(2, self.length / 2), np.asarray(self.center, dtype=np.float64)
+
+    def centre_velocity(self) -> Floats:
+        """Velocity of its centre at t = 0 [m/s], (2,)."""
+        return np.asarray(self.velocity, dtype=np.float64)
+
+    def centreline(self) -> Floats:
+        """Both ends of its axis at t = 0 [m], (2, 2)."""
+        return _ends(self)
+
+    @property
+    def thickness(self) -> float:
+        """Its height [m]."""
+        return self.height
 
     @property
     def flight(self) -> Flight | None:
@@ -198,3 +228,8 @@ def _check_angle(body: Rod | Beam) -> None:
         text = f" = {show(body.inclination)} is not between -pi and pi: give radians"
         degrees = f" ({math.radians(body.inclination):.6g} if degrees were meant)"
         raise KeyedError(body.kind, "inclination", f"{text}{degrees}.")
+
+
+def _ends(body: Rod | Beam) -> Floats:
+    along = np.array([math.cos(body.inclination), math.sin(body.inclination)])
+    return np.asarray(body.center) + 0.5 * body.length * np.array([-along, along])

@@ -2,12 +2,15 @@
 
 import math
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from impactfem.scene.body import BodyKind, Floats
 from impactfem.scene.formula import Formula
+from impactfem.scene.inline import Vector
 from impactfem.scene.kinds import Choice, FormulaOf, Name, Real
 from impactfem.scene.probes import STRAINS
 from impactfem.scene.schema import KeyedError, check_fields, key, table
@@ -19,12 +22,14 @@ SAMPLES = 5040
 
 @table('[[body]] with kind = "bar"')
 @dataclass(frozen=True, kw_only=True)
-class Bar:
+class Bar(BodyKind):
     """A straight elastic bar that moves along its axis and meets the wall with its near end.
 
     Material points x in [0, L] are measured from the near end, the displacement u(t, x) from the
     wall: u(0, x) = gap + displacement(x), and contact means u(t, 0) = 0. Velocities towards the
-    wall are negative. Numbers given for `velocity` and `displacement` are stored as `Formula`.
+    wall are negative. Beside bodies in the plane or in space it lies along `axis` from `point` and
+    is guided: it moves along its axis only. Numbers given for `velocity` and `displacement` are
+    stored as `Formula`.
 
     Raises:
         SceneError: a value is missing or not allowed, or the bar starts inside the wall or has a
@@ -33,10 +38,10 @@ class Bar:
 
     kind: ClassVar[str] = "bar"
     probed: ClassVar[tuple[str, ...]] = STRAINS
-    dim: ClassVar[int] = 1
     waves: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True
-    flight: ClassVar[None] = None  # it is strained where it meets
+    settings: ClassVar[tuple[str, ...]] = ("elements",)
+    whole_side: ClassVar[tuple[str, ...]] = ("",)
 
     name: str = key(Name(), "name of the bar in histories", default="bar")
     length: float = key(Real(above=0), "length L of the bar", unit="m")
@@ -55,6 +60,19 @@ class Bar:
     displacement: Formula = key(  # noqa: RUF009  # a field
         FormulaOf(("x",)), "displacement at t = 0, added to the gap", unit="m", default=0.0
     )
+    point: Sequence[float] | None = key(
+        Vector((2, 3)),
+        "beside bodies in the plane or in space: where the near end is without displacement",
+        unit="m",
+        default=None,
+        absent="the bar lies on the x axis, its near end at gap",
+    )
+    axis: Sequence[float] | None = key(
+        Vector((2, 3), nonzero=True),
+        "direction from the near end to the far one, of any length; with point",
+        default=None,
+        absent="the x axis",
+    )
 
     if TYPE_CHECKING:  # type checkers learn that numbers and texts may be given for formulas
 
@@ -70,16 +88,50 @@ class Bar:
             gap: float = 0.0,
             velocity: float | str | Formula = 0.0,
             displacement: float | str | Formula = 0.0,
+            point: Sequence[float] | None = None,
+            axis: Sequence[float] | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
         check_fields(self, self.kind)
+        self._check_place()
         self._check_scales()
         x = np.linspace(0.0, self.length, SAMPLES + 1)
         self._check_finite("velocity", x)
         self._check_finite("displacement", x)
         self._check_near_end()
         self._check_strain(x)
+
+    @property
+    def dim(self) -> int:
+        """Number of coordinates of the scenes it is in."""
+        return 1 if self.point is None else len(self.point)
+
+    @property
+    def surface_names(self) -> tuple[str, ...]:
+        """Ends that may meet others besides the near one, which its bare name stands for."""
+        return ("far_end",) if self.far_end == "free" else ()
+
+    @property
+    def frame(self) -> tuple[Floats, Floats]:
+        """Place of the near end without displacement [m] and unit vector along it, (dim,) each."""
+        if self.point is None or self.axis is None:
+            return np.zeros(1), np.ones(1)
+        axis = np.asarray(self.axis, dtype=np.float64)
+        return np.asarray(self.point, dtype=np.float64), axis / np.linalg.norm(axis)
+
+    def centre_velocity(self) -> Floats | None:
+        """Velocity at t = 0 [m/s], (dim,); None if it varies along the bar."""
+        if not self.velocity.is_constant:
+            return None
+        return np.asarray(float(self.velocity(x=0.0)) * self.frame[1])
+
+    def centreline(self) -> Floats:
+        """Both ends at t = 0 [m], (2, dim)."""
+        origin, axis = self.frame
+        x = np.array([0.0, self.length])
+        places: Floats = origin + (x + self.initial_displacement(x=x))[:, None] * axis
+        return places
 
     @property
     def wave_speed(self) -> float:
@@ -109,6 +161,18 @@ class Bar:
     def _fail(self, name: str, text: str) -> KeyedError:
         value = getattr(self, name)
         return KeyedError(self.kind, name, f" = {show(value)} {text}")
+
+    def _check_place(self) -> None:
+        """Refuse a place in space that is half given, or given twice."""
+        if (self.point is None) != (self.axis is None):
+            given, missing = ("axis", "point") if self.point is None else ("point", "axis")
+            raise self._fail(given, f"needs {missing}: give both, or none.")
+        if self.point is None or self.axis is None:
+            return
+        if len(self.axis) != len(self.point):
+            raise self._fail("axis", f"has {len(self.axis)} entries: give {len(self.point)}.")
+        if self.gap:
+            raise self._fail("gap", "is the place on the x axis, but point is given: remove gap.")
 
     def _check_scales(self) -> None:
         """Refuse values, each fine alone, whose wave speed or mass overflows."""

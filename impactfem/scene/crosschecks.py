@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 from impactfem.methods import METHODS
 from impactfem.scene.bar_row_checks import check_bar_row
-from impactfem.scene.bodies import Bar
 from impactfem.scene.breaks import check_motion
 from impactfem.scene.column_names import check_column_names
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
@@ -50,9 +49,9 @@ def check_scene(scene: "Scene", gravity: object) -> None:
     _check_names(scene)
     _check_counts(scene)
     body = scene.bodies[0]
-    if isinstance(body, Bar) and len(scene.bodies) > 1:
+    if len(scene.bars) > 1:
         check_bar_row(scene)
-    elif isinstance(body, Bar):
+    elif scene.bars:
         _check_bar(scene, gravity)
     elif scene.marches:
         _check_marched(scene, gravity)
@@ -87,7 +86,7 @@ def _check_names(scene: "Scene") -> None:
             raise KeyedError(f"body[{index}]", "name", text)
         taken[body.name] = f"body[{index}]"
     for index, obstacle in enumerate(scene.obstacles):
-        if isinstance(scene.bodies[0], Bar) and index:
+        if scene.bars and index:
             break  # too many anyhow
         if obstacle.name in taken:
             what = taken[obstacle.name]
@@ -97,20 +96,20 @@ def _check_names(scene: "Scene") -> None:
 
 
 def _check_counts(scene: "Scene") -> None:
-    """Refuse bars beside other bodies, and laws without use."""
+    """Refuse places in space of bars alone, and laws without use."""
     first, count = scene.bodies[0], len(scene.bodies)
-    if 0 < len(scene.bars) < count:
-        shown = show(list(scene.bodies))
-        why = "a bar meets a wall and other bars only; model it as a solid, or remove the others"
-        raise KeyedError("body", "", f" = {shown} is not allowed: {why}.")
+    for index, bar in enumerate(scene.bars):
+        if bar.point is not None:
+            text = f" = {show(list(bar.point))} is for bars beside other bodies: these lie on the "
+            raise KeyedError(f"body[{index}]", "point", f"{text}x axis; give gap instead.")
     if count > 1 or not first.waves:
         return
     if not scene.obstacles:
-        kind = "wall" if isinstance(first, Bar) else "half_space"
+        kind = "wall" if scene.bars else "half_space"
         text = " is missing: there is none (obstacle = []); give one or more [[obstacle]], as "
         text += f"kind = {show(kind)}."
         raise KeyedError("obstacle", "", text)
-    if scene.contacts and isinstance(first, Bar):
+    if scene.contacts and scene.bars:
         text = (
             f" = {show(scene.contacts[0])} is for points, rods, beams and solids: a bar rebounds "
         )
@@ -194,15 +193,16 @@ def _check_settings(scene: "Scene", body: "Body") -> None:
     if scene.is_vibro:
         _refuse(scene, (*_BAR_ONLY, *_ELASTIC_ONLY), "bars and solids", body)
         return
-    if isinstance(body, Bar):
+    if scene.bars:
         if solve.active_set == "snes_vi" and method not in {None, "monolithic"}:
             text = f' = "snes_vi" contradicts method = {show(method)}: it needs '
             raise KeyedError("solve", "active_set", f'{text}method = "monolithic".')
         return
+    brought = {name for each in scene.bodies for name in each.settings}
     for name, remedy in _BAR_ONLY.items():
         value = getattr(solve, name)
-        if value is not None:
-            text = f" = {show(value)} belongs to bars, the body is a solid: {remedy}."
+        if value is not None and name not in brought:
+            text = f" = {show(value)} belongs to bars, the body is a {body.kind}: {remedy}."
             raise KeyedError("solve", name, text)
 
 

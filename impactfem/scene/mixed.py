@@ -1,7 +1,7 @@
-"""Scenes of points, rods and beams, perhaps with solids, that only the one march solves.
+"""Scenes of several kinds of bodies, or of points, rods and beams, that only the one march solves.
 
 Methods of single families know smooth obstacles at rest, points that meet, and no friction. The
-march takes any bodies that move in the plane or in space, any obstacle, and friction.
+march takes any bodies, any obstacle, and friction in the plane or in space.
 """
 
 from typing import TYPE_CHECKING
@@ -30,6 +30,8 @@ def why_marched(scene: "Scene") -> str | None:
         return f"bodies of different kinds ({', '.join(sorted(kinds))})"
     if len(scene.bodies) > 1 and not scene.bodies[0].meets_alike:
         return f"several bodies of kind {scene.bodies[0].kind}"
+    if not any(kinds <= method.bodies for method in METHODS.values()):
+        return f"a {scene.bodies[0].kind}"
     rubbing = [law.between for law in scene.contacts if law.friction_coefficient > 0.0]
     if rubbing:
         return f"friction between {' and '.join(rubbing[0])}"
@@ -63,11 +65,11 @@ def check_mixed(scene: "Scene", gravity: object) -> None:
     check_gravity(scene, scene.dim, gravity)
     for index, obstacle in enumerate(scene.obstacles):
         where = f"obstacle[{index}]"
-        if isinstance(obstacle, Wall):
-            text = ' = "wall" is for bars: other bodies meet kind = "half_space" (point, normal) '
-            raise KeyedError(where, "kind", f"{text}or another one; give it.")
+        if isinstance(obstacle, Wall) and scene.dim > 1:
+            text = ' = "wall" is on the x axis: bodies in the plane or in space meet kind = '
+            raise KeyedError(where, "kind", f'{text}"half_space" (point, normal); give it.')
         try:
-            obstacle.check_dimension(scene.dim)
+            scene.rigid_obstacles[index].check_dimension(scene.dim)
         except KeyedError as error:
             raise error.moved(where) from None
         if obstacle.motion is not None:
@@ -75,7 +77,7 @@ def check_mixed(scene: "Scene", gravity: object) -> None:
     for index, contact in enumerate(scene.contacts):
         _check_contact(scene, contact, f"contact[{index}]")
         for earlier in range(index):
-            check_twice(scene.contacts[earlier], contact, f"contact[{earlier}]", index)
+            check_twice(scene, scene.contacts[earlier], contact, f"contact[{earlier}]", index)
     if not scene.obstacles and len(scene.bodies) == 1:
         raise KeyedError("obstacle", "", " is missing: nothing can be hit; add an [[obstacle]].")
     _check_method(scene)
@@ -85,14 +87,21 @@ def _check_dimensions(scene: "Scene") -> None:
     dim = scene.dim
     for index, body in enumerate(scene.bodies):
         if body.dim != dim:
-            text = f" {body.name} has {body.dim} coordinates, but {scene.bodies[0].name} has {dim}:"
-            raise KeyedError(f"body[{index}]", "", f"{text} give all the same number.")
+            text = (
+                f": {body.name} has {body.dim} coordinates, but {scene.bodies[0].name} has {dim}: "
+            )
+            text += "give all the same number, to a bar by point and axis."
+            raise KeyedError(f"body[{index}]", "", text)
     if any(solid.is_axisymmetric for solid in scene.solids):
-        text = ' = "axisymmetric": points, rods and beams are not round about its axis; use '
+        text = ' = "axisymmetric": points, rods, beams and bars are not round about its axis; use '
         raise KeyedError("body", "model", f'{text}model = "3d".')
-    if dim == 1:
-        text = f": {why_marched(scene)} needs two or three coordinates, position has 1; give 2."
-        raise KeyedError("body[0]", "position", text)
+    if dim > 1:
+        return
+    rubbing = [k for k, law in enumerate(scene.contacts) if law.friction_coefficient > 0.0]
+    if rubbing:
+        text = f" = {show(scene.contacts[rubbing[0]].friction_coefficient)}: on a line nothing "
+        text += "slides; remove it, or give two coordinates."
+        raise KeyedError(f"contact[{rubbing[0]}]", "friction_coefficient", text)
 
 
 def _check_contact(scene: "Scene", contact: Contact, where: str) -> None:

@@ -7,7 +7,6 @@ from impactfem.scene.contacts import Contact
 from impactfem.scene.nearest import nearest
 from impactfem.scene.pairing import side_of
 from impactfem.scene.schema import KeyedError
-from impactfem.scene.solids import Solid
 from impactfem.scene.values import show
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ def check_pairs(scene: "Scene") -> None:
     for index, contact in enumerate(scene.contacts):
         _check_contact(scene, contact, f"contact[{index}]")
         for earlier in range(index):
-            check_twice(scene.contacts[earlier], contact, f"contact[{earlier}]", index)
+            check_twice(scene, scene.contacts[earlier], contact, f"contact[{earlier}]", index)
     rubs = any(contact.friction_coefficient > 0.0 for contact in scene.contacts)
     active_set = scene.solve.active_set
     if rubs and active_set not in {None, "pdas"}:
@@ -75,13 +74,25 @@ def check_sides(scene: "Scene", contact: Contact, where: str) -> None:
                 raise KeyedError(where, "between", f"{text}{_meant(surface, own)}")
 
 
-def check_twice(one: Contact, two: Contact, where: str, index: int) -> None:
+def check_twice(scene: "Scene", one: Contact, two: Contact, where: str, index: int) -> None:
     """Refuse laws that cover the same faces, or rub the same two bodies differently.
+
+    Args:
+        scene: Their scene.
+        one: A law.
+        two: Another one.
+        where: The first one in messages.
+        index: Place of the second one.
 
     Raises:
         KeyedError: naming the key.
     """
-    sides = [dict(side_of(name) for name in entry.between) for entry in (one, two)]
+    # A bare name is all of a body, of a bar one end.
+    whole = {body.name: body.whole_side for body in scene.bodies}
+    sides = [
+        {name: on or whole.get(name) for name, on in map(side_of, entry.between)}
+        for entry in (one, two)
+    ]
     if set(sides[0]) != set(sides[1]):
         return
     shown = show(list(two.between))
@@ -98,9 +109,8 @@ def check_twice(one: Contact, two: Contact, where: str, index: int) -> None:
 
 
 def _surfaces(scene: "Scene", name: str) -> Sequence[str] | None:
-    """Surfaces of a solid's shape; None if a mesh file has them; none of other bodies."""
-    body = next(body for body in scene.bodies if body.name == name)
-    return body.surface_names if isinstance(body, Solid) else ()
+    """Surfaces of a body; None if a mesh file has them."""
+    return next(body.surface_names for body in scene.bodies if body.name == name)
 
 
 def _meant(name: str, known: Sequence[str]) -> str:

@@ -70,6 +70,19 @@ def friction_of(scene: "Scene", one: str, two: str) -> float:
     return 0.0 if law is None else law.friction_coefficient
 
 
+def surfaces_on(scene: "Scene", body: str, obstacle: str) -> tuple[str, ...] | None:
+    """Surfaces with which a body meets an obstacle, "" for those of its bare name.
+
+    None where no contact law names the pair.
+    """
+    found = []
+    for entry in scene.contacts:
+        sides = dict(side_of(name) for name in entry.between)
+        if set(sides) == {body, obstacle}:
+            found += list(sides[body] or ("",))
+    return tuple(found) or None
+
+
 def obstacles_of(scene: "Scene", name: str) -> Sequence["Rigid"]:
     """Obstacles that a body may meet: those of ``[[contact]]``, or all where there is none."""
     if not scene.contacts:

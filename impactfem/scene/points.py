@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from impactfem.scene.body import BodyKind, Floats
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import Formulas, InlineTable, ListOf, Vector
 from impactfem.scene.kinds import Name, Real
-from impactfem.scene.probes import MOVES
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
 
@@ -51,7 +51,7 @@ class Spring:
 
 @table('[[body]] with kind = "point"')
 @dataclass(frozen=True, kw_only=True)
-class Point:
+class Point(BodyKind):
     """A point mass, or a ball of some radius that does not rotate, in 1 to 3 dimensions.
 
     Raises:
@@ -59,8 +59,6 @@ class Point:
     """
 
     kind: ClassVar[str] = "point"
-    probed: ClassVar[tuple[str, ...]] = MOVES
-    waves: ClassVar[bool] = False
     meets_alike: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the point in histories", default="point")
@@ -126,6 +124,14 @@ class Point:
                     f" = {show(list(spring.anchor))} has {len(spring.anchor)} entries, but "
                     f"position has {self.dim}: give {self.dim}.",
                 )  # fmt: skip
+
+    def box(self) -> tuple[Floats, Floats]:
+        """Half edges and centre [m] of a box around it."""
+        return np.full(self.dim, self.radius), np.asarray(self.position, dtype=np.float64)
+
+    def centre_velocity(self) -> Floats:
+        """Velocity at t = 0 [m/s], (dim,)."""
+        return np.asarray(self.velocity, dtype=np.float64)
 
     @property
     def dim(self) -> int:

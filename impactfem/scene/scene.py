@@ -54,8 +54,8 @@ MAX_CONTACTS = 10_000
 class Scene:
     """What is modelled, for how long, and how: everything a run needs.
 
-    Bars stand in a row, the first one perhaps before a wall; solids meet each other and rigid
-    obstacles; one rod or beam meets obstacles; points meet obstacles and each other. `bodies`,
+    Any bodies meet each other and rigid obstacles; bars alone stand in a row, the first one perhaps
+    before a wall. `bodies`,
     `obstacles` and `contacts` may be given as lists; `gravity` as a number or a table
     ``[[0.0, 1.0], [0.6, 0.0]]`` for bars, as a vector or a table
     ``[[0.0, [0.0, -9.81]], [1.0, [0.0, 0.0]]]`` for others. Relative mesh paths start at `folder`,
@@ -125,8 +125,7 @@ class Scene:
         if self.folder is not None:  # absolute, so that a later change of folder does no harm
             object.__setattr__(self, "folder", _absolute(self.folder))
         check_scene(self, gravity)
-        body = self.bodies[0]
-        if not isinstance(body, Bar) and not isinstance(self.gravity, PiecewiseVector):
+        if not self.bars and not isinstance(self.gravity, PiecewiseVector):
             object.__setattr__(self, "gravity", PiecewiseVector((0.0,), ((0.0,) * self.dim,)))
 
     @property
@@ -143,8 +142,9 @@ class Scene:
 
     @property
     def bars(self) -> tuple[Bar, ...]:
-        """The bars of the scene in the order of their axis; none if its bodies are others."""
-        return tuple(body for body in self.bodies if isinstance(body, Bar))
+        """The bars of the scene in the order of their axis; none if there are other bodies."""
+        bars = tuple(body for body in self.bodies if isinstance(body, Bar))
+        return bars if len(bars) == len(self.bodies) else ()
 
     @property
     def points(self) -> tuple[Point, ...]:
@@ -232,7 +232,9 @@ class Scene:
             SceneError: the body is a bar.
         """
         self._refuse_bar()
-        return tuple(entry for entry in self.obstacles if not isinstance(entry, Wall))
+        return tuple(
+            entry.half_space if isinstance(entry, Wall) else entry for entry in self.obstacles
+        )
 
     @property
     def mesh_path(self) -> Path | None:
@@ -244,7 +246,7 @@ class Scene:
         return scene_card(self)
 
     def _refuse_bar(self) -> None:
-        if isinstance(self.bodies[0], Bar):
+        if self.bars:
             raise SceneError(
                 f"body[0] is {show(self.bodies[0])}: this needs one that moves in space; give one."
             )

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from impactfem.scene.body import BodyKind
 from impactfem.scene.boundary import (
     SPACE,
     SURFACE,
@@ -48,7 +49,7 @@ class Refinement:
 
 @table('[[body]] with kind = "solid"')
 @dataclass(frozen=True, kw_only=True)
-class Solid:
+class Solid(BodyKind):
     """A linear elastic body in 2D or 3D, drawn by Gmsh or read from a mesh file.
 
     Tables may be given for `shape`, `supports`, `tractions`, `pressures` and `refine`; numbers for

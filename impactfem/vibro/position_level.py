@@ -36,11 +36,12 @@ from impactfem.contact.impact_law import Law
 from impactfem.errors import SceneError
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
+from impactfem.system.frequency import highest_frequency
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
 from impactfem.vibro.kicks import Kicks
 from impactfem.vibro.position_general import march_general
 from impactfem.vibro.position_kernels import march_positions
-from impactfem.vibro.position_start import highest_frequency, start_positions
+from impactfem.vibro.position_start import start_positions
 from impactfem.vibro.vibro_rows import (
     LinearMarch,
     count_steps,

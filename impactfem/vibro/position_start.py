@@ -1,13 +1,13 @@
-"""The start of schemes with time steps: impacts and lasting contact at t = 0, and frequencies."""
+"""The start of schemes with time steps: impacts and lasting contact at t = 0."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve, eigvals
+from scipy.linalg import cho_solve
 
 from impactfem.contact.impact_law import delassus, resolve_impact, resting_forces
-from impactfem.system.generalized import GeneralizedSystem, LinearSystem, factor_mass
+from impactfem.system.generalized import GeneralizedSystem, factor_mass
 
 Floats = NDArray[np.float64]
 
@@ -70,20 +70,3 @@ def start_positions(
         wall = 2.0 * system.motion_at(0.0) - system.motion_at(h)
     before = system.gap(0.0, u - change) + system.motion_at(0.0) - wall
     return Start(u, change, gap, before, impacts)
-
-
-def highest_frequency(system: GeneralizedSystem, u: Floats, v: Floats) -> float:
-    """omega_max of M^-1 K [rad/s], K = -df/du by differences where the system is not linear."""
-    if isinstance(system, LinearSystem):
-        stiffness = system.stiffness
-    else:
-        steps = 6e-6 * np.maximum(1.0, np.abs(u))
-        stiffness = -np.stack(
-            [
-                (system.force(0.0, u + row, v) - system.force(0.0, u - row, v)) / (2.0 * row.sum())
-                for row in np.diag(steps)
-            ],
-            axis=1,
-        )
-    squares = eigvals(stiffness, system.mass(u))
-    return float(np.sqrt(max(0.0, float(np.real(squares).max()))))

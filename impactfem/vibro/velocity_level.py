@@ -29,10 +29,10 @@ from impactfem.contact.impact_law import Law, delassus
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
+from impactfem.system.frequency import highest_frequency
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start, factor_mass
 from impactfem.vibro.kicks import Kicks
 from impactfem.vibro.position_kernels import ROUNDING, march_velocities, note
-from impactfem.vibro.position_start import highest_frequency
 from impactfem.vibro.vibro_rows import (
     LinearMarch,
     count_steps,

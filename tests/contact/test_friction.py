@@ -25,7 +25,8 @@ _MUS = st.floats(0.01, 1.5)
 
 def at_speed(free, speed, response, place, friction, dt):
     """Nodes with mass only, without restitution."""
-    halfway = Halfway(np.ones(len(free), dtype=bool), 0.5 * dt * speed)
+    rows = np.ones(len(free), dtype=bool)
+    halfway = Halfway(rows, 0.5 * dt * speed, ~rows)
     before = np.zeros_like(place), place
     return solve_friction_layer_at_speed(
         free, halfway, response, np.zeros_like(response), before, friction, "middle", 1e-15

@@ -27,8 +27,9 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGES = sorted(
     [DOCS / "start.md", *(DOCS / "tutorial").glob("*.md"), *(DOCS / "howto").glob("*.md")]
 )
-# The scene of the page on obstacles needs the kind that the page adds.
-SHOWING = sorted({*DOCS.glob("*.md"), *PAGES} - {DOCS / "howto" / "obstacle.md"})
+# The scenes of these pages need the kinds that the pages add.
+ADDING = {DOCS / "howto" / "body.md", DOCS / "howto" / "obstacle.md"}
+SHOWING = sorted({*DOCS.glob("*.md"), *PAGES} - ADDING)
 BLOCK = re.compile(
     r"^```(?:\{code-block\} )?(?P<language>\w+)\n(?::caption: (?P<caption>[^\n]+)\n)?"
     r"(?::[^\n]*\n)*(?P<text>.*?)^```$",

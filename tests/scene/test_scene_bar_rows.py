@@ -58,7 +58,7 @@ CASES = {
     "two kinds": (
         {"body": [data()["body"][0], {"kind": "point", "name": "ball", "mass": 1.0,
          "position": [0.0, 1.0]}]},
-        ["body = [", "a bar meets a wall and other bars only"],
+        ["body[1]: ball has 2 coordinates", "by point and axis"],
     ),
     "method": (
         {"solve": {"method": "dg"}},

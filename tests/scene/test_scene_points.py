@@ -83,7 +83,7 @@ CASES = {
     "3D obstacle": (made(obstacle__0__normal=[0, 0, 1]), ["obstacle[0].normal", "2 coordinates"]),
     "point and bar": (
         made(body=[BALL, {"kind": "bar", "length": 1, "density": 1, "youngs_modulus": 1}]),
-        ["body = ", "a bar meets a wall and other bars only", "as a solid"],
+        ["body[1]: bar has 1 coordinates", "by point and axis"],
     ),
     "elements": (made(solve={"elements": 10}), ["solve.elements", "bars and solids", "point"]),
     "normals": (made(solve={"normals": "fixed"}), ["solve.normals", "belongs to solids"]),

@@ -15,6 +15,8 @@ from impactfem.report.page.numbers import (
     vector,
 )
 from impactfem.scene import Scene
+from impactfem.scene.schema import keys_of
+from impactfem.scene.values import show
 
 _MODELS = {
     "plane_strain": "in plane strain",
@@ -26,7 +28,17 @@ _MODELS = {
 
 def body_in_words(scene: Scene, body: Any) -> str:
     """Sentences about one body of a scene; plain text."""
-    return _BODIES[body.kind](scene, body)
+    return _BODIES.get(body.kind, _any)(scene, body)
+
+
+def _any(scene: Scene, body: Any) -> str:  # noqa: ARG001  (as the others)
+    """A body by the values of its keys."""
+    given = (
+        f"{entry.name} = {show(value)}{f' {entry.unit}' if entry.unit else ''}"
+        for name, entry in keys_of(type(body)).items()
+        if name != "name" and (value := getattr(body, name)) is not None
+    )
+    return f"A {body.kind}: {', '.join(given)}."
 
 
 def _bar(scene: Scene, bar: Any) -> str:

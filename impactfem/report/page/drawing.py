@@ -4,7 +4,7 @@ from html import escape
 
 from matplotlib.figure import Figure
 
-from impactfem.report.page.line_drawing import draw_bars, draw_points_on_line
+from impactfem.report.page.line_drawing import draw_bars, draw_on_line
 from impactfem.report.page.plane_drawing import draw_plane
 from impactfem.report.page.sketch import svg
 from impactfem.report.page.space_drawing import draw_points_in_space, draw_solids_in_space
@@ -25,7 +25,7 @@ def _figure(result: Record) -> Figure | None:
     if scene.bars:
         return draw_bars(scene)
     if scene.dim == 1:
-        return draw_points_on_line(scene)
+        return draw_on_line(scene)
     if scene.dim == 2:
         return draw_plane(result)
     return draw_solids_in_space(result) if scene.solids else draw_points_in_space(scene)

@@ -1,6 +1,7 @@
 """Drawings of what moves along a line: bars and their wall, points with stops and springs."""
 
-from typing import cast
+from collections.abc import Mapping
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +15,7 @@ from impactfem.report.page.sketch import (
     GRAVITY,
     OBSTACLE,
     SMALL,
+    SUPPORT,
     VELOCITY,
     arrow,
     dimension,
@@ -90,15 +92,19 @@ def _gap(axes: Axes, left: float, right: float, width: float, index: int) -> Non
         label(axes, (0.5 * (left + right) + 0.07 * width, -0.95), f"gap {text}")
 
 
-def draw_points_on_line(scene: Scene) -> Figure:
-    """Points on a line with stops, springs, velocities and gravity at t = 0."""
+def draw_on_line(scene: Scene) -> Figure:
+    """What moves on a line, with stops, springs, velocities and gravity at t = 0."""
     figure, axes = empty(8.0, 2.4)
-    points = [cast("Point", body) for body in scene.bodies]
-    planes = [o for o in scene.obstacles if isinstance(o, HalfSpace)]
+    boxes = [body.centreline() for body in scene.bodies]
+    points = [
+        cast("Point", body) for body, box in zip(scene.bodies, boxes, strict=True) if box is None
+    ]
+    planes = [cast("HalfSpace", o) for o in scene.rigid_obstacles]
     shifts = [0.0 if (way := o.offset(0.0)) is None else float(way[0]) for o in planes]
     stops = [o.point[0] + shift for o, shift in zip(planes, shifts, strict=True)]
     anchors = [s.anchor[0] for p in points for s in p.springs if s.anchor is not None]
     ends = [p.position[0] + side * p.radius for p in points for side in (-1, 1)]
+    ends += [float(x) for box in boxes if box is not None for x in box.ravel()]
     places = [*stops, *anchors, *ends]
     low, width = min(places), float(np.ptp(places))
     if not width:  # a single place says no scale
@@ -114,20 +120,9 @@ def draw_points_on_line(scene: Scene) -> Figure:
             axes.text(0.01, 0.93, text, transform=axes.transAxes, fontsize=SMALL, color=VELOCITY,
                       parse_math=False, zorder=7)  # fmt: skip
     home = {p.name: p.position[0] for p in points}
-    for k, point in enumerate(points):
-        x = point.position[0]
-        for tie in point.springs:
-            end = tie.anchor[0] if tie.anchor is not None else home.get(tie.to or "", x)
-            spring(axes, np.array([x, 0.0]), np.array([end, 0.0]), 0.4)
-        _ball(axes, (x, 0.0), point.radius)
-        if len(points) <= _MOST_LABELS:
-            below = 0.0 if point.radius > 0.02 * width else -0.55 - 0.25 * (k % 2)
-            label(axes, (x, below), point.name)
-        speed = (point.velocity or (0.0,))[0]
-        if speed:
-            arrow(axes, (x, 0.82), (np.sign(speed) * 0.12 * width, 0.0), VELOCITY)
-            place = (x + np.sign(speed) * 0.06 * width, 1.06)
-            label(axes, place, quantity(abs(speed), "m/s"), VELOCITY)
+    few = len(scene.bodies) <= _MOST_LABELS
+    for k, body in enumerate(scene.bodies):
+        _draw_body(axes, body, home, width, -0.55 - 0.25 * (k % 2) if few else None)
     value = float(scene.vector_gravity.at(0.0)[0])
     if value:
         start = low + (0.95 if value < 0 else 0.8) * width
@@ -136,6 +131,32 @@ def draw_points_on_line(scene: Scene) -> Figure:
         label(axes, (low + 0.6 * width, 1.0), text, GRAVITY)
     _finish(axes, "x [m]")
     return figure
+
+
+def _draw_body(
+    axes: Axes, body: Any, home: Mapping[str, float], width: float, below: float | None
+) -> None:
+    """A bar or a point with its springs; its name below it if it has no room, None: without."""
+    ends = body.centreline()
+    if ends is not None:
+        x, radius = float(ends.mean()), 0.5 * float(np.ptp(ends))
+        axes.add_patch(Rectangle((x - radius, -0.3), 2 * radius, 0.6, facecolor=BODY,
+                                 edgecolor=EDGE, zorder=3))  # fmt: skip
+        if not body.surface_names:  # its far end meets nothing: it is held
+            axes.plot([x + radius] * 2, [-0.5, 0.5], color=SUPPORT, linewidth=4.0, zorder=3.5)
+    else:
+        x, radius = body.position[0], body.radius
+        for tie in body.springs:
+            end = tie.anchor[0] if tie.anchor is not None else home.get(tie.to or "", x)
+            spring(axes, np.array([x, 0.0]), np.array([end, 0.0]), 0.4)
+        _ball(axes, (x, 0.0), radius)
+    if below is not None:
+        label(axes, (x, 0.0 if radius > 0.02 * width else below), body.name)
+    speed = body.centre_velocity()
+    if speed is not None and speed[0]:
+        way = float(np.sign(speed[0]))
+        arrow(axes, (x, 0.82), (way * 0.12 * width, 0.0), VELOCITY)
+        label(axes, (x + way * 0.06 * width, 1.06), quantity(abs(speed[0]), "m/s"), VELOCITY)
 
 
 def _ball(axes: Axes, place: tuple[float, float], radius: float) -> None:

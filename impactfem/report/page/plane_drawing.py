@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, cast
 
 import numpy as np
@@ -30,7 +31,7 @@ from impactfem.report.page.sketch import (
 from impactfem.report.plane_picture import draw_obstacles
 from impactfem.report.space_picture import skin_of
 from impactfem.result import Record
-from impactfem.scene import Beam, HalfSpace, Point, Rod, Scene, Solid
+from impactfem.scene import HalfSpace, Point, Scene, Solid
 
 Floats = NDArray[np.float64]
 
@@ -87,12 +88,12 @@ def draw_plane(result: Record) -> Figure | None:
     scene = result.scene
     solids = scene.solids
     points = [body for body in scene.bodies if isinstance(body, Point)]
-    slender = [body for body in scene.bodies if isinstance(body, Rod | Beam)]
+    slender = {body: ends for body in scene.bodies if (ends := body.centreline()) is not None}
     outlines = _outlines(result, solids)
     if outlines is None:
         return None
     window = _Window()
-    for place in (*outlines, *map(_reach, points), *map(_ends, slender)):
+    for place in (*outlines, *map(_reach, points), *slender.values()):
         window.add(np.reshape(place, (-1, 2)))
     window.include_obstacles(scene)
     figure, axes = _axes(window)
@@ -104,8 +105,8 @@ def draw_plane(result: Record) -> Figure | None:
     home = {p.name: np.array(p.position, dtype=np.float64) for p in points}
     for point in points:
         _draw_point(axes, point, home, size, named=few)
-    for body in slender:
-        _draw_slender(axes, body, size, named=len(scene.bodies) > 1 and few)
+    for body, ends in slender.items():
+        _draw_slender(axes, body, ends, size, named=len(scene.bodies) > 1 and few)
     axial = any(solid.is_axisymmetric for solid in solids)
     if axial:
         axes.axvline(0.0, color="0.5", linewidth=0.9, linestyle="-.", zorder=0.6)
@@ -166,29 +167,25 @@ def _reach(point: Point) -> Floats:
     return np.array([at - point.radius, at + point.radius, *ties])
 
 
-def _ends(body: Rod | Beam) -> Floats:
-    """Both ends of a slender body at t = 0 [m], (2, 2)."""
-    along = np.array([math.cos(body.inclination), math.sin(body.inclination)])
-    centre = np.array(body.center, dtype=np.float64)
-    return np.array([centre - 0.5 * body.length * along, centre + 0.5 * body.length * along])
-
-
-def _draw_slender(axes: Axes, body: Rod | Beam, size: float, *, named: bool) -> None:
-    """A rod or beam; its name where there are others, else its length."""
-    ends, centre = _ends(body), np.array(body.center, dtype=np.float64)
-    along = (ends[1] - ends[0]) / body.length
-    normal = np.array([-along[1], along[0]])
-    thick = body.height if isinstance(body, Beam) else 2 * body.radius
-    across = 0.5 * max(thick, 0.012 * size) * normal
-    corners = [ends[0] - across, ends[1] - across, ends[1] + across, ends[0] + across]
-    axes.add_collection(PolyCollection([np.array(corners)], facecolors=BODY, edgecolors=EDGE,
-                                       zorder=3))  # fmt: skip
-    shift = (0.07 * size + 0.5 * thick) * normal
-    if named:
-        label(axes, ends[0] + 0.7 * shift, body.name)
+def _draw_slender(axes: Axes, body: Any, line: Floats, size: float, *, named: bool) -> None:
+    """A slender body along its centreline; its name where there are others, else its length."""
+    thick = body.thickness
+    for start, end in pairwise(line):
+        along = (end - start) / (np.linalg.norm(end - start) or 1.0)
+        across = 0.5 * max(thick, 0.012 * size) * np.array([-along[1], along[0]])
+        corners = np.array([start - across, end - across, end + across, start + across])
+        axes.add_collection(PolyCollection([corners], facecolors=BODY, edgecolors=EDGE,
+                                           zorder=3))  # fmt: skip
+    along = (line[1] - line[0]) / (np.linalg.norm(line[1] - line[0]) or 1.0)
+    shift = (0.07 * size + 0.5 * thick) * np.array([-along[1], along[0]])
+    if named or len(line) > 2:
+        label(axes, line[0] + 0.7 * shift, body.name)
     else:
-        dimension(axes, ends[0] + shift, ends[1] + shift, quantity(body.length, "m"))
-    _velocity(axes, centre, body.velocity, size)
+        dimension(axes, line[0] + shift, line[1] + shift, quantity(body.length, "m"))
+    speed = body.centre_velocity()
+    if speed is not None:
+        box = body.box()
+        _velocity(axes, line.mean(axis=0) if box is None else box[1], speed, size)
 
 
 def _outlines(result: Record, solids: Sequence[Solid]) -> list[Floats] | None:

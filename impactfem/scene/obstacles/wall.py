@@ -7,13 +7,14 @@ import numpy as np
 
 from impactfem.scene.kinds import Name
 from impactfem.scene.obstacles.base import Field, Floats
+from impactfem.scene.obstacles.half_space import HalfSpace
 from impactfem.scene.schema import check_fields, key, table
 
 
 @table('[[obstacle]] with kind = "wall"')
 @dataclass(frozen=True, kw_only=True)
 class Wall:
-    """A rigid wall at rest, in front of the near end of a bar.
+    """A rigid wall at rest at x = 0, in front of the near end of a bar.
 
     Raises:
         SceneError: the name is not allowed.
@@ -32,3 +33,8 @@ class Wall:
     def gap(self, points: Floats) -> Field:
         """Distances of places (points, 1) from it, shape (points,), and normals, (points, 1)."""
         return points[:, 0], np.ones((len(points), 1))
+
+    @property
+    def half_space(self) -> HalfSpace:
+        """The same for other bodies on the x axis."""
+        return HalfSpace(name=self.name, point=(0.0,), normal=(1.0,))

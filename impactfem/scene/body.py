@@ -1,0 +1,61 @@
+"""What the scene language asks of every kind of body."""
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.scene.flight import Flight
+from impactfem.scene.probes import MOVES
+
+Floats = NDArray[np.float64]
+
+
+class BodyKind:
+    """Base of all bodies: what is so of most of them.
+
+    Attributes:
+        kind: Its name in a scene.
+        waves: Whether it has waves, and rebounds by its own elasticity.
+        meets_alike: Whether it meets others of its kind by methods of the kind.
+        probed: What a probe in it may keep.
+        settings: Keys of ``[solve]`` that it brings into scenes of several kinds.
+        whole_side: Surfaces that its bare name stands for in ``[[contact]] between``; None for all.
+    """
+
+    kind: ClassVar[str]
+    waves: ClassVar[bool] = False
+    meets_alike: ClassVar[bool] = False
+    probed: ClassVar[tuple[str, ...]] = MOVES
+    settings: ClassVar[tuple[str, ...]] = ()
+    whole_side: ClassVar[tuple[str, ...] | None] = None
+
+    @property
+    def surface_names(self) -> tuple[str, ...] | None:
+        """Names of its surfaces in ``between``; None if they are not known yet."""
+        return ()
+
+    def box(self) -> tuple[Floats, Floats] | None:
+        """Half edges and centre [m] of a box that holds it in any rotation that it may take.
+
+        Shape (dim,) each; None if it is not known before meshing.
+        """
+        return None
+
+    @property
+    def flight(self) -> Flight | None:
+        """How it flies; None if that is not certain."""
+        return None
+
+    def centre_velocity(self) -> Floats | None:
+        """Velocity at t = 0 [m/s], (dim,); None if it differs from place to place."""
+        return None
+
+    def centreline(self) -> Floats | None:
+        """Places along the middle of a slender body at t = 0 [m], (places, dim); None if thick."""
+        return None
+
+    @property
+    def thickness(self) -> float:
+        """Thickness around its centreline [m]; 0 if it has none."""
+        return 0.0

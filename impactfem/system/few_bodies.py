@@ -1,0 +1,189 @@
+"""Systems of the bodies of a scene that have no mesh: one function for each kind."""
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.scene import Bar, Beam, Point, Rod, Scene
+from impactfem.system.beam import free_beam
+from impactfem.system.few import ElasticBar, FewBodies, Lumped, rigid_in_plane
+from impactfem.system.frequency import highest_frequency
+from impactfem.system.generalized import LinearSystem
+from impactfem.system.points import free_points
+
+Floats = NDArray[np.float64]
+
+_SAMPLES = 5040  # along a bar
+_OF_BENDING = 5.0  # a beam's modes up to about the second are followed like a vibration
+_OF_TRANSIT = 5.0  # rad: a wave is through a bar after 100 of 20 steps in a radian
+
+
+def few_bodies(scene: Scene) -> tuple[FewBodies, ...]:
+    """Systems of the bodies of a scene that have no mesh: points first, as one.
+
+    Raises:
+        SceneError: A spring has no direction.
+    """
+    kinds = list(_MAKERS)
+    bodies = sorted(
+        (body for body in scene.bodies if type(body) in kinds), key=lambda b: kinds.index(type(b))
+    )
+    found: list[FewBodies] = []
+    for kind, alike in groupby(bodies, type):
+        found += _MAKERS[kind](list(alike))
+    return tuple(found)
+
+
+def _of_points(points: Sequence[Point]) -> Lumped:
+    dim, count = points[0].dim, len(points)
+    free = free_points(points)
+    position = np.concatenate([p.position for p in points]).astype(float)
+    masses = tuple(p.mass for p in points)
+    radius = np.array([p.radius for p in points])
+    velocity = np.concatenate([p.velocity or () for p in points]).astype(float)
+    return Lumped(
+        names=tuple(p.name for p in points),
+        masses=masses,
+        centers=position.reshape(count, dim),
+        speeds=velocity.reshape(count, dim),
+        rate=lambda: highest_frequency(free.system, position, velocity),
+        system=free.system,
+        weights=np.concatenate([m * np.eye(dim) for m in masses]),
+        moments=np.zeros((count * dim, dim * (dim - 1) // 2)),
+        inertias=(0.0,) * count,
+        angles=(0.0,) * count,
+        owner=np.repeat(np.arange(count), dim),
+        position=position,
+        velocity=velocity,
+        places=lambda q: q.reshape(count, dim).copy(),
+        jacobian=lambda _: np.eye(count * dim),
+        turning=False,
+        radius=radius,
+        shell=radius,
+        touching=np.ones(count, dtype=bool),
+        body=np.arange(count),
+        lines=_NO_LINES,
+        ends={},
+        elastic=free.elastic,
+        load=free.load,
+        words="a point" if count == 1 else f"{count} points",
+    )
+
+
+def _of_rod(rod: Rod) -> Lumped:
+    along = np.array([np.cos(rod.inclination), np.sin(rod.inclination)])
+    return rigid_in_plane(
+        rod.name,
+        mass=rod.mass,
+        inertia=rod.mass * rod.length**2 / 12.0,
+        center=rod.center,
+        arms=0.5 * rod.length * np.array([-along, along]),
+        velocity=(*rod.velocity, rod.angular_velocity),
+        radius=rod.radius,
+        lines=np.array([[0, 1]]),
+        words="a rigid rod",
+        angle=rod.inclination,
+    )
+
+
+def _of_beam(beam: Beam) -> Lumped:
+    free = free_beam(beam)
+    matrices, (along, across) = free.matrices, free.axes
+    count, size = len(matrices.nodes), len(matrices.mass)
+    system = LinearSystem(
+        mass=matrices.mass, stiffness=matrices.stiffness, damping=free.damping,
+        normals=np.zeros((0, size)), offsets=np.zeros(0),
+    )  # fmt: skip
+    jacobian = np.zeros((count, 2, size))
+    jacobian[np.arange(count), :, 3 * np.arange(count)] = along
+    jacobian[np.arange(count), :, 3 * np.arange(count) + 1] = across
+    flat = jacobian.reshape(2 * count, size)
+    position, velocity = free.start
+    touching = np.full(count, beam.contact == "along")
+    touching[[0, -1]] = True
+    weights = matrices.mass @ free.rigid_modes[:, :2]
+    return Lumped(
+        names=(beam.name,),
+        masses=(beam.mass,),
+        centers=np.array([beam.center], dtype=float),
+        speeds=(weights.T @ velocity)[None] / beam.mass,
+        # No step has to follow the fastest of a beam.
+        rate=lambda: _OF_BENDING * beam.first_frequency,
+        ends={},
+        system=system,
+        weights=weights,
+        moments=matrices.mass @ free.rigid_modes[:, 2:],
+        inertias=(float(free.rigid_mass[2, 2]),),
+        angles=(beam.inclination,),
+        owner=np.zeros(size, dtype=np.int64),
+        position=position,
+        velocity=velocity,
+        places=free.points,
+        jacobian=lambda _: flat,
+        turning=False,
+        radius=np.full(count, 0.5 * beam.height),
+        shell=np.zeros(count),
+        touching=touching,
+        body=np.zeros(count, dtype=np.int64),
+        lines=np.stack([np.arange(count - 1), np.arange(1, count)], axis=1),
+        elastic=lambda q: 0.5 * float(q @ (matrices.stiffness @ q)),
+        load=None,
+        words=f"a free beam of {beam.elements} elements",
+        beam=free,
+    )
+
+
+def _of_bar(bar: Bar) -> ElasticBar:
+    origin, axis = bar.frame
+    ends = np.array([0.0, bar.length])
+    moved, speed = (
+        np.asarray(formula(x=ends) + np.zeros(2))
+        for formula in (bar.initial_displacement, bar.initial_velocity)
+    )
+    free = bar.far_end == "free"
+    speed *= [1.0, float(free)]
+    middle, mean = _means(bar)
+    return ElasticBar(
+        names=(bar.name,),
+        masses=(bar.mass,),
+        centers=(origin + (0.5 * bar.length + middle) * axis)[None],
+        speeds=(mean * axis)[None],
+        inertias=(0.0,),
+        angles=(0.0,),
+        position=moved,
+        velocity=speed,
+        places=lambda u: np.asarray(origin + (ends + u)[:, None] * axis),
+        radius=np.zeros(2),
+        shell=np.zeros(2),
+        touching=np.array([True, free]),
+        body=np.zeros(2, dtype=np.int64),
+        lines=_NO_LINES,
+        ends={"": np.array([0])} | ({"far_end": np.array([1])} if free else {}),
+        rate=lambda: _OF_TRANSIT / bar.transit_time,
+        words=f"a bar {'clamped at its far end' if not free else 'followed by its waves'}",
+        bar=bar,
+        axis=axis,
+        origin=origin,
+    )
+
+
+def _means(bar: Bar) -> tuple[float, float]:
+    """Mean displacement [m] and velocity [m/s] of a bar at t = 0."""
+    x = bar.length * np.linspace(0.0, 1.0, _SAMPLES + 1)
+    each = (bar.initial_displacement, bar.initial_velocity)
+    moved, speed = (np.asarray(formula(x=x) + np.zeros_like(x)) for formula in each)
+    return float(np.mean(0.5 * (moved[1:] + moved[:-1]))), float(np.mean(speed))
+
+
+_NO_LINES = np.zeros((0, 2), dtype=np.int64)
+
+_MAKERS: Mapping[type, Callable[[list[Any]], Sequence[FewBodies]]] = {
+    Point: lambda points: [_of_points(points)],
+    Rod: lambda rods: list(map(_of_rod, rods)),
+    Beam: lambda beams: list(map(_of_beam, beams)),
+    Bar: lambda bars: list(map(_of_bar, bars)),
+}
+"""Systems of bodies of one kind: the place to add a body without a mesh."""
