@@ -15,9 +15,10 @@ from impactfem.result.shapes import Shape
 from impactfem.scene import Beam, PiecewiseVector, Point, Rod, Scene
 from impactfem.scene.pairing import pair_name
 from impactfem.system.beam import FreeBeam, free_beam
-from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.system.points import contact_pairs, points_system, start_state
 from impactfem.system.rod import rod_system
+from impactfem.system.start_checks import check_start
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -24,7 +24,6 @@ Constraints = Callable[[Floats], ArrayLike] | Sequence[Callable[[Floats], Any]]
 
 _COMPLEX_STEP = 1e-30
 _REAL_STEP = 6e-6  # about eps^(1/3): the error of central differences is 1e-10 of the curvature
-_SAME_JACOBIAN = 1e-5  # share of the largest entry by which a given Jacobian may differ
 
 
 @dataclass(frozen=True)
@@ -52,9 +51,12 @@ class GeneralizedSystem:
         potential: Potential energy (t, u) -> number [J] for the history; None if unknown.
         dofs: Number d of coordinates; needed only if no constant mass matrix tells it.
         names: Names of the coordinates, for messages.
+        friction: Coulomb's coefficient: a number, or one a constraint.
+        slip: With friction, how what touches slides: a function u -> (J, d) whose rows times u' are
+            velocities along the one tangent of each constraint, or (J, 2, d) along two.
 
     Raises:
-        SceneError: A value has the wrong shape, or e lies outside [0, 1].
+        SceneError: A value has the wrong shape, e lies outside [0, 1], or friction is negative.
     """
 
     def __init__(
@@ -65,6 +67,8 @@ class GeneralizedSystem:
         constraints: Constraints,
         restitution: float | Sequence[float] = 0.0,
         jacobian: Callable[[Floats], ArrayLike] | None = None,
+        friction: float | Sequence[float] = 0.0,
+        slip: Callable[[Floats], ArrayLike] | None = None,
         motion: Sequence[Signal] | None = None,
         potential: Callable[[float, Floats], float] | None = None,
         dofs: int | None = None,
@@ -76,11 +80,15 @@ class GeneralizedSystem:
             raise SceneError("GeneralizedSystem: mass is a function; give dofs, the length of u")
         self.dofs: int = len(self._mass) if self._mass is not None else int(dofs or 0)
         self._force = force
-        self._phi = _as_function(constraints)
+        self.constraint_function = _as_function(constraints)
         self._given_jacobian = jacobian
         self.names = tuple(names or (f"u[{i}]" for i in range(self.dofs)))
         count = len(self._constraints_at(np.zeros(self.dofs)))
         self.restitution: Floats = _restitution(restitution, count)
+        self.friction: Floats = _friction(friction, count)
+        self._slip = slip
+        if self.friction.any() and slip is None:
+            raise SceneError("GeneralizedSystem: friction needs slip, a function u -> (J, d)")
         self.motion = tuple(motion) if motion is not None else (Signal(),) * count
         if len(self.motion) != count:
             raise SceneError(
@@ -146,7 +154,25 @@ class GeneralizedSystem:
         """Jacobian d phi / d u, shape (J, d)."""
         if self._given_jacobian is not None:
             return np.atleast_2d(np.asarray(self._given_jacobian(u), dtype=float))
-        return differentiate(self._phi, np.asarray(u, dtype=float))
+        return differentiate(self.constraint_function, np.asarray(u, dtype=float))
+
+    def slip(self, u: Floats) -> Floats:
+        """Rows that make velocities along the tangents of u', shape (J, tangents, d).
+
+        Raises:
+            SceneError: It has another shape.
+        """
+        if self._slip is None:
+            return np.zeros((self.num_constraints, 1, self.dofs))
+        given = np.asarray(self._slip(u), dtype=float)
+        rows = np.expand_dims(given, 1) if given.ndim == 2 else given
+        fitting = [(self.num_constraints, count, self.dofs) for count in (1, 2)]
+        if rows.shape not in fitting:
+            raise SceneError(
+                f"slip has shape {given.shape}; it must be ({self.num_constraints}, {self.dofs}), "
+                f"or {fitting[1]} with two tangents"
+            )
+        return rows
 
     def gap_rate(self, t: float, u: Floats, v: Floats) -> Floats:
         """Normal velocities J v - b'(t), shape (J,)."""
@@ -166,7 +192,7 @@ class GeneralizedSystem:
         return 0.5 * float(v @ (self.mass(u) @ v))
 
     def _constraints_at(self, u: Floats) -> Floats:
-        return np.atleast_1d(np.asarray(self._phi(u), dtype=float))
+        return np.atleast_1d(np.asarray(self.constraint_function(u), dtype=float))
 
 
 class LinearSystem(GeneralizedSystem):
@@ -183,6 +209,8 @@ class LinearSystem(GeneralizedSystem):
         normals: G (J, d); rows need not have length 1.
         offsets: c (J,).
         restitution: As for `GeneralizedSystem`.
+        friction: As for `GeneralizedSystem`.
+        slip: As for `GeneralizedSystem`.
         motion: As for `GeneralizedSystem`.
         potential: As for `GeneralizedSystem`; that of K and constant loads if None.
         names: Names of the coordinates, for messages.
@@ -201,6 +229,8 @@ class LinearSystem(GeneralizedSystem):
         damping: ArrayLike | None = None,
         load: Sequence[Signal | float] | None = None,
         restitution: float | Sequence[float] = 0.0,
+        friction: float | Sequence[float] = 0.0,
+        slip: Callable[[Floats], ArrayLike] | None = None,
         motion: Sequence[Signal] | None = None,
         potential: Callable[[float, Floats], float] | None = None,
         names: Sequence[str] | None = None,
@@ -226,6 +256,8 @@ class LinearSystem(GeneralizedSystem):
             constraints=lambda u: self.normals @ u + self.offsets,
             restitution=restitution,
             jacobian=lambda _: self.normals,
+            friction=friction,
+            slip=slip,
             motion=motion,
             potential=potential or self._linear_potential,
             names=names,
@@ -277,63 +309,6 @@ def differentiate(phi: Callable[[Any], Any], u: Floats) -> Floats:
     size = max(1.0, float(np.abs(real).max(initial=0.0)))
     # abs, min and max drop the imaginary part: then the complex step is wrong, not inaccurate.
     return complex_one if np.abs(complex_one - real).max(initial=0.0) <= 1e-5 * size else real
-
-
-def check_start(system: GeneralizedSystem, u: Floats, v: Floats, t: float = 0.0) -> None:
-    """Refuse a system that cannot be started from a state.
-
-    Raises:
-        SceneError: Wrong shapes, a mass matrix that is not symmetric positive definite, forces
-            that are not finite, a Jacobian that contradicts differences, a gradient that vanishes
-            where its constraint is closed, or a state outside the constraints.
-    """
-    for name, value in (("position", u), ("velocity", v)):
-        if value.shape != (system.dofs,) or not np.isfinite(value).all():
-            raise SceneError(
-                f"{name} = {value.tolist()}: give {system.dofs} finite numbers, one for each of "
-                f"{', '.join(system.names)}"
-            )
-    factor_mass(system, u)
-    force = system.force(t, u, v)
-    if force.shape != (system.dofs,) or not np.isfinite(force).all():
-        raise SceneError(
-            f"force at t = {t:g} is {force.tolist()}: it must give {system.dofs} finite numbers"
-        )
-    _check_gradients(system, u, t)
-    gap = system.gap(t, u)
-    length = max(1e-300, float(np.abs(u).max(initial=0.0)), float(np.abs(gap).max(initial=0.0)))
-    worst = int(np.argmin(gap)) if len(gap) else 0
-    if len(gap) and gap[worst] < -1e-12 * length:
-        raise SceneError(
-            f"position = {u.tolist()} lies outside constraint {worst}: its gap is {gap[worst]:.6g} "
-            "< 0; start where every constraint is >= 0"
-        )
-
-
-def _check_gradients(system: GeneralizedSystem, u: Floats, t: float) -> None:
-    jacobian = system.jacobian(u)
-    shape = (system.num_constraints, system.dofs)
-    if jacobian.shape != shape:
-        raise SceneError(f"jacobian has shape {jacobian.shape}; it must be {shape}")
-    found = differentiate(system._phi, u)  # noqa: SLF001  # of this module
-    size = max(float(np.abs(found).max(initial=0.0)), 1e-300)
-    wrong = np.abs(jacobian - found) > _SAME_JACOBIAN * size
-    if wrong.any():
-        j, i = (int(index) for index in np.argwhere(wrong)[0])
-        raise SceneError(
-            f"jacobian[{j}, {i}] = {jacobian[j, i]:.9g} at u = {u.tolist()}, but differences of "
-            f"constraint {j} along {system.names[i]} give {found[j, i]:.9g}; correct it, or leave "
-            "jacobian out to have it computed"
-        )
-    norms = np.linalg.norm(jacobian, axis=1)
-    gap = system.gap(t, u)
-    flat = np.flatnonzero((norms <= 1e-12 * size) & (np.abs(gap) <= 1e-9))
-    if len(flat):
-        raise SceneError(
-            f"the gradient of constraint {flat[0]} vanishes at u = {u.tolist()}, where it is "
-            "closed: it gives no normal; write it so that its gradient is not zero on its boundary "
-            "(a distance instead of its square)"
-        )
 
 
 def factor_mass(system: GeneralizedSystem, u: Floats, t: float | None = None) -> Floats:
@@ -401,6 +376,20 @@ def _as_function(constraints: Constraints) -> Callable[[Any], Any]:
             f"constraints = {constraints!r}: give a function u -> (J,), or a list of functions"
         )
     return lambda u: np.array([entry(u) for entry in functions])
+
+
+def _friction(given: float | Sequence[float], count: int) -> Floats:
+    values = np.asarray(given, dtype=float)
+    values = np.full(count, values) if values.ndim == 0 else values
+    if values.shape != (count,):
+        raise SceneError(f"friction has {values.size} entries for {count} constraints")
+    bad = np.flatnonzero(~((values >= 0.0) & np.isfinite(values)))
+    if len(bad):
+        raise SceneError(
+            f"friction = {values[bad[0]]:g} of constraint {bad[0]} is not allowed: give a number "
+            ">= 0"
+        )
+    return values
 
 
 def _restitution(given: float | Sequence[float], count: int) -> Floats:

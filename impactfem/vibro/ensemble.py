@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_solve
 
 from impactfem.errors import ConvergenceError, SceneError
-from impactfem.system.generalized import LinearSystem, check_start
+from impactfem.system.generalized import LinearSystem
+from impactfem.system.start_checks import check_start
 from impactfem.vibro import position_level, velocity_level
 from impactfem.vibro.kicks import Kicks
 from impactfem.vibro.position_kernels import march_members, march_positions, march_velocities

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from impactfem.contact.impact_law import Law
 from impactfem.errors import SceneError
 from impactfem.result.trajectory import Trajectory
-from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.system.start_checks import check_start
 from impactfem.vibro.event_contacts import Contacts
 from impactfem.vibro.event_general import fly_general
 from impactfem.vibro.event_linear import fly_linear

@@ -21,12 +21,13 @@ from impactfem.vibro.velocity_level import VelocitySettings, integrate_velocitie
 class _Entry(NamedTuple):
     settings: type[Any]
     integrate: Callable[..., Trajectory]
+    rubs: bool = False  # whether it knows friction
 
 
 INTEGRATORS: Mapping[str, _Entry] = {
     "event_driven": _Entry(EventSettings, integrate_events),
     "paoli_schatzman": _Entry(PositionSettings, integrate_positions),
-    "moreau_jean": _Entry(VelocitySettings, integrate_velocities),
+    "moreau_jean": _Entry(VelocitySettings, integrate_velocities, rubs=True),
     "penalty": _Entry(PenaltySettings, integrate_penalty),
 }
 """Settings and function of each method."""
@@ -65,6 +66,9 @@ def integrate(
     if not (np.isfinite(duration) and duration > 0.0):
         raise SceneError(f"duration = {duration} is not allowed: give a finite number > 0")
     entry = INTEGRATORS[method]
+    if system.friction.any() and not entry.rubs:
+        fitting = " or ".join(f'"{name}"' for name, other in INTEGRATORS.items() if other.rubs)
+        raise SceneError(f'method = "{method}" knows no friction: give {fitting}')
     known = [field.name for field in fields(entry.settings)]
     for name in settings:
         if name not in known:

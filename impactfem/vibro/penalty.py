@@ -21,7 +21,8 @@ from scipy import integrate
 from impactfem.errors import SceneError
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Impacts, Trajectory
-from impactfem.system.generalized import GeneralizedSystem, check_start
+from impactfem.system.generalized import GeneralizedSystem
+from impactfem.system.start_checks import check_start
 from impactfem.vibro.penalty_legs import Legs, Record
 from impactfem.vibro.penalty_projection import Projector
 from impactfem.vibro.vibro_rows import largest_force

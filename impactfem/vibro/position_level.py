@@ -37,7 +37,8 @@ from impactfem.errors import SceneError
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.frequency import highest_frequency
-from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.system.start_checks import check_start
 from impactfem.vibro.kicks import Kicks
 from impactfem.vibro.position_general import march_general
 from impactfem.vibro.position_kernels import march_positions

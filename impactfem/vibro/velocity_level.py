@@ -10,8 +10,9 @@ w = J v - b'. For a `LinearSystem` f = p_t - C v_t - K (u^m + theta h v_t), whic
     A = M + theta h C + theta^2 h^2 K,
     A (v^{m+1} - v^m) = h p_t - h K u^m - (h C + theta h^2 K) v^m + J^T P
 
-is solved at once; stable for any h from theta = 1/2 on. Other systems take M, J and f at the
-midpoint, u^m + h v^m / 2. Friction joins where normal impulses are found: in `_impulses`.
+is solved at once; stable for any h from theta = 1/2 on. Other systems, and those with friction,
+take M, J and f at the midpoint, u^m + h v^m / 2. Impulses of friction obey Coulomb's exact cone
+with the slip at the end of the step.
 
 An impact takes one step and leaves with e w^m; positions have order 1 and penetrate O(h).
 Source: Jean and Moreau, Unilaterality and dry friction in the dynamics of rigid body collections
@@ -25,12 +26,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, lu_factor, lu_solve
 
+from impactfem.contact.friction_newton import ConeProblem, solve_cones
 from impactfem.contact.impact_law import Law, delassus
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.frequency import highest_frequency
-from impactfem.system.generalized import GeneralizedSystem, LinearSystem, check_start, factor_mass
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem, factor_mass
+from impactfem.system.start_checks import check_start
 from impactfem.vibro.kicks import Kicks
 from impactfem.vibro.position_kernels import ROUNDING, march_velocities, note
 from impactfem.vibro.vibro_rows import (
@@ -50,6 +53,7 @@ Floats = NDArray[np.float64]
 
 _LIMIT = 2.0  # h omega_max up to which forces at the midpoint are stable
 _MAX_FIXED_POINT = 100
+_MAX_SYSTEMS = 5000  # linear ones of a step with friction
 
 
 @dataclass(frozen=True)
@@ -101,7 +105,7 @@ def integrate_velocities(
     steps, h = count_steps(duration, settings.dt, settings.every, settings.impact_law)
     check_theta(settings.theta)
     check_start(system, u, v)
-    if isinstance(system, LinearSystem):
+    if isinstance(system, LinearSystem) and not system.friction.any():
         return _linear(system, u, v, steps, h, settings)
     number = h * highest_frequency(system, u, v)
     if number >= _LIMIT:
@@ -195,7 +199,7 @@ def _general(
     episodes, total, worst = starting_episodes(system, u, v), np.zeros(2 * count), 0.0
     room = np.zeros((count, 5))
     impacts: list[tuple[float, ...]] = []
-    kicks = Kicks(system, steps, h)
+    kicks, rubbed = Kicks(system, steps, h), 0.0
     for m in range(steps + 1):
         t = m * h
         gap = system.gap(t, u)
@@ -205,7 +209,8 @@ def _general(
             rows[0][row], rows[1][row], rows[2][row], rows[3][row] = u, v, gap, total
         ends = np.stack([system.motion_rate(t), system.motion_rate(t + h)])
         (wall,), (wall_new,) = kicks.rates(ends, m)
-        new, impulse, speed, after = _step(system, t, h, u, v, (wall, wall_new))
+        new, impulse, speed, after, work = _step(system, t, h, u, v, (wall, wall_new))
+        rubbed += work
         total += pushed(impulse, episodes)
         written = 0
         for c in range(count):
@@ -215,6 +220,8 @@ def _general(
         u, v = u + h * (v + theta * (new - v)), new
     impacts.extend(unfinished(episodes))
     details = {"dt": h, "theta": theta, "max_penetration": max(0.0, -worst)}
+    if system.friction.any():
+        details["friction_work"] = rubbed
     effort = Effort(num_unknowns=system.dofs, details=details)
     return trajectory(system, row_times(row_levels(steps, every), h), rows, impacts, effort)
 
@@ -222,10 +229,11 @@ def _general(
 def _step(
     system: GeneralizedSystem, t: float, h: float, u: Floats, v: Floats,
     walls: tuple[Floats, Floats],
-) -> tuple[Floats, Floats, Floats, Floats]:  # fmt: skip
-    """v^{m+1}, P, and normal velocities before and after; velocities in f by fixed point.
+) -> tuple[Floats, Floats, Floats, Floats, float]:  # fmt: skip
+    """v^{m+1}, P, normal velocities before and after, and the work of friction [J].
 
-    ``walls`` are the velocities of the walls before and after, each of shape (J,).
+    Velocities in f are found by fixed point. ``walls`` are the velocities of the walls before and
+    after, each of shape (J,).
     """
     middle = u + 0.5 * h * v
     factor = factor_mass(system, middle, t)
@@ -234,18 +242,26 @@ def _step(
     count = system.num_constraints
     impulse, speed, after = np.zeros(count), np.zeros(count), np.zeros(count)
     jacobian, answers, coupling = np.zeros((0, len(u))), np.zeros((len(u), 0)), np.zeros((0, 0))
+    tangents, friction = 0, system.friction[closed]
     if len(closed):
         jacobian = system.jacobian(middle)[closed]
-        coupling, answers = delassus(factor, jacobian)
         speed[closed] = jacobian @ v - walls[0][closed]
-    rate = walls[1][closed]
+        if friction.any():
+            rows = np.concatenate([jacobian[:, None], system.slip(middle)[closed]], axis=1)
+            tangents = rows.shape[1] - 1
+            jacobian = rows.reshape(-1, len(u))  # the normal of each, then its tangents
+        coupling, answers = delassus(factor, jacobian)
+    normal = slice(None, None, 1 + tangents)
+    rate, arriving = np.zeros((2, len(jacobian)))
+    rate[normal], arriving[normal] = walls[1][closed], system.restitution[closed] * speed[closed]
     inverse = cho_solve((factor, True), np.eye(len(u)))
     force = system.force(t + 0.5 * h, middle, v)
     for _ in range(_MAX_FIXED_POINT):
         free = v + h * (inverse @ force)
-        offset = jacobian @ free - rate + system.restitution[closed] * speed[closed]
-        impulse[closed] = _impulses(coupling, offset)
-        new = free + answers @ impulse[closed]
+        offset = jacobian @ free - rate + arriving
+        pushing = _impulses(coupling, offset, friction, tangents)
+        impulse[closed] = pushing[normal]
+        new = free + answers @ pushing
         following = system.force(t + 0.5 * h, middle, 0.5 * (v + new))
         if not np.isfinite(following).all():
             raise ConvergenceError(
@@ -254,8 +270,10 @@ def _step(
             )
         moved = h * float(np.abs(inverse @ (following - force)).max())
         if moved <= 1e-13 * float(np.abs(new).max()) + 1e-300:
-            after[closed] = jacobian @ new - rate
-            return new, impulse, speed, after
+            after[closed] = (jacobian @ new - rate)[normal]
+            along = pushing * (0.5 * jacobian @ (v + new))
+            work = float(along.sum() - along[normal].sum())
+            return new, impulse, speed, after, work
         force = following
     raise ConvergenceError(
         f"the forces that depend on velocity did not settle in {_MAX_FIXED_POINT} iterations at "
@@ -263,6 +281,15 @@ def _step(
     )
 
 
-def _impulses(coupling: Floats, offset: Floats) -> Floats:
-    """Normal impulses of the closed constraints: 0 <= P _|_ offset + coupling P >= 0."""
-    return solve_impulses(coupling, offset)
+def _impulses(coupling: Floats, offset: Floats, friction: Floats, tangents: int) -> Floats:
+    """Impulses of the closed constraints, each followed by those along its tangents.
+
+    Normal ones obey 0 <= P _|_ offset + coupling P >= 0, tangential ones Coulomb's cone.
+    """
+    if not tangents:
+        return solve_impulses(coupling, offset)
+    each = offset.reshape(-1, 1 + tangents)
+    none = np.zeros(len(friction))
+    problem = ConeProblem(0.5 * (coupling + coupling.T), each, friction, none)
+    tolerance = ROUNDING * float(np.abs(offset).max(initial=0.0))
+    return solve_cones(problem, np.zeros_like(each), tolerance, _MAX_SYSTEMS)[0].ravel()

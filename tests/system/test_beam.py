@@ -10,7 +10,7 @@ from impactfem.scene.beams import Beam
 from impactfem.scene.obstacles import HalfSpace
 from impactfem.system.beam import FreeBeam, free_beam
 from impactfem.system.beam_matrices import euler_bernoulli, timoshenko
-from impactfem.system.generalized import check_start
+from impactfem.system.start_checks import check_start
 
 FLOOR = HalfSpace(point=[0.0, 0.0], normal=[0.0, 2.0])
 

@@ -8,10 +8,10 @@ from impactfem.scene import Contact, HalfSpace, Point, RigidCylinder, RigidSpher
 from impactfem.system.generalized import (
     GeneralizedSystem,
     LinearSystem,
-    check_start,
     differentiate,
 )
 from impactfem.system.points import points_system, start_state
+from impactfem.system.start_checks import check_start
 
 
 def scene_of(points, obstacles=(), contacts=(), **more):

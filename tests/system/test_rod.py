@@ -10,8 +10,9 @@ from impactfem import SceneError
 from impactfem.contact.impact_law import resolve_impact
 from impactfem.scene.beams import Rod
 from impactfem.scene.obstacles import HalfSpace
-from impactfem.system.generalized import check_start, differentiate, factor_mass
+from impactfem.system.generalized import differentiate, factor_mass
 from impactfem.system.rod import rod_system
+from impactfem.system.start_checks import check_start
 
 FLOOR = HalfSpace(point=[1.0, 0.5], normal=[0.0, 3.0])
 SLOPE = HalfSpace(point=[-4.0, 0.0], normal=[1.0, 1.0])

@@ -1,0 +1,69 @@
+"""Whether a system in generalised coordinates can be started from a state."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import SceneError
+from impactfem.system.generalized import GeneralizedSystem, differentiate, factor_mass
+
+Floats = NDArray[np.float64]
+
+_SAME_JACOBIAN = 1e-5  # share of the largest entry by which a given Jacobian may differ
+
+
+def check_start(system: GeneralizedSystem, u: Floats, v: Floats, t: float = 0.0) -> None:
+    """Refuse a system that cannot be started from a state.
+
+    Raises:
+        SceneError: Wrong shapes, a mass matrix that is not symmetric positive definite, forces
+            that are not finite, a Jacobian that contradicts differences, a gradient that vanishes
+            where its constraint is closed, or a state outside the constraints.
+    """
+    for name, value in (("position", u), ("velocity", v)):
+        if value.shape != (system.dofs,) or not np.isfinite(value).all():
+            raise SceneError(
+                f"{name} = {value.tolist()}: give {system.dofs} finite numbers, one for each of "
+                f"{', '.join(system.names)}"
+            )
+    factor_mass(system, u)
+    force = system.force(t, u, v)
+    if force.shape != (system.dofs,) or not np.isfinite(force).all():
+        raise SceneError(
+            f"force at t = {t:g} is {force.tolist()}: it must give {system.dofs} finite numbers"
+        )
+    _check_gradients(system, u, t)
+    system.slip(u)
+    gap = system.gap(t, u)
+    length = max(1e-300, float(np.abs(u).max(initial=0.0)), float(np.abs(gap).max(initial=0.0)))
+    worst = int(np.argmin(gap)) if len(gap) else 0
+    if len(gap) and gap[worst] < -1e-12 * length:
+        raise SceneError(
+            f"position = {u.tolist()} lies outside constraint {worst}: its gap is {gap[worst]:.6g} "
+            "< 0; start where every constraint is >= 0"
+        )
+
+
+def _check_gradients(system: GeneralizedSystem, u: Floats, t: float) -> None:
+    jacobian = system.jacobian(u)
+    shape = (system.num_constraints, system.dofs)
+    if jacobian.shape != shape:
+        raise SceneError(f"jacobian has shape {jacobian.shape}; it must be {shape}")
+    found = differentiate(system.constraint_function, u)
+    size = max(float(np.abs(found).max(initial=0.0)), 1e-300)
+    wrong = np.abs(jacobian - found) > _SAME_JACOBIAN * size
+    if wrong.any():
+        j, i = (int(index) for index in np.argwhere(wrong)[0])
+        raise SceneError(
+            f"jacobian[{j}, {i}] = {jacobian[j, i]:.9g} at u = {u.tolist()}, but differences of "
+            f"constraint {j} along {system.names[i]} give {found[j, i]:.9g}; correct it, or leave "
+            "jacobian out to have it computed"
+        )
+    norms = np.linalg.norm(jacobian, axis=1)
+    gap = system.gap(t, u)
+    flat = np.flatnonzero((norms <= 1e-12 * size) & (np.abs(gap) <= 1e-9))
+    if len(flat):
+        raise SceneError(
+            f"the gradient of constraint {flat[0]} vanishes at u = {u.tolist()}, where it is "
+            "closed: it gives no normal; write it so that its gradient is not zero on its boundary "
+            "(a distance instead of its square)"
+        )
