@@ -133,9 +133,8 @@ def law_findings(scene: Scene) -> list[Finding]:
     """What is not settled of the laws of impact."""
     dead = sum(not body.waves for body in scene.bodies)
     if scene.contacts or dead + bool(dead and scene.obstacles) < 2:
-        lively = any(law.restitution > 0.0 for law in scene.contacts)
-        rubs = any(law.friction_coefficient > 0.0 for law in scene.contacts)
-        if not (lively and rubs):
+        both = [e for e in scene.contacts if e.restitution > 0.0 and e.friction_coefficient > 0.0]
+        if not both:
             return []
         text = (
             "restitution with friction: no law is settled; Moreau's is taken, restitution on "
