@@ -11,7 +11,7 @@ from gallery_runs import ROOT, Run, is_current, sources
 from md_tables import table
 from PIL import Image
 from placing import Placed
-from readmes import GROUPS, NO_SCENE, PAGES, Demo, read_demos
+from readmes import GROUPS, MIXED, NO_SCENE, PAGES, Demo, read_demos
 
 EXTRA = ROOT / "docs" / "generated" / "extra" / "gallery"  # copied to the site as it is
 THUMB = (480, 320)  # pixels
@@ -166,7 +166,7 @@ def index(demos: Sequence[Demo]) -> str:
             "last picture.\n"
         )
     parts = ["# Gallery\n", lead]
-    for group in (*GROUPS.values(), NO_SCENE):
+    for group in (*GROUPS.values(), MIXED, NO_SCENE):
         cards = "\n".join(card(demo) for demo in demos if demo.group == group)
         if not cards:
             continue

@@ -15,6 +15,7 @@ LINK = re.compile(r"(?<=\]\()(?!https?:|mailto:|#)([^)#\s]+)(#[^)\s]*)?(?=\))")
 GREEK = {"omega": "ω", "mu": "µ", "alpha": "α", "beta": "β"}
 SHORT, LONG = 45, 150  # characters of a sentence that says too little alone, of one to cut
 GROUPS = {"bar": "Bars", "solid": "Solids", "point": "Points, rods and beams"}
+MIXED = "Bodies of different kinds"
 NO_SCENE = "Without a scene"
 
 
@@ -67,8 +68,8 @@ class Demo:
         path = ROOT / "demos" / self.name / "scene.toml"
         if not path.is_file():
             return NO_SCENE
-        kind = tomllib.loads(path.read_text(encoding="utf-8"))["body"][0]["kind"]
-        return GROUPS.get(kind, GROUPS["point"])
+        kinds = {body["kind"] for body in tomllib.loads(path.read_text(encoding="utf-8"))["body"]}
+        return MIXED if len(kinds) > 1 else GROUPS.get(*kinds, GROUPS["point"])
 
     @property
     def images(self) -> list[Path]:
