@@ -8,8 +8,10 @@ import numpy as np
 from impactfem.contact.boundary import Boundary
 from impactfem.contact.reach import Reach, reach
 from impactfem.contact.surfaces import ContactNodes, contact_nodes
+from impactfem.errors import SceneError
 from impactfem.fem import MPI
 from impactfem.scene import Scene, Solid
+from impactfem.scene.pairing import surfaces_on
 from impactfem.system.elastic import ElasticSystem
 
 
@@ -26,8 +28,33 @@ def reach_of(
     )  # fmt: skip
 
 
+def surfaces_of(scene: Scene, solid: Solid, obstacles: Sequence[Any]) -> Sequence[str] | None:
+    """Surfaces of a solid that may touch its obstacles; None for all that can.
+
+    Raises:
+        SceneError: Contact laws name other surfaces for one obstacle than for another: each node is
+            held off the nearest of all.
+    """
+    named = {
+        tuple(sorted(name for name in surfaces_on(scene, solid.name, obstacle.name) or ("",)))
+        for obstacle in obstacles
+    }
+    if len(named) > 1:
+        first, second = (
+            " and ".join(f"{solid.name}/{name}" if name else solid.name for name in names)
+            for names in sorted(named)[:2]
+        )
+        raise SceneError(
+            f"contact.between: {first} meets one obstacle and {second} another: name the same "
+            f"surfaces of {solid.name} for all of its obstacles"
+        )
+    asked = next(iter(named), ("",))
+    return solid.contact_surfaces if "" in asked else asked
+
+
 def contact_of(
     comm: Any,
+    scene: Scene,
     solid: Solid,
     system: ElasticSystem,
     outside: Boundary,
@@ -44,7 +71,7 @@ def contact_of(
         cuts.append("axis")
     return contact_nodes(
         comm, outside, obstacles, system.numbers, system.constrained, system.displacement, bound,
-        name=solid.name, surfaces=solid.contact_surfaces,
+        name=solid.name, surfaces=surfaces_of(scene, solid, obstacles),
         symmetry=cuts, axisymmetric=solid.is_axisymmetric,
     )  # fmt: skip
 

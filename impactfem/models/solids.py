@@ -101,8 +101,9 @@ class SolidPart:
         if not self.obstacles:
             return None
         return contact_of(
-            self.comm, self.solid, self.system, self.outside, self.obstacles, self.reach
-        )
+            self.comm, self.scene, self.solid, self.system, self.outside, self.obstacles,
+            self.reach,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
