@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-Family = Literal["marching", "monolithic", "dg", "exact", "solid", "vibro"]
-
 BAR, SOLID, BOTH = frozenset({"bar"}), frozenset({"solid"}), frozenset({"bar", "solid"})
 VIBRO = frozenset({"point", "rod", "beam"})
 
@@ -20,9 +18,6 @@ class Method:
     """A method as data.
 
     Attributes:
-        family: Which solver of bars runs it: "marching" (compiled layers), "monolithic" (one
-            space-time system), "dg" (discontinuous in space-time) or "exact"; "solid" and "vibro"
-            are for other bodies, whose methods are the schemes and integrators of their names.
         text: What it is and where its limits lie, in words.
         stable: Whether it is stable only up to courant 1 ("limited") or at any ("always").
         plannable: Whether the plan may choose it.
@@ -43,7 +38,6 @@ class Method:
             (benchmarks/error_constants.py).
     """
 
-    family: Family
     text: str
     stable: Literal["limited", "always"] = "always"
     plannable: bool = True
@@ -63,7 +57,6 @@ class Method:
 
 METHODS: Mapping[str, Method] = {
     "galerkin": Method(
-        "marching",
         "space-time P1 Petrov-Galerkin swept layer by layer or in windows with a primal-dual "
         "active set; exact at the nodes at courant 1 when impacts fall on layers; first order in h "
         "off this mesh, where an impact costs energy of order h and a release can give back more "
@@ -76,7 +69,6 @@ METHODS: Mapping[str, Method] = {
         windowed=True,
     ),
     "conserving": Method(
-        "marching",
         "bars: the two waves are carried and reflected in closed form and kept as one straight "
         "line a layer with their mean and mean square: energy and momentum to rounding over any "
         "horizon at any courant number, first order in h off the layers, exact on them; solids: "
@@ -87,7 +79,6 @@ METHODS: Mapping[str, Method] = {
         error=(1.0, 1.0),
     ),
     "dg": Method(
-        "dg",
         "discontinuous P0, P1, P2 in space-time, upwind, on any triangles; diffuses jumps on "
         "unfitted meshes; with fitted = true the events and their characteristics become mesh "
         "lines and the error falls to rounding (up to 10 contacts: 8e-12 in 150 random scenes)",
@@ -97,14 +88,12 @@ METHODS: Mapping[str, Method] = {
         own=("degree", "fitted"),
     ),
     "exact": Method(
-        "exact",
         "characteristics of a homogeneous bar; exact for piecewise linear initial data, thousands "
         "of bounces in a fraction of a second",
         exact=True,
         tolerance=1e-10,
     ),
     "monolithic": Method(
-        "monolithic",
         "the founding computation: galerkin on a Gmsh mesh as one space-time system by DOLFINx and "
         "MUMPS, one active set for the whole interval, or PETSc's SNES VI; an independent check of "
         "the swept galerkin at higher cost",
@@ -114,14 +103,12 @@ METHODS: Mapping[str, Method] = {
         tolerance=1e-10,
     ),
     "newmark": Method(
-        "marching",
         "NEGATIVE CONTROL: Newmark 1/4 with contact imposed on positions; energy grows at every "
         "impact (of a bar 190-fold in seven) and the force rings; never chosen by the plan",
         plannable=False,
         bodies=BOTH,
     ),
     "massless": Method(
-        "solid",
         "Newmark 1/4 with the mass of contact nodes moved to their neighbours: the force follows "
         "from the elastic state and does not ring; energy does not grow; stable at any courant "
         "number",
@@ -129,14 +116,12 @@ METHODS: Mapping[str, Method] = {
         bodies=SOLID,
     ),
     "explicit": Method(
-        "solid",
         "central differences with lumped mass and massless contact nodes: no system to solve but "
         "that of the contact; stable up to courant 1 only",
         stable="limited",
         bodies=SOLID,
     ),
     "moreau_jean": Method(
-        "solid",
         "theta method 1/2 with impact on velocities (Moreau and Jean): energy never grows, "
         "nodes penetrate by a fraction of a step's way; in solids the force rings with the step; "
         "points, rods and beams: any restitution, first order in dt, impacts are not located",
@@ -144,7 +129,6 @@ METHODS: Mapping[str, Method] = {
         bodies=SOLID | VIBRO,
     ),
     "event_driven": Method(
-        "vibro",
         "flights between impacts that are located one by one: exact to rounding where the free "
         "motion is linear, by an integrator of order 8 elsewhere; lasting contact by "
         "complementarity; cost grows with the number of impacts",
@@ -153,14 +137,12 @@ METHODS: Mapping[str, Method] = {
         own=("stick_speed",),
     ),
     "paoli_schatzman": Method(
-        "vibro",
         "position-level scheme: one projection a step, restitution built in, needs no detection "
         "and passes accumulations of impacts; first order in dt",
         bodies=VIBRO,
         lively=True,
     ),
     "penalty": Method(
-        "vibro",
         "stiff springs and dampers behind the constraints, by a library integrator; of order "
         "1 / sqrt(k), costly, wrong where constraints meet: for comparison, never chosen by the "
         "plan",

@@ -191,9 +191,14 @@ def marching_cost(grid: Grid, every: int, passes: int) -> tuple[float, float]:
     return memory, _LOADING_SECONDS + nodes * layers * passes * _SWEEP_SECONDS
 
 
+def physical_mib() -> float:
+    """Memory of the machine [MiB]."""
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**20
+
+
 def _check_memory(memory_mib: float, what: str) -> None:
     """Refuse what cannot fit."""
-    physical = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**20
+    physical = physical_mib()
     if memory_mib > physical:
         raise SceneError(
             f"solve.elements: {what} need about {memory_mib / 1024:.3g} GiB, this machine has "

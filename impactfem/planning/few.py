@@ -9,10 +9,11 @@ from impactfem.findings import Finding, warning
 from impactfem.methods import METHODS
 from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.plans import Plan
-from impactfem.planning.solid_costs import count_layers, physical_mib
+from impactfem.planning.solid_costs import count_layers
 from impactfem.planning.solid_plan import MarchNumbers, law_in_words
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
+from impactfem.sizing import physical_mib
 
 if TYPE_CHECKING:
     from impactfem.models.solids import SolidsModel

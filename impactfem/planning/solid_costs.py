@@ -1,12 +1,12 @@
 """What a run of a solid costs, before it starts: steps, products, memory, time."""
 
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from impactfem.errors import SceneError
 from impactfem.scene.solids import Solid
+from impactfem.sizing import physical_mib
 
 NEARLY_INCOMPRESSIBLE = 0.45
 """Poisson's ratio from which pressure waves are much faster than all that deforms the body."""
@@ -198,11 +198,6 @@ def count_layers(duration: float, dt: float) -> int:
             "give a shorter duration, larger elements or a larger solve.dt (check the units)"
         )
     return max(1, math.ceil(count))
-
-
-def physical_mib() -> float:
-    """Memory of the machine [MiB]."""
-    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**20
 
 
 def _check(needed: float, unknowns: float) -> None:

@@ -20,6 +20,9 @@ Floats = NDArray[np.float64]
 MAX_TRANSITS = 1e6
 """Longest duration in transits of a wave through the bar."""
 
+_SAMPLES = 1001  # times of exact curves besides their jumps
+_JUMPS = 2000  # jumps that a picture shows
+
 # Gauss points of an interval for the integral of |force - exact force|.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
@@ -109,7 +112,7 @@ def measure(motion: "BarMotion", exact: ExactBar) -> Errors:
     t, x = motion.times[motion.kept], motion.positions
     reference, _ = exact.fields(t, x)
     difference = motion.displacement - reference
-    weights = _trapezoidal(t), _trapezoidal(x)
+    weights = trapezoidal(t), trapezoidal(x)
     largest = max(np.abs(difference).max(), np.abs(motion.gap - exact.gap(motion.times)).max())
     # Split the layers where the exact force jumps or bends: between it is linear.
     breaks = exact.multiplier_breaks
@@ -128,9 +131,9 @@ def measure(motion: "BarMotion", exact: ExactBar) -> Errors:
         how += f", exact until {exact.exact_until:.6g} s, then its smallest waves are merged"
     return Errors(
         how,
-        _relative(largest, np.abs(reference).max()),
-        _relative(_norm(difference, *weights), _norm(reference, *weights)),
-        _relative(wrong, np.sum(quadrature * np.abs(force))),
+        relative(largest, np.abs(reference).max()),
+        relative(_norm(difference, *weights), _norm(reference, *weights)),
+        relative(wrong, np.sum(quadrature * np.abs(force))),
     )
 
 
@@ -142,7 +145,7 @@ def root_of_squares(values: Floats) -> float:
     return float(np.sqrt(np.square(values).sum()))
 
 
-def _trapezoidal(grid: Floats) -> Floats:
+def trapezoidal(grid: Floats) -> Floats:
     """Weights of the trapezoidal rule on a grid."""
     h = np.diff(grid)
     return 0.5 * (np.append(h, 0.0) + np.insert(h, 0, 0.0))
@@ -153,7 +156,7 @@ def _norm(values: Floats, rows: Floats, columns: Floats) -> float:
     return float(np.sqrt(np.einsum("i,ij,ij,j", rows, values, values, columns)))
 
 
-def _relative(error: float, value: float) -> float:
+def relative(error: float, value: float) -> float:
     """The error over the value, or the error itself where the value is 0."""
     return float(error / value) if value > 0.0 else float(error)
 
@@ -211,15 +214,18 @@ def _potential(exact: ExactBar, gravity: PiecewiseConstant, times: Floats, mean:
     return potential
 
 
+def curve_times(jumps: Floats, end: float) -> Floats:
+    """Times of a curve up to an end, with two beside each of its jumps [s]."""
+    jumps = jumps[jumps < end]
+    jumps = jumps[:: len(jumps) // _JUMPS + 1]
+    times = np.concatenate([np.linspace(0.0, end, _SAMPLES), jumps, jumps + 1e-9 * end])
+    return np.unique(times[times <= end])
+
+
 def exact_curves(exact: ExactBar, bar: Bar, end: float) -> Table:
     """Exact gap and contact force for pictures, with two samples at each jump of the force."""
     jumps = np.asarray(exact.multiplier_breaks)
-    jumps = jumps[(jumps > 0.0) & (jumps < end)]
-    if len(jumps) > 2000:  # a picture shows no more
-        jumps = jumps[:: len(jumps) // 2000 + 1]
-    tiny = 1e-9 * end
-    times = np.unique(np.concatenate([np.linspace(0, end, 1001), jumps, jumps + tiny]))
-    times = times[times <= end]
+    times = curve_times(jumps[jumps > 0.0], end)
     force = -bar.density * bar.area * exact.multiplier(times) + 0.0
     told = (("gap", exact.gap(times), "m"), ("contact_force", force, "N"))
     return Table.over_time(

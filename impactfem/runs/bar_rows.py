@@ -12,7 +12,7 @@ from impactfem.exact import ExactBarRow
 from impactfem.log import Progress
 from impactfem.methods import METHODS
 from impactfem.planning import Plan, RowNumbers
-from impactfem.reference.bar import Errors
+from impactfem.reference.bar import Errors, curve_times, relative, trapezoidal
 from impactfem.reference.bar_row import exact_row, exact_row_if_known
 from impactfem.reference.rounding import sampling_of_row
 from impactfem.result.bar_motion import Effort, kept_levels
@@ -25,9 +25,6 @@ from impactfem.runs.summary import contact_intervals
 from impactfem.scene import Scene
 
 Floats = NDArray[np.float64]
-
-_SAMPLES = 1001  # times of the exact curves besides the jumps
-_JUMPS = 2000  # jumps of a force that a picture shows
 
 
 def run(scene: Scene, plan: Plan[RowNumbers], progress: Progress, saved: Checkpointing) -> Run:
@@ -122,7 +119,7 @@ def measure_row(motion: RowMotion, exact: ExactBarRow) -> Errors:
     largest, size, wrong, norm = 0.0, 0.0, 0.0, 0.0
     for k, (x, values) in enumerate(zip(motion.positions, motion.displacement, strict=True)):
         reference = exact.displacement(k, t[:, None], x[None, :])
-        weights = _trapezoidal(t)[:, None] * _trapezoidal(x)[None, :]
+        weights = trapezoidal(t)[:, None] * trapezoidal(x)[None, :]
         largest = max(largest, float(np.abs(values - reference).max()))
         # From where the bar starts: its place on the axis is no motion.
         way = reference - exact.displacement(k, 0.0, x)[None, :]
@@ -142,30 +139,17 @@ def measure_row(motion: RowMotion, exact: ExactBarRow) -> Errors:
         force += float(width @ truth)
     return Errors(
         "exact solution by characteristics",
-        _relative(largest, size),
-        _relative(np.sqrt(wrong), np.sqrt(norm)),
-        _relative(missed, force),
+        relative(largest, size),
+        relative(np.sqrt(wrong), np.sqrt(norm)),
+        relative(missed, force),
     )
-
-
-def _trapezoidal(grid: Floats) -> Floats:
-    """Weights of the trapezoidal rule on a grid."""
-    h = np.diff(grid)
-    return 0.5 * (np.append(h, 0.0) + np.insert(h, 0, 0.0))
-
-
-def _relative(error: float, value: float) -> float:
-    return float(error / value) if value > 0.0 else float(error)
 
 
 def row_curves(exact: ExactBarRow, end: float, names: Sequence[str]) -> Table:
     """Exact smallest gap, sum of forces and force of each pair, with both sides of jumps."""
     pairs = range(len(exact.contacts))
     jumps = np.unique(np.concatenate([exact.force_breaks(j) for j in pairs]))
-    jumps = jumps[jumps < end]
-    jumps = jumps[:: len(jumps) // _JUMPS + 1]
-    times = np.unique(np.concatenate([np.linspace(0.0, end, _SAMPLES), jumps, jumps + 1e-9 * end]))
-    times = times[times <= end]
+    times = curve_times(jumps, end)
     forces = np.array([exact.force(j, times) for j in pairs])
     gaps = np.array([exact.gap(j, times) for j in pairs])
     told = [

@@ -1,4 +1,4 @@
-"""Run one bar as planned, by each family of methods; heavy libraries are loaded when needed."""
+"""Run one bar as planned, by each method; heavy libraries are loaded when needed."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -171,12 +171,14 @@ def _known_events(scene: Scene) -> tuple[float, ...]:
 
 
 SOLVED: Mapping[str, Callable[[Scene, Plan[BarNumbers], Progress], BarMotion]] = {
+    "conserving": _solve_marching,
     "dg": _solve_dg,
     "exact": _solve_exact,
-    "marching": _solve_marching,
+    "galerkin": _solve_marching,
     "monolithic": _solve_monolithic,
+    "newmark": _solve_marching,
 }
-"""What solves a bar by each family in `impactfem.methods`."""
+"""What solves a bar by each method."""
 
 
 def run(scene: Scene, plan: Plan[BarNumbers], progress: Progress, saved: Checkpointing) -> Run:
@@ -184,7 +186,7 @@ def run(scene: Scene, plan: Plan[BarNumbers], progress: Progress, saved: Checkpo
     start = time.perf_counter()
     saved.refuse(scene)
     check_bar_probes(scene)
-    full = SOLVED[METHODS[plan.method].family](every_level(scene), plan, progress)
+    full = SOLVED[plan.method](every_level(scene), plan, progress)
     cost = Cost.since(start)
     progress.step("measuring the error")
     measured = _measured(scene, plan, thinned(full, scene))

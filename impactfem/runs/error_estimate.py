@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from impactfem.errors import ConvergenceError, ImpactError
 from impactfem.log import Progress
 from impactfem.planning import MarchNumbers, Plan
-from impactfem.reference.bar import Errors
+from impactfem.reference.bar import Errors, relative
 from impactfem.result.table import Table
 from impactfem.scene import Scene, Solid
 
@@ -218,12 +218,7 @@ def difference(fine: Track, coarse: Track, reference: str) -> Errors:
     impulses, others = (np.diff(track.impulse(times)) for track in (fine, coarse))
     return Errors(
         reference,
-        _relative(apart.max(), length.max()),
-        _relative(np.sqrt(weights @ apart**2), np.sqrt(weights @ length**2)),
-        _relative(np.abs(impulses - others).sum(), impulses.sum()),
+        relative(apart.max(), length.max()),
+        relative(np.sqrt(weights @ apart**2), np.sqrt(weights @ length**2)),
+        relative(np.abs(impulses - others).sum(), impulses.sum()),
     )
-
-
-def _relative(value: float, scale: float) -> float:
-    """Value over scale, or the value itself where the scale is 0."""
-    return float(value / scale) if scale > 0.0 else float(value)

@@ -15,7 +15,7 @@ from impactfem.methods import METHODS
 from impactfem.models.vibro import VibroModel, vibro_model
 from impactfem.planning import Plan, VibroNumbers
 from impactfem.planning.model_limits import CODES, strain_findings
-from impactfem.reference.bar import Errors, root_of_squares
+from impactfem.reference.bar import Errors, relative, root_of_squares
 from impactfem.result.history import Columns, PairMotion, make_history
 from impactfem.result.shapes import as_vectors
 from impactfem.result.snapshots import KeptSnapshots
@@ -248,14 +248,10 @@ def compare(motion: Trajectory, reference: Trajectory, name: str) -> Errors:
     impulse, other = (np.cumsum(m.impulse[1:count], axis=0) for m in (motion, reference))
     return Errors(
         f"{name}; force by its impulse up to each time",
-        _relative(np.abs(u - exact).max(), np.abs(way).max()),
-        _relative(root_of_squares(u - exact), root_of_squares(way)),
-        _relative(np.abs(impulse - other).sum(), np.abs(other).sum()),
+        relative(np.abs(u - exact).max(), np.abs(way).max()),
+        relative(root_of_squares(u - exact), root_of_squares(way)),
+        relative(np.abs(impulse - other).sum(), np.abs(other).sum()),
     )
-
-
-def _relative(error: float, size: float) -> float:
-    return float(error / size) if size > 0.0 else float(error)
 
 
 def vibro_history(
