@@ -271,10 +271,11 @@ def _on_line(label: str, one: _Balls, two: _Balls, total: int, *, asked: bool) -
         pair = LinePair(int(lower.nodes[i]), int(upper.nodes[j]), room, total)
         found.append(BallMeeting(label, (one.name, two.name), upper.name, pair, patch=False))
     if not found:
-        why = "overlap at t = 0" + ", or meet at other ends than it names" * asked
+        why = "overlap at t = 0, or what is clamped lies between them"
+        why += ", or they meet at other ends than it names" * asked
         raise SceneError(
-            f"contact {label}: {one.name} and {two.name} {why}; move one (the near end of a bar "
-            "is that at gap, bar/far_end the other)"
+            f"contact {label}: {one.name} and {two.name} {why}; move one, or say by [[contact]] "
+            "which bodies meet (the near end of a bar is that at gap, bar/far_end the other)"
         )
     return found
 

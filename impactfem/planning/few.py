@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 METHOD = "moreau_jean"
 _LAYERS = 2000
 _PER_RADIAN = 20.0  # steps of a radian of the fastest vibration
-_OF_TRANSIT = 200  # steps of a wave through a bar
+_OF_TRANSIT, _MOST_OF_TRANSIT = 200, 5000  # steps of a wave through a bar that are chosen
 _BRAKED, _RESOLVED = 0.05, 0.25  # steps by the time in which a bar brakes a body: chosen, told
 _MOST = 10_000_000
 _SECONDS = 3e-4  # of a layer
@@ -173,10 +173,9 @@ def _steps(scene: Scene, few: Sequence["FewBodies"], reasons: dict[str, str]) ->
         layers = max(1, round(duration / (solve.dt or _step(scene, few, reasons))))
         return duration / layers, layers
     # Whole layers in a transit keep the shape of waves; the last one may end past the duration.
-    count = solve.elements or max(
-        _OF_TRANSIT,
-        math.ceil(shortest / min([few_step(few), *(_BRAKED * time for time in _braked(few))])),
-    )
+    wanted = min([few_step(few), *(_BRAKED * time for time in _braked(few))])
+    count = min(max(_OF_TRANSIT, math.ceil(shortest / wanted)), _MOST_OF_TRANSIT)
+    count = solve.elements or count
     reasons["dt"] = f"{count} steps of a wave through the shortest bar, whose shape then stays"
     if solve.elements is None:
         reasons["dt"] += (

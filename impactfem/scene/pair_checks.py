@@ -70,8 +70,9 @@ def check_sides(scene: "Scene", contact: Contact, where: str) -> None:
         own = None if name in obstacles else _surfaces(scene, name)
         for surface in surfaces or ():
             if own is not None and surface not in own:
-                text = f" = {shown}: {show(name)} has no surface {show(surface)}; "
-                raise KeyedError(where, "between", f"{text}{_meant(surface, own)}")
+                text = f" = {shown}: {show(name)} has no surface {show(surface)}"
+                remedy = _meant(surface, own) if own else "It has none: leave the slash out."
+                raise KeyedError(where, "between", f"{text}; {remedy}")
 
 
 def check_twice(scene: "Scene", one: Contact, two: Contact, where: str, index: int) -> None:

@@ -199,7 +199,7 @@ def test_what_cannot_be_is_said_when_meshed():
     with pytest.raises(SceneError, match="bar and m overlap at t = 0"):
         impactfem.plan(scene(bodies, 1.0))
     law = [{"between": ["bar", "m"]}]
-    with pytest.raises(SceneError, match="or meet at other ends than it names"):
+    with pytest.raises(SceneError, match="or they meet at other ends than it names"):
         impactfem.plan(scene([bodies[0], point("m", 2.0)], 1.0, contacts=law))
     with pytest.raises(SceneError, match="longer than a wave needs"):
         impactfem.solve(scene([bodies[0], point("m", 2.0)], 4.0, solve={"dt": 2.0}))
@@ -211,6 +211,8 @@ def test_a_light_body_that_steps_do_not_resolve_is_told():
         return {found.code for found in plan.findings}
 
     assert "contact_unresolved" in codes(0.1)
+    light = impactfem.plan(scene([SOFT, point("m", -0.1, 1e-9)], 1.0))  # steps have a bound
+    assert "contact_unresolved" in {found.code for found in light.findings}
     assert "contact_unresolved" not in codes(0.5)
 
 
