@@ -56,15 +56,15 @@ def data_of(names):
 
 def during_writing(monkeypatch, action):
     """Do something while the result is being written, when some files are there already."""
-    from impactfem.result import result
+    from impactfem.result import record
 
-    write = result.write_netcdf
+    write = record.write_netcdf
 
     def act(history, path):
         write(history, path)
         action()
 
-    monkeypatch.setattr(result, "write_netcdf", act)
+    monkeypatch.setattr(record, "write_netcdf", act)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -119,6 +119,13 @@ def test_a_modulus_in_gigapascals(modulus, warned):
         assert any("check the units" in text for text in made) == warned
 
 
+def test_a_modulus_in_gigapascals_of_a_bar_that_a_point_strikes():
+    hammer = Scene.from_toml(shipped_scenes()["hammer_bar"])
+    assert not doubts(hammer)
+    soft = {"body.bar.youngs_modulus": 210.0, "body.bar.velocity": "-1.0", "duration": 1e-5}
+    assert any("check the units" in text for text in sentences(doubts(hammer.with_settings(soft))))
+
+
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_nothing_is_doubted_in_shipped_scenes(name):
     scene = Scene.from_toml(shipped_scenes()[name])
