@@ -82,7 +82,7 @@ def solid(tmp_path):
 
 
 def test_fields_of_a_solid(solid):
-    opened, looked = memory(solid, "layer = result.fields.read(150); assert len(layer) == 6")
+    opened, looked = memory(solid, "layer = result.fields.read(150); assert len(layer) == 7")
     assert opened < 300
     assert looked - opened < 80  # a layer has 15 MiB
 
