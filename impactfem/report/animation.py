@@ -34,10 +34,7 @@ def film_if_any(result: Record, path: Path) -> Path | None:
 def _reel(result: Record, frames: int | None, what: str) -> Reel:
     fields = result.fields
     if fields is None:
-        raise OutputError(
-            f"{what}no fields of a {result.scene.bodies[0].kind} to show; run it again with "
-            'output.fields = ["vtkhdf"]'
-        )
+        raise OutputError(f'{what}no fields to show; run it again with output.fields = ["vtkhdf"]')
     reel: Reel | None
     if result.scene.dim == 1:
         reel = line_reel(result, fields, frames)

@@ -16,7 +16,6 @@ from impactfem.report.film import BLUE, even_moments, force_beside, tell_time
 from impactfem.report.sheet import Sheet
 from impactfem.result import Record, Snapshots
 from impactfem.result.shapes import LINE
-from impactfem.scene import HalfSpace
 
 Floats = NDArray[np.float64]
 
@@ -61,9 +60,14 @@ def moves_little(result: Record, fields: Snapshots) -> bool:
     layout = fields.layout
     if set(layout.types) != {LINE} or len(layout.names) > 1:
         return False
-    planes = any(isinstance(o, HalfSpace) for o in result.scene.rigid_obstacles)
+    planes = bool(_planes(result))
     way = float(np.nanmax(np.abs(fields.over_time("displacement"))))
     return planes and way < _VISIBLE * float(np.ptp(layout.points, axis=0).max())
+
+
+def _planes(result: Record) -> list[Any]:
+    """Obstacles that have one normal and one point."""
+    return [o for o in result.scene.rigid_obstacles if o.plane_normal is not None]
 
 
 def axis_reel(result: Record, fields: Snapshots, frames: int | None) -> AxisReel | None:
@@ -80,7 +84,7 @@ def axis_reel(result: Record, fields: Snapshots, frames: int | None) -> AxisReel
     Returns:
         None if the motion is not finite.
     """
-    places = fields.places(result.scene.bodies[0].name)[:, :, :2]
+    places = fields.places(fields.names[0])[:, :, :2]
     if not np.isfinite(places).all():
         return None
     moments = even_moments(fields.times, frames or _FRAMES)
@@ -100,7 +104,7 @@ def _way(panel: Axes, result: Record, places: Floats) -> Floats:
     """Ways along a normal over the axis, above what would touch the obstacle."""
     pieces = np.hypot.reduce(np.diff(places[0], axis=0), axis=1)
     stations = np.append(0.0, np.cumsum(pieces))
-    planes: list[Any] = [o for o in result.scene.rigid_obstacles if isinstance(o, HalfSpace)]
+    planes = _planes(result)
     normal = np.asarray(planes[0].unit_normal, dtype=float)
     way = (places - places[0]) @ normal
     touch = -((places[0] - np.asarray(planes[0].point, dtype=float)) @ normal)

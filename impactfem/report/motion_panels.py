@@ -93,14 +93,13 @@ def path(result: Record) -> Panel | None:
 
 def phase(result: Record) -> Panel | None:
     """Velocity against position of one body on a line; impacts are vertical jumps."""
-    alone = len(result.scene.bodies) == 1 and result.scene.dim == 1
+    names = [body.name for body in result.scene.bodies]
+    alone = len(names) == 1 and result.scene.dim == 1
     if not alone or isinstance(result.fields, Fields):
         return None
     time, x, v = phase_curve(result)
     told = "x = %{x:.6g} m<br>v = %{y:.6g} m/s<br>t = %{customdata:.6g} s"
-    curve = Curve(
-        result.scene.bodies[0].name, x, v, "m/s", width=1.2, beside=time, told=told, begins=True
-    )
+    curve = Curve(names[0], x, v, "m/s", width=1.2, beside=time, told=told, begins=True)
     caption = "Velocity against position: impacts are vertical jumps, the dot is the start."
     return Panel(
         "phase", "Phase portrait", caption, [curve], "velocity [m/s]", "x [m]", named=False

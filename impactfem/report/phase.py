@@ -1,10 +1,11 @@
 """Phase portraits: velocity against position, with impacts as the jumps they are."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.result import Record
-from impactfem.scene import HalfSpace
 from impactfem.scene.jets import motion_at
 from impactfem.system.points import contact_pairs
 
@@ -19,13 +20,14 @@ def phase_curve(result: Record) -> tuple[Floats, Floats, Floats]:
     Rows of the history, and between them the states just before and just after each impact: at the
     place of the obstacle, with the normal velocities that the run has noted.
     """
-    body, history = result.scene.bodies[0], result.rows
+    (body,), history = result.scene.bodies, result.rows
     times, x, v = (history[n].values for n in ("time", f"{body.name}.x", f"{body.name}.vx"))
     impacts = result.impacts
     if impacts is None or not len(impacts):
         return times, x, v
     place, speed = np.empty(len(impacts)), np.empty((len(impacts), 2))
-    walls = {o.name: o for o in result.scene.rigid_obstacles if isinstance(o, HalfSpace)}
+    obstacles: tuple[Any, ...] = result.scene.rigid_obstacles
+    walls = {o.name: o for o in obstacles if o.plane_normal is not None}
     for k, (pair, _) in enumerate(contact_pairs(result.scene)):
         own, wall = impacts.constraint == k, walls[pair[1]]
         at, normal = impacts.time[own], wall.unit_normal[0]

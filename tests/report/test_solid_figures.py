@@ -170,7 +170,7 @@ def test_films_that_cannot_be_made_say_why(tmp_path, monkeypatch):
     with pytest.raises(MissingDependencyError, match="pip install imageio-ffmpeg"):
         result.animate(tmp_path / "motion.mp4")
     without = Result(result.scene, result.history, result.summary)
-    with pytest.raises(OutputError, match="no fields of a solid"):
+    with pytest.raises(OutputError, match="no fields to show"):
         without.animate(tmp_path / "motion.gif")
     assert set(without.plot()) == {"contact_force", "energy", "motion", "velocity"}
 

@@ -189,7 +189,7 @@ def test_fields_are_saved_and_loaded(tmp_path):
 def test_what_cannot_be_filmed_says_why(tmp_path):
     result = solved("bar_impact_between")
     without = impactfem.Result(result.scene, result.history, result.summary)
-    with pytest.raises(OutputError, match="no fields of a bar"):
+    with pytest.raises(OutputError, match="no fields to show"):
         without.animate()
     assert film_if_any(without, tmp_path / "motion.gif") is None
     result.fields.displacement[:] = np.nan

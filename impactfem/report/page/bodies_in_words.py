@@ -44,12 +44,12 @@ def _any(scene: Scene, body: Any) -> str:  # noqa: ARG001  (as the others)
 def _bar(scene: Scene, bar: Any) -> str:
     speed, start = constant(bar.velocity), constant(bar.displacement)
     text = f"A bar of length {quantity(bar.length, 'm')} "
-    text += _flight_in_row(bar, speed) if scene.is_bar_row else _flight(bar, speed)
+    text += _flight_in_row(bar, speed) if len(scene.bars) > 1 else _flight(bar, speed)
     if start is None:
         text += f" It starts strained, with the displacement {formula(bar.displacement)} m."
     if bar.far_end == "clamped":
         text += " Its far end is held."
-    elif not scene.is_bar_row:
+    elif len(scene.bars) < 2:
         text += " Its far end is free."
     return (
         f"{text} Young's modulus {quantity(bar.youngs_modulus, 'Pa')}, density "
@@ -96,26 +96,37 @@ def _solid(_: Scene, solid: Any) -> str:
     return text + _boundary(solid) + _damping(solid)
 
 
+def _block(shape: Any, *, flat: bool, revolved: bool) -> str:  # noqa: ARG001
+    edges = " × ".join(number(edge) for edge in shape.size)
+    what = f"A {'rectangle' if flat else 'block'} of {edges} m"
+    return f"{what} from the corner {vector(shape.corner, 'm')}"
+
+
+def _cylinder(shape: Any, *, flat: bool, revolved: bool) -> str:  # noqa: ARG001
+    size = f"radius {quantity(shape.radius, 'm')} and height {quantity(shape.height, 'm')}"
+    return f"A cylinder of {size} on {vector(shape.center, 'm')}"
+
+
+def _ring(shape: Any, *, flat: bool, revolved: bool) -> str:  # noqa: ARG001
+    radii = f"{number(shape.inner_radius)} and {quantity(shape.radius, 'm')}"
+    what = f"A {'ring' if flat else 'hollow body'} of radii {radii}"
+    return f"{what} around {vector(shape.center, 'm')}"
+
+
+def _disc(shape: Any, *, flat: bool, revolved: bool) -> str:
+    what = "disc" if flat else "torus of round section" if revolved and shape.center[0] else "ball"
+    return f"A {what} of radius {quantity(shape.radius, 'm')} around {vector(shape.center, 'm')}"
+
+
+_SHAPES: Mapping[str, Callable[..., str]] = {
+    "block": _block, "cylinder": _cylinder, "ring": _ring, "disc": _disc, "sphere": _disc,
+}  # fmt: skip
+
+
 def _shape(solid: Any) -> str:
     shape, revolved = solid.shape, solid.is_axisymmetric
     flat = solid.dim == 2 and not revolved
-    if shape.kind == "block":
-        edges = " × ".join(number(edge) for edge in shape.size)
-        text = f"A {'rectangle' if flat else 'block'} of {edges} m"
-        text += f" from the corner {vector(shape.corner, 'm')}"
-    elif shape.kind == "cylinder":
-        size = f"radius {quantity(shape.radius, 'm')} and height {quantity(shape.height, 'm')}"
-        text = f"A cylinder of {size} on {vector(shape.center, 'm')}"
-    elif shape.kind == "ring":
-        radii = f"{number(shape.inner_radius)} and {quantity(shape.radius, 'm')}"
-        text = f"A {'ring' if flat else 'hollow body'} of radii {radii}"
-        text += f" around {vector(shape.center, 'm')}"
-    else:
-        round_ = "disc" if flat else "ball"
-        if shape.kind == "disc" and revolved and shape.center[0]:
-            round_ = "torus of round section"
-        text = f"A {round_} of radius {quantity(shape.radius, 'm')}"
-        text += f" around {vector(shape.center, 'm')}"
+    text = _SHAPES[shape.kind](shape, flat=flat, revolved=revolved)
     if shape.angle:
         text += f", turned by {quantity(shape.angle, 'rad')}"
     if shape.symmetry:

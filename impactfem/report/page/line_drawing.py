@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse, Rectangle
 
+from impactfem.contact.distance import on_a_line
 from impactfem.report.page.numbers import constant, formula, quantity
 from impactfem.report.page.sketch import (
     BODY,
@@ -23,7 +24,7 @@ from impactfem.report.page.sketch import (
     label,
     spring,
 )
-from impactfem.scene import HalfSpace, Point, Scene
+from impactfem.scene import Point, Scene
 
 _MOST_LABELS = 8
 _ROOM = 0.12  # share of the width left and right
@@ -99,9 +100,8 @@ def draw_on_line(scene: Scene) -> Figure:
     points = [
         cast("Point", body) for body, box in zip(scene.bodies, boxes, strict=True) if box is None
     ]
-    planes = [cast("HalfSpace", o) for o in scene.rigid_obstacles]
-    shifts = [0.0 if (way := o.offset(0.0)) is None else float(way[0]) for o in planes]
-    stops = [o.point[0] + shift for o, shift in zip(planes, shifts, strict=True)]
+    sides = [on_a_line(obstacle, np.zeros(1)) for obstacle in scene.obstacles]
+    stops = [float(place[0]) for place, _ in sides]
     anchors = [s.anchor[0] for p in points for s in p.springs if s.anchor is not None]
     ends = [p.position[0] + side * p.radius for p in points for side in (-1, 1)]
     ends += [float(x) for box in boxes if box is not None for x in box.ravel()]
@@ -112,8 +112,8 @@ def draw_on_line(scene: Scene) -> Figure:
     axes.set_xlim(low - _ROOM * width, low + (1 + _ROOM) * width)
     axes.set_ylim(-1.25, 1.25)
     left, right = axes.get_xlim()
-    for obstacle, stop in zip(planes, stops, strict=True):
-        inside = (left, stop) if obstacle.normal[0] > 0 else (stop, right)
+    for obstacle, stop, (_, side) in zip(scene.obstacles, stops, sides, strict=True):
+        inside = (left, stop) if side > 0.0 else (stop, right)
         _solid_side(axes, *inside, obstacle.name)
         if obstacle.motion is not None:
             text = f"{obstacle.name} moves by {formula(obstacle.motion[0])} m"

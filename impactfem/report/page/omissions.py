@@ -1,6 +1,6 @@
 """What the model of a scene leaves out, and why that may be done or must be known."""
 
-from impactfem.scene import Beam, Scene
+from impactfem.scene import Scene
 
 
 def omissions(scene: Scene) -> list[str]:
@@ -51,17 +51,16 @@ _INSTANT = "What happens during an impact: a coefficient of restitution stands f
 
 def _few_freedoms(scene: Scene) -> list[str]:
     """Of points, rods and beams, each kind that the scene has."""
-    found = []
-    for kind, sentences in _LEFT_OUT.items():
-        if any(body.kind == kind for body in scene.bodies):
-            found += sentences
+    kinds = dict.fromkeys(body.kind for body in scene.bodies)
+    found = [text for kind in _LEFT_OUT if kind in kinds for text in _LEFT_OUT[kind]]
     if found and not scene.solids:
         found.append(_INSTANT)
-    for beam in (body for body in scene.bodies if isinstance(body, Beam)):
-        if beam.theory == "euler_bernoulli":
-            found.append(f"Shear deformation of {beam.name}: Euler-Bernoulli theory.")
-        if not any(beam.rayleigh_damping):
-            found.append(f"Damping of the material of {beam.name}: the scene gives none.")
+    for body in scene.bodies:
+        theory = getattr(body, "theory", None)
+        if theory == "euler_bernoulli":
+            found.append(f"Shear deformation of {body.name}: Euler-Bernoulli theory.")
+        if theory is not None and not any(getattr(body, "rayleigh_damping", ())):
+            found.append(f"Damping of the material of {body.name}: the scene gives none.")
     return found
 
 

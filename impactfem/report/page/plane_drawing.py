@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from impactfem.contact.distance import signed_distance
 from impactfem.report.page.numbers import constant, formulas, quantity, vector
 from impactfem.report.page.outlines import outline_of, supported_lines
+from impactfem.report.page.outlooks import Ball
 from impactfem.report.page.sketch import (
     BODY,
     EDGE,
@@ -31,7 +32,7 @@ from impactfem.report.page.sketch import (
 from impactfem.report.plane_picture import draw_obstacles
 from impactfem.report.space_picture import skin_of
 from impactfem.result import Record
-from impactfem.scene import HalfSpace, Point, Scene, Solid
+from impactfem.scene import Scene, Solid
 
 Floats = NDArray[np.float64]
 
@@ -64,8 +65,9 @@ class _Window:
                 self.add(centre - gap[0] * normal[0])
         # Corners of half spaces stand where their points are given.
         size = self.size
-        for obstacle in scene.rigid_obstacles:
-            if isinstance(obstacle, HalfSpace):
+        obstacles: tuple[Any, ...] = scene.rigid_obstacles
+        for obstacle in obstacles:
+            if obstacle.plane_normal is not None:
                 point = np.array(obstacle.point, dtype=np.float64)
                 if np.hypot(*(point - centre)) < 2.0 * size:
                     self.add(point)
@@ -87,7 +89,7 @@ def draw_plane(result: Record) -> Figure | None:
     """What moves in the plane, with obstacles, supports, springs, velocities; None if unknown."""
     scene = result.scene
     solids = scene.solids
-    points = [body for body in scene.bodies if isinstance(body, Point)]
+    points = [body for body in scene.bodies if isinstance(body, Ball)]
     slender = {body: ends for body in scene.bodies if (ends := body.centreline()) is not None}
     outlines = _outlines(result, solids)
     if outlines is None:
@@ -144,7 +146,7 @@ def _draw_solid(axes: Axes, solid: Solid, lines: Floats, size: float, *, named: 
 
 
 def _draw_point(
-    axes: Axes, point: Point, home: Mapping[str, Floats], size: float, *, named: bool
+    axes: Axes, point: Ball, home: Mapping[str, Floats], size: float, *, named: bool
 ) -> None:
     at = home[point.name]
     for tie in point.springs:
@@ -160,7 +162,7 @@ def _draw_point(
         _velocity(axes, at, point.velocity or (), size)
 
 
-def _reach(point: Point) -> Floats:
+def _reach(point: Ball) -> Floats:
     """Places of a point and its springs that must be seen [m], (places, 2)."""
     at = np.array(point.position, dtype=np.float64)
     ties = [tie.anchor for tie in point.springs if tie.anchor is not None]

@@ -1,7 +1,7 @@
 """Drawings of what moves in space: solids by the painter of the pictures, points by projection."""
 
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from impactfem.contact.distance import signed_distance
 from impactfem.report.page.numbers import constant, quantity
+from impactfem.report.page.outlooks import Ball
 from impactfem.report.page.sketch import EDGE, GRAVITY, VELOCITY, arrow, empty, label
 from impactfem.report.solid_figures import survey
 from impactfem.report.space_picture import Camera, SpacePainter, skin_of
 from impactfem.result import Record
-from impactfem.scene import HalfSpace, Point, Scene
+from impactfem.scene import Point, Scene
 
 Floats = NDArray[np.float64]
 
@@ -52,7 +53,7 @@ def draw_solids_in_space(result: Record) -> Figure | None:
         _velocity(axes, camera, centre, np.array(speed), skin.size)
         back = camera.flat(np.array(speed) / (np.linalg.norm(speed) or 1.0))
         label(axes, centre - 0.08 * skin.size * back, solid.name)
-    for point in (body for body in result.scene.bodies if isinstance(body, Point)):
+    for point in (body for body in result.scene.bodies if isinstance(body, Ball)):
         flat = camera.flat(np.array(point.position, dtype=np.float64))
         axes.plot(*flat, "o", color=EDGE, markersize=9, zorder=4)
         label(axes, flat - [0.0, 0.06 * skin.size], point.name)
@@ -67,7 +68,8 @@ def draw_points_in_space(scene: Scene) -> Figure:
     places = np.array([point.position for point in points], dtype=np.float64)
     gravity = np.asarray(scene.vector_gravity.at(0.0), dtype=np.float64)
     vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else np.eye(3)[1]
-    planes = [o for o in scene.rigid_obstacles if isinstance(o, HalfSpace)]
+    obstacles: tuple[Any, ...] = scene.rigid_obstacles
+    planes = [o for o in obstacles if o.plane_normal is not None]
     camera = Camera.facing(vertical, [np.array(plane.unit_normal) for plane in planes])
     centre = places.mean(axis=0)
     feet = [centre - gap[0] * normal[0] for gap, normal in

@@ -43,7 +43,7 @@ def _obstacle(scene: Scene, obstacle: Any) -> str:
 
 
 def _wall(scene: Scene, _: Any) -> str:
-    whose = "the first bar" if scene.is_bar_row else "the bar"
+    whose = "the first bar" if len(scene.bars) > 1 else "the bar"
     return f"A wall at x = 0, in front of the near end of {whose}."
 
 
@@ -99,7 +99,7 @@ _OBSTACLES: Mapping[str, Callable[[Scene, Any], str]] = {
 def _contacts(scene: Scene) -> Lines:
     """Who may meet whom, and what an impact leaves."""
     if scene.bars:
-        where = "neighbours meet" if scene.is_bar_row else "the near end meets the wall"
+        where = "neighbours meet" if len(scene.bars) > 1 else "the near end meets the wall"
         text = f"Unilateral and frictionless: {where} and may part, but never pull or overlap. "
         return [("Contact", f"{text}Rebound follows from elasticity, not from a coefficient.")]
     if not scene.contacts:
