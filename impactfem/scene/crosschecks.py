@@ -8,14 +8,15 @@ from impactfem.scene.bar_row_checks import check_bar_row
 from impactfem.scene.breaks import check_motion
 from impactfem.scene.column_names import check_column_names
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
-from impactfem.scene.mixed import check_mixed
+from impactfem.scene.mixed import check_dimensions, check_mixed
+from impactfem.scene.obstacle_checks import check_obstacles
 from impactfem.scene.obstacles import Wall
 from impactfem.scene.pair_checks import check_pairs
 from impactfem.scene.probes import check_probes
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.solids import Solid
 from impactfem.scene.values import show
-from impactfem.scene.vibro_checks import FAMILY, check_vibro
+from impactfem.scene.vibro_checks import FAMILY, check_bodies, check_vibro
 
 if TYPE_CHECKING:
     from impactfem.scene.scene import Body, Scene
@@ -53,13 +54,11 @@ def check_scene(scene: "Scene", gravity: object) -> None:
         check_bar_row(scene)
     elif scene.bars:
         _check_bar(scene, gravity)
-    elif scene.marches:
-        _check_marched(scene, gravity)
     else:
-        check_vibro(scene, gravity)
-        for index, obstacle in enumerate(scene.rigid_obstacles):
-            if obstacle.motion is not None:
-                check_motion(f"obstacle[{index}]", "motion", obstacle.motion, scene.duration)
+        check_dimensions(scene)
+        check_bodies(scene, scene.dim)
+        check_obstacles(scene)
+        (_check_marched if scene.marches else check_vibro)(scene, gravity)
     check_column_names(scene)
     check_probes(scene)
     _check_settings(scene, body)
@@ -138,17 +137,6 @@ def _check_bar(scene: "Scene", gravity: object) -> None:
 
 
 def _check_solid(scene: "Scene", solid: Solid, gravity: object, place: str) -> None:
-    for index, obstacle in enumerate(scene.obstacles):
-        where = f"obstacle[{index}]"
-        if isinstance(obstacle, Wall):
-            why = 'is for bars: a solid meets kind = "half_space" (point, normal) or another one'
-            raise KeyedError(where, "kind", f' = "wall" {why}; give it.')
-        try:
-            obstacle.check_dimension(solid.dim)
-        except KeyedError as error:
-            raise error.moved(where) from None
-        if obstacle.motion is not None:
-            check_motion(where, "motion", obstacle.motion, scene.duration)
     for index, support in enumerate(solid.supports):
         check_motion(place, f"supports[{index}].value", support.value or (), scene.duration)
     _check_gravity(scene, solid, gravity)

@@ -7,14 +7,12 @@ march takes any bodies, any obstacle, and friction in the plane or in space.
 from typing import TYPE_CHECKING
 
 from impactfem.methods import METHODS
-from impactfem.scene.breaks import check_motion
 from impactfem.scene.contacts import Contact
-from impactfem.scene.obstacles import Wall
 from impactfem.scene.pair_checks import check_sides, check_twice
 from impactfem.scene.pairing import side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
-from impactfem.scene.vibro_checks import check_bodies, check_gravity
+from impactfem.scene.vibro_checks import check_gravity
 
 if TYPE_CHECKING:
     from impactfem.scene.scene import Obstacle, Scene
@@ -60,20 +58,7 @@ def check_mixed(scene: "Scene", gravity: object) -> None:
     Raises:
         KeyedError: naming the key.
     """
-    _check_dimensions(scene)
-    check_bodies(scene, scene.dim)
     check_gravity(scene, scene.dim, gravity)
-    for index, obstacle in enumerate(scene.obstacles):
-        where = f"obstacle[{index}]"
-        if isinstance(obstacle, Wall) and scene.dim > 1:
-            text = ' = "wall" is on the x axis: bodies in the plane or in space meet kind = '
-            raise KeyedError(where, "kind", f'{text}"half_space" (point, normal); give it.')
-        try:
-            scene.rigid_obstacles[index].check_dimension(scene.dim)
-        except KeyedError as error:
-            raise error.moved(where) from None
-        if obstacle.motion is not None:
-            check_motion(where, "motion", obstacle.motion, scene.duration)
     for index, contact in enumerate(scene.contacts):
         _check_contact(scene, contact, f"contact[{index}]")
         for earlier in range(index):
@@ -83,8 +68,15 @@ def check_mixed(scene: "Scene", gravity: object) -> None:
     _check_method(scene)
 
 
-def _check_dimensions(scene: "Scene") -> None:
+def check_dimensions(scene: "Scene") -> None:
+    """Refuse bodies of different kinds in different spaces, and friction on a line.
+
+    Raises:
+        KeyedError: naming the key.
+    """
     dim = scene.dim
+    if len(scene.solids) == len(scene.bodies) or not scene.marches:
+        return  # several solids are checked by their models
     for index, body in enumerate(scene.bodies):
         if body.dim != dim:
             text = (

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any
 from impactfem.scene.contacts import Contact
 from impactfem.scene.loads import PiecewiseConstant
 from impactfem.scene.nearest import nearest
-from impactfem.scene.obstacles import Wall
 from impactfem.scene.points import Point
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
@@ -27,8 +26,6 @@ def check_vibro(scene: "Scene", gravity: object) -> None:
         KeyedError: naming the key.
     """
     dim = scene.dim
-    check_bodies(scene, dim)
-    _check_obstacles(scene, dim)
     check_gravity(scene, dim, gravity)
     names = {body.name: body for body in scene.bodies} | {o.name: o for o in scene.obstacles}
     for index, contact in enumerate(scene.contacts):
@@ -66,19 +63,6 @@ def check_bodies(scene: "Scene", dim: int) -> None:
                 text = f" = {show(spring.to)} is no other point: give "
                 text += f"{others or 'anchor, a place'}."
                 raise KeyedError(f"body[{index}].springs[{number}]", "to", text)
-
-
-def _check_obstacles(scene: "Scene", dim: int) -> None:
-    body = scene.bodies[0]
-    for index, obstacle in enumerate(scene.obstacles):
-        where = f"obstacle[{index}]"
-        if isinstance(obstacle, Wall):
-            text = f' = "wall" is for bars: a {body.kind} meets kind = "half_space" (point, '
-            raise KeyedError(where, "kind", f"{text}normal) or another one; give it.")
-        try:
-            obstacle.check_dimension(dim)
-        except KeyedError as error:
-            raise error.moved(where) from None
 
 
 def check_gravity(scene: "Scene", dim: int, given: object) -> None:

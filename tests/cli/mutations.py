@@ -49,7 +49,7 @@ def heading(path, table):
     if path[-1] == "shape":
         return f'shape = {{ kind = "{table["kind"]}" }}'
     if len(path) == 2:
-        kind = f' with kind = "{table["kind"]}"' if path[0] != "contact" else ""
+        kind = f' with kind = "{table["kind"]}"' if path[0] in {"body", "obstacle"} else ""
         return f"[[{path[0]}]]{kind}"
     return f"{path[-2]} = [{{ ... }}]"
 
