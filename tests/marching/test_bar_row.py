@@ -206,4 +206,6 @@ def test_random_rows_neither_penetrate_nor_pull_nor_lose_momentum(row, walled, c
     else:
         assert np.ptp(momentum) < 1e-10 * size
     energy = (motion.kinetic + motion.elastic).sum(axis=1)
-    assert energy.max() - energy[0] < 1e-9 * max(energy[0], 1e-12)
+    # Places of about 1 m round velocities by 1e-14 m/s, which counts where bars hardly move.
+    rounding = 1e-13 * np.sqrt(energy[0])
+    assert energy.max() - energy[0] < 1e-9 * max(energy[0], 1e-12) + rounding
