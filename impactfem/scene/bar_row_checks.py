@@ -1,16 +1,13 @@
 """Checks of a row of bars: order, overlap, ends, and settings that a row does not know."""
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 from impactfem.scene.bodies import Bar
+from impactfem.scene.content import Content
 from impactfem.scene.loads import PiecewiseConstant
 from impactfem.scene.obstacles import Wall
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
-
-if TYPE_CHECKING:
-    from impactfem.scene.scene import Scene
 
 METHODS_OF_ROWS = ("galerkin", "conserving", "exact")
 
@@ -21,7 +18,7 @@ _UNKNOWN = (
 )  # fmt: skip
 
 
-def check_bar_row(scene: "Scene") -> None:
+def check_bar_row(scene: Content) -> None:
     """Refuse a row of bars that overlap, are out of order, or ask for what rows do not know.
 
     Args:
@@ -62,7 +59,7 @@ def check_bar_row(scene: "Scene") -> None:
         raise KeyedError("output", "checkpoint", text)
 
 
-def _check_obstacles(scene: "Scene") -> None:
+def _check_obstacles(scene: Content) -> None:
     for index, obstacle in enumerate(scene.obstacles):
         if not isinstance(obstacle, Wall):
             text = f' = {show(obstacle.kind)} is for solids: bars meet kind = "wall"; give it.'

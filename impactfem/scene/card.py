@@ -1,22 +1,20 @@
 """A scene as a card in a notebook: its bodies, obstacles, loads and what is set."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from impactfem.cards import card
+from impactfem.scene.content import Content
 from impactfem.scene.inline import plain
 from impactfem.scene.schema import REQUIRED, DataclassLike, keys_of
 from impactfem.scene.toml import write_value
-
-if TYPE_CHECKING:
-    from impactfem.scene.scene import Scene
 
 _MOST_OBJECTS = 8
 _TOLD = {"name", "title", "body", "obstacle", "contact", "probe", "solve", "output"}
 _LONGEST = 120  # letters of a value
 
 
-def scene_card(scene: "Scene") -> str:
+def scene_card(scene: Content) -> str:
     """The scene in a table, as its file would hold it: what differs from the defaults."""
     rows = []
     for what, entries in (
@@ -30,7 +28,7 @@ def scene_card(scene: "Scene") -> str:
     return card(scene.title, [row for row in rows if row[1]])
 
 
-def _settings(scene: "Scene") -> tuple[tuple[str, DataclassLike], ...]:
+def _settings(scene: Content) -> tuple[tuple[str, DataclassLike], ...]:
     return ("solve", scene.solve), ("output", scene.output)
 
 

@@ -1,13 +1,9 @@
 """Names that make columns of a history: no two things of a scene may claim the same column."""
 
-from typing import TYPE_CHECKING
-
+from impactfem.scene.content import Content
 from impactfem.scene.pairing import name_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
-
-if TYPE_CHECKING:
-    from impactfem.scene.scene import Scene
 
 RESERVED = (
     "momentum", "angular_momentum", "force", "gap", "tangential_force", "slip", "impulse",
@@ -15,7 +11,7 @@ RESERVED = (
 """First parts of columns that belong to no body."""
 
 
-def check_column_names(scene: "Scene") -> None:
+def check_column_names(scene: Content) -> None:
     """Refuse names of bodies and pairs that would make the same column twice.
 
     Raises:

@@ -1,25 +1,22 @@
 """Checks across the tables of a scene: body against obstacles, gravity, settings and output."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from impactfem.methods import METHODS
 from impactfem.scene.bar_row_checks import check_bar_row
 from impactfem.scene.breaks import check_motion
 from impactfem.scene.column_names import check_column_names
+from impactfem.scene.content import Body, Content
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
 from impactfem.scene.mixed import check_dimensions, check_mixed
 from impactfem.scene.obstacle_checks import check_obstacles
 from impactfem.scene.obstacles import Wall
 from impactfem.scene.pair_checks import check_pairs
-from impactfem.scene.probes import check_probes
+from impactfem.scene.probe_checks import check_probes
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.solids import Solid
 from impactfem.scene.values import show
 from impactfem.scene.vibro_checks import FAMILY, check_bodies, check_vibro
-
-if TYPE_CHECKING:
-    from impactfem.scene.scene import Body, Scene
 
 # Keys of [solve] that only one kind of body knows, and what to do instead.
 _BAR_ONLY: Mapping[str, str] = {
@@ -37,7 +34,7 @@ _VIBRO_ONLY = (
 )  # fmt: skip
 
 
-def check_scene(scene: "Scene", gravity: object) -> None:
+def check_scene(scene: Content, gravity: object) -> None:
     """Refuse a scene whose tables contradict each other.
 
     Args:
@@ -67,7 +64,7 @@ def check_scene(scene: "Scene", gravity: object) -> None:
         raise KeyedError("solve", "dt", text)
 
 
-def _check_marched(scene: "Scene", gravity: object) -> None:
+def _check_marched(scene: Content, gravity: object) -> None:
     for index, solid in enumerate(scene.bodies):
         if isinstance(solid, Solid):
             _check_solid(scene, solid, gravity, f"body[{index}]")
@@ -77,7 +74,7 @@ def _check_marched(scene: "Scene", gravity: object) -> None:
         check_pairs(scene)
 
 
-def _check_names(scene: "Scene") -> None:
+def _check_names(scene: Content) -> None:
     taken: dict[str, str] = {}
     for index, body in enumerate(scene.bodies):
         if body.name in taken:
@@ -94,7 +91,7 @@ def _check_names(scene: "Scene") -> None:
         taken[obstacle.name] = f"obstacle[{index}]"
 
 
-def _check_counts(scene: "Scene") -> None:
+def _check_counts(scene: Content) -> None:
     """Refuse places in space of bars alone, and laws without use."""
     first, count = scene.bodies[0], len(scene.bodies)
     for index, bar in enumerate(scene.bars):
@@ -116,7 +113,7 @@ def _check_counts(scene: "Scene") -> None:
         raise KeyedError("contact[0]", "", text)
 
 
-def _check_bar(scene: "Scene", gravity: object) -> None:
+def _check_bar(scene: Content, gravity: object) -> None:
     if len(scene.obstacles) != 1:
         shown, count = show(list(scene.obstacles)), len(scene.obstacles)
         why = f"there are {count}, but a bar meets one wall; give exactly one [[obstacle]]"
@@ -136,13 +133,13 @@ def _check_bar(scene: "Scene", gravity: object) -> None:
         raise KeyedError("output", "checkpoint", text)
 
 
-def _check_solid(scene: "Scene", solid: Solid, gravity: object, place: str) -> None:
+def _check_solid(scene: Content, solid: Solid, gravity: object, place: str) -> None:
     for index, support in enumerate(solid.supports):
         check_motion(place, f"supports[{index}].value", support.value or (), scene.duration)
     _check_gravity(scene, solid, gravity)
 
 
-def _check_gravity(scene: "Scene", solid: Solid, given: object) -> None:
+def _check_gravity(scene: Content, solid: Solid, given: object) -> None:
     gravity, dim = scene.gravity, solid.dim
     example = ", ".join(["0.0", "-9.81", "0.0"][:dim])
     if isinstance(gravity, PiecewiseConstant):
@@ -166,7 +163,7 @@ def _shown(given: object) -> object:
     return given
 
 
-def _check_settings(scene: "Scene", body: "Body") -> None:
+def _check_settings(scene: Content, body: Body) -> None:
     """Refuse settings that belong to another kind of body."""
     solve, method = scene.solve, scene.solve.method
     mixed = scene.marches and len(scene.solids) < len(scene.bodies)
@@ -194,7 +191,7 @@ def _check_settings(scene: "Scene", body: "Body") -> None:
             raise KeyedError("solve", name, text)
 
 
-def _refuse(scene: "Scene", names: Sequence[str], owners: str, body: "Body") -> None:
+def _refuse(scene: Content, names: Sequence[str], owners: str, body: Body) -> None:
     """Refuse settings that belong to other bodies."""
     for name in names:
         value = getattr(scene.solve, name)

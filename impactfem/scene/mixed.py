@@ -4,51 +4,20 @@ Methods of single families know smooth obstacles at rest, points that meet, and 
 march takes any bodies, any obstacle, and friction in the plane or in space.
 """
 
-from typing import TYPE_CHECKING
-
 from impactfem.methods import METHODS
 from impactfem.scene.contacts import Contact
+from impactfem.scene.content import Content
 from impactfem.scene.pair_checks import check_sides, check_twice
 from impactfem.scene.pairing import side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.scene.vibro_checks import check_gravity
 
-if TYPE_CHECKING:
-    from impactfem.scene.scene import Obstacle, Scene
-
 MARCHING = tuple(name for name, method in METHODS.items() if method.mixes)
 """Methods that take bodies of different kinds together."""
 
 
-def why_marched(scene: "Scene") -> str | None:
-    """Why points, rods and beams need the march, in words; None if other methods do."""
-    kinds = {body.kind for body in scene.bodies}
-    if len(kinds) > 1:
-        return f"bodies of different kinds ({', '.join(sorted(kinds))})"
-    if len(scene.bodies) > 1 and not scene.bodies[0].meets_alike:
-        return f"several bodies of kind {scene.bodies[0].kind}"
-    if not any(kinds <= method.bodies for method in METHODS.values()):
-        return f"a {scene.bodies[0].kind}"
-    rubbing = [law.between for law in scene.contacts if law.friction_coefficient > 0.0]
-    if rubbing:
-        return f"friction between {' and '.join(rubbing[0])}"
-    return next(filter(None, (_of_obstacle(scene, o) for o in scene.obstacles)), None)
-
-
-def _of_obstacle(scene: "Scene", obstacle: "Obstacle") -> str | None:
-    """What of an obstacle other methods do not know, in words."""
-    found, points = None, scene.bodies[0].meets_alike
-    if not obstacle.is_smooth:
-        found = f"the corners of {obstacle.name}"
-    elif not obstacle.is_flat and (obstacle.motion or not points):
-        found = f"{obstacle.name}, which is curved"
-    elif obstacle.motion and not points:
-        found = f"the motion of {obstacle.name}"
-    return found
-
-
-def check_mixed(scene: "Scene", gravity: object) -> None:
+def check_mixed(scene: Content, gravity: object) -> None:
     """Refuse a scene for the march that contradicts itself.
 
     Args:
@@ -68,7 +37,7 @@ def check_mixed(scene: "Scene", gravity: object) -> None:
     _check_method(scene)
 
 
-def check_dimensions(scene: "Scene") -> None:
+def check_dimensions(scene: Content) -> None:
     """Refuse bodies of different kinds in different spaces, and friction on a line.
 
     Raises:
@@ -96,7 +65,7 @@ def check_dimensions(scene: "Scene") -> None:
         raise KeyedError(f"contact[{rubbing[0]}]", "friction_coefficient", text)
 
 
-def _check_contact(scene: "Scene", contact: Contact, where: str) -> None:
+def _check_contact(scene: Content, contact: Contact, where: str) -> None:
     check_sides(scene, contact, where)
     if contact.restitution == 0.0:
         return
@@ -108,10 +77,10 @@ def _check_contact(scene: "Scene", contact: Contact, where: str) -> None:
             raise KeyedError(where, "restitution", f"{text}which needs no such law; remove it.")
 
 
-def _check_method(scene: "Scene") -> None:
+def _check_method(scene: Content) -> None:
     method = scene.solve.method
     if method is None or method in MARCHING:
         return
     fitting = " or ".join(show(name) for name in MARCHING)
-    text = f" = {show(method)} does not solve {why_marched(scene)}: give {fitting}."
+    text = f" = {show(method)} does not solve {scene.why_marched}: give {fitting}."
     raise KeyedError("solve", "method", text)

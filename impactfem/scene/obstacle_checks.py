@@ -1,16 +1,12 @@
 """Checks of the obstacles of all bodies but bars alone."""
 
-from typing import TYPE_CHECKING
-
 from impactfem.scene.breaks import check_motion
+from impactfem.scene.content import Content
 from impactfem.scene.obstacles import Wall
 from impactfem.scene.schema import KeyedError
 
-if TYPE_CHECKING:
-    from impactfem.scene.scene import Scene
 
-
-def check_obstacles(scene: "Scene") -> None:
+def check_obstacles(scene: Content) -> None:
     """Refuse obstacles that do not fit the bodies' space, and motions that jump.
 
     Raises:

@@ -1,19 +1,16 @@
 """Checks of scenes with several solids that may strike each other."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from impactfem.scene.contacts import Contact
+from impactfem.scene.content import Content
 from impactfem.scene.nearest import nearest
 from impactfem.scene.pairing import side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
-if TYPE_CHECKING:
-    from impactfem.scene.scene import Scene
 
-
-def check_pairs(scene: "Scene") -> None:
+def check_pairs(scene: Content) -> None:
     """Refuse several solids that contradict each other, and laws of contact without sense.
 
     Raises:
@@ -35,14 +32,14 @@ def check_pairs(scene: "Scene") -> None:
         raise KeyedError("solve", "active_set", f"{text}; remove it.")
 
 
-def _check_contact(scene: "Scene", contact: Contact, where: str) -> None:
+def _check_contact(scene: Content, contact: Contact, where: str) -> None:
     check_sides(scene, contact, where)
     if contact.restitution > 0.0:
         text = f" = {show(contact.restitution)} is for points, rods and beams: solids rebound by "
         raise KeyedError(where, "restitution", f"{text}their own elasticity; remove it.")
 
 
-def check_sides(scene: "Scene", contact: Contact, where: str) -> None:
+def check_sides(scene: Content, contact: Contact, where: str) -> None:
     """Refuse names that are none, and surfaces that a body does not have.
 
     Raises:
@@ -75,7 +72,7 @@ def check_sides(scene: "Scene", contact: Contact, where: str) -> None:
                 raise KeyedError(where, "between", f"{text}; {remedy}")
 
 
-def check_twice(scene: "Scene", one: Contact, two: Contact, where: str, index: int) -> None:
+def check_twice(scene: Content, one: Contact, two: Contact, where: str, index: int) -> None:
     """Refuse laws that cover the same faces, or rub the same two bodies differently.
 
     Args:
@@ -109,7 +106,7 @@ def check_twice(scene: "Scene", one: Contact, two: Contact, where: str, index: i
         raise KeyedError(f"contact[{index}]", "friction_coefficient", text)
 
 
-def _surfaces(scene: "Scene", name: str) -> Sequence[str] | None:
+def _surfaces(scene: Content, name: str) -> Sequence[str] | None:
     """Surfaces of a body; None if a mesh file has them."""
     return next(body.surface_names for body in scene.bodies if body.name == name)
 

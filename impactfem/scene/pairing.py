@@ -2,12 +2,10 @@
 
 from collections.abc import Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from impactfem.scene.contacts import Contact
-    from impactfem.scene.obstacles import Rigid
-    from impactfem.scene.scene import Scene
+from impactfem.scene.contacts import Contact
+from impactfem.scene.content import Content
+from impactfem.scene.obstacles import Rigid
 
 type Side = tuple[str, tuple[str, ...] | None]
 """Name of a body and its surfaces; None for all that may touch."""
@@ -24,12 +22,12 @@ def default_name(one: str, two: str) -> str:
     return f"{one}.{two}".replace("/", "_")
 
 
-def name_of(contact: "Contact") -> str:
+def name_of(contact: Contact) -> str:
     """Name of the pair in columns and messages."""
     return contact.name or default_name(*contact.between)
 
 
-def pair_name(scene: "Scene", one: str, two: str) -> str:
+def pair_name(scene: Content, one: str, two: str) -> str:
     """Name of the pair of two names: that of its contact, or a body's and an obstacle's."""
     for entry in scene.contacts:
         if {side_of(name)[0] for name in entry.between} == {one, two}:
@@ -37,7 +35,7 @@ def pair_name(scene: "Scene", one: str, two: str) -> str:
     return default_name(one, two)
 
 
-def named_body_pairs(scene: "Scene") -> list[tuple[str, Side, Side]]:
+def named_body_pairs(scene: Content) -> list[tuple[str, Side, Side]]:
     """Names of the pairs of `body_pairs`, and these."""
     names = [body.name for body in scene.bodies]
     if not scene.contacts:
@@ -51,12 +49,12 @@ def named_body_pairs(scene: "Scene") -> list[tuple[str, Side, Side]]:
     return found
 
 
-def body_pairs(scene: "Scene") -> list[tuple[Side, Side]]:
+def body_pairs(scene: Content) -> list[tuple[Side, Side]]:
     """Pairs of bodies that may meet: those of ``[[contact]]``, or all where there is none."""
     return [(one, two) for _, one, two in named_body_pairs(scene)]
 
 
-def law_of(scene: "Scene", one: str, two: str) -> "Contact | None":
+def law_of(scene: Content, one: str, two: str) -> "Contact | None":
     """The law between two names; None where none is given."""
     for entry in scene.contacts:
         if {side_of(name)[0] for name in entry.between} == {one, two}:
@@ -64,13 +62,13 @@ def law_of(scene: "Scene", one: str, two: str) -> "Contact | None":
     return None
 
 
-def friction_of(scene: "Scene", one: str, two: str) -> float:
+def friction_of(scene: Content, one: str, two: str) -> float:
     """Coefficient of friction between two names; 0 where none is given."""
     law = law_of(scene, one, two)
     return 0.0 if law is None else law.friction_coefficient
 
 
-def surfaces_on(scene: "Scene", body: str, obstacle: str) -> tuple[str, ...] | None:
+def surfaces_on(scene: Content, body: str, obstacle: str) -> tuple[str, ...] | None:
     """Surfaces with which a body meets an obstacle, "" for those of its bare name.
 
     None where no contact law names the pair.
@@ -83,7 +81,7 @@ def surfaces_on(scene: "Scene", body: str, obstacle: str) -> tuple[str, ...] | N
     return tuple(found) or None
 
 
-def obstacles_of(scene: "Scene", name: str) -> Sequence["Rigid"]:
+def obstacles_of(scene: Content, name: str) -> Sequence[Rigid]:
     """Obstacles that a body may meet: those of ``[[contact]]``, or all where there is none."""
     if not scene.contacts:
         return scene.rigid_obstacles

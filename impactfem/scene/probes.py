@@ -2,18 +2,13 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from impactfem.errors import SceneError
-from impactfem.scene.column_names import RESERVED
 from impactfem.scene.inline import Vector
 from impactfem.scene.kinds import Choices, Name
-from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
-
-if TYPE_CHECKING:
-    from impactfem.scene.scene import Scene
 
 MAX_PROBES = 100
 MOVES = ("displacement", "velocity")
@@ -48,36 +43,6 @@ class Probe:
         check_fields(self, self.heading)
         if not self.quantities:
             raise KeyedError(self.heading, "quantities", " = [] keeps nothing: name one or more.")
-
-
-def check_probes(scene: "Scene") -> None:
-    """Refuse probes that contradict the rest of a scene.
-
-    Raises:
-        KeyedError: naming the key.
-    """
-    bodies = {body.name: body for body in scene.bodies}
-    taken = dict.fromkeys(RESERVED, "a column") | dict.fromkeys(bodies, "a body")
-    for index, probe in enumerate(scene.probes):
-        where = f"probe[{index}]"
-        if probe.name in taken:
-            text = f" = {show(probe.name)} is the name of {taken[probe.name]} too: give another."
-            raise KeyedError(where, "name", text)
-        taken[probe.name] = where
-        if probe.body not in bodies:
-            near = nearest(probe.body, bodies)
-            meant = f"did you mean {show(near)}? " if near else ""
-            text = f" = {show(probe.body)}: there is no such body; {meant}give one of "
-            raise KeyedError(where, "body", f"{text}{', '.join(bodies)}.")
-        if len(probe.point) != scene.dim:
-            text = f" = {show(list(probe.point))} has {len(probe.point)} entries, but the scene has"
-            raise KeyedError(where, "point", f"{text} {scene.dim} coordinates: give {scene.dim}.")
-        known = bodies[probe.body].probed
-        for quantity in probe.quantities:
-            if quantity not in known:
-                text = f" = {show(list(probe.quantities))}: of a {bodies[probe.body].kind} only "
-                text += f"{' and '.join(known)} are known; remove {show(quantity)}."
-                raise KeyedError(where, "quantities", text)
 
 
 def outside(index: int, probe: Probe, near: Iterable[float]) -> SceneError:

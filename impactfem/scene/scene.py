@@ -2,22 +2,18 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from impactfem.errors import SceneError
-from impactfem.scene.beams import Beam, Rod
-from impactfem.scene.bodies import Bar
 from impactfem.scene.card import scene_card
 from impactfem.scene.contacts import Contact
+from impactfem.scene.content import BODIES, MAX_CONTACTS, Body, Content, Obstacle
 from impactfem.scene.crosschecks import check_scene
 from impactfem.scene.inline import plain
-from impactfem.scene.kinds import Line, Real
-from impactfem.scene.loads import LoadKind, PiecewiseConstant, PiecewiseVector
-from impactfem.scene.mixed import why_marched
-from impactfem.scene.obstacles import OBSTACLES, Rigid, Wall
-from impactfem.scene.points import Point
+from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
+from impactfem.scene.obstacles import OBSTACLES
 from impactfem.scene.probes import MAX_PROBES, Probe
 from impactfem.scene.schema import (
     TOP,
@@ -25,7 +21,6 @@ from impactfem.scene.schema import (
     check_fields,
     check_keys,
     from_table,
-    key,
     keys_of,
     table,
 )
@@ -34,24 +29,16 @@ from impactfem.scene.solids import Solid
 from impactfem.scene.tables import (
     MAX_BODIES,
     MAX_OBSTACLES,
-    ObjectsKind,
-    SettingsKind,
     assign,
     read_objects,
 )
 from impactfem.scene.toml import parse_assignment, read_toml, write_table
 from impactfem.scene.values import NotAllowedError, show
 
-type Body = Bar | Solid | Point | Rod | Beam
-type Obstacle = Wall | Rigid
-
-BODIES: Mapping[str, type[Any]] = {cls.kind: cls for cls in (Bar, Solid, Point, Rod, Beam)}
-MAX_CONTACTS = 10_000
-
 
 @table(TOP)
 @dataclass(frozen=True, kw_only=True)
-class Scene:
+class Scene(Content):
     """What is modelled, for how long, and how: everything a run needs.
 
     Any bodies meet each other and rigid obstacles; bars alone stand in a row, the first one perhaps
@@ -64,43 +51,6 @@ class Scene:
     Raises:
         SceneError: a value is missing or not allowed, or the scene contradicts itself.
     """
-
-    title: str = key(Line(), "title of figures and reports")
-    duration: float = key(Real(above=0), "time to simulate", unit="s")
-    gravity: PiecewiseConstant | PiecewiseVector = key(  # noqa: RUF009  # a field
-        LoadKind(),
-        "acceleration, of bars towards the wall; in a table, the value from each time on",
-        unit="m/s^2",
-        default=0.0,
-    )
-    bodies: tuple[Body, ...] = key(
-        ObjectsKind(tuple(BODIES.values()), "[[body]]", MAX_BODIES), "what moves", name="body"
-    )
-    obstacles: tuple[Obstacle, ...] = key(
-        ObjectsKind(tuple(OBSTACLES.values()), "[[obstacle]]", MAX_OBSTACLES, 0),
-        "what it may hit; only points and rows of bars may do without",
-        name="obstacle",
-        default=(),
-    )
-    contacts: tuple[Contact, ...] = key(
-        ObjectsKind((Contact,), "[[contact]]", MAX_CONTACTS, 0),
-        "which pairs meet; every body and obstacle, and every two solids, if there are none",
-        name="contact",
-        default=(),
-    )
-    probes: tuple[Probe, ...] = key(
-        ObjectsKind((Probe,), "[[probe]]", MAX_PROBES, 0),
-        "places whose motion is kept in the history",
-        name="probe",
-        default=(),
-    )
-    solve: Solve = key(  # noqa: RUF009  # a field
-        SettingsKind(Solve, "[solve]"), "how to solve", default=Solve()
-    )
-    output: Output = key(  # noqa: RUF009  # a field
-        SettingsKind(Output, "[output]"), "what to write", default=Output()
-    )
-    folder: Path | None = field(default=None, compare=False, repr=False)
 
     if TYPE_CHECKING:  # type checkers learn that lists and numbers may be given
 
@@ -129,114 +79,6 @@ class Scene:
             object.__setattr__(self, "gravity", PiecewiseVector((0.0,), ((0.0,) * self.dim,)))
 
     @property
-    def bar(self) -> Bar:
-        """The bar of the scene.
-
-        Raises:
-            SceneError: the body is another one, or there are several.
-        """
-        if self.is_bar_row:
-            names = ", ".join(bar.name for bar in self.bars)
-            raise SceneError(f"body: this needs a single bar, the scene has {names}; give one.")
-        return _only(self.bodies[0], Bar)
-
-    @property
-    def bars(self) -> tuple[Bar, ...]:
-        """The bars of the scene in the order of their axis; none if there are other bodies."""
-        bars = tuple(body for body in self.bodies if isinstance(body, Bar))
-        return bars if len(bars) == len(self.bodies) else ()
-
-    @property
-    def points(self) -> tuple[Point, ...]:
-        """The points of the scene; none if its bodies are others."""
-        return tuple(body for body in self.bodies if isinstance(body, Point))
-
-    @property
-    def is_bar_row(self) -> bool:
-        """Whether several bars meet each other."""
-        return len(self.bars) > 1
-
-    @property
-    def solids(self) -> tuple[Solid, ...]:
-        """The solids of the scene; none if its bodies are others."""
-        return tuple(body for body in self.bodies if isinstance(body, Solid))
-
-    @property
-    def solid(self) -> Solid:
-        """The solid of the scene.
-
-        Raises:
-            SceneError: the body is another one.
-        """
-        return _only(self.bodies[0], Solid)
-
-    @property
-    def dim(self) -> int:
-        """Number of coordinates."""
-        return self.bodies[0].dim
-
-    @property
-    def has_pairs(self) -> bool:
-        """Whether it is one of solids that strike each other, or rub."""
-        return bool(self.solids) and (len(self.bodies) > 1 or bool(self.contacts))
-
-    @property
-    def is_vibro(self) -> bool:
-        """Whether methods of few degrees of freedom solve it: points, a rod or a beam."""
-        return not self.bodies[0].waves and self.why_marched is None
-
-    @property
-    def marches(self) -> bool:
-        """Whether the march of solids, and of bodies of any kind, solves it."""
-        return not self.bars and not self.is_vibro
-
-    @property
-    def solver(self) -> Literal["bar", "bar_row", "march", "vibro"]:
-        """What solves it: methods of one bar, of bars in a row, the march, or of few degrees."""
-        if self.marches:
-            return "march"
-        if self.is_vibro:
-            return "vibro"
-        return "bar_row" if self.is_bar_row else "bar"
-
-    @property
-    def why_marched(self) -> str | None:
-        """Why points, rods and beams need the march, in words; None if other methods do."""
-        return why_marched(self)
-
-    @property
-    def axial_gravity(self) -> PiecewiseConstant:
-        """Gravity of a bar, towards the wall [m/s^2].
-
-        Raises:
-            SceneError: the body is none.
-        """
-        _only(self.bodies[0], Bar)
-        return _only(self.gravity, PiecewiseConstant)
-
-    @property
-    def vector_gravity(self) -> PiecewiseVector:
-        """Gravity of all bodies but bars, with as many entries as they have coordinates [m/s^2].
-
-        Raises:
-            SceneError: the body is a bar.
-        """
-        self._refuse_bar()
-        return _only(self.gravity, PiecewiseVector)
-
-    @property
-    def rigid_obstacles(self) -> tuple[Rigid, ...]:
-        """Obstacles of all bodies but bars.
-
-        Raises:
-            SceneError: the body is a bar.
-        """
-        self._refuse_bar()
-        return tuple(
-            entry.half_space if isinstance(entry, Wall) else entry for entry in self.obstacles
-        )
-
-    @property
     def mesh_path(self) -> Path | None:
         """Absolute path of the mesh file, None when the mesh is generated."""
         mesh = self._mesh
@@ -244,12 +86,6 @@ class Scene:
 
     def _repr_html_(self) -> str:
         return scene_card(self)
-
-    def _refuse_bar(self) -> None:
-        if self.bars:
-            raise SceneError(
-                f"body[0] is {show(self.bodies[0])}: this needs one that moves in space; give one."
-            )
 
     @property
     def _mesh(self) -> str | None:
@@ -372,9 +208,3 @@ class Scene:
 def _absolute(path: str | os.PathLike[str]) -> Path:
     # Not Path.resolve: a user who works through a symbolic link wants to read that path.
     return Path(os.path.abspath(path))  # noqa: PTH100
-
-
-def _only[T](value: object, cls: type[T]) -> T:
-    if not isinstance(value, cls):
-        raise SceneError(f"body[0] is {show(value)}: this needs a {cls.__name__}; give one.")
-    return value

@@ -1,21 +1,19 @@
 """Checks of scenes with few degrees of freedom: points, rods and beams."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from impactfem.scene.contacts import Contact
+from impactfem.scene.content import Content
 from impactfem.scene.loads import PiecewiseConstant
 from impactfem.scene.nearest import nearest
 from impactfem.scene.points import Point
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
-if TYPE_CHECKING:
-    from impactfem.scene.scene import Scene
-
 FAMILY = "points, rods and beams"
 
 
-def check_vibro(scene: "Scene", gravity: object) -> None:
+def check_vibro(scene: Content, gravity: object) -> None:
     """Refuse a scene of points, a rod or a beam that contradicts itself.
 
     Args:
@@ -43,7 +41,7 @@ def check_vibro(scene: "Scene", gravity: object) -> None:
         raise KeyedError("output", "fields", f"{text}give that or [].")
 
 
-def check_bodies(scene: "Scene", dim: int) -> None:
+def check_bodies(scene: Content, dim: int) -> None:
     """Refuse points of different dimensions, and springs to what is no point.
 
     Raises:
@@ -65,7 +63,7 @@ def check_bodies(scene: "Scene", dim: int) -> None:
                 raise KeyedError(f"body[{index}].springs[{number}]", "to", text)
 
 
-def check_gravity(scene: "Scene", dim: int, given: object) -> None:
+def check_gravity(scene: Content, dim: int, given: object) -> None:
     """Refuse gravity that is no vector with as many entries as the bodies have coordinates.
 
     Raises:
