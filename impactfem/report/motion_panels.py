@@ -13,6 +13,7 @@ Floats = NDArray[np.float64]
 _MOST_CURVES = 16
 _MOST_DOTS, _MANY = 3000, 50  # impacts that are drawn; from which on dots are small
 _STILL = 1e-3  # of the largest component, below which one is not seen
+_APART = 0.05  # share of the distances between bodies above which their ways are seen
 _FLAT = 0.02  # height over width below which a path is a line
 _ROUNDING = 1e-12  # of the largest impact speed, below which there is no impact
 _RANGE = 1e3  # of impact speeds beyond which the axis is logarithmic
@@ -24,6 +25,7 @@ def motion(result: Record) -> Panel | None:
     line = result.scene.dim == 1
     if line and isinstance(result.fields, Fields):  # world lines tell it, of all points
         return None
+    line = line and _is_seen(result)
     curves = _coordinates(result, "", "m", relative=not line)
     if not curves:
         return None
@@ -36,6 +38,13 @@ def motion(result: Record) -> Panel | None:
     caption += ", the grey line is the obstacle." if line and result.scene.obstacles else "."
     y = "position [m]" if line else "way [m]"
     return over_time(result, "motion", "Motion", caption, curves, y, named=True)
+
+
+def _is_seen(result: Record) -> bool:
+    """Whether ways of bodies on a line are seen beside the distances between them."""
+    places = np.array([result.rows[f"{body.name}.x"].values for body in result.scene.bodies])
+    way = np.abs(places - places[:, :1])
+    return bool(np.nanmax(way, initial=0.0) > _APART * np.ptp(places[:, 0]))
 
 
 def velocity(result: Record) -> Panel | None:

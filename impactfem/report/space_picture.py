@@ -223,7 +223,7 @@ def skin_of(result: Record, fields: Snapshots) -> Skin:
     whole = Whole.of_summary(result.summary)
     scene = result.scene
     towards = Camera.of(scene).towards if scene.dim == 3 else np.zeros(3)
-    return Skin.of(fields, whole, towards, scene.dim)
+    return Skin.of(fields, whole, towards, max(2, scene.dim))
 
 
 def _unit_normals(faces: Floats) -> Floats:

@@ -381,6 +381,16 @@ def test_balls_and_rods_are_drawn_as_thick_as_they_are(dim, tmp_path):
         assert (~ball).sum() >= 10
 
 
+def test_bodies_of_different_kinds_on_a_line_are_drawn_in_the_plane():
+    table = solve(Scene.from_toml(find_scene("vibrating_table")))
+    shown = motion(replace(table, fields=beside(["ball", "rod"], 2)))
+    assert shown["kind"] == "plane"
+    (obstacle,) = shown["obstacles"]
+    assert obstacle["normal"] == [1.0, 0.0]
+    assert len(obstacle["point"]) == 2
+    assert len(obstacle["way"]) == 2 * len(shown["times"])
+
+
 def test_one_line_has_its_own_picture_and_a_solid_keeps_its_colours(tmp_path):
     result = solid_result(tmp_path / "f.vtkhdf")
     solid = motion(result)

@@ -15,7 +15,7 @@ from impactfem.report.page.motion_data import (
     packed_indices,
     telling_frames,
 )
-from impactfem.report.page.motion_obstacles import plane_obstacles, space_obstacles
+from impactfem.report.page.motion_obstacles import line_obstacles, plane_obstacles, space_obstacles
 from impactfem.report.page.motion_slender import Tubes, tubes_of
 from impactfem.report.skin import Skin
 from impactfem.report.space_picture import Camera, skin_of, vertical_of
@@ -172,12 +172,13 @@ def _proper(parts: Integers) -> Integers:
 def _plane(result: Record, segments: Integers, frames: list[Frame]) -> dict[str, Any]:
     axial = any(solid.is_axisymmetric for solid in result.scene.solids)
     times = np.array([frame.time for frame in frames])
+    place = line_obstacles if result.scene.dim == 1 else plane_obstacles
     return {
         "kind": "plane",
         "mirror": axial,
         "segments": packed_indices(segments),
         "pressed": [frame.pressed for frame in frames],
-        "obstacles": plane_obstacles(result.scene.obstacles, times),
+        "obstacles": place(result.scene.obstacles, times),
     }
 
 

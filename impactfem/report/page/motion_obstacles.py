@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.distance import translation
+from impactfem.contact.distance import on_a_line, translation
 from impactfem.report.page.chart import numbers
 from impactfem.report.page.motion_data import packed, packed_indices
 
@@ -18,6 +18,17 @@ _PLACES = ("point", "points", "normal")
 def plane_obstacles(obstacles: Sequence[Any], times: Floats) -> list[dict[str, Any]]:
     """Obstacles in the plane at rest, and the way of those that move, shape (frames, 2)."""
     return [_outline(obstacle) | _way(obstacle, times) for obstacle in obstacles]
+
+
+def line_obstacles(obstacles: Sequence[Any], times: Floats) -> list[dict[str, Any]]:
+    """Obstacles on a line as half planes, and their way, shape (frames, 2)."""
+    made = []
+    for obstacle in obstacles:
+        places, side = on_a_line(obstacle, times)
+        way = np.stack([places - places[0], np.zeros(len(times))], axis=1)
+        found = {"name": obstacle.name, "shape": "half", "normal": [side, 0.0]}
+        made.append(found | {"point": numbers([places[0], 0.0]), "way": numbers(way)})
+    return made
 
 
 def space_obstacles(
