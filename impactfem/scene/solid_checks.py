@@ -8,18 +8,18 @@ from impactfem.scene.boundary import SPACE
 from impactfem.scene.kinds import FormulaOf
 from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError
+from impactfem.scene.solid_keys import SolidKeys
 from impactfem.scene.values import NotAllowedError, show
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from impactfem.scene.formula import Formula
-    from impactfem.scene.solids import Solid
 
 _FAR = 1e8  # times its extent, beyond which rounding of places shows in contact
 
 
-def check_solid(solid: "Solid") -> None:
+def check_solid(solid: SolidKeys) -> None:
     """Refuse a solid whose keys contradict each other.
 
     Raises:
@@ -36,11 +36,11 @@ def check_solid(solid: "Solid") -> None:
     _check_scales(solid)
 
 
-def _fail(solid: "Solid", name: str, text: str) -> KeyedError:
+def _fail(solid: SolidKeys, name: str, text: str) -> KeyedError:
     return KeyedError(solid.kind, name, text)
 
 
-def _check_source(solid: "Solid") -> None:
+def _check_source(solid: SolidKeys) -> None:
     """Refuse a body that cannot be drawn, or that is given twice."""
     shape, mesh = solid.shape, solid.mesh
     if shape is None and mesh is None:
@@ -55,7 +55,7 @@ def _check_source(solid: "Solid") -> None:
             raise error.moved("").under("shape", solid.kind) from None
 
 
-def _check_mesh_file(solid: "Solid") -> None:
+def _check_mesh_file(solid: SolidKeys) -> None:
     """Refuse sizes that a file holds already, and a geometry without a size."""
     mesh = "" if solid.mesh is None else solid.mesh.lower()
     if not mesh.endswith((".msh", ".geo")) and solid.mesh_size is None:
@@ -74,7 +74,7 @@ def _check_mesh_file(solid: "Solid") -> None:
             raise _fail(solid, name, f" = {value}: {why}.")
 
 
-def _check_sizes(solid: "Solid") -> None:
+def _check_sizes(solid: SolidKeys) -> None:
     """Refuse elements larger than the body, and refinements that coarsen."""
     if solid.mesh_size is None:
         return
@@ -94,7 +94,7 @@ def _check_sizes(solid: "Solid") -> None:
             raise _fail(solid, f"refine[{index}].size", text)
 
 
-def _check_lengths(solid: "Solid") -> None:
+def _check_lengths(solid: SolidKeys) -> None:
     """Refuse vectors of another dimension than the model's."""
     found: list[tuple[str, Sequence[Any] | None]] = [
         ("velocity", solid.velocity),
@@ -113,7 +113,7 @@ def _check_lengths(solid: "Solid") -> None:
         raise _fail(solid, "angular_velocity", f"{text}: give {form}.")
 
 
-def _check_plane(solid: "Solid") -> None:
+def _check_plane(solid: SolidKeys) -> None:
     """Refuse a thickness where there is none, and z in formulas of 2D models."""
     if not solid.is_plane and solid.thickness != 1.0:
         text = f' = {solid.thickness} does not fit model = "{solid.model}": remove it.'
@@ -135,7 +135,7 @@ def _check_plane(solid: "Solid") -> None:
                 raise _fail(solid, name, text) from None
 
 
-def _check_rotation(solid: "Solid") -> None:
+def _check_rotation(solid: SolidKeys) -> None:
     """Refuse a rotation that an axisymmetric or a cut body cannot have."""
     spin = solid.angular_velocity
     vector = spin if isinstance(spin, tuple) else (0.0, 0.0, spin)
@@ -150,7 +150,7 @@ def _check_rotation(solid: "Solid") -> None:
             raise _fail(solid, "angular_velocity", f" = {_plain(spin)} {why}.")
 
 
-def _check_surface_names(solid: "Solid") -> None:
+def _check_surface_names(solid: SolidKeys) -> None:
     """Refuse surfaces that the shape does not have."""
     known = solid.surface_names
     if known is None:
@@ -172,7 +172,7 @@ def _check_surface_names(solid: "Solid") -> None:
             raise _fail(solid, name, text)
 
 
-def _check_supports(solid: "Solid") -> None:
+def _check_supports(solid: SolidKeys) -> None:
     """Refuse two supports on one surface, and one where the model holds it already."""
     cuts = () if solid.shape is None else solid.shape.symmetry
     by_model = {f"symmetry_{axis}" for axis in cuts} | (
@@ -187,7 +187,7 @@ def _check_supports(solid: "Solid") -> None:
         held.add(support.surface)
 
 
-def _check_scales(solid: "Solid") -> None:
+def _check_scales(solid: SolidKeys) -> None:
     """Refuse values, each fine alone, whose wave speed or mass overflows."""
     slow, fast, mass = math.nan, math.nan, math.nan
     with contextlib.suppress(OverflowError, ValueError, ZeroDivisionError):

@@ -1,0 +1,206 @@
+"""Elastic solids in 2D and 3D, with supports, loads and what Gmsh needs to draw them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from impactfem.scene.body import BodyKind
+from impactfem.scene.boundary import (
+    SPACE,
+    SURFACE,
+    Pressure,
+    Support,
+    Traction,
+)
+from impactfem.scene.flight import Flight
+from impactfem.scene.formula import Formula
+from impactfem.scene.inline import Formulas, InlineTable, ListOf, NumberOrVector, Vector
+from impactfem.scene.kinds import Choice, FilePath, Integer, Name, Real
+from impactfem.scene.probes import STRAINS
+from impactfem.scene.schema import check_fields, key, table
+from impactfem.scene.shape import MODELS
+from impactfem.scene.shapes import SHAPES, Block, Cylinder, Disc, Ring, Sphere
+
+type AnyShape = Block | Disc | Ring | Cylinder | Sphere
+
+CELLS = ("simplex", "hexahedron")
+MESH_FILES = (".msh", ".geo", ".step", ".stp")
+
+
+@table("refine = [{ ... }]")
+@dataclass(frozen=True, kw_only=True)
+class Refinement:
+    """Smaller elements in a ball, growing to the mesh size outside.
+
+    Raises:
+        SceneError: a value is not allowed.
+    """
+
+    point: Sequence[float] = key(Vector(), "centre of the ball", unit="m")
+    radius: float = key(Real(above=0), "radius of the ball", unit="m")
+    size: float = key(Real(above=0), "size of elements inside", unit="m")
+
+    def __post_init__(self) -> None:
+        check_fields(self, "refine")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolidKeys(BodyKind):
+    """The keys of a solid and what follows from them; `Solid` fills them in and checks them."""
+
+    kind: ClassVar[str] = "solid"
+    probed: ClassVar[tuple[str, ...]] = STRAINS
+    waves: ClassVar[bool] = True
+    meets_alike: ClassVar[bool] = True
+
+    name: str = key(Name(), "name of the body in histories", default="solid")
+    model: str = key(Choice(MODELS), "what the body is; axisymmetric: x is the radius, y the axis")
+    shape: AnyShape | None = key(  # noqa: RUF009  # a field
+        InlineTable(SHAPES), "shape for Gmsh to draw, or give mesh", default=None, absent="none"
+    )
+    mesh: str | None = key(
+        FilePath(endings=MESH_FILES),
+        "mesh or geometry file instead of a shape; its physical names are the surface names",
+        default=None,
+        absent="none",
+    )
+    mesh_size: float | None = key(
+        Real(above=0),
+        "size of elements; required with a shape or a STEP file",
+        unit="m",
+        default=None,
+        absent="by the mesh file",
+    )
+    refine: tuple[Refinement, ...] = key(
+        ListOf(InlineTable((Refinement,))), "where elements are smaller", default=()
+    )
+    cells: str = key(
+        Choice(CELLS),
+        "triangles and tetrahedra, or quadrilaterals and hexahedra",
+        default="simplex",
+    )
+    degree: int | None = key(Integer(1, 2), "polynomial degree of elements", default=None)
+    thickness: float = key(Real(above=0), "thickness of plane models", unit="m", default=1.0)
+    density: float = key(Real(above=0), "mass density", unit="kg/m^3")
+    youngs_modulus: float = key(Real(above=0), "Young's modulus", unit="Pa")
+    poisson_ratio: float = key(Real(above=-1, below=0.5), "Poisson's ratio")
+    velocity: tuple[Formula, ...] = key(
+        Formulas(SPACE), "velocity at t = 0", unit="m/s", default=None, absent="0"
+    )
+    angular_velocity: float | tuple[float, ...] = key(
+        NumberOrVector(),
+        "rotation at t = 0 about the centre of mass, added to the velocity",
+        unit="rad/s",
+        default=None,
+        absent="0",
+    )
+    displacement: tuple[Formula, ...] = key(
+        Formulas(SPACE), "displacement at t = 0", unit="m", default=None, absent="0"
+    )
+    supports: tuple[Support, ...] = key(
+        ListOf(InlineTable((Support,))), "surfaces that are held or moved", default=()
+    )
+    tractions: tuple[Traction, ...] = key(
+        ListOf(InlineTable((Traction,))), "forces on surfaces", default=()
+    )
+    pressures: tuple[Pressure, ...] = key(
+        ListOf(InlineTable((Pressure,))), "pressures on surfaces", default=()
+    )
+    rayleigh_mass: float = key(
+        Real(at_least=0), "damping by the mass matrix", unit="1/s", default=0.0
+    )
+    rayleigh_stiffness: float = key(
+        Real(at_least=0), "damping by the stiffness matrix", unit="s", default=0.0
+    )
+    contact_surfaces: tuple[str, ...] | None = key(
+        ListOf(SURFACE, at_least=1, different=True),
+        "surfaces that may touch obstacles",
+        default=None,
+        absent="every surface that can",
+    )
+
+    @property
+    def flight(self) -> Flight | None:
+        """How it flies; None if loads, supports or rotation act on it or its box is not known."""
+        spin = self.angular_velocity
+        loads = (self.supports, self.tractions, self.pressures, self.rayleigh_mass)
+        turns = any(spin) if isinstance(spin, tuple) else spin
+        still = all(entry.is_constant and float(entry()) == 0.0 for entry in self.displacement)
+        if self.shape is None or any(loads) or turns or not still:
+            return None
+        if not all(entry.is_constant for entry in self.velocity):
+            return None
+        lower, upper = self.shape.bounds(axisymmetric=self.is_axisymmetric)
+        half = tuple((b - a) / 2 for a, b in zip(lower, upper, strict=True))
+        center = tuple((b + a) / 2 for a, b in zip(lower, upper, strict=True))
+        return Flight(half, center, tuple(float(entry()) for entry in self.velocity))
+
+    @property
+    def dim(self) -> int:
+        """Number of coordinates: 3, or 2 for plane and axisymmetric models."""
+        return 3 if self.model == "3d" else 2
+
+    @property
+    def is_plane(self) -> bool:
+        """Whether the body is a plate or slice with a thickness."""
+        return self.model in {"plane_strain", "plane_stress"}
+
+    @property
+    def is_axisymmetric(self) -> bool:
+        """Whether x is the radius and y the axis."""
+        return self.model == "axisymmetric"
+
+    @property
+    def shear_modulus(self) -> float:
+        """Mu = E / (2 (1 + nu)) [Pa]."""
+        return self.youngs_modulus / (2.0 * (1.0 + self.poisson_ratio))
+
+    @property
+    def lame(self) -> float:
+        """First Lamé parameter of the material, lambda = E nu / ((1 + nu) (1 - 2 nu)) [Pa]."""
+        nu = self.poisson_ratio
+        return self.youngs_modulus * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
+
+    @property
+    def p_wave_speed(self) -> float:
+        """Speed [m/s] of the fastest waves: sqrt((lambda + 2 mu) / rho), in plane stress less."""
+        nu = self.poisson_ratio
+        if self.model == "plane_stress":
+            modulus = self.youngs_modulus / ((1.0 - nu) * (1.0 + nu))
+        else:
+            modulus = self.lame + 2.0 * self.shear_modulus
+        return math.sqrt(modulus / self.density)
+
+    @property
+    def s_wave_speed(self) -> float:
+        """Speed [m/s] of shear waves, sqrt(mu / rho)."""
+        return math.sqrt(self.shear_modulus / self.density)
+
+    @property
+    def surface_names(self) -> tuple[str, ...] | None:
+        """Names of the surfaces of the shape; None with a mesh file, which names its own."""
+        if self.shape is None:
+            return None
+        return self.shape.surface_names(axisymmetric=self.is_axisymmetric)
+
+    @property
+    def all_supports(self) -> tuple[Support, ...]:
+        """Supports as given, and those of symmetry cuts. The axis is not among them."""
+        cuts = () if self.shape is None else self.shape.symmetry
+        held = (Support(surface=f"symmetry_{axis}", kind="symmetry") for axis in cuts)
+        return (*self.supports, *held)
+
+    @property
+    def volume(self) -> float | None:
+        """Volume [m^3] of what is modelled, after symmetry cuts; None with a mesh file."""
+        if self.shape is None:
+            return None
+        if self.is_axisymmetric:
+            return self.shape.revolved_volume
+        return self.shape.volume * (self.thickness if self.dim == 2 else 1.0)
+
+    @property
+    def mass(self) -> float | None:
+        """Mass [kg] of what is modelled, after symmetry cuts; None with a mesh file."""
+        return None if self.volume is None else self.density * self.volume
