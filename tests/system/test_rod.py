@@ -30,7 +30,7 @@ def test_gaps_are_distances_of_the_ends_with_their_gradients(x, y, theta, radius
     slope = np.array([1.0, 1.0]) / math.sqrt(2.0)
     expected = [end[1] - 0.5 for end in ends] + [(end - [-4.0, 0.0]) @ slope for end in ends]
     assert np.allclose(system.gap(0.0, u), np.array(expected) - radius, atol=1e-13)
-    assert np.allclose(system.jacobian(u), differentiate(system._phi, u), atol=1e-12)
+    assert np.allclose(system.jacobian(u), differentiate(system.constraint_function, u), atol=1e-12)
 
 
 @settings(max_examples=50, deadline=None)
