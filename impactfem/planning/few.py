@@ -25,7 +25,7 @@ _PER_RADIAN = 20.0  # steps of a radian of the fastest vibration
 _OF_TRANSIT, _MOST_OF_TRANSIT = 200, 5000  # steps of a wave through a bar that are chosen
 _BRAKED, _RESOLVED = 0.05, 0.25  # steps by the time in which a bar brakes a body: chosen, told
 _MOST = 10_000_000
-_SECONDS = 3e-4  # of a layer
+_SECONDS = 6e-4  # of a layer; up to 1e-3 with friction
 _BASE_MIB = 240.0  # of the process with DOLFINx
 _ROW_BYTES = 400.0  # of a layer in the history, and as much of each body; measured with 1 and 4
 
@@ -166,9 +166,18 @@ def _braked(few: Sequence["FewBodies"]) -> list[float]:
 
 
 def _steps(scene: Scene, few: Sequence["FewBodies"], reasons: dict[str, str]) -> tuple[float, int]:
-    """Time step [s] and number of layers."""
+    """Time step [s] and number of layers.
+
+    Raises:
+        SceneError: The step is given twice, or the history does not fit into the memory.
+    """
     solve, duration = scene.solve, scene.duration
     shortest = min(bodies.transit for bodies in few)
+    if solve.dt is not None and solve.elements is not None:
+        raise SceneError(
+            f"solve.elements = {solve.elements} makes the step of a wave through the shortest bar, "
+            f"and solve.dt = {solve.dt:g} s is given too: remove one"
+        )
     if solve.dt is not None or shortest == float("inf"):
         layers = max(1, round(duration / (solve.dt or _step(scene, few, reasons))))
         return duration / layers, layers

@@ -8,7 +8,7 @@ from impactfem.errors import SceneError
 from impactfem.findings import Finding
 from impactfem.methods import METHODS
 from impactfem.planning.estimates import choose_estimate
-from impactfem.planning.few import few_findings, few_in_words, few_step, plan_few
+from impactfem.planning.few import bar_findings, few_findings, few_in_words, few_step, plan_few
 from impactfem.planning.meetings import told_contacts
 from impactfem.planning.normals import choose_normals
 from impactfem.planning.offers import offers
@@ -90,6 +90,7 @@ def plan_solids(scene: Scene) -> Plan[MarchNumbers]:
     share = (steps.courant or 1.0) / SHARE_OF_STABLE
     step = steps.dt or share * explicit_step(solids, sizes)
     count = steps.layers or count_layers(scene.duration, step)
+    findings += bar_findings(model.few, step)
     for solid, (size, extents) in zip(solids, found, strict=True):
         findings += damping_findings(method, solid, size, max(extents), step)
     touching = [len(numbers) for numbers in model.numbers]

@@ -183,7 +183,8 @@ def _check_settings(scene: Content, body: Body) -> None:
             text = f' = "snes_vi" contradicts method = {show(method)}: it needs '
             raise KeyedError("solve", "active_set", f'{text}method = "monolithic".')
         return
-    brought = {name for each in scene.bodies for name in each.settings}
+    # Beside solids the step follows from these.
+    brought = {name for each in scene.bodies for name in each.settings if not scene.solids}
     for name, remedy in _BAR_ONLY.items():
         value = getattr(solve, name)
         if value is not None and name not in brought:

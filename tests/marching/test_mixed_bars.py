@@ -10,6 +10,11 @@ STEEL = {"kind": "bar", "name": "bar", "length": 0.3, "density": 7800.0, "youngs
          "area": 1e-4}  # fmt: skip
 SPEED = 1e-2
 SOFT = {"kind": "bar", "name": "bar", "length": 1.0, "density": 1.0, "youngs_modulus": 1.0}
+BLOCK = {
+    "kind": "solid", "name": "block", "model": "plane_strain", "mesh_size": 0.5, "density": 1.0,
+    "youngs_modulus": 1.0, "poisson_ratio": 0.3,
+    "shape": {"kind": "block", "size": [1.0, 1.0], "corner": [0.0, 0.0]},
+}  # fmt: skip
 WALL = {"kind": "wall", "name": "wall"}
 
 
@@ -171,14 +176,17 @@ def test_ends_are_named_and_others_pass():
         ({"gravity": 9.81}, "give a vector"),
         ({"solve": {"method": "exact"}}, "does not solve bodies of different kinds"),
         ({"solve": {"window": 3}}, "solve.window"),
+        ({"solve": {"elements": 3}, "gravity": [0.0, 0.0],
+          "bodies": [SOFT | {"point": [0.0, 2.0], "axis": [0.0, 1.0]}, BLOCK]}, "belongs to bars"),
         ({"obstacles": [{"kind": "sphere", "center": [0, 0], "radius": 1.0}]}, "coordinates"),
     ],
 )  # fmt: skip
 def test_contradictions_are_refused(change, says):
     given = {"gravity": [0.0], "contacts": []} | change
     solve, gravity = given.pop("solve", {}), given.pop("gravity")
+    bodies = given.pop("bodies", [SOFT, point("m", -1.0)])
     with pytest.raises(SceneError, match=says):
-        scene([SOFT, point("m", -1.0)], 1.0, solve=solve, **given, gravity=gravity)
+        scene(bodies, 1.0, solve=solve, **given, gravity=gravity)
 
 
 @pytest.mark.parametrize(
@@ -201,6 +209,8 @@ def test_what_cannot_be_is_said_when_meshed():
     law = [{"between": ["bar", "m"]}]
     with pytest.raises(SceneError, match="or they meet at other ends than it names"):
         impactfem.plan(scene([bodies[0], point("m", 2.0)], 1.0, contacts=law))
+    with pytest.raises(SceneError, match=r"solve.elements = 20 .* remove one"):
+        impactfem.plan(scene(bodies, 1.0, solve={"elements": 20, "dt": 0.01}))
     with pytest.raises(SceneError, match="longer than a wave needs"):
         impactfem.solve(scene([bodies[0], point("m", 2.0)], 4.0, solve={"dt": 2.0}))
 
