@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from moving_scenes import alone, differences, stopping
+from pytest_mpi import parallel_assert
 
 import impactfem
 from impactfem import SceneError
@@ -240,3 +242,46 @@ def test_probes_of_bars_beside_others():
     assert column(result, "mid.ux")[-1] == pytest.approx(speed * (time[-1] - 0.5), rel=2e-2)
     with pytest.raises(SceneError, match=r"probe\[0\].point = \[1.5\] is outside"):
         impactfem.solve(scene(bodies, 0.9, probe=[probe[0] | {"point": [1.5]}]))
+
+
+def several(**output):
+    """A bar between a rod and a beam, with friction, in the plane."""
+    bar = STEEL | {"length": 0.1, "point": [0.03, 0.003], "axis": [0.1, 1.0], "velocity": -1.0}
+    beam = {
+        "kind": "beam",
+        "name": "beam",
+        "length": 0.2,
+        "height": 0.004,
+        "width": 0.02,
+        "density": 2700.0,
+        "youngs_modulus": 70e9,
+        "center": [0.0, 0.0],
+        "elements": 4,
+    }
+    rod = {"kind": "rod", "name": "rod", "length": 0.05, "mass": 0.02, "radius": 0.002,
+           "center": [0.045, 0.106], "velocity": [0.0, -2.0]}  # fmt: skip
+    laws = [{"between": ["bar", "beam"], "friction_coefficient": 0.3},
+            {"between": ["bar/far_end", "rod"]}]  # fmt: skip
+    bodies = [beam, bar, rod]
+    return scene(bodies, 1.5e-3, (0.0, -9.81), (), laws, {"dt": 2e-6},
+                 output={"fields": []} | output)  # fmt: skip
+
+
+def test_a_continued_run_equals_the_whole_one(tmp_path, monkeypatch):
+    case = several(checkpoint=200)
+    whole = impactfem.solve(case)
+    assert column(whole, "force.bar.beam").max() > 0.0
+    with stopping(monkeypatch, 500):
+        impactfem.solve(case, checkpoints=tmp_path)
+    again = impactfem.solve(case, checkpoints=tmp_path, restart=tmp_path)
+    assert differences(whole, again) == {}
+    assert again.summary["bodies"] == whole.summary["bodies"]
+
+
+@pytest.mark.parallel(2)
+def test_ranks_agree(monkeypatch):
+    case = several()
+    with alone(monkeypatch):
+        one = impactfem.solve(case)
+    found = differences(one, impactfem.solve(case))
+    parallel_assert(max(found.values(), default=0.0) <= 1e-10, participating=True, msg=str(found))
