@@ -2,6 +2,7 @@
 
 import os
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -277,7 +278,9 @@ def show(
         raise SceneError(f"--out {path}: a picture is a .png, a page a .html; choose one of them")
     known_fields(result)
     _check_surroundings(path)
-    with load_pyvista().vtk_verbosity("off"):  # it tells of displays that it does not need
+    # It tells of displays that it does not need; Debian's pyvista cannot be told not to.
+    quiet = getattr(load_pyvista(), "vtk_verbosity", lambda _: nullcontext())
+    with quiet("off"):
         view, layer = make_view(result, time, field, off_screen=path is not None)
         _put_out(view, layer, path)
 
