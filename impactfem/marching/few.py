@@ -51,6 +51,8 @@ class FewInterior:
         self.dt, self.bodies, self.counts, self._gravity = dt, bodies, counts, gravity
         self._q, self._v = bodies.position.copy(), bodies.velocity.copy()
         self._start = bodies.places(bodies.position)
+        size = self._start.size
+        self._compliance = np.zeros((size, size))  # of a layer, which each kind fills [m/N]
         none = np.zeros(len(self._start), dtype=bool)
         self.massive: Booleans = none
         self.radiating: Booleans = none
@@ -115,6 +117,13 @@ class FewInterior:
         if self._gravity.is_constant:  # asked for in every layer
             return np.array(self._gravity.values[0])
         return np.asarray(self._gravity.mean(layer * self.dt, (layer + 1) * self.dt))
+
+    def columns(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Displacements of the contact nodes by several forces; nothing is massless."""
+        moved = forces.reshape(len(forces), -1) @ self._compliance.T
+        return moved.reshape(forces.shape), np.zeros_like(forces)
+
+    answers = columns
 
     def static(self, forces: Floats) -> Floats:
         """Nothing is massless."""
@@ -239,13 +248,6 @@ class FewMidpoint(FewInterior):
         if self._steady is None or not isinstance(system, LinearSystem):
             return system.force(self._time, q, v)
         return self._steady - system.stiffness @ q - system.damping @ v
-
-    def columns(self, forces: Floats) -> tuple[Floats, Floats]:
-        """Displacements of the contact nodes by several forces; nothing is massless."""
-        moved = forces.reshape(len(forces), -1) @ self._compliance.T
-        return moved.reshape(forces.shape), np.zeros_like(forces)
-
-    answers = columns
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (count, dim)."""

@@ -79,13 +79,6 @@ class WaveBar(FewInterior):
         self._pushed = np.zeros(2)
         return self.bodies.places(self._q + self.dt * self._ahead) - self._start
 
-    def columns(self, forces: Floats) -> tuple[Floats, Floats]:
-        """Displacements of the ends by several forces; nothing is massless."""
-        moved = forces.reshape(len(forces), -1) @ self._compliance.T
-        return moved.reshape(forces.shape), np.zeros_like(forces)
-
-    answers = columns
-
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (2, dim)."""
         self._pushed = self._pushed + self._give * (forces @ self.bodies.axis)

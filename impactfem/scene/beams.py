@@ -24,9 +24,29 @@ _THICKEST = {"euler_bernoulli": 0.2, "timoshenko": 0.5}
 _INCLINATION = "angle of the axis to the x axis, from -pi to pi"
 
 
+class Slender(BodyKind):
+    """What rods and beams have in common: a straight axis in the plane at t = 0."""
+
+    dim: ClassVar[int] = 2
+
+    length: float
+    center: Sequence[float]
+    inclination: float
+    velocity: Sequence[float]
+
+    def centre_velocity(self) -> Floats:
+        """Velocity of its centre at t = 0 [m/s], (2,)."""
+        return np.asarray(self.velocity, dtype=np.float64)
+
+    def centreline(self) -> Floats:
+        """Both ends of its axis at t = 0 [m], (2, 2)."""
+        along = np.array([math.cos(self.inclination), math.sin(self.inclination)])
+        return np.asarray(self.center) + 0.5 * self.length * np.array([-along, along])
+
+
 @table('[[body]] with kind = "rod"')
 @dataclass(frozen=True, kw_only=True)
-class Rod(BodyKind):
+class Rod(Slender):
     """A slender rigid rod that moves in the plane and touches obstacles with its ends.
 
     Raises:
@@ -34,7 +54,6 @@ class Rod(BodyKind):
     """
 
     kind: ClassVar[str] = "rod"
-    dim: ClassVar[int] = 2
     round_ends: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the rod in histories", default="rod")
@@ -56,14 +75,6 @@ class Rod(BodyKind):
         """Half edges and centre [m] of a box around it in any rotation."""
         return np.full(2, self.length / 2 + self.radius), np.asarray(self.center, dtype=np.float64)
 
-    def centre_velocity(self) -> Floats:
-        """Velocity of its centre at t = 0 [m/s], (2,)."""
-        return np.asarray(self.velocity, dtype=np.float64)
-
-    def centreline(self) -> Floats:
-        """Both ends of its axis at t = 0 [m], (2, 2)."""
-        return _ends(self)
-
     @property
     def thickness(self) -> float:
         """Its diameter [m]."""
@@ -77,7 +88,7 @@ class Rod(BodyKind):
 
 @table('[[body]] with kind = "beam"')
 @dataclass(frozen=True, kw_only=True)
-class Beam(BodyKind):
+class Beam(Slender):
     """A free elastic beam of rectangular section that falls in the plane.
 
     Its axis touches obstacles, with both ends or with all nodes. Displacements and rotations from
@@ -89,7 +100,6 @@ class Beam(BodyKind):
     """
 
     kind: ClassVar[str] = "beam"
-    dim: ClassVar[int] = 2
     round_ends: ClassVar[bool] = False
 
     name: str = key(Name(), "name of the beam in histories", default="beam")
@@ -135,14 +145,6 @@ class Beam(BodyKind):
     def box(self) -> tuple[Floats, Floats]:
         """Half edges and centre [m] of a box around its axis in any rotation."""
         return np.full(2, self.length / 2), np.asarray(self.center, dtype=np.float64)
-
-    def centre_velocity(self) -> Floats:
-        """Velocity of its centre at t = 0 [m/s], (2,)."""
-        return np.asarray(self.velocity, dtype=np.float64)
-
-    def centreline(self) -> Floats:
-        """Both ends of its axis at t = 0 [m], (2, 2)."""
-        return _ends(self)
 
     @property
     def thickness(self) -> float:
@@ -228,8 +230,3 @@ def _check_angle(body: Rod | Beam) -> None:
         text = f" = {show(body.inclination)} is not between -pi and pi: give radians"
         degrees = f" ({math.radians(body.inclination):.6g} if degrees were meant)"
         raise KeyedError(body.kind, "inclination", f"{text}{degrees}.")
-
-
-def _ends(body: Rod | Beam) -> Floats:
-    along = np.array([math.cos(body.inclination), math.sin(body.inclination)])
-    return np.asarray(body.center) + 0.5 * body.length * np.array([-along, along])
