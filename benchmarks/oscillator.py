@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from penalty import PenaltySettings, integrate_penalty
 from plain_penalty import integrate_plainly
 from stamp import write_stamp
 
@@ -23,7 +24,6 @@ from impactfem.result.trajectory import Trajectory
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import LinearSystem
 from impactfem.vibro.event_driven import EventSettings, integrate_events
-from impactfem.vibro.penalty import PenaltySettings, integrate_penalty
 from impactfem.vibro.position_level import PositionSettings, integrate_positions
 
 AMPLITUDE, FREQUENCY, WALL, END = 1.0, 50.0, 0.8, 2.5

@@ -10,15 +10,15 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from penalty import PenaltySettings, begin, trajectory
+from penalty_legs import Record
+from penalty_projection import Projector
 from scipy.integrate import LSODA
 from scipy.optimize import brentq
 
 from impactfem.errors import ConvergenceError
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem
-from impactfem.vibro.penalty import PenaltySettings, begin, trajectory
-from impactfem.vibro.penalty_legs import Record
-from impactfem.vibro.penalty_projection import Projector
 
 Floats = NDArray[np.float64]
 

@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from penalty import PenaltySettings, integrate_penalty
 from scipy.integrate import solve_ivp
 from stamp import write_stamp
 
@@ -23,7 +24,6 @@ from impactfem.result.trajectory import Trajectory
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import LinearSystem
 from impactfem.vibro.event_driven import EventSettings, integrate_events
-from impactfem.vibro.penalty import PenaltySettings, integrate_penalty
 from impactfem.vibro.position_level import PositionSettings, integrate_positions
 from impactfem.vibro.velocity_level import VelocitySettings, integrate_velocities
 

@@ -29,7 +29,6 @@ class Method:
         windowed: Whether one active-set loop can solve several layers.
         locates: Whether impacts are located one by one, so that they can share in turns, and the
             time step is that of the output.
-        yields: Whether stiff springs stand for constraints.
         lively: Whether it may gain energy with restitution near 1.
         tolerance: Relative rounding level of the active set, if none is given.
         own: Keys of ``[solve]`` that belong to it alone.
@@ -49,7 +48,6 @@ class Method:
     assembled: bool = False
     windowed: bool = False
     locates: bool = False
-    yields: bool = False
     lively: bool = False
     tolerance: float = 1e-13
     own: tuple[str, ...] = ()
@@ -141,15 +139,6 @@ METHODS: Mapping[str, Method] = {
         "and passes accumulations of impacts; first order in dt",
         bodies=VIBRO,
         lively=True,
-    ),
-    "penalty": Method(
-        "stiff springs and dampers behind the constraints, by a library integrator; of order "
-        "1 / sqrt(k), costly, wrong where constraints meet: for comparison, never chosen by the "
-        "plan",
-        plannable=False,
-        bodies=VIBRO,
-        yields=True,
-        own=("penalty_stiffness", "penalty_damping", "penalty_integrator"),
     ),
 }
 """Methods by name."""

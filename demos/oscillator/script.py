@@ -1,4 +1,4 @@
-"""Draw the driven oscillator by detection, by the position-level scheme and by penalty.
+"""Draw the driven oscillator by detection and by the position-level scheme.
 
 python demos/oscillator/script.py [FOLDER]     # results/oscillator_script/methods.png
 """
@@ -22,9 +22,6 @@ runs = {
     ),
     "paoli_schatzman, dt = 0.0005": impactfem.solve(
         scene, method="paoli_schatzman", dt=5e-4, estimate=False
-    ),
-    "penalty, k = 1e6": impactfem.solve(
-        scene, method="penalty", penalty_stiffness=1e6, dt=5e-4, estimate=False
     ),
 }
 

@@ -12,7 +12,7 @@ type Row = dict[str, str]
 
 NAMES = {
     "event driven": "event_driven", "position level": "paoli_schatzman",
-    "velocity level": "moreau_jean", "penalty": "penalty",
+    "velocity level": "moreau_jean", "penalty": "stiff springs",
     "scipy events": "a loop around SciPy",
 }  # fmt: skip
 
@@ -171,7 +171,7 @@ def points() -> str:
     head = ["method", *(f"{problem}: {what}" for problem in problems for what in asked)]
     lines = []
     for method, name in NAMES.items():
-        line = [name if "SciPy" in name else code(name)]
+        line = [name if " " in name else code(name)]
         for problem in problems:
             found = of("vibro_work_precision", method, problem=problem)
             quick = fastest(found, "error", 1e-3, "seconds")

@@ -35,9 +35,6 @@ class VibroNumbers(Numbers):
         contact_pairs: Constraints.
         impact_law: "simultaneous" or "sequential".
         stick_speed: Given normal speed from which on contact lasts [m/s]; None for the default.
-        penalty_stiffness: k of method "penalty" [1/s^2]; None for others.
-        penalty_damping: Given alpha; None for that of the restitution.
-        penalty_integrator: SciPy's integrator; None for others.
         estimate: Whether the error is estimated by a second run.
     """
 
@@ -47,26 +44,16 @@ class VibroNumbers(Numbers):
     contact_pairs: int
     impact_law: str
     stick_speed: float | None
-    penalty_stiffness: float | None
-    penalty_damping: float | None
-    penalty_integrator: str | None
     estimate: bool
 
     @override
     def rows(self, plan: Plan[Any]) -> list[tuple[str, str]]:
-        found = [
+        unknown = "depends on the number of impacts"
+        return [
             ("dt", f"{self.dt:g} s{' of the output' * METHODS[plan.method].locates}"),
             ("steps", str(self.steps)),
             ("unknowns", f"{self.unknowns} ({self.contact_pairs} constraints)"),
             ("impact law", self.impact_law),
-        ]
-        if self.penalty_stiffness is not None:
-            given = self.penalty_damping
-            damping = "that of the restitution" if given is None else given
-            found.append(("penalty", f"k = {self.penalty_stiffness:g} 1/s^2, alpha: {damping}"))
-        unknown = "depends on the number of impacts"
-        return [
-            *found,
             estimate_row(self),
             ("memory", f"about {plan.memory_mib:.2g} MiB"),
             ("time", unknown if plan.seconds is None else f"about {plan.seconds:.2g} s"),
@@ -96,9 +83,6 @@ def plan_vibro(scene: Scene) -> Plan[VibroNumbers]:
             f"than {_MOST_STEPS:g}: give a larger dt or a shorter duration"
         )
     memory = _memory(scene, steps)
-    stiffness = None
-    if METHODS[method].yields:
-        stiffness = solve.penalty_stiffness or _choose_stiffness(scene, reasons)
     estimate = _choose_estimate(scene, method, steps, reasons)
     return Plan(
         method=method,
@@ -110,9 +94,6 @@ def plan_vibro(scene: Scene) -> Plan[VibroNumbers]:
             contact_pairs=model.system.num_constraints,
             impact_law=solve.impact_law or "simultaneous",
             stick_speed=solve.stick_speed,
-            penalty_stiffness=stiffness,
-            penalty_damping=solve.penalty_damping,
-            penalty_integrator=(solve.penalty_integrator or "lsoda") if stiffness else None,
             estimate=estimate,
         ),
         memory_mib=memory,
@@ -156,11 +137,6 @@ def _choose_step(scene: Scene, model: "VibroModel", method: str, reasons: dict[s
 
 def _signals(model: "VibroModel") -> list[Any]:
     return [*getattr(model.system, "load", ()), *model.system.motion]
-
-
-def _choose_stiffness(scene: Scene, reasons: dict[str, str]) -> float:
-    reasons["penalty_stiffness"] = "a contact of about 1/1000 of the duration, pi / sqrt(k)"
-    return (1000.0 * math.pi / scene.duration) ** 2
 
 
 def _choose_estimate(scene: Scene, method: str, steps: int, reasons: dict[str, str]) -> bool:
@@ -209,8 +185,6 @@ def _seconds(model: "VibroModel", method: str, steps: int, *, estimate: bool) ->
     """Time of the run; micro-seconds a step as measured in benchmarks/vibro_speed.py."""
     if METHODS[method].locates:
         return None
-    if METHODS[method].yields:
-        return 2e-3 * steps
     d = model.system.dofs
     if estimate and model.beam is not None:
         steps *= 3  # a run with half the step
@@ -224,9 +198,6 @@ def _findings(scene: Scene, model: "VibroModel", method: str) -> list[Finding]:
         found.append(
             warning("setting", text, remedy="add [[contact]] with between and restitution")
         )
-    if not METHODS[method].plannable:
-        text = f"method {method} is for comparison: {METHODS[method].text}"
-        found.append(warning("control_method", text))
     if METHODS[method].lively and float(model.system.restitution.max()) > _LIVELY:
         text = (
             f"{method} can gain energy with restitution near 1: beside corners, and at some steps "

@@ -116,7 +116,7 @@ def run(scene: Scene, chosen: Plan[VibroNumbers], progress: Progress, saved: Che
 
 def _as_used(scene: Scene, chosen: Plan[VibroNumbers]) -> Scene:
     """The scene with the plan's choices filled in."""
-    names = ("dt", "impact_law", "estimate", "penalty_stiffness", "penalty_integrator")
+    names = ("dt", "impact_law", "estimate")
     known = {name: getattr(chosen.numbers, name) for name in names}
     return replace(scene, solve=replace(scene.solve, method=chosen.method, **known))
 
@@ -155,9 +155,6 @@ def _settings(scene: Scene, chosen: Plan[VibroNumbers]) -> Any:
         "rows": max(1, numbers.steps // every),
         "stick_speed": numbers.stick_speed,
         "impact_law": numbers.impact_law,
-        "stiffness": numbers.penalty_stiffness,
-        "damping": numbers.penalty_damping,
-        "integrator": numbers.penalty_integrator,
         "rtol": tolerance,
         "atol": None if tolerance is None else 1e-2 * tolerance,
     }

@@ -29,9 +29,7 @@ _BAR_ONLY: Mapping[str, str] = {
 }
 _SOLID_ONLY = ("normals", "linear_solver", "estimate")
 _ELASTIC_ONLY = ("courant", "active_set", "gamma", "max_iterations")
-_VIBRO_ONLY = (
-    "impact_law", "stick_speed", "penalty_stiffness", "penalty_damping", "penalty_integrator",
-)  # fmt: skip
+_VIBRO_ONLY = ("impact_law", "stick_speed")
 
 
 def check_scene(scene: Content, gravity: object) -> None:

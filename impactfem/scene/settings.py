@@ -21,7 +21,6 @@ ACTIVE_SETS = ("pdas", "snes_vi")
 NORMALS = ("fixed", "updated")
 LINEAR_SOLVERS = ("mumps", "gamg")
 IMPACT_LAWS = ("simultaneous", "sequential")
-PENALTY_INTEGRATORS = ("radau", "bdf", "lsoda", "dop853")
 FIELD_FORMATS = ("vtkhdf", "vtx", "pvd")
 
 
@@ -110,18 +109,6 @@ class Solve:
         "normal speed from which on a contact lasts (event_driven)",
         unit="m/s",
         default=None,
-    )
-    penalty_stiffness: float | None = key(
-        Real(above=0), "k per unit of mass (penalty)", unit="1/s^2", default=None
-    )
-    penalty_damping: float | None = key(
-        Real(at_least=0),
-        "alpha (penalty)",
-        default=None,
-        absent="that of the restitution",
-    )
-    penalty_integrator: str | None = key(
-        Choice(PENALTY_INTEGRATORS), "library integrator (penalty)", default=None
     )
 
     def __post_init__(self) -> None:

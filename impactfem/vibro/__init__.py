@@ -1,1 +1,1 @@
-"""Systems of few degrees of freedom in time: event driven, position and velocity level, penalty."""
+"""Systems of few degrees of freedom in time: event driven, position and velocity level."""

@@ -12,7 +12,6 @@ from impactfem.errors import ImpactWarning, SceneError
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem
 from impactfem.vibro.event_driven import EventSettings, integrate_events
-from impactfem.vibro.penalty import PenaltySettings, integrate_penalty
 from impactfem.vibro.position_level import PositionSettings, integrate_positions
 from impactfem.vibro.together import find_together
 from impactfem.vibro.velocity_level import VelocitySettings, integrate_velocities
@@ -28,7 +27,6 @@ INTEGRATORS: Mapping[str, _Entry] = {
     "event_driven": _Entry(EventSettings, integrate_events),
     "paoli_schatzman": _Entry(PositionSettings, integrate_positions),
     "moreau_jean": _Entry(VelocitySettings, integrate_velocities, rubs=True),
-    "penalty": _Entry(PenaltySettings, integrate_penalty),
 }
 """Settings and function of each method."""
 
@@ -49,9 +47,9 @@ def integrate(
         position: u at t = 0, shape (d,).
         velocity: u' at t = 0, shape (d,).
         duration: [s].
-        method: "event_driven", "paoli_schatzman", "moreau_jean" or "penalty".
-        **settings: Those of the method: see `EventSettings`, `PositionSettings`,
-            `VelocitySettings` and `PenaltySettings`. All but the first need ``dt``.
+        method: "event_driven", "paoli_schatzman" or "moreau_jean".
+        **settings: Those of the method: see `EventSettings`, `PositionSettings` and
+            `VelocitySettings`. All but the first need ``dt``.
 
     Returns:
         The motion. Where coupled constraints are hit within the resolution of the method, an
@@ -75,9 +73,8 @@ def integrate(
             raise SceneError(
                 f'{name} is no setting of method = "{method}": give {", ".join(known)}'
             )
-    needed = [name for name in ("dt", "stiffness") if name in known and name not in settings]
-    if needed:
-        raise SceneError(f'method = "{method}" needs {" and ".join(needed)}: give them')
+    if "dt" in known and "dt" not in settings:
+        raise SceneError(f'method = "{method}" needs dt: give it')
     if "dt" in settings and settings["dt"] > duration:
         raise SceneError(
             f"dt = {settings['dt']} exceeds duration = {duration:g}: give a smaller step"

@@ -58,7 +58,7 @@ def test_shipped_scenes_are_in_order(command):
         assert command("validate", name).code == DONE
 
 
-@pytest.mark.parametrize("method", ["event_driven", "paoli_schatzman", "moreau_jean", "penalty"])
+@pytest.mark.parametrize("method", ["event_driven", "paoli_schatzman", "moreau_jean"])
 def test_every_method_runs(method, command, work):
     done = command("run", "oscillator", "--set", f"solve.method={method}", "--set", "duration=0.3",
                    "--out", work / "out")  # fmt: skip

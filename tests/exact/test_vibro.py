@@ -7,11 +7,11 @@ import pytest
 import vibro_forms
 from hypothesis import given
 from hypothesis import strategies as st
+from penalty import damping_of
 from scipy.integrate import solve_ivp
 
 from impactfem.errors import SceneError
 from impactfem.exact import vibro
-from impactfem.vibro.penalty import damping_of
 
 restitution = st.floats(0.05, 0.95)
 

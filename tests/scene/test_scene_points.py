@@ -96,7 +96,6 @@ CASES = {
         made(solve={"method": "moreau_jean", "stick_speed": 1e-3}),
         ["solve.stick_speed", 'belongs to method = "event_driven"'],
     ),
-    "penalty": (made(solve={"penalty_stiffness": 1e6}), ['belongs to method = "penalty"']),
     "checkpoint": (made(output={"checkpoint": 5}), ["output.checkpoint", "not checkpointed"]),
     "VTX": (made(output={"fields": ["vtx"]}), ["output.fields", '["vtkhdf"]', "or []"]),
     "steps": (made(solve={"method": "moreau_jean", "dt": 1e-9}), ["solve.dt = 1e-09", "larger dt"]),

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from penalty import PenaltySettings, integrate_penalty
 from scipy.integrate import solve_ivp
 
 from impactfem.system.generalized import LinearSystem
 from impactfem.vibro.event_driven import EventSettings, integrate_events
-from impactfem.vibro.penalty import PenaltySettings, integrate_penalty
 from impactfem.vibro.position_level import PositionSettings, integrate_positions
 from impactfem.vibro.velocity_level import VelocitySettings, integrate_velocities
 

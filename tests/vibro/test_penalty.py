@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from penalty import PenaltySettings, damping_of, integrate_penalty
 from plain_penalty import integrate_plainly
 from scipy.optimize import brentq
 
@@ -13,7 +14,6 @@ from impactfem.errors import SceneError
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.vibro.event_driven import EventSettings, integrate_events
-from impactfem.vibro.penalty import PenaltySettings, damping_of, integrate_penalty
 
 
 def ball(*, restitution=0.5, mass=1.0, load=0.0, **more):

@@ -30,11 +30,8 @@ def run(
     **settings: Any,
 ) -> Trajectory:
     """A motion; whether it warned is in the details of its effort, under "together"."""
-    own: dict[str, dict[str, Any]] = {
-        "event_driven": {"rows": math.ceil(duration / sizes.row)},
-        "penalty": {"dt": sizes.row, "stiffness": sizes.stiffness},
-    }
-    chosen = own.get(method, {"dt": sizes.dt}) | settings
+    rows = {"rows": math.ceil(duration / sizes.row)}
+    chosen = (rows if METHODS[method].locates else {"dt": sizes.dt}) | settings
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ImpactWarning)
         return integrate(system, start, speed, duration, method=method, **chosen)
@@ -46,10 +43,7 @@ def solved(method: str, name: str, sizes: Sizes, **settings: Any) -> Result:
     e = settings.pop("restitution", None)
     if e is not None:
         scene = replace(scene, contacts=tuple(replace(c, restitution=e) for c in scene.contacts))
-    known = METHODS[method]
-    settings["dt"] = sizes.row if known.locates or known.yields else sizes.dt
-    if known.yields:
-        settings["penalty_stiffness"] = sizes.stiffness
+    settings["dt"] = sizes.row if METHODS[method].locates else sizes.dt
     return solve(scene, method=method, estimate=False, **settings)
 
 

@@ -139,7 +139,7 @@ def bowl(method: str, row: Row) -> Facts:
 def forces(method: str, row: Row) -> Facts:
     """A ball falls 1 m and stays: its weight and its impulse, also by a tenth of the step."""
     sizes = row.sizes
-    fine = Sizes(sizes.dt / 10.0, sizes.stiffness, sizes.row / 10.0)
+    fine = Sizes(sizes.dt / 10.0, sizes.row / 10.0)
     runs = [run(method, _ball(0.0), [1.0], [0.0], 1.0, each) for each in (sizes, fine)]
     speed = math.sqrt(2.0 * G)
     return {

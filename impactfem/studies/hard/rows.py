@@ -20,18 +20,16 @@ class Sizes:
 
     Attributes:
         dt: Step h of the schemes with time steps [s].
-        stiffness: k of the penalty method [1/s^2].
         row: Time between rows of the methods that have no steps of their own [s].
     """
 
     dt: float = 1e-4
-    stiffness: float = 1e8
     row: float = 1e-2
 
     def time(self, method: str) -> float:
         """What a method cannot tell from an instant, tau [s]: the length of its impacts.
 
-        h of moreau_jean, 2 h of paoli_schatzman, pi / sqrt(k) of penalty, none of event_driven.
+        h of moreau_jean, 2 h of paoli_schatzman, none of event_driven.
         """
         lasting = _LASTING.get(method)
         return self.dt if lasting is None else lasting(self)
@@ -39,7 +37,6 @@ class Sizes:
 
 _LASTING: Mapping[str, Callable[[Sizes], float]] = {
     "event_driven": lambda _: 0.0,
-    "penalty": lambda sizes: math.pi / math.sqrt(sizes.stiffness),
     "paoli_schatzman": lambda sizes: 2.0 * sizes.dt,
 }
 """How long impacts of a method last [s], where it is not a step."""

@@ -1,4 +1,6 @@
-"""The penalty method: rigid constraints replaced by stiff springs and dampers.
+"""The penalty method: rigid constraints replaced by stiff springs and dampers, a baseline.
+
+    from penalty import PenaltySettings, integrate_penalty
 
     u'' + 2 alpha sqrt(k) G(u, u') + k (u - P_K u) = M(u)^-1 f(t, u, u')
 
@@ -16,6 +18,8 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from penalty_legs import Legs, Record
+from penalty_projection import Projector
 from scipy import integrate
 
 from impactfem.errors import SceneError
@@ -23,8 +27,6 @@ from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Impacts, Trajectory
 from impactfem.system.generalized import GeneralizedSystem
 from impactfem.system.start_checks import check_start
-from impactfem.vibro.penalty_legs import Legs, Record
-from impactfem.vibro.penalty_projection import Projector
 from impactfem.vibro.vibro_rows import largest_force
 
 Floats = NDArray[np.float64]

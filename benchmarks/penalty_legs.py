@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from penalty_projection import Projector
 from scipy.optimize import brentq
 
 from impactfem.errors import ConvergenceError
-from impactfem.vibro.penalty_projection import Projector
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
