@@ -120,7 +120,6 @@ def mortar(
         pairs: Faces that can meet, if they are known: `faces_in_reach`, with a reach that covers
             the way since. Shape (pairs, 2), sorted.
     """
-    flat = carrier.kind == "interval"
     inwards = _inwards(carrier, reach, depth)
     if pairs is None:
         pairs = faces_in_reach(carrier, other, reach, depth=depth)
@@ -129,7 +128,7 @@ def mortar(
     parts: list[tuple[Indices, Overlap]] = []
     for begin in range(0, len(pairs), _CHUNK):
         some = pairs[begin : begin + _CHUNK]
-        if flat:
+        if carrier.dim == 2:
             overlap = line_overlaps(
                 carrier, other, some, reach, inwards, rule,
                 thickness=thickness, axisymmetric=axisymmetric,
@@ -145,7 +144,7 @@ def faces_in_reach(
     carrier: Surface, other: Surface, reach: float, *, depth: float | None = None
 ) -> Indices:
     """Pairs of faces that can meet, sorted, shape (pairs, 2); see `mortar` for the arguments."""
-    ways = line_ways if carrier.kind == "interval" else face_ways
+    ways = line_ways if carrier.dim == 2 else face_ways
     inwards = _inwards(carrier, reach, depth)
     return candidates(carrier, other, reach, inwards, (ways(carrier), ways(other)))
 
@@ -162,17 +161,17 @@ def _inwards(carrier: Surface, reach: float, depth: float | None) -> Floats:
 def _points(carrier: Surface, other: Surface, *, axisymmetric: bool) -> int:
     """Gauss points that integrate psi phi exactly, but for quadrilaterals of any shape."""
     degree = max(carrier.degree, other.degree)
-    if carrier.kind == "interval":
+    if carrier.dim == 2:
         top = 1 + degree + (carrier.degree if axisymmetric else 0)
         return (top + 2) // 2
-    several = "quadrilateral" in {carrier.kind, other.kind}
-    top = 1 + (carrier.kind == "quadrilateral") + degree * (2 if several else 1)
+    several = carrier.bilinear or other.bilinear
+    top = 1 + carrier.bilinear + degree * (2 if several else 1)
     return (top + 2) // 2 + (0 if _parallel(carrier) and _parallel(other) else 2)
 
 
 def _parallel(side: Surface) -> bool:
     """Whether all quadrilaterals are parallelograms."""
-    if side.kind != "quadrilateral":
+    if not side.bilinear:
         return True
     x = side.points[side.corners]
     skew = np.abs(x[:, 0] - x[:, 1] - x[:, 2] + x[:, 3]).max(initial=0.0)
@@ -281,7 +280,7 @@ def _corner_areas(carrier: Surface, *, thickness: float, axisymmetric: bool) -> 
     area = np.linalg.norm(carrier.vectors, axis=2).sum(axis=1)
     if axisymmetric:
         area *= 2.0 * np.pi * np.abs(carrier.points[carrier.faces][:, :, 0]).mean(axis=1)
-    elif carrier.kind == "interval":
+    elif carrier.dim == 2:
         area *= thickness
     corners = carrier.corners
     share = np.repeat(area / corners.shape[1], corners.shape[1])

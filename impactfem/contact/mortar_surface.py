@@ -1,8 +1,9 @@
 """A meshed surface as plain arrays, for the contact of two bodies: faces, sides, directions."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,26 +12,45 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Kind = Literal["interval", "triangle", "quadrilateral"]
 
-CORNERS: dict[str, int] = {"interval": 2, "triangle": 3, "quadrilateral": 4}
-_NODES = {"interval": (2, 3), "triangle": (3, 6), "quadrilateral": (4, 9)}
 
-# Flat parts of a face, for each kind and degree: nodes around each, in the sense of the reference
-# face (DOLFINx's order of nodes: corners, then middles of sides, then the centre).
-_PARTS = {
-    ("interval", 1): [[0, 1]],
-    ("interval", 2): [[0, 2], [2, 1]],
-    ("triangle", 1): [[0, 1, 2]],
-    ("triangle", 2): [[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]],
-    ("quadrilateral", 1): [[0, 1, 3, 2]],
-    ("quadrilateral", 2): [[0, 4, 8, 5], [4, 1, 6, 8], [5, 8, 7, 2], [8, 6, 3, 7]],
-}
-_PLACES = {
-    "interval": [[0.0], [1.0], [0.5]],
-    "triangle": [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.0, 0.5], [0.5, 0.0]],
-    "quadrilateral": [
-        [0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0],
-        [0.5, 0.0], [0.0, 0.5], [1.0, 0.5], [0.5, 1.0], [0.5, 0.5],
-    ],
+class FaceKind(NamedTuple):
+    """What is so of all faces of a kind.
+
+    Nodes stand in DOLFINx's order: corners, then middles of sides, then the centre.
+
+    Attributes:
+        corners: Number of corners.
+        parts: By degree from 1 on, nodes around each flat part in the sense of the reference face.
+        places: Places of the nodes in the reference face, those of degree 2.
+        across: Places in a flat part of the ends of the two vectors that span it, in space.
+        bilinear: Whether shape functions are products of those of two sides.
+    """
+
+    corners: int
+    parts: tuple[list[list[int]], list[list[int]]]
+    places: list[list[float]]
+    across: tuple[tuple[int, int], ...] = ()
+    bilinear: bool = False
+
+
+_FACES: Mapping[Kind, FaceKind] = {
+    "interval": FaceKind(2, ([[0, 1]], [[0, 2], [2, 1]]), [[0.0], [1.0], [0.5]]),
+    "triangle": FaceKind(
+        3,
+        ([[0, 1, 2]], [[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]]),
+        [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.0, 0.5], [0.5, 0.0]],
+        ((0, 1), (0, 2)),
+    ),
+    "quadrilateral": FaceKind(
+        4,
+        ([[0, 1, 3, 2]], [[0, 4, 8, 5], [4, 1, 6, 8], [5, 8, 7, 2], [8, 6, 3, 7]]),
+        [
+            [0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0],
+            [0.5, 0.0], [0.0, 0.5], [1.0, 0.5], [0.5, 1.0], [0.5, 0.5],
+        ],
+        ((0, 2), (1, 3)),
+        bilinear=True,
+    ),
 }  # fmt: skip
 
 
@@ -60,22 +80,27 @@ class Surface:
     @property
     def degree(self) -> int:
         """Degree of the faces, 1 or 2."""
-        return 1 + _NODES[self.kind].index(self.faces.shape[1])
+        return 1 + _nodes(self.kind).index(self.faces.shape[1])
 
     @property
     def corners(self) -> Indices:
         """Corners of each face, shape (faces, corners)."""
-        return self.faces[:, : CORNERS[self.kind]]
+        return self.faces[:, : _FACES[self.kind].corners]
+
+    @property
+    def bilinear(self) -> bool:
+        """Whether shape functions are products of those of two sides."""
+        return _FACES[self.kind].bilinear
 
     @property
     def parts(self) -> Indices:
         """Nodes around each flat part of a face, shape (parts, corners)."""
-        return np.array(_PARTS[self.kind, self.degree], dtype=np.int64)
+        return np.array(_FACES[self.kind].parts[self.degree - 1], dtype=np.int64)
 
     @property
     def places(self) -> Floats:
         """Places of those nodes in the reference face, shape (parts, corners, dim - 1)."""
-        return np.array(_PLACES[self.kind])[self.parts]
+        return np.array(_FACES[self.kind].places)[self.parts]
 
     def moved(self, points: ArrayLike) -> "Surface":
         """The same surface with its nodes elsewhere, shape (nodes, dim)."""
@@ -85,13 +110,12 @@ class Surface:
     def vectors(self) -> Floats:
         """Outward normals of the flat parts times their area, shape (faces, parts, dim)."""
         x = self.points[self.faces][:, self.parts]  # (faces, parts, corners, dim)
-        if self.kind == "interval":
+        if self.dim == 2:
             t = x[:, :, 1] - x[:, :, 0]
             across = np.stack([t[..., 1], -t[..., 0]], axis=-1)
-        elif self.kind == "triangle":
-            across = 0.5 * np.cross(x[:, :, 1] - x[:, :, 0], x[:, :, 2] - x[:, :, 0])
         else:
-            across = 0.5 * np.cross(x[:, :, 2] - x[:, :, 0], x[:, :, 3] - x[:, :, 1])
+            one, two = (x[:, :, b] - x[:, :, a] for a, b in _FACES[self.kind].across)
+            across = 0.5 * np.cross(one, two)
         return np.asarray(across * self.sides[:, None, None])
 
 
@@ -112,17 +136,22 @@ def surface(
     """
     places = np.ascontiguousarray(points, dtype=np.float64)
     nodes = np.ascontiguousarray(faces, dtype=np.int64)
-    dim = 2 if kind == "interval" else 3
-    if nodes.ndim != 2 or nodes.shape[1] not in _NODES[kind] or places.shape[1:] != (dim,):
+    dim = 1 + len(_FACES[kind].places[0])
+    if nodes.ndim != 2 or nodes.shape[1] not in _nodes(kind) or places.shape[1:] != (dim,):
         raise ValueError(
             f"a surface of faces of kind {kind!r} takes points of shape (nodes, {dim}) and faces "
-            f"of {_NODES[kind]} nodes, not {places.shape} and {nodes.shape}"
+            f"of {_nodes(kind)} nodes, not {places.shape} and {nodes.shape}"
         )
     found = Surface(places, nodes, kind, np.ones(len(nodes)))
     if outward is None:
         return found
     along = np.einsum("fd,fd->f", found.vectors.sum(axis=1), np.asarray(outward))
     return replace(found, sides=np.where(along < 0.0, -1.0, 1.0))
+
+
+def _nodes(kind: Kind) -> tuple[int, int]:
+    """Nodes of a face of degree 1 and 2."""
+    return _FACES[kind].corners, len(_FACES[kind].places)
 
 
 def unit(vectors: Floats) -> Floats:

@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.errors import MeshError
-
 Floats = NDArray[np.float64]
 
 NEAR = 1e-7
@@ -184,13 +182,10 @@ def outline(shape: Any, *, axisymmetric: bool) -> Outline:
     Args:
         shape: Block, disc, ring, cylinder or sphere.
         axisymmetric: Whether x is the radius r >= 0; a body centred at r = 0 is cut there.
-
-    Raises:
-        MeshError: The shape is not known.
     """
     dim = shape.dim
     centre = np.array(shape.centre, dtype=np.float64)
-    at_axis = bool(axisymmetric and centre[0] == 0.0 and shape.kind != "block")
+    at_axis = bool(axisymmetric and centre[0] == 0.0)
     cuts = [*dict.fromkeys([*("xyz".index(axis) for axis in shape.symmetry), *[0] * at_axis])]
     frame = _frame(shape, centre, cut=bool(cuts))
     middle = frame.to_drawing(centre[None])[0]
@@ -210,50 +205,33 @@ def outline(shape: Any, *, axisymmetric: bool) -> Outline:
 
 
 def _frame(shape: Any, centre: Floats, *, cut: bool) -> Frame:
-    """Blocks are drawn from their corner, cylinders from their base, the others about their centre.
-
-    So a body put down on a plane lies on it exactly.
-    """
-    kind = shape.kind
-    lengths = {"block": "size", "cylinder": "height"}.get(kind, "radius")
-    largest = float(np.max(getattr(shape, lengths)))
-    if kind == "cylinder":
-        largest = max(largest, shape.radius)
-    start = {"block": "corner", "cylinder": "center"}.get(kind)
-    origin = centre if start is None else np.array(getattr(shape, start), dtype=np.float64)
+    """Shapes are drawn from the origin of their figure: put down on a plane they lie on it."""
+    figure = shape.figure
     # A round body that is cut looks the same however it is turned.
-    angle = 0.0 if cut and kind in {"disc", "ring", "sphere"} else float(shape.angle)
-    return Frame(2.0 ** round(math.log2(largest)), origin, centre, angle)
+    angle = 0.0 if cut and not shape.symmetric_turns else float(shape.angle)
+    origin = np.array(figure.origin, dtype=np.float64)
+    return Frame(2.0 ** round(math.log2(figure.largest)), origin, centre, angle)
 
 
 def _drawn(
     shape: Any, scale: float, cuts: Sequence[Plane]
 ) -> tuple[Polygon | Sector | Ball, dict[str, Plane | Round]]:
     """The drawing of a shape in its frame, and its faces but for the cuts."""
-    dim, kind = shape.dim, shape.kind
+    figure = shape.figure
     normals = [plane.normal for plane in cuts]
-    if kind == "block":
-        return _block(np.array(shape.size) / scale, cuts)
-    if kind not in {"disc", "ring", "cylinder", "sphere"}:
-        raise MeshError(f"shape {kind!r} is not known; give block, disc, ring, cylinder or sphere")
-    radius = shape.radius / scale
-    if kind == "cylinder" and dim == 2:  # its inner side is the axis
-        polygon, faces = _block(np.array([radius, shape.height / scale]), cuts)
-        return polygon, {
-            "side": faces["right"], "bottom": faces["bottom"], "top": faces["top"]
-        }  # fmt: skip
-    if kind == "cylinder":
-        return _cylinder(radius, shape.height / scale, normals)
-    if dim == 3:
+    if figure.edges:
+        return _block(np.array(figure.edges) / scale, figure.faces, cuts)
+    radii = {name: radius / scale for name, radius in figure.radii.items()}
+    radius, *holes = radii.values()
+    if figure.height is not None:
+        (side,) = radii
+        return _cylinder(radius, figure.height / scale, (*figure.faces, side), normals)
+    if shape.dim == 3:
         signs = sum(normals, np.zeros(3))
         ball = Ball(radius, (int(signs[0]), int(signs[1]), int(signs[2])))
-        return ball, {"surface": Round((0, 1, 2), radius)}
-    inner = getattr(shape, "inner_radius", 0.0) / scale
-    rim = {"disc": "rim", "ring": "outer", "sphere": "surface"}[kind]
-    circles: dict[str, Plane | Round] = {rim: Round((0, 1), radius)}
-    if inner:
-        circles["inner"] = Round((0, 1), inner)
-    return Sector(radius, inner, *_quarters(normals, (0, 1)), None), circles
+        return ball, {name: Round((0, 1, 2), r) for name, r in radii.items()}
+    sector = Sector(radius, sum(holes), *_quarters(normals, (0, 1)), None)
+    return sector, {name: Round((0, 1), r) for name, r in radii.items()}
 
 
 def _rounded(normal: Floats) -> Floats:
@@ -262,7 +240,9 @@ def _rounded(normal: Floats) -> Floats:
     return whole + 0.0 if np.abs(normal - whole).max() < 1e-8 else normal
 
 
-def _block(size: Floats, cuts: Sequence[Plane]) -> tuple[Polygon, dict[str, Plane | Round]]:
+def _block(
+    size: Floats, names: Sequence[str], cuts: Sequence[Plane]
+) -> tuple[Polygon, dict[str, Plane | Round]]:
     """A rectangle or box from the origin, without what lies behind the cuts."""
     dim = len(size)
     corners = np.array([[0.0, 0.0], [size[0], 0.0], [size[0], size[1]], [0.0, size[1]]])
@@ -272,11 +252,10 @@ def _block(size: Floats, cuts: Sequence[Plane]) -> tuple[Polygon, dict[str, Plan
             low = plane.offset
         else:
             corners = _clipped(corners, plane.normal[:2], plane.offset)
-    names = ("left", "right", "bottom", "top", "back", "front")
     faces: dict[str, Plane | Round] = {
-        names[2 * axis + side]: Plane(np.eye(dim)[axis], side * float(size[axis]))
-        for axis in range(dim)
-        for side in (0, 1)
+        name: Plane(np.eye(dim)[k // 2], k % 2 * float(size[k // 2]))
+        for k, name in enumerate(names)
+        if name
     }
     return Polygon(corners, (low, high) if dim == 3 else None), faces
 
@@ -297,7 +276,7 @@ def _clipped(corners: Floats, normal: Floats, offset: float) -> Floats:
 
 
 def _cylinder(
-    radius: float, height: float, normals: Iterable[Floats]
+    radius: float, height: float, names: tuple[str, str, str], normals: Iterable[Floats]
 ) -> tuple[Sector, dict[str, Plane | Round]]:
     """A cylinder about the y axis; its base lies at y = 0."""
     low, high = 0.0, height
@@ -308,12 +287,8 @@ def _cylinder(
             high = height / 2
     first, count = _quarters(normals, (2, 0))
     up = np.array([0.0, 1.0, 0.0])
-    faces: dict[str, Plane | Round] = {
-        "bottom": Plane(up, 0.0),
-        "top": Plane(up, height),
-        "side": Round((0, 2), radius),
-    }
-    return Sector(radius, 0.0, first, count, (low, high)), faces
+    faces = Plane(up, 0.0), Plane(up, height), Round((0, 2), radius)
+    return Sector(radius, 0.0, first, count, (low, high)), dict(zip(names, faces, strict=True))
 
 
 def _quarters(normals: Iterable[Floats], axes: tuple[int, int]) -> tuple[int, int]:

@@ -46,7 +46,7 @@ def doubts(scene: Scene, told: Sequence[Finding] = ()) -> tuple[Finding, ...]:
         scene: The scene.
         told: What is known already, which may say more of a body that meets nothing.
     """
-    if scene.bars and not scene.marches:
+    if scene.bars:
         return ()
     found = [doubt for body in scene.bodies for doubt in _units(body)]
     lonely = {finding.subject for finding in told if finding.code == MEETS_NOTHING}

@@ -81,12 +81,14 @@ class Errors:
         displacement_max: Largest nodal error over the largest exact displacement.
         displacement_l2: L2 norm over space-time by the trapezoidal rule at the nodes, relative.
         force_l1: Integral of |force - exact force| over that of the exact force.
+        measured: Whether that is an exact solution; else they are estimates.
     """
 
     reference: str
     displacement_max: float
     displacement_l2: float
     force_l1: float
+    measured: bool = False
 
     def plus(self, reference: "Errors") -> "Errors":
         """With those of the reference itself."""
@@ -95,6 +97,7 @@ class Errors:
             self.displacement_max + reference.displacement_max,
             self.displacement_l2 + reference.displacement_l2,
             self.force_l1 + reference.force_l1,
+            self.measured,
         )
 
     def times(self, motion: float, force: float) -> "Errors":
@@ -134,6 +137,7 @@ def measure(motion: "BarMotion", exact: ExactBar) -> Errors:
         relative(largest, np.abs(reference).max()),
         relative(_norm(difference, *weights), _norm(reference, *weights)),
         relative(wrong, np.sum(quadrature * np.abs(force))),
+        measured=True,
     )
 
 

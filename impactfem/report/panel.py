@@ -132,11 +132,6 @@ def is_exact(summary: Mapping[str, Any]) -> bool:
     return known is not None and known.exact
 
 
-def is_measured(error: Mapping[str, Any]) -> bool:
-    """Whether an error of a summary is that against an exact solution, not an estimate."""
-    return "exact" in error["reference"]
-
-
 def is_told(values: ArrayLike) -> bool:
     """Whether a column says anything: some value is finite and not 0."""
     column = np.asarray(values, dtype=np.float64)

@@ -142,6 +142,7 @@ def measure_row(motion: RowMotion, exact: ExactBarRow) -> Errors:
         relative(largest, size),
         relative(np.sqrt(wrong), np.sqrt(norm)),
         relative(missed, force),
+        measured=True,
     )
 
 

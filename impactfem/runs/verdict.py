@@ -139,7 +139,7 @@ def _error(summary: Mapping[str, Any]) -> tuple[Finding, ...]:
     largest = error["displacement_max"], error["force_l1"]
     if None in largest:
         return (Finding("error_large", "fault", "its error is not finite"),)
-    how = "measured error" if "exact" in error["reference"] else "estimated error of the mesh"
+    how = "measured error" if error["measured"] else "estimated error of the mesh"
     text = f"{how}: displacement {percent(largest[0])}, force {percent(largest[1])}"
     remedy = "take smaller elements or steps, or another method"
     small, large = ERROR_LIMITS

@@ -5,7 +5,7 @@ from itertools import pairwise
 from impactfem.scene.bodies import Bar
 from impactfem.scene.content import Content
 from impactfem.scene.loads import PiecewiseConstant
-from impactfem.scene.obstacles import Wall
+from impactfem.scene.obstacles import OBSTACLES
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -32,7 +32,7 @@ def check_bar_row(scene: Content) -> None:
         text = f" = {show(scene.contacts[0])} is not for bars in a row: they meet their neighbours "
         text += "and rebound by their own elasticity, without friction; remove [[contact]]."
         raise KeyedError("contact[0]", "", text)
-    bars = [body for body in scene.bodies if isinstance(body, Bar)]
+    bars = scene.bars
     for index, (before, bar) in enumerate(pairwise(bars), start=1):
         if before.far_end == "clamped":
             text = ' = "clamped" holds a bar in the middle of the row: only the last one may be '
@@ -59,11 +59,21 @@ def check_bar_row(scene: Content) -> None:
         raise KeyedError("output", "checkpoint", text)
 
 
-def _check_obstacles(scene: Content) -> None:
+def check_walls(scene: Content) -> None:
+    """Refuse obstacles that bars do not meet.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    walls = " or ".join(show(kind) for kind, cls in OBSTACLES.items() if cls.before_bars)
     for index, obstacle in enumerate(scene.obstacles):
-        if not isinstance(obstacle, Wall):
-            text = f' = {show(obstacle.kind)} is for solids: bars meet kind = "wall"; give it.'
+        if not obstacle.before_bars:
+            text = f" = {show(obstacle.kind)} is for solids: bars meet kind = {walls}; give it."
             raise KeyedError(f"obstacle[{index}]", "kind", text)
+
+
+def _check_obstacles(scene: Content) -> None:
+    check_walls(scene)
     if len(scene.obstacles) > 1:
         why = f"there are {len(scene.obstacles)}, but only the first bar of a row meets a wall"
         shown = show(list(scene.obstacles))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from impactfem.scene.body import BodyKind, Floats
+from impactfem.scene.body import BodyKind, Floats, Solver
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import Vector
 from impactfem.scene.kinds import Choice, FormulaOf, Name, Real
@@ -37,6 +37,8 @@ class Bar(BodyKind):
     """
 
     kind: ClassVar[str] = "bar"
+    solvers: ClassVar[tuple[Solver, Solver]] = ("bar", "bar_row")
+    marches_alone: ClassVar[bool] = False
     probed: ClassVar[tuple[str, ...]] = STRAINS
     waves: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True

@@ -1,6 +1,7 @@
 """What the scene language asks of every kind of body."""
 
-from typing import ClassVar
+from collections.abc import Sequence
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,8 @@ from impactfem.scene.flight import Flight
 from impactfem.scene.probes import MOVES
 
 Floats = NDArray[np.float64]
+type Solver = Literal["bar", "bar_row", "march", "vibro"]
+"""Methods of one bar, of bars in a row, the march, or methods of few degrees of freedom."""
 
 
 class BodyKind:
@@ -16,6 +19,8 @@ class BodyKind:
 
     Attributes:
         kind: Its name in a scene.
+        solvers: What solves one of it, and what several, among obstacles and laws that this knows.
+        marches_alone: Whether the march takes it without other kinds, where its own does not do.
         waves: Whether it has waves, and rebounds by its own elasticity.
         meets_alike: Whether it meets others of its kind by methods of the kind.
         probed: What a probe in it may keep.
@@ -24,11 +29,21 @@ class BodyKind:
     """
 
     kind: ClassVar[str]
+    solvers: ClassVar[tuple[Solver, Solver]] = ("vibro", "vibro")
+    marches_alone: ClassVar[bool] = True
     waves: ClassVar[bool] = False
     meets_alike: ClassVar[bool] = False
     probed: ClassVar[tuple[str, ...]] = MOVES
     settings: ClassVar[tuple[str, ...]] = ()
     whole_side: ClassVar[tuple[str, ...] | None] = None
+    mesh: str | None = None
+
+    def check_beside(self, bodies: Sequence[Any]) -> None:
+        """Refuse what contradicts other bodies of its scene, all of which are given.
+
+        Raises:
+            KeyedError: naming the key of the body.
+        """
 
     @property
     def surface_names(self) -> tuple[str, ...] | None:

@@ -3,12 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from impactfem.errors import SceneError
 from impactfem.methods import METHODS
 from impactfem.scene.beams import Beam, Rod
 from impactfem.scene.bodies import Bar
+from impactfem.scene.body import Solver
 from impactfem.scene.contacts import Contact
 from impactfem.scene.kinds import Line, Real
 from impactfem.scene.loads import LoadKind, PiecewiseConstant, PiecewiseVector
@@ -70,46 +71,55 @@ class Content:
     folder: Path | None = field(default=None, compare=False, repr=False)
 
     @property
+    def kinds(self) -> frozenset[str]:
+        """Kinds of its bodies."""
+        return frozenset(body.kind for body in self.bodies)
+
+    @property
     def bar(self) -> Bar:
         """The bar of the scene.
 
         Raises:
-            SceneError: the body is another one, or there are several.
+            SceneError: there is none, or there are several.
         """
-        if self.is_bar_row:
+        if len(self.bars) > 1:
             names = ", ".join(bar.name for bar in self.bars)
             raise SceneError(f"body: this needs a single bar, the scene has {names}; give one.")
-        return _only(self.bodies[0], Bar)
+        return self._first(Bar)
 
     @property
     def bars(self) -> tuple[Bar, ...]:
         """The bars of the scene in the order of their axis; none if there are other bodies."""
-        bars = tuple(body for body in self.bodies if isinstance(body, Bar))
+        bars = self._all(Bar)
         return bars if len(bars) == len(self.bodies) else ()
 
     @property
     def points(self) -> tuple[Point, ...]:
-        """The points of the scene; none if its bodies are others."""
-        return tuple(body for body in self.bodies if isinstance(body, Point))
-
-    @property
-    def is_bar_row(self) -> bool:
-        """Whether several bars meet each other."""
-        return len(self.bars) > 1
+        """The points of the scene."""
+        return self._all(Point)
 
     @property
     def solids(self) -> tuple[Solid, ...]:
-        """The solids of the scene; none if its bodies are others."""
-        return tuple(body for body in self.bodies if isinstance(body, Solid))
+        """The solids of the scene."""
+        return self._all(Solid)
 
     @property
     def solid(self) -> Solid:
-        """The solid of the scene.
+        """The first solid of the scene.
 
         Raises:
-            SceneError: the body is another one.
+            SceneError: there is none.
         """
-        return _only(self.bodies[0], Solid)
+        return self._first(Solid)
+
+    def _all[T](self, cls: type[T]) -> tuple[T, ...]:
+        return tuple(body for body in self.bodies if isinstance(body, cls))
+
+    def _first[T](self, cls: type[T]) -> T:
+        for body in self._all(cls):
+            return body
+        given = show(list(self.bodies))
+        raise SceneError(f"body = {given}: this needs a {cls.__name__}; give one.")
 
     @property
     def dim(self) -> int:
@@ -117,32 +127,19 @@ class Content:
         return self.bodies[0].dim
 
     @property
-    def has_pairs(self) -> bool:
-        """Whether it is one of solids that strike each other, or rub."""
-        return bool(self.solids) and (len(self.bodies) > 1 or bool(self.contacts))
-
-    @property
-    def is_vibro(self) -> bool:
-        """Whether methods of few degrees of freedom solve it: points, a rod or a beam."""
-        return not self.bodies[0].waves and self.why_marched is None
-
-    @property
     def marches(self) -> bool:
         """Whether the march of solids, and of bodies of any kind, solves it."""
-        return not self.bars and not self.is_vibro
+        return self.solver == "march"
 
     @property
-    def solver(self) -> Literal["bar", "bar_row", "march", "vibro"]:
-        """What solves it: methods of one bar, of bars in a row, the march, or of few degrees."""
-        if self.marches:
-            return "march"
-        if self.is_vibro:
-            return "vibro"
-        return "bar_row" if self.is_bar_row else "bar"
+    def solver(self) -> Solver:
+        """What solves it: what its bodies say if they are alike and this does, else the march."""
+        own = {body.solvers[len(self.bodies) > 1] for body in self.bodies}
+        return own.pop() if len(own) == 1 and self.why_marched is None else "march"
 
     @property
     def why_marched(self) -> str | None:
-        """Why points, rods and beams need the march, in words; None if other methods do."""
+        """Why bodies need the march, in words; None if what they say solves them."""
         return why_marched(self)
 
     @property
@@ -152,7 +149,7 @@ class Content:
         Raises:
             SceneError: the body is none.
         """
-        _only(self.bodies[0], Bar)
+        self._first(Bar)
         return _only(self.gravity, PiecewiseConstant)
 
     @property
@@ -173,26 +170,25 @@ class Content:
             SceneError: the body is a bar.
         """
         self._refuse_bar()
-        return tuple(
-            entry.half_space if isinstance(entry, Wall) else entry for entry in self.obstacles
-        )
+        return tuple(entry.in_space for entry in self.obstacles)
 
     def _refuse_bar(self) -> None:
         if self.bars:
-            raise SceneError(
-                f"body[0] is {show(self.bodies[0])}: this needs one that moves in space; give one."
-            )
+            given = show(list(self.bars))
+            raise SceneError(f"body = {given}: this needs one that moves in space; give one.")
 
 
 def why_marched(scene: Content) -> str | None:
-    """Why points, rods and beams need the march, in words; None if other methods do."""
-    kinds = {body.kind for body in scene.bodies}
+    """Why bodies need the march, in words; None if what they say solves them."""
+    kinds = sorted(scene.kinds)
     if len(kinds) > 1:
-        return f"bodies of different kinds ({', '.join(sorted(kinds))})"
-    if len(scene.bodies) > 1 and not scene.bodies[0].meets_alike:
-        return f"several bodies of kind {scene.bodies[0].kind}"
-    if not any(kinds <= method.bodies for method in METHODS.values()):
-        return f"a {scene.bodies[0].kind}"
+        return f"bodies of different kinds ({', '.join(kinds)})"
+    if not all(body.marches_alone for body in scene.bodies):
+        return None
+    if len(scene.bodies) > 1 and not all(body.meets_alike for body in scene.bodies):
+        return f"several bodies of kind {kinds[0]}"
+    if not any(scene.kinds <= method.bodies for method in METHODS.values()):
+        return f"a {kinds[0]}"
     rubbing = [law.between for law in scene.contacts if law.friction_coefficient > 0.0]
     if rubbing:
         return f"friction between {' and '.join(rubbing[0])}"
@@ -201,7 +197,7 @@ def why_marched(scene: Content) -> str | None:
 
 def _of_obstacle(scene: Content, obstacle: Obstacle) -> str | None:
     """What of an obstacle other methods do not know, in words."""
-    found, points = None, scene.bodies[0].meets_alike
+    found, points = None, all(body.meets_alike for body in scene.bodies)
     if not obstacle.is_smooth:
         found = f"the corners of {obstacle.name}"
     elif not obstacle.is_flat and (obstacle.motion or not points):
@@ -213,5 +209,5 @@ def _of_obstacle(scene: Content, obstacle: Obstacle) -> str | None:
 
 def _only[T](value: object, cls: type[T]) -> T:
     if not isinstance(value, cls):
-        raise SceneError(f"body[0] is {show(value)}: this needs a {cls.__name__}; give one.")
+        raise SceneError(f"gravity = {show(value)}: this needs a {cls.__name__}; give one.")
     return value

@@ -4,6 +4,8 @@ Methods of single families know smooth obstacles at rest, points that meet, and 
 march takes any bodies, any obstacle, and friction in the plane or in space.
 """
 
+from itertools import pairwise
+
 from impactfem.methods import METHODS
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import Content
@@ -11,23 +13,20 @@ from impactfem.scene.pair_checks import check_sides, check_twice
 from impactfem.scene.pairing import side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
-from impactfem.scene.vibro_checks import check_gravity
 
 MARCHING = tuple(name for name, method in METHODS.items() if method.mixes)
 """Methods that take bodies of different kinds together."""
 
 
-def check_mixed(scene: Content, gravity: object) -> None:
+def check_mixed(scene: Content) -> None:
     """Refuse a scene for the march that contradicts itself.
 
     Args:
         scene: The scene, its fields checked one by one.
-        gravity: As given, for messages.
 
     Raises:
         KeyedError: naming the key.
     """
-    check_gravity(scene, scene.dim, gravity)
     for index, contact in enumerate(scene.contacts):
         _check_contact(scene, contact, f"contact[{index}]")
         for earlier in range(index):
@@ -43,20 +42,17 @@ def check_dimensions(scene: Content) -> None:
     Raises:
         KeyedError: naming the key.
     """
-    dim = scene.dim
     if len(scene.solids) == len(scene.bodies) or not scene.marches:
         return  # several solids are checked by their models
-    for index, body in enumerate(scene.bodies):
-        if body.dim != dim:
-            text = (
-                f": {body.name} has {body.dim} coordinates, but {scene.bodies[0].name} has {dim}: "
-            )
+    for index, (before, body) in enumerate(pairwise(scene.bodies), start=1):
+        if body.dim != before.dim:
+            text = f": {body.name} has {body.dim} coordinates, but {before.name} has {before.dim}: "
             text += "give all the same number, to a bar by point and axis."
             raise KeyedError(f"body[{index}]", "", text)
     if any(solid.is_axisymmetric for solid in scene.solids):
         text = ' = "axisymmetric": points, rods, beams and bars are not round about its axis; use '
         raise KeyedError("body", "model", f'{text}model = "3d".')
-    if dim > 1:
+    if scene.dim > 1:
         return
     rubbing = [k for k, law in enumerate(scene.contacts) if law.friction_coefficient > 0.0]
     if rubbing:

@@ -1,6 +1,7 @@
 """Checks of scenes with several solids that may strike each other."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import Content
@@ -16,10 +17,9 @@ def check_pairs(scene: Content) -> None:
     Raises:
         KeyedError: naming the key.
     """
-    first = scene.bodies[0]
-    for index, body in enumerate(scene.bodies):
-        if body.model != first.model:  # type: ignore[union-attr]  # all are solids here
-            text = f" = {show(body.model)}, but body[0] has {show(first.model)}: "  # type: ignore[union-attr]
+    for index, (before, body) in enumerate(pairwise(scene.solids), start=1):
+        if body.model != before.model:
+            text = f" = {show(body.model)}, but body[{index - 1}] has {show(before.model)}: "
             raise KeyedError(f"body[{index}]", "model", f"{text}all bodies need the same model.")
     for index, contact in enumerate(scene.contacts):
         _check_contact(scene, contact, f"contact[{index}]")

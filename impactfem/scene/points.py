@@ -125,6 +125,25 @@ class Point(BodyKind):
                     f"position has {self.dim}: give {self.dim}.",
                 )  # fmt: skip
 
+    def check_beside(self, bodies: Sequence[Any]) -> None:
+        """Refuse a place of other dimensions, and springs to what is no point.
+
+        Raises:
+            KeyedError: naming the key.
+        """
+        first, *_ = bodies
+        if first.dim != self.dim:
+            text = f" = {show(list(self.position))} has {self.dim} entries, but that of "
+            text += f"{first.name} has {first.dim}: give {first.dim}."
+            raise KeyedError(self.kind, "position", text)
+        others = (other for other in bodies if other is not self)
+        points = sorted(other.name for other in others if isinstance(other, type(self)))
+        for number, spring in enumerate(self.springs):
+            if spring.to is not None and spring.to not in points:
+                text = f" = {show(spring.to)} is no other point: give "
+                text += f"{' or '.join(map(show, points)) or 'anchor, a place'}."
+                raise KeyedError(self.kind, f"springs[{number}].to", text)
+
     def box(self) -> tuple[Floats, Floats]:
         """Half edges and centre [m] of a box around it."""
         return np.full(self.dim, self.radius), np.asarray(self.position, dtype=np.float64)

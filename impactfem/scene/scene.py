@@ -25,7 +25,6 @@ from impactfem.scene.schema import (
     table,
 )
 from impactfem.scene.settings import Output, Solve
-from impactfem.scene.solids import Solid
 from impactfem.scene.tables import (
     MAX_BODIES,
     MAX_OBSTACLES,
@@ -81,16 +80,11 @@ class Scene(Content):
     @property
     def mesh_path(self) -> Path | None:
         """Absolute path of the mesh file, None when the mesh is generated."""
-        mesh = self._mesh
+        mesh = self.bodies[0].mesh or self.solve.mesh
         return None if mesh is None else _absolute(Path(self.folder or "", mesh))
 
     def _repr_html_(self) -> str:
         return scene_card(self)
-
-    @property
-    def _mesh(self) -> str | None:
-        body = self.bodies[0]
-        return body.mesh if isinstance(body, Solid) else self.solve.mesh
 
     @classmethod
     def from_toml(cls, path: str | os.PathLike[str]) -> Self:
@@ -154,12 +148,12 @@ class Scene(Content):
                 folder, absolute otherwise.
         """
         data = self.to_dict()
-        given, mesh = self._mesh, self.mesh_path
-        if folder is not None and given and mesh and not Path(given).is_absolute():
-            target = _absolute(folder)
-            inside = mesh.is_relative_to(target)
-            home = data["body"][0] if isinstance(self.bodies[0], Solid) else data["solve"]
-            home["mesh"] = str(mesh.relative_to(target) if inside else mesh)
+        for home in (*data["body"], data["solve"]):
+            given = home.get("mesh")
+            if folder is not None and given and not Path(given).is_absolute():
+                mesh, target = _absolute(Path(self.folder or "", given)), _absolute(folder)
+                inside = mesh.is_relative_to(target)
+                home["mesh"] = str(mesh.relative_to(target) if inside else mesh)
         bodies, obstacles = data.pop("body"), data.pop("obstacle")
         contacts, probes = data.pop("contact"), data.pop("probe")
         solve, output = data.pop("solve"), data.pop("output")

@@ -3,7 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import degrees_hint, show
@@ -11,20 +11,46 @@ from impactfem.scene.values import degrees_hint, show
 AXES = ("x", "y", "z")
 _TURN = 1e-9  # angles and directions are equal up to this
 MODELS = ("plane_strain", "plane_stress", "axisymmetric", "3d")
-_PLANE = MODELS[:2]
-_MODELS: Mapping[str, tuple[str, ...]] = {
-    "block": (*_PLANE, "axisymmetric", "3d"),
-    "disc": (*_PLANE, "axisymmetric"),
-    "ring": (*_PLANE, "axisymmetric"),
-    "cylinder": ("axisymmetric", "3d"),
-    "sphere": ("axisymmetric", "3d"),
-}
+FLAT, REVOLVED = MODELS[:3], MODELS[2:]
+
+
+class Figure(NamedTuple):
+    """What a shape is before it is turned and cut: a box, or round.
+
+    Attributes:
+        origin: Place from which it is drawn, so that it lies exactly there [m], (dim,).
+        faces: Names of its plane faces by axis, the lower one first; "" for none.
+        edges: Edges of a box, from the origin on [m], (dim,).
+        radii: Round faces, the outer one first, with their radius about the origin [m].
+        height: Length along y of a cylinder, from the origin on [m].
+    """
+
+    origin: tuple[float, ...]
+    faces: tuple[str, ...] = ()
+    edges: tuple[float, ...] = ()
+    radii: Mapping[str, float] = {}  # never changed
+    height: float | None = None
+
+    @property
+    def largest(self) -> float:
+        """Largest length [m]."""
+        return max(*self.edges, *self.radii.values(), self.height or 0.0, 0.0)
 
 
 class Shape(ABC):
-    """What all shapes can say about themselves."""
+    """What all shapes can say about themselves.
+
+    Attributes:
+        kind: Its name in a scene.
+        models: Models that it fits.
+        place: Key of where it is.
+        has_sides: Whether it may lie at an axis of symmetry with a flat side, else about it.
+    """
 
     kind: ClassVar[str]
+    models: ClassVar[tuple[str, ...]]
+    place: ClassVar[str] = "center"
+    has_sides: ClassVar[bool] = False
     angle: float
     symmetry: Sequence[str]
 
@@ -37,6 +63,11 @@ class Shape(ABC):
     @abstractmethod
     def centre(self) -> tuple[float, ...]:
         """Centre of the uncut shape (dim,) [m]."""
+
+    @property
+    @abstractmethod
+    def figure(self) -> Figure:
+        """What is drawn of it, before turns and cuts."""
 
     @property
     @abstractmethod
@@ -55,7 +86,7 @@ class Shape(ABC):
 
     @property
     @abstractmethod
-    def _symmetric_turns(self) -> float:
+    def symmetric_turns(self) -> float:
         """Smallest angle [rad] whose multiples keep the shape symmetric in x and y; 0 for any."""
 
     @property
@@ -106,8 +137,7 @@ class Shape(ABC):
         degrees = degrees_hint(self.angle)
         if degrees:
             raise KeyedError(self.kind, "angle", f" = {self.angle:g} is {degrees}.")
-        allowed = _MODELS[self.kind]
-        if model not in allowed or (self.dim == 3) != (model == "3d"):
+        if model not in self.models or (self.dim == 3) != (model == "3d"):
             fitting = self._fitting(model)
             text = f' = {show(self.kind)} does not fit model = "{model}": {fitting}.'
             raise KeyedError(self.kind, "kind", text)
@@ -120,32 +150,30 @@ class Shape(ABC):
             self._check_radius()
 
     def _fitting(self, model: str) -> str:
-        names = [kind for kind, models in _MODELS.items() if model in models]
-        if self.kind in names:
+        if model in self.models:
             count = 3 if model == "3d" else 2
             return f"its coordinates have {self.dim} entries; give {count}"
-        return f"give {' or '.join(show(name) for name in names)}, or another model"
+        fitting = [cls.kind for cls in Shape.__subclasses__() if model in cls.models]
+        return f"give {' or '.join(map(show, fitting))}, or another model"
 
     def _check_radius(self) -> None:
         """Refuse shapes that reach r < 0 without being halves of a body about the axis."""
         r, half = self.centre[0], self.half_extents[0]
-        name = "corner" if self.kind == "block" else "center"
-        value = show(list(getattr(self, name)))
-        block, near = self.kind == "block", abs(r - half) <= 1e-12 * half
-        if r < half and not (block and near) and not (not block and r == 0.0):
+        value, beside = show(list(getattr(self, self.place))), abs(r - half) <= 1e-12 * half
+        if r < half and not (beside if self.has_sides else r == 0.0):
             why = f"the shape reaches r = {r - half:.6g} < 0 in an axisymmetric model"
-            remedy = "move it to r >= 0" if block else "centre it at r = 0"
-            raise KeyedError(self.kind, name, f" = {value}: {why}; {remedy}.")
-        if not block and near:
+            remedy = "move it to r >= 0" if self.has_sides else "centre it at r = 0"
+            raise KeyedError(self.kind, self.place, f" = {value}: {why}; {remedy}.")
+        if beside and not self.has_sides:
             why = "the shape touches the axis in a point; centre it at r = 0, or move it away"
-            raise KeyedError(self.kind, name, f" = {value}: {why}.")
+            raise KeyedError(self.kind, self.place, f" = {value}: {why}.")
         if self.touches_axis and self.angle != 0.0:
             why = "a shape on the axis cannot be turned about another line; remove it"
             raise KeyedError(self.kind, "angle", f" = {self.angle:g}: {why}.")
 
     def _check_cut(self) -> None:
         """Refuse cuts of shapes that are not symmetric about them."""
-        turns = self._symmetric_turns
+        turns = self.symmetric_turns
         crooked = turns and abs(math.remainder(self.angle, turns)) > _TURN
         if crooked and any(axis in "xy" for axis in self.symmetry):
             text = f" = {self.angle:g} contradicts symmetry = {show(list(self.symmetry))}: "

@@ -14,7 +14,7 @@ from typing import ClassVar, override
 from impactfem.scene.inline import Vector
 from impactfem.scene.kinds import Choices, Real
 from impactfem.scene.schema import KeyedError, check_fields, key, table
-from impactfem.scene.shape import AXES, Shape
+from impactfem.scene.shape import AXES, FLAT, MODELS, REVOLVED, Figure, Shape
 from impactfem.scene.values import show
 
 _SYMMETRY = Choices(AXES)
@@ -37,6 +37,9 @@ class Block(Shape):
     """
 
     kind: ClassVar[str] = "block"
+    models: ClassVar[tuple[str, ...]] = MODELS
+    place: ClassVar[str] = "corner"
+    has_sides: ClassVar[bool] = True
 
     size: Sequence[float] = key(Vector(positive=True), "edges along x, y and z", unit="m")
     corner: Sequence[float] = key(
@@ -66,6 +69,11 @@ class Block(Shape):
 
     @property
     @override
+    def figure(self) -> Figure:
+        return Figure(tuple(self.corner), tuple(self._faces), edges=tuple(self.size))
+
+    @property
+    @override
     def _whole(self) -> float:
         return math.prod(self.size)
 
@@ -89,7 +97,7 @@ class Block(Shape):
 
     @property
     @override
-    def _symmetric_turns(self) -> float:
+    def symmetric_turns(self) -> float:
         return math.pi / 4 if self.size[0] == self.size[1] else math.pi / 2
 
 
@@ -103,6 +111,7 @@ class Disc(Shape):
     """
 
     kind: ClassVar[str] = "disc"
+    models: ClassVar[tuple[str, ...]] = FLAT
 
     radius: float = key(Real(above=0), "radius", unit="m")
     center: Sequence[float] = key(Vector((2,)), "centre", unit="m", default=None, absent="origin")
@@ -122,6 +131,11 @@ class Disc(Shape):
     @override
     def centre(self) -> tuple[float, ...]:
         return tuple(self.center)
+
+    @property
+    @override
+    def figure(self) -> Figure:
+        return Figure(self.centre, radii={"rim": self.radius})
 
     @property
     @override
@@ -147,7 +161,7 @@ class Disc(Shape):
 
     @property
     @override
-    def _symmetric_turns(self) -> float:
+    def symmetric_turns(self) -> float:
         return 0.0
 
 
@@ -161,6 +175,7 @@ class Ring(Shape):
     """
 
     kind: ClassVar[str] = "ring"
+    models: ClassVar[tuple[str, ...]] = FLAT
 
     inner_radius: float = key(Real(above=0), "radius of the hole", unit="m")
     radius: float = key(Real(above=0), "outer radius", unit="m")
@@ -189,6 +204,11 @@ class Ring(Shape):
 
     @property
     @override
+    def figure(self) -> Figure:
+        return Figure(self.centre, radii={"outer": self.radius, "inner": self.inner_radius})
+
+    @property
+    @override
     def _whole(self) -> float:
         return math.pi * (self.radius - self.inner_radius) * (self.radius + self.inner_radius)
 
@@ -212,7 +232,7 @@ class Ring(Shape):
 
     @property
     @override
-    def _symmetric_turns(self) -> float:
+    def symmetric_turns(self) -> float:
         return 0.0
 
 
@@ -226,6 +246,7 @@ class Cylinder(Shape):
     """
 
     kind: ClassVar[str] = "cylinder"
+    models: ClassVar[tuple[str, ...]] = REVOLVED
 
     radius: float = key(Real(above=0), "radius", unit="m")
     height: float = key(Real(above=0), "length along its axis", unit="m")
@@ -250,6 +271,14 @@ class Cylinder(Shape):
     def centre(self) -> tuple[float, ...]:
         x, y, *z = self.center
         return (x, y + self.height / 2, *z)
+
+    @property
+    @override
+    def figure(self) -> Figure:
+        base = tuple(self.center)
+        if self.dim == 2:  # its half in the plane of r >= 0
+            return Figure(base, ("", "side", "bottom", "top"), edges=(self.radius, self.height))
+        return Figure(base, ("bottom", "top"), radii={"side": self.radius}, height=self.height)
 
     @property
     @override
@@ -278,7 +307,7 @@ class Cylinder(Shape):
 
     @property
     @override
-    def _symmetric_turns(self) -> float:
+    def symmetric_turns(self) -> float:
         return math.pi / 2
 
     @override
@@ -297,6 +326,7 @@ class Sphere(Shape):
     """
 
     kind: ClassVar[str] = "sphere"
+    models: ClassVar[tuple[str, ...]] = REVOLVED
 
     radius: float = key(Real(above=0), "radius", unit="m")
     center: Sequence[float] = key(Vector(), "centre", unit="m", default=None, absent="origin (3D)")
@@ -316,6 +346,11 @@ class Sphere(Shape):
     @override
     def centre(self) -> tuple[float, ...]:
         return tuple(self.center)
+
+    @property
+    @override
+    def figure(self) -> Figure:
+        return Figure(self.centre, radii={"surface": self.radius})
 
     @property
     @override
@@ -341,7 +376,7 @@ class Sphere(Shape):
 
     @property
     @override
-    def _symmetric_turns(self) -> float:
+    def symmetric_turns(self) -> float:
         return 0.0
 
     @override

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from impactfem.scene.body import BodyKind
+from impactfem.scene.body import BodyKind, Solver
 from impactfem.scene.boundary import (
     SPACE,
     SURFACE,
@@ -50,6 +50,7 @@ class SolidKeys(BodyKind):
     """The keys of a solid and what follows from them; `Solid` fills them in and checks them."""
 
     kind: ClassVar[str] = "solid"
+    solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
     probed: ClassVar[tuple[str, ...]] = STRAINS
     waves: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True

@@ -24,7 +24,7 @@ def planes(half_spaces: HalfSpace | Sequence[HalfSpace]) -> tuple[Floats, Floats
     Raises:
         SceneError: There is none, one is not in the plane, or one moves.
     """
-    given = (half_spaces,) if isinstance(half_spaces, HalfSpace) else tuple(half_spaces)
+    given = tuple(half_spaces) if isinstance(half_spaces, Sequence) else (half_spaces,)
     if not given:
         raise SceneError("half_spaces is empty: give at least one half_space")
     for entry in given:

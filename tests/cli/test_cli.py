@@ -42,7 +42,7 @@ SUMMARY = {
     "contact": {
         "intervals", "max_force", "max_force_raw", "force_window", "impulse", "max_penetration",
     },
-    "error": {"reference", "displacement_max", "displacement_l2", "force_l1"},
+    "error": {"reference", "displacement_max", "displacement_l2", "force_l1", "measured"},
 }  # fmt: skip
 
 

@@ -88,7 +88,7 @@ def test_mistake_is_explained(changes, parts):
 
 def test_wall_is_optional_for_rows_only():
     scene = Scene.from_dict(data())
-    assert scene.is_bar_row
+    assert scene.solver == "bar_row"
     assert [bar.name for bar in scene.bars] == ["first", "second"]
     alone = data()
     alone["body"] = alone["body"][:1]

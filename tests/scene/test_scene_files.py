@@ -218,3 +218,20 @@ def test_absolute_mesh_path_stays(tmp_path):
     scene = Scene.from_toml(tmp_path / "scene.toml")
     assert scene.mesh_path == mesh
     assert f'mesh = "{mesh}"' in scene.to_toml(tmp_path)
+
+
+def test_written_mesh_paths_of_all_bodies_still_resolve(tmp_path):
+    solid = {
+        "kind": "solid", "model": "3d", "density": 1.0, "youngs_modulus": 1.0, "poisson_ratio": 0.3,
+    }  # fmt: skip
+    scene = Scene.from_dict(
+        {
+            "title": "two parts", "duration": 1.0,
+            "body": [solid | {"name": name, "mesh": f"{name}.msh"} for name in ("one", "two")],
+        },
+        base=tmp_path,
+    )  # fmt: skip
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "deep/used.toml").write_text(scene.to_toml(tmp_path / "deep"))
+    read = Scene.from_toml(tmp_path / "deep/used.toml")
+    assert [body.mesh for body in read.bodies] == [f"{tmp_path}/{n}.msh" for n in ("one", "two")]

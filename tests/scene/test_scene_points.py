@@ -149,7 +149,7 @@ def test_scene_is_written_and_read_back(kind, tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text(scene.to_toml(), encoding="utf-8")
     assert Scene.from_toml(path) == scene
-    assert scene.is_vibro
+    assert scene.solver == "vibro"
     assert scene.dim == 2
 
 

@@ -8,7 +8,7 @@ from impactfem.report.page.checks import checks
 from impactfem.report.page.elements import bullets, code, link, paragraph, section, table, terms
 from impactfem.report.page.numbers import counted, largest, number, percent, quantity, span
 from impactfem.report.page.omissions import omissions
-from impactfem.report.panel import is_exact, is_measured
+from impactfem.report.panel import is_exact
 from impactfem.result import Record
 from impactfem.result.record import FIELD_FILES, IMPACTS
 
@@ -49,7 +49,7 @@ def error(result: Record) -> str:
             why += f" {reason[:1].upper()}{reason[1:]}." if reason else ""
         why += f" {note}." if note else ""
         return section("error", "Error", paragraph(why))
-    exact = is_measured(found)
+    exact = found["measured"]
     how = "measured against the" if exact else "estimated:"
     lines = [paragraph(f"Relative errors, {how} {found['reference']}.")]
     if note and note not in found["reference"]:

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from impactfem.report.page.numbers import formula, formulas
 from impactfem.scene import Solid
-from impactfem.scene.shapes import Block, Cylinder
 
 Floats = NDArray[np.float64]
 
@@ -23,14 +22,12 @@ def outline_of(solid: Solid) -> Floats | None:
     """
     shape = solid.shape
     moved = any(entry.plain != 0.0 for entry in solid.displacement)
-    if shape is None or shape.symmetry or moved or shape.kind == "ring":
+    if shape is None or shape.symmetry or moved or len(shape.figure.radii) > 1:
         return None
-    if isinstance(shape, Block):
-        corners: Floats = np.array(shape.corner) + _CORNERS * np.array(shape.size)
-    elif isinstance(shape, Cylinder):
-        corners = np.array(shape.center)[-2:] + _CORNERS * [shape.radius, shape.height]
-    else:
-        corners = _round(shape.center, shape.radius, half=solid.is_axisymmetric)
+    figure = shape.figure
+    corners: Floats = np.array(figure.origin) + _CORNERS * np.array(figure.edges or 0.0)
+    for radius in figure.radii.values():
+        corners = _round(figure.origin, radius, half=solid.is_axisymmetric)
     if not shape.angle:
         return corners
     centre = np.array(shape.centre, dtype=np.float64)[:2]
@@ -46,11 +43,12 @@ def _round(center: Sequence[float], radius: float, *, half: bool) -> Floats:
 
 
 def supported_lines(solid: Solid) -> list[tuple[Floats, str]]:
-    """Sides of a block that are held or loaded: segments (1, 2, 2) [m], and what happens there."""
+    """Sides of a box that are held or loaded: segments (1, 2, 2) [m], and what happens there."""
     shape, outline = solid.shape, outline_of(solid)
-    if shape is None or shape.kind != "block" or outline is None:
+    if shape is None or outline is None or not shape.figure.edges:
         return []
-    sides = dict(zip(("bottom", "right", "top", "left"), range(4), strict=True))
+    left, right, bottom, top = shape.figure.faces
+    sides = {name: k for k, name in enumerate((bottom, right, top, left))}
     told = [(s.surface, {"fixed": "held", "symmetry": "symmetry"}.get(s.kind, "moved"))
             for s in solid.supports]  # fmt: skip
     told += [(s.surface, f"traction {formulas(s.value, 'Pa')}") for s in solid.tractions]

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from impactfem.report.page.numbers import percent
-from impactfem.report.panel import is_exact, is_measured
+from impactfem.report.panel import is_exact
 from impactfem.report.table import beyond_model, sentence
 
 HEADLINES = {
@@ -50,7 +50,7 @@ def _holds(summary: Mapping[str, Any], codes: set[str]) -> Iterator[str]:
     if is_exact(summary):
         yield "It is the exact solution, to rounding."
     elif error is not None and "error_large" not in codes:
-        how = "Measured error" if is_measured(error) else "Estimated error of the mesh"
+        how = "Measured error" if error["measured"] else "Estimated error of the mesh"
         text = f"{how}: displacement {percent(error['displacement_max'])}, "
         text += f"force {percent(error['force_l1'])}"
         yield f"{text}."

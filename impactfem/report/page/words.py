@@ -7,6 +7,7 @@ from impactfem.report.page.bodies_in_words import body_in_words
 from impactfem.report.page.numbers import formulas, number, quantity, vector
 from impactfem.scene import Scene
 from impactfem.scene.loads import PiecewiseConstant
+from impactfem.scene.pairing import side_of
 
 _MOST = 12  # bodies, obstacles or contacts that are told one by one
 
@@ -103,11 +104,13 @@ def _contacts(scene: Scene) -> Lines:
         text = f"Unilateral and frictionless: {where} and may part, but never pull or overlap. "
         return [("Contact", f"{text}Rebound follows from elasticity, not from a coefficient.")]
     if not scene.contacts:
-        met = ["every obstacle"] * bool(scene.obstacles) + ["every other body"] * scene.has_pairs
+        mutual = scene.marches and len(scene.bodies) > 1
+        met = ["every obstacle"] * bool(scene.obstacles) + ["every other body"] * mutual
         text = f"Every body may meet {' and '.join(met)}, unilaterally and without friction."
         if not met:
             text = "There is nothing to meet."
-        law = " An impact leaves no normal velocity (restitution 0)." if scene.is_vibro else ""
+        law = " An impact leaves no normal velocity (restitution 0)."
+        law = "" if all(body.waves for body in scene.bodies) else law
         return [("Contact", text + law)]
     lines = [("Contact", _contact(scene, entry)) for entry in scene.contacts[:_MOST]]
     lines += _rest(len(scene.contacts), "Further contacts")
@@ -116,11 +119,13 @@ def _contacts(scene: Scene) -> Lines:
 
 def _contact(scene: Scene, entry: Any) -> str:
     text = f"{' and '.join(entry.between)} may meet"
-    if scene.is_vibro:
-        return f"{text}, with the coefficient of restitution {number(entry.restitution)}."
+    told = "without friction"
     if entry.friction_coefficient:
-        return f"{text}, with Coulomb friction of coefficient {number(entry.friction_coefficient)}."
-    return f"{text}, without friction."
+        told = f"with Coulomb friction of coefficient {number(entry.friction_coefficient)}"
+    sides = {side_of(name)[0] for name in entry.between}
+    if not any(body.waves for body in scene.bodies if body.name in sides):
+        told += f", with the coefficient of restitution {number(entry.restitution)}"
+    return f"{text}, {told}."
 
 
 def _gravity(scene: Scene) -> str:

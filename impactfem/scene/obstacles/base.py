@@ -56,9 +56,16 @@ class Core(NamedTuple):
 
 
 class RigidObstacle:
-    """What the rigid obstacles of solids have in common."""
+    """What the rigid obstacles of solids have in common.
+
+    Attributes:
+        kind: Its name in a scene.
+        before_bars: Whether bars meet it on their axis.
+        is_smooth: Whether its normal turns without jumps.
+    """
 
     kind: ClassVar[str]
+    before_bars: ClassVar[bool] = False
     is_smooth: ClassVar[bool] = True
     name: str
     motion: tuple[Formula, ...] | None
@@ -82,6 +89,11 @@ class RigidObstacle:
         if self.motion is None:
             return None
         return np.array([float(entry(t=t)) for entry in self.motion])
+
+    @property
+    def in_space(self) -> "RigidObstacle":
+        """The same for bodies that move in space."""
+        return self
 
     @property
     def features(self) -> float:

@@ -21,6 +21,7 @@ class Wall:
     """
 
     kind: ClassVar[str] = "wall"
+    before_bars: ClassVar[bool] = True
     is_smooth: ClassVar[bool] = True
     is_flat: ClassVar[bool] = True
     motion: ClassVar[None] = None
@@ -35,6 +36,6 @@ class Wall:
         return points[:, 0], np.ones((len(points), 1))
 
     @property
-    def half_space(self) -> HalfSpace:
+    def in_space(self) -> HalfSpace:
         """The same for other bodies on the x axis."""
         return HalfSpace(name=self.name, point=(0.0,), normal=(1.0,))
