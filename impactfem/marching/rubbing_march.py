@@ -41,6 +41,7 @@ class RubbingMarch(SolidMarch):
         layers: int,
         tolerance: float,
         restitution: Floats | None,
+        rest: tuple[Floats, Floats] | None,
         friction: Friction,
     ) -> None:
         """Find the contact forces of the initial state, at which nothing rubs yet.
@@ -54,6 +55,7 @@ class RubbingMarch(SolidMarch):
             layers: See there.
             tolerance: See there.
             restitution: See there.
+            rest: See there.
             friction: Coulomb's law.
         """
         place = interior.surface_displacement
@@ -61,7 +63,7 @@ class RubbingMarch(SolidMarch):
         self._tangential = self._rubbing_force = np.zeros((len(friction.coefficients), 0))
         # Gaps that took part, their normal forces and tangential ones, and ways: see `told`.
         self._slid: tuple[Integers, Floats, Floats] | None = None
-        super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, restitution)
+        super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, restitution, rest)
         self._rubbing = Rubbing.at_rest(friction, place + self.contact.static)
 
     def _answers(self) -> DirectedAnswers:

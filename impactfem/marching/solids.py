@@ -63,6 +63,7 @@ class SolidMarch:
         layers: int,
         tolerance: float,
         restitution: Floats | None = None,
+        rest: tuple[Floats, Floats] | None = None,
     ) -> None:
         """Find the contact forces of the initial state.
 
@@ -75,6 +76,8 @@ class SolidMarch:
             layers: Number of layers.
             tolerance: Rounding level of gaps [m].
             restitution: Newton's e of each gap, shape (pairs,), where nodes have mass; 0 if None.
+            rest: Where bodies start at rest: forces in the gaps [N], (pairs,), and what these do to
+                massless nodes [m], (nodes, dim). None: they are found.
         """
         self._comm, self._scheme, self._gaps = comm, scheme, gaps
         self._restitution = restitution
@@ -90,10 +93,14 @@ class SolidMarch:
         # An explicit step spans two layers: what it conserves pairs each level with the one after
         # the next, and contact nodes that have mass take the forces of neighbouring layers.
         self._skips = scheme.explicit and scheme.massless
-        gap, normals = gaps.at(free, free, free, 0.0)
+        last = free if rest is None else free + rest[1]
+        gap, normals = gaps.at(free, free, last, 0.0)
         count = len(gap)
         self._normals = normals
-        multiplier, static = self._initial_contact(gap, normals)
+        multiplier, static = rest or self._initial_contact(gap, normals)
+        acting = np.zeros(count) if rest is None else multiplier
+        if scheme.shares_forces:  # half of the force at t = 0 lies before it, and is missing
+            multiplier = np.zeros(count)
         true = gap + np.einsum("ij,ij->i", normals, gaps.relative(static))
         self.contact = ContactState(multiplier, true, multiplier, true, static)
         sums = interior.initial(static)
@@ -102,7 +109,8 @@ class SolidMarch:
         )
         self.rows.put(0, sums)
         self._impulsive = np.zeros(count, dtype=bool)
-        self._close_row(0, np.zeros(count), 0)
+        self._start_force = acting
+        self._close_row(0, acting, 0)
 
     def _answers(self) -> Answers:
         """How the gaps answer to contact forces; with friction in all directions."""
@@ -171,7 +179,7 @@ class SolidMarch:
         """
         if self.layer == 0:
             self._check_finite()
-            self._observe(observers, np.zeros(len(self.contact.gap)))
+            self._observe(observers, self._start_force)
         while self.layer < self.layers:
             force = self._advance()
             if self.layer % _CHECKED == 0 or self.layer == self.layers:

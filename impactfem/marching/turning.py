@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.fem import MPI
+from impactfem.system.rigid_modes import unit_spins
 
 Floats = NDArray[np.float64]
 
@@ -48,15 +49,8 @@ class Turning:
         centre = total((mass * places).sum(axis=0)) / np.where(moved > 0.0, moved, 1.0)
         # An axis undoes on one side what the other one does.
         arms = np.zeros_like(places) if system.axisymmetric else places - centre
-        spins = np.stack([_turned(arms, k) for k in range(size)])
+        spins = np.array(unit_spins(arms))
         # Momentum p at an arm: (a x p) . e = p . (e x a), so that the rows are the unit spins.
         rows = np.ascontiguousarray(spins.reshape(size, -1))
         inertia = np.stack([rows @ np.array(momenta(row)) for row in rows], axis=1)
         return cls(arms, rows, total(inertia))
-
-
-def _turned(arms: Floats, axis: int) -> Floats:
-    """Velocities of places that turn with 1 rad/s: in the plane, or about an axis, (nodes, dim)."""
-    if arms.shape[1] == 2:
-        return np.stack([-arms[:, 1], arms[:, 0]], axis=1)
-    return np.cross(np.eye(3)[axis], arms)

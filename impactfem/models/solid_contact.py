@@ -84,4 +84,6 @@ def _driven(scene: Scene, solid: Solid) -> str | None:
         return "tractions or pressures"
     if any(formula.plain != 0.0 for formula in solid.displacement):
         return "an initial displacement"
+    if scene.starts_at_rest:
+        return "a static start"
     return "other bodies that strike it" if len(scene.bodies) > 1 else None

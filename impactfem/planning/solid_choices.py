@@ -382,6 +382,13 @@ def choose_linear_solver(
     return "gamg"
 
 
+def fitting_solver(chosen: str, unknowns: int, dim: int) -> str:
+    """What solves single systems of a body: as the plan has it, or by size where it has none."""
+    if chosen != "none":
+        return chosen
+    return "mumps" if unknowns <= _DIRECT[dim] else "gamg"
+
+
 def method_findings(method: str, courant: float | None) -> list[Finding]:
     """What the user should know of a method before trusting its answer."""
     text = _WARNINGS.get(method)

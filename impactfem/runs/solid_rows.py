@@ -1,6 +1,6 @@
 """The motions of solids from the rows that their march has left."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from impactfem.runs.forces import contact_codes, contact_findings, mesh_window
 from impactfem.runs.line_bodies import body_figures
 from impactfem.runs.solid_output import Watch
 from impactfem.runs.solid_probes import SolidProbes
+from impactfem.runs.static_start import Started
 from impactfem.runs.verdict import PENETRATION_LIMITS
 from impactfem.scene.pairing import named_body_pairs
 
@@ -55,6 +56,7 @@ def solids_motion(
     whole: Whole,
     size: float,
     probes: SolidProbes,
+    started: Started | None = None,
 ) -> SolidsMotion:
     """Make the motions of the rows of all ranks (collective).
 
@@ -68,6 +70,7 @@ def solids_motion(
         whole: What the solids are parts of; the motions are those of the whole.
         size: Size of the elements of those that do not say it [m].
         probes: What has looked at places.
+        started: How bodies that start at rest came there.
     """
     each = total(model.comm, march.rows.sums)
     # After a failure the last rows are empty or not finite.
@@ -107,6 +110,12 @@ def solids_motion(
         np.isfinite(together).all()
     )
     effort = _effort(model, march, rows, watch, limits, limit, whole, size)
+    if started is not None:
+        effort = replace(
+            effort,
+            details={**effort.details, "start": started.details(whole.factor)},
+            findings=(*effort.findings, *started.findings()),
+        )
     return SolidsMotion(history, effort, finite)
 
 

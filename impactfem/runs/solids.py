@@ -36,6 +36,7 @@ from impactfem.runs.solid_output import FieldOutput, Followed, Watch, followed, 
 from impactfem.runs.solid_probes import SolidProbes
 from impactfem.runs.solid_rows import SolidsMotion, solids_motion
 from impactfem.runs.solid_steps import planned_steps
+from impactfem.runs.static_start import start_at_rest
 from impactfem.scene import Scene
 from impactfem.system.few import ElasticBar, FewBodies, Lumped
 from impactfem.system.inside import check_inside
@@ -124,8 +125,14 @@ def run_solids(
     else:
         gaps = contacts.gaps()
     solver = _solver(numbers, tolerance)
-    lively = contacts.restitution(scene)
-    arguments = (model.comm, interior, scheme, gaps, solver, layers, tolerance, lively)
+    lively, started = contacts.restitution(scene), None
+    if scene.starts_at_rest:
+        progress.step("bringing the bodies to rest")
+        started = start_at_rest(
+            model, each, composite, gaps, solver, tolerance, numbers.linear_solver
+        )
+    rest = None if started is None else (started.rest.multiplier, started.static)
+    arguments = (model.comm, interior, scheme, gaps, solver, layers, tolerance, lively, rest)
     march = SolidMarch(*arguments) if law is None else RubbingMarch(*arguments, law)
     progress.step("marching")
     try:
@@ -158,7 +165,16 @@ def run_solids(
             restart,
         )
         motion = solids_motion(
-            model, scheme, march, watch, limits, limit, numbers.whole, numbers.mesh_size, probes
+            model,
+            scheme,
+            march,
+            watch,
+            limits,
+            limit,
+            numbers.whole,
+            numbers.mesh_size,
+            probes,
+            started,
         )
     finally:
         interior.destroy()

@@ -23,6 +23,7 @@ class BodyKind:
         marches_alone: Whether the march takes it without other kinds, where its own does not do.
         waves: Whether it has waves, and rebounds by its own elasticity.
         meets_alike: Whether it meets others of its kind by methods of the kind.
+        settles: Whether it can start in equilibrium (``start = "static"``).
         probed: What a probe in it may keep.
         settings: Keys of ``[solve]`` that it brings into scenes of several kinds.
         whole_side: Surfaces that its bare name stands for in ``[[contact]] between``; None for all.
@@ -33,6 +34,7 @@ class BodyKind:
     marches_alone: ClassVar[bool] = True
     waves: ClassVar[bool] = False
     meets_alike: ClassVar[bool] = False
+    settles: ClassVar[bool] = False
     probed: ClassVar[tuple[str, ...]] = MOVES
     settings: ClassVar[tuple[str, ...]] = ()
     whole_side: ClassVar[tuple[str, ...] | None] = None

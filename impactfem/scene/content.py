@@ -11,7 +11,7 @@ from impactfem.scene.beams import Beam, Rod
 from impactfem.scene.bodies import Bar
 from impactfem.scene.body import Solver
 from impactfem.scene.contacts import Contact
-from impactfem.scene.kinds import Line, Real
+from impactfem.scene.kinds import Choice, Line, Real
 from impactfem.scene.loads import LoadKind, PiecewiseConstant, PiecewiseVector
 from impactfem.scene.obstacles import OBSTACLES, Rigid, Wall
 from impactfem.scene.points import Point
@@ -27,6 +27,7 @@ type Obstacle = Wall | Rigid
 
 BODIES: Mapping[str, type[Any]] = {cls.kind: cls for cls in (Bar, Solid, Point, Rod, Beam)}
 MAX_CONTACTS = 10_000
+STARTS = ("given", "static")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +41,12 @@ class Content:
         "acceleration, of bars towards the wall; in a table, the value from each time on",
         unit="m/s^2",
         default=0.0,
+    )
+    start: str = key(
+        Choice(STARTS),
+        "state before velocities are added: as given, or equilibrium of loads, gravity, supports "
+        "and frictionless contact at t = 0 (solids)",
+        default=STARTS[0],
     )
     bodies: tuple[Body, ...] = key(
         ObjectsKind(tuple(BODIES.values()), "[[body]]", MAX_BODIES), "what moves", name="body"
@@ -125,6 +132,11 @@ class Content:
     def dim(self) -> int:
         """Number of coordinates."""
         return self.bodies[0].dim
+
+    @property
+    def starts_at_rest(self) -> bool:
+        """Whether bodies are in equilibrium before their velocities are added."""
+        return self.start == STARTS[1]
 
     @property
     def marches(self) -> bool:

@@ -7,7 +7,7 @@ from impactfem.scene.bar_row_checks import check_bar_row, check_walls
 from impactfem.scene.body import Solver
 from impactfem.scene.breaks import check_motion
 from impactfem.scene.column_names import check_column_names
-from impactfem.scene.content import Content
+from impactfem.scene.content import BODIES, Content
 from impactfem.scene.loads import PiecewiseConstant
 from impactfem.scene.mixed import check_dimensions, check_mixed
 from impactfem.scene.obstacle_checks import check_gravity, check_obstacles
@@ -62,6 +62,7 @@ def check_scene(scene: Content, gravity: object) -> None:
         check_obstacles(scene)
         check_gravity(scene, gravity)
         (_check_marched if scene.marches else check_vibro)(scene)
+    _check_start(scene)
     check_column_names(scene)
     check_probes(scene)
     _check_settings(scene)
@@ -88,6 +89,20 @@ def _check_marched(scene: Content) -> None:
         check_mixed(scene)
     else:
         check_pairs(scene)
+
+
+def _check_start(scene: Content) -> None:
+    """Refuse a start at rest of bodies that cannot be brought there."""
+    if not scene.starts_at_rest:
+        return
+    unsettled = [body for body in scene.bodies if not (body.settles and scene.marches)]
+    if unsettled:
+        body = unsettled[0]
+        able = " and ".join(f"{kind}s" for kind, cls in BODIES.items() if cls.settles)
+        text = (
+            f" = {show(scene.start)} brings {able} to rest, {body.name} is a {body.kind}: remove "
+        )
+        raise KeyedError("", "start", f"{text}it, or model that body as one of these.")
 
 
 def _check_names(scene: Content) -> None:

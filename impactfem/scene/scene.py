@@ -63,6 +63,7 @@ class Scene(Content):
             contacts: Sequence[Contact] = (),
             probes: Sequence[Probe] = (),
             gravity: float | Sequence[Any] | PiecewiseConstant | PiecewiseVector = 0.0,
+            start: str = "given",
             solve: Solve = ...,
             output: Output = ...,
             folder: str | os.PathLike[str] | None = None,
@@ -104,7 +105,8 @@ class Scene(Content):
         """Make a scene from tables as TOML has them; keys with the value None count as absent.
 
         Args:
-            data: keys ``title, duration, gravity, body, obstacle, contact, probe, solve, output``.
+            data: keys ``title, duration, gravity, start, body, obstacle, contact, probe, solve,
+                output``.
             base: folder where relative mesh paths start.
 
         Raises:

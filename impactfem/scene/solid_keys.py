@@ -53,6 +53,7 @@ class SolidKeys(BodyKind):
     solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
     probed: ClassVar[tuple[str, ...]] = STRAINS
     waves: ClassVar[bool] = True
+    settles: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the body in histories", default="solid")

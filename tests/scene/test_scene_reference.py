@@ -44,6 +44,7 @@ def test_every_table_and_key_is_described():
         "title",
         "duration",
         "gravity",
+        "start",
         "body",
         "obstacle",
         "contact",

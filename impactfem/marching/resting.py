@@ -1,0 +1,63 @@
+"""What a start at rest asks of a body, linear or not."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+class FreeModes(Protocol):
+    """Rigid motions that supports leave free; see `impactfem.system.rigid_modes`."""
+
+    def along(self, forces: Floats) -> Floats:
+        """Parts of forces that work on each mode (collective)."""
+
+    def forces(self, along: Floats) -> Floats:
+        """Forces that accelerate the body along them."""
+
+    def moved(self, displacement: Floats) -> Floats:
+        """How far a displacement is one along each mode (collective)."""
+
+    def of_displacement(self, displacement: Floats) -> Floats:
+        """Rigid part of a displacement (collective)."""
+
+    def push(self, along: Floats) -> float:
+        """Force that would accelerate all of the body as much [N]."""
+
+    def words(self, along: Floats) -> str:
+        """The motion that forces drive and how hard."""
+
+
+class Resting(Protocol):
+    """A body as the search for equilibrium sees it, linear or not.
+
+    Attributes:
+        name: Of the body.
+        start: Displacement from which equilibrium is sought [m], of the owned dofs.
+        modes: Its free rigid motions.
+    """
+
+    name: str
+    start: Floats
+
+    @property
+    def modes(self) -> FreeModes:
+        """See above."""
+
+    def contact(self, place: Floats) -> Floats:
+        """Displacements of the contact nodes [m], (count, dim) (collective)."""
+
+    def pulled(self, forces: Floats) -> Floats:
+        """Forces on the owned dofs by those on the contact nodes (count, dim)."""
+
+    def residual(self, place: Floats) -> Floats:
+        """Loads less internal forces [N], without contact; not finite where there is no body."""
+
+    def tangent(self, place: Floats) -> Callable[[Floats], Floats]:
+        """What forces on the owned dofs do, linearised, with mass that holds free bodies.
+
+        Equal functions for equal tangents: answers that are known are kept.
+        """

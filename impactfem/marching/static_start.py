@@ -1,0 +1,341 @@
+"""Equilibrium before t = 0 of loads, supports and frictionless contact, from which a march starts.
+
+Newton's method with the active set of contact in each pass: bodies answer with their tangents, gaps
+with their linearisation, and the forces in the gaps solve
+
+    0 <= lambda  _|_  g + G dx >= 0,    (K + eps M) dx = residual(x) + G^T lambda.
+
+eps M holds bodies that are free to move: a step of the proximal point method (Rockafellar, SIAM J.
+Control Optim. 14 (1976) 877-898). Where motions are free and no load works on them it leaves them
+where they were; where one does, bodies go on along it until a gap closes, or nothing holds them.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.complementarity import Solver
+from impactfem.errors import ConvergenceError, SceneError
+from impactfem.fem import MPI
+from impactfem.findings import percent
+from impactfem.marching.layers import Answers, ContactGaps
+from impactfem.marching.resting import Resting
+
+Floats = NDArray[np.float64]
+
+_SETTLED = 1e-12  # share of the forces that may be left unbalanced
+_ROUNDING = 1e-7  # the same where rounding lets no pass better it
+_DRIFTING = 0.5  # share of the last pass's rest from which a pass has not bettered it
+_NEUTRAL = 1e-3
+"""Share of the forces below which one that works on a free motion is the mesh's.
+
+A round body on a floor has no motion that gravity drives, but as a polygon it has."""
+
+_PATIENCE = 6  # passes without a better one
+_MOST = 80  # passes
+_HALVINGS = 12  # of a step after which a body is not what it was
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Where bodies are at rest.
+
+    Attributes:
+        places: Displacements of the owned dofs of each body [m].
+        surface: Displacements of all contact nodes [m], (nodes, dim).
+        multiplier: Forces in the gaps [N], (gaps,).
+        forces: These on the contact nodes [N], (nodes, dim).
+        residual: Forces that are left, as a share of those that act.
+        iterations: Passes, and linear systems of the active sets in them.
+        shifted: How far each body was moved rigidly [m].
+        neutral: Bodies on which small forces work that nothing holds: these as a share of all, and
+            the motion that they drive.
+    """
+
+    places: tuple[Floats, ...]
+    surface: Floats
+    multiplier: Floats
+    forces: Floats
+    residual: float
+    iterations: tuple[int, int]
+    shifted: dict[str, float]
+    neutral: dict[str, tuple[float, str]]
+
+
+class StaticStart:
+    """The search for a `Rest`."""
+
+    def __init__(
+        self,
+        comm: Any,
+        bodies: Sequence[Resting],
+        owns: Sequence[slice],
+        gaps: ContactGaps,
+        solver: Solver,
+        tolerance: float,
+    ) -> None:
+        """Begin where the bodies are.
+
+        Args:
+            comm: MPI communicator.
+            bodies: The bodies.
+            owns: Places of the contact nodes of each among all.
+            gaps: Distances from obstacles and other bodies.
+            solver: Of complementarity problems.
+            tolerance: Rounding level of gaps [m].
+        """
+        self._comm, self._bodies, self._owns = comm, bodies, owns
+        self._gaps, self._solver, self._tolerance = gaps, solver, tolerance
+        self._places = [body.start.copy() for body in bodies]
+        # Of each body free motions, by its modes, that go on being held, and how hard.
+        self._held: list[list[Floats]] = [[] for _ in bodies]
+        self._holding: dict[int, Floats] = {}
+        self._tangents: list[Callable[[Floats], Floats]] = []
+        self._answers: Answers | None = None
+        self._force = self._gross = 0.0  # the first that act, by squares and as a sum [N]
+        self._systems = 0
+
+    def find(self) -> Rest:
+        """Seek it (collective).
+
+        Raises:
+            SceneError: Nothing holds a body on which loads act.
+            ConvergenceError: None was found.
+        """
+        gap, normals = self._look()
+        multiplier, last, best, idle = np.zeros(len(gap)), np.inf, np.inf, 0
+        for done in range(_MOST + 1):
+            left = self._unbalanced(multiplier, normals)
+            rest = self._size(left) / self._force if self._force else 0.0
+            open_ = max(-gap.min(initial=0.0), gap[multiplier > 0.0].max(initial=0.0))
+            settled = open_ <= 10.0 * self._tolerance
+            stalled = _DRIFTING * last < rest <= _ROUNDING
+            if settled and (rest <= _SETTLED or stalled):
+                return self._found(multiplier, normals, rest, done)
+            if done == _MOST or not np.isfinite(rest):
+                break
+            before = self._places
+            multiplier = self._step(left, gap, normals, multiplier)
+            if max(_DRIFTING * last, _ROUNDING) < rest:
+                self._follow(before, left, gap, normals)
+            idle = 0 if rest < _DRIFTING * best else idle + 1
+            if idle == _PATIENCE:
+                self._hold_restless(before)
+                best, idle = np.inf, 0
+            last, best = rest, min(best, rest)
+            gap, normals = self._look()
+        raise ConvergenceError(
+            f'start = "static": no equilibrium was found in {done} passes, {best:.1e} of the '
+            "forces were left unbalanced; change the loads or the supports, or use start = "
+            '"given"'
+        )
+
+    def _look(self) -> tuple[Floats, Floats]:
+        """Gaps and normals where the bodies are."""
+        there = self._surface(self._places)
+        return self._gaps.at(there, there, there, 0.0)
+
+    def _surface(self, values: Sequence[Floats]) -> Floats:
+        """Of all contact nodes, by the values of the owned dofs of each body."""
+        each = zip(self._bodies, values, strict=True)
+        return np.concatenate([body.contact(own) for body, own in each])
+
+    def _pulled(self, forces: Floats) -> list[Floats]:
+        """Forces on the owned dofs of each body by those on the contact nodes."""
+        each = zip(self._bodies, self._owns, strict=True)
+        return [body.pulled(forces[own]) for body, own in each]
+
+    def _size(self, forces: Sequence[Floats]) -> float:
+        """Root of the sum of squares of forces on all bodies."""
+        own = sum(float(part @ part) for part in forces)
+        return float(np.sqrt(self._comm.allreduce(own, op=MPI.SUM)))
+
+    def _unbalanced(self, multiplier: Floats, normals: Floats) -> list[Floats]:
+        """Forces that are left on the bodies [N]."""
+        each = zip(self._bodies, self._places, strict=True)
+        acting = [body.residual(place) for body, place in each]
+        if not self._force:
+            gross = sum(float(np.abs(part).sum()) for part in acting)
+            self._force, self._gross = self._size(acting), self._comm.allreduce(gross, op=MPI.SUM)
+        pushed = self._pulled(self._gaps.spread(multiplier[:, None] * normals))
+        left = [one + other for one, other in zip(acting, pushed, strict=True)]
+        for k, (body, ways) in enumerate(zip(self._bodies, self._held, strict=True)):
+            if ways:
+                along = body.modes.along(left[k])
+                self._holding[k] = np.asarray(sum((along @ way) * way for way in ways))
+                left[k] = left[k] - body.modes.forces(self._holding[k])
+        return left
+
+    def _columns(self, forces: Floats) -> tuple[Floats, Floats]:
+        """What several forces on the contact nodes do to these; see `contact.responses`."""
+        found = np.zeros_like(forces)
+        for several, answer in zip(forces, found, strict=True):
+            for body, own, solve in zip(self._bodies, self._owns, self._tangents, strict=True):
+                if several[own].any():
+                    answer[own] = body.contact(solve(body.pulled(several[own])))
+        return found, np.zeros_like(forces)
+
+    def _step(self, left: list[Floats], gap: Floats, normals: Floats, multiplier: Floats) -> Floats:
+        """Move the bodies to where the linearised equations are solved; forces in the gaps there.
+
+        Args:
+            left: Forces that are left [N].
+            gap: Gaps where the bodies are [m], (gaps,).
+            normals: Their normals, (gaps, dim).
+            multiplier: Forces in them [N], (gaps,).
+        """
+        each = zip(self._bodies, self._places, strict=True)
+        tangents = [body.tangent(place) for body, place in each]
+        if self._answers is None or tangents != self._tangents:
+            self._tangents = tangents
+            self._answers = self._gaps.responses(self._columns, None)
+            self._look()  # answers that follow the gaps are told of them
+        answers = self._answers
+        changes = [solve(force) for solve, force in zip(tangents, left, strict=True)]
+        free = gap + self._along(changes, normals)
+        taking_part = (multiplier > 0.0) | (free < -self._tolerance)
+        found = np.zeros_like(multiplier)
+        while taking_part.any():
+            rows = np.flatnonzero(taking_part)
+            answers.require(rows)
+            compliance, _ = answers.matrices(rows, normals[rows])
+            old = multiplier[rows]
+            new, count = self._solver(compliance, free[rows] - compliance @ old, old > 0.0)
+            self._systems += count
+            new = self._polished(compliance, free[rows] + compliance @ (new - old), new)
+            way = answers.approach(rows, normals, new - old, np.zeros(len(rows)))
+            missed = (free + way < -self._tolerance) & ~taking_part
+            if not missed.any():
+                found[rows] = new
+                break
+            taking_part |= missed
+        change = self._gaps.spread((found - multiplier)[:, None] * normals)
+        for k, (solve, force) in enumerate(zip(tangents, self._pulled(change), strict=True)):
+            if self._comm.allreduce(bool(force.any()), op=MPI.LOR):
+                changes[k] = changes[k] + solve(force)
+        self._places = [self._moved(k, change) for k, change in enumerate(changes)]
+        return found
+
+    @staticmethod
+    def _polished(compliance: Floats, gap: Floats, force: Floats) -> Floats:
+        """Forces that close what rounding has left open: free bodies answer with large numbers.
+
+        Args:
+            compliance: Of the gaps [m/N], (k, k).
+            gap: Gaps that the forces leave [m], (k,).
+            force: [N], (k,).
+        """
+        closed = np.flatnonzero(force > 0.0)
+        change = np.linalg.lstsq(compliance[np.ix_(closed, closed)], -gap[closed])[0]
+        found = force.copy()
+        found[closed] = np.maximum(force[closed] + change, 0.0)
+        return found
+
+    def _along(self, changes: Sequence[Floats], normals: Floats) -> Floats:
+        """How displacements of the bodies change the gaps [m], (gaps,)."""
+        moved = self._gaps.relative(self._surface(changes))
+        return np.asarray(np.einsum("ij,ij->i", moved, normals))
+
+    def _moved(self, index: int, change: Floats) -> Floats:
+        """Place of a body after a step, halved until there is a body (collective)."""
+        body, place = self._bodies[index], self._places[index]
+        for _ in range(_HALVINGS):
+            there = place + change
+            fine = bool(np.isfinite(body.residual(there)).all())
+            if self._comm.allreduce(fine, op=MPI.LAND):
+                break
+            change = 0.5 * change
+        return there
+
+    def _follow(
+        self, before: list[Floats], left: list[Floats], gap: Floats, normals: Floats
+    ) -> None:
+        """Go on along a rigid motion that loads drive until a gap closes, or hold it if it is none.
+
+        Args:
+            before: Places before the step that went along it.
+            left: Forces that were left there [N].
+            gap: Gaps there [m], (gaps,).
+            normals: Their normals, (gaps, dim).
+
+        Raises:
+            SceneError: None closes.
+        """
+        bodies = self._bodies
+        along = [body.modes.along(force) for body, force in zip(bodies, left, strict=True)]
+        rigid = [body.modes.forces(part) for body, part in zip(bodies, along, strict=True)]
+        sizes = [self._size([force]) for force in rigid]
+        worst = int(np.argmax(sizes))
+        if sizes[worst] <= _DRIFTING * self._size(left):
+            return
+        share = bodies[worst].modes.push(along[worst]) / self._gross
+        if share <= _NEUTRAL:
+            self._hold(worst, along[worst])
+            return
+        each = zip(bodies, self._places, before, strict=True)
+        ways = [body.modes.of_displacement(after - place) for body, after, place in each]
+        rates = self._along(ways, normals)
+        farthest = self._comm.allreduce(
+            max(float(np.abs(way).max(initial=0.0)) for way in ways), op=MPI.MAX
+        )
+        closing = rates < -1e-6 * farthest
+        if not closing.any():
+            raise self._unheld(worst, along[worst])
+        steps = max(1.0, float((gap[closing] / -rates[closing]).min()))
+        for k, way in enumerate(ways):
+            self._places[k] = before[k] + steps * way
+
+    def _unheld(self, body: int, along: Floats) -> SceneError:
+        """What to say where loads work on a motion that nothing holds."""
+        modes, name = self._bodies[body].modes, self._bodies[body].name
+        return SceneError(
+            f'start = "static": nothing holds body {name} against its {modes.words(along)}, '
+            f"{percent(modes.push(along) / self._gross)} of the forces at t = 0; add a support, or "
+            "an obstacle or body that holds it without friction, balance the loads, or use start = "
+            '"given"'
+        )
+
+    def _hold(self, body: int, along: Floats) -> None:
+        """Hold a free motion of a body from now on, and begin anew."""
+        free = _beside(along, self._held[body])
+        self._held[body].append(free / np.linalg.norm(free))
+        self._places = [each.start.copy() for each in self._bodies]
+
+    def _hold_restless(self, before: list[Floats]) -> None:
+        """Hold the free motion that a pass has gone on along the most, where no pass is better.
+
+        Args:
+            before: Places before that pass.
+        """
+        each = zip(self._bodies, self._places, before, strict=True)
+        along = [body.modes.moved(after - place) for body, after, place in each]
+        along = [_beside(part, ways) for part, ways in zip(along, self._held, strict=True)]
+        sizes = [float(np.linalg.norm(part)) for part in along]
+        if max(sizes) > 0.0:
+            self._hold(int(np.argmax(sizes)), along[int(np.argmax(sizes))])
+
+    def _found(self, multiplier: Floats, normals: Floats, rest: float, done: int) -> Rest:
+        forces = self._gaps.spread(multiplier[:, None] * normals)
+        shifted, neutral = {}, {}
+        for body, place in zip(self._bodies, self._places, strict=True):
+            way = np.abs(body.modes.of_displacement(place - body.start)).max(initial=0.0)
+            shifted[body.name] = float(self._comm.allreduce(float(way), op=MPI.MAX))
+        for k, along in self._holding.items():
+            modes = self._bodies[k].modes
+            share = modes.push(along) / self._gross
+            if share > _NEUTRAL:
+                raise self._unheld(k, along)
+            neutral[self._bodies[k].name] = share, modes.words(along)
+        surface = self._surface(self._places)
+        counts = done, self._systems
+        return Rest(
+            tuple(self._places), surface, multiplier, forces, rest, counts, shifted, neutral
+        )
+
+
+def _beside(along: Floats, ways: Sequence[Floats]) -> Floats:
+    """What is left of a vector across some that are orthonormal."""
+    return along - sum((along @ way) * way for way in ways)

@@ -1,0 +1,116 @@
+"""Bring bodies into equilibrium before they are marched."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.complementarity import Solver
+from impactfem.findings import Finding, by_limits, percent
+from impactfem.marching.composite import Composite
+from impactfem.marching.layers import ContactGaps
+from impactfem.marching.static_start import Rest, StaticStart
+from impactfem.models.solids import SolidPart, SolidsModel
+from impactfem.planning.solid_choices import fitting_solver
+from impactfem.system.statics import SolidAtRest
+from impactfem.system.surface import SurfaceNodes
+
+Floats = NDArray[np.float64]
+
+_SHIFT_LIMITS = (0.01, np.inf)  # shares of its size by which a body is moved
+
+_UNHELD_LIMITS = (1e-5, np.inf)  # shares of the forces that nothing holds
+
+
+@dataclass(frozen=True)
+class Started:
+    """Bodies at rest.
+
+    Attributes:
+        rest: Where they are.
+        static: Displacements of the massless contact nodes by the contact forces [m], (nodes, dim).
+        sizes: Of the bodies [m].
+    """
+
+    rest: Rest
+    static: Floats
+    sizes: dict[str, float]
+
+    def details(self, factor: int) -> dict[str, Any]:
+        """For ``summary.json``, of so many bodies that are alike."""
+        rest = self.rest
+        passes, systems = rest.iterations
+        return {
+            "kind": "static", "residual": rest.residual, "passes": passes,
+            "iterations": systems, "contact_force": factor * float(rest.multiplier.sum()),
+            "shifted": rest.shifted, "unheld": {k: v[0] for k, v in rest.neutral.items()},
+        }  # fmt: skip
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Bodies that had to be moved until something held them."""
+        found: list[Finding] = []
+        for name, way in self.rest.shifted.items():
+            share = way / self.sizes[name]
+            text = f'start = "static" has moved {name} by {way:.3g} m, {percent(share)} of its size'
+            text += ", to where it is held"
+            remedy = "check that this is the rest that is meant, or place the body there"
+            found += by_limits("setting", share, _SHIFT_LIMITS, text, name, remedy)
+        for name, (share, words) in self.rest.neutral.items():
+            text = f"at the start nothing holds {name} against its {words}, {percent(share)} of "
+            text += "the forces: it begins to move so"
+            remedy = "add a support if it should not, or take smaller elements where it is held"
+            found += by_limits("setting", share, _UNHELD_LIMITS, text, name, remedy)
+        return tuple(found)
+
+
+def start_at_rest(
+    model: SolidsModel,
+    each: Sequence[tuple[SolidPart, SurfaceNodes, Any]],
+    composite: Composite,
+    gaps: ContactGaps,
+    solver: Solver,
+    tolerance: float,
+    linear_solver: str,
+) -> Started:
+    """Move the interiors of solids to equilibrium (collective).
+
+    Args:
+        model: The solids.
+        each: They, their contact nodes, and what moves mass off these.
+        composite: Their interiors.
+        gaps: Of all of them.
+        solver: Of complementarity problems.
+        tolerance: Rounding level of gaps [m].
+        linear_solver: Of the march, "none" where it needs none.
+
+    Raises:
+        SceneError: Loads drive a body that nothing holds.
+        ConvergenceError: No equilibrium was found.
+    """
+    gravity = np.asarray(model.scene.vector_gravity.at(0.0))
+    bodies = [
+        SolidAtRest(
+            part.solid.name, part.system, surface, transfer,
+            fitting_solver(linear_solver, part.system.num_dofs, part.solid.dim), gravity,
+            np.atleast_1d(np.asarray(part.solid.angular_velocity, dtype=np.float64)),
+        )
+        for part, surface, transfer in each
+    ]  # fmt: skip
+    owns = [composite.own(k) for k in range(len(bodies))]
+    try:
+        rest = StaticStart(model.comm, bodies, owns, gaps, solver, tolerance).find()
+    finally:
+        for body in bodies:
+            body.destroy()
+    # Between layers interiors know massless nodes as they are without contact forces.
+    static = composite.static(rest.forces)
+    free = rest.surface - static
+    state = composite.state()
+    for (_, surface, _), own, place in zip(each, owns, rest.places, strict=True):
+        surface.spread(free[own], place)
+    state["displacement"] = np.concatenate(rest.places)
+    composite.restore(state, free)
+    sizes = {part.solid.name: part.system.nodes.size for part, *_ in each}
+    return Started(rest, static, sizes)

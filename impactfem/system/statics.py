@@ -1,0 +1,164 @@
+"""A linear elastic solid at rest: what loads leave unbalanced, and what forces do to it."""
+
+from collections.abc import Callable
+from functools import cached_property
+from itertools import combinations_with_replacement
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import SceneError
+from impactfem.fem import MPI
+from impactfem.system.drive import Drive
+from impactfem.system.elastic import ElasticSystem
+from impactfem.system.linear import LinearSolver
+from impactfem.system.massless import transferred
+from impactfem.system.rigid_modes import RigidModes, unit_spins
+from impactfem.system.surface import SurfaceNodes
+
+Floats = NDArray[np.float64]
+
+_HELD = 1e-6  # share of a spin that supports take from a body that is not free to turn
+_SHIFT = 1e-6
+"""Mass that holds free bodies, as a share of what would double the least uniform strain's energy.
+
+Each pass leaves so much of the error; and answers to single forces are so much smaller than the
+rigid part of theirs, which rounding must not hide."""
+
+
+class SolidAtRest:
+    """A linear body; see `impactfem.marching.static_start.Resting`.
+
+    Attributes:
+        name: Of the body.
+        start: Displacement from which equilibrium is sought [m], shape (owned dofs,).
+        modes: Its free rigid motions.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        system: ElasticSystem,
+        surface: SurfaceNodes,
+        transfer: Any,
+        linear_solver: str,
+        gravity: Floats,
+        spin: Floats,
+    ) -> None:
+        """Sum its loads at t = 0 up (collective).
+
+        Args:
+            name: Of the body.
+            system: The body.
+            surface: Its contact nodes.
+            transfer: What moves loads off massless nodes, as the march does; None for none.
+            linear_solver: "mumps" or "gamg".
+            gravity: At t = 0 [m/s^2], (dim,).
+            spin: Angular velocity [rad/s], (1,) or in space (3,): equilibrium is that in the frame
+                which turns so about the centre of mass.
+
+        Raises:
+            SceneError: The body spins though supports hold it.
+        """
+        self.name, self.start, self.modes = name, system.displacement.copy(), RigidModes.of(system)
+        self._system, self._surface, self._kind = system, surface, linear_solver
+        drive = Drive(system, transfer)
+        weight = np.repeat(system.node_mass, system.dim) * np.tile(gravity, len(system.positions))
+        self._load = drive.load(0.0) + drive.lift(0.0) + transferred(transfer, weight)
+        if spin.any():
+            flung = self._flung(spin)
+            moved = transferred(transfer, flung)
+            # Where masses move to their neighbours, moments appear that no turning body has.
+            false = self.modes.along(moved) - self.modes.along(flung)
+            self._load += moved - self.modes.forces(false)
+        self._load[system.constrained] = 0.0
+        self._vectors = [system.stiffness.createVecRight() for _ in range(2)]
+
+    def _flung(self, spin: Floats) -> Floats:
+        """Centrifugal forces of the undeformed body [N], (owned dofs,) (collective)."""
+        system = self._system
+        arms = system.positions - system.center_of_mass
+        velocity = np.einsum("k,kij->ij", spin, np.array(unit_spins(arms)))
+        lost = velocity.ravel() - self.modes.of_displacement(velocity.ravel())
+        sizes = [float(np.abs(part).max(initial=0.0)) for part in (lost, velocity)]
+        left, fastest = (system.comm.allreduce(size, op=MPI.MAX) for size in sizes)
+        if left > _HELD * fastest:
+            raise SceneError(
+                f"body {self.name}: angular_velocity = {np.round(spin, 6).tolist()} with start = "
+                '"static" needs a body that is free to turn so, but its supports hold it; remove '
+                'one of them, or use start = "given"'
+            )
+        turned = np.einsum("k,kij->ij", spin, np.array(unit_spins(velocity)))
+        source, image = system.mass.createVecs()
+        source.setArray(-turned.ravel())
+        system.mass.mult(source, image)
+        found: Floats = image.getArray().copy()
+        source.destroy()
+        image.destroy()
+        return found
+
+    def contact(self, place: Floats) -> Floats:
+        """Displacements of the contact nodes, (count, dim) (collective)."""
+        return self._surface.gather(place)
+
+    def pulled(self, forces: Floats) -> Floats:
+        """Forces on the owned dofs by those on the contact nodes (count, dim)."""
+        found = np.zeros(len(self.start))
+        self._surface.spread(forces, found)
+        found[self._system.constrained] = 0.0
+        return found
+
+    def residual(self, place: Floats) -> Floats:
+        """Loads less internal forces [N], (owned dofs,) (collective)."""
+        source, image = self._vectors
+        source.setArray(place)
+        self._system.stiffness.mult(source, image)
+        found = self._load - image.getArray()
+        found[self._system.constrained] = 0.0
+        return np.asarray(found)
+
+    def tangent(self, place: Floats) -> Callable[[Floats], Floats]:  # noqa: ARG002  (linear)
+        """What forces on the owned dofs do; the same at every place."""
+        return self._answer
+
+    def _answer(self, forces: Floats) -> Floats:
+        solver, (source, image) = self._solver, self._vectors
+        source.setArray(forces)
+        image.set(0.0)
+        solver.solve(source, image)
+        return np.array(image.getArray())
+
+    @cached_property
+    def _solver(self) -> LinearSolver:
+        system = self._system
+        matrix = system.stiffness.copy()
+        if self.modes.count:
+            matrix.axpy(_SHIFT * self._least_rate(), system.mass)
+        return LinearSolver(matrix, self._kind, system.stiffness.getNearNullSpace())
+
+    def _least_rate(self) -> float:
+        """Least quotient of stiffness and mass of uniform strains [1/s^2] (collective)."""
+        system, dim = self._system, self._system.dim
+        arms = system.positions - system.center_of_mass
+        source, image = self._vectors
+        quotients = []
+        for i, j in combinations_with_replacement(range(dim), 2):
+            field = np.zeros_like(arms)
+            field[:, i] += arms[:, j]
+            field[:, j] += arms[:, i]
+            strain = np.where(system.constrained, 0.0, field.ravel())
+            energies = []
+            for matrix in (system.stiffness, system.mass):
+                source.setArray(strain)
+                matrix.mult(source, image)
+                energies.append(source.dot(image))
+            quotients.append(energies[0] / energies[1])
+        return float(min(quotients))
+
+    def destroy(self) -> None:
+        """Free PETSc's objects."""
+        if "_solver" in self.__dict__:
+            self._solver.destroy()
+        for vector in self._vectors:
+            vector.destroy()
