@@ -95,7 +95,7 @@ def _check_start(scene: Content) -> None:
     """Refuse a start at rest of bodies that cannot be brought there."""
     if not scene.starts_at_rest:
         return
-    unsettled = [body for body in scene.bodies if not (body.settles and scene.marches)]
+    unsettled = [body for body in scene.bodies if not body.settles]
     if unsettled:
         body = unsettled[0]
         able = " and ".join(f"{kind}s" for kind, cls in BODIES.items() if cls.settles)
