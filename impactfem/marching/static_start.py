@@ -50,7 +50,7 @@ class Rest:
         forces: These on the contact nodes [N], (nodes, dim).
         residual: Forces that are left, as a share of those that act.
         iterations: Passes, and linear systems of the active sets in them.
-        shifted: How far each body was moved rigidly [m].
+        shifted: How far each body was moved rigidly, and how far nodes besides [m].
         neutral: Bodies on which small forces work that nothing holds: these as a share of all, and
             the motion that they drive.
     """
@@ -61,7 +61,7 @@ class Rest:
     forces: Floats
     residual: float
     iterations: tuple[int, int]
-    shifted: dict[str, float]
+    shifted: dict[str, tuple[float, float]]
     neutral: dict[str, tuple[float, str]]
 
 
@@ -321,8 +321,11 @@ class StaticStart:
         forces = self._gaps.spread(multiplier[:, None] * normals)
         shifted, neutral = {}, {}
         for body, place in zip(self._bodies, self._places, strict=True):
-            way = np.abs(body.modes.of_displacement(place - body.start)).max(initial=0.0)
-            shifted[body.name] = float(self._comm.allreduce(float(way), op=MPI.MAX))
+            change = place - body.start
+            rigid = body.modes.of_displacement(change)
+            sizes = [float(np.abs(part).max(initial=0.0)) for part in (rigid, change - rigid)]
+            carried, bent = (self._comm.allreduce(size, op=MPI.MAX) for size in sizes)
+            shifted[body.name] = carried, bent
         for k, along in self._holding.items():
             modes = self._bodies[k].modes
             share = modes.push(along) / self._gross

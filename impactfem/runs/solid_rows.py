@@ -1,5 +1,6 @@
 """The motions of solids from the rows that their march has left."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,7 +82,12 @@ def solids_motion(
     elastic = elastic_energy(scheme, rows, together[:, 1])
     explicit = scheme.explicit
     work = work_done(march, rows, together, model.dim, explicit=explicit)
-    momentum, angular, bodies = body_motions(model, march, each, whole, explicit=explicit)
+    placed = [part.system.displacement for part in model.parts]
+    level = _level(model)
+    if started is not None:
+        level -= float(started.fallen(model) @ model.scene.vector_gravity.at(0.0))
+        placed = list(started.rest.places)
+    momentum, angular, bodies = body_motions(model, march, each, whole, placed, explicit=explicit)
     history = make_history(
         Columns(
             time=march.interior.dt * np.arange(done, dtype=np.float64),
@@ -89,7 +95,7 @@ def solids_motion(
             contact_force=of_layers(scheme, rows.force) + 0.0,  # no negative zeros
             kinetic_energy=together[:, 0],
             elastic_energy=elastic,
-            potential_energy=whole.factor * _level(model) - work,
+            potential_energy=whole.factor * level - work,
             momentum=momentum,
             direction=_direction(model),
             angular_momentum=angular,
@@ -195,7 +201,13 @@ def _overlap_findings(model: SolidsModel, watch: Watch) -> tuple[Finding, ...]:
 
 
 def body_motions(
-    model: SolidsModel, march: SolidMarch, each: Floats, whole: Whole, *, explicit: bool
+    model: SolidsModel,
+    march: SolidMarch,
+    each: Floats,
+    whole: Whole,
+    placed: Sequence[Floats],
+    *,
+    explicit: bool,
 ) -> tuple[Floats, Floats | None, dict[str, BodyMotion]]:
     """Momentum (rows, 3), angular momentum (rows, 1 or 3) and the motion of each body (collective).
 
@@ -206,6 +218,7 @@ def body_motions(
         march: At its end.
         each: Sums of all ranks, of the whole: see `Rows.sums`, (rows, bodies, ...).
         whole: What the solids are parts of.
+        placed: Displacements of the owned dofs of the solids at t = 0 [m].
         explicit: Whether velocities belong to the middle of layers.
     """
     rows, dim = len(each), model.dim
@@ -236,7 +249,7 @@ def body_motions(
                 bodies_of, body = few[k - len(model.parts)]
                 start = np.full(turns, bodies_of.angles[body])
             else:
-                start = _turned_at_start(part)
+                start = _turned_at_start(part, placed[k])
             turn = _rotation(np.vstack([start, march.interior.dt * each_layer]))
         bodies[name] = BodyMotion(position, own / mass, turn, spin)
     told = angular[:, 3 - turns :] if turns else None
@@ -250,7 +263,7 @@ def _turns_freely(part: SolidPart, whole: Whole) -> bool:
     return cuts and len(part.solid.all_supports) == len(planes) and not part.solid.is_axisymmetric
 
 
-def _turned_at_start(part: SolidPart) -> Floats:
+def _turned_at_start(part: SolidPart, placed: Floats) -> Floats:
     """Rotation of a solid at t = 0 since the undeformed body, (1,) or (3,) (collective).
 
     It is the one that fits the displacements best, by mass and for small angles, and so is its sum
@@ -259,7 +272,7 @@ def _turned_at_start(part: SolidPart) -> Floats:
     system = part.system
     mass = np.repeat(system.node_mass, system.dim)
     turning = Turning.of(system, lambda velocity: mass * velocity)
-    moved = total(system.comm, turning.rows @ (mass * system.displacement))
+    moved = total(system.comm, turning.rows @ (mass * placed))
     return np.asarray(np.linalg.solve(turning.inertia, moved))
 
 

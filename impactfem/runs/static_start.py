@@ -21,6 +21,7 @@ Floats = NDArray[np.float64]
 
 _SHIFT_LIMITS = (0.01, np.inf)  # shares of its size by which a body is moved
 
+_SETTLING = 2.0  # times the strain's displacements by which a body settles on what holds it
 _UNHELD_LIMITS = (1e-5, np.inf)  # shares of the forces that nothing holds
 
 
@@ -45,14 +46,21 @@ class Started:
         return {
             "kind": "static", "residual": rest.residual, "passes": passes,
             "iterations": systems, "contact_force": factor * float(rest.multiplier.sum()),
-            "shifted": rest.shifted, "unheld": {k: v[0] for k, v in rest.neutral.items()},
+            "shifted": {name: rigid for name, (rigid, _) in rest.shifted.items()},
+            "unheld": {name: share for name, (share, _) in rest.neutral.items()},
         }  # fmt: skip
+
+    def fallen(self, model: SolidsModel) -> Floats:
+        """Mass times the way to where the bodies rest, of all [kg m], (dim,) (collective)."""
+        each = zip(model.parts, self.rest.places, strict=True)
+        ways = [part.system.momentum(place - part.system.displacement) for part, place in each]
+        return np.asarray(sum(ways))
 
     def findings(self) -> tuple[Finding, ...]:
         """Bodies that had to be moved until something held them."""
         found: list[Finding] = []
-        for name, way in self.rest.shifted.items():
-            share = way / self.sizes[name]
+        for name, (way, bent) in self.rest.shifted.items():
+            share = way / self.sizes[name] if way > _SETTLING * bent else 0.0
             text = f'start = "static" has moved {name} by {way:.3g} m, {percent(share)} of its size'
             text += ", to where it is held"
             remedy = "check that this is the rest that is meant, or place the body there"
@@ -108,9 +116,10 @@ def start_at_rest(
     static = composite.static(rest.forces)
     free = rest.surface - static
     state = composite.state()
-    for (_, surface, _), own, place in zip(each, owns, rest.places, strict=True):
+    places = [place.copy() for place in rest.places]
+    for (_, surface, _), own, place in zip(each, owns, places, strict=True):
         surface.spread(free[own], place)
-    state["displacement"] = np.concatenate(rest.places)
+    state["displacement"] = np.concatenate(places)
     composite.restore(state, free)
     sizes = {part.solid.name: part.system.nodes.size for part, *_ in each}
     return Started(rest, static, sizes)

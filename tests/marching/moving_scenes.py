@@ -61,6 +61,17 @@ def rolling(method, duration=4.0, **solve):
     return scene(body, [BALL, slope], duration, [0.0, -0.05], settings, {})
 
 
+def resting(method, **solve):
+    """A block on a floor, pressed aslant, that lies at rest and then is thrown up and turned."""
+    body = {
+        "shape": {"kind": "block", "size": [1.0, 0.5], "corner": [0.0, 0.0]}, "mesh_size": 0.125,
+        "velocity": ["0", "0.02*x"],
+        "pressures": [{"surface": "top", "value": "0.02*x*(1 - t)"}],
+    }  # fmt: skip
+    table = scene(body, [FLOOR], 2.0, [0.0, -0.05], {"method": method} | solve, {}).to_dict()
+    return impactfem.Scene.from_dict(table | {"start": "static"})
+
+
 def sliding(method, duration=3.0, **solve):
     """A long block that slides over a ball: contact runs along its bottom, from rank to rank."""
     body = {

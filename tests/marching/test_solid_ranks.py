@@ -10,6 +10,7 @@ from moving_scenes import (
     driven,
     forget,
     pair,
+    resting,
     rolling,
     sliding,
     stopping,
@@ -99,6 +100,12 @@ def contact_ranks(case, monkeypatch):
 @pytest.mark.parametrize("method", ["explicit", "massless"])
 def test_driven_bodies_agree(method, monkeypatch):
     compare(driven(method), monkeypatch)
+
+
+@pytest.mark.parallel(RANKS)
+@pytest.mark.parametrize("settings", [{}, {"linear_solver": "gamg"}], ids=["mumps", "gamg"])
+def test_bodies_that_start_at_rest_agree(settings, monkeypatch):
+    compare(resting("conserving", **settings), monkeypatch)
 
 
 @pytest.mark.parallel(RANKS)

@@ -81,10 +81,10 @@ def _flight_in_row(bar: Any, speed: float | None) -> str:
     return f"starts at rest, {place}."
 
 
-def _solid(_: Scene, solid: Any) -> str:
+def _solid(scene: Scene, solid: Any) -> str:
     shape = _shape(solid) if solid.shape else f"A body with the mesh of {solid.mesh}"
     thick = f", {quantity(solid.thickness, 'm')} thick" if solid.is_plane else ""
-    text = f"{shape}, {_MODELS[solid.model]}{thick}. {_state(solid)}"
+    text = f"{shape}, {_MODELS[solid.model]}{thick}. {_state(scene, solid)}"
     text += (
         f" Linear elastic: Young's modulus {quantity(solid.youngs_modulus, 'Pa')}, Poisson's ratio "
         f"{number(solid.poisson_ratio)}, density {quantity(solid.density, 'kg/m³')}; its fastest "
@@ -136,7 +136,7 @@ def _shape(solid: Any) -> str:
     return text
 
 
-def _state(solid: Any) -> str:
+def _state(scene: Scene, solid: Any) -> str:
     spin = solid.angular_velocity
     turns = any(spin) if isinstance(spin, tuple) else bool(spin)
     parts = []
@@ -147,6 +147,8 @@ def _state(solid: Any) -> str:
         parts.append(f"turning at {shown}")
     if not is_zero(solid.displacement):
         parts.append(f"with the displacement {formulas(solid.displacement, 'm')}")
+    if scene.starts_at_rest:
+        parts.insert(0, "in equilibrium of its loads, supports and frictionless contact")
     return f"It starts {' and '.join(parts)}." if parts else "It starts at rest, unstrained."
 
 

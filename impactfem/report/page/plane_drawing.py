@@ -193,7 +193,8 @@ def _draw_slender(axes: Axes, body: Any, line: Floats, size: float, *, named: bo
 def _outlines(result: Record, solids: Sequence[Solid]) -> list[Floats] | None:
     """For each solid polygons (1, corners, 2), or segments (segments, 2, 2) of its mesh."""
     known = [outline_of(solid) for solid in solids]
-    if all(outline is not None for outline in known):
+    strained = result.scene.starts_at_rest and result.fields is not None
+    if all(outline is not None for outline in known) and not strained:
         return [cast("Floats", outline)[None] for outline in known]
     if result.fields is None:
         return None
