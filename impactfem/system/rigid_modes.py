@@ -50,7 +50,7 @@ class RigidModes:
         held = np.where(system.constrained, raw, 0.0)
         hold, ways = np.linalg.eigh(comm.allreduce(held @ held.T, op=MPI.SUM))
         loose = ways[:, hold <= _HELD * max(hold[-1], 1.0)].T
-        weights = np.repeat(system.node_mass, system.dim)
+        weights = np.where(system.constrained, 0.0, np.repeat(system.node_mass, system.dim))
         fields = loose @ raw
         fields[:, system.constrained] = 0.0  # but for rounding
         gram = np.asarray(comm.allreduce((fields * weights) @ fields.T, op=MPI.SUM))

@@ -127,14 +127,27 @@ class SolidAtRest:
         source.setArray(forces)
         image.set(0.0)
         solver.solve(source, image)
-        return np.array(image.getArray())
+        found = np.array(image.getArray())
+        if self.modes.count:
+            # Known exactly, and the least that an iterative solver would settle.
+            rigid = self.modes.along(forces) / self._shift - self.modes.moved(found)
+            found += rigid @ self.modes.fields
+        return found
+
+    @cached_property
+    def _shift(self) -> float:
+        """Stiffness by mass that holds a free body [1/s^2]."""
+        return _SHIFT * self._least_rate()
 
     @cached_property
     def _solver(self) -> LinearSolver:
         system = self._system
         matrix = system.stiffness.copy()
         if self.modes.count:
-            matrix.axpy(_SHIFT * self._least_rate(), system.mass)
+            diagonal = matrix.getDiagonal()
+            diagonal.setArray(diagonal.getArray() + self._shift * self.modes.weights)
+            matrix.setDiagonal(diagonal)
+            diagonal.destroy()
         return LinearSolver(matrix, self._kind, system.stiffness.getNearNullSpace())
 
     def _least_rate(self) -> float:
