@@ -30,7 +30,7 @@ test-unit: setup ## Run the quick tests only (under two minutes)
 test-mpi: setup ## Run only the tests on 2 and on 4 MPI ranks
 	@.ci/test mpi $(ARGS)
 
-test-debian: ## Run all tests against Debian 13's own DOLFINx 0.9 (root user, mmdebstrap)
+test-debian: ## Run the tests that versions matter to against Debian 13's own DOLFINx 0.9 (root user, mmdebstrap)
 	@docker/test-debian.sh $(ARGS)
 
 test-image: ## Build the container image and run the demo in it (root user, mmdebstrap, buildah)

@@ -16,6 +16,8 @@ import impactfem
 from impactfem import Result, Scene
 from impactfem.shipped import shipped_scenes
 
+pytestmark = pytest.mark.slow
+
 REQUIRED = os.environ.get("IMPACTFEM_BROWSER") == "required"
 ATTACK = "</script><script>document.body.textContent = 'taken over'</script>"
 

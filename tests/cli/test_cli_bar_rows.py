@@ -13,6 +13,7 @@ NAMES = {"two_bars": ["short", "long"], "wave_cradle": ["striker", "first", "sec
 PICTURES = {"contact_force.png", "energy.png", "strain.png", "velocity.png", "world_lines.png"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_run_writes_history_and_pictures_and_runs_again(name, command, work):
     drawn = name == "two_bars"

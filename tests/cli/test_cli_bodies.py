@@ -98,7 +98,8 @@ def test_pictures_are_drawn_again(discs, command, work):
     assert (folder / "body.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("method", ["explicit", pytest.param("massless", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["explicit", "massless"])
 def test_two_ranks_write_the_same_history(method, discs, command, work):
     quiet = (*BARE, "--set", "output.fields=[]", "--set", f"solve.method={method}")
     assert command("run", discs, "--out", "one", *quiet).code == DONE

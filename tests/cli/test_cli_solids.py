@@ -119,6 +119,7 @@ def test_methods_name_those_of_solids(command):
         assert f"\n{name} " in f"\n{out}"
 
 
+@pytest.mark.slow
 def test_plot_draws_again(disc, command, work):
     assert command("run", disc, "--set", "solve.estimate=false", "--quiet").code == DONE
     picture = work / "results/disc/contact_force.png"
@@ -166,6 +167,7 @@ def test_restart_goes_on_as_if_it_had_not_stopped(stopped, command, work):
         np.testing.assert_array_equal(found["displacement"], wanted["displacement"])
 
 
+@pytest.mark.slow
 def test_restart_on_other_ranks_and_into_another_folder(stopped, work):
     done = launch(work, 2, "-m", "impactfem", "run", "--restart", "stopped", "--out", "other")
     assert done.code == DONE, done.err
@@ -199,6 +201,7 @@ def test_a_checkpoint_that_is_cut_short_is_refused(command, work):
     assert "no checkpoint that can be read" in done.err
 
 
+@pytest.mark.slow
 def test_bench_measures_methods_against_a_finer_mesh(disc, command, work):
     done = command(
         "bench", disc, "--methods", "massless,explicit", "--sizes", "6,12", "--repeats", 1,

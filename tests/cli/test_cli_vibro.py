@@ -23,6 +23,7 @@ def history(folder):
     return np.genfromtxt(folder / "history.csv", delimiter=",", names=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "settings"), SHORT.items(), ids=SHORT)
 def test_run_writes_history_impacts_and_pictures(name, settings, command, work):
     drawn = name in {"bouncing_ball", "dropped_beam"}

@@ -79,6 +79,7 @@ def test_what_is_probably_not_meant_is_in_order_with_a_warning(name, command, wo
     assert contents(work) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SAMPLE)
 def test_a_wrong_scene_in_a_process_of_its_own(name, work):
     wrong = WRONG[name]

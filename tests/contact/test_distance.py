@@ -143,6 +143,7 @@ def cloud(rng: np.random.Generator, it: Any, dim: int, count: int = 60) -> Float
     return points
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("dim", [2, 3])
 @given(seed=SEEDS)

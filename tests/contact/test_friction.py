@@ -69,6 +69,7 @@ def _violation(problem, force):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(_SEEDS, st.integers(1, 12), _DIMS, _MUS)
 def test_forces_obey_both_laws(seed, pairs, dim, mu):

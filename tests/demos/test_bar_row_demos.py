@@ -1,11 +1,10 @@
 """The demos of bars in a row do what their pages say."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from demo_process import script
 
 import impactfem
 from impactfem.shipped import shipped_scenes
@@ -26,12 +25,9 @@ def page(name):
 
 def output(name, folder):
     """What the script of a demo prints."""
-    script = DEMOS / name / "script.py"
-    done = subprocess.run(
-        [sys.executable, script, folder], capture_output=True, text=True, check=True, timeout=120
-    )
+    said = script(DEMOS / name / "script.py", folder)
     assert (folder / SCRIPTS[name]).stat().st_size > 5000
-    return done.stdout
+    return said
 
 
 def test_short_bar_stops_with_the_force_of_the_page():
@@ -57,6 +53,7 @@ def test_script_of_two_bars_gives_the_closed_forms(tmp_path):
     assert found["impedance 1/2"] == pytest.approx([1 / 3, 4 / 3, 0.0], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_cradle_and_its_variants_are_those_of_the_page(tmp_path):
     text = output("wave_cradle", tmp_path)
     assert "equal                 speeds 0.000, 0.000, 0.000, 0.000, 0.000, 5.000" in text

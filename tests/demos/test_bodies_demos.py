@@ -5,14 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from demo_process import draw
 
 import impactfem
 from impactfem.shipped import shipped_scenes
 
 DEMOS = Path(__file__).resolve().parents[2] / "demos"
 NAMES = ("ball_on_plate", "colliding_discs", "block_stack")
-SCRIPTS = {"ball_on_plate": "plates.png", "colliding_discs": "offsets.png"}
 
 
 def solved(path, **settings):
@@ -85,9 +83,3 @@ def test_stack_comes_to_rest_under_its_weight():
         assert np.abs(history[f"{name}.x"].values).max() < 1e-10
     assert [f"{value:.3f}" in page("block_stack") for value in carried] == [True] * 3
     assert np.diff(history["total_energy"].values).max() < 1e-10  # J; damping only takes
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("demo", "picture"), SCRIPTS.items())
-def test_script_draws_its_picture(demo, picture, tmp_path):
-    draw(DEMOS / demo / "script.py", tmp_path, picture)

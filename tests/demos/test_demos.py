@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from demo_process import run
+from demo_process import run, script
 
 import impactfem
 
@@ -60,6 +60,7 @@ def test_every_public_name_is_documented():
     assert [name for name in impactfem.__all__ if f"impactfem.{name}" not in page] == []
 
 
+@pytest.mark.slow
 def test_script(elsewhere):
     said = run(sys.executable, str(DEMO / "script.py")).splitlines()
     assert [line.split()[0] for line in said[:3]] == ["10", "20", "40"]
@@ -69,7 +70,7 @@ def test_script(elsewhere):
 
 @pytest.mark.slow
 def test_plot_without_arguments(elsewhere):
-    run(sys.executable, str(DEMO / "plot.py"))
+    script(DEMO / "plot.py")
     picture = elsewhere / "results" / "bar_impact_force.png"
     assert picture.read_bytes().startswith(b"\x89PNG")
     errors = [
@@ -84,8 +85,8 @@ def test_plot_without_arguments(elsewhere):
 
 @pytest.mark.slow
 def test_plot_of_a_run(elsewhere):
-    run(sys.executable, str(DEMO / "script.py"))
-    run(sys.executable, str(DEMO / "plot.py"), "results/script", "--out", "force.png")
+    script(DEMO / "script.py")
+    script(DEMO / "plot.py", "results/script", "--out", "force.png")
     assert (elsewhere / "force.png").stat().st_size > 1000
 
 

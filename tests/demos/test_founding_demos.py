@@ -1,12 +1,11 @@
 """The demos of the founding benchmarks: they run, and their pages promise what they deliver."""
 
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from demo_process import run
+from demo_process import script
 
 import impactfem
 from impactfem.reference.bar import exact_bar
@@ -19,7 +18,6 @@ PICTURES = {
     "gravity_impact": ["motion", "check"],
     "step_load": ["motion"],
     "point_mass": ["family"],
-    "bouncing": ["bounces"],
 }
 SCENES = {
     "gravity_impact": "gravity_impact",
@@ -29,18 +27,15 @@ SCENES = {
 
 
 def plot(name, *arguments):
-    return run(sys.executable, str(DEMOS / name / "plot.py"), *arguments)
+    return script(DEMOS / name / "plot.py", *arguments)
 
 
 def shipped(name):
     return impactfem.Scene.from_toml(shipped_scenes()[name])
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["gravity_impact", "point_mass",
-     *(pytest.param(name, marks=pytest.mark.slow) for name in ("step_load", "bouncing"))],
-)  # fmt: skip
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PICTURES)
 def test_plot_draws_its_pictures(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     said = plot(name, *(["elsewhere"] if name == "point_mass" else []))

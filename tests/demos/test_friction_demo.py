@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from demo_process import draw
 
 import impactfem
 from impactfem.shipped import shipped_scenes
@@ -20,6 +19,7 @@ def test_scene_of_the_demo_is_the_shipped_one():
     assert mine == shipped_scenes()["sliding_block"].read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_block_slides_upright_and_stops():
     scene = impactfem.Scene.from_toml(shipped_scenes()["sliding_block"])
     result = impactfem.solve(scene.with_settings({"output.fields": []}))
@@ -45,8 +45,3 @@ def test_block_tips_with_more_friction():
     assert script["rigid_tilt"](0.8) == pytest.approx(float(rigid), abs=6e-4)
     assert tilt.max() == pytest.approx(script["rigid_tilt"](0.8), rel=0.15)
     assert 0.04 < times[tilt.argmax()] < 0.06
-
-
-@pytest.mark.slow
-def test_script_draws_its_picture(tmp_path):
-    draw(DEMO / "script.py", tmp_path, "tipping.png")

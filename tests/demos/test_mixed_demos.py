@@ -1,10 +1,10 @@
 """The demos of bodies of different kinds: scenes are the shipped ones, pages hold."""
 
 import re
-import sys
 from pathlib import Path
 
-from demo_process import run
+import pytest
+from demo_process import script
 
 from impactfem.shipped import shipped_scenes
 
@@ -16,9 +16,10 @@ def test_scene_of_the_demo_is_the_shipped_one():
     assert mine == shipped_scenes()["hammer_bar"].read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_hammers_leave_as_the_page_says(tmp_path):
     page = (DEMO / "README.md").read_text(encoding="utf-8")
-    said = run(sys.executable, str(DEMO / "script.py"), str(tmp_path))
+    said = script(DEMO / "script.py", tmp_path)
     assert (tmp_path / "hammers.png").read_bytes().startswith(b"\x89PNG")
     ends = re.findall(r"(?m)^\| [12] \| (\d\.\d+)", page)
     assert ends == re.findall(r"ends at (\d\.\d+) L/c", said)

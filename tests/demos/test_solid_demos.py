@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from demo_process import draw
 
 import impactfem
 from impactfem.shipped import shipped_scenes
@@ -20,10 +19,6 @@ SCENES = {
     "mems_switch/scene": "mems_switch",
     "block_on_sphere/scene": "block_on_sphere",
 }
-SCRIPTS = {
-    "dropped_disc": "bounces.png", "elastic_sphere": "force.png",
-    "mems_switch": "bounces.png", "block_on_sphere": "force.png",
-}  # fmt: skip
 
 
 def solved(name, **settings):
@@ -62,6 +57,7 @@ def cells(row):
     return [float(cell.split()[0]) for cell in line.strip("|").split("|")[1:]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "row"),
     [("elastic_sphere", "axisymmetric"), ("elastic_sphere_3d", "a quarter in 3D")],
@@ -93,12 +89,6 @@ def test_block_makes_one_smooth_pulse():
     assert len(result.summary["contact"]["intervals"]) == 1
     assert np.abs(np.diff(force)).sum() == pytest.approx(2.0 * force.max(), rel=0.01)
     assert result.summary["energy"]["max_relative_drift"] < 1e-10
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("demo", "picture"), SCRIPTS.items())
-def test_script_draws_its_picture(demo, picture, tmp_path):
-    draw(DEMOS / demo / "script.py", tmp_path, picture)
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/solids_guide.md", "docs/scene.md"])

@@ -40,6 +40,7 @@ def test_its_own_tests_pass():
     assert re.search(r"\d+ passed", done.stdout)
 
 
+@pytest.mark.slow
 def test_a_row_of_its_page_is_what_the_command_says(tmp_path):
     done = start("-m", "rebound", "--heights", "0.2", "--dampings", "5e-5", "--out", tmp_path)
     assert done.returncode == 0, done.stderr

@@ -7,22 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from demo_process import draw
 
 import impactfem
 from impactfem.shipped import shipped_scenes
 
 TOP = Path(__file__).resolve().parents[2]
 DEMOS = TOP / "demos"
-SCRIPTS = {
-    "oscillator": "methods.png",
-    "corner": "angles.png",
-    "vibrating_table": "bifurcation.png",
-    "dropped_beam": "axis.png",
-}
+SCENES = ("oscillator", "corner", "vibrating_table", "dropped_beam")
 
 
-@pytest.mark.parametrize("name", SCRIPTS)
+@pytest.mark.parametrize("name", SCENES)
 def test_scene_of_a_demo_is_the_shipped_one(name):
     mine = (DEMOS / name / "scene.toml").read_text(encoding="utf-8")
     assert mine == shipped_scenes()[name].read_text(encoding="utf-8")
@@ -76,12 +70,6 @@ def test_beam_rebounds_as_its_page_says():
     assert episode["restitution"] == pytest.approx(float(restitution), abs=2e-3)
     assert episode["micro_impacts"] == 7
     assert episode["is_over"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("demo", "picture"), SCRIPTS.items())
-def test_script_draws_its_picture(demo, picture, tmp_path):
-    draw(DEMOS / demo / "script.py", tmp_path, picture)
 
 
 def test_examples_of_the_guide_run(tmp_path, capsys):

@@ -42,6 +42,7 @@ def top(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_scene_is_run_again_only_if_it_or_the_package_changes(top):
     out = top / "out"
     runs, made = gallery_runs.execute_all(out)
@@ -60,6 +61,7 @@ def test_a_scene_is_run_again_only_if_it_or_the_package_changes(top):
     assert not any(gallery_runs.is_current(run, digest) for run in runs)
 
 
+@pytest.mark.slow
 def test_a_demo_that_fails_is_named_with_its_message_and_keeps_no_stamp(top):
     scene = top / "demos" / "drop" / "scene.toml"
     scene.write_text(SCENE.format(title="drop", duration=-1), encoding="utf-8")
@@ -105,6 +107,7 @@ def test_every_demo_has_a_line_that_says_something():
         assert not set("[]`$*\\") & set(demo.line), demo.name
 
 
+@pytest.mark.slow
 def test_the_page_of_a_demo_shows_figures_pictures_and_report_of_its_run(top, monkeypatch):
     monkeypatch.setattr(gallery_pages, "PAGES", top / "pages")
     monkeypatch.setattr(readmes, "PAGES", top / "pages")

@@ -60,6 +60,7 @@ def momentum(result):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("one", "two"), list(combinations_with_replacement(BODIES, 2)))
 def test_every_pair_of_kinds_keeps_momentum_and_gains_no_energy(one, two):
     bodies = [body(one, "low", 0.0, 0.0), body(two, "high", 0.08, -2.0)]
@@ -110,6 +111,7 @@ def test_a_body_beside_a_cut_one_is_told_as_it_is_computed():
     assert not [f for f in whole.findings if "not cut" in f.text]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["point", "rod"])
 def test_a_sliding_body_stops_where_coulomb_says(kind):
     """Way v0^2 / (2 mu g) and time v0 / (mu g): the step divides it, so that both are exact."""
@@ -184,10 +186,11 @@ def test_a_ball_rests_in_a_corner_and_on_a_box():
     assert result.history["ball.x"].values[-1] == pytest.approx(-0.2, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_point_in_a_groove_of_a_polyline_stays():
     groove = {"kind": "polyline", "name": "groove", "points": [[-1.0, 1.0], [0.0, 0.0], [1.0, 1.0]]}
     ball = {"kind": "point", "name": "ball", "mass": 1.0, "radius": 0.1, "position": [0.3, 0.8]}
-    scene = mixed([ball], 3.0, [groove], (), (0.0, -10.0), dt=1e-3)
+    scene = mixed([ball], 3.0, [groove], (), (0.0, -10.0), dt=2e-3)
     result = impactfem.solve(scene)
     assert result.history["ball.x"].values[-1] == pytest.approx(0.0, abs=5e-3)
     assert result.history["ball.y"].values[-1] == pytest.approx(0.1 * np.sqrt(2.0), abs=5e-3)
@@ -218,6 +221,7 @@ def test_a_mass_strikes_a_column_as_the_theory_of_bars_says():
     assert abs(result.summary["energy"]["max_relative_drift"]) <= 1e-5
 
 
+@pytest.mark.slow
 def test_a_rod_on_a_plane_falls_as_its_own_method_says():
     """The same scene by two ways of the program: friction 0 on a box top, and half spaces."""
     rod = {"kind": "rod", "name": "rod", "mass": 1.0, "length": 0.4, "center": [0.0, 0.3],
@@ -270,6 +274,7 @@ def test_a_point_load_is_told():
     assert not any(f.code == "contact_single_node" for f in plan.findings)
 
 
+@pytest.mark.slow
 def test_a_continued_run_equals_the_whole_one(tmp_path, monkeypatch):
     """With all kinds of bodies, friction and restitution: to the last bit."""
     bodies = [body("solid", "s", 0.03, 0.0), body("beam", "b", 0.08, -1.0),
@@ -280,10 +285,10 @@ def test_a_continued_run_equals_the_whole_one(tmp_path, monkeypatch):
         {"between": ["r", "b"], "restitution": 0.4, "friction_coefficient": 0.3},
         {"between": ["p", "r"], "restitution": 0.5},
     ]
-    scene = mixed(bodies, 0.06, [FLOOR], contacts, (0.3, -9.81), dt=2e-4)
-    scene = scene.with_settings({"output.fields": ["vtkhdf"], "output.checkpoint": 40})
+    scene = mixed(bodies, 0.06, [FLOOR], contacts, (0.3, -9.81), dt=5e-4)
+    scene = scene.with_settings({"output.fields": ["vtkhdf"], "output.checkpoint": 16})
     whole = impactfem.solve(scene)
-    with stopping(monkeypatch, 130):
+    with stopping(monkeypatch, 52):
         impactfem.solve(scene, checkpoints=tmp_path)
     again = impactfem.solve(scene, checkpoints=tmp_path, restart=tmp_path)
     assert differences(whole, again) == {}
@@ -292,6 +297,7 @@ def test_a_continued_run_equals_the_whole_one(tmp_path, monkeypatch):
     assert set(whole.fields.layout.names) == {"s", "b", "r", "p"}
 
 
+@pytest.mark.slow
 def test_forces_of_pairs_sum_up():
     bodies = [body("rod", "r", 0.05, 0.0), body("point", "p", 0.2, -1.0)]
     scene = mixed(bodies, 0.4, [FLOOR], (), (0.0, -9.81), dt=2e-4)
@@ -335,6 +341,7 @@ def test_a_beam_that_turns_is_told(spin, level):
     assert ("model_rotation" in codes) == (level == "do_not_trust")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("tilt", "restitution", "mu"), [(0.3, 0.6, 0.4), (1.3, 0.0, 0.5)])
 def test_a_tumbling_rod_comes_to_rest(tilt, restitution, mu):
     """Lying, both ends rub in one direction: forces along the rod depend on each other."""

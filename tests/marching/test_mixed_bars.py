@@ -120,6 +120,7 @@ def test_bars_and_points_in_a_row_pass_momentum_on():
         assert column(result, f"force.{pair}").min() >= 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", ["point", "rod", "beam", "solid"])
 def test_a_bar_strikes_every_kind_of_body(other):
     """Along its axis the momentum is kept, and no energy is gained; its guide takes the rest."""
@@ -267,6 +268,7 @@ def several(**output):
                  output={"fields": []} | output)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_continued_run_equals_the_whole_one(tmp_path, monkeypatch):
     case = several(checkpoint=200)
     whole = impactfem.solve(case)

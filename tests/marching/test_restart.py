@@ -25,6 +25,7 @@ from impactfem.runs.solids import SPOOL
 solve = impactfem.solve
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("made", [driven, rolling])
 @pytest.mark.parametrize("method", METHODS)
 def test_a_continued_run_equals_the_whole_one(made, method, tmp_path, monkeypatch):
@@ -44,6 +45,7 @@ def test_a_continued_run_equals_the_whole_one(made, method, tmp_path, monkeypatc
     assert again.summary["bodies"] == whole.summary["bodies"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", [{"linear_solver": "gamg"}, {"active_set": "snes_vi"}])
 def test_iterative_solvers_continue_too(settings, tmp_path, monkeypatch):
     case = rolling("conserving", **settings)

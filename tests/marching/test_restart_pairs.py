@@ -16,6 +16,7 @@ CASES = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "normals", "friction"), CASES)
 def test_a_continued_run_equals_the_whole_one(method, normals, friction, tmp_path, monkeypatch):
     case = pair(method, normals, friction)

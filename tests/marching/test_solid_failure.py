@@ -39,6 +39,7 @@ def _failing_after(calls, monkeypatch):
     monkeypatch.setattr(solids, "solve_layer", fail)
 
 
+@pytest.mark.slow
 def test_what_was_computed_is_kept_and_marked(disc, monkeypatch, tmp_path):
     whole = solve(disc, estimate=False)
     _failing_after(5, monkeypatch)

@@ -81,6 +81,7 @@ def impacts(draw):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 @given(tables=impacts())
 @settings(
     max_examples=40, deadline=None, derandomize=True,

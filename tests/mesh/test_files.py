@@ -226,6 +226,7 @@ def test_a_session_of_the_user_stays_as_it_is(write):
         gmsh.finalize()
 
 
+@pytest.mark.slow
 def test_a_fault_does_not_spoil_the_next_file(write):
     for broken in ("Point(1) = {;", "/* for ever", 'a = "for ever', "If (1)\n"):
         refused(write(broken, "broken.geo"))
@@ -334,6 +335,7 @@ def test_script_errors(write, text, said):
     assert "Traceback" not in message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", [2.2, 4.1])
 @pytest.mark.parametrize("binary", [0, 1])
 def test_cut_off_noisy_and_changed_meshes_end_in_an_error_or_are_whole(write, version, binary):

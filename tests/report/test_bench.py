@@ -5,6 +5,7 @@ import pytest
 from impactfem.cli import BAD_INPUT, DONE, FAILED, main
 
 
+@pytest.mark.slow
 def test_study_is_printed_and_written(tmp_path, capsys):
     code = main([
         "bench", "bar_impact", "--methods", "galerkin,conserving@courant=2", "--sizes", "8,16",

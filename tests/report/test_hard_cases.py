@@ -38,12 +38,14 @@ def board():
     return impactfem.hard_cases(quick=True, cases=[c for c in CASES if c.body != "point"])
 
 
+@pytest.mark.slow
 def test_methods_that_the_plan_may_choose_hold_every_claim(board):
     failures = {(c.case, c.method): c.faults or c.message
                 for c in board.without_controls().failures}  # fmt: skip
     assert failures.keys() <= KNOWN, failures
 
 
+@pytest.mark.slow
 def test_board_covers_every_plannable_method_and_many_cases(board):
     plannable = {name for name, method in METHODS.items()
                  if method.plannable and "bar" in method.bodies}  # fmt: skip
@@ -51,6 +53,7 @@ def test_board_covers_every_plannable_method_and_many_cases(board):
     assert len({cell.case for cell in board.cells}) >= 20
 
 
+@pytest.mark.slow
 def test_negative_control_fails_wherever_it_is_shown(board):
     """A board that cannot fail proves nothing."""
     shown = board.of("newmark")
@@ -61,6 +64,7 @@ def test_negative_control_fails_wherever_it_is_shown(board):
         assert "growth" in cell.faults
 
 
+@pytest.mark.slow
 def test_every_method_of_solids_is_shown_in_many_cases(board):
     cells = [cell for cell in board.cells if cell.body == "solid"]
     for method in (name for name, entry in METHODS.items() if "solid" in entry.bodies):
@@ -70,6 +74,7 @@ def test_every_method_of_solids_is_shown_in_many_cases(board):
     assert len([c for c in keeping if c.facts.get("drift", 1.0) <= 1e-9]) >= 20
 
 
+@pytest.mark.slow
 def test_right_refusals_pass_and_say_why(board):
     refused = [cell for cell in board.cells if cell.verdict == "refused"]
     assert {cell.case for cell in refused} >= {
@@ -108,6 +113,7 @@ def test_wrong_refusals_and_missing_ones_fail():
     assert run_one({"growth": 0.0}, refusals=frozenset({"exact"})).verdict == "FAIL"
 
 
+@pytest.mark.slow
 def test_board_is_written_with_what_must_hold(board, tmp_path):
     markdown, table = board.save(tmp_path)
     text = markdown.read_text()

@@ -33,16 +33,19 @@ def cells(board, **of):
     return [c for c in board.cells if all(getattr(c, key) == value for key, value in of.items())]
 
 
+@pytest.mark.slow
 def test_every_claim_holds_but_the_known_ones(board):
     failures = {(c.case, c.method): c.faults or c.message
                 for c in board.without_controls().failures}  # fmt: skip
     assert failures.keys() == KNOWN, failures
 
 
+@pytest.mark.slow
 def test_event_detection_holds_everywhere(board):
     assert all(cell.verdict == "pass" for cell in cells(board, method="event_driven"))
 
 
+@pytest.mark.slow
 def test_step_beyond_the_stable_one_is_refused_with_the_stable_one(board):
     refused = cells(board, case="stiff spring, explicit forces")
     assert [cell.verdict for cell in refused] == ["refused", "refused"]
@@ -51,6 +54,7 @@ def test_step_beyond_the_stable_one_is_refused_with_the_stable_one(board):
     assert all(f"dt < {limit:.3g}"[:9] in cell.message for cell in refused)
 
 
+@pytest.mark.slow
 def test_whoever_meets_the_vertex_is_warned(board):
     into = cells(board, case="corner 2pi/5, into the vertex")
     assert len(into) == 3
@@ -60,6 +64,7 @@ def test_whoever_meets_the_vertex_is_warned(board):
     assert all(cell.facts["unwarned"] == 0.0 for cell in cells(board, case="cradle of three"))
 
 
+@pytest.mark.slow
 def test_board_shows_points_in_a_table_of_their_own(board):
     text = board.markdown()
     header = "| case (point) | event_driven | paoli_schatzman | moreau_jean |"

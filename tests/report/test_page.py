@@ -113,6 +113,7 @@ def test_pages_of_every_kind_are_well_formed_and_need_no_network(result):
     assert '<svg class="drawing"' in text
 
 
+@pytest.mark.slow
 def test_the_page_lies_in_the_folder_with_its_run(bar, tmp_path):
     folder = bar.save(tmp_path / "out")
     text = (folder / "report.html").read_text(encoding="utf-8")
@@ -220,6 +221,7 @@ def test_without_plotly_the_pictures_remain(bar, monkeypatch):
     assert "plotly is not installed" in words
 
 
+@pytest.mark.slow
 def test_a_fault_in_a_part_costs_neither_page_nor_result(bar, monkeypatch, tmp_path):
     from impactfem.report.page import page as module
 

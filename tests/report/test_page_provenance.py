@@ -6,6 +6,8 @@ import subprocess
 import sys
 from datetime import datetime
 
+import pytest
+
 from impactfem import provenance
 
 
@@ -32,6 +34,7 @@ def test_date_has_an_offset_and_the_command_can_be_pasted():
     assert record["machine"]["cores"] >= 1
 
 
+@pytest.mark.slow
 def test_the_command_noted_by_a_run_repeats_it(tmp_path):
     """With a folder whose name needs quotes, and a setting with quotes of its own."""
     words = ["impactfem", "run", "bar_impact", "--set", 'solve.method="exact"', "--quiet"]

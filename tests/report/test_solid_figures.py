@@ -20,7 +20,8 @@ from impactfem.scene import HalfSpace, RigidBox, RigidCylinder, RigidPolyline, R
 BOTH = pytest.mark.parametrize("dim", [2, 3])
 
 
-@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@BOTH
 def test_all_pictures_and_the_film_are_written(dim, tmp_path):
     result = solid_result(tmp_path / "fields.vtkhdf", dim)
     figures = result.plot(tmp_path / "out")
@@ -112,6 +113,7 @@ def test_a_run_without_contact_is_drawn(tmp_path):
     assert result.plot()["body"] is not None
 
 
+@pytest.mark.slow
 @BOTH
 def test_layers_that_are_not_finite_are_left_out(dim, tmp_path):
     result = solid_result(tmp_path / "fields.vtkhdf", dim, broken=True)
@@ -142,6 +144,7 @@ def test_the_direction_of_the_momentum_survives_the_disk(tmp_path):
         assert again["momentum"].attrs["direction"] == pytest.approx([0.0, 1.0, 0.0])
 
 
+@pytest.mark.slow
 @BOTH
 def test_the_film_moves_and_takes_some_seconds(dim, tmp_path):
     result = solid_result(tmp_path / "fields.vtkhdf", dim)
@@ -253,6 +256,7 @@ def test_faces_of_obstacles_lie_where_the_gap_is_zero_and_look_to_the_body(obsta
     assert np.isfinite(direction).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("obstacle", IN_SPACE.values(), ids=IN_SPACE)
 def test_obstacles_in_space_are_drawn(obstacle, tmp_path):
     wall = HalfSpace(name="wall", point=[0.0, 3.0, 0.0], normal=[0.0, -1.0, 0.0])

@@ -13,6 +13,8 @@ from impactfem.shipped import find_scene
 from impactfem.studies.study import LOST, Row, Study
 from impactfem.studies.work_precision import Variant
 
+pytestmark = pytest.mark.slow
+
 
 def thrown(gap=0.5 + 2**0.5 / 100):
     return impactfem.Scene.from_toml(find_scene("bar_impact")).with_settings({"body.bar.gap": gap})

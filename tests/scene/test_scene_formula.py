@@ -241,6 +241,7 @@ if else for in not and await yield __class__
 TOKENS = st.sampled_from([*WORDS.split(), " ", "\n", "\0", "\u00b5", "\uff11"])
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=400)
 @given(
     st.one_of(

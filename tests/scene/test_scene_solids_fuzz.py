@@ -3,6 +3,7 @@
 import copy
 import tomllib
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -205,6 +206,7 @@ slow = settings(
 )
 
 
+@pytest.mark.slow
 @slow
 @given(scenes())
 def test_written_scene_reads_back_equal(scene):

@@ -86,6 +86,7 @@ def test_importing_the_package_loads_nothing_else():
     assert not set(done.stdout.split()) & {*HEAVY, "numpy", "scipy", "importlib.metadata"}
 
 
+@pytest.mark.slow
 def test_a_run_loads_no_data_frames_and_compilers_that_it_does_not_use(tmp_path):
     """xarray, with pandas behind it, is there for who asks for a data set."""
     names = loaded("run", "bar_impact", "--quiet", "--out", str(tmp_path / "result"))

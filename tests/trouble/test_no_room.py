@@ -52,6 +52,7 @@ def said(done, *parts):
         assert word not in err
 
 
+@pytest.mark.slow
 def test_a_full_disk_while_the_report_is_written(tmp_path):
     """Pictures still fit; the page with its scripts does not: the data are there."""
     code, out, err = run(tmp_path, *DRAWN, "o", preexec_fn=partial(limited, 2_000_000))

@@ -95,6 +95,7 @@ def test_a_library_that_is_broken(result, tmp_path, monkeypatch):
     assert whole(folder, result)
 
 
+@pytest.mark.slow
 def test_a_kill_while_painting_and_while_pictures_are_moved_in(result, tmp_path, monkeypatch):
     """At every change of the folder; the next one who draws ends with all."""
     folder = tmp_path / "o"

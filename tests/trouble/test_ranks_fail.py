@@ -62,6 +62,7 @@ ACTIONS = {
 SLOW = pytest.mark.slow  # ranks that end by themselves are given seconds
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "action"),
     [

@@ -63,6 +63,7 @@ BOMBS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", BOMBS.values(), ids=BOMBS)
 def test_bombs_of_toml(tmp_path, text):
     path = tmp_path / "scene.toml"
@@ -131,6 +132,7 @@ SCRIPTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", SCRIPTS.values(), ids=SCRIPTS)
 def test_scripts_end(tmp_path, monkeypatch, text):
     monkeypatch.setattr(opening, "_SECONDS", 1)
@@ -205,6 +207,7 @@ def test_the_scene_in_a_checkpoint_is_read_like_any_other(tmp_path, text):
         scene_to_continue(tmp_path)
 
 
+@pytest.mark.slow
 def test_links_in_a_folder_do_no_harm(tmp_path):
     """What is written while a run goes on is written into the folder, not through a link in it."""
     (tmp_path / "scene.toml").write_text(DISC, encoding="utf-8")

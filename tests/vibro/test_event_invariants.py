@@ -47,6 +47,7 @@ def momentum_balance(system, velocity, run):
 restitution = st.one_of(st.just(0.0), st.just(1.0), st.floats(0.0, 1.0))
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     st.integers(0, 10**6), st.integers(1, 3), st.integers(1, 3), restitution,
@@ -71,6 +72,7 @@ def test_random_linear_systems(seed, d, count, e, law):
     assert np.abs(jump).max() <= 1e-5 * (1.0 + np.abs(run.impulse).max())
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**6), st.integers(1, 2), st.integers(1, 2), st.floats(0.0, 0.95))
 def test_walls_and_loads_that_oscillate(seed, d, count, e):

@@ -92,6 +92,7 @@ def test_unstrained_chains_between_walls(masses, k, gap, speed, e, both_sides):
     assert run.contact_force.min() >= -1e-10 * push
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("contact", ["ends", "along"])
 @pytest.mark.parametrize("inclination", [math.pi / 6, 0.0, math.pi / 2])
 @pytest.mark.parametrize("e", [0.0, 0.3, 1.0])
