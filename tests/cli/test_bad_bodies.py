@@ -94,6 +94,7 @@ def test_bad_bodies_are_refused(name, command, work):
     assert contents(work) == before
 
 
+@pytest.mark.slow
 def test_every_rank_ends_and_one_speaks(work):
     (work / "scene.toml").write_text(BAD["deep"][0], encoding="utf-8")
     before = contents(work)

@@ -160,6 +160,7 @@ def test_malformed_command_line(command, work, written, line, parts):
     check(command(*line), parts, work, before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["missing key", "power tower", "binary", "no mesh"])
 def test_malformed_scene_in_a_process_of_its_own(work, written, name):
     content, parts = SCENES[name]

@@ -134,6 +134,7 @@ def test_a_bad_solid_is_refused(name, command, work):
     assert contents(work) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     ["mesh missing", "mesh empty", "geometry broken", "surface unknown in a file", "mesh too fine",

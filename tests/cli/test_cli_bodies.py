@@ -90,6 +90,7 @@ def test_run_writes_a_result_with_both_bodies(discs, command, work):
     assert touched > 0.0
 
 
+@pytest.mark.slow
 def test_pictures_are_drawn_again(discs, command, work):
     assert command("run", discs).code == DONE
     folder = work / "results/discs"

@@ -152,6 +152,7 @@ def stopped(disc, command, work, monkeypatch):
     return work / "stopped"
 
 
+@pytest.mark.slow
 def test_restart_goes_on_as_if_it_had_not_stopped(stopped, command, work):
     assert (stopped / FILE).exists()
     done = command("run", "--restart", "stopped", "--quiet")

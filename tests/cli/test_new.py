@@ -51,10 +51,8 @@ def test_all_kinds_are_listed(command):
     assert [line.split()[0] for line in done.out.splitlines()] == sorted(TEXTS)
 
 
-# Several bodies take seconds for the estimate of their error.
-@pytest.mark.parametrize(
-    "kind", [pytest.param(k, marks=pytest.mark.slow) if k == "bodies" else k for k in TEXTS]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", TEXTS)
 def test_a_starter_runs_as_it_is(kind, command, work):
     done = command("new", kind)
     assert done.code == DONE, done.err

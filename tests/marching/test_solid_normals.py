@@ -31,6 +31,7 @@ def block():
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["massless", "conserving", "explicit", "galerkin"])
 def test_on_a_plane_updated_normals_are_the_fixed_ones(block, method):
     fixed, updated = (

@@ -86,6 +86,7 @@ def test_states_that_vary_have_the_error_of_their_pieces(velocity, most):
     assert "sampled" in chosen.reasons["method"]
 
 
+@pytest.mark.slow
 def test_conserving_follows_states_that_vary_by_lines():
     scene = to_and_fro(20.0, velocity="-1 + 0.3*sin(4*x)")
     scene = scene.with_settings({"solve.method": "conserving"})

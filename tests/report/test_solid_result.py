@@ -43,6 +43,7 @@ def test_a_saved_result_loads_the_same_and_reads_fields_when_asked(result, tmp_p
     assert len(Result.load(tmp_path / "other").fields) == len(Result.load(folder).fields) == 5
 
 
+@pytest.mark.slow
 def test_the_command_plot_draws_solids_again(result, tmp_path, capsys):
     from impactfem.cli import main
 

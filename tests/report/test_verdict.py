@@ -43,6 +43,7 @@ def test_the_worst_finding_decides():
     assert level_of([warning("units", "text"), TURNS]) == "do_not_trust"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "level", "code"),
     [

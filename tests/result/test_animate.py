@@ -69,6 +69,7 @@ def run(request):
     return RUNS[request.param]()
 
 
+@pytest.mark.slow
 def test_every_body_is_filmed(run, tmp_path):
     path = run.animate(tmp_path / "motion.gif", frames=5)
     with Image.open(path) as film:

@@ -29,6 +29,7 @@ LANGUAGES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_languages(tmp_path, language):
     """Numbers and words are the same in each; what a terminal cannot show is spelt out."""

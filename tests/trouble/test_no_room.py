@@ -69,6 +69,7 @@ def test_a_full_disk_while_the_report_is_written(tmp_path):
 
 
 # The first layer, a later one, and a checkpoint, which holds the histories so far.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "every", "fields", "part"),
     [(90_000, 5, True, "MiB are needed"), (9_000, 5, False, "the checkpoint of")],
@@ -160,6 +161,7 @@ def test_a_folder_that_goes_is_made_again(tmp_path):
     assert contents(tmp_path) == {"o": None, f"o/{LAST}": b"new"}
 
 
+@pytest.mark.slow
 def test_a_folder_that_goes_while_a_solid_moves(tmp_path):
     (tmp_path / "scene.toml").write_text(DISC, encoding="utf-8")
     words = (sys.executable, "-m", "impactfem", "run", "scene.toml", "--out", "o", "--quiet")

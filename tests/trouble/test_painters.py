@@ -45,6 +45,7 @@ def faulty(fault):
     return paint
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "fault",
     [ValueError("bad\n\nvalue"), MemoryError(), RecursionError(), FileNotFoundError(2, "no font")],
@@ -78,6 +79,7 @@ def test_a_full_disk_while_painting_is_one_line(result, tmp_path, monkeypatch, n
     assert whole(folder, result)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", [KeyboardInterrupt, SystemExit])
 def test_an_interrupt_while_painting_keeps_the_data(result, tmp_path, monkeypatch, fault):
     result.save(tmp_path / "o")

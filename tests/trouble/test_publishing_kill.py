@@ -56,6 +56,7 @@ def dying(step):
     shutil.rmtree = counted(shutil.rmtree)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("opened_by", ["claim", "load", "next"])
 def test_every_step(tmp_path, opened_by):
     """How often a process can die before it is through is found out on the way."""

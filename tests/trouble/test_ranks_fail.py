@@ -85,6 +85,7 @@ def test_one_rank_fails(tmp_path, scene, action):
     assert not any(name.endswith(("summary.json", "history.csv")) for name in left)
 
 
+@pytest.mark.slow
 def test_a_folder_in_use_is_refused_on_all_ranks(tmp_path):
     from impactfem.result.claim import Claim
 

@@ -47,6 +47,7 @@ def written(path, lines, delay):
 
 
 # Around 64 layers the index of the chunks grows.
+@pytest.mark.slow
 @pytest.mark.parametrize("lines", [1, 2, 62, 64, 65])
 def test_what_was_appended_before_a_kill_is_found(tmp_path, lines):
     path = tmp_path / "fields.vtkhdf"
