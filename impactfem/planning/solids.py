@@ -36,6 +36,14 @@ from impactfem.planning.wholes import find_whole
 from impactfem.scene import Scene
 from impactfem.scene.solids import Solid
 
+_STARTS = {
+    "static": {
+        "start": "at rest: equilibrium of loads, gravity, supports and frictionless contact at "
+        "t = 0 is found before the first layer"
+    }
+}
+"""What is told of starts."""
+
 
 def plan_march(scene: Scene) -> Plan[MarchNumbers]:
     """Choose method and numbers for bodies that are marched (collective).
@@ -59,7 +67,7 @@ def plan_solids(scene: Scene) -> Plan[MarchNumbers]:
     from impactfem.planning.turns import flight_findings  # noqa: PLC0415  (likewise)
 
     solids, solve = scene.solids, scene.solve
-    reasons: dict[str, str] = {}
+    reasons = dict(_STARTS.get(scene.start, {}))
     findings: list[Finding] = []
     degrees = choose_degrees(scene, reasons, findings)
     for solid, degree in zip(solids, degrees, strict=True):

@@ -1,11 +1,11 @@
 """How far the motion of solids is from that on other elements, and what this says of its error."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from impactfem.planning import MarchNumbers, Plan
 from impactfem.reference.bar import Errors, relative
 from impactfem.result.table import Table
 from impactfem.scene import Scene, Solid
+
+if TYPE_CHECKING:
+    from impactfem.runs.solid_rows import SolidsMotion
 
 Floats = NDArray[np.float64]
 
@@ -45,22 +48,33 @@ class Track:
         position: Centres of mass at t_m [m], those of all bodies side by side, shape
             (rows, 3 * bodies).
         force: Contact force during (t_{m-1}, t_m] [N], shape (rows,).
+        moved: Ways of the centres before t = 0, to where bodies rest [m], (3 * bodies,).
     """
 
     times: Floats
     position: Floats
     force: Floats
+    moved: Floats | float = 0.0
 
     @classmethod
-    def of_history(cls, history: Table, names: Sequence[str]) -> "Track":
-        """Of the history of bodies."""
+    def of_history(
+        cls, history: Table, names: Sequence[str], details: Mapping[str, Any] | None = None
+    ) -> "Track":
+        """Of the history of bodies, and what summaries tell of their start."""
+        moved = np.zeros((len(names), 3))
+        for name, way in (details or {}).get("start", {}).get("moved", {}).items():
+            moved[names.index(name), : len(way)] = way
         columns = [history[f"{name}.{axis}"].values for name in names for axis in "xyz"]
         position = np.stack(columns, axis=1)
-        return cls(history["time"].values, position, history["contact_force"].values)
+        force = history["contact_force"].values
+        return cls(history["time"].values, position, force, moved.ravel())
 
     def way(self, times: Floats) -> Floats:
-        """Way of the centres since t = 0 [m], linear between levels, shape (times, 3 * bodies)."""
-        moved = self.position - self.position[0]
+        """Way of the centres [m], linear between levels, shape (times, 3 * bodies).
+
+        It is that since t = 0, and before it that to where bodies rest.
+        """
+        moved = self.position - self.position[0] + self.moved
         return np.stack([np.interp(times, self.times, column) for column in moved.T], axis=1)
 
     def impulse(self, times: Floats) -> Floats:
@@ -71,7 +85,7 @@ class Track:
 
 
 def estimate_error(
-    scene: Scene, chosen: Plan[MarchNumbers], history: Table
+    scene: Scene, chosen: Plan[MarchNumbers], motion: "SolidsMotion"
 ) -> tuple[Errors | None, dict[str, Any]]:
     """Run the scene on other elements and tell the error from the differences (collective).
 
@@ -81,14 +95,14 @@ def estimate_error(
     Args:
         scene: The scene as used, with the degree of each body.
         chosen: Its plan.
-        history: Its history by this plan.
+        motion: What this plan gave.
 
     Returns:
         The errors, or None if the runs do not allow to tell them; and what the runs were, cost and
         said, for the summary.
     """
     begin = time.perf_counter()
-    own = Track.of_history(history, [body.name for body in scene.bodies])
+    own = _track(scene, motion)
     factors = (2.0, 4.0) if can_be_resized(scene) else (0.5,)
     tracks = []
     for factor in factors:
@@ -161,12 +175,16 @@ def _run(scene: Scene, chosen: Plan[MarchNumbers], factor: float) -> Track:
         layers=None,
         estimate=False,
     )
-    names = [body.name for body in scene.bodies]
     with resized(scene, factor) as other:
         motion, _ = run_solids(other, replace(chosen, numbers=numbers), Progress())
     if not motion.effort.converged:
         raise ConvergenceError(motion.effort.message)
-    return Track.of_history(motion.history, names)
+    return _track(scene, motion)
+
+
+def _track(scene: Scene, motion: "SolidsMotion") -> Track:
+    names = [body.name for body in scene.bodies]
+    return Track.of_history(motion.history, names, motion.effort.details)
 
 
 @contextmanager

@@ -24,7 +24,7 @@ def run(scene: Scene, plan: Plan[MarchNumbers], progress: Progress, saved: Check
     errors = None
     if plan.numbers.estimate and motion.is_finite and effort.converged:
         progress.step("estimating the error on other elements")
-        errors, details["error_estimate"] = estimate_error(used, plan, motion.history)
+        errors, details["error_estimate"] = estimate_error(used, plan, motion)
     effort = replace(effort, details=details)
     return Run(
         used=used, history=motion.history, effort=effort, errors=errors, cost=cost, fields=fields

@@ -119,7 +119,7 @@ def solids_motion(
     if started is not None:
         effort = replace(
             effort,
-            details={**effort.details, "start": started.details(whole.factor)},
+            details={**effort.details, "start": started.details(model, whole)},
             findings=(*effort.findings, *started.findings()),
         )
     return SolidsMotion(history, effort, finite)

@@ -14,6 +14,7 @@ from impactfem.marching.layers import ContactGaps
 from impactfem.marching.static_start import Rest, StaticStart
 from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.planning.solid_choices import fitting_solver
+from impactfem.result.whole import Whole
 from impactfem.system.statics import SolidAtRest
 from impactfem.system.surface import SurfaceNodes
 
@@ -39,22 +40,28 @@ class Started:
     static: Floats
     sizes: dict[str, float]
 
-    def details(self, factor: int) -> dict[str, Any]:
-        """For ``summary.json``, of so many bodies that are alike."""
+    def details(self, model: SolidsModel, whole: Whole) -> dict[str, Any]:
+        """For ``summary.json``, of what the bodies are parts of (collective)."""
         rest = self.rest
         passes, systems = rest.iterations
         return {
             "kind": "static", "residual": rest.residual, "passes": passes,
-            "iterations": systems, "contact_force": factor * float(rest.multiplier.sum()),
+            "iterations": systems, "contact_force": whole.factor * float(rest.multiplier.sum()),
+            "moved": {
+                part.solid.name: whole.mean(way / part.system.total_mass).tolist()
+                for part, way in zip(model.parts, self._ways(model), strict=True)
+            },
             "shifted": {name: rigid for name, (rigid, _) in rest.shifted.items()},
             "unheld": {name: share for name, (share, _) in rest.neutral.items()},
         }  # fmt: skip
 
     def fallen(self, model: SolidsModel) -> Floats:
         """Mass times the way to where the bodies rest, of all [kg m], (dim,) (collective)."""
+        return np.asarray(sum(self._ways(model)))
+
+    def _ways(self, model: SolidsModel) -> list[Floats]:
         each = zip(model.parts, self.rest.places, strict=True)
-        ways = [part.system.momentum(place - part.system.displacement) for part, place in each]
-        return np.asarray(sum(ways))
+        return [part.system.momentum(place - part.system.displacement) for part, place in each]
 
     def findings(self) -> tuple[Finding, ...]:
         """Bodies that had to be moved until something held them."""

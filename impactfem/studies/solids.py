@@ -29,7 +29,7 @@ def attempts_at(scene: Scene, sizes: Sequence[int]) -> Attempt:
     """
     finest = 2 * max(sizes)
     reference = solve(_sized(scene, finest, {"method": REFERENCE_METHOD}))
-    track = Track.of_history(reference.rows, [scene.solid.name])
+    track = _track(reference)
     name = f"{REFERENCE_METHOD} with {finest} elements along the body"
 
     def attempt(case: Scene, variant: Variant, elements: int) -> Any:
@@ -38,10 +38,15 @@ def attempts_at(scene: Scene, sizes: Sequence[int]) -> Attempt:
             result = solve(_sized(case, elements, settings))
         except ImpactError as error:
             return error
-        found = difference(track, Track.of_history(result.rows, [case.solid.name]), name)
+        found = difference(track, _track(result), name)
         return replace(result, summary={**result.summary, "error": asdict(found)})
 
     return attempt
+
+
+def _track(result: Any) -> Track:
+    names = [body.name for body in result.scene.bodies]
+    return Track.of_history(result.rows, names, result.summary["details"])
 
 
 def _sized(scene: Scene, elements: int, settings: dict[str, Any]) -> Scene:

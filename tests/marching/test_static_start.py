@@ -242,6 +242,17 @@ def test_a_body_that_tilts_begins_tilted():
     assert column(held, "block.angle")[-1] == pytest.approx(column(held, "block.angle")[0])
 
 
+def test_the_error_of_a_body_at_rest_is_that_of_its_rest():
+    # Of the way since t = 0, which is rounding, every error would be all of it.
+    body = {"mesh_size": 0.04, "poisson_ratio": 0.0}
+    result = impactfem.solve(scene(body, solve={"estimate": True}, duration=5e-3))
+    sunk = RHO * G * 0.5**2 / (3.0 * E)  # of the centre of mass
+    moved = result.summary["details"]["start"]["moved"]["block"]
+    assert moved[1] == pytest.approx(-sunk, rel=0.02)
+    assert result.summary["error"]["displacement_max"] < 0.03
+    assert result.summary["verdict"]["level"] == "trust"
+
+
 def test_a_start_beyond_the_limits_of_the_model_is_not_trusted():
     result = impactfem.solve(scene({"youngs_modulus": 1.2e4}, duration=0.05))
     codes = {f["code"]: f for f in result.summary["verdict"]["findings"]}
