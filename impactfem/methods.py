@@ -27,6 +27,7 @@ class Method:
         layered: Whether it has time layers, on which events may fall; else triangles.
         assembled: Whether all layers are one linear system, which PETSc's solvers take.
         windowed: Whether one active-set loop can solve several layers.
+        finite: Whether it takes bodies under finite strain.
         locates: Whether impacts are located one by one, so that they can share in turns, and the
             time step is that of the output.
         lively: Whether it may gain energy with restitution near 1.
@@ -47,6 +48,7 @@ class Method:
     layered: bool = True
     assembled: bool = False
     windowed: bool = False
+    finite: bool = False
     locates: bool = False
     lively: bool = False
     tolerance: float = 1e-13
@@ -72,6 +74,7 @@ METHODS: Mapping[str, Method] = {
         "horizon at any courant number, first order in h off the layers, exact on them; solids: "
         "midpoint rule, massless contact nodes and a discrete gradient, energy to rounding with "
         "fixed normals",
+        finite=True,
         mixes=True,
         bodies=BOTH,
         error=(1.0, 1.0),
@@ -110,6 +113,7 @@ METHODS: Mapping[str, Method] = {
         "Newmark 1/4 with the mass of contact nodes moved to their neighbours: the force follows "
         "from the elastic state and does not ring; energy does not grow; stable at any courant "
         "number",
+        finite=True,
         mixes=True,
         bodies=SOLID,
     ),

@@ -159,6 +159,11 @@ class ElasticForms:
         return ufl.tr(self.strain(u))
 
     @property
+    def cells_measure(self) -> Any:
+        """Measure dx with the quadrature of the stiffness."""
+        return self._dx(self._degree)
+
+    @property
     def _order(self) -> int:
         return int(self.space.ufl_element().degree)
 

@@ -18,7 +18,7 @@ import numpy as np
 from impactfem.errors import OutputError
 from impactfem.fem import on_root
 from impactfem.marching.collect import Collector, Floats, total
-from impactfem.marching.solids import SolidMarch
+from impactfem.marching.time_loop import TimeLoop
 from impactfem.result.store import CHECKPOINT, in_mib
 
 FILE = CHECKPOINT
@@ -58,7 +58,7 @@ class Checkpoints:
         places = collector.collect(positions.ravel(), self._dim)
         self._body = "" if places is None else hashlib.sha256(places.tobytes()).hexdigest()
 
-    def write(self, march: SolidMarch, extra: Mapping[str, float | str]) -> None:
+    def write(self, march: TimeLoop[Any], extra: Mapping[str, float | str]) -> None:
         """Write the state; the last file is replaced when the new one is complete (collective).
 
         Args:
@@ -121,7 +121,7 @@ class Checkpoints:
 
         on_root(self._comm, remove)
 
-    def read(self, march: SolidMarch) -> dict[str, float | str]:
+    def read(self, march: TimeLoop[Any]) -> dict[str, float | str]:
         """Continue a march from the file; returns what was written with it (collective).
 
         Raises:
@@ -151,7 +151,7 @@ class Checkpoints:
             if name not in _OWN and "." not in name
         }
 
-    def _read(self, march: SolidMarch) -> dict[str, Any]:
+    def _read(self, march: TimeLoop[Any]) -> dict[str, Any]:
         data = load(self._path)
         if str(data.get("scene")) != self._scene:
             raise OutputError(
@@ -181,7 +181,7 @@ class Checkpoints:
                 )
         return data
 
-    def _expected(self, march: SolidMarch) -> dict[str, tuple[int, ...]]:
+    def _expected(self, march: TimeLoop[Any]) -> dict[str, tuple[int, ...]]:
         """Shapes of the arrays in a file; those of rows are as long as the whole march."""
         nodes = (self._collector.count, self._dim)
         inside = {f"node.{name}": nodes for name in march.interior.state()}

@@ -25,6 +25,9 @@ class Sums:
         momentum: [kg m/s], shape (dim,).
         first_moment: Mass times displacement [kg m], shape (dim,).
         angular_momentum: About the body's own centre of mass [kg m^2/s], (1,) or in space (3,).
+        attitude: Of bodies that may turn far, sum of m x (X - c)^T [kg m^2], whose polar factor is
+            the rotation, and sum of m a a^T with the arms from the present centre, (2 dim dim,);
+            of others None: their spins sum up to their rotation.
     """
 
     kinetic: float
@@ -33,30 +36,17 @@ class Sums:
     momentum: Floats
     first_moment: Floats
     angular_momentum: Floats
+    attitude: Floats | None = None
 
 
-class Interior(Protocol):
-    """One layer of a scheme, in the order in which the loop calls it.
+class Stepper(Protocol):
+    """What the time loop asks of the bodies, whatever they do in a layer.
 
     Attributes:
         dt: Time step [s].
-        whole_columns: For how many contact nodes answers are worth keeping in full; None: for all.
     """
 
     dt: float
-    whole_columns: int | None
-
-    @property
-    def massive(self) -> Booleans:
-        """Contact nodes whose mass makes impacts: between them the law acts on speeds, (count,)."""
-
-    @property
-    def radiating(self) -> Booleans:
-        """Contact nodes that forces give a velocity at once, as ends of bars do, (count,)."""
-
-    @property
-    def volatile(self) -> Booleans:
-        """Contact nodes whose answers change from layer to layer, (count,)."""
 
     @property
     def velocity(self) -> Floats:
@@ -66,51 +56,14 @@ class Interior(Protocol):
     def surface_displacement(self) -> Floats:
         """Of the contact nodes, massless ones without contact forces [m], (count, dim)."""
 
-    def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
-        """Velocities of contact nodes at both ends of the predicted layer, of those with mass.
-
-        Args:
-            way: What they moved in it [m], (count, dim).
-
-        Returns:
-            Before and after it [m/s], (count, dim) each (collective).
-        """
-
     def initial(self, static: Floats) -> Sequence[Sums]:
         """Sums of the initial state, one for each body; ``static`` as in `finish`."""
 
     def inertia(self) -> Sequence[Floats]:
         """Of each body [kg m^2], as the sums of angular momentum have it, (1, 1) or (3, 3)."""
 
-    def share(self, layer: int) -> float:
-        """Part of a layer's contact force that acts."""
-
     def gravity(self, layer: int) -> Floats:
         """Gravity that the layer uses [m/s^2], shape (dim,)."""
-
-    def predict(self, layer: int) -> Floats:
-        """Move to the end of a layer without contact; displacements of contact nodes there."""
-
-    def columns(self, forces: Floats) -> tuple[Floats, Floats]:
-        """Answers of the contact nodes to forces; see `impactfem.contact.responses`.
-
-        The forces are numbered in the order in which they are asked for, over all calls.
-        """
-
-    def answers(self, forces: Floats) -> tuple[Floats, Floats]:
-        """The same for volatile nodes that are asked again: not numbered."""
-
-    def static(self, forces: Floats) -> Floats:
-        """Displacement of massless contact nodes by static forces on them, (count, dim) each."""
-
-    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:
-        """Add the effect of the layer's contact forces (count, dim) to all dofs.
-
-        Args:
-            forces: [N].
-            change: What they do to the contact nodes [m], if it is known.
-            parts: The same forces as a sum of those that `columns` was asked for, shape (asked,).
-        """
 
     def finish(self, layer: int, static: Floats) -> Sequence[Sums]:
         """End the layer; sums of each body.
@@ -137,6 +90,65 @@ class Interior(Protocol):
 
     def destroy(self) -> None:
         """Free what PETSc holds."""
+
+
+class Interior(Stepper, Protocol):
+    """One layer of a scheme that is linear but for contact, in the order of the loop's calls.
+
+    Attributes:
+        whole_columns: For how many contact nodes answers are worth keeping in full; None: for all.
+    """
+
+    whole_columns: int | None
+
+    @property
+    def massive(self) -> Booleans:
+        """Contact nodes whose mass makes impacts: between them the law acts on speeds, (count,)."""
+
+    @property
+    def radiating(self) -> Booleans:
+        """Contact nodes that forces give a velocity at once, as ends of bars do, (count,)."""
+
+    @property
+    def volatile(self) -> Booleans:
+        """Contact nodes whose answers change from layer to layer, (count,)."""
+
+    def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
+        """Velocities of contact nodes at both ends of the predicted layer, of those with mass.
+
+        Args:
+            way: What they moved in it [m], (count, dim).
+
+        Returns:
+            Before and after it [m/s], (count, dim) each (collective).
+        """
+
+    def share(self, layer: int) -> float:
+        """Part of a layer's contact force that acts."""
+
+    def predict(self, layer: int) -> Floats:
+        """Move to the end of a layer without contact; displacements of contact nodes there."""
+
+    def columns(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Answers of the contact nodes to forces; see `impactfem.contact.responses`.
+
+        The forces are numbered in the order in which they are asked for, over all calls.
+        """
+
+    def answers(self, forces: Floats) -> tuple[Floats, Floats]:
+        """The same for volatile nodes that are asked again: not numbered."""
+
+    def static(self, forces: Floats) -> Floats:
+        """Displacement of massless contact nodes by static forces on them, (count, dim) each."""
+
+    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:
+        """Add the effect of the layer's contact forces (count, dim) to all dofs.
+
+        Args:
+            forces: [N].
+            change: What they do to the contact nodes [m], if it is known.
+            parts: The same forces as a sum of those that `columns` was asked for, shape (asked,).
+        """
 
 
 class Answers(Protocol):

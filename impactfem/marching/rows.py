@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.marching.layers import Interior, Sums
+from impactfem.marching.layers import Stepper, Sums
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -26,7 +26,7 @@ class Level:
 
     def __init__(
         self,
-        interior: Interior,
+        interior: Stepper,
         layer: int,
         static: Floats,
         force: Floats,
@@ -70,6 +70,8 @@ class Rows:
     Attributes:
         sums: Kinetic, elastic, work of loads, momentum, first moment of mass and angular momentum
             of each body, of this rank, (rows, bodies, 3 + 2 dim + 1 or 3).
+        attitude: See `Sums`, of each body and this rank, 0 where it has none,
+            (rows, bodies, 2, dim, dim).
         gap, force, contact_energy, obstacle_work, friction_work: Of all ranks, (rows,).
         impact: Impulse of impacts between nodes with mass [N s], which is none of the force.
         impact_work: Work of the contact forces between such nodes [J], <= 0.
@@ -85,6 +87,7 @@ class Rows:
     """
 
     sums: Floats
+    attitude: Floats
     gap: Floats
     force: Floats
     contact_energy: Floats
@@ -109,7 +112,13 @@ class Rows:
         sums = np.zeros((rows, bodies, 3 + 2 * dim + turns))
         pair_force, pair_gap, pair_impact = np.zeros((3, rows, pairs))
         rubbing = pairs if friction else 0
-        each: list[Any] = [sums, *np.zeros((8, rows)), *np.zeros((2, rows), dtype=np.int64)]
+        attitude = np.zeros((rows, bodies, 2, dim, dim))
+        each: list[Any] = [
+            sums,
+            attitude,
+            *np.zeros((8, rows)),
+            *np.zeros((2, rows), dtype=np.int64),
+        ]
         each += [pair_force, pair_gap, pair_impact, np.zeros((rows, rubbing, turns))]
         each += [np.zeros((rows, rubbing)), np.zeros((rows, 0))]
         return cls(*each)
@@ -141,3 +150,6 @@ class Rows:
             ]
             for sums in bodies
         ]
+        for body, sums in enumerate(bodies):
+            if sums.attitude is not None:
+                self.attitude[row, body].flat = sums.attitude

@@ -18,11 +18,14 @@ class SolidScheme:
         contact: Rule for theta (`impactfem.contact.complementarity`), or "velocity": impulses on
             nodes whose gap would close. Where massless nodes meet nothing but nodes with mass,
             these have the law of velocities in any case.
+        holds: Under finite strain, whether contact holds gaps that are closed instead of barring
+            the way into obstacles: without work, but a little too late.
     """
 
     interior: Literal["midpoint", "leapfrog"]
     massless: bool
     contact: Rule | Literal["velocity"]
+    holds: bool = False
 
     @property
     def explicit(self) -> bool:
@@ -42,7 +45,7 @@ class SolidScheme:
 
 SOLID_SCHEMES: Mapping[str, SolidScheme] = {
     "massless": SolidScheme("midpoint", massless=True, contact="dissipative"),
-    "conserving": SolidScheme("midpoint", massless=True, contact="conserving"),
+    "conserving": SolidScheme("midpoint", massless=True, contact="conserving", holds=True),
     "explicit": SolidScheme("leapfrog", massless=True, contact="conserving"),
     "galerkin": SolidScheme("leapfrog", massless=False, contact="middle"),
     "moreau_jean": SolidScheme("midpoint", massless=False, contact="velocity"),

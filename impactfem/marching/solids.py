@@ -1,7 +1,6 @@
-"""The time loop of solids: predict a layer, find its contact forces, end it, keep what is asked."""
+"""Layers of bodies whose answers to forces are linear: predict, find contact forces, end it."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,43 +14,17 @@ from impactfem.contact.complementarity import (
     solve_layer,
     solve_layer_at_speed,
 )
-from impactfem.errors import ConvergenceError
-from impactfem.fem import MPI
 from impactfem.marching.layers import Answers, ContactGaps, Interior
-from impactfem.marching.rows import Level, Rows
 from impactfem.marching.schemes import SolidScheme
+from impactfem.marching.time_loop import ContactState, TimeLoop
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
-_CHECKED = 32  # layers between checks that all numbers are finite
 
-
-@dataclass
-class ContactState:
-    """Multipliers and true gaps of all contact nodes at the last level and the one before.
-
-    Attributes:
-        multiplier, gap: At the last level [N], [m].
-        older_multiplier, older_gap: One level earlier.
-        static: Displacement of massless nodes by the multipliers [m], (count, dim).
-    """
-
-    multiplier: Floats
-    gap: Floats
-    older_multiplier: Floats
-    older_gap: Floats
-    static: Floats = field(default_factory=lambda: np.zeros((0, 0)))
-
-
-_CONTACT = fields(ContactState)
-
-
-class SolidMarch:
-    """A march through the layers, which can be stopped and continued between any two."""
-
-    _rubs = False  # whether there is friction
+class SolidMarch(TimeLoop[Interior]):
+    """A march of bodies whose layers are linear but for contact."""
 
     def __init__(
         self,
@@ -68,49 +41,24 @@ class SolidMarch:
         """Find the contact forces of the initial state.
 
         Args:
-            comm: MPI communicator.
-            interior: What the scheme does inside the body.
-            scheme: The scheme as data.
-            gaps: Distances from the obstacles.
-            solver: Of complementarity problems.
-            layers: Number of layers.
-            tolerance: Rounding level of gaps [m].
+            comm: As for `TimeLoop`, and so are those not named here.
+            interior: See there.
+            scheme: See there.
+            gaps: See there.
+            solver: See there.
+            layers: See there.
+            tolerance: See there.
             restitution: Newton's e of each gap, shape (pairs,), where nodes have mass; 0 if None.
             rest: Where bodies start at rest: forces in the gaps [N], (pairs,), and what these do to
                 massless nodes [m], (nodes, dim). None: they are found.
         """
-        self._comm, self._scheme, self._gaps = comm, scheme, gaps
         self._restitution = restitution
         self._massive, self._volatile = interior.massive, interior.volatile
         self._radiating = interior.radiating
         self._by_mass, self._changes = bool(self._massive.any()), bool(self._volatile.any())
-        self.interior = interior
-        self._solver, self.layers, self.tolerance = solver, layers, tolerance
-        free = interior.surface_displacement
-        self.layer = 0
-        self.failure = ""  # why the march ended early
+        self.interior, self._gaps = interior, gaps
         self._responses = self._answers()
-        # An explicit step spans two layers: what it conserves pairs each level with the one after
-        # the next, and contact nodes that have mass take the forces of neighbouring layers.
-        self._skips = scheme.explicit and scheme.massless
-        last = free if rest is None else free + rest[1]
-        gap, normals = gaps.at(free, free, last, 0.0)
-        count = len(gap)
-        self._normals = normals
-        multiplier, static = rest or self._initial_contact(gap, normals)
-        acting = np.zeros(count) if rest is None else multiplier
-        if scheme.shares_forces:  # half of the force at t = 0 lies before it, and is missing
-            multiplier = np.zeros(count)
-        true = gap + np.einsum("ij,ij->i", normals, gaps.relative(static))
-        self.contact = ContactState(multiplier, true, multiplier, true, static)
-        sums = interior.initial(static)
-        self.rows = Rows.empty(
-            layers + 1, len(sums), free.shape[1], len(gaps.pairs), friction=self._rubs
-        )
-        self.rows.put(0, sums)
-        self._impulsive = np.zeros(count, dtype=bool)
-        self._start_force = acting
-        self._close_row(0, acting, 0)
+        super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, rest)
 
     def _answers(self) -> Answers:
         """How the gaps answer to contact forces; with friction in all directions."""
@@ -138,53 +86,16 @@ class SolidMarch:
         return multiplier, static
 
     @property
-    def pairs(self) -> tuple[str, ...]:
-        """Names of the pairs of the scene that gaps belong to."""
-        return self._gaps.pairs
-
-    @property
     def asked(self) -> Integers:
         """Contact nodes whose answers to forces are known, in the order of their finding."""
         return self._responses.known
 
-    def memory(self) -> dict[str, Floats]:
-        """What the next layer needs besides the state of the bodies, the same on all ranks."""
-        contact = {f"contact.{entry.name}": getattr(self.contact, entry.name) for entry in _CONTACT}
-        own = {"surface": self.interior.surface_displacement} | self.interior.memory()
-        return contact | own | self._gaps.memory()
-
     def restore(
         self, state: dict[str, Any], memory: Mapping[str, Floats], asked: Integers, layer: int
     ) -> None:
-        """Continue after ``layer`` layers; the rows are set (collective).
-
-        Args:
-            state: Of the interior.
-            memory: As `memory` gave it.
-            asked: As the property was: sums of answers then round as they would have.
-            layer: Number of layers done.
-        """
-        self.contact = ContactState(*(memory[f"contact.{entry.name}"] for entry in _CONTACT))
-        self.interior.restore(state, memory["surface"])
-        self.interior.remember(memory)
-        self._gaps.remember(memory)
+        """Continue after ``layer`` layers; see `TimeLoop.restore`."""
+        super().restore(state, memory, asked, layer)
         self._responses.learn(asked)
-        self.layer = layer
-
-    def run(self, observers: Sequence[Callable[[Level], None]] = ()) -> None:
-        """March to the end; observers see every level, the initial one included.
-
-        Raises:
-            ConvergenceError: Contact forces were not found, or the numbers are no longer finite.
-        """
-        if self.layer == 0:
-            self._check_finite()
-            self._observe(observers, self._start_force)
-        while self.layer < self.layers:
-            force = self._advance()
-            if self.layer % _CHECKED == 0 or self.layer == self.layers:
-                self._check_finite()
-            self._observe(observers, force)
 
     def _advance(self) -> Floats:
         """One layer; returns the contact forces [N], shape (count,)."""
@@ -266,10 +177,6 @@ class SolidMarch:
 
     def _end_layer(self, time: float, part: float, place: Floats) -> None:
         """Called when a layer has ended; for friction."""
-
-    def _pressed_work(self, way: Floats) -> float:
-        """Multipliers times the displacements (pairs, dim) that they give to massless nodes [J]."""
-        return float(self.contact.multiplier @ np.einsum("ij,ij->i", self._normals, way))
 
     def _struck(self, force: Floats, gap: Floats) -> None:
         """What impacts of nodes with mass have taken in the layer, and their impulse.
@@ -361,60 +268,3 @@ class SolidMarch:
         if not halfway.rows.any():
             return solve_layer(gap, response, compliance, before, rule, solver)
         return solve_layer_at_speed(gap, halfway, response, compliance, before, rule, solver)
-
-    def _observe(self, observers: Sequence[Callable[[Level], None]], force: Floats) -> None:
-        if not observers:
-            return
-        state = self.contact
-        level = Level(
-            self.interior, self.layer, state.static, force, state.gap,
-            lambda: self._gaps.spread(self._vectors(np.where(self._impulsive, 0.0, force))),
-        )  # fmt: skip
-        for observer in observers:
-            observer(level)
-
-    def _vectors(self, lasting: Floats) -> Floats:
-        """Forces in the gaps as vectors (pairs, dim), of their normal parts (pairs,) [N]."""
-        return lasting[:, None] * self._normals
-
-    def _close_row(self, row: int, force: Floats, iterations: int) -> None:
-        """Store what is the same on all ranks."""
-        rows, state = self.rows, self.contact
-        lasting = np.where(self._impulsive, 0.0, force)
-        rows.gap[row] = state.gap.min(initial=np.inf)
-        rows.force[row] = lasting.sum()
-        rows.largest[row] = lasting.max(initial=0.0)
-        rows.active[row] = np.count_nonzero(force > 0.0)
-        rows.iterations[row] = iterations
-        self._close_pairs(row, lasting, force - lasting)
-        if self._skips:
-            # gap = g + D lambda and lambda gap = 0: lambda D lambda = lambda . (gap - g).
-            pressed = self._pressed_work(self._gaps.relative(state.static))
-            rows.contact_energy[row] = 0.5 * pressed
-
-    def _close_pairs(self, row: int, force: Floats, struck: Floats) -> None:
-        """Store what pairs have of lasting forces, of those of impacts, and of gaps."""
-        rows, count = self.rows, len(self._gaps.pairs)
-        if count == 1:  # they have all
-            rows.pair_force[row], rows.pair_gap[row] = rows.force[row], rows.gap[row]
-            rows.pair_impact[row] = rows.impact[row]
-            return
-        pair = self._gaps.pair_of()
-        rows.pair_force[row] = np.bincount(pair, force, count)
-        rows.pair_impact[row] = self.interior.dt * np.bincount(pair, struck, count)
-        rows.pair_gap[row] = np.inf
-        np.minimum.at(rows.pair_gap[row], pair, self.contact.gap)
-
-    def _check_finite(self) -> None:
-        """Stop all ranks if the numbers of one are not finite."""
-        fine = bool(np.isfinite(self.rows.sums[self.layer]).all())
-        if not self._comm.allreduce(fine, op=MPI.LAND):
-            if self.layer == 0:
-                raise ConvergenceError(
-                    "the energy or momentum at t = 0 is not finite: the body's velocity, "
-                    "displacement or material data are too large; give SI units"
-                )
-            raise ConvergenceError(
-                f"the motion is no longer finite at t = {self.layer * self.interior.dt:g} s; use "
-                "a smaller solve.dt or solve.courant, or check the loads of the scene"
-            )

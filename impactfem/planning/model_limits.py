@@ -12,22 +12,33 @@ CODES = ("model_rotation", "model_strain")
 FOLDED = 0.5
 """Ratio of volumes that calls for care; at 0 a cell is turned inside out."""
 
+_COLLAPSE = (0.6, 0.4)
+"""The same for St. Venant and Kirchhoff's law: no stiffness is left at a stretch of 1 / sqrt 3."""
+
 _TURNS = (
-    "elasticity of small strains has no large rotations: take a shorter duration, a central impact "
-    "or supports that keep the body from turning"
+    "elasticity of small strains has no large rotations: a single solid without friction may have "
+    'strain = "finite"; else take a shorter duration, a central impact or supports that keep the '
+    "body from turning"
 )
 _STRAINS = (
-    "elasticity of small strains is not for this: take a slower impact, a stiffer body or less load"
+    "elasticity of small strains is not for this: a single solid without friction may have "
+    'strain = "finite"; else take a slower impact, a stiffer body or less load'
 )
 
 
-def measured_findings(bodies: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
+def measured_findings(
+    bodies: Mapping[str, Mapping[str, Any]], finite: Mapping[str, str] | None = None
+) -> Iterator[Finding]:
     """What a run has measured beyond the limits of the model.
 
     Args:
         bodies: As in ``summary.json``.
+        finite: Materials of the bodies under finite strain, which has no such limits.
     """
     for name, body in bodies.items():
+        if finite and name in finite:
+            yield from _collapsing(name, finite[name], body["volume_ratio_min"])
+            continue
         yield from rotation_findings(name, body["rotation_max"])
         share, least = body["strain_99"], body["volume_ratio_min"]
         found = strain_findings(name, share)
@@ -35,6 +46,17 @@ def measured_findings(bodies: Mapping[str, Mapping[str, Any]]) -> Iterator[Findi
             text = f"a cell of {name} is pressed to {percent(least)} of its volume"
             found = by_limits("model_strain", -least, (-FOLDED, 0.0), text, name, _STRAINS)
         yield from found
+
+
+def _collapsing(name: str, material: str, least: float) -> tuple[Finding, ...]:
+    """A finding if a body is pressed together further than its law can tell."""
+    if material != "linear":
+        return ()
+    text = f"a cell of {name} is pressed to {percent(least)} of its volume, where St. Venant and "
+    text += "Kirchhoff's law grows weaker instead of stiffer"
+    remedy = 'give material = "neo_hookean"'
+    low, high = (-limit for limit in _COLLAPSE)
+    return by_limits("model_strain", -least, (low, high), text, name, remedy)
 
 
 def rotation_findings(name: str, angle: float, why: str = "") -> tuple[Finding, ...]:

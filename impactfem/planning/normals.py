@@ -33,9 +33,16 @@ def choose_normals(model: "SolidsModel", reasons: dict[str, str]) -> bool:
     if asked is not None:
         reasons["normals"] = "as asked"
         return asked == "updated"
-    follows = _turning(model) or _sliding(model) or _over_curves(model)
+    follows = _finite(model) or _turning(model) or _sliding(model) or _over_curves(model)
     reasons["normals"] = follows or _why_fixed(model)
     return bool(follows)
+
+
+def _finite(model: "SolidsModel") -> str:
+    for part in model.parts:
+        if part.solid.is_finite:
+            return f"{part.solid.name} may turn at will, so that distances follow its nodes"
+    return ""
 
 
 def _turning(model: "SolidsModel") -> str:

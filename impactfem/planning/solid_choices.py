@@ -178,11 +178,14 @@ def choose_method(
         duration * leading_speed(solid) / extent
         for solid, extent in zip(solids, largest, strict=True)
     )
-    if transits > _LONG:
+    if any(solid.is_finite for solid in solids):
+        reasons["method"] = "finite strain: it keeps energy and momenta to rounding"
+    elif transits > _LONG:
         reasons["method"] = (
             f"{transits:.3g} transits of a wave: over so many contacts energy must be kept to "
             "rounding"
         )
+    if "method" in reasons:
         return "conserving"
     implicit_only = _implicit_only(scene, sizes)
     if implicit_only:

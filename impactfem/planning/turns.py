@@ -47,10 +47,11 @@ def flight_findings(
     found: list[Finding] = []
     for body in flyers:
         blow = first_blow(scene, body, flyers)
-        found += _rotation(scene, body, blow)
+        small = not body.solid.is_finite
+        found += _rotation(scene, body, blow) if small else ()
         if blow is not None:
             why = f"as it meets {blow.met} at {blow.speed:.3g} m/s"
-            found += strain_findings(body.name, _strain(body, blow), why)
+            found += strain_findings(body.name, _strain(body, blow), why) if small else ()
             known = {finding.code for finding in found}
             sharp = resolution_findings(body, blow, dt)
             found += [finding for finding in sharp if finding.code not in known]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +10,6 @@ from numpy.typing import NDArray
 from impactfem.contact.body_pairs import SurfacePair
 from impactfem.contact.gaps import Gaps
 from impactfem.contact.pairs import Meet, PairGaps
-from impactfem.marching.composite import Composite
 from impactfem.marching.rubbing import Friction
 from impactfem.models.ball_contacts import check_apart, places_of
 from impactfem.models.solids import SolidsModel
@@ -70,14 +70,14 @@ class Contacts:
 
     @classmethod
     def of(
-        cls, model: SolidsModel, surfaces: Sequence[SurfaceNodes], march: Composite
+        cls, model: SolidsModel, surfaces: Sequence[SurfaceNodes], offsets: Sequence[int]
     ) -> "Contacts":
         """All contacts of some bodies.
 
         Args:
             model: The bodies.
             surfaces: Contact nodes of the solids on this rank.
-            march: Their interiors.
+            offsets: Where the contact nodes of each part of the march begin, and their number.
 
         Raises:
             SceneError: Bodies overlap at t = 0, or cannot meet.
@@ -102,7 +102,6 @@ class Contacts:
         for met in model.obstacle_meetings:
             each = [met.names] * len(met.nodes)
             obstacles.append(Beside(len(solids) + met.part, met.nodes, met.gaps, tuple(each)))
-        offsets = march.offsets
         between = [
             Between(p.label, p.names, p.meeting(_rows(model, offsets, p), offsets[-1]), p.count)
             for p in model.pairs
@@ -110,7 +109,7 @@ class Contacts:
         balls = model.ball_meetings
         check_apart(balls, joined[0] + joined[1])
         between += [Between(met.label, met.names, met.pair, met.pair.count) for met in balls]
-        owns = tuple(march.own(k) for k in range(len(march.parts)))
+        owns = tuple(slice(*ends) for ends in pairwise(offsets))
         return cls(tuple(obstacles), tuple(between), owns, *joined)
 
     def gaps(self) -> PairGaps:

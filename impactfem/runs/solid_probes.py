@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from scipy.sparse import csr_matrix
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.marching.few import FewInterior
 from impactfem.marching.rows import Level
-from impactfem.marching.solids import SolidMarch
+from impactfem.marching.time_loop import TimeLoop
 from impactfem.models.solids import SolidsModel
 from impactfem.scene.probes import Probe, outside
 from impactfem.system.located import Located
@@ -89,14 +90,14 @@ class SolidProbes:
         axes: Probes of bodies without meshes, whose columns follow.
     """
 
-    march: SolidMarch
+    march: TimeLoop[Any]
     names: tuple[tuple[str, str], ...]
     weights: csr_matrix
     axes: tuple[AxisProbe, ...] = ()
 
     @classmethod
     def of(
-        cls, march: SolidMarch, model: SolidsModel, few: Sequence[FewInterior] = ()
+        cls, march: TimeLoop[Any], model: SolidsModel, few: Sequence[FewInterior] = ()
     ) -> "SolidProbes":
         """Prepare; the rows of the march get room for the columns.
 

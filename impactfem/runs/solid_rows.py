@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +13,12 @@ from impactfem.marching.collect import total
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.rows import Rows
 from impactfem.marching.schemes import SolidScheme
-from impactfem.marching.solids import SolidMarch
+from impactfem.marching.time_loop import TimeLoop
 from impactfem.marching.turning import Turning
 from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.planning.model_limits import CODES as MODEL_CODES
 from impactfem.planning.model_limits import measured_findings
+from impactfem.result.attitude import attitude
 from impactfem.result.bar_motion import Effort
 from impactfem.result.history import BodyMotion, Columns, PairMotion, make_history
 from impactfem.result.table import Series, Table
@@ -50,7 +52,7 @@ class SolidsMotion:
 def solids_motion(
     model: SolidsModel,
     scheme: SolidScheme,
-    march: SolidMarch,
+    march: TimeLoop[Any],
     watch: Watch,
     limits: ModelWatch,
     limit: float | None,
@@ -82,12 +84,15 @@ def solids_motion(
     elastic = elastic_energy(scheme, rows, together[:, 1])
     explicit = scheme.explicit
     work = work_done(march, rows, together, model.dim, explicit=explicit)
+    attitudes = whole.factor * total(model.comm, rows.attitude)
     placed = [part.system.displacement for part in model.parts]
     level = _level(model)
     if started is not None:
         level -= float(started.fallen(model) @ model.scene.vector_gravity.at(0.0))
         placed = list(started.rest.places)
-    momentum, angular, bodies = body_motions(model, march, each, whole, placed, explicit=explicit)
+    momentum, angular, bodies = body_motions(
+        model, march, each, attitudes, whole, placed, explicit=explicit
+    )
     history = make_history(
         Columns(
             time=march.interior.dt * np.arange(done, dtype=np.float64),
@@ -131,7 +136,7 @@ _MOVING = ("contact_force", "total_energy")
 
 def _effort(
     model: SolidsModel,
-    march: SolidMarch,
+    march: TimeLoop[Any],
     rows: Rows,
     watch: Watch,
     limits: ModelWatch,
@@ -167,7 +172,9 @@ def _effort(
         },
         findings=(
             *(contact_findings(rows.force, rows.largest, march.interior.dt) if parts else ()),
-            *measured_findings(figures),
+            *measured_findings(
+                figures, {p.solid.name: p.solid.material for p in parts if p.solid.is_finite}
+            ),
             *_overlap_findings(model, watch),
             *watch.axes.findings(),
         ),
@@ -184,7 +191,7 @@ def _effort(
     )
 
 
-def _clean(gap: Floats, model: SolidsModel, march: SolidMarch) -> Floats:
+def _clean(gap: Floats, model: SolidsModel, march: TimeLoop[Any]) -> Floats:
     """Gaps without what is but rounding of the coordinates of bodies without meshes."""
     if not model.few:
         return gap
@@ -202,8 +209,9 @@ def _overlap_findings(model: SolidsModel, watch: Watch) -> tuple[Finding, ...]:
 
 def body_motions(
     model: SolidsModel,
-    march: SolidMarch,
+    march: TimeLoop[Any],
     each: Floats,
+    attitudes: Floats,
     whole: Whole,
     placed: Sequence[Floats],
     *,
@@ -217,6 +225,7 @@ def body_motions(
         model: The solids.
         march: At its end.
         each: Sums of all ranks, of the whole: see `Rows.sums`, (rows, bodies, ...).
+        attitudes: The same of `Rows.attitude`.
         whole: What the solids are parts of.
         placed: Displacements of the owned dofs of the solids at t = 0 [m].
         explicit: Whether velocities belong to the middle of layers.
@@ -251,6 +260,8 @@ def body_motions(
             else:
                 start = _turned_at_start(part, placed[k])
             turn = _rotation(np.vstack([start, march.interior.dt * each_layer]))
+        elif part is not None and attitudes[:, k].any() and _turns_freely(part, whole):
+            turn, spin = attitude(attitudes[:, k], spun[:, 3 - turns :], whole)
         bodies[name] = BodyMotion(position, own / mass, turn, spin)
     told = angular[:, 3 - turns :] if turns else None
     return momentum, told, {b.name: bodies[b.name] for b in model.scene.bodies}
@@ -287,7 +298,7 @@ def _rotation(steps: Floats) -> Floats:
 
 
 def pair_motions(
-    model: SolidsModel, scheme: SolidScheme, march: SolidMarch, rows: Rows, whole: Whole
+    model: SolidsModel, scheme: SolidScheme, march: TimeLoop[Any], rows: Rows, whole: Whole
 ) -> dict[str, PairMotion]:
     """Forces, gaps and slip of each pair; arguments as of `solids_motion`."""
     # Forces are those on the carrier, columns those on the first body of the pair.
@@ -338,7 +349,9 @@ def of_layers(scheme: SolidScheme, forces: Floats) -> Floats:
     return found
 
 
-def work_done(march: SolidMarch, rows: Rows, sums: Floats, dim: int, *, explicit: bool) -> Floats:
+def work_done(
+    march: TimeLoop[Any], rows: Rows, sums: Floats, dim: int, *, explicit: bool
+) -> Floats:
     """Work of gravity, loads and moved obstacles up to each layer [J], as the scheme does it.
 
     Args:

@@ -8,41 +8,34 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.complementarity import Solver, solve_by_active_set
 from impactfem.errors import ConvergenceError
-from impactfem.fem import gather, on_root
+from impactfem.fem import on_root
 from impactfem.log import Progress
 from impactfem.marching.checkpoint import Checkpoints
 from impactfem.marching.collect import Collector
-from impactfem.marching.composite import Composite
-from impactfem.marching.few import FewInterior, FewMidpoint
-from impactfem.marching.layers import ContactGaps, Interior
-from impactfem.marching.leapfrog import Leapfrog
-from impactfem.marching.midpoint import Midpoint
+from impactfem.marching.few import FewMidpoint
+from impactfem.marching.layers import ContactGaps
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.rows import Level
-from impactfem.marching.rubbing_march import RubbingMarch
-from impactfem.marching.schemes import SOLID_SCHEMES, SolidScheme
-from impactfem.marching.solids import SolidMarch
+from impactfem.marching.schemes import SOLID_SCHEMES
+from impactfem.marching.time_loop import TimeLoop
 from impactfem.marching.wave_bar import WaveBar
-from impactfem.models.solids import SolidPart, SolidsModel, solids_model
+from impactfem.models.solids import SolidsModel, solids_model
 from impactfem.result.spool import FieldSpool
 from impactfem.result.store import SPOOL
 from impactfem.result.stored_snapshots import StoredSnapshots
 from impactfem.runs.axis_watch import AxisWatch
-from impactfem.runs.contacts import Contacts
 from impactfem.runs.line_looks import line_looks
+from impactfem.runs.loops import make_loop
 from impactfem.runs.solid_output import FieldOutput, Followed, Watch, followed, open_spool
 from impactfem.runs.solid_probes import SolidProbes
 from impactfem.runs.solid_rows import SolidsMotion, solids_motion
 from impactfem.runs.solid_steps import planned_steps
-from impactfem.runs.static_start import start_at_rest
 from impactfem.scene import Scene
 from impactfem.system.few import ElasticBar, FewBodies, Lumped
 from impactfem.system.inside import check_inside
 from impactfem.system.massless import mass_transfer
 from impactfem.system.stretches import Stretches
-from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -57,7 +50,6 @@ _INTERIORS: "Mapping[type[FewBodies], Callable[..., FewMidpoint | WaveBar]]" = {
 }
 """How bodies without meshes are marched."""
 
-_LAYERS = 100  # whose way tells how coordinates round
 _FRAMES = 150  # layers of fields that are kept of bodies without meshes, at most twice as many
 
 
@@ -108,32 +100,12 @@ def run_solids(
     discretised = {parts[0].solid.name: parts for parts in each}
     dt, layers, limit = planned_steps(scene.duration, plan, scheme, discretised)
     progress.step("preparing the layers")
-    solids = [_interior(*parts, scheme, dt, numbers.linear_solver) for parts in each]
     few = [
         _INTERIORS[type(bodies)](bodies, scene.vector_gravity, dt, counts=model.comm.rank == 0)
         for bodies in model.few
     ]
-    tolerance = numbers.tolerance * _size(model, few, dt)
-    composite = Composite([*solids, *few], [_free(*parts[:2]) for parts in each])
-    contacts = Contacts.of(model, surfaces, composite)
-    law = contacts.friction(scene, tolerance, 50 * numbers.max_iterations)
-    interior: Interior = composite
-    gaps: ContactGaps
-    if len(solids) == 1 and not few and law is None:
-        # Nodes that each have a gap of their own: nothing has to be weighed.
-        interior, gaps = solids[0], contacts.obstacles[0].gaps
-    else:
-        gaps = contacts.gaps()
-    solver = _solver(numbers, tolerance)
-    lively, started = contacts.restitution(scene), None
-    if scene.starts_at_rest:
-        progress.step("bringing the bodies to rest")
-        started = start_at_rest(
-            model, each, composite, gaps, solver, tolerance, numbers.linear_solver
-        )
-    rest = None if started is None else (started.rest.multiplier, started.static)
-    arguments = (model.comm, interior, scheme, gaps, solver, layers, tolerance, lively, rest)
-    march = SolidMarch(*arguments) if law is None else RubbingMarch(*arguments, law)
+    loop = make_loop(scene, model, numbers, scheme, each, few, (dt, layers), progress)
+    march, offsets = loop.march, loop.offsets
     progress.step("marching")
     try:
         limits = ModelWatch(
@@ -149,14 +121,14 @@ def run_solids(
         looking = [probes] if scene.probes else []
         others = [
             body
-            for k, part in enumerate(few, start=len(solids))
-            for body in followed(part, composite.own(k))
+            for k, part in enumerate(few, start=len(each))
+            for body in followed(part, slice(offsets[k], offsets[k + 1]))
         ]
         fields, watch = _march(
             scene,
             model,
             march,
-            gaps,
+            loop.gaps,
             limits,
             AxisWatch(model, few, layers),
             looking,
@@ -174,30 +146,14 @@ def run_solids(
             numbers.whole,
             numbers.mesh_size,
             probes,
-            started,
+            loop.started,
         )
     finally:
-        interior.destroy()
+        march.interior.destroy()
         for transfer in transfers:
             if transfer is not None:
                 transfer.destroy()
     return motion, fields
-
-
-def _size(model: SolidsModel, few: Sequence[FewInterior], dt: float) -> float:
-    """Largest extent of the bodies [m], of bodies without meshes what coordinates round by.
-
-    Their places may be 0, and a point has no extent: so their ways count too (collective).
-    """
-    positions = (gather(model.comm, part.system.positions) for part in model.parts)
-    sizes = [float(np.ptp(each, axis=0).max()) for each in positions]
-    some = _LAYERS * dt
-    for march in few:
-        bodies, speed = march.bodies, float(np.abs(march.surface_velocity).max())
-        pull = float(np.linalg.norm(model.scene.vector_gravity.values, axis=1).max())
-        sizes += [float(np.abs(bodies.places(bodies.position)).max()), float(bodies.radius.max())]
-        sizes.append(speed * some + 0.5 * pull * some**2)
-    return max(sizes)
 
 
 def _every(scene: Scene, layers: int) -> int:
@@ -206,37 +162,10 @@ def _every(scene: Scene, layers: int) -> int:
     return asked if scene.solids else max(asked, layers // _FRAMES)
 
 
-def _solver(numbers: "MarchNumbers", tolerance: float) -> Solver:
-    if numbers.active_set == "snes_vi":
-        from impactfem.contact.snes_vi import solve_by_snes_vi  # noqa: PLC0415  (rarely asked)
-
-        return solve_by_snes_vi(tolerance, numbers.max_iterations)
-    return solve_by_active_set(tolerance, numbers.max_iterations)
-
-
-def _interior(
-    part: SolidPart,
-    surface: SurfaceNodes,
-    transfer: object,
-    scheme: SolidScheme,
-    dt: float,
-    linear_solver: str,
-) -> Interior:
-    statics = None if transfer is None else SurfaceStatics(part.system.stiffness, surface)
-    if scheme.explicit:
-        return Leapfrog(part.system, surface, statics, transfer, dt)
-    return Midpoint(part.system, surface, statics, transfer, dt, linear_solver)
-
-
-def _free(part: SolidPart, surface: SurfaceNodes) -> Floats:
-    """1 where a contact node may move and 0 where a support holds it, (count, dim)."""
-    return surface.gather((~part.system.constrained).astype(float))
-
-
 def _march(
     scene: Scene,
     model: SolidsModel,
-    march: SolidMarch,
+    march: TimeLoop[Any],
     gaps: ContactGaps,
     limits: ModelWatch,
     axes: AxisWatch,
@@ -300,7 +229,7 @@ def _march(
 def _saver(
     comm: Any,
     writer: Checkpoints,
-    march: SolidMarch,
+    march: TimeLoop[Any],
     watch: Watch,
     limits: ModelWatch,
     spool: FieldSpool | None,

@@ -8,6 +8,7 @@ from impactfem.scene.body import Solver
 from impactfem.scene.breaks import check_motion
 from impactfem.scene.column_names import check_column_names
 from impactfem.scene.content import BODIES, Content
+from impactfem.scene.finite_checks import check_finite
 from impactfem.scene.loads import PiecewiseConstant
 from impactfem.scene.mixed import check_dimensions, check_mixed
 from impactfem.scene.obstacle_checks import check_gravity, check_obstacles
@@ -85,6 +86,7 @@ def _check_marched(scene: Content) -> None:
         for index, support in enumerate(solid.supports):
             key = f"supports[{index}].value"
             check_motion(places[solid.name], key, support.value or (), scene.duration)
+    check_finite(scene)
     if len(scene.solids) < len(scene.bodies):
         check_mixed(scene)
     else:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from impactfem.scene.formula import Formula
 
+_LOCKS = 0.45  # Poisson's ratio
 _FAR = 1e8  # times its extent, beyond which rounding of places shows in contact
 
 
@@ -31,6 +32,7 @@ def check_solid(solid: SolidKeys) -> None:
     _check_lengths(solid)
     _check_plane(solid)
     _check_rotation(solid)
+    _check_law(solid)
     _check_surface_names(solid)
     _check_supports(solid)
     _check_scales(solid)
@@ -148,6 +150,24 @@ def _check_rotation(solid: SolidKeys) -> None:
         if any(axis != cut for axis in turned):
             why = f'contradicts symmetry "{cut}" of the shape: remove one of them'
             raise _fail(solid, "angular_velocity", f" = {_plain(spin)} {why}.")
+
+
+def _check_law(solid: SolidKeys) -> None:
+    """Refuse laws that small strains do not have, and what finite strain does not know."""
+    if solid.strain == "small" and solid.material != "linear":
+        text = f' = {show(solid.material)} contradicts strain = "small", which sees no more of a '
+        raise _fail(solid, "material", text + 'law than "linear": remove one of them.')
+    if not solid.is_finite:
+        return
+    if solid.model == "plane_stress":
+        text = ' = "plane_stress" has no finite strain, whose thickness would follow at every '
+        raise _fail(solid, "model", text + 'point: give "plane_strain" or "3d".')
+    if solid.poisson_ratio > _LOCKS:
+        text = f" = {solid.poisson_ratio}: elements under finite strain lock above {_LOCKS}: give "
+        raise _fail(solid, "poisson_ratio", text + 'no more, or strain = "small".')
+    if solid.pressures:
+        text = ": pressures that follow a surface under finite strain are not there yet: give "
+        raise _fail(solid, "pressures", text + "tractions, which keep their direction.")
 
 
 def _check_surface_names(solid: SolidKeys) -> None:

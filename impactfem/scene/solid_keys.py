@@ -25,6 +25,8 @@ from impactfem.scene.shapes import SHAPES, Block, Cylinder, Disc, Ring, Sphere
 type AnyShape = Block | Disc | Ring | Cylinder | Sphere
 
 CELLS = ("simplex", "hexahedron")
+STRAINS_OF = ("small", "finite")
+LAWS = ("linear", "neo_hookean")
 MESH_FILES = (".msh", ".geo", ".step", ".stp")
 
 
@@ -87,6 +89,17 @@ class SolidKeys(BodyKind):
     density: float = key(Real(above=0), "mass density", unit="kg/m^3")
     youngs_modulus: float = key(Real(above=0), "Young's modulus", unit="Pa")
     poisson_ratio: float = key(Real(above=-1, below=0.5), "Poisson's ratio")
+    strain: str | None = key(
+        Choice(STRAINS_OF),
+        "whether the body may turn and be strained at will",
+        default=None,
+        absent="small, but finite for a law that is not linear",
+    )
+    material: str = key(
+        Choice(LAWS),
+        "law of the material; linear under finite strain: St. Venant and Kirchhoff's",
+        default="linear",
+    )
     velocity: tuple[Formula, ...] = key(
         Formulas(SPACE), "velocity at t = 0", unit="m/s", default=None, absent="0"
     )
@@ -152,6 +165,11 @@ class SolidKeys(BodyKind):
     def is_axisymmetric(self) -> bool:
         """Whether x is the radius and y the axis."""
         return self.model == "axisymmetric"
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether it is computed under finite strain and rotation."""
+        return self.strain == "finite" or (self.strain is None and self.material != "linear")
 
     @property
     def shear_modulus(self) -> float:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @table('[[body]] with kind = "solid"')
 @dataclass(frozen=True, kw_only=True)
 class Solid(SolidKeys):
-    """A linear elastic body in 2D or 3D, drawn by Gmsh or read from a mesh file.
+    """An elastic body in 2D or 3D, drawn by Gmsh or read from a mesh file.
 
     Tables may be given for `shape`, `supports`, `tractions`, `pressures` and `refine`; numbers for
     formulas. `velocity`, `displacement` and `angular_velocity` are 0 where absent and stored so.
@@ -40,6 +40,8 @@ class Solid(SolidKeys):
             density: float,
             youngs_modulus: float,
             poisson_ratio: float,
+            strain: str | None = None,
+            material: str = "linear",
             name: str = "solid",
             shape: AnyShape | Mapping[str, Any] | None = None,
             mesh: str | None = None,

@@ -13,6 +13,7 @@ from impactfem.fem import MPI
 from impactfem.forms.elasticity import ElasticForms
 from impactfem.mesh.body import BodyMesh
 from impactfem.scene import Formula
+from impactfem.system.finite_strain import finite_forms
 from impactfem.system.loads import Loads
 from impactfem.system.matrices import BodyMatrices, body_forms, body_matrices
 from impactfem.system.nodes import Floats, Nodes, body_nodes
@@ -239,7 +240,7 @@ def elastic_system(solid: Any, gravity: Any, body: BodyMesh) -> ElasticSystem:
         velocity=velocity,
         rayleigh_mass=solid.rayleigh_mass,
         rayleigh_stiffness=solid.rayleigh_stiffness,
-        stress=NodalStress(nodes, forms),
+        stress=NodalStress(nodes, finite_forms(forms, solid) if solid.is_finite else forms),
         axisymmetric=axisymmetric,
     )
 

@@ -16,22 +16,27 @@ slower for 18 000 to 290 000 unknowns in 2D and for 20 000 to 80 000 in 3D)."""
 
 
 class LinearSolver:
-    """Solves with one symmetric positive definite matrix.
+    """Solves with one matrix, symmetric and positive definite unless told otherwise.
 
-    ``mumps`` factors it (Cholesky); ``gamg`` takes conjugate gradients with algebraic multigrid.
+    ``mumps`` factors it (Cholesky, else LU); ``gamg`` takes conjugate gradients, else GMRES, with
+    algebraic multigrid.
     """
 
-    def __init__(self, matrix: Any, kind: str, near_null_space: Any = None) -> None:
+    def __init__(
+        self, matrix: Any, kind: str, near_null_space: Any = None, *, symmetric: bool = True
+    ) -> None:
         """Factor or set the preconditioner up (collective).
 
         Args:
             matrix: PETSc matrix; owned by the solver from now on.
             kind: "mumps" or "gamg".
             near_null_space: PETSc null space of rigid motions, for "gamg".
+            symmetric: Whether the matrix is symmetric and positive definite.
 
         Raises:
             ConvergenceError: The matrix cannot be factored.
         """
+        self._symmetric = symmetric
         self._kind, self._comm = kind, matrix.comm.tompi4py()
         self._size = matrix.getSize()[0]
         self._scatter: Any = None
@@ -39,20 +44,20 @@ class LinearSolver:
         if kind == "mumps" and self._comm.size > 1 and self._size <= limit:
             matrix = self._gathered(matrix)
         self._matrix = matrix
-        matrix.setOption(PETSc.Mat.Option.SPD, True)
+        matrix.setOption(PETSc.Mat.Option.SPD, symmetric)
         self._ksp = PETSc.KSP().create(matrix.comm)
         self._ksp.setOperators(matrix)
         pc = self._ksp.getPC()
         if kind == "gamg":
             if near_null_space is not None:
                 matrix.setNearNullSpace(near_null_space)
-            self._ksp.setType("cg")
+            self._ksp.setType("cg" if symmetric else "gmres")
             self._ksp.setTolerances(rtol=_RELATIVE, atol=0.0, max_it=500)
             self._ksp.setInitialGuessNonzero(True)
             pc.setType("gamg")
         else:
             self._ksp.setType("preonly")
-            pc.setType("cholesky")
+            pc.setType("cholesky" if symmetric else "lu")
             pc.setFactorSolverType("mumps")
         self._ksp.setOptionsPrefix("impactfem_layer_")
         self._ksp.setFromOptions()
@@ -91,7 +96,8 @@ class LinearSolver:
             if code < 0:
                 return f"INFOG(1) = {code} of MUMPS"
             # Cholesky's factors of MUMPS exist without square roots: it goes on.
-            return f"it is not positive definite: {negative} negative pivots" if negative else ""
+            if negative and self._symmetric:
+                return f"it is not positive definite: {negative} negative pivots"
         return ""
 
     @property

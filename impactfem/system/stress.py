@@ -5,6 +5,7 @@ import numpy as np
 from impactfem import fem
 from impactfem.fem import dolfinx_fem
 from impactfem.forms.elasticity import ElasticForms
+from impactfem.forms.finite_strain import FiniteForms
 from impactfem.system.nodes import Floats, Nodes
 
 
@@ -15,12 +16,12 @@ class NodalStress:
     error of the mesh; the mean hides them, hence peaks at concentrations are low on coarse meshes.
     """
 
-    def __init__(self, nodes: Nodes, forms: ElasticForms) -> None:
+    def __init__(self, nodes: Nodes, forms: ElasticForms | FiniteForms) -> None:
         """Compile the form and assemble the weights (collective).
 
         Args:
             nodes: Nodes of the body.
-            forms: Its weak forms.
+            forms: Its weak forms; under finite strain the stress is the true (Cauchy) one.
         """
         mesh = nodes.space.mesh
         cells = dolfinx_fem.functionspace(mesh, ("Discontinuous Lagrange", 0))

@@ -50,6 +50,21 @@ def test_damped_disc_only_loses_energy():
     assert total[-1] < 0.9 * total[0]
 
 
+@pytest.mark.slow
+def test_block_tumbles_as_the_page_says():
+    page = (DEMOS / "tumbling_block" / "README.md").read_text(encoding="utf-8")
+    scene = impactfem.Scene.from_toml(DEMOS / "tumbling_block" / "scene.toml")
+    result = impactfem.solve(scene.with_settings({"output.fields": []}), estimate=False)
+    intervals = np.array(result.summary["contact"]["intervals"])
+    said = re.findall(r"from (\d+\.\d) to (\d+\.\d) ms", page)
+    assert intervals * 1e3 == pytest.approx(np.array(said, dtype=float), abs=0.06)
+    angle, along = (result.history[f"block.{name}"].values for name in ("angle", "vx"))
+    back, end = map(float, re.search(r"by (\S+) rad, then forward to (\S+) rad", page).groups())
+    assert [-angle.min(), angle[-1]] == pytest.approx([back, end], abs=0.01)
+    assert np.abs(along - 1.0).max() < 1e-9
+    assert result.summary["energy"]["max_relative_drift"] < 1e-11
+
+
 def cells(row):
     """Numbers of a row of the page's table."""
     page = (DEMOS / "elastic_sphere" / "README.md").read_text(encoding="utf-8")

@@ -72,6 +72,14 @@ def resting(method, **solve):
     return impactfem.Scene.from_dict(table | {"start": "static"})
 
 
+def finite(made, method, duration=1.5, **solve):
+    """One of the above under finite strain, where pressures are not there yet."""
+    data = made(method, duration, **solve).to_dict()
+    (body,) = data["body"]
+    body |= {"strain": "finite", "material": "neo_hookean", "pressures": []}
+    return impactfem.Scene.from_dict(data)
+
+
 def sliding(method, duration=3.0, **solve):
     """A long block that slides over a ball: contact runs along its bottom, from rank to rank."""
     body = {
@@ -131,17 +139,20 @@ class Stopped(BaseException):
 @contextlib.contextmanager
 def stopping(monkeypatch, layer):
     """Have marches end before a layer, as a killed process does."""
+    from impactfem.marching.newton_march import NewtonMarch
     from impactfem.marching.solids import SolidMarch
 
-    advance = SolidMarch._advance
+    def stopped(advance):
+        def stop(self):
+            if self.layer == layer:
+                raise Stopped
+            return advance(self)
 
-    def stopped(self):
-        if self.layer == layer:
-            raise Stopped
-        return advance(self)
+        return stop
 
     with monkeypatch.context() as patch:
-        patch.setattr(SolidMarch, "_advance", stopped)
+        for march in (SolidMarch, NewtonMarch):
+            patch.setattr(march, "_advance", stopped(march._advance))
         try:
             yield
         except Stopped:

@@ -11,6 +11,7 @@ from moving_scenes import (
     METHODS,
     differences,
     driven,
+    finite,
     forget,
     rolling,
     scene,
@@ -42,6 +43,19 @@ def test_a_continued_run_equals_the_whole_one(made, method, tmp_path, monkeypatc
     for name in ("contact_nodes", "penetration_elsewhere", "watch", "mean_iterations_in_contact"):
         assert again.summary["details"][name] == whole.summary["details"][name]
     assert again.summary["energy"] == whole.summary["energy"]
+    assert again.summary["bodies"] == whole.summary["bodies"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("made", [driven, rolling])
+def test_finite_strain_continues_too(made, tmp_path, monkeypatch):
+    case = finite(made, "conserving")
+    whole = solve(case)
+    with stopping(monkeypatch, int(0.6 * whole.summary["num_steps"])):
+        solve(case, checkpoints=tmp_path)
+    again = solve(case, restart=tmp_path)
+    assert differences(whole, again) == {}
+    assert whole.summary["contact"]["max_force"] > 0.0
     assert again.summary["bodies"] == whole.summary["bodies"]
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import impactfem
 from impactfem.marching.solids import SolidMarch
 from impactfem.models.solids import solids_model
-from impactfem.runs import solids as solid_runs
+from impactfem.runs import loops
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def levels(monkeypatch):
 
             super().run([*observers, keep])
 
-    monkeypatch.setattr(solid_runs, "SolidMarch", Watched)
+    monkeypatch.setattr(loops, "SolidMarch", Watched)
     return seen
 
 

@@ -8,6 +8,7 @@ from moving_scenes import (
     block_on_sphere,
     differences,
     driven,
+    finite,
     forget,
     pair,
     resting,
@@ -112,6 +113,12 @@ def watched(case, found, monkeypatch):
 @pytest.mark.parametrize("method", ["explicit", "massless"])
 def test_driven_bodies_agree(method, monkeypatch):
     compare(driven(method), monkeypatch)
+
+
+@pytest.mark.parallel([2, 3])
+@pytest.mark.parametrize(("made", "method"), [(driven, "conserving"), (rolling, "massless")])
+def test_bodies_under_finite_strain_agree(made, method, monkeypatch):
+    compare(finite(made, method), monkeypatch)
 
 
 @pytest.mark.parallel(RANKS)

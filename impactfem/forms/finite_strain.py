@@ -1,0 +1,228 @@
+"""Weak forms of finite strain and rotation; stresses do exactly the work of their energy.
+
+Total Lagrangian: F = I + grad u, C = F^T F, E = (C - I) / 2, W(E) per undeformed volume. Between
+two states 0 and 1, m the mean, d the difference, a law gives a discrete gradient S of its energy,
+
+    S : dE = W_1 - W_0   (to rounding, for steps of any size),   dE = sym(F_m^T dF),
+
+and P = F_m S is the stress of the step: its forces do the work of the energy, and since S is
+symmetric and only E enters, they have neither a sum nor a moment about the mean places. Source of
+the idea: J. C. Simo, N. Tarnow, ZAMP 43 (1992) 757-792; O. Gonzalez, Comput. Methods Appl. Mech.
+Eng. 190 (2000) 1763-1783, whose quotient by dC : dC the laws below do without.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from impactfem.fem import ufl
+from impactfem.forms.elasticity import ElasticForms
+
+_SMALL = 0.03
+"""Below it logarithms of ratios near 1 are summed as series, which leave out y^10 / 11."""
+
+
+class Law(Protocol):
+    """A hyperelastic law, isotropic: lambda and mu are those of small strain."""
+
+    @staticmethod
+    def energy(strain: Any, first_lame: Any, shear_modulus: Any) -> Any:
+        """W [J/m^3] of Green's strain E, (2, 2) in plane strain, else (3, 3)."""
+
+    @staticmethod
+    def stress(before: Any, after: Any, change: Any, first_lame: Any, shear_modulus: Any) -> Any:
+        """Discrete gradient S [Pa] between two strains, whose difference is given."""
+
+
+class StVenantKirchhoff:
+    """W = lambda (tr E)^2 / 2 + mu E : E, linear between S and E; weak under much compression."""
+
+    @staticmethod
+    def energy(strain: Any, first_lame: Any, shear_modulus: Any) -> Any:
+        """See `Law`."""
+        return 0.5 * first_lame * ufl.tr(strain) ** 2 + shear_modulus * ufl.inner(strain, strain)
+
+    @staticmethod
+    def stress(
+        before: Any,
+        after: Any,
+        change: Any,  # noqa: ARG004  (as the interface has it)
+        first_lame: Any,
+        shear_modulus: Any,
+    ) -> Any:
+        """The mean of both stresses: W is quadratic."""
+        mean = 0.5 * (before + after)
+        unit = ufl.Identity(_size(mean))
+        return first_lame * ufl.tr(mean) * unit + 2.0 * shear_modulus * mean
+
+
+class NeoHookean:
+    """W = mu (tr C - d) / 2 + U(D), D = det C, U = -mu ln(D) / 2 + lambda ln(D)^2 / 8.
+
+    D is a cubic of C, so that its difference is exactly that of its mean gradient:
+    D_1 - D_0 = (cof C_m + cof(dC) / 12) : dC, and with the divided difference U[D_0, D_1]
+
+        S = mu I + 2 U[D_0, D_1] (cof C_m + cof(dC) / 12),
+
+    the last term in space only. Without 0 / 0, as ln(D_1 / D_0) / (D_1 - D_0) is a series for D_1
+    near D_0. Energies are found from E, not C: tr C - d would leave rounding of size mu.
+    """
+
+    @staticmethod
+    def energy(strain: Any, first_lame: Any, shear_modulus: Any) -> Any:
+        """See `Law`."""
+        log = _log_ratio(1.0, 1.0 + _excess(strain), _excess(strain))
+        return shear_modulus * (ufl.tr(strain) - 0.5 * log) + 0.125 * first_lame * log**2
+
+    @staticmethod
+    def stress(before: Any, after: Any, change: Any, first_lame: Any, shear_modulus: Any) -> Any:
+        """See `Law`."""
+        unit = ufl.Identity(_size(before))
+        # cof C_m, in which the strain's part is added to that of the unit, and the cubic's rest.
+        gradient = _cofactor(unit + before + after)
+        if _size(before) == 3:
+            gradient += _cofactor(2.0 * change) / 12.0
+        first, last = 1.0 + _excess(before), 1.0 + _excess(after)
+        logs = _log_ratio(1.0, first, _excess(before)) + _log_ratio(1.0, last, _excess(after))
+        slope = _log_slope(first, last, 2.0 * ufl.inner(gradient, change))
+        divided = slope * (-0.5 * shear_modulus + 0.125 * first_lame * logs)
+        return shear_modulus * unit + 2.0 * divided * gradient
+
+
+LAWS: Mapping[str, type[Law]] = {"linear": StVenantKirchhoff, "neo_hookean": NeoHookean}
+"""Laws by the name of the scene's key ``material``; a further one is a class and a line here."""
+
+
+@dataclass(frozen=True)
+class FiniteForms:
+    """UFL forms of a body under finite strain.
+
+    Attributes:
+        elastic: Measures and the data of the material; plane stress has no such forms.
+        law: Of the material.
+        viscosity: Kelvin's and Voigt's, of a step: S gains viscosity (lambda tr(dE) I + 2 mu dE),
+            with the time of retardation over the time step.
+    """
+
+    elastic: ElasticForms
+    law: type[Law]
+    viscosity: Any
+
+    def energy(self, displacement: Any) -> Any:
+        """Functional W [J]."""
+        return self._measured(self.law.energy(self._strain(displacement), *self._moduli))
+
+    def force(self, before: Any, after: Any) -> Any:
+        """Linear form of the internal forces of a step from ``before`` to ``after``."""
+        v = ufl.TestFunction(self.elastic.space)
+        moved = after - before
+        middle = 0.5 * (before + after)
+        gradient = self._gradient(middle)
+        mean = ufl.Identity(_size(gradient)) + gradient
+        change = ufl.sym(mean.T * self._gradient(moved))
+        first, second = self._moduli
+        stress = self.law.stress(
+            self._strain(before), self._strain(after), change, first, second
+        ) + self.viscosity * (
+            first * ufl.tr(change) * ufl.Identity(_size(change)) + 2.0 * second * change
+        )
+        return self._measured(ufl.inner(mean * stress, self._gradient(v)))
+
+    def volume(self, cells: Any) -> Any:
+        """As `ElasticForms.volume`: undeformed."""
+        return self.elastic.volume(cells)
+
+    def inverted(self, displacement: Any) -> Any:
+        """Functional that is positive where cells are turned inside out (volume [m^3])."""
+        upright = ufl.gt(self._volume_ratio(displacement), 0.0)
+        return self._measured(ufl.conditional(upright, 0.0, 1.0))
+
+    def mises_stress(self, displacement: Any, cells: Any) -> Any:
+        """As `ElasticForms.mises_stress`, of the true (Cauchy) stress, by undeformed volumes."""
+        strain, gradient = self._strain(displacement), self._gradient(displacement)
+        second = self.law.stress(strain, strain, 0.0 * strain, *self._moduli)
+        full = ufl.Identity(_size(gradient)) + gradient
+        true = full * second * full.T / self._volume_ratio(displacement)
+        trace, squares = ufl.tr(true), ufl.inner(true, true)
+        if _size(strain) == 2:  # the direct stress that keeps the thickness
+            across = self._across(strain) / self._volume_ratio(displacement)
+            trace, squares = trace + across, squares + across**2
+        mises = ufl.sqrt(1.5 * ufl.max_value(squares - trace**2 / 3.0, 0.0))
+        return self._measured(mises * ufl.TestFunction(cells))
+
+    def _across(self, strain: Any) -> Any:
+        """Stress S_zz of plane strain, where C_zz = 1: the law in space, at a plane state."""
+        whole = ufl.as_tensor(
+            [[strain[i, j] if i < 2 and j < 2 else 0.0 for j in range(3)] for i in range(3)]
+        )
+        return self.law.stress(whole, whole, 0.0 * whole, *self._moduli)[2, 2]
+
+    @property
+    def _moduli(self) -> tuple[Any, Any]:
+        return self.elastic.first_lame, self.elastic.shear_modulus
+
+    def _measured(self, integrand: Any) -> Any:
+        return integrand * self.elastic.weight * self.elastic.cells_measure
+
+    def _gradient(self, u: Any) -> Any:
+        """Displacement gradient; with the hoop part u_r / r if axisymmetric."""
+        gradient = ufl.grad(u)
+        if self.elastic.model != "axisymmetric":
+            return gradient
+        hoop = u[0] / ufl.SpatialCoordinate(self.elastic.space.mesh)[0]
+        return ufl.as_tensor(
+            (
+                (gradient[0, 0], gradient[0, 1], 0.0),
+                (gradient[1, 0], gradient[1, 1], 0.0),
+                (0.0, 0.0, hoop),
+            )
+        )
+
+    def _strain(self, u: Any) -> Any:
+        """Green's strain E = sym H + H^T H / 2, without the rounding of C - I."""
+        gradient = self._gradient(u)
+        return ufl.sym(gradient) + 0.5 * gradient.T * gradient
+
+    def _volume_ratio(self, u: Any) -> Any:
+        gradient = self._gradient(u)
+        return ufl.det(ufl.Identity(_size(gradient)) + gradient)
+
+
+def _excess(strain: Any) -> Any:
+    """Det C - 1 = det(I + 2 E) - 1, without cancellation."""
+    trace = ufl.tr(strain)
+    if _size(strain) == 2:
+        return 2.0 * trace + 4.0 * ufl.det(strain)
+    second = 0.5 * (trace**2 - ufl.inner(strain, strain))
+    return 2.0 * trace + 4.0 * second + 8.0 * ufl.det(strain)
+
+
+def _cofactor(tensor: Any) -> Any:
+    """Cofactors of a symmetric tensor."""
+    if _size(tensor) == 2:
+        return ufl.tr(tensor) * ufl.Identity(2) - tensor
+    trace = ufl.tr(tensor)
+    second = 0.5 * (trace**2 - ufl.inner(tensor, tensor))
+    return second * ufl.Identity(3) - trace * tensor + tensor * tensor
+
+
+def _log_slope(first: Any, last: Any, change: Any) -> Any:
+    """ln(last / first) / (last - first), a series where ``change`` = last - first is small."""
+    y = change / (first + last)
+    square = y**2
+    series = 1.0 + square * (1.0 / 3.0 + square * (1.0 / 5.0 + square * (1.0 / 7.0 + square / 9.0)))
+    far = ufl.gt(abs(y), _SMALL)
+    safe = ufl.conditional(far, y, 1.0)
+    # Both branches are evaluated: that which is not taken must have no 0 / 0.
+    whole = 0.5 * ufl.ln(ufl.conditional(far, last / first, 1.0)) / safe
+    return 2.0 / (first + last) * ufl.conditional(far, whole, series)
+
+
+def _log_ratio(first: Any, last: Any, change: Any) -> Any:
+    """ln(last / first)."""
+    return change * _log_slope(first, last, change)
+
+
+def _size(tensor: Any) -> int:
+    """Rows of a tensor."""
+    return int(tensor.ufl_shape[0])

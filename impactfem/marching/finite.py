@@ -1,0 +1,338 @@
+"""Implicit steps of a body under finite strain: an energy-momentum midpoint rule.
+
+In a step from a to b, with d the difference, m the mean and mu the damping by mass,
+
+    M (2 (d / dt - v_a) / dt + mu d / dt) + f(u_a, u_b) = loads + contact forces at m,
+    v_b = 2 d / dt - v_a,
+
+where f does exactly the work of the elastic energy, without sum or moment about the mean places
+(`impactfem.forms.finite_strain`). M has no mass on contact nodes, whose rows are statics with the
+same f, but the body's moments (`impactfem.system.moments`). So energy, momentum and angular
+momentum are kept to rounding in flight, and in contact as far as its law does
+(`impactfem.marching.newton_march`). Each step is solved by Newton's method.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import ConvergenceError
+from impactfem.fem import MPI, PETSc, products_in_order
+from impactfem.marching.layers import Sums
+from impactfem.system.drive import Drive
+from impactfem.system.elastic import ElasticSystem
+from impactfem.system.finite_strain import FiniteStrain
+from impactfem.system.linear import LinearSolver
+from impactfem.system.moments import kept_moments
+from impactfem.system.surface import SurfaceNodes
+
+Floats = NDArray[np.float64]
+
+_SHARE = 1e-3  # of the inertia that sets the scale of forces, where a body flies without strain
+_SLOW = 0.1  # share of its fault that an iterate may leave before the tangent is renewed
+_ACCURACY = 1e-11  # of forces
+_ROUNDING = 5e-16  # of what moves the stiffest node as far as the body goes
+_TURNS = {2: ([0], [1]), 3: ([1, 2, 0], [2, 0, 1])}  # a x p of the moments a p^T
+_HALVINGS = 6  # of a Newton step that turns cells inside out
+
+
+class FiniteMidpoint:
+    """Stepper of a body under finite strain; see `impactfem.marching.layers.Stepper`.
+
+    A layer may be made of several steps. In each the march asks for `begin`, then for iterates:
+    `unbalanced`, `linearise`, `answers`, `correct`, and last for `accept`.
+    """
+
+    def __init__(
+        self,
+        system: ElasticSystem,
+        solid: Any,
+        surface: SurfaceNodes,
+        transfer: Any,
+        dt: float,
+        linear_solver: str,
+    ) -> None:
+        """Prepare (collective).
+
+        Args:
+            system: The body at t = 0, as linear elasticity has it: mass, loads, supports.
+            solid: `impactfem.scene.solids.Solid`.
+            surface: Contact nodes.
+            transfer: Of their mass; None if there are none.
+            dt: Time step [s].
+            linear_solver: "mumps" or "gamg".
+        """
+        self.dt = dt
+        self._system, self._surface = system, surface
+        self._strain = FiniteStrain(system.nodes, solid)
+        self._drive = Drive(system, None)
+        with products_in_order(system.comm):
+            mass = system.mass.copy() if transfer is None else system.mass.ptap(transfer)
+        self._mass, weights, self.moments = kept_moments(system, mass, transfer)
+        self._kind = linear_solver
+        self._solver: LinearSolver | None = None
+        self._vectors = [system.stiffness.createVecRight() for _ in range(2)]
+        self.displacement: Floats = system.displacement.copy()
+        self.velocity: Floats = system.velocity.copy()
+        self._still = system.constrained.copy()
+        self._still[surface.dofs] = True
+        self._weights = np.where(system.constrained, 0.0, np.repeat(weights, system.dim))
+        self._inertia_scale = 0.0
+        diagonal = system.stiffness.getDiagonal()
+        largest = float(np.abs(diagonal.getArray()).max(initial=0.0))
+        diagonal.destroy()
+        self._stiffest = system.comm.allreduce(largest, op=MPI.MAX)
+        heaviest = float(np.abs(self._weights).max(initial=0.0))
+        self._heaviest = system.comm.allreduce(heaviest, op=MPI.MAX)
+        self._rounding = 0.0
+        self.size = system.nodes.size
+        self._arms = self._from_centre(system.positions)
+        self._work = 0.0
+        self.generation = 0  # of the tangent: answers to forces change with it
+        self._stale, self._left = True, np.inf
+        self._change = np.zeros_like(self.displacement)
+
+    @property
+    def surface_displacement(self) -> Floats:
+        """Displacement of the contact nodes [m], (count, dim) (collective)."""
+        return self._surface.gather(self.displacement)
+
+    @property
+    def surface_iterate(self) -> Floats:
+        """The same at the end of the step, as the last iterate has it (collective)."""
+        return self._surface.gather(self._after)
+
+    def inertia(self) -> list[Floats]:
+        """None that would stay; what turns is told by `Sums.attitude`."""
+        turns = self._system.dim * (self._system.dim - 1) // 2
+        return [np.zeros((turns, turns))]
+
+    def gravity(self, layer: int) -> Floats:
+        """Mean gravity of a layer [m/s^2], shape (dim,)."""
+        return self._drive.gravity(layer * self.dt, (layer + 1) * self.dt)
+
+    def _times_mass(self, values: Floats) -> Floats:
+        source, image = self._vectors
+        source.setArray(values)
+        self._mass.mult(source, image)
+        found: Floats = np.array(image.getArray())
+        return found
+
+    def begin(self, start: float, end: float) -> None:
+        """Take up a step between two times from the present state (collective).
+
+        Raises:
+            ConvergenceError: Its first guess turns cells inside out.
+        """
+        system, drive = self._system, self._drive
+        self._span = step = end - start
+        self._strain.retard(system.rayleigh_stiffness / step)
+        gravity = drive.gravity(start, end)
+        self._stale, self._left = True, np.inf
+        self._loads = self._weights * np.tile(gravity, len(self._weights) // system.dim)
+        if drive.is_active:
+            self._dead = 0.5 * (drive.load(start) + drive.load(end))
+            self._loads = self._loads + self._dead
+        self._after = self.displacement.copy()
+        if drive.has_moved:
+            self._after[drive.moved] = system.supports.motion(end)[0]
+        change = step * self.velocity
+        change[system.constrained] = 0.0
+        self._move(change)
+        momentum = np.abs(self._times_mass(self.velocity)).max(initial=0.0)
+        far = system.comm.allreduce(float(np.abs(self._after).max(initial=0.0)), op=MPI.MAX)
+        self._inertia_scale = _SHARE * 2.0 / step * float(momentum)
+        # Coordinates round, and so does what strain and inertia make of their differences.
+        stiffness = self._stiffest + 2.0 / step**2 * self._heaviest
+        self._rounding = _ROUNDING * stiffness * (far + 0.1 * self.size)
+
+    def predicted(self, start: float, end: float) -> Floats:
+        """Where contact nodes go if nothing changes [m], (count, dim) (collective)."""
+        return self._surface.gather(self.displacement + (end - start) * self.velocity)
+
+    def unbalanced(self, forces: Floats) -> float:
+        """Largest force that the iterate leaves, over what rounding and forces allow (collective).
+
+        Args:
+            forces: On the contact nodes at the mean places [N], (count, dim).
+        """
+        system, step = self._system, self._span
+        moved = self._after - self.displacement
+        inside = self._strain.force(self.displacement, self._after)
+        pushed = np.zeros_like(inside)
+        self._surface.spread(forces, pushed)
+        rate = moved / step
+        inert = self._times_mass(
+            (2.0 / step) * (rate - self.velocity) + system.rayleigh_mass * rate
+        )
+        self._rest = self._loads + pushed - inside - inert
+        self._inside = inside
+        self._rest[system.constrained] = 0.0
+        own = [
+            np.abs(self._rest).max(initial=0.0),
+            np.abs(inside).max(initial=0.0),
+            self._inertia_scale,
+        ]
+        if not np.isfinite(own).all():
+            own = [np.inf, 0.0, 0.0]
+        largest = np.array(own)
+        system.comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
+        left, force, inertia = largest
+        found = float(left / (_ACCURACY * max(force, inertia) + self._rounding))
+        self._stale = self._stale or found > _SLOW * self._left
+        self._left = found
+        return found
+
+    def linearise(self) -> Floats:
+        """Solve for what balances the iterate; how contact nodes move by it (collective).
+
+        The tangent is that of the step's first iterate as long as it brings the others on. (Kept
+        from step to step, a run that is taken up again would round otherwise than the whole one.)
+
+        Raises:
+            ConvergenceError: The tangent is singular.
+        """
+        step = self._span
+        if self._solver is not None and not self._stale:
+            self._change = self._solved(self._rest)
+            return self._surface.gather(self._change)
+        self._stale, self.generation = False, self.generation + 1
+        tangent = self._strain.tangent(self.displacement, self._after)
+        factor = 2.0 / step**2 + self._system.rayleigh_mass / step
+        tangent.axpy(factor, self._mass)
+        first = tangent.getOwnershipRange()[0]
+        held = np.flatnonzero(self._system.constrained) + first
+        tangent.zeroRowsColumns(held.astype(PETSc.IntType), diag=1.0)
+        self._drop()
+        self._solver = LinearSolver(
+            tangent, self._kind, self._system.stiffness.getNearNullSpace(), symmetric=False
+        )
+        self._change = self._solved(self._rest)
+        return self._surface.gather(self._change)
+
+    def answers(self, forces: Floats) -> Floats:
+        """How contact nodes answer to forces on them at the iterate, (several, count, dim)."""
+        found = np.empty_like(forces)
+        for k, force in enumerate(forces):
+            pushed = np.zeros(len(self._after))
+            self._surface.spread(force, pushed)
+            pushed[self._system.constrained] = 0.0
+            found[k] = self._surface.gather(self._solved(pushed))
+        return found
+
+    def correct(self, forces: Floats) -> None:
+        """Move the iterate, with a change of the contact forces (count, dim) (collective).
+
+        Raises:
+            ConvergenceError: Cells turn inside out, however short the step.
+        """
+        change = self._change
+        if forces.any():
+            pushed = np.zeros(len(self._after))
+            self._surface.spread(forces, pushed)
+            pushed[self._system.constrained] = 0.0
+            change = change + self._solved(pushed)
+        self._move(change)
+
+    def _move(self, change: Floats) -> None:
+        """Add as much of a change as turns no cell inside out."""
+        for _ in range(_HALVINGS):
+            after = self._after + change
+            if not self._strain.is_inverted(after):
+                self._after = after
+                return
+            change = 0.5 * change
+        raise ConvergenceError("cells turn inside out")
+
+    def _solved(self, right: Floats) -> Floats:
+        source, image = self._vectors
+        source.setArray(right)
+        image.set(0.0)
+        assert self._solver is not None  # noqa: S101  (`linearise` came first)
+        self._solver.solve(source, image)
+        found: Floats = np.array(image.getArray())
+        return found
+
+    def accept(self) -> None:
+        """End the step at the iterate."""
+        step = self._span
+        moved = self._after - self.displacement
+        if self._drive.is_active:
+            self._work += float(self._dead @ moved)
+            held = self._drive.moved
+            self._work += float(self._inside[held] @ moved[held])
+        new = (2.0 / step) * moved - self.velocity
+        drift = moved / step
+        self.velocity = np.where(self._still, drift, new)
+        self.displacement = self._after
+
+    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+        """End the layer and sum up (collective)."""
+        work, self._work = self._work, 0.0
+        return self._summed(work)
+
+    def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+        """Sums of the initial state (collective)."""
+        return self._summed(0.0)
+
+    def _summed(self, work: float) -> list[Sums]:
+        system, dim = self._system, self._system.dim
+        momentum = self._times_mass(self.velocity)
+        weights = self._weights.reshape(-1, dim)
+        arms = self._from_centre(system.positions + self.displacement.reshape(-1, dim))
+        each = momentum.reshape(-1, dim)
+        heavy = self._times_mass(arms.ravel()).reshape(-1, dim)
+        fit = np.einsum("ni,nj->ij", weights * arms, self._arms)
+        moment = arms.T @ each
+        spin = (moment - moment.T)[_TURNS[dim]]
+        sums = Sums(
+            0.5 * float(self.velocity @ momentum),
+            self._strain.energy(self.displacement),
+            work,
+            each.sum(axis=0),
+            (weights * self.displacement.reshape(-1, dim)).sum(axis=0),
+            spin,
+            np.stack([fit, arms.T @ heavy]).ravel(),
+        )
+        return [sums]
+
+    def _from_centre(self, places: Floats) -> Floats:
+        """Arms of places of the nodes from their centre of mass; an axis turns nothing."""
+        weights = self._weights.reshape(places.shape)
+        own = np.vstack([(weights * places).sum(axis=0), weights.sum(axis=0)])
+        total = np.asarray(self._system.comm.allreduce(own, op=MPI.SUM))
+        arms: Floats = places - total[0] / np.where(total[1] > 0.0, total[1], 1.0)
+        return np.zeros_like(arms) if self._system.axisymmetric else arms
+
+    def placed(self, static: Floats) -> Floats:  # noqa: ARG002  (as the interface has it)
+        """Displacement of the owned dofs, as a new array."""
+        return self.displacement.copy()
+
+    def state(self) -> dict[str, Any]:
+        """What the next layer needs."""
+        return {"displacement": self.displacement.copy(), "velocity": self.velocity.copy()}
+
+    def memory(self) -> dict[str, Floats]:
+        """Nothing besides."""
+        return {}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Nothing."""
+
+    def restore(self, state: dict[str, Any], surface: Floats) -> None:  # noqa: ARG002
+        """Continue from a state."""
+        self.displacement = np.array(state["displacement"])
+        self.velocity = np.array(state["velocity"])
+
+    def _drop(self) -> None:
+        if self._solver is not None:
+            self._solver.destroy()
+            self._solver = None
+
+    def destroy(self) -> None:
+        """Free PETSc's objects."""
+        self._drop()
+        for thing in (*self._vectors, self._mass):
+            thing.destroy()

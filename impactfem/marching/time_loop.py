@@ -1,0 +1,232 @@
+"""The time loop of bodies that are marched: layers, rows of the history, observers, restart."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.complementarity import Solver
+from impactfem.errors import ConvergenceError
+from impactfem.fem import MPI
+from impactfem.marching.layers import ContactGaps, Stepper
+from impactfem.marching.rows import Level, Rows
+from impactfem.marching.schemes import SolidScheme
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
+
+_CHECKED = 32  # layers between checks that all numbers are finite
+
+
+@dataclass
+class ContactState:
+    """Multipliers and true gaps of all contact nodes at the last level and the one before.
+
+    Attributes:
+        multiplier, gap: At the last level [N], [m].
+        older_multiplier, older_gap: One level earlier.
+        static: Displacement of massless nodes by the multipliers [m], (count, dim).
+    """
+
+    multiplier: Floats
+    gap: Floats
+    older_multiplier: Floats
+    older_gap: Floats
+    static: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+
+
+_CONTACT = fields(ContactState)
+
+
+_CONTACT = fields(ContactState)
+
+
+class TimeLoop[I: Stepper](ABC):
+    """A march through the layers, which can be stopped and continued between any two.
+
+    Attributes:
+        interior: What the scheme does inside the bodies.
+        contact: Forces and gaps at the last level.
+        rows: What each layer has left.
+        layer: Number of layers done.
+        failure: Why the march ended early; empty if it did not.
+    """
+
+    _rubs = False  # whether there is friction
+
+    def __init__(
+        self,
+        comm: Any,
+        interior: I,
+        scheme: SolidScheme,
+        gaps: ContactGaps,
+        solver: Solver,
+        layers: int,
+        tolerance: float,
+        rest: tuple[Floats, Floats] | None = None,
+    ) -> None:
+        """Find the contact forces of the initial state.
+
+        Args:
+            comm: MPI communicator.
+            interior: What the scheme does inside the body.
+            scheme: The scheme as data.
+            gaps: Distances from the obstacles.
+            solver: Of complementarity problems.
+            layers: Number of layers.
+            tolerance: Rounding level of gaps [m].
+            rest: Where bodies start at rest: forces in the gaps [N], (pairs,), and what these do to
+                massless nodes [m], (nodes, dim). None: they are found.
+        """
+        self._comm, self._scheme, self._gaps = comm, scheme, gaps
+        self.interior = interior
+        self._solver, self.layers, self.tolerance = solver, layers, tolerance
+        free = interior.surface_displacement
+        self.layer = 0
+        self.failure = ""  # why the march ended early
+        # An explicit step spans two layers: what it conserves pairs each level with the one after
+        # the next, and contact nodes that have mass take the forces of neighbouring layers.
+        self._skips = scheme.explicit and scheme.massless
+        last = free if rest is None else free + rest[1]
+        gap, normals = gaps.at(free, free, last, 0.0)
+        count = len(gap)
+        self._normals = normals
+        multiplier, static = rest or self._initial_contact(gap, normals)
+        acting = np.zeros(count) if rest is None else multiplier
+        if scheme.shares_forces:  # half of the force at t = 0 lies before it, and is missing
+            multiplier = np.zeros(count)
+        true = gap + np.einsum("ij,ij->i", normals, gaps.relative(static))
+        self.contact = ContactState(multiplier, true, multiplier, true, static)
+        sums = interior.initial(static)
+        self.rows = Rows.empty(
+            layers + 1, len(sums), free.shape[1], len(gaps.pairs), friction=self._rubs
+        )
+        self.rows.put(0, sums)
+        self._impulsive = np.zeros(count, dtype=bool)
+        self._start_force = acting
+        self._close_row(0, acting, 0)
+
+    @abstractmethod
+    def _advance(self) -> Floats:
+        """One layer; returns the contact forces [N], shape (gaps,)."""
+
+    def _initial_contact(self, gap: Floats, normals: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002
+        """Forces in the gaps at t = 0 [N], (gaps,), and what they do to massless nodes [m]."""
+        return np.zeros(len(gap)), np.zeros_like(self.interior.surface_displacement)
+
+    @property
+    def asked(self) -> Integers:
+        """Contact nodes whose answers to forces are known, in the order of their finding."""
+        return np.zeros(0, dtype=np.int64)
+
+    @property
+    def pairs(self) -> tuple[str, ...]:
+        """Names of the pairs of the scene that gaps belong to."""
+        return self._gaps.pairs
+
+    def memory(self) -> dict[str, Floats]:
+        """What the next layer needs besides the state of the bodies, the same on all ranks."""
+        contact = {f"contact.{entry.name}": getattr(self.contact, entry.name) for entry in _CONTACT}
+        own = {"surface": self.interior.surface_displacement} | self.interior.memory()
+        return contact | own | self._gaps.memory()
+
+    def restore(
+        self,
+        state: dict[str, Any],
+        memory: Mapping[str, Floats],
+        asked: Integers,  # noqa: ARG002  (of marches that keep answers)
+        layer: int,
+    ) -> None:
+        """Continue after ``layer`` layers; the rows are set (collective).
+
+        Args:
+            state: Of the interior.
+            memory: As `memory` gave it.
+            asked: As the property was: sums of answers then round as they would have.
+            layer: Number of layers done.
+        """
+        self.contact = ContactState(*(memory[f"contact.{entry.name}"] for entry in _CONTACT))
+        self.interior.restore(state, memory["surface"])
+        self.interior.remember(memory)
+        self._gaps.remember(memory)
+        self.layer = layer
+
+    def run(self, observers: Sequence[Callable[[Level], None]] = ()) -> None:
+        """March to the end; observers see every level, the initial one included.
+
+        Raises:
+            ConvergenceError: Contact forces were not found, or the numbers are no longer finite.
+        """
+        if self.layer == 0:
+            self._check_finite()
+            self._observe(observers, self._start_force)
+        while self.layer < self.layers:
+            force = self._advance()
+            if self.layer % _CHECKED == 0 or self.layer == self.layers:
+                self._check_finite()
+            self._observe(observers, force)
+
+    def _observe(self, observers: Sequence[Callable[[Level], None]], force: Floats) -> None:
+        if not observers:
+            return
+        state = self.contact
+        level = Level(
+            self.interior, self.layer, state.static, force, state.gap,
+            lambda: self._gaps.spread(self._vectors(np.where(self._impulsive, 0.0, force))),
+        )  # fmt: skip
+        for observer in observers:
+            observer(level)
+
+    def _vectors(self, lasting: Floats) -> Floats:
+        """Forces in the gaps as vectors (pairs, dim), of their normal parts (pairs,) [N]."""
+        return lasting[:, None] * self._normals
+
+    def _pressed_work(self, way: Floats) -> float:
+        """Multipliers times the displacements (pairs, dim) that they give to massless nodes [J]."""
+        return float(self.contact.multiplier @ np.einsum("ij,ij->i", self._normals, way))
+
+    def _close_row(self, row: int, force: Floats, iterations: int) -> None:
+        """Store what is the same on all ranks."""
+        rows, state = self.rows, self.contact
+        lasting = np.where(self._impulsive, 0.0, force)
+        rows.gap[row] = state.gap.min(initial=np.inf)
+        rows.force[row] = lasting.sum()
+        rows.largest[row] = lasting.max(initial=0.0)
+        rows.active[row] = np.count_nonzero(force > 0.0)
+        rows.iterations[row] = iterations
+        self._close_pairs(row, lasting, force - lasting)
+        if self._skips:
+            # gap = g + D lambda and lambda gap = 0: lambda D lambda = lambda . (gap - g).
+            pressed = self._pressed_work(self._gaps.relative(state.static))
+            rows.contact_energy[row] = 0.5 * pressed
+
+    def _close_pairs(self, row: int, force: Floats, struck: Floats) -> None:
+        """Store what pairs have of lasting forces, of those of impacts, and of gaps."""
+        rows, count = self.rows, len(self._gaps.pairs)
+        if count == 1:  # they have all
+            rows.pair_force[row], rows.pair_gap[row] = rows.force[row], rows.gap[row]
+            rows.pair_impact[row] = rows.impact[row]
+            return
+        pair = self._gaps.pair_of()
+        rows.pair_force[row] = np.bincount(pair, force, count)
+        rows.pair_impact[row] = self.interior.dt * np.bincount(pair, struck, count)
+        rows.pair_gap[row] = np.inf
+        np.minimum.at(rows.pair_gap[row], pair, self.contact.gap)
+
+    def _check_finite(self) -> None:
+        """Stop all ranks if the numbers of one are not finite."""
+        fine = bool(np.isfinite(self.rows.sums[self.layer]).all())
+        if not self._comm.allreduce(fine, op=MPI.LAND):
+            if self.layer == 0:
+                raise ConvergenceError(
+                    "the energy or momentum at t = 0 is not finite: the body's velocity, "
+                    "displacement or material data are too large; give SI units"
+                )
+            raise ConvergenceError(
+                f"the motion is no longer finite at t = {self.layer * self.interior.dt:g} s; use "
+                "a smaller solve.dt or solve.courant, or check the loads of the scene"
+            )

@@ -1,0 +1,44 @@
+"""Rotation and spin of a body that may turn far, from moments of its mass."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from impactfem.result.whole import Whole
+
+Floats = NDArray[np.float64]
+
+
+def attitude(moments: Floats, spun: Floats, whole: Whole) -> tuple[Floats, Floats]:
+    """Rotation and spin as `BodyMotion` has them.
+
+    The rotation is the one that fits the places best (W. Kabsch, Acta Cryst. A 32 (1976) 922-923),
+    in the plane counted over turns; the spin is that of the rigid body with the present moment of
+    inertia and the same angular momentum.
+
+    Args:
+        moments: Sum of m x (X - c)^T and of m a a^T with present arms a [kg m^2],
+            (rows, 2, dim, dim).
+        spun: Angular momentum about the centre [kg m^2/s], (rows, 1 or 3).
+        whole: What the body is part of: images undo products across their planes.
+
+    Returns:
+        Angle [rad], (rows, 1), or unit quaternions, w first, (rows, 4); spin [rad/s], (rows, 1 or
+        3).
+    """
+    dim = moments.shape[-1]
+    cut = np.isin(np.arange(dim), list(whole.levels))
+    kept = ~np.logical_xor.outer(cut, cut)
+    if cut.sum() > 1:
+        kept &= np.eye(dim, dtype=bool)
+    fit, second = np.where(kept, moments[:, 0], 0.0), np.where(kept, moments[:, 1], 0.0)
+    if dim == 2:
+        angle = np.unwrap(np.arctan2(fit[:, 1, 0] - fit[:, 0, 1], np.trace(fit, axis1=1, axis2=2)))
+        return angle[:, None], spun / np.trace(second, axis1=1, axis2=2)[:, None]
+    left, _, right = np.linalg.svd(fit)
+    left[:, :, -1] *= np.sign(np.linalg.det(left @ right))[:, None]
+    turn = np.roll(Rotation.from_matrix(left @ right).as_quat(), 1, axis=1)  # w comes last there
+    steps = np.sign(np.einsum("ij,ij->i", turn[1:], turn[:-1]))
+    turn[1:] *= np.cumprod(np.where(steps < 0.0, -1.0, 1.0))[:, None]
+    inertia = np.trace(second, axis1=1, axis2=2)[:, None, None] * np.eye(3) - second
+    return turn, np.linalg.solve(inertia, spun[:, :, None])[:, :, 0]

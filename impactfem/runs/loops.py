@@ -1,0 +1,154 @@
+"""Make the time loop of a scene: bodies, their gaps, the solver of contact, their start."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.complementarity import Solver, solve_by_active_set
+from impactfem.fem import gather
+from impactfem.log import Progress
+from impactfem.marching.composite import Composite
+from impactfem.marching.few import FewInterior, FewMidpoint
+from impactfem.marching.finite import FiniteMidpoint
+from impactfem.marching.layers import ContactGaps, Interior
+from impactfem.marching.leapfrog import Leapfrog
+from impactfem.marching.midpoint import Midpoint
+from impactfem.marching.newton_march import NewtonMarch
+from impactfem.marching.rubbing_march import RubbingMarch
+from impactfem.marching.schemes import SolidScheme
+from impactfem.marching.solids import SolidMarch
+from impactfem.marching.time_loop import TimeLoop
+from impactfem.marching.wave_bar import WaveBar
+from impactfem.models.solids import SolidPart, SolidsModel
+from impactfem.runs.contacts import Contacts
+from impactfem.runs.static_start import Started, start_at_rest
+from impactfem.scene import Scene
+from impactfem.system.surface import SurfaceNodes, SurfaceStatics
+
+if TYPE_CHECKING:
+    from impactfem.planning import MarchNumbers
+
+Floats = NDArray[np.float64]
+
+_LAYERS = 100  # whose way tells how coordinates round
+
+Discretised = tuple[SolidPart, SurfaceNodes, Any]
+"""A solid, its contact nodes on this rank, and what moves mass off these."""
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A time loop that is ready to run.
+
+    Attributes:
+        march: The loop.
+        gaps: All gaps.
+        offsets: Where the contact nodes of each part of the march begin, and their number.
+        started: How the bodies came to rest, if they start so.
+    """
+
+    march: TimeLoop[Any]
+    gaps: ContactGaps
+    offsets: list[int]
+    started: Started | None = None
+
+
+def make_loop(
+    scene: Scene,
+    model: SolidsModel,
+    numbers: "MarchNumbers",
+    scheme: SolidScheme,
+    each: Sequence[Discretised],
+    few: Sequence[FewMidpoint | WaveBar],
+    steps: tuple[float, int],
+    progress: Progress,
+) -> Loop:
+    """Prepare a march (collective).
+
+    Args:
+        scene: The scene.
+        model: Its bodies.
+        numbers: Of the plan.
+        scheme: The time scheme.
+        each: The solids.
+        few: What marches the bodies without meshes.
+        steps: Time step [s] and number of layers.
+        progress: Told of the stages.
+
+    Raises:
+        SceneError: Bodies overlap, or loads drive one that starts at rest and is not held.
+        ConvergenceError: No equilibrium was found, or a matrix cannot be factored.
+    """
+    dt, layers = steps
+    tolerance = numbers.tolerance * _size(model, few, dt)
+    counts = [surface.count for _, surface, _ in each]
+    counts += [len(part.surface_displacement) for part in few]
+    offsets = [0, *np.cumsum(counts).tolist()]
+    contacts = Contacts.of(model, [surface for _, surface, _ in each], offsets)
+    law = contacts.friction(scene, tolerance, 50 * numbers.max_iterations)
+    # Nodes that each have a gap of their own: nothing has to be weighed.
+    alone = len(each) == 1 and not few and law is None
+    gaps: ContactGaps = contacts.obstacles[0].gaps if alone else contacts.gaps()
+    solver, kind = _solver(numbers, tolerance), numbers.linear_solver
+    settings = (scheme, gaps, solver, layers, tolerance)
+    if any(part.solid.is_finite for part in model.parts):
+        part, surface, transfer = each[0]
+        body = FiniteMidpoint(part.system, part.solid, surface, transfer, dt, kind)
+        return Loop(NewtonMarch(model.comm, body, *settings), gaps, offsets)
+    solids = [_interior(*parts, scheme, dt, kind) for parts in each]
+    composite = Composite([*solids, *few], [_free(*parts[:2]) for parts in each])
+    started = None
+    if scene.starts_at_rest:
+        progress.step("bringing the bodies to rest")
+        started = start_at_rest(model, each, composite, gaps, solver, tolerance, kind)
+    rest = None if started is None else (started.rest.multiplier, started.static)
+    interior: Interior = solids[0] if alone else composite
+    arguments = (model.comm, interior, *settings, contacts.restitution(scene), rest)
+    march = SolidMarch(*arguments) if law is None else RubbingMarch(*arguments, law)
+    return Loop(march, gaps, offsets, started)
+
+
+def _size(model: SolidsModel, few: Sequence[FewInterior], dt: float) -> float:
+    """Largest extent of the bodies [m], of bodies without meshes what coordinates round by.
+
+    Their places may be 0, and a point has no extent: so their ways count too (collective).
+    """
+    positions = (gather(model.comm, part.system.positions) for part in model.parts)
+    sizes = [float(np.ptp(each, axis=0).max()) for each in positions]
+    some = _LAYERS * dt
+    for march in few:
+        bodies, speed = march.bodies, float(np.abs(march.surface_velocity).max())
+        pull = float(np.linalg.norm(model.scene.vector_gravity.values, axis=1).max())
+        sizes += [float(np.abs(bodies.places(bodies.position)).max()), float(bodies.radius.max())]
+        sizes.append(speed * some + 0.5 * pull * some**2)
+    return max(sizes)
+
+
+def _solver(numbers: "MarchNumbers", tolerance: float) -> Solver:
+    if numbers.active_set == "snes_vi":
+        from impactfem.contact.snes_vi import solve_by_snes_vi  # noqa: PLC0415  (rarely asked)
+
+        return solve_by_snes_vi(tolerance, numbers.max_iterations)
+    return solve_by_active_set(tolerance, numbers.max_iterations)
+
+
+def _interior(
+    part: SolidPart,
+    surface: SurfaceNodes,
+    transfer: object,
+    scheme: SolidScheme,
+    dt: float,
+    linear_solver: str,
+) -> Interior:
+    statics = None if transfer is None else SurfaceStatics(part.system.stiffness, surface)
+    if scheme.explicit:
+        return Leapfrog(part.system, surface, statics, transfer, dt)
+    return Midpoint(part.system, surface, statics, transfer, dt, linear_solver)
+
+
+def _free(part: SolidPart, surface: SurfaceNodes) -> Floats:
+    """1 where a contact node may move and 0 where a support holds it, (count, dim)."""
+    return surface.gather((~part.system.constrained).astype(float))

@@ -1,0 +1,78 @@
+"""Internal forces, tangents and energies of a body under finite strain, assembled by DOLFINx."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem import fem
+from impactfem.fem import MPI, dolfinx_fem, ufl
+from impactfem.forms.elasticity import ElasticForms
+from impactfem.forms.finite_strain import LAWS, FiniteForms
+from impactfem.system.matrices import body_forms
+from impactfem.system.nodes import Nodes
+
+Floats = NDArray[np.float64]
+
+
+def finite_forms(forms: ElasticForms, solid: Any, viscosity: Any = 0.0) -> FiniteForms:
+    """Forms of a solid with ``strain = "finite"``, by those that linear elasticity has of it."""
+    return FiniteForms(forms, LAWS[solid.material], viscosity)
+
+
+class FiniteStrain:
+    """What a body under finite strain does in a step between two displacements.
+
+    Vectors hold the owned degrees of freedom; nothing is held here, supports are the caller's.
+    """
+
+    def __init__(self, nodes: Nodes, solid: Any) -> None:
+        """Compile the forms (collective).
+
+        Args:
+            nodes: Nodes of the body.
+            solid: `impactfem.scene.solids.Solid` with ``strain = "finite"``.
+        """
+        space = nodes.space
+        self._comm = nodes.comm
+        self._viscosity = dolfinx_fem.Constant(space.mesh, 0.0)
+        forms = finite_forms(body_forms(nodes, solid), solid, self._viscosity)
+        self._before, self._after = dolfinx_fem.Function(space), dolfinx_fem.Function(space)
+        force = forms.force(self._before, self._after)
+        self._force = fem.compile_form(force)
+        self._tangent = fem.compile_form(ufl.derivative(force, self._after))
+        self._energy = fem.compile_form(forms.energy(self._after))
+        self._inverted = fem.compile_form(forms.inverted(self._after))
+
+    def retard(self, steps: float) -> None:
+        """Take a time of retardation (Kelvin and Voigt), counted in time steps, from now on."""
+        self._viscosity.value = steps
+
+    def force(self, before: Floats, after: Floats) -> Floats:
+        """Forces of the nodes on the body in a step [N], (owned dofs,) (collective)."""
+        self._put(self._before, before)
+        self._put(self._after, after)
+        return fem.assemble_vector(self._force)
+
+    def tangent(self, before: Floats, after: Floats) -> Any:
+        """Their derivative by ``after`` as a new PETSc matrix [N/m], not symmetric (collective)."""
+        self._put(self._before, before)
+        self._put(self._after, after)
+        return fem.assemble_petsc(self._tangent)
+
+    def energy(self, displacement: Floats) -> float:
+        """Elastic energy of the cells of this rank [J] (collective)."""
+        self._put(self._after, displacement)
+        return float(dolfinx_fem.assemble_scalar(self._energy))
+
+    def is_inverted(self, displacement: Floats) -> bool:
+        """Whether a cell is turned inside out, or a number is not finite (collective)."""
+        self._put(self._after, displacement)
+        bad = not float(dolfinx_fem.assemble_scalar(self._inverted)) == 0.0  # noqa: SIM201  (NaN)
+        bad = bad or not np.isfinite(displacement).all()
+        return bool(self._comm.allreduce(bad, op=MPI.LOR))
+
+    @staticmethod
+    def _put(function: Any, values: Floats) -> None:
+        function.x.array[: len(values)] = values
+        function.x.scatter_forward()
