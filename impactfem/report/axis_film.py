@@ -2,17 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, override
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.text import Text
 from numpy.typing import NDArray
 
-from impactfem.report.film import BLUE, even_moments, force_beside, tell_time
+from impactfem.report.film import BLUE, Reel, even_moments, force_beside
 from impactfem.report.sheet import Sheet
 from impactfem.result import Record, Snapshots
 from impactfem.result.shapes import LINE
@@ -25,34 +23,21 @@ _VISIBLE = 0.05  # share of the length from which motion is seen at true scale
 
 
 @dataclass(frozen=True)
-class AxisReel:
+class AxisReel(Reel):
     """The axis at some of its rows.
 
     Attributes:
-        figure: With the panel of the axis and that of the force.
-        times: [s], shape (moments,).
         curves: What the panel shows of the nodes, shape (moments, nodes, 2).
         line: The axis as drawn.
-        clock: Says the time.
-        now: Marks the time.
     """
 
-    figure: Figure
-    times: Floats
     curves: Floats
     line: Line2D
-    clock: Text
-    now: Line2D
 
-    @property
-    def count(self) -> int:
-        """Number of moments."""
-        return len(self.times)
-
-    def show(self, moment: int) -> Sequence[Artist]:
-        """Let the figure show a moment; returns what moves."""
+    @override
+    def move(self, moment: int, time: float) -> Sequence[Artist]:
         self.line.set_data(*self.curves[moment].T)
-        return [self.line, *tell_time(self.clock, self.now, float(self.times[moment]))]
+        return [self.line]
 
 
 def moves_little(result: Record, fields: Snapshots) -> bool:
@@ -97,7 +82,7 @@ def axis_reel(result: Record, fields: Snapshots, frames: int | None) -> AxisReel
     clock.set_animated(True)
     now = force_beside(right, result)
     figure.suptitle(result.scene.title, fontsize=11)
-    return AxisReel(figure, fields.times[moments], curves[moments], line, clock, now)
+    return AxisReel(figure, fields.times[moments], clock, now, curves[moments], line)
 
 
 def _way(panel: Axes, result: Record, places: Floats) -> Floats:

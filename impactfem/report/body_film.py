@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import override
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -9,12 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.text import Text
 from numpy.typing import NDArray
 
-from impactfem.report.film import cursor, even_moments, force_beside, tell_time
+from impactfem.report.film import Reel, cursor, even_moments, force_beside
 from impactfem.report.panel import colour
 from impactfem.report.panel_figure import draw_panel
 from impactfem.report.panels import gap
@@ -33,42 +32,31 @@ _TRACK = 0.15  # share of the duration that the track of a point is long
 
 
 @dataclass(frozen=True)
-class BodyReel:
+class BodyReel(Reel):
     """The bodies at some layers.
 
     Attributes:
-        figure: With the panel of the bodies and a curve.
         layers: Layers of the fields, shape (moments,).
         skin: What is seen of the bodies.
         painter: Draws them.
         panel: Where they are drawn.
         above: What stays above them.
-        clock: Says the time.
-        now: Marks the time.
         ways: Where points are in the picture at all layers [m], (layers, points, 2).
         trails: Their tracks as drawn.
         drawn: What the last moment drew.
     """
 
-    figure: Figure
     layers: NDArray[np.int64]
     skin: Skin
     painter: Painter
     panel: Axes
     above: Sequence[Artist]
-    clock: Text
-    now: Line2D
     ways: Floats
     trails: LineCollection
     drawn: list[Artist] = field(default_factory=list)
 
-    @property
-    def count(self) -> int:
-        """Number of moments."""
-        return len(self.layers)
-
-    def show(self, moment: int) -> list[Artist]:
-        """Let the figure show a layer; returns what moves, from the back to the front."""
+    @override
+    def move(self, moment: int, time: float) -> Sequence[Artist]:
         snapshot = self.skin.snapshot(int(self.layers[moment]))
         for artist in self.drawn:
             artist.remove()
@@ -77,9 +65,8 @@ class BodyReel:
             self.drawn.extend(self.painter.draw(self.panel, snapshot))
         for artist in self.drawn:
             artist.set_animated(True)
-        self.trails.set_segments(tracks(self.skin.fields.times, self.ways, snapshot.time, _TRACK))
-        told = tell_time(self.clock, self.now, snapshot.time)
-        return [*self.drawn, self.trails, *self.above, *told]
+        self.trails.set_segments(tracks(self.skin.fields.times, self.ways, time, _TRACK))
+        return [*self.drawn, self.trails, *self.above]
 
 
 def body_reel(result: Record, fields: Snapshots, frames: int | None) -> BodyReel | None:
@@ -122,7 +109,8 @@ def body_reel(result: Record, fields: Snapshots, frames: int | None) -> BodyReel
     left.add_collection(trails, autolim=False)
     for artist in (*above, clock, trails):
         artist.set_animated(True)
-    return BodyReel(figure, layers, painter.skin, painter, left, above, clock, now, ways, trails)
+    return BodyReel(figure, fields.times[layers], clock, now, layers, painter.skin, painter,
+                    left, above, ways, trails)  # fmt: skip
 
 
 def _beside(axes: Axes, result: Record) -> Line2D:

@@ -1,9 +1,11 @@
 """Films of what a reel shows moment by moment: in a notebook, as a GIF or as an MP4."""
 
 import importlib
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -30,19 +32,38 @@ BLUE = "#0b559f"
 _SECONDS = 5.0  # that a film takes
 
 
-class Reel(Protocol):
-    """A figure whose moving parts stand for one moment after the other."""
+@dataclass(frozen=True)
+class Reel(ABC):
+    """A figure whose moving parts stand for one moment after the other.
 
-    @property
-    def figure(self) -> Figure:
-        """The figure, on a canvas of Agg."""
+    Attributes:
+        figure: On a canvas of Agg.
+        times: Of the moments [s], shape (moments,).
+        clock: Says the time.
+        now: Marks the time.
+    """
+
+    figure: Figure
+    times: NDArray[np.float64]
+    clock: Text
+    now: Line2D
 
     @property
     def count(self) -> int:
         """Number of moments."""
+        return len(self.times)
 
     def show(self, moment: int) -> Sequence[Artist]:
         """Let the figure show a moment; returns what moves, from the back to the front."""
+        time = float(self.times[moment])
+        moved = self.move(moment, time)
+        self.clock.set_text(f"t = {time:.4g} s")
+        self.now.set_xdata([time, time])
+        return [*moved, self.clock, self.now]
+
+    @abstractmethod
+    def move(self, moment: int, time: float) -> Sequence[Artist]:
+        """Move what is drawn of the bodies to a moment; returns it."""
 
 
 class Film(FuncAnimation):
@@ -88,13 +109,6 @@ def cursor(axes: Axes) -> Line2D:
     line = axes.axvline(0.0, color="black", linewidth=1.0)
     line.set_animated(True)
     return line
-
-
-def tell_time(clock: Text, now: Line2D, time: float) -> list[Artist]:
-    """Let the clock of a reel say a time [s] and its cursor mark it; returns both."""
-    clock.set_text(f"t = {time:.4g} s")
-    now.set_xdata([time, time])
-    return [clock, now]
 
 
 def even_moments(times: NDArray[np.float64], frames: int) -> NDArray[np.int64]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, override
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -11,11 +11,10 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.text import Text
 from numpy.typing import NDArray
 
 from impactfem.contact.distance import on_a_line
-from impactfem.report.film import cursor, even_moments, force_beside, tell_time
+from impactfem.report.film import Reel, cursor, even_moments, force_beside
 from impactfem.report.line_panels import magnified
 from impactfem.report.motion_panels import motion
 from impactfem.report.panel import colour
@@ -34,44 +33,31 @@ _DOT = 0.01  # of the extent: radius of points that have none
 
 
 @dataclass(frozen=True)
-class LineReel:
+class LineReel(Reel):
     """Bars or points on their line at some layers.
 
     Attributes:
-        figure: With the panel of the bodies and a curve.
-        times: [s], shape (moments,).
         near, far: Places of the ends of the pieces in the picture [m], (moments, pieces).
         first: First piece of each body, shape (bodies,).
         pieces: The pieces as drawn.
         outlines: The outlines of the bodies.
         walls: Draws the obstacles that move at a time, and returns them.
-        clock: Says the time.
-        now: Marks the time.
         stress: Stress of the pieces of bars, tension positive [Pa], (moments, pieces).
         drawn: Obstacles of the last moment.
     """
 
-    figure: Figure
-    times: Floats
     near: Floats
     far: Floats
     first: Nodes
     pieces: PolyCollection
     outlines: LineCollection
     walls: Callable[[float], Sequence[Artist]]
-    clock: Text
-    now: Line2D
     stress: Floats | None = None
     drawn: list[Artist] = field(default_factory=list)
 
-    @property
-    def count(self) -> int:
-        """Number of moments."""
-        return len(self.times)
-
-    def show(self, moment: int) -> Sequence[Artist]:
-        """Let the figure show a layer; returns what moves, from the back to the front."""
-        a, b, time = self.near[moment], self.far[moment], float(self.times[moment])
+    @override
+    def move(self, moment: int, time: float) -> Sequence[Artist]:
+        a, b = self.near[moment], self.far[moment]
         for artist in self.drawn:
             artist.remove()
         self.drawn[:] = self.walls(time)
@@ -82,8 +68,7 @@ class LineReel:
             self.pieces.set_array(self.stress[moment])
         ends = a[self.first], b[np.append(self.first[1:], len(b)) - 1]
         self.outlines.set_segments(_boxes(*ends)[:, [0, 1, 2, 3, 0]])
-        told = tell_time(self.clock, self.now, time)
-        return [*self.drawn, self.pieces, self.outlines, *told]
+        return [*self.drawn, self.pieces, self.outlines]
 
 
 def line_reel(result: Record, fields: Snapshots, frames: int | None) -> LineReel | None:
@@ -185,7 +170,7 @@ def _reel(
         panel.add_collection(drawn, autolim=False)
     clock = panel.text(0.99, 0.95, "", transform=panel.transAxes, ha="right", va="top", fontsize=9)
     clock.set_animated(True)
-    return LineReel(figure, times, *ends, first, pieces, outlines, walls, clock, now, stress)
+    return LineReel(figure, times, clock, now, *ends, first, pieces, outlines, walls, stress)
 
 
 def _none(_: float) -> Sequence[Artist]:

@@ -101,9 +101,32 @@ class Block(Shape):
         return math.pi / 4 if self.size[0] == self.size[1] else math.pi / 2
 
 
+class _Round:
+    """What discs, rings and balls have in common."""
+
+    radius: float
+    center: Sequence[float]
+
+    @property
+    def dim(self) -> int:
+        return len(self.center)
+
+    @property
+    def centre(self) -> tuple[float, ...]:
+        return tuple(self.center)
+
+    @property
+    def half_extents(self) -> tuple[float, ...]:
+        return (self.radius,) * self.dim
+
+    @property
+    def symmetric_turns(self) -> float:
+        return 0.0
+
+
 @table('shape = { kind = "disc" }')
 @dataclass(frozen=True, kw_only=True)
-class Disc(Shape):
+class Disc(_Round, Shape):
     """A disc (2D); in an axisymmetric model a ball (center at r = 0) or a torus. Surface: rim.
 
     Raises:
@@ -124,16 +147,6 @@ class Disc(Shape):
 
     @property
     @override
-    def dim(self) -> int:
-        return 2
-
-    @property
-    @override
-    def centre(self) -> tuple[float, ...]:
-        return tuple(self.center)
-
-    @property
-    @override
     def figure(self) -> Figure:
         return Figure(self.centre, radii={"rim": self.radius})
 
@@ -151,23 +164,13 @@ class Disc(Shape):
 
     @property
     @override
-    def half_extents(self) -> tuple[float, ...]:
-        return (self.radius, self.radius)
-
-    @property
-    @override
     def _faces(self) -> Mapping[str, tuple[float, ...] | None]:
         return {"rim": None}
-
-    @property
-    @override
-    def symmetric_turns(self) -> float:
-        return 0.0
 
 
 @table('shape = { kind = "ring" }')
 @dataclass(frozen=True, kw_only=True)
-class Ring(Shape):
+class Ring(_Round, Shape):
     """A ring (2D); axisymmetric: a hollow ball or torus. Surfaces: outer, inner.
 
     Raises:
@@ -194,16 +197,6 @@ class Ring(Shape):
 
     @property
     @override
-    def dim(self) -> int:
-        return 2
-
-    @property
-    @override
-    def centre(self) -> tuple[float, ...]:
-        return tuple(self.center)
-
-    @property
-    @override
     def figure(self) -> Figure:
         return Figure(self.centre, radii={"outer": self.radius, "inner": self.inner_radius})
 
@@ -222,18 +215,8 @@ class Ring(Shape):
 
     @property
     @override
-    def half_extents(self) -> tuple[float, ...]:
-        return (self.radius, self.radius)
-
-    @property
-    @override
     def _faces(self) -> Mapping[str, tuple[float, ...] | None]:
         return {"outer": None, "inner": None}
-
-    @property
-    @override
-    def symmetric_turns(self) -> float:
-        return 0.0
 
 
 @table('shape = { kind = "cylinder" }')
@@ -318,7 +301,7 @@ class Cylinder(Shape):
 
 @table('shape = { kind = "sphere" }')
 @dataclass(frozen=True, kw_only=True)
-class Sphere(Shape):
+class Sphere(_Round, Shape):
     """A ball (3D or axisymmetric). Surface: surface.
 
     Raises:
@@ -339,16 +322,6 @@ class Sphere(Shape):
 
     @property
     @override
-    def dim(self) -> int:
-        return len(self.center)
-
-    @property
-    @override
-    def centre(self) -> tuple[float, ...]:
-        return tuple(self.center)
-
-    @property
-    @override
     def figure(self) -> Figure:
         return Figure(self.centre, radii={"surface": self.radius})
 
@@ -366,18 +339,8 @@ class Sphere(Shape):
 
     @property
     @override
-    def half_extents(self) -> tuple[float, ...]:
-        return (self.radius,) * self.dim
-
-    @property
-    @override
     def _faces(self) -> Mapping[str, tuple[float, ...] | None]:
         return {"surface": None}
-
-    @property
-    @override
-    def symmetric_turns(self) -> float:
-        return 0.0
 
     @override
     def _check_radius(self) -> None:
