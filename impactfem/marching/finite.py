@@ -23,9 +23,11 @@ from impactfem.fem import MPI, PETSc, products_in_order
 from impactfem.marching.layers import Sums
 from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
+from impactfem.system.finite_statics import FiniteAtRest
 from impactfem.system.finite_strain import FiniteStrain
 from impactfem.system.linear import LinearSolver
 from impactfem.system.moments import kept_moments
+from impactfem.system.rigid_modes import unit_spins
 from impactfem.system.surface import SurfaceNodes
 
 Floats = NDArray[np.float64]
@@ -93,6 +95,25 @@ class FiniteMidpoint:
         self.generation = 0  # of the tangent: answers to forces change with it
         self._stale, self._left = True, np.inf
         self._change = np.zeros_like(self.displacement)
+
+    def at_rest(self, name: str, gravity: Floats, spin: Floats) -> FiniteAtRest:
+        """The body as the search for equilibrium asks it (collective); see `FiniteAtRest`."""
+        system, surface = self._system, self._surface
+        return FiniteAtRest(
+            name, system, self._strain, surface, self._mass, self._weights, self._kind, gravity,
+            spin,
+        )  # fmt: skip
+
+    def turn(self, spin: Floats) -> None:
+        """Add velocities that displacements have in a body that turns (collective).
+
+        Args:
+            spin: Angular velocity [rad/s], (1,) or in space (3,), that undeformed places have
+                already.
+        """
+        moved = self._from_centre(self.displacement.reshape(-1, self._system.dim))
+        more = np.einsum("k,kij->ij", spin, np.array(unit_spins(moved))).ravel()
+        self.velocity = self.velocity + np.where(self._system.constrained, 0.0, more)
 
     @property
     def surface_displacement(self) -> Floats:

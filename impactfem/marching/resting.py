@@ -61,3 +61,6 @@ class Resting(Protocol):
 
         Equal functions for equal tangents: answers that are known are kept.
         """
+
+    def destroy(self) -> None:
+        """Free what PETSc holds."""

@@ -24,7 +24,7 @@ from impactfem.marching.time_loop import TimeLoop
 from impactfem.marching.wave_bar import WaveBar
 from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.runs.contacts import Contacts
-from impactfem.runs.static_start import Started, start_at_rest
+from impactfem.runs.static_start import Started, linear_bodies, spin_of, start_at_rest
 from impactfem.scene import Scene
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
@@ -97,13 +97,28 @@ def make_loop(
     if any(part.solid.is_finite for part in model.parts):
         part, surface, transfer = each[0]
         body = FiniteMidpoint(part.system, part.solid, surface, transfer, dt, kind)
-        return Loop(NewtonMarch(model.comm, body, *settings), gaps, offsets)
+        started = None
+        if scene.starts_at_rest:
+            progress.step("bringing the body to rest")
+            gravity = np.asarray(scene.vector_gravity.at(0.0))
+            spin = spin_of(part)
+            alike = [body.at_rest(part.solid.name, gravity, spin)]
+            started = start_at_rest(
+                model, alike, [surface], body, np.zeros_like, gaps, solver, tolerance
+            )
+            body.turn(spin)
+        rest = None if started is None else (started.rest.multiplier, started.static)
+        return Loop(NewtonMarch(model.comm, body, *settings, rest), gaps, offsets, started)
     solids = [_interior(*parts, scheme, dt, kind) for parts in each]
     composite = Composite([*solids, *few], [_free(*parts[:2]) for parts in each])
     started = None
     if scene.starts_at_rest:
         progress.step("bringing the bodies to rest")
-        started = start_at_rest(model, each, composite, gaps, solver, tolerance, kind)
+        resting = linear_bodies(model, each, kind)
+        surfaces = [surface for _, surface, _ in each]
+        started = start_at_rest(
+            model, resting, surfaces, composite, composite.static, gaps, solver, tolerance
+        )
     rest = None if started is None else (started.rest.multiplier, started.static)
     interior: Interior = solids[0] if alone else composite
     arguments = (model.comm, interior, *settings, contacts.restitution(scene), rest)

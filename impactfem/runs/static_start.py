@@ -1,6 +1,6 @@
 """Bring bodies into equilibrium before they are marched."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from impactfem.contact.complementarity import Solver
 from impactfem.findings import Finding, by_limits, percent
-from impactfem.marching.composite import Composite
-from impactfem.marching.layers import ContactGaps
+from impactfem.marching.layers import ContactGaps, Stepper
+from impactfem.marching.resting import Resting
 from impactfem.marching.static_start import Rest, StaticStart
 from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.planning.solid_choices import fitting_solver
@@ -80,53 +80,73 @@ class Started:
         return tuple(found)
 
 
-def start_at_rest(
-    model: SolidsModel,
-    each: Sequence[tuple[SolidPart, SurfaceNodes, Any]],
-    composite: Composite,
-    gaps: ContactGaps,
-    solver: Solver,
-    tolerance: float,
-    linear_solver: str,
-) -> Started:
-    """Move the interiors of solids to equilibrium (collective).
+def linear_bodies(
+    model: SolidsModel, each: Sequence[tuple[SolidPart, SurfaceNodes, Any]], linear_solver: str
+) -> list[SolidAtRest]:
+    """Solids of small strains as the search asks them (collective).
 
     Args:
         model: The solids.
         each: They, their contact nodes, and what moves mass off these.
-        composite: Their interiors.
+        linear_solver: Of the march, "none" where it needs none.
+    """
+    gravity = np.asarray(model.scene.vector_gravity.at(0.0))
+    return [
+        SolidAtRest(
+            part.solid.name, part.system, surface, transfer,
+            fitting_solver(linear_solver, part.system.num_dofs, part.solid.dim), gravity,
+            spin_of(part),
+        )
+        for part, surface, transfer in each
+    ]  # fmt: skip
+
+
+def spin_of(part: SolidPart) -> Floats:
+    """Angular velocity at t = 0 [rad/s], (1,) or in space (3,)."""
+    return np.atleast_1d(np.asarray(part.solid.angular_velocity, dtype=np.float64))
+
+
+def start_at_rest(
+    model: SolidsModel,
+    bodies: Sequence[Resting],
+    surfaces: Sequence[SurfaceNodes],
+    interior: Stepper,
+    static: Callable[[Floats], Floats],
+    gaps: ContactGaps,
+    solver: Solver,
+    tolerance: float,
+) -> Started:
+    """Move interiors to equilibrium (collective).
+
+    Args:
+        model: The solids.
+        bodies: They as the search asks them; freed.
+        surfaces: Their contact nodes.
+        interior: What marches them.
+        static: What forces on contact nodes do to massless ones, (count, dim) each.
         gaps: Of all of them.
         solver: Of complementarity problems.
         tolerance: Rounding level of gaps [m].
-        linear_solver: Of the march, "none" where it needs none.
 
     Raises:
         SceneError: Loads drive a body that nothing holds.
         ConvergenceError: No equilibrium was found.
     """
-    gravity = np.asarray(model.scene.vector_gravity.at(0.0))
-    bodies = [
-        SolidAtRest(
-            part.solid.name, part.system, surface, transfer,
-            fitting_solver(linear_solver, part.system.num_dofs, part.solid.dim), gravity,
-            np.atleast_1d(np.asarray(part.solid.angular_velocity, dtype=np.float64)),
-        )
-        for part, surface, transfer in each
-    ]  # fmt: skip
-    owns = [composite.own(k) for k in range(len(bodies))]
+    ends = np.cumsum([surface.count for surface in surfaces]).tolist()
+    owns = [slice(end - s.count, end) for s, end in zip(surfaces, ends, strict=True)]
     try:
         rest = StaticStart(model.comm, bodies, owns, gaps, solver, tolerance).find()
     finally:
         for body in bodies:
             body.destroy()
     # Between layers interiors know massless nodes as they are without contact forces.
-    static = composite.static(rest.forces)
-    free = rest.surface - static
-    state = composite.state()
+    pressed = static(rest.forces)
+    free = rest.surface - pressed
+    state = interior.state()
     places = [place.copy() for place in rest.places]
-    for (_, surface, _), own, place in zip(each, owns, places, strict=True):
+    for surface, own, place in zip(surfaces, owns, places, strict=True):
         surface.spread(free[own], place)
     state["displacement"] = np.concatenate(places)
-    composite.restore(state, free)
-    sizes = {part.solid.name: part.system.nodes.size for part, *_ in each}
-    return Started(rest, static, sizes)
+    interior.restore(state, free)
+    sizes = {part.solid.name: part.system.nodes.size for part in model.parts}
+    return Started(rest, pressed, sizes)

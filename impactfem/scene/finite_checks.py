@@ -38,10 +38,7 @@ def _check_company(scene: Content, name: str) -> None:
 
 
 def _check_settings(scene: Content, name: str) -> None:
-    """Refuse starts, methods and settings of small strains."""
-    if scene.starts_at_rest:
-        text = f' = "static": {name} has finite strain, which starts as given: remove it.'
-        raise KeyedError("", "start", text)
+    """Refuse methods and settings of small strains."""
     solve = scene.solve
     if solve.method is not None and not METHODS[solve.method].finite:
         fitting = " or ".join(show(name) for name, method in METHODS.items() if method.finite)

@@ -137,7 +137,7 @@ class SolidAtRest:
     @cached_property
     def _shift(self) -> float:
         """Stiffness by mass that holds a free body [1/s^2]."""
-        return _SHIFT * self._least_rate()
+        return _SHIFT * least_rate(self._system)
 
     @cached_property
     def _solver(self) -> LinearSolver:
@@ -150,28 +150,30 @@ class SolidAtRest:
             diagonal.destroy()
         return LinearSolver(matrix, self._kind, system.stiffness.getNearNullSpace())
 
-    def _least_rate(self) -> float:
-        """Least quotient of stiffness and mass of uniform strains [1/s^2] (collective)."""
-        system, dim = self._system, self._system.dim
-        arms = system.positions - system.center_of_mass
-        source, image = self._vectors
-        quotients = []
-        for i, j in combinations_with_replacement(range(dim), 2):
-            field = np.zeros_like(arms)
-            field[:, i] += arms[:, j]
-            field[:, j] += arms[:, i]
-            strain = np.where(system.constrained, 0.0, field.ravel())
-            energies = []
-            for matrix in (system.stiffness, system.mass):
-                source.setArray(strain)
-                matrix.mult(source, image)
-                energies.append(source.dot(image))
-            quotients.append(energies[0] / energies[1])
-        return float(min(quotients))
-
     def destroy(self) -> None:
         """Free PETSc's objects."""
         if "_solver" in self.__dict__:
             self._solver.destroy()
         for vector in self._vectors:
             vector.destroy()
+
+
+def least_rate(system: ElasticSystem) -> float:
+    """Least quotient of stiffness and mass of uniform strains [1/s^2] (collective)."""
+    arms = system.positions - system.center_of_mass
+    source, image = system.stiffness.createVecs()
+    quotients = []
+    for i, j in combinations_with_replacement(range(system.dim), 2):
+        field = np.zeros_like(arms)
+        field[:, i] += arms[:, j]
+        field[:, j] += arms[:, i]
+        strain = np.where(system.constrained, 0.0, field.ravel())
+        energies = []
+        for matrix in (system.stiffness, system.mass):
+            source.setArray(strain)
+            matrix.mult(source, image)
+            energies.append(source.dot(image))
+        quotients.append(energies[0] / energies[1])
+    source.destroy()
+    image.destroy()
+    return float(min(quotients))

@@ -1,0 +1,130 @@
+"""A body under finite strain at rest: what loads leave unbalanced, and what forces do to it."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.fem import MPI, PETSc
+from impactfem.system.drive import Drive
+from impactfem.system.elastic import ElasticSystem
+from impactfem.system.finite_strain import FiniteStrain
+from impactfem.system.linear import LinearSolver
+from impactfem.system.rigid_modes import RigidModes, unit_spins
+from impactfem.system.statics import least_rate
+from impactfem.system.surface import SurfaceNodes
+
+Floats = NDArray[np.float64]
+
+_SHIFT = 1e-6  # as of linear bodies
+
+
+class FiniteAtRest:
+    """A body with any law; see `impactfem.marching.resting.Resting`."""
+
+    def __init__(
+        self,
+        name: str,
+        system: ElasticSystem,
+        strain: FiniteStrain,
+        surface: SurfaceNodes,
+        mass: Any,
+        weights: Floats,
+        linear_solver: str,
+        gravity: Floats,
+        spin: Floats,
+    ) -> None:
+        """Sum its loads at t = 0 up (collective).
+
+        Args:
+            name: Of the body.
+            system: The body at t = 0, as linear elasticity has it.
+            strain: Its forces.
+            surface: Its contact nodes.
+            mass: PETSc matrix of the march, without the mass of contact nodes.
+            weights: Its row sums, (owned dofs,).
+            linear_solver: "mumps" or "gamg".
+            gravity: At t = 0 [m/s^2], (dim,).
+            spin: Angular velocity [rad/s] about the centre of mass, (1,) or in space (3,).
+        """
+        self.name, self.start, self.modes = name, system.displacement.copy(), RigidModes.of(system)
+        self._system, self._strain, self._surface = system, strain, surface
+        self._kind, self._spin = linear_solver, spin
+        self._mass, self._weights = mass, weights.reshape(-1, system.dim)
+        drive = Drive(system, None)
+        self._load = drive.load(0.0) + (self._weights * gravity).ravel()
+        self._shift = _SHIFT * least_rate(system) if self.modes.count else 0.0
+        self._solver: LinearSolver | None = None
+        self._vectors = [system.stiffness.createVecRight() for _ in range(2)]
+
+    def contact(self, place: Floats) -> Floats:
+        """Displacements of the contact nodes, (count, dim) (collective)."""
+        return self._surface.gather(place)
+
+    def pulled(self, forces: Floats) -> Floats:
+        """Forces on the owned dofs by those on the contact nodes (count, dim)."""
+        found = np.zeros(len(self.start))
+        self._surface.spread(forces, found)
+        found[self._system.constrained] = 0.0
+        return found
+
+    def residual(self, place: Floats) -> Floats:
+        """Loads less internal forces [N]; not numbers where cells are inside out (collective)."""
+        if self._strain.is_inverted(place):
+            return np.full(len(place), np.nan)
+        found = self._load - self._strain.force(place, place)
+        if self._spin.any():
+            found += self._flung(place)
+        found[self._system.constrained] = 0.0
+        return np.asarray(found)
+
+    def _flung(self, place: Floats) -> Floats:
+        """Centrifugal forces about the centre of mass where it is now [N] (collective)."""
+        system, weights = self._system, self._weights
+        places = system.positions + place.reshape(-1, system.dim)
+        own = np.vstack([(weights * places).sum(axis=0), weights.sum(axis=0)])
+        moments, mass = np.asarray(system.comm.allreduce(own, op=MPI.SUM))
+        arms = places - moments / mass
+        for _ in range(2):
+            arms = np.einsum("k,kij->ij", self._spin, np.array(unit_spins(arms)))
+        source, image = self._vectors
+        source.setArray(-arms.ravel())
+        self._mass.mult(source, image)
+        return np.array(image.getArray())
+
+    def tangent(self, place: Floats) -> Callable[[Floats], Floats]:
+        """What forces on the owned dofs do where the body is (collective).
+
+        A step's forces are symmetric in both its ends: by one of them they change half as much.
+        """
+        matrix = self._strain.tangent(place, place)
+        matrix.scale(2.0)
+        diagonal = matrix.getDiagonal()
+        diagonal.setArray(diagonal.getArray() + self._shift * self.modes.weights)
+        matrix.setDiagonal(diagonal)
+        diagonal.destroy()
+        held = np.flatnonzero(self._system.constrained) + matrix.getOwnershipRange()[0]
+        matrix.zeroRowsColumns(held.astype(PETSc.IntType), diag=1.0)
+        self._drop()
+        near = self._system.stiffness.getNearNullSpace()
+        self._solver = solver = LinearSolver(matrix, self._kind, near, symmetric=False)
+        source, image = self._vectors
+
+        def answer(forces: Floats) -> Floats:
+            source.setArray(forces)
+            image.set(0.0)
+            solver.solve(source, image)
+            return np.array(image.getArray())
+
+        return answer
+
+    def _drop(self) -> None:
+        if self._solver is not None:
+            self._solver.destroy()
+
+    def destroy(self) -> None:
+        """Free PETSc's objects."""
+        self._drop()
+        for vector in self._vectors:
+            vector.destroy()

@@ -1,0 +1,72 @@
+"""Bodies under finite strain that start at rest, by the search that linear ones use."""
+
+import numpy as np
+import pytest
+
+import impactfem
+from impactfem.errors import SceneError
+from impactfem.scene import Scene
+
+FLOOR = {"name": "floor", "kind": "half_space", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+BLOCK = {"kind": "block", "size": [1.0, 0.5], "corner": [0.0, 0.0]}
+
+
+def scene(body, gravity=(0.0, 0.0), floor=FLOOR, duration=1.0, method="conserving", **top):
+    """A body of E = rho = 1."""
+    keys = {
+        "name": "body", "kind": "solid", "model": "plane_strain", "shape": BLOCK,
+        "mesh_size": 0.125, "density": 1.0, "youngs_modulus": 1.0, "poisson_ratio": 0.3,
+        "strain": "finite", "material": "neo_hookean",
+    }  # fmt: skip
+    return Scene.from_dict(
+        {
+            "title": "at rest", "duration": duration, "gravity": list(gravity), "start": "static",
+            "body": [keys | body], "obstacle": [floor], "output": {"fields": []},
+            "solve": {"method": method, "estimate": False}, **top,
+        }
+    )  # fmt: skip
+
+
+def column(result, name):
+    return result.history[name].values
+
+
+@pytest.mark.parametrize("method", ["conserving", "massless"])
+def test_a_soft_block_stays_at_rest(method):
+    result = impactfem.solve(scene({}, (0.0, -0.4), duration=3.0, method=method))
+    weight, elastic = 0.4 * 0.5, column(result, "elastic_energy")
+    np.testing.assert_allclose(column(result, "contact_force"), weight, rtol=1e-9)
+    assert column(result, "kinetic_energy").max() < 1e-18 * elastic[0]
+    assert result.summary["bodies"]["body"]["strain_max"] > 0.1
+    start = result.summary["details"]["start"]
+    assert start["residual"] < 1e-11
+    assert start["passes"] <= 6
+
+
+def test_a_pressed_block_is_as_short_as_its_law_says():
+    # Without lateral stiffness (nu = 0) P = mu (s - 1 / s) of the stretch s.
+    body = {"poisson_ratio": 0.0, "tractions": [{"surface": "top", "value": ["0", "-0.2"]}]}
+    probe = {"name": "top", "body": "body", "point": [0.5, 0.5]}
+    result = impactfem.solve(scene(body, duration=0.1, probe=[probe]))
+    stretch = 0.5 * (np.sqrt(0.4**2 + 4.0) - 0.4)
+    np.testing.assert_allclose(column(result, "top.uy"), 0.5 * (stretch - 1.0), rtol=1e-9)
+
+
+def test_a_disc_that_turns_keeps_its_stretch():
+    rate = 0.5 / np.sqrt(2.6)  # half the speed of shear waves at the rim
+    disc = {"kind": "disc", "radius": 1.0, "center": [0.0, 1.5]}
+    body = {"shape": disc, "mesh_size": 0.2, "degree": 2, "angular_velocity": rate}
+    probe = {"name": "rim", "body": "body", "point": [0.9999, 1.5]}
+    far = FLOOR | {"point": [0.0, -100.0]}
+    result = impactfem.solve(scene(body, floor=far, duration=4.0, probe=[probe]))
+    place = np.array([0.9999 + column(result, "rim.ux"), column(result, "rim.uy")])
+    stretch = np.linalg.norm(place, axis=0) / 0.9999
+    # By ODE; small strains have 1 + rate^2 (1 + nu)(1 - 2 nu) / 4 = 1.0125.
+    np.testing.assert_allclose(stretch, 1.01292569, atol=1.5e-4)
+    assert column(result, "body.angle")[-1] > 1.0
+
+
+def test_what_nothing_holds_is_named():
+    slope = FLOOR | {"normal": [np.sin(0.3), np.cos(0.3)]}
+    with pytest.raises(SceneError, match=r"nothing holds body body against its translation along"):
+        impactfem.solve(scene({}, (0.0, -0.1), slope))
