@@ -24,7 +24,7 @@ demo: setup ## Run the main demo, an elastic bar against a wall: results/bar_imp
 test: setup ## Run all tests: serial, then on 2 and on 4 MPI ranks
 	@.ci/test all $(ARGS)
 
-test-unit: setup ## Run the quick tests only (under two minutes)
+test-unit: setup ## Run the quick tests only (about two minutes on two cores)
 	@.ci/test unit $(ARGS)
 
 test-mpi: setup ## Run only the tests on 2 and on 4 MPI ranks
