@@ -121,6 +121,10 @@ class Gaps:
         """Forces on the contact nodes by those in the gaps (count, dim): here the same."""
         return forces
 
+    def entries(self, rows: Indices) -> tuple[Indices, Indices, Floats]:
+        """What some gaps weigh: place of the gap among them, node, weight, (entries,) each."""
+        return np.arange(len(rows)), rows, np.ones(len(rows))
+
     def at(
         self, displacement: Floats, begin: Floats, last: Floats, time: float, back: float = 0.5
     ) -> tuple[Floats, Floats]:

@@ -179,6 +179,18 @@ class PairGaps:
         found: Floats = self._spreading @ forces
         return found
 
+    def entries(self, rows: Integers) -> tuple[Integers, Integers, Floats]:
+        """What some gaps weigh: place of the gap among them, node, weight, (entries,) each."""
+        if isinstance(self._weights, np.ndarray):
+            found = self._weights[rows]
+            gap, node = np.nonzero(found)
+            return gap, node, found[gap, node]
+        ends = self._weights.indptr
+        counts = ends[rows + 1] - ends[rows]
+        gap = np.repeat(np.arange(len(rows)), counts)
+        at = np.arange(len(gap)) + np.repeat(ends[rows] - np.cumsum(counts) + counts, counts)
+        return gap, self._weights.indices[at], self._weights.data[at]
+
     def at(
         self, displacement: Floats, begin: Floats, last: Floats, time: float, back: float = 0.5
     ) -> tuple[Floats, Floats]:

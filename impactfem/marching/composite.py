@@ -94,6 +94,10 @@ class Composite:
         """Moments of inertia of each body [kg m^2]."""
         return [inertia for part in self.parts for inertia in part.inertia()]
 
+    def spins(self) -> Floats:
+        """Velocities of the contact nodes by unit spins [m], of all bodies."""
+        return np.concatenate([part.spins() for part in self.parts], axis=1)
+
     def share(self, layer: int) -> float:
         """Part of a layer's contact force that acts."""
         return self.parts[0].share(layer)

@@ -108,6 +108,11 @@ class FewInterior:
         dim = self.bodies.dim
         return [moment * np.eye(dim * (dim - 1) // 2) for moment in self.bodies.inertias]
 
+    def spins(self) -> Floats:
+        """Velocities of the contact nodes by unit spins [m]: 0 of what does not turn."""
+        dim = self.bodies.dim
+        return np.zeros((dim * (dim - 1) // 2, *self._start.shape))
+
     def share(self, layer: int) -> float:  # noqa: ARG002  (as the interface has it)
         """All of a layer's contact force acts."""
         return 1.0
@@ -167,6 +172,7 @@ class FewMidpoint(FewInterior):
         self._jacobian = bodies.jacobian(self._q)
         self._linear = isinstance(self._system, LinearSystem)
         self._steady = _steady_load(self._system)
+        self._turns = np.linalg.solve(self._mass, bodies.moments)
         self._prepare(0.0)
         self._ahead = self._v.copy()
         self._pushed = np.zeros_like(self._q)
@@ -189,6 +195,10 @@ class FewMidpoint(FewInterior):
     def surface_velocity(self) -> Floats:
         """Of the contact nodes [m/s], (count, dim)."""
         return (self.bodies.jacobian(self._q) @ self._v).reshape(self._start.shape)
+
+    def spins(self) -> Floats:
+        """Velocities of the contact nodes by unit spins in the layer [m], (turns, count, dim)."""
+        return (self._jacobian @ self._turns).T.reshape(-1, *self._start.shape)
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)
         """Velocities of the contact nodes at both ends of the layer without contact forces.

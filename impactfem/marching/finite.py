@@ -130,6 +130,12 @@ class FiniteMidpoint:
         turns = self._system.dim * (self._system.dim - 1) // 2
         return [np.zeros((turns, turns))]
 
+    def spins(self) -> Floats:
+        """Velocities of the contact nodes by unit spins now [m], (turns, count, dim)."""
+        places = self._system.positions + self.displacement.reshape(self._system.positions.shape)
+        arms = self._surface.gather(self._from_centre(places).ravel())
+        return np.stack(unit_spins(arms))
+
     def gravity(self, layer: int) -> Floats:
         """Mean gravity of a layer [m/s^2], shape (dim,)."""
         return self._drive.gravity(layer * self.dt, (layer + 1) * self.dt)

@@ -62,6 +62,12 @@ class Stepper(Protocol):
     def inertia(self) -> Sequence[Floats]:
         """Of each body [kg m^2], as the sums of angular momentum have it, (1, 1) or (3, 3)."""
 
+    def spins(self) -> Floats:
+        """Velocities of the contact nodes by unit spins of their bodies [m], (turns, count, dim).
+
+        Those of the layer, with the arms of angular momenta; 0 of what does not turn (collective).
+        """
+
     def gravity(self, layer: int) -> Floats:
         """Gravity that the layer uses [m/s^2], shape (dim,)."""
 
@@ -222,6 +228,9 @@ class ContactGaps(Protocol):
 
     def spread(self, forces: Floats) -> Floats:
         """Forces on the contact nodes (nodes, dim) by those in the gaps (pairs, dim)."""
+
+    def entries(self, rows: Integers) -> tuple[Integers, Integers, Floats]:
+        """What some gaps weigh: place of the gap among them, contact node, weight, (entries,)."""
 
     def only_on(self, nodes: Booleans) -> Booleans:
         """Whether a gap weighs no other nodes than some (nodes,), (pairs,)."""

@@ -110,6 +110,7 @@ class Leapfrog:
         # Massless nodes have no momentum of their own.
         moving = np.where(self._inverse > 0.0, self._mass, 0.0)
         self._turning = Turning.of(system, lambda velocity: moving * velocity)
+        self._spins: Floats | None = None
         self._sums = np.zeros(2 + 2 * system.dim + len(self._turning.inertia))
         self._share, self._work = 1.0, 0.0
         self._contact = self._contact_at(0.0)
@@ -135,6 +136,12 @@ class Leapfrog:
     def inertia(self) -> list[Floats]:
         """Moments of inertia [kg m^2]; see `Turning`."""
         return [self._turning.inertia]
+
+    def spins(self) -> Floats:
+        """Velocities of the contact nodes by unit spins [m], (turns, count, dim) (collective)."""
+        if self._spins is None:
+            self._spins = np.stack([self._surface.gather(row) for row in self._turning.rows])
+        return self._spins
 
     def share(self, layer: int) -> float:
         """Part of a layer's contact force that acts.

@@ -71,6 +71,7 @@ class Midpoint:
         weights = np.repeat(system.node_mass, system.dim)
         self._weights = np.where(system.constrained, 0.0, transferred(transfer, weights))
         self._turning = Turning.of(system, self._times_mass)
+        self._spins: Floats | None = None
         self._columns = np.empty((0, len(self.displacement)))  # answers, in the order of asking
         self._gather_columns = True
         self._loads = np.zeros(0)
@@ -86,6 +87,12 @@ class Midpoint:
     def inertia(self) -> list[Floats]:
         """Moments of inertia [kg m^2]; see `Turning`."""
         return [self._turning.inertia]
+
+    def spins(self) -> Floats:
+        """Velocities of the contact nodes by unit spins [m], (turns, count, dim) (collective)."""
+        if self._spins is None:
+            self._spins = np.stack([self._surface.gather(row) for row in self._turning.rows])
+        return self._spins
 
     def share(self, layer: int) -> float:  # noqa: ARG002  (as the interface has it)
         """Part of a layer's contact force that acts."""

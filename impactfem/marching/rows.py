@@ -31,7 +31,8 @@ class Level:
         static: Floats,
         force: Floats,
         gap: Floats,
-        pushes: Callable[[], Floats],
+        vectors: Callable[[], Floats],
+        spread: Callable[[Floats], Floats],
     ) -> None:
         """Show a level of an interior.
 
@@ -41,9 +42,11 @@ class Level:
             static: Displacement of massless nodes by the multipliers [m], (count, dim).
             force: See above.
             gap: See above.
-            pushes: Gives `nodal_forces`.
+            vectors: Gives `forces`.
+            spread: From forces in the gaps to those on the contact nodes.
         """
-        self._interior, self._static, self._pushes = interior, static, pushes
+        self._interior, self._static = interior, static
+        self._vectors, self._spread = vectors, spread
         self.layer, self.time = layer, layer * interior.dt
         self.force, self.gap = force, gap
 
@@ -57,10 +60,20 @@ class Level:
         """Velocity of the dofs this rank owns [m/s]."""
         return self._interior.velocity
 
+    @property
+    def surface(self) -> Floats:
+        """Displacement of the contact nodes, contact included [m], (nodes, dim)."""
+        return self._interior.surface_displacement + self._static
+
+    @cached_property
+    def forces(self) -> Floats:
+        """Lasting forces in the gaps, friction included [N], (pairs, dim)."""
+        return self._vectors()
+
     @cached_property
     def nodal_forces(self) -> Floats:
-        """Lasting contact forces on the contact nodes, friction included [N], (nodes, dim)."""
-        return self._pushes()
+        """The same on the contact nodes [N], (nodes, dim)."""
+        return self._spread(self.forces)
 
 
 @dataclass
@@ -84,6 +97,9 @@ class Rows:
         slip: Way slid in the layer [m], the mean over the gaps by their normal force; in the plane
             with the same sign, in space its length, (rows, pairs); without friction empty.
         probes: What this rank adds to the columns of probes, (rows, columns).
+        place: Sum of places times normal forces, impacts included [N m], (rows, pairs, dim).
+        moment: Moments of the lasting forces of each pair about the centre of its first body [N m],
+            (rows, pairs, 1 or 3).
     """
 
     sums: Floats
@@ -104,6 +120,8 @@ class Rows:
     tangential: Floats
     slip: Floats
     probes: Floats
+    place: Floats
+    moment: Floats
 
     @classmethod
     def empty(cls, rows: int, bodies: int, dim: int, pairs: int, *, friction: bool) -> "Rows":
@@ -120,7 +138,7 @@ class Rows:
             *np.zeros((2, rows), dtype=np.int64),
         ]
         each += [pair_force, pair_gap, pair_impact, np.zeros((rows, rubbing, turns))]
-        each += [np.zeros((rows, rubbing)), np.zeros((rows, 0))]
+        each += [np.zeros((rows, rubbing)), np.zeros((rows, 0)), *np.zeros((2, rows, 0, 0))]
         return cls(*each)
 
     def first(self, count: int) -> "Rows":

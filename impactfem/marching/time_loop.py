@@ -42,9 +42,6 @@ class ContactState:
 _CONTACT = fields(ContactState)
 
 
-_CONTACT = fields(ContactState)
-
-
 class TimeLoop[I: Stepper](ABC):
     """A march through the layers, which can be stopped and continued between any two.
 
@@ -176,7 +173,7 @@ class TimeLoop[I: Stepper](ABC):
         state = self.contact
         level = Level(
             self.interior, self.layer, state.static, force, state.gap,
-            lambda: self._gaps.spread(self._vectors(np.where(self._impulsive, 0.0, force))),
+            lambda: self._vectors(np.where(self._impulsive, 0.0, force)), self._gaps.spread,
         )  # fmt: skip
         for observer in observers:
             observer(level)

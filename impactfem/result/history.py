@@ -84,6 +84,22 @@ PAIR_COLUMNS: Mapping[str, tuple[str, str]] = {
             "gaps by force; in the plane with sign, in space its length"
         ),
     ),
+    "center": (
+        "m",
+        (
+            "where bodies march, .x .y .z: place of the pair's normal forces, their mean by "
+            "amount, impacts included; without a force it goes along with the centre of the first "
+            "body, as it lay at the last contact, before the first one as the pair was nearest "
+            "at t = 0"
+        ),
+    ),
+    "moment": (
+        "N m",
+        (
+            "where bodies march: moment of the pair's forces on its first body about the centre "
+            "of mass of that, without impacts, in space .x .y .z; 0 of what does not turn"
+        ),
+    ),
     "impulse": ("N s", "of points, rods and beams: impulses of impacts during (t_{m-1}, t_m]"),
 }
 """Columns ``force.PAIR`` of each pair that may meet: unit and meaning."""
@@ -134,6 +150,8 @@ class PairMotion:
         tangential: [N], shape (rows, 1), in space (rows, 3); None without friction.
         slip: [m], shape (rows,); None without friction.
         impulse: [N s], shape (rows,); None where impacts are none of their own.
+        center: [m], shape (rows, dim); None if it is not known.
+        moment: [N m], shape (rows, 1), in space (rows, 3); None if it is not known.
     """
 
     force: Floats
@@ -141,6 +159,8 @@ class PairMotion:
     tangential: Floats | None = None
     slip: Floats | None = None
     impulse: Floats | None = None
+    center: Floats | None = None
+    moment: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -222,7 +242,7 @@ def _series(
 
 def _by_axis(name: str, vectors: Floats) -> dict[str, Floats]:
     """Components under the name followed by x, y, z."""
-    return {f"{name}{letter}": vectors[:, k] for k, letter in enumerate("xyz")}
+    return {f"{name}{'xyz'[k]}": column for k, column in enumerate(vectors.T)}
 
 
 def _named(name: str, vectors: Floats) -> dict[str, Floats]:
@@ -262,6 +282,10 @@ def _of_pair(pair: str, met: PairMotion) -> dict[str, Series]:
         if met.tangential.shape[1] > 1:
             columns[name] = np.linalg.norm(met.tangential, axis=1)
         columns |= _named(name, met.tangential)
+    if met.center is not None:
+        columns |= _by_axis(f"center.{pair}.", met.center)
+    if met.moment is not None and met.moment.shape[1]:
+        columns |= _named(f"moment.{pair}", met.moment)
     for name, values in (("slip", met.slip), ("impulse", met.impulse)):
         if values is not None:
             columns[f"{name}.{pair}"] = values

@@ -46,12 +46,14 @@ class Loop:
     Attributes:
         march: The loop.
         gaps: All gaps.
+        contacts: What they are between.
         offsets: Where the contact nodes of each part of the march begin, and their number.
         started: How the bodies came to rest, if they start so.
     """
 
     march: TimeLoop[Any]
     gaps: ContactGaps
+    contacts: Contacts
     offsets: list[int]
     started: Started | None = None
 
@@ -108,7 +110,9 @@ def make_loop(
             )
             body.turn(spin)
         rest = None if started is None else (started.rest.multiplier, started.static)
-        return Loop(NewtonMarch(model.comm, body, *settings, rest), gaps, offsets, started)
+        return Loop(
+            NewtonMarch(model.comm, body, *settings, rest), gaps, contacts, offsets, started
+        )
     solids = [_interior(*parts, scheme, dt, kind) for parts in each]
     composite = Composite([*solids, *few], [_free(*parts[:2]) for parts in each])
     started = None
@@ -123,7 +127,7 @@ def make_loop(
     interior: Interior = solids[0] if alone else composite
     arguments = (model.comm, interior, *settings, contacts.restitution(scene), rest)
     march = SolidMarch(*arguments) if law is None else RubbingMarch(*arguments, law)
-    return Loop(march, gaps, offsets, started)
+    return Loop(march, gaps, contacts, offsets, started)
 
 
 def _size(model: SolidsModel, few: Sequence[FewInterior], dt: float) -> float:

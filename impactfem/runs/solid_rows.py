@@ -1,6 +1,6 @@
 """The motions of solids from the rows that their march has left."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +23,7 @@ from impactfem.result.bar_motion import Effort
 from impactfem.result.history import BodyMotion, Columns, PairMotion, make_history
 from impactfem.result.table import Series, Table
 from impactfem.result.whole import Whole
+from impactfem.runs.contact_places import ContactPlaces
 from impactfem.runs.forces import contact_codes, contact_findings, mesh_window
 from impactfem.runs.line_bodies import body_figures
 from impactfem.runs.solid_output import Watch
@@ -59,6 +60,7 @@ def solids_motion(
     whole: Whole,
     size: float,
     probes: SolidProbes,
+    touching: ContactPlaces | None,
     started: Started | None = None,
 ) -> SolidsMotion:
     """Make the motions of the rows of all ranks (collective).
@@ -74,7 +76,10 @@ def solids_motion(
         size: Size of the elements of those that do not say it [m].
         probes: What has looked at places.
         started: How bodies that start at rest came there.
+        touching: What has looked at contact forces.
     """
+    if touching is not None:
+        touching.sum_up()
     each = total(model.comm, march.rows.sums)
     # After a failure the last rows are empty or not finite.
     bad = ~np.isfinite(each).all(axis=(1, 2))
@@ -107,7 +112,7 @@ def solids_motion(
             friction_work=np.cumsum(rows.friction_work),
             active=rows.active,
             bodies=bodies,
-            pairs=pair_motions(model, scheme, march, rows, whole),
+            pairs=pair_motions(model, scheme, march, rows, whole, touching, bodies),
             probes=probes.columns(total(model.comm, rows.probes)),
         )
     )
@@ -298,14 +303,23 @@ def _rotation(steps: Floats) -> Floats:
 
 
 def pair_motions(
-    model: SolidsModel, scheme: SolidScheme, march: TimeLoop[Any], rows: Rows, whole: Whole
+    model: SolidsModel,
+    scheme: SolidScheme,
+    march: TimeLoop[Any],
+    rows: Rows,
+    whole: Whole,
+    touching: ContactPlaces | None,
+    bodies: Mapping[str, BodyMotion],
 ) -> dict[str, PairMotion]:
-    """Forces, gaps and slip of each pair; arguments as of `solids_motion`."""
+    """What each pair does; arguments as of `solids_motion`, and the motions of the bodies."""
     # Forces are those on the carrier, columns those on the first body of the pair.
     first = {name: one for name, (one, _), _ in named_body_pairs(model.scene)}
     turned = {pair.label for pair in model.pairs if pair.names[0] != first[pair.label]}
     turned |= {met.label for met in model.ball_meetings if met.carrier != first[met.label]}
     force = of_layers(scheme, rows.pair_force)
+    all_forces = of_layers(scheme, rows.pair_force + rows.pair_impact / march.interior.dt)
+    place, moments = of_layers(scheme, rows.place), of_layers(scheme, rows.moment)
+    revolved = any(part.system.axisymmetric for part in model.parts)
     open_ = ~(rows.pair_gap < 0.5 * FAR)
     gap = np.where(open_, np.nan, rows.pair_gap)
     found = {}
@@ -320,7 +334,15 @@ def pair_motions(
             elif whole.planes:
                 tangential, slip = np.zeros_like(tangential), np.zeros_like(slip)
         impulse = rows.pair_impact[:, k] if model.few else None
-        found[name] = PairMotion(force[:, k], gap[:, k], tangential, slip, impulse)
+        center = moment = None
+        if touching is not None:
+            body = bodies[model.names[touching.first[k]]].position[:, : model.dim]
+            center = touching.course(k, all_forces[:, k], place[:, k], whole, body)
+            center[:, :1] *= not revolved  # what acts on one side acts on the other, too
+            padding = 3 - moments.shape[2]
+            moment = np.pad(moments[:, k], ((0, 0), (padding, 0)))
+            moment = whole.mean_turn(moment)[:, padding:]
+        found[name] = PairMotion(force[:, k], gap[:, k], tangential, slip, impulse, center, moment)
     return found
 
 

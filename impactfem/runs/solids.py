@@ -25,6 +25,7 @@ from impactfem.result.spool import FieldSpool
 from impactfem.result.store import SPOOL
 from impactfem.result.stored_snapshots import StoredSnapshots
 from impactfem.runs.axis_watch import AxisWatch
+from impactfem.runs.contact_places import ContactPlaces
 from impactfem.runs.line_looks import line_looks
 from impactfem.runs.loops import make_loop
 from impactfem.runs.solid_output import FieldOutput, Followed, Watch, followed, open_spool
@@ -118,7 +119,9 @@ def run_solids(
             _every(scene, layers) if scene.output.fields else 0,
         )
         probes = SolidProbes.of(march, model, few)
-        looking = [probes] if scene.probes else []
+        touching = ContactPlaces.of(march, loop.gaps, loop.contacts, model)
+        looking: list[Callable[[Level], None]] = [probes] if scene.probes else []
+        looking += [touching] if touching else []
         others = [
             body
             for k, part in enumerate(few, start=len(each))
@@ -146,6 +149,7 @@ def run_solids(
             numbers.whole,
             numbers.mesh_size,
             probes,
+            touching,
             loop.started,
         )
     finally:
