@@ -77,7 +77,9 @@ class ContactPlaces:
         dim, names = model.dim, {name: k for k, name in enumerate(model.names)}
         leading = {name: one for name, (one, _), _ in named_body_pairs(model.scene)}
         for each in contacts.obstacles:
-            leading |= dict.fromkeys(each.gaps.pairs, each.names[0][0])
+            # Solids that can reach nothing have no gaps, but pairs.
+            own_name = each.names[0][0] if each.names else model.names[each.part]
+            leading |= dict.fromkeys(each.gaps.pairs, own_name)
         counts, bodies = [len(numbers) for numbers in model.numbers], len(model.parts)
         own = [np.repeat(np.arange(bodies), counts[:bodies])]
         for few in model.few:

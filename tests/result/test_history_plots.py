@@ -17,7 +17,7 @@ SHORT = {
     "elastic_sphere": {"duration": 1e-4, "solve.estimate": False, "body.ball.refine": []},
     "sliding_block": {"duration": 2e-3},
 }
-UNITS = {"m", "m/s", "N", "N s", "J", "kg m/s", "kg m^2/s", "rad", "rad/s", "1", "s"}
+UNITS = {"m", "m/s", "N", "N s", "J", "kg m/s", "kg m^2/s", "N m", "rad", "rad/s", "1", "s"}
 
 
 def short_run(name):
