@@ -155,7 +155,8 @@ class SolidMarch(TimeLoop[Interior]):
             any_loose = by_mass or self._radiating.any()
             loose = only_on(self._massive | self._radiating) if any_loose else none
         ends = loose & ~only_on(~self._radiating) if self._radiating.any() else none
-        return loose & ~ends, ends
+        self._fast = loose & ~ends  # what `_struck` asks of the same layer
+        return self._fast, ends
 
     def _rebound(self, normals: Floats, before: Floats, after: Floats) -> Floats:
         """`Halfway.way` of all gaps, (pairs,), by relative velocities without contact forces.
@@ -191,7 +192,7 @@ class SolidMarch(TimeLoop[Interior]):
         self._impulsive = np.zeros(len(force), dtype=bool)
         if (self._scheme.contact == "velocity" and not self._by_mass) or not force.any():
             return
-        fast = self._laws(len(gap))[0] & (force > 0.0)
+        fast = self._fast & (force > 0.0)
         if not fast.any():
             return
         row, way = self.layer, self._mean_way + self._true_gap - gap
