@@ -1,7 +1,7 @@
 """Which nodes on the outside of a body carry contact unknowns, and why the others do not."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -76,6 +76,7 @@ def contact_nodes(
     surfaces: Collection[str] | None = None,
     symmetry: Collection[str] = (),
     axisymmetric: bool = False,
+    turns: bool = False,
 ) -> ContactNodes:
     """Choose the nodes that can touch an obstacle within the duration (collective).
 
@@ -92,6 +93,7 @@ def contact_nodes(
         symmetry: Surfaces in planes of symmetry: cuts through the body, not its outside. (The axis
             of an axisymmetric body is known to be none.)
         axisymmetric: Whether the first coordinate is the radius.
+        turns: Whether the body may turn at will, so that what faces away now may touch later.
 
     Raises:
         SceneError: On all ranks: the body is inside an obstacle at t = 0, or a surface is unknown.
@@ -108,6 +110,9 @@ def contact_nodes(
     on_asked = outside.touched(asked)
     check_start(name, obstacles, places, fields, on_asked, outside.size)
 
+    if turns:
+        nowhere = np.zeros_like(fields.away)
+        fields = replace(fields, away=nowhere, hidden=nowhere)
     faces = ~fields.away & ~fields.hidden
     able = on_asked & ~fields.held & faces & (fields.gap <= reach.distance)
     # Between several: the obstacle met first on the way along the node's own normal.

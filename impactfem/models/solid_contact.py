@@ -73,6 +73,7 @@ def contact_of(
         comm, outside, obstacles, system.numbers, system.constrained, system.displacement, bound,
         name=solid.name, surfaces=surfaces_of(scene, solid, obstacles),
         symmetry=cuts, axisymmetric=solid.is_axisymmetric,
+        turns=solid.is_finite,
     )  # fmt: skip
 
 

@@ -373,10 +373,12 @@ def choose_linear_solver(
         reasons["linear_solver"] = "as asked"
         return asked
     size = max(sizes, key=lambda size: size.unknowns)  # each body has factors of its own
+    finite = any(solid.is_finite for solid in scene.solids)
     limit = _DIRECT[size.dim]
     if size.unknowns <= limit:
         reasons["linear_solver"] = (
-            f"one factorisation serves all layers: {size.unknowns} unknowns are at most {limit:.3g}"
+            f"one factorisation serves {'a step' if finite else 'all layers'}: {size.unknowns} "
+            f"unknowns are at most {limit:.3g}"
         )
         return "mumps"
     reasons["linear_solver"] = (

@@ -152,8 +152,16 @@ def memory_mib(sizes: Sequence[Size], linear_solver: str) -> float:
     return total
 
 
-def seconds(size: Size, steps: float, contact: int, linear_solver: str, ranks: int) -> float:
-    """Estimated time of a body [s]: mesh, assembly, factorisation, steps, answers of its nodes."""
+_NEWTON_SECONDS = 1.2e-5  # of an unknown in a step under finite strain, without factorisation
+
+
+def seconds(
+    size: Size, steps: float, contact: int, linear_solver: str, ranks: int, *, finite: bool = False
+) -> float:
+    """Estimated time of a body [s]: mesh, assembly, factorisation, steps, answers of its nodes.
+
+    Under finite strain each step has a factorisation and some iterates.
+    """
     product = size.entries * _MULT_SECONDS / ranks
     each = {"none": 1.5, "mumps": _SOLVE[size.dim], "gamg": _MULTIGRID}[linear_solver]
     once = 300.0 + (factorisation_work(size) if linear_solver == "mumps" else 0.0)
@@ -161,6 +169,8 @@ def seconds(size: Size, steps: float, contact: int, linear_solver: str, ranks: i
         once += each * size.dim * contact * _TOUCHED[size.dim]
     start = _START_SECONDS + _MESH_SECONDS * size.unknowns
     step = _STEP_SECONDS + _CONTACT_SECONDS * contact + each * product
+    if finite:
+        step += factorisation_work(size) * product + _NEWTON_SECONDS * size.unknowns
     return start + once * product + steps * step
 
 

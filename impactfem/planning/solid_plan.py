@@ -91,7 +91,8 @@ def in_words(scene: Scene, sizes: Sequence[Size]) -> str:
     each = [_body(solid, size) for solid, size in zip(scene.solids, sizes, strict=True)]
     if len(each) > 1:
         each = [f"{solid.name}: {text}" for solid, text in zip(scene.solids, each, strict=True)]
-    return "; ".join([*each, f"linear elastic, {law_in_words(scene)}"])
+    laws = " and ".join(dict.fromkeys(solid.law_in_words for solid in scene.solids))
+    return "; ".join([*each, f"{laws}, {law_in_words(scene)}"])
 
 
 def law_in_words(scene: Scene) -> str:

@@ -107,9 +107,9 @@ def plan_solids(scene: Scene) -> Plan[MarchNumbers]:
         return sum(
             seconds(
                 size.scaled(factor), count / factor, round(nodes / factor ** (size.dim - 1)),
-                linear_solver, model.comm.size,
+                linear_solver, model.comm.size, finite=solid.is_finite,
             )
-            for size, nodes in zip(sizes, touching, strict=True)
+            for solid, size, nodes in zip(solids, sizes, touching, strict=True)
         )  # fmt: skip
 
     estimate, more = choose_estimate(

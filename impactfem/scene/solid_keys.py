@@ -27,6 +27,10 @@ type AnyShape = Block | Disc | Ring | Cylinder | Sphere
 CELLS = ("simplex", "hexahedron")
 STRAINS_OF = ("small", "finite")
 LAWS = ("linear", "neo_hookean")
+_LAW_WORDS = {
+    "linear": "elastic (St. Venant, Kirchhoff) under finite strain",
+    "neo_hookean": "neo-Hookean under finite strain",
+}
 MESH_FILES = (".msh", ".geo", ".step", ".stp")
 
 
@@ -170,6 +174,11 @@ class SolidKeys(BodyKind):
     def is_finite(self) -> bool:
         """Whether it is computed under finite strain and rotation."""
         return self.strain == "finite" or (self.strain is None and self.material != "linear")
+
+    @property
+    def law_in_words(self) -> str:
+        """Name of its law."""
+        return _LAW_WORDS[self.material] if self.is_finite else "linear elastic"
 
     @property
     def shear_modulus(self) -> float:

@@ -86,7 +86,8 @@ def _solid(scene: Scene, solid: Any) -> str:
     thick = f", {quantity(solid.thickness, 'm')} thick" if solid.is_plane else ""
     text = f"{shape}, {_MODELS[solid.model]}{thick}. {_state(scene, solid)}"
     text += (
-        f" Linear elastic: Young's modulus {quantity(solid.youngs_modulus, 'Pa')}, Poisson's ratio "
+        f" {solid.law_in_words[0].upper()}{solid.law_in_words[1:]}: Young's modulus "
+        f"{quantity(solid.youngs_modulus, 'Pa')}, Poisson's ratio "
         f"{number(solid.poisson_ratio)}, density {quantity(solid.density, 'kg/m³')}; its fastest "
         f"waves run at {quantity(solid.p_wave_speed, 'm/s')}."
     )
