@@ -72,7 +72,7 @@ class FiniteMidpoint:
         self._drive = Drive(system, None)
         with products_in_order(system.comm):
             mass = system.mass.copy() if transfer is None else system.mass.ptap(transfer)
-        self._mass, weights, self.moments = kept_moments(system, mass, transfer)
+        self._mass, weights, self.missing = kept_moments(system, mass, transfer)
         self._kind = linear_solver
         self._solver: LinearSolver | None = None
         self._vectors = [system.stiffness.createVecRight() for _ in range(2)]

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError
+from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.finite import FiniteMidpoint
 from impactfem.marching.time_loop import ContactState, TimeLoop
 
@@ -25,6 +26,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
+_INERTIA_LIMITS = (0.01, 0.1)  # shares of the moment of inertia that masses miss
 _ITERATES = 25
 _SHORTEST = 2.0**-10  # of a layer
 _NEAR = 0.005  # of a layer, less than `_CLOSED`: cuts nearer to the ends of a step are left out
@@ -54,6 +56,14 @@ class NewtonMarch(TimeLoop[FiniteMidpoint]):
 
     _generation = -1
     _known: dict[int, Floats]
+
+    def findings(self) -> tuple[Finding, ...]:
+        """A body whose masses, moved off its contact nodes, have too little inertia."""
+        missing = self.interior.missing
+        text = f"the masses inside the body have {percent(missing)} too little moment of inertia: "
+        text += "nodes that may touch carry none, and it is few elements thick"
+        remedy = "take smaller elements, or name the surfaces that may touch (contact_surfaces)"
+        return by_limits("setting", missing, _INERTIA_LIMITS, text, "", remedy)
 
     def _advance(self) -> Floats:
         """One layer, in as many steps as it takes; returns its mean contact forces [N]."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from impactfem.contact.complementarity import Solver
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI
+from impactfem.findings import Finding
 from impactfem.marching.layers import ContactGaps, Stepper
 from impactfem.marching.rows import Level, Rows
 from impactfem.marching.schemes import SolidScheme
@@ -110,6 +111,10 @@ class TimeLoop[I: Stepper](ABC):
     @abstractmethod
     def _advance(self) -> Floats:
         """One layer; returns the contact forces [N], shape (gaps,)."""
+
+    def findings(self) -> tuple[Finding, ...]:
+        """What the bodies, as they are marched, cannot do right."""
+        return ()
 
     def _initial_contact(self, gap: Floats, normals: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002
         """Forces in the gaps at t = 0 [N], (gaps,), and what they do to massless nodes [m]."""

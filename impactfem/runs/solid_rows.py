@@ -181,6 +181,7 @@ def _effort(
                 figures, {p.solid.name: p.solid.material for p in parts if p.solid.is_finite}
             ),
             *_overlap_findings(model, watch),
+            *march.findings(),
             *watch.axes.findings(),
         ),
         measured=(*(contact_codes(rows.force) if parts else ()), *MODEL_CODES),

@@ -2,7 +2,8 @@
 
 Masses that contact nodes give to their neighbours lie further inside: the moment of inertia falls
 by some h / R (7 % at h / R = .2). So each is multiplied by a polynomial of degree 2, near 1, such
-that mass, centre and second moments are those of the body: M'_ij = M_ij (q_i + q_j) / 2.
+that mass, centre and second moments are those of the body: M'_ij = M_ij (q_i + q_j) / 2. Where a
+factor would be too small, as in thin bodies, all go as far from 1 as they may.
 """
 
 from itertools import combinations_with_replacement
@@ -18,10 +19,10 @@ from impactfem.system.massless import transferred
 Floats = NDArray[np.float64]
 
 LEAST = 0.3
-"""Factor below which masses are not trusted."""
+"""Smallest factor."""
 
 
-def kept_moments(system: ElasticSystem, mass: Any, transfer: Any) -> tuple[Any, Floats, str]:
+def kept_moments(system: ElasticSystem, mass: Any, transfer: Any) -> tuple[Any, Floats, float]:
     """Multiply a mass so that it has the moments of the body (collective).
 
     Args:
@@ -30,36 +31,27 @@ def kept_moments(system: ElasticSystem, mass: Any, transfer: Any) -> tuple[Any, 
         transfer: What has moved that; None if nothing has.
 
     Returns:
-        The mass, its row sums [kg], (owned nodes,), and which moments it has: "inertia" (all of
-        degree 2), "polar" (their trace), or "mass" where no factors above `LEAST` keep more, as in
-        thin bodies. A body that supports hold in every direction cannot turn: it keeps its mass.
+        The mass, its row sums [kg], (owned nodes,), and the share of the body's second moment that
+        it has not; 0 for bodies that supports hold in every direction, which cannot turn.
     """
     dim = system.dim
     sums = transferred(transfer, np.repeat(system.node_mass, dim)).reshape(-1, dim)
     free = _free_direction(system)
-    if free is None:
-        return mass, sums.max(axis=1), "mass"
-    if transfer is None:
-        return mass, system.node_mass, "inertia"
+    if free is None or transfer is None:
+        return mass, sums.max(axis=1), 0.0
     planes = dict(system.supports.planes) | ({0: 0.0} if system.axisymmetric else {})
     centre = system.center_of_mass
     centre[list(planes)] = list(planes.values())
     places = (system.positions - centre) / system.nodes.size
-    linear = [places[:, axis] for axis in range(dim) if axis not in planes]
     one, pairs = np.ones(len(places)), combinations_with_replacement(range(dim), 2)
     # Images of a cut or an axis undo what is odd along its normal.
-    second = [(a, b) for a, b in pairs if a == b or not {a, b} & planes.keys()]
-    kept = [[(one, x)] for x in (one, *linear)]
-    each = [[(places[:, a], places[:, b])] for a, b in second]
-    trace = [(places[:, a], places[:, a]) for a in range(dim)]
-    for kind, conditions in (("inertia", each), ("polar", [trace])):
-        squares = [np.sum([x * y for x, y in parts], axis=0) for parts in conditions]
-        basis = np.stack([one, *linear, *squares], axis=1)
-        factors = _factors(system, mass, free, basis, [*kept, *conditions])
-        if factors is not None:
-            mass = _multiplied(mass, np.repeat(factors, dim))
-            return mass, _times(mass, one, free, dim), kind
-    return mass, sums[:, free], "mass"
+    linear = [(one, places[:, axis]) for axis in range(dim) if axis not in planes]
+    mixed = [(a, b) for a, b in pairs if a == b or not {a, b} & planes.keys()]
+    conditions = [(one, one), *linear, *((places[:, a], places[:, b]) for a, b in mixed)]
+    squares = np.array([False] * (1 + len(linear)) + [a == b for a, b in mixed])
+    factors, missing = _factors(system, mass, free, conditions, squares)
+    mass = _multiplied(mass, np.repeat(factors, dim))
+    return mass, _times(mass, one, free, dim), missing
 
 
 def _free_direction(system: ElasticSystem) -> int | None:
@@ -73,33 +65,33 @@ def _factors(
     system: ElasticSystem,
     mass: Any,
     free: int,
-    basis: Floats,
-    conditions: list[list[tuple[Floats, Floats]]],
-) -> Floats | None:
-    """Factors of the owned nodes; None if some massive node has too small a one (collective).
+    conditions: list[tuple[Floats, Floats]],
+    squares: Any,
+) -> tuple[Floats, float]:
+    """Factors of the owned nodes, and the share of the second moment that they miss (collective).
 
     Args:
         system: The body.
         mass: Without the mass of contact nodes.
         free: Direction whose masses are taken.
-        basis: Functions that the factors are made of, (owned nodes, functions).
-        conditions: Pairs (x, y) of nodal values, whose sums of x M y are those of the body's mass.
+        conditions: Pairs (x, y) of nodal values, whose sums x M y shall be those of the body's
+            mass; their products are what the factors are made of, the first is 1.
+        squares: Which of them make the second moment, (conditions,).
     """
     comm, dim = system.comm, system.dim
-
-    def times(matrix: Any, values: Floats) -> Floats:
-        return _times(matrix, values, free, dim)
+    basis = np.stack([x * y for x, y in conditions], axis=1)
 
     def row(x: Floats, y: Floats) -> Floats:
-        answers = x * times(mass, y) + y * times(mass, x)
-        return np.append(0.5 * answers @ basis, x @ times(system.mass, y))
+        answers = x * _times(mass, y, free, dim) + y * _times(mass, x, free, dim)
+        return np.append(0.5 * answers @ basis, x @ _times(system.mass, y, free, dim))
 
-    own = np.array([np.sum([row(x, y) for x, y in parts], axis=0) for parts in conditions])
-    table = np.asarray(comm.allreduce(own, op=MPI.SUM))
-    factors: Floats = basis @ np.linalg.lstsq(table[:, :-1], table[:, -1])[0]
-    massive = times(mass, np.ones(len(factors))) > 0.0
-    least = comm.allreduce(float(factors[massive].min(initial=np.inf)), op=MPI.MIN)
-    return factors if least >= LEAST else None
+    table = np.asarray(comm.allreduce(np.array([row(*pair) for pair in conditions]), op=MPI.SUM))
+    change: Floats = basis @ np.linalg.lstsq(table[:, :-1], table[:, -1])[0] - 1.0
+    massive = _times(mass, basis[:, 0], free, dim) > 0.0
+    least = comm.allreduce(float(change[massive].min(initial=np.inf)), op=MPI.MIN)
+    share = min(1.0, (1.0 - LEAST) / max(-least, 1e-300))
+    goal, start = table[squares, -1].sum(), table[squares, 0].sum()
+    return 1.0 + share * change, (1.0 - share) * abs(1.0 - start / goal)
 
 
 def _times(matrix: Any, values: Floats, direction: int, dim: int) -> Floats:
