@@ -23,6 +23,7 @@ class ActiveSetResult:
         set_changes: Pairs that changed after each of them; the last is 0 when converged.
         converged: True if the sets stood still.
         message: How the iteration ended, in words.
+        iterates: Gap and multiplier after each linear solve, if they were to be kept.
     """
 
     active: Booleans
@@ -32,6 +33,7 @@ class ActiveSetResult:
     set_changes: tuple[int, ...]
     converged: bool
     message: str
+    iterates: tuple[tuple[Floats, Floats], ...] = ()
 
 
 def primal_dual_active_set(
@@ -43,6 +45,7 @@ def primal_dual_active_set(
     max_iterations: int,
     observe: Callable[[int, int], None] | None = None,
     start: Booleans | None = None,
+    keep: int = 0,
 ) -> ActiveSetResult:
     """Find the active set by A = {gamma * multiplier + gap < 0}.
 
@@ -58,6 +61,7 @@ def primal_dual_active_set(
         max_iterations: Limit of linear solves.
         observe: Called after each solve with (iteration, set changes).
         start: Set to begin with, shape (pairs,); empty if None.
+        keep: Keep the iterates, unless they are more numbers than this.
 
     Returns:
         The last iterate. Whether it is a solution says ``converged``.
@@ -65,11 +69,21 @@ def primal_dual_active_set(
     active: Booleans = np.zeros(pairs, dtype=bool) if start is None else start
     seen = {active.tobytes(): 0}
     changes: list[int] = []
+    iterates: list[tuple[Floats, Floats]] = []
+
+    def result(message: str, *, converged: bool = False) -> ActiveSetResult:
+        told = tuple(iterates) if 2 * pairs * len(changes) <= keep else ()
+        return ActiveSetResult(
+            active, gap, multiplier, len(changes), tuple(changes), converged, message, told
+        )
+
     for iteration in range(1, max_iterations + 1):
         gap, multiplier = solve(active)
+        if 2 * pairs * iteration <= keep:
+            iterates.append((gap.copy(), multiplier.copy()))
         if not (np.isfinite(gap).all() and np.isfinite(multiplier).all()):
             changes.append(pairs)
-            return _result(active, gap, multiplier, changes, "the iterates are no longer finite")
+            return result("the iterates are no longer finite")
         # A pair joins if its gap is negative beyond rounding, and stays as long as it is pressed:
         # one threshold for both would let nearly degenerate pairs alternate.
         update = gamma * multiplier + gap < np.where(active, 0.0, -tolerance)
@@ -77,26 +91,10 @@ def primal_dual_active_set(
         if observe is not None:
             observe(iteration, changes[-1])
         if changes[-1] == 0:
-            return _result(active, gap, multiplier, changes, "the sets stand still", converged=True)
+            return result("the sets stand still", converged=True)
         earlier = seen.setdefault(update.tobytes(), iteration)
         if earlier != iteration:
             length = iteration - earlier
-            return _result(active, gap, multiplier, changes, f"the sets cycle with period {length}")
+            return result(f"the sets cycle with period {length}")
         active = update
-    return _result(
-        active, gap, multiplier, changes, f"the sets still change after {max_iterations} iterations"
-    )
-
-
-def _result(
-    active: Booleans,
-    gap: Floats,
-    multiplier: Floats,
-    changes: list[int],
-    message: str,
-    *,
-    converged: bool = False,
-) -> ActiveSetResult:
-    return ActiveSetResult(
-        active, gap, multiplier, len(changes), tuple(changes), converged, message
-    )
+    return result(f"the sets still change after {max_iterations} iterations")

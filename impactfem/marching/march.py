@@ -225,7 +225,14 @@ def _two_step(
     if worst is None:
         return Effort(unknowns, 1, (), True, "decided in each layer"), potential
     return (
-        Effort(unknowns, worst.iterations, worst.set_changes, worst.converged, worst.message),
+        Effort(
+            unknowns,
+            worst.iterations,
+            worst.set_changes,
+            worst.converged,
+            worst.message,
+            iterates=worst.iterates,
+        ),
         potential,
     )
 
@@ -270,6 +277,7 @@ def _window(
         gamma=numbers.gamma,
         tolerance=tolerance,
         max_iterations=numbers.max_iterations,
+        keep=Effort.KEPT if size == numbers.layers else 0,
     )
     return result, end
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from typing import Literal
 
 import numpy as np
 
@@ -32,6 +33,7 @@ def panels(result: Record) -> dict[str, Callable[[], Panel | Map | None]]:
     known = (
         contact_force, displacement, world_lines, velocity_map, strain, forces, motion, velocity,
         path, phase, impacts, impulses, gap, energy, momentum, error, active, active_set,
+        iterates, iterate_gaps,
     )  # fmt: skip
     return {make.__name__: partial(make, result) for make in known}
 
@@ -166,6 +168,38 @@ def active_set(result: Record) -> Panel | None:
         "active_set", "Active set", caption, curves, "changes [1]", "iteration",
         (0.0, len(changes) + 1.0), named=False,
     )  # fmt: skip
+
+
+def iterates(result: Record) -> Panel | None:
+    """Contact force of each iterate of an active set that has all time steps at once."""
+    caption = "What each iterate of the active set takes for the contact force: the first one knows"
+    caption += " no contact, and forces may pull until the sets stand still."
+    return _iterates(result, "iterates", "Forces of the iterates", "contact_force", "N", caption)
+
+
+def iterate_gaps(result: Record) -> Panel | None:
+    """Gap of the same."""
+    caption = "The gap of each iterate: it may be negative until the sets stand still."
+    return _iterates(result, "iterate_gaps", "Gaps of the iterates", "gap", "m", caption)
+
+
+def _iterates(
+    result: Record, name: str, title: str, column: str, unit: str, caption: str
+) -> Panel | None:
+    kept = result.summary["active_set"].get("iterates", [])
+    if len(kept) < 2:
+        return None
+    time = result.rows["time"].values[1:]
+    look: Literal["line", "stairs"] = "line" if column == "gap" else "stairs"
+    curves = [
+        Curve(
+            f"iterate {k + 1}", time, np.asarray(iterate[column], dtype=np.float64), unit,
+            colour(k), look=look, width=2.0 if k + 1 == len(kept) else 1.0,
+        )
+        for k, iterate in enumerate(kept)
+    ]  # fmt: skip
+    label = f"{column.replace('_', ' ')} [{unit}]"
+    return over_time(result, name, title, caption, curves, label, still=False)
 
 
 def _exact(result: Record, column: str, label: str, unit: str) -> list[Curve]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,8 @@ class Effort:
         measured: Codes of findings that the run has looked for; its plan's are then settled.
         force_window: Time [s] over which the largest force is told as a mean; 0 where the forces
             of single rows are right.
+        iterates: Gap [m] and contact force [N] (of bars' solvers lambda L / c^2 [m]) after each
+            linear solve of an active set that has all layers at once; empty if they are many.
         bodies: Mass, inertia, rotation and strains of bodies, as ``summary.json`` has them.
     """
 
@@ -40,6 +42,9 @@ class Effort:
     measured: tuple[str, ...] = ()
     force_window: float = 0.0
     bodies: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    iterates: tuple[tuple[Floats, Floats], ...] = ()
+
+    KEPT: ClassVar[int] = 20_000  # numbers of iterates
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """The motion of bars in a row, or of a row of one, and the history and fields made of it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -73,7 +73,13 @@ class RowMotion:
             elastic=section * motion.elastic[:, None],
             mean_displacement=motion.mean_displacement[:, None],
             mean_velocity=motion.mean_velocity[:, None],
-            effort=motion.effort,
+            effort=replace(
+                motion.effort,
+                iterates=tuple(
+                    (gap, -section * bar.wave_speed**2 / bar.length * multiplier + 0.0)
+                    for gap, multiplier in motion.effort.iterates
+                ),
+            ),
             potential=section * motion.potential,
             active=np.append(0, motion.active.astype(np.int64)),
         )

@@ -66,6 +66,10 @@ def summarise(scene: Scene, chosen: Plan[Any], run: Run) -> dict[str, Any]:
             "set_changes": list(effort.set_changes),
             "converged": effort.converged,
             "message": effort.message,
+            "iterates": [
+                {"gap": gap.tolist(), "contact_force": force.tolist()}
+                for gap, force in effort.iterates
+            ],
         },
         "energy": {
             "initial": _cleared(energy[0], scale),

@@ -170,14 +170,16 @@ def _by_active_set(problem: _Problem, settings: GalerkinSettings, progress: Prog
             gamma=settings.gamma,
             tolerance=settings.tolerance * problem.scale,
             max_iterations=settings.max_iterations,
+            keep=Effort.KEPT,
             observe=lambda k, changes: progress.note(f"active set {k}: {changes} changes"),
         )
         u, unknowns = system.displacement(), system.num_unknowns
     finally:
         system.destroy()
     effort = Effort(
-        unknowns, result.iterations, result.set_changes, result.converged, result.message
-    )
+        unknowns, result.iterations, result.set_changes, result.converged, result.message,
+        iterates=result.iterates,
+    )  # fmt: skip
     return _motion(problem, u, result.multiplier, result.active, effort)
 
 

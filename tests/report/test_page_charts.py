@@ -14,6 +14,7 @@ from impactfem.report.error_panel import interpolation_bound
 from impactfem.report.page.chart import MOST_POINTS, numbers, thin
 from impactfem.report.page.charts import charts
 from impactfem.report.panel import is_told
+from impactfem.report.panels import panels
 from impactfem.scene import Scene
 from impactfem.shipped import find_scene
 
@@ -246,3 +247,19 @@ def test_nothing_but_noise_still_makes_a_page(tmp_path):
         if name != "active":
             result.history[name].values[:] = np.nan
     json.dumps([chart.figure for chart in charts(result)], allow_nan=False)
+
+
+def test_iterates_of_an_active_set_are_shown_from_the_first_to_the_last():
+    """Over all layers at once: the first knows no contact, the last is the answer."""
+    scene = Scene.from_toml(find_scene("bar_impact"))
+    result = solve(scene.with_settings({"solve.method": "galerkin", "solve.window": "all"}))
+    known = panels(result)
+    forces, gaps = known["iterates"](), known["iterate_gaps"]()
+    assert len(forces.curves) == len(gaps.curves) == result.summary["active_set"]["iterations"]
+    assert not forces.curves[0].y.any()
+    assert gaps.curves[0].y.min() < -0.1
+    np.testing.assert_array_equal(forces.curves[-1].y, result.rows["contact_force"].values[1:])
+    np.testing.assert_array_equal(gaps.curves[-1].y, result.rows["gap"].values[1:])
+    layered = solve(scene.with_settings({"solve.method": "galerkin", "solve.window": 1}))
+    assert layered.summary["active_set"]["iterates"] == []
+    assert panels(layered)["iterates"]() is None
