@@ -12,7 +12,7 @@ from solid_pairs import velocity
 
 import impactfem
 import impactfem.models.solids
-import impactfem.runs.solids
+import impactfem.runs.loops
 from impactfem.errors import SceneError
 
 
@@ -126,7 +126,7 @@ def test_coefficient_zero_takes_the_path_without_friction(monkeypatch):
     def never(*_):
         raise AssertionError("a march with friction was made")
 
-    monkeypatch.setattr(impactfem.runs.solids, "RubbingMarch", never)
+    monkeypatch.setattr(impactfem.runs.loops, "RubbingMarch", never)
     zero, absent = (impactfem.solve(oblique(mu)) for mu in (0.0, None))
     for name in absent.history.data_vars:
         assert np.array_equal(zero.history[name], absent.history[name], equal_nan=True), name
