@@ -127,7 +127,7 @@ class FixedPair:
         found = self.pair.met([places[own] for own in self.rows])
         count = len(found.gap)
         weights = pair_weights(found, self.rows, np.arange(count), (count, self.total))
-        gap, normal = along_ways(weights @ places, found.normal)
+        gap, normal = along_ways(weights @ places, found.normal, float(np.abs(places).max()))
         return Meeting(weights, gap, normal, found.area)
 
 

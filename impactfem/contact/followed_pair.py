@@ -19,6 +19,7 @@ FAR = 1e30
 
 _CLOSED = 1e-9  # share of the largest gap that counts as closed
 _ALIGNED = 0.8  # least cosine between the mean way and the normal for the way to be the normal
+_ROUNDING = 1e-12  # share of coordinates
 
 
 class Opposite(Protocol):
@@ -114,16 +115,22 @@ def opposite_normals(other: Surface, found: MortarPairs) -> Floats:
     return unit(found.other_weights @ summed)
 
 
-def along_ways(way: Floats, normal: Floats) -> tuple[Floats, Floats]:
+def along_ways(way: Floats, normal: Floats, size: float) -> tuple[Floats, Floats]:
     """Gaps and normals along the mean ways across open gaps, (pairs, dim) each.
 
     The way and the mean normal are both means of the carrier's normals, the way's weighted with
     the gap. Forces along the way have no moment, so small sliding keeps the angular momentum. Where
     the gap is closed the way has no direction, and no moment either.
+
+    Args:
+        way: Means of the places of the other side less those of the carrier [m], (pairs, dim).
+        normal: Mean normals, (pairs, dim).
+        size: Largest coordinate [m], whose rounding is no way.
     """
     length = np.linalg.norm(way, axis=1)
     along = np.einsum("ij,ij->i", way, normal)
-    open_ = along > np.maximum(_CLOSED * length.max(initial=0.0), _ALIGNED * length)
+    closed = max(_CLOSED * length.max(initial=0.0), _ROUNDING * size)
+    open_ = along > np.maximum(closed, _ALIGNED * length)
     gap, direction = along.copy(), normal.copy()
     gap[open_], direction[open_] = length[open_], way[open_] / length[open_, None]
     return gap, direction
