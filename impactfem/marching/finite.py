@@ -27,7 +27,7 @@ from impactfem.system.finite_statics import FiniteAtRest
 from impactfem.system.finite_strain import FiniteStrain
 from impactfem.system.linear import LinearSolver
 from impactfem.system.moments import kept_moments
-from impactfem.system.rigid_modes import unit_spins
+from impactfem.system.rigid_modes import spun, unit_spins
 from impactfem.system.surface import SurfaceNodes
 
 Floats = NDArray[np.float64]
@@ -112,7 +112,7 @@ class FiniteMidpoint:
                 already.
         """
         moved = self._from_centre(self.displacement.reshape(-1, self._system.dim))
-        more = np.einsum("k,kij->ij", spin, np.array(unit_spins(moved))).ravel()
+        more = spun(moved, spin).ravel()
         self.velocity = self.velocity + np.where(self._system.constrained, 0.0, more)
 
     @property
@@ -188,8 +188,7 @@ class FiniteMidpoint:
         system, step = self._system, self._span
         moved = self._after - self.displacement
         inside = self._strain.force(self.displacement, self._after)
-        pushed = np.zeros_like(inside)
-        self._surface.spread(forces, pushed)
+        pushed = self._surface.pulled(forces, system.constrained)
         rate = moved / step
         inert = self._times_mass(
             (2.0 / step) * (rate - self.velocity) + system.rayleigh_mass * rate
@@ -221,10 +220,14 @@ class FiniteMidpoint:
         Raises:
             ConvergenceError: The tangent is singular.
         """
+        if self._stale:
+            self._renew()
+        self._change = self._solved(self._rest)
+        return self._surface.gather(self._change)
+
+    def _renew(self) -> None:
+        """Factor the tangent of the iterate (collective)."""
         step = self._span
-        if self._solver is not None and not self._stale:
-            self._change = self._solved(self._rest)
-            return self._surface.gather(self._change)
         self._stale, self.generation = False, self.generation + 1
         tangent = self._strain.tangent(self.displacement, self._after)
         factor = 2.0 / step**2 + self._system.rayleigh_mass / step
@@ -236,16 +239,12 @@ class FiniteMidpoint:
         self._solver = LinearSolver(
             tangent, self._kind, self._system.stiffness.getNearNullSpace(), symmetric=False
         )
-        self._change = self._solved(self._rest)
-        return self._surface.gather(self._change)
 
     def answers(self, forces: Floats) -> Floats:
         """How contact nodes answer to forces on them at the iterate, (several, count, dim)."""
         found = np.empty_like(forces)
         for k, force in enumerate(forces):
-            pushed = np.zeros(len(self._after))
-            self._surface.spread(force, pushed)
-            pushed[self._system.constrained] = 0.0
+            pushed = self._surface.pulled(force, self._system.constrained)
             found[k] = self._surface.gather(self._solved(pushed))
         return found
 
@@ -257,10 +256,7 @@ class FiniteMidpoint:
         """
         change = self._change
         if forces.any():
-            pushed = np.zeros(len(self._after))
-            self._surface.spread(forces, pushed)
-            pushed[self._system.constrained] = 0.0
-            change = change + self._solved(pushed)
+            change = change + self._solved(self._surface.pulled(forces, self._system.constrained))
         self._move(change)
 
     def _move(self, change: Floats) -> None:

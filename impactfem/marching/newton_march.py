@@ -75,19 +75,24 @@ class NewtonMarch(TimeLoop[FiniteMidpoint]):
         span, cut = dt, False
         bound = interior.predicted(time, end)
         change = self._gaps.at(bound, bound, bound, end)[0] - state.gap
-        self._near = _CLOSED * np.abs(change)
+        near = _CLOSED * np.abs(change)
         while time < end - 1e-9 * dt:
             stop = min(end, time + span)
             if stop > end - 1e-9 * dt:
                 stop = end
-            begin, self._pushed = interior.surface_displacement, last > 0.0
-            bound = interior.predicted(time, stop) if cuts else begin
+            begin = interior.surface_displacement
+            before = self._gaps.at(begin, begin, begin, time)[0]
+            closed = (before <= near) | (last > 0.0)
+            share = 1.0
             try:
-                share = self._closing(begin, bound, time, stop) if cuts else 1.0
+                if cuts:
+                    bound = interior.predicted(time, stop)
+                    share = self._closing(before, closed, bound, time, stop)
                 if share == 1.0:
-                    step = self._step(time, stop, last)
+                    step = self._step(time, stop, last, before, closed)
                     if cuts:
-                        share = self._closing(begin, interior.surface_iterate, time, stop)
+                        reached = interior.surface_iterate
+                        share = self._closing(before, closed, reached, time, stop)
                 if share < 1.0:
                     span, cuts, cut = share * (stop - time), cuts - 1, True
                     continue
@@ -117,35 +122,44 @@ class NewtonMarch(TimeLoop[FiniteMidpoint]):
         self._close_row(self.layer, force, iterations)
         return force
 
-    def _closing(self, place: Floats, then: Floats, start: float, end: float) -> float:
+    def _closing(
+        self, before: Floats, closed: Booleans, then: Floats, start: float, end: float
+    ) -> float:
         """Share of a step after which the first open gap closes; 1 if none does.
 
         Args:
-            place: Displacement of the contact nodes at its start [m], (nodes, dim).
-            then: At its end.
+            before: Gaps at its start [m], (gaps,).
+            closed: Which of them count as closed, (gaps,).
+            then: Displacement of the contact nodes at its end [m], (nodes, dim).
             start: [s].
             end: [s].
         """
-        near = np.where(self._pushed, np.inf, self._near)
-        before = self._gaps.at(place, place, place, start)[0]
         after = self._gaps.at(then, then, then, end)[0]
-        rows = (before > near) & (after < 0.0)
+        rows = ~closed & (after < 0.0)
         least, most = _NEAR * self.interior.dt / (end - start), 1.0 - _NEAR
         share = before[rows] / (before[rows] - after[rows])
         share = share[share < most]
         return max(least, float(share.min())) if len(share) and least < most else 1.0
 
-    def _step(self, start: float, end: float, last: Floats) -> _Step:
+    def _step(
+        self, start: float, end: float, last: Floats, before: Floats, closed: Booleans
+    ) -> _Step:
         """Solve a step from the guess of the forces of the last one; it is not taken yet.
+
+        Args:
+            start: [s].
+            end: [s].
+            last: Forces of the last step [N], (gaps,).
+            before: Gaps at the start [m], (gaps,).
+            closed: Which of them count as closed, (gaps,).
 
         Raises:
             ConvergenceError: Newton's method did not converge.
         """
         interior, gaps = self.interior, self._gaps
         begin = interior.surface_displacement
-        before = gaps.at(begin, begin, begin, start)[0]
         holds = self._scheme.holds
-        may = (before <= self._near) | (last > 0.0) | (not holds)
+        may = closed if holds else np.ones(len(before), dtype=bool)
         room = np.zeros(len(before)) if holds else np.maximum(before, 0.0)
         force = np.where(may, last, 0.0)
         interior.begin(start, end)

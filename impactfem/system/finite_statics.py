@@ -11,16 +11,14 @@ from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.finite_strain import FiniteStrain
 from impactfem.system.linear import LinearSolver
-from impactfem.system.rigid_modes import RigidModes, unit_spins
-from impactfem.system.statics import least_rate
+from impactfem.system.rigid_modes import spun
+from impactfem.system.statics import BodyAtRest
 from impactfem.system.surface import SurfaceNodes
 
 Floats = NDArray[np.float64]
 
-_SHIFT = 1e-6  # as of linear bodies
 
-
-class FiniteAtRest:
+class FiniteAtRest(BodyAtRest):
     """A body with any law; see `impactfem.marching.resting.Resting`."""
 
     def __init__(
@@ -48,26 +46,12 @@ class FiniteAtRest:
             gravity: At t = 0 [m/s^2], (dim,).
             spin: Angular velocity [rad/s] about the centre of mass, (1,) or in space (3,).
         """
-        self.name, self.start, self.modes = name, system.displacement.copy(), RigidModes.of(system)
-        self._system, self._strain, self._surface = system, strain, surface
-        self._kind, self._spin = linear_solver, spin
+        super().__init__(name, system, surface, linear_solver)
+        self._strain, self._spin = strain, spin
         self._mass, self._weights = mass, weights.reshape(-1, system.dim)
         drive = Drive(system, None)
         self._load = drive.load(0.0) + (self._weights * gravity).ravel()
-        self._shift = _SHIFT * least_rate(system) if self.modes.count else 0.0
         self._solver: LinearSolver | None = None
-        self._vectors = [system.stiffness.createVecRight() for _ in range(2)]
-
-    def contact(self, place: Floats) -> Floats:
-        """Displacements of the contact nodes, (count, dim) (collective)."""
-        return self._surface.gather(place)
-
-    def pulled(self, forces: Floats) -> Floats:
-        """Forces on the owned dofs by those on the contact nodes (count, dim)."""
-        found = np.zeros(len(self.start))
-        self._surface.spread(forces, found)
-        found[self._system.constrained] = 0.0
-        return found
 
     def residual(self, place: Floats) -> Floats:
         """Loads less internal forces [N]; not numbers where cells are inside out (collective)."""
@@ -87,7 +71,7 @@ class FiniteAtRest:
         moments, mass = np.asarray(system.comm.allreduce(own, op=MPI.SUM))
         arms = places - moments / mass
         for _ in range(2):
-            arms = np.einsum("k,kij->ij", self._spin, np.array(unit_spins(arms)))
+            arms = spun(arms, self._spin)
         source, image = self._vectors
         source.setArray(-arms.ravel())
         self._mass.mult(source, image)
@@ -100,10 +84,7 @@ class FiniteAtRest:
         """
         matrix = self._strain.tangent(place, place)
         matrix.scale(2.0)
-        diagonal = matrix.getDiagonal()
-        diagonal.setArray(diagonal.getArray() + self._shift * self.modes.weights)
-        matrix.setDiagonal(diagonal)
-        diagonal.destroy()
+        self.hold(matrix)
         held = np.flatnonzero(self._system.constrained) + matrix.getOwnershipRange()[0]
         matrix.zeroRowsColumns(held.astype(PETSc.IntType), diag=1.0)
         self._drop()

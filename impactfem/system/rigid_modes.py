@@ -106,6 +106,12 @@ def unit_spins(arms: Floats) -> list[Floats]:
     return [np.cross(axis, arms) for axis in np.eye(3)]
 
 
+def spun(arms: Floats, spin: Floats) -> Floats:
+    """Velocities (nodes, dim) of places that turn, by their arms; spin [rad/s] (1,) or (3,)."""
+    found: Floats = np.einsum("k,kij->ij", spin, np.array(unit_spins(arms)))
+    return found
+
+
 def _named(vector: Floats, axes: str) -> str:
     """An axis, or a direction."""
     way = vector / np.linalg.norm(vector)

@@ -14,7 +14,7 @@ from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.linear import LinearSolver
 from impactfem.system.massless import transferred
-from impactfem.system.rigid_modes import RigidModes, unit_spins
+from impactfem.system.rigid_modes import RigidModes, spun
 from impactfem.system.surface import SurfaceNodes
 
 Floats = NDArray[np.float64]
@@ -27,14 +27,47 @@ Each pass leaves so much of the error; and answers to single forces are so much 
 rigid part of theirs, which rounding must not hide."""
 
 
-class SolidAtRest:
-    """A linear body; see `impactfem.marching.static_start.Resting`.
+class BodyAtRest:
+    """What bodies at rest have in common, whatever their law.
 
     Attributes:
         name: Of the body.
         start: Displacement from which equilibrium is sought [m], shape (owned dofs,).
         modes: Its free rigid motions.
     """
+
+    def __init__(
+        self, name: str, system: ElasticSystem, surface: SurfaceNodes, linear_solver: str
+    ) -> None:
+        """Take a body; see `SolidAtRest` (collective)."""
+        self.name, self.start, self.modes = name, system.displacement.copy(), RigidModes.of(system)
+        self._system, self._surface, self._kind = system, surface, linear_solver
+        self._vectors = [system.stiffness.createVecRight() for _ in range(2)]
+
+    def contact(self, place: Floats) -> Floats:
+        """Displacements of the contact nodes, (count, dim) (collective)."""
+        return self._surface.gather(place)
+
+    def pulled(self, forces: Floats) -> Floats:
+        """Forces on the owned dofs by those on the contact nodes (count, dim)."""
+        return self._surface.pulled(forces, self._system.constrained)
+
+    @cached_property
+    def _shift(self) -> float:
+        """Stiffness by mass that holds a free body [1/s^2]."""
+        return _SHIFT * least_rate(self._system)
+
+    def hold(self, matrix: Any) -> None:
+        """Hold a free body by its mass: add that to a PETSc matrix (collective)."""
+        if self.modes.count:
+            diagonal = matrix.getDiagonal()
+            diagonal.setArray(diagonal.getArray() + self._shift * self.modes.weights)
+            matrix.setDiagonal(diagonal)
+            diagonal.destroy()
+
+
+class SolidAtRest(BodyAtRest):
+    """A linear body; see `impactfem.marching.static_start.Resting`."""
 
     def __init__(
         self,
@@ -61,8 +94,7 @@ class SolidAtRest:
         Raises:
             SceneError: The body spins though supports hold it.
         """
-        self.name, self.start, self.modes = name, system.displacement.copy(), RigidModes.of(system)
-        self._system, self._surface, self._kind = system, surface, linear_solver
+        super().__init__(name, system, surface, linear_solver)
         drive = Drive(system, transfer)
         weight = np.repeat(system.node_mass, system.dim) * np.tile(gravity, len(system.positions))
         self._load = drive.load(0.0) + drive.lift(0.0) + transferred(transfer, weight)
@@ -73,13 +105,12 @@ class SolidAtRest:
             false = self.modes.along(moved) - self.modes.along(flung)
             self._load += moved - self.modes.forces(false)
         self._load[system.constrained] = 0.0
-        self._vectors = [system.stiffness.createVecRight() for _ in range(2)]
 
     def _flung(self, spin: Floats) -> Floats:
         """Centrifugal forces of the undeformed body [N], (owned dofs,) (collective)."""
         system = self._system
         arms = system.positions - system.center_of_mass
-        velocity = np.einsum("k,kij->ij", spin, np.array(unit_spins(arms)))
+        velocity = spun(arms, spin)
         lost = velocity.ravel() - self.modes.of_displacement(velocity.ravel())
         sizes = [float(np.abs(part).max(initial=0.0)) for part in (lost, velocity)]
         left, fastest = (system.comm.allreduce(size, op=MPI.MAX) for size in sizes)
@@ -89,24 +120,13 @@ class SolidAtRest:
                 '"static" needs a body that is free to turn so, but its supports hold it; remove '
                 'one of them, or use start = "given"'
             )
-        turned = np.einsum("k,kij->ij", spin, np.array(unit_spins(velocity)))
+        turned = spun(velocity, spin)
         source, image = system.mass.createVecs()
         source.setArray(-turned.ravel())
         system.mass.mult(source, image)
         found: Floats = image.getArray().copy()
         source.destroy()
         image.destroy()
-        return found
-
-    def contact(self, place: Floats) -> Floats:
-        """Displacements of the contact nodes, (count, dim) (collective)."""
-        return self._surface.gather(place)
-
-    def pulled(self, forces: Floats) -> Floats:
-        """Forces on the owned dofs by those on the contact nodes (count, dim)."""
-        found = np.zeros(len(self.start))
-        self._surface.spread(forces, found)
-        found[self._system.constrained] = 0.0
         return found
 
     def residual(self, place: Floats) -> Floats:
@@ -135,19 +155,10 @@ class SolidAtRest:
         return found
 
     @cached_property
-    def _shift(self) -> float:
-        """Stiffness by mass that holds a free body [1/s^2]."""
-        return _SHIFT * least_rate(self._system)
-
-    @cached_property
     def _solver(self) -> LinearSolver:
         system = self._system
         matrix = system.stiffness.copy()
-        if self.modes.count:
-            diagonal = matrix.getDiagonal()
-            diagonal.setArray(diagonal.getArray() + self._shift * self.modes.weights)
-            matrix.setDiagonal(diagonal)
-            diagonal.destroy()
+        self.hold(matrix)
         return LinearSolver(matrix, self._kind, system.stiffness.getNearNullSpace())
 
     def destroy(self) -> None:

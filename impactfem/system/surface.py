@@ -75,6 +75,13 @@ class SurfaceNodes:
             self.comm.Allreduce(MPI.IN_PLACE, everywhere)
         return everywhere.reshape(self.count, self.dim)
 
+    def pulled(self, forces: Floats, held: NDArray[np.bool_]) -> Floats:
+        """Forces on the owned dofs by those on the contact nodes (count, dim), 0 where held."""
+        found = np.zeros(len(held))
+        self.spread(forces, found)
+        found[held] = 0.0
+        return found
+
     def spread(self, values: Floats, into: Floats) -> None:
         """Put values of the contact nodes (count, dim) into the owned dofs."""
         into[self.dofs] = values.ravel()[self.places]
