@@ -89,7 +89,7 @@ def solids_motion(
     elastic = elastic_energy(scheme, rows, together[:, 1])
     explicit = scheme.explicit
     work = work_done(march, rows, together, model.dim, explicit=explicit)
-    attitudes = whole.factor * total(model.comm, rows.attitude)
+    attitudes = total(model.comm, rows.attitude)
     placed = [part.system.displacement for part in model.parts]
     level = _level(model)
     if started is not None:

@@ -306,3 +306,16 @@ def test_a_law_that_collapses_is_told():
     soft = impactfem.solve(scene(0.003, {"material": "linear", "strain": "finite"}))
     codes = {finding["code"] for finding in soft.summary["verdict"]["findings"]}
     assert "model_strain" not in codes
+
+
+def test_half_a_body_spins_as_the_whole():
+    """About the normal of its cut, in space: moments of the whole are counted once."""
+    half = {
+        "model": "3d", "mesh_size": 0.02, "velocity": [0.0, 0.0, 2.0],
+        "shape": {"kind": "sphere", "radius": 0.05, "center": [0.0, 0.0, 0.06], "symmetry": ["x"]},
+        "angular_velocity": [30.0, 0.0, 0.0],
+    }  # fmt: skip
+    floor = {"point": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]}
+    result = impactfem.solve(scene(0.002, half, floor, {"dt": 5e-4}))
+    (spin,) = columns(result, "disc.wx")
+    assert spin[0] == pytest.approx(30.0, rel=1e-10)
