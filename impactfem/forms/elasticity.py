@@ -112,11 +112,19 @@ class ElasticForms:
             direction: Unit vector of the load; None for a pressure, which pushes inwards.
         """
         value, v = ufl.TrialFunction(values), ufl.TestFunction(self.space)
-        mesh = self.space.mesh
-        along = -ufl.FacetNormal(mesh) if direction is None else direction
+        along = -ufl.FacetNormal(self.space.mesh) if direction is None else direction
+        return value * ufl.dot(along, v) * self.weight * self.surface_measure(tags, 1)
+
+    def surface_measure(self, facets: Any, number: int) -> Any:
+        """Measure ds of facets with the quadrature of loads on them.
+
+        Args:
+            facets: Tags, or pairs of a number and cells beside their places of facets.
+            number: Of the facets that are meant.
+        """
         degree = self._mass_degree + self._order
-        ds = ufl.Measure("ds", mesh, subdomain_data=tags, metadata={"quadrature_degree": degree})
-        return value * ufl.dot(along, v) * self.weight * ds(1)
+        metadata = {"quadrature_degree": degree}
+        return ufl.Measure("ds", self.space.mesh, subdomain_data=facets, metadata=metadata)(number)
 
     def volume(self, cells: Any) -> Any:
         """Linear form whose entries are the cells' volumes [m^3].

@@ -68,7 +68,7 @@ class FiniteMidpoint:
         """
         self.dt = dt
         self._system, self._surface = system, surface
-        self._strain = FiniteStrain(system.nodes, solid)
+        self._strain = FiniteStrain(system.nodes, solid, system.following)
         self._drive = Drive(system, None)
         with products_in_order(system.comm):
             mass = system.mass.copy() if transfer is None else system.mass.ptap(transfer)
@@ -156,6 +156,7 @@ class FiniteMidpoint:
         system, drive = self._system, self._drive
         self._span = step = end - start
         self._strain.retard(system.rayleigh_stiffness / step)
+        self._strain.press(start, end)
         gravity = drive.gravity(start, end)
         self._stale, self._left = True, np.inf
         self._loads = self._weights * np.tile(gravity, len(self._weights) // system.dim)
@@ -189,11 +190,12 @@ class FiniteMidpoint:
         moved = self._after - self.displacement
         inside = self._strain.force(self.displacement, self._after)
         pushed = self._surface.pulled(forces, system.constrained)
+        self._pressed = self._strain.pressed(self.displacement, self._after)
         rate = moved / step
         inert = self._times_mass(
             (2.0 / step) * (rate - self.velocity) + system.rayleigh_mass * rate
         )
-        self._rest = self._loads + pushed - inside - inert
+        self._rest = self._loads + self._pressed + pushed - inside - inert
         self._inside = inside
         self._rest[system.constrained] = 0.0
         own = [
@@ -282,6 +284,8 @@ class FiniteMidpoint:
         """End the step at the iterate."""
         step = self._span
         moved = self._after - self.displacement
+        free = ~self._system.constrained
+        self._work += float(self._pressed[free] @ moved[free])
         if self._drive.is_active:
             self._work += float(self._dead @ moved)
             held = self._drive.moved

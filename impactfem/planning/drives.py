@@ -48,7 +48,7 @@ def flown(
 ) -> Drives:
     """Flight of a body that nothing holds: its momentum and spin by gravity and loads (collective).
 
-    Loads keep direction and place, as the model has it.
+    Loads keep direction and place, as small strains have it; pressures that follow are not known.
 
     Args:
         scene: With gravity and the duration.
@@ -71,9 +71,12 @@ def flown(
         return way, _moved(instants, start[1], spinning[::every], damping)
 
     way, turn = by_samples(1)
-    known = not loaded or all(
-        np.abs(fine[::2] - coarse).max() <= _ALIKE * np.abs(fine).max()
-        for fine, coarse in zip((way, turn), by_samples(2), strict=True)
+    known = not solid.following and (
+        not loaded
+        or all(
+            np.abs(fine[::2] - coarse).max() <= _ALIKE * np.abs(fine).max()
+            for fine, coarse in zip((way, turn), by_samples(2), strict=True)
+        )
     )
     return Drives(times, way, turn, loaded, known)
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import Formulas
-from impactfem.scene.kinds import Choice, FormulaOf, Line
+from impactfem.scene.kinds import Choice, FormulaOf, Line, Switch
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class Traction:
 @table("pressures = [{ ... }]")
 @dataclass(frozen=True, kw_only=True)
 class Pressure:
-    """A force per area of the undeformed surface, against its outward normal.
+    """A force per area against the outward normal of a surface, undeformed or as it is by then.
 
     Raises:
         SceneError: a value is not allowed.
@@ -103,10 +103,18 @@ class Pressure:
     value: Formula = key(  # noqa: RUF009  # a field
         FormulaOf((*SPACE, "t")), "pressure, positive when it pushes inward", unit="Pa"
     )
+    follows: bool | None = key(
+        Switch(),
+        "whether it acts on the surface as it is by then; x, y, z are of the undeformed one",
+        default=None,
+        absent="true under finite strain",
+    )
 
     if TYPE_CHECKING:
 
-        def __init__(self, *, surface: str, value: FormulaLike) -> None: ...
+        def __init__(
+            self, *, surface: str, value: FormulaLike, follows: bool | None = None
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         check_fields(self, "pressure")

@@ -158,6 +158,11 @@ def _check_law(solid: SolidKeys) -> None:
         text = f' = {show(solid.material)} contradicts strain = "small", which sees no more of a '
         raise _fail(solid, "material", text + 'law than "linear": remove one of them.')
     if not solid.is_finite:
+        for index, load in enumerate(solid.pressures):
+            if load.follows:
+                text = " = true needs a surface that moves far, but strains are small: remove it, "
+                text += 'or give strain = "finite".'
+                raise _fail(solid, f"pressures[{index}].follows", text)
         return
     if solid.model == "plane_stress":
         text = ' = "plane_stress" has no finite strain, whose thickness would follow at every '
@@ -165,9 +170,6 @@ def _check_law(solid: SolidKeys) -> None:
     if solid.poisson_ratio > _LOCKS:
         text = f" = {solid.poisson_ratio}: elements under finite strain lock above {_LOCKS}: give "
         raise _fail(solid, "poisson_ratio", text + 'no more, or strain = "small".')
-    if solid.pressures:
-        text = ": pressures that follow a surface under finite strain are not there yet: give "
-        raise _fail(solid, "pressures", text + "tractions, which keep their direction.")
 
 
 def _check_surface_names(solid: SolidKeys) -> None:

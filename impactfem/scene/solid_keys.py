@@ -176,6 +176,13 @@ class SolidKeys(BodyKind):
         return self.strain == "finite" or (self.strain is None and self.material != "linear")
 
     @property
+    def following(self) -> tuple[Pressure, ...]:
+        """Pressures that act on their surface as it is by then."""
+        if not self.is_finite:
+            return ()
+        return tuple(load for load in self.pressures if load.follows is not False)
+
+    @property
     def law_in_words(self) -> str:
         """Name of its law."""
         return _LAW_WORDS[self.material] if self.is_finite else "linear elastic"

@@ -14,6 +14,7 @@ from impactfem.forms.elasticity import ElasticForms
 from impactfem.mesh.body import BodyMesh
 from impactfem.scene import Formula
 from impactfem.system.finite_strain import finite_forms
+from impactfem.system.following import FollowingPressures
 from impactfem.system.loads import Loads
 from impactfem.system.matrices import BodyMatrices, body_forms, body_matrices
 from impactfem.system.nodes import Floats, Nodes, body_nodes
@@ -35,7 +36,8 @@ class ElasticSystem:
         nodes: Nodes of the displacements.
         supports: What is held and moved.
         matrices: Mass and stiffness.
-        loads: Gravity, tractions and pressures.
+        loads: Gravity, tractions and pressures, but for those that follow.
+        following: Pressures that act on the surface as it is by then.
         lumped: Row sums of the mass [kg], 0 where constrained, shape (owned dofs,); None where
             not all are positive, as with simplices of degree 2.
         node_mass: Row sums of the mass without supports [kg], shape (owned nodes,).
@@ -52,6 +54,7 @@ class ElasticSystem:
     supports: Supports
     matrices: BodyMatrices
     loads: Loads
+    following: FollowingPressures
     lumped: Floats | None
     node_mass: Floats
     displacement: Floats
@@ -234,6 +237,7 @@ def elastic_system(solid: Any, gravity: Any, body: BodyMesh) -> ElasticSystem:
         supports=supports,
         matrices=body_matrices(nodes, forms, supports, solid.poisson_ratio),
         loads=loads,
+        following=FollowingPressures(nodes, body.surfaces, solid),
         lumped=lumped,
         node_mass=node_mass,
         displacement=displacement,

@@ -48,6 +48,7 @@ class FiniteAtRest(BodyAtRest):
         """
         super().__init__(name, system, surface, linear_solver)
         self._strain, self._spin = strain, spin
+        strain.press(0.0, 0.0)
         self._mass, self._weights = mass, weights.reshape(-1, system.dim)
         drive = Drive(system, None)
         self._load = drive.load(0.0) + (self._weights * gravity).ravel()
@@ -57,7 +58,7 @@ class FiniteAtRest(BodyAtRest):
         """Loads less internal forces [N]; not numbers where cells are inside out (collective)."""
         if self._strain.is_inverted(place):
             return np.full(len(place), np.nan)
-        found = self._load - self._strain.force(place, place)
+        found = self._load + self._strain.pressed(place, place) - self._strain.force(place, place)
         if self._spin.any():
             found += self._flung(place)
         found[self._system.constrained] = 0.0

@@ -9,6 +9,7 @@ from impactfem import fem
 from impactfem.fem import MPI, dolfinx_fem, ufl
 from impactfem.forms.elasticity import ElasticForms
 from impactfem.forms.finite_strain import LAWS, FiniteForms
+from impactfem.system.following import FollowingPressures
 from impactfem.system.matrices import body_forms
 from impactfem.system.nodes import Nodes
 
@@ -26,12 +27,13 @@ class FiniteStrain:
     Vectors hold the owned degrees of freedom; nothing is held here, supports are the caller's.
     """
 
-    def __init__(self, nodes: Nodes, solid: Any) -> None:
+    def __init__(self, nodes: Nodes, solid: Any, following: FollowingPressures) -> None:
         """Compile the forms (collective).
 
         Args:
             nodes: Nodes of the body.
             solid: `impactfem.scene.solids.Solid` with ``strain = "finite"``.
+            following: Its pressures that follow the surface.
         """
         space = nodes.space
         self._comm = nodes.comm
@@ -40,6 +42,11 @@ class FiniteStrain:
         self._before, self._after = dolfinx_fem.Function(space), dolfinx_fem.Function(space)
         force = forms.force(self._before, self._after)
         self._force = fem.compile_form(force)
+        self._following, self._pressure = following, None
+        if following.any:
+            pressure = following.form(forms, self._before, self._after)
+            self._pressure = fem.compile_form(pressure)
+            force -= pressure
         self._tangent = fem.compile_form(ufl.derivative(force, self._after))
         self._energy = fem.compile_form(forms.energy(self._after))
         self._inverted = fem.compile_form(forms.inverted(self._after))
@@ -54,8 +61,23 @@ class FiniteStrain:
         self._put(self._after, after)
         return fem.assemble_vector(self._force)
 
+    def press(self, start: float, end: float) -> None:
+        """Take the mean of pressures that follow at two times [s], from now on (collective)."""
+        self._following.put(start, end)
+
+    def pressed(self, before: Floats, after: Floats) -> Floats:
+        """Forces of these pressures on the nodes in a step [N], (owned dofs,) (collective)."""
+        if self._pressure is None:
+            return np.zeros(len(before))
+        self._put(self._before, before)
+        self._put(self._after, after)
+        return fem.assemble_vector(self._pressure)
+
     def tangent(self, before: Floats, after: Floats) -> Any:
-        """Their derivative by ``after`` as a new PETSc matrix [N/m], not symmetric (collective)."""
+        """Derivative of `force` less `pressed` by ``after`` [N/m] (collective).
+
+        A new PETSc matrix, not symmetric.
+        """
         self._put(self._before, before)
         self._put(self._after, after)
         return fem.assemble_petsc(self._tangent)

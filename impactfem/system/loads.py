@@ -18,6 +18,47 @@ from impactfem.system.supports import surface_facets
 _AXES = "xyz"
 
 
+class FormulaValues:
+    """A formula of place and time at some places of a surface."""
+
+    def __init__(self, formula: Formula, label: str, places: Floats, comm: Any) -> None:
+        """Take the places of this rank.
+
+        Args:
+            formula: In x, y, z and t.
+            label: What it is, for messages.
+            places: [m], shape (count, dim).
+            comm: MPI communicator.
+        """
+        self._formula, self._label, self._comm = formula, label, comm
+        self._points = dict(zip(_AXES, np.ascontiguousarray(places.T), strict=False))
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether the formula does not use t."""
+        return not _uses_time(self._formula)
+
+    def at(self, t: float) -> Floats:
+        """Values at time t, shape (count,) (collective).
+
+        Raises:
+            SceneError: One is not finite; on all ranks.
+        """
+        count = len(next(iter(self._points.values())))
+        values: Floats = np.broadcast_to(self._formula(t=t, **self._points), count)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if self._comm.allreduce(bad.size, op=MPI.SUM):
+            error = None
+            if bad.size:
+                place = ", ".join(f"{x[bad[0]]:g}" for x in self._points.values())
+                error = SceneError(
+                    f"the {self._label} = {self._formula.text!r} has no finite value at ({place}), "
+                    f"t = {t:g} s; give a formula that is finite on the whole surface"
+                )
+            fem.raise_together(self._comm, error)
+        return values
+
+
 @dataclass(frozen=True)
 class SurfaceLoad:
     """One formula on one surface; its nodal forces are linear in its values at some points.
@@ -25,25 +66,16 @@ class SurfaceLoad:
     The formula is interpolated on each facet by polynomials one degree above the displacements'.
 
     Attributes:
-        formula: In x, y, z and t [Pa].
-        label: What it is, for messages.
+        formula: At the owned points [Pa].
         matrix: PETSc matrix from values to forces, (owned dofs, owned points).
-        points: Places of the values by variable [m], arrays of shape (owned points,).
         values: PETSc vector of the values [Pa].
         forces: PETSc vector of the forces [N].
     """
 
-    formula: Formula
-    label: str
+    formula: FormulaValues
     matrix: Any
-    points: Mapping[str, Floats]
     values: Any
     forces: Any
-
-    @property
-    def is_steady(self) -> bool:
-        """Whether the formula does not use t."""
-        return not _uses_time(self.formula)
 
     def at(self, t: float) -> Floats:
         """Nodal forces [N] at time t, shape (owned dofs,): a view that the next call changes.
@@ -51,18 +83,7 @@ class SurfaceLoad:
         Raises:
             SceneError: The formula has no finite value somewhere; on all ranks.
         """
-        values = self.values.array_w
-        values[:] = self.formula(t=t, **self.points)
-        bad = np.flatnonzero(~np.isfinite(values))
-        if self.matrix.comm.tompi4py().allreduce(bad.size, op=MPI.SUM):
-            error = None
-            if bad.size:
-                place = ", ".join(f"{x[bad[0]]:g}" for x in self.points.values())
-                error = SceneError(
-                    f"the {self.label} = {self.formula.text!r} has no finite value at ({place}), "
-                    f"t = {t:g} s; give a formula that is finite on the whole surface"
-                )
-            fem.raise_together(self.matrix.comm.tompi4py(), error)
+        self.values.array_w[:] = self.formula.at(t)
         self.matrix.mult(self.values, self.forces)
         forces: Floats = self.forces.array_r
         return forces
@@ -95,7 +116,8 @@ class Loads:
             nodes: Nodes of the body.
             forms: Its weak forms.
             surfaces: Local facets of each named surface.
-            solid: With ``tractions`` and ``pressures`` as in `impactfem.scene`.
+            solid: With ``tractions`` and ``pressures`` as in `impactfem.scene`; those that follow
+                their surface are left out.
             gravity: `PiecewiseVector` [m/s^2].
 
         Raises:
@@ -110,7 +132,7 @@ class Loads:
         self._changing = np.zeros_like(self._steady)
         self._time: float | None = None
         for load in _surface_loads(nodes, forms, surfaces, solid):
-            if load.is_steady:
+            if load.formula.is_steady:
                 self._steady += load.at(0.0)
                 load.destroy()
             else:
@@ -193,6 +215,8 @@ def _surface_loads(
                 form = forms.surface_load(space, fem.tag_facets(mesh, facets), along)
                 loads.append(_surface_load(nodes, space, facets, form, formula, label))
     for pressure in solid.pressures:
+        if pressure in solid.following:
+            continue
         facets = surface_facets(surfaces, pressure.surface, "pressure")
         label = f"pressure on {pressure.surface!r}"
         form = forms.surface_load(space, fem.tag_facets(mesh, facets))
@@ -217,9 +241,8 @@ def _surface_load(
     for thing in (whole, rows, columns):
         thing.destroy()
     values, forces = matrix.createVecs()
-    places = space.tabulate_dof_coordinates()[used]
-    variables = {name: places[:, axis].copy() for axis, name in enumerate(_AXES[: nodes.dim])}
-    return SurfaceLoad(formula, label, matrix, variables, values, forces)
+    places = space.tabulate_dof_coordinates()[used, : nodes.dim]
+    return SurfaceLoad(FormulaValues(formula, label, places, nodes.comm), matrix, values, forces)
 
 
 def _uses_time(formula: Formula) -> bool:

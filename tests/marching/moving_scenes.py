@@ -73,10 +73,10 @@ def resting(method, **solve):
 
 
 def finite(made, method, duration=1.5, **solve):
-    """One of the above under finite strain, where pressures are not there yet."""
+    """One of the above under finite strain."""
     data = made(method, duration, **solve).to_dict()
     (body,) = data["body"]
-    body |= {"strain": "finite", "material": "neo_hookean", "pressures": []}
+    body |= {"strain": "finite", "material": "neo_hookean"}
     return impactfem.Scene.from_dict(data)
 
 

@@ -275,7 +275,6 @@ def test_a_shock_has_the_speed_and_pressure_of_the_law():
         ({"model": "plane_stress"}, {}, "body[0].model"),
         ({"poisson_ratio": 0.48}, {}, "body[0].poisson_ratio"),
         ({"strain": "small"}, {}, "body[0].material"),
-        ({"pressures": [{"surface": "rim", "value": "1"}]}, {}, "body[0].pressures"),
         ({}, {"solve": {"method": "explicit"}}, "solve.method"),
         ({}, {"solve": {"normals": "fixed"}}, "solve.normals"),
         ({}, {"solve": {"active_set": "snes_vi"}}, "solve.active_set"),

@@ -165,7 +165,8 @@ def _boundary(solid: Any) -> str:
     for load in solid.tractions:
         text += f" A force per area {formulas(load.value, 'Pa')} acts on {load.surface}."
     for load in solid.pressures:
-        text += f" A pressure {formula(load.value)} Pa pushes on {load.surface}."
+        follows = ", which it follows" if load in solid.following else ""
+        text += f" A pressure {formula(load.value)} Pa pushes on {load.surface}{follows}."
     return text
 
 
