@@ -21,6 +21,7 @@ Comput. Methods Appl. Mech. Eng. 4 (1974) 153-177; T. J. R. Hughes, The Finite E
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -134,13 +135,8 @@ class ElasticForms:
         """
         return self.weight * ufl.TestFunction(cells) * self._dx(self._mass_degree)
 
-    def mises_stress(self, displacement: Any, cells: Any) -> Any:
-        """Linear form whose entries are von Mises stress [Pa] times volume of the cells.
-
-        Args:
-            displacement: Function of the space.
-            cells: Space of functions that are constant on each cell.
-        """
+    def fields(self, displacement: Any) -> Mapping[str, Any]:
+        """What can be shown of a state, scalars or 3 x 3 tensors: von Mises stress [Pa]."""
         strain = self.strain(displacement)
         trace = self.dilatation(displacement)
         # Squares of the full strain, whose direct component out of the plane needs its own term.
@@ -149,8 +145,11 @@ class ElasticForms:
             squares += (self.across * trace) ** 2
             trace *= 1.0 + self.across
         deviatoric = ufl.max_value(squares - trace**2 / 3.0, 0.0)
-        mises = self.shear_modulus * ufl.sqrt(6.0 * deviatoric)
-        return mises * self.weight * ufl.TestFunction(cells) * self._dx(self._degree)
+        return {"von_mises": self.shear_modulus * ufl.sqrt(6.0 * deviatoric)}
+
+    def measured(self, integrand: Any) -> Any:
+        """Integral over the body, with the quadrature of the stiffness."""
+        return integrand * self.weight * self._dx(self._degree)
 
     def strain(self, u: Any) -> Any:
         """Strain tensor; with the hoop strain u_r / r as third direct component if axisymmetric."""
@@ -165,11 +164,6 @@ class ElasticForms:
     def dilatation(self, u: Any) -> Any:
         """Trace of the strain; for plane stress of that in the plane."""
         return ufl.tr(self.strain(u))
-
-    @property
-    def cells_measure(self) -> Any:
-        """Measure dx with the quadrature of the stiffness."""
-        return self._dx(self._degree)
 
     @property
     def _order(self) -> int:

@@ -33,6 +33,16 @@ class Law(Protocol):
     def stress(before: Any, after: Any, change: Any, first_lame: Any, shear_modulus: Any) -> Any:
         """Discrete gradient S [Pa] between two strains, whose difference is given."""
 
+    @staticmethod
+    def coefficients(
+        trace: Any, log: Any, first_lame: Any, shear_modulus: Any
+    ) -> tuple[Any, Any, Any]:
+        """Of I, C and its inverse in S = dW/dE [Pa], by tr C and ln J in space.
+
+        So J times the true stress is the first times B = F F^T, the second times B^2 and the third
+        times I. Numbers, arrays or expressions of UFL.
+        """
+
 
 class StVenantKirchhoff:
     """W = lambda (tr E)^2 / 2 + mu E : E, linear between S and E; weak under much compression."""
@@ -54,6 +64,16 @@ class StVenantKirchhoff:
         mean = 0.5 * (before + after)
         unit = ufl.Identity(_size(mean))
         return first_lame * ufl.tr(mean) * unit + 2.0 * shear_modulus * mean
+
+    @staticmethod
+    def coefficients(
+        trace: Any,
+        log: Any,  # noqa: ARG004  (as the interface has it)
+        first_lame: Any,
+        shear_modulus: Any,
+    ) -> tuple[Any, Any, Any]:
+        """See `Law`."""
+        return 0.5 * first_lame * (trace - 3.0) - shear_modulus, shear_modulus, 0.0
 
 
 class NeoHookean:
@@ -88,6 +108,16 @@ class NeoHookean:
         divided = slope * (-0.5 * shear_modulus + 0.125 * first_lame * logs)
         return shear_modulus * unit + 2.0 * divided * gradient
 
+    @staticmethod
+    def coefficients(
+        trace: Any,  # noqa: ARG004  (as the interface has it)
+        log: Any,
+        first_lame: Any,
+        shear_modulus: Any,
+    ) -> tuple[Any, Any, Any]:
+        """See `Law`."""
+        return shear_modulus, 0.0, first_lame * log - shear_modulus
+
 
 LAWS: Mapping[str, type[Law]] = {"linear": StVenantKirchhoff, "neo_hookean": NeoHookean}
 """Laws by the name of the scene's key ``material``; a further one is a class and a line here."""
@@ -110,7 +140,7 @@ class FiniteForms:
 
     def energy(self, displacement: Any) -> Any:
         """Functional W [J]."""
-        return self._measured(self.law.energy(self._strain(displacement), *self._moduli))
+        return self.elastic.measured(self.law.energy(self._strain(displacement), *self._moduli))
 
     def force(self, before: Any, after: Any) -> Any:
         """Linear form of the internal forces of a step from ``before`` to ``after``."""
@@ -126,7 +156,7 @@ class FiniteForms:
         ) + self.viscosity * (
             first * ufl.tr(change) * ufl.Identity(_size(change)) + 2.0 * second * change
         )
-        return self._measured(ufl.inner(mean * stress, self._gradient(v)))
+        return self.elastic.measured(ufl.inner(mean * stress, self._gradient(v)))
 
     def pressure(self, before: Any, after: Any, values: Any, surface: Any) -> Any:
         """Linear form of a pressure that follows its surface in a step.
@@ -151,41 +181,28 @@ class FiniteForms:
         pushed = sum(area[i, j] * normal[j] * v[i] for i in range(dim) for j in range(dim))
         return -values * pushed * self.elastic.weight * surface
 
-    def volume(self, cells: Any) -> Any:
-        """As `ElasticForms.volume`: undeformed."""
-        return self.elastic.volume(cells)
-
     def inverted(self, displacement: Any) -> Any:
         """Functional that is positive where cells are turned inside out (volume [m^3])."""
         upright = ufl.gt(self._volume_ratio(displacement), 0.0)
-        return self._measured(ufl.conditional(upright, 0.0, 1.0))
+        return self.elastic.measured(ufl.conditional(upright, 0.0, 1.0))
 
-    def mises_stress(self, displacement: Any, cells: Any) -> Any:
-        """As `ElasticForms.mises_stress`, of the true (Cauchy) stress, by undeformed volumes."""
-        strain, gradient = self._strain(displacement), self._gradient(displacement)
-        second = self.law.stress(strain, strain, 0.0 * strain, *self._moduli)
-        full = ufl.Identity(_size(gradient)) + gradient
-        true = full * second * full.T / self._volume_ratio(displacement)
-        trace, squares = ufl.tr(true), ufl.inner(true, true)
-        if _size(strain) == 2:  # the direct stress that keeps the thickness
-            across = self._across(strain) / self._volume_ratio(displacement)
-            trace, squares = trace + across, squares + across**2
-        mises = ufl.sqrt(1.5 * ufl.max_value(squares - trace**2 / 3.0, 0.0))
-        return self._measured(mises * ufl.TestFunction(cells))
-
-    def _across(self, strain: Any) -> Any:
-        """Stress S_zz of plane strain, where C_zz = 1: the law in space, at a plane state."""
-        whole = ufl.as_tensor(
-            [[strain[i, j] if i < 2 and j < 2 else 0.0 for j in range(3)] for i in range(3)]
-        )
-        return self.law.stress(whole, whole, 0.0 * whole, *self._moduli)[2, 2]
+    def fields(self, displacement: Any) -> Mapping[str, Any]:
+        """As `ElasticForms.fields`: true (Cauchy) stress [Pa], Green's strain, ratio of volumes."""
+        full = ufl.Identity(3) + _in_space(self._gradient(displacement))
+        left, ratio = full * full.T, ufl.det(full)
+        unit, square, inverse = self.law.coefficients(ufl.tr(left), ufl.ln(ratio), *self._moduli)
+        true = (unit * left + square * left * left + inverse * ufl.Identity(3)) / ratio
+        deviatoric = ufl.dev(true)
+        return {
+            "von_mises": ufl.sqrt(1.5 * ufl.inner(deviatoric, deviatoric)),
+            "cauchy_stress": true,
+            "green_strain": _in_space(self._strain(displacement)),
+            "volume_ratio": ratio,
+        }
 
     @property
     def _moduli(self) -> tuple[Any, Any]:
         return self.elastic.first_lame, self.elastic.shear_modulus
-
-    def _measured(self, integrand: Any) -> Any:
-        return integrand * self.elastic.weight * self.elastic.cells_measure
 
     def _gradient(self, u: Any) -> Any:
         """Displacement gradient; with the hoop part u_r / r if axisymmetric."""
@@ -209,6 +226,15 @@ class FiniteForms:
     def _volume_ratio(self, u: Any) -> Any:
         gradient = self._gradient(u)
         return ufl.det(ufl.Identity(_size(gradient)) + gradient)
+
+
+def _in_space(tensor: Any) -> Any:
+    """A tensor in the plane as one in space."""
+    if _size(tensor) == 3:
+        return tensor
+    return ufl.as_tensor(
+        [[tensor[i, j] if max(i, j) < 2 else 0.0 for j in range(3)] for i in range(3)]
+    )
 
 
 def _excess(strain: Any) -> Any:

@@ -33,6 +33,7 @@ class Level:
         gap: Floats,
         vectors: Callable[[], Floats],
         spread: Callable[[Floats], Floats],
+        normals: Floats,
     ) -> None:
         """Show a level of an interior.
 
@@ -44,9 +45,10 @@ class Level:
             gap: See above.
             vectors: Gives `forces`.
             spread: From forces in the gaps to those on the contact nodes.
+            normals: Of the gaps, (gaps, dim).
         """
         self._interior, self._static = interior, static
-        self._vectors, self._spread = vectors, spread
+        self._vectors, self._spread, self._normals = vectors, spread, normals
         self.layer, self.time = layer, layer * interior.dt
         self.force, self.gap = force, gap
 
@@ -74,6 +76,14 @@ class Level:
     def nodal_forces(self) -> Floats:
         """The same on the contact nodes [N], (nodes, dim)."""
         return self._spread(self.forces)
+
+    @property
+    def nodal_normals(self) -> Floats:
+        """Unit vectors along which contact pushes, without friction, (nodes, dim); 0 elsewhere."""
+        pushed = self._spread(self.force[:, None] * self._normals)
+        size = np.linalg.norm(pushed, axis=1, keepdims=True)
+        found: Floats = pushed / np.where(size > 0.0, size, 1.0)
+        return found
 
 
 @dataclass

@@ -179,6 +179,7 @@ class TimeLoop[I: Stepper](ABC):
         level = Level(
             self.interior, self.layer, state.static, force, state.gap,
             lambda: self._vectors(np.where(self._impulsive, 0.0, force)), self._gaps.spread,
+            self._normals,
         )  # fmt: skip
         for observer in observers:
             observer(level)

@@ -60,7 +60,8 @@ def _write_with_dolfinx(fields: Snapshots, path: Path, kind: str) -> None:
     numbers = input_numbers(mesh)
     functions = []
     for name, components in fields.point_data.items():
-        shape = () if components == 1 else ((components,),)
+        # DOLFINx pads what is neither a vector nor a tensor beyond its end.
+        shape = {1: (), 3: ((3,),), 9: ((3, 3),)}[components]
         space = dolfinx_fem.functionspace(mesh, ("Lagrange", cell.degree, *shape))
         function = dolfinx_fem.Function(space)
         function.name = name

@@ -132,13 +132,13 @@ def joined(
         fields: Components of the fields of all. What a body does not have is NaN, or 0 of `FLAGS`.
 
     Returns:
-        Arrays of shape (nodes,) or (nodes, 3).
+        Arrays of shape (nodes,) or (nodes, components).
     """
     found, counts = {}, [len(np.asarray(own["displacement"])) for own in each]
     for name, components in fields.items():
         shape = () if components == 1 else (components,)
         parts = [
-            (as_vectors(own[name]) if shape else np.asarray(own[name], dtype=np.float64))
+            as_components(own[name], components)
             if name in own
             else np.full((count, *shape), 0.0 if name in FLAGS else np.nan)
             for own, count in zip(each, counts, strict=True)
@@ -152,3 +152,11 @@ def as_vectors(values: ArrayLike) -> Floats:
     given = np.asarray(values, dtype=np.float64)
     missing = VECTOR - given.shape[-1]
     return np.pad(given, [*[(0, 0)] * (given.ndim - 1), (0, missing)]) if missing else given
+
+
+def as_components(values: ArrayLike, components: int) -> Floats:
+    """Values at nodes, (nodes,) or (nodes, components), of these or of vectors of fewer."""
+    given = np.asarray(values, dtype=np.float64)
+    if components == VECTOR:
+        return as_vectors(given)
+    return given.reshape(-1, components) if components > 1 else given.ravel()

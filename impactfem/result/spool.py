@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from impactfem.errors import OutputError
 from impactfem.hdf5 import h5py
-from impactfem.result.shapes import FLAGS, MOTION, Layout, Shape, as_vectors
+from impactfem.result.shapes import FLAGS, MOTION, VECTOR, Layout, Shape, as_vectors
 from impactfem.result.store import reserve
 from impactfem.signals import held_back
 
@@ -20,15 +20,16 @@ POINT_DATA: Mapping[str, int] = MappingProxyType(
 )
 """Fields of scenes that are marched: besides the motion [Pa], [Pa], [N], [m], 0 or 1.
 
-At nodes of a solid without contact unknown ``gap`` is NaN, and what contact does there is 0; at
-those of other bodies what they do not have is NaN.
+Solids have more; see `impactfem.runs.solid_output`. At their nodes without contact unknown
+``gap`` is NaN, and what contact does there is 0; at those of other bodies what they do not have is
+NaN.
 """
 
 ABOUT = "impactfem"
 """Group beside that of VTK, which readers pass over: names and first nodes of the bodies."""
 
 # The same value at nearly all nodes: packed, they take no room.
-_PACKED = frozenset({"contact_pressure", "contact_force", "gap", "active"})
+_PACKED = frozenset({"contact_pressure", "contact_force", "contact_normal", "gap", "active"})
 _CHUNK, _LEAST = 1 << 17, 1 << 9  # values of a chunk at most (1 MiB of floats), rows at least
 
 
@@ -165,7 +166,8 @@ class FieldSpool:
                 for name, components in self.point_data.items():
                     data = root["PointData"][name]
                     given = np.asarray(values[name], dtype=data.dtype)
-                    flat = as_vectors(given).reshape(-1, 3) if components == 3 else given.ravel()
+                    given = as_vectors(given) if components == VECTOR else given
+                    flat = given.reshape(-1, components) if components > 1 else given.ravel()
                     data.resize(last, axis=0)
                     data[first:last] = flat
                 steps = root["Steps"]

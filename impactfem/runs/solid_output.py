@@ -20,9 +20,10 @@ from impactfem.marching.rows import Level
 from impactfem.mesh.body import BodyMesh
 from impactfem.models.solids import SolidsModel
 from impactfem.result.cell_kinds import KINDS
-from impactfem.result.shapes import LINE, Shape, joined
-from impactfem.result.spool import FieldSpool
+from impactfem.result.shapes import LINE, VECTOR, Shape, joined
+from impactfem.result.spool import POINT_DATA, FieldSpool
 from impactfem.runs.axis_watch import AxisWatch
+from impactfem.system.stress import NodalFields
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -97,7 +98,7 @@ class FieldOutput:
         """
         self._comm, self._collector, self._contact, self._gaps = comm, collector, contact, gaps
         parts = model.parts
-        self._dim, self._stress = model.dim, [part.system.stress_at for part in parts]
+        self._dim, self._shown = model.dim, [part.system.fields for part in parts]
         self._cuts = np.cumsum([0, *(len(part.system.constrained) for part in parts)])
         self._spool, self._every, self._layers = spool, every, layers
         self._others = others
@@ -107,33 +108,39 @@ class FieldOutput:
         if level.layer % self._every and level.layer != self._layers:
             return
         collect, moved = self._collector.collect, level.displacement
-        stress = [
-            of(moved[first:end])
-            for of, (first, end) in zip(self._stress, pairwise(self._cuts), strict=True)
+        each = [
+            shown.at(moved[first:end])
+            for shown, (first, end) in zip(self._shown, pairwise(self._cuts), strict=True)
         ]
         values = {
             "displacement": collect(moved, self._dim),
             "velocity": collect(level.velocity, self._dim),
-            "von_mises": collect(np.concatenate([np.zeros(0), *stress]), 1),
         }
+        counts = np.diff(self._cuts) // self._dim
+        for name, components in _shown(self._shown).items():
+            own = [
+                fields.get(name, np.full((count, components), np.nan)).ravel()
+                for fields, count in zip(each, counts, strict=True)
+            ]
+            values[name] = collect(np.concatenate([np.zeros(0), *own]), components)
         on_root(self._comm, lambda: self._append(level, values))
 
     def _append(self, level: Level, values: dict[str, Floats | None]) -> None:
         if self._spool is None:
             return
         given = {name: array for name, array in values.items() if array is not None}
-        given["von_mises"] = given["von_mises"][:, 0]
-        nodes = len(given["von_mises"])
+        nodes = len(given["displacement"])
         gap, pressure, active = np.full(nodes, np.nan), np.zeros(nodes), np.zeros(nodes)
         for whole, seen in zip(
             (gap, pressure, active), self._gaps.nodal(level.force, level.gap), strict=True
         ):
             whole[self._contact] = seen[: len(self._contact)]  # other bodies' nodes come after
-        forces = np.zeros((nodes, self._dim))
+        forces, normals = np.zeros((2, nodes, self._dim))
         forces[self._contact] = level.nodal_forces[: len(self._contact)]
+        normals[self._contact] = level.nodal_normals[: len(self._contact)]
         solids = {
             **given, "gap": gap, "contact_pressure": pressure, "contact_force": forces,
-            "active": active,
+            "contact_normal": normals, "active": active,
         }  # fmt: skip
         each = [solids, *(body.motion(level) for body in self._others)]
         self._spool.append(level.time, joined(each, self._spool.point_data))
@@ -184,11 +191,18 @@ def open_spool(
                 parts, cells, kinds, pairwise(model.starts), strict=True
             )
         ]
-        found.append(FieldSpool(place, [*shapes, *(body.shape for body in others)]))
+        more = {"contact_normal": VECTOR, **_shown([part.system.fields for part in parts])}
+        known = {**POINT_DATA, **more}
+        found.append(FieldSpool(place, [*shapes, *(body.shape for body in others)], known))
 
     found: list[FieldSpool] = []
     on_root(comm, make)
     return found[0] if found else None
+
+
+def _shown(each: Sequence[NodalFields]) -> dict[str, int]:
+    """Components of the fields that any body has besides its motion."""
+    return {name: count for fields in each for name, count in fields.components.items()}
 
 
 def _cells(comm: Any, mesh: BodyMesh) -> Any:

@@ -1,6 +1,6 @@
 """Probes of solids: motion and stress of places, layer by layer."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ from impactfem.marching.time_loop import TimeLoop
 from impactfem.models.solids import SolidsModel
 from impactfem.scene.probes import Probe, outside
 from impactfem.system.located import Located
+from impactfem.system.true_stress import TrueStress
 
 Floats = NDArray[np.float64]
 
@@ -87,12 +88,14 @@ class SolidProbes:
         names: Probe and last part of each column.
         weights: Of the owned displacements and then the velocities of all bodies, one body after
             the other, (columns, 2 dofs).
+        laws: Of stresses that are not linear, by probe: the columns are what these need.
         axes: Probes of bodies without meshes, whose columns follow.
     """
 
     march: TimeLoop[Any]
     names: tuple[tuple[str, str], ...]
     weights: csr_matrix
+    laws: Mapping[str, TrueStress]
     axes: tuple[AxisProbe, ...] = ()
 
     @classmethod
@@ -126,7 +129,12 @@ class SolidProbes:
         weights = csr_matrix(entries, shape=shape)
         names += [(axis.probe.name, column) for axis in axes for column in axis.columns]
         march.rows.probes = np.zeros((march.layers + 1, len(names)))
-        return cls(march, tuple(names), weights, axes)
+        laws = {
+            probe.name: located.law
+            for probe, _, located in model.probes
+            if located.law is not None and "stress" in probe.quantities
+        }
+        return cls(march, tuple(names), weights, laws, axes)
 
     def __call__(self, level: Level) -> None:
         """Keep a level."""
@@ -139,6 +147,12 @@ class SolidProbes:
         found: dict[str, dict[str, Floats]] = {}
         for k, (probe, part) in enumerate(self.names):
             found.setdefault(probe, {})[part] = values[:, k]
+        for probe, law in self.laws.items():
+            kept = found[probe]
+            stress = law.of(kept)
+            for name in law.weights:
+                del kept[name]
+            kept |= stress
         return found
 
 

@@ -20,7 +20,7 @@ def check_finite(scene: Content) -> None:
 
 
 def _check_company(scene: Content, name: str) -> None:
-    """Refuse other bodies, friction, and probes of stresses."""
+    """Refuse other bodies and friction."""
     place = next(k for k, body in enumerate(scene.bodies) if body.name == name)
     if len(scene.bodies) > 1:
         text = f" of {name} meets no other body yet, but there are {len(scene.bodies)}: "
@@ -31,10 +31,6 @@ def _check_company(scene: Content, name: str) -> None:
             text = f" = {contact.friction_coefficient}: bodies under finite strain slide without "
             text += 'friction yet; remove it, or give the body strain = "small".'
             raise KeyedError(f"contact[{index}]", "friction_coefficient", text)
-    for index, probe in enumerate(scene.probes):
-        if "stress" in probe.quantities:
-            text = ' = "stress": probes know that of small strains only; the fields have the true '
-            raise KeyedError(f"probe[{index}]", "quantities", text + "one: remove it here.")
 
 
 def _check_settings(scene: Content, name: str) -> None:

@@ -18,7 +18,7 @@ from impactfem.system.following import FollowingPressures
 from impactfem.system.loads import Loads
 from impactfem.system.matrices import BodyMatrices, body_forms, body_matrices
 from impactfem.system.nodes import Floats, Nodes, body_nodes
-from impactfem.system.stress import NodalStress
+from impactfem.system.stress import NodalFields
 from impactfem.system.supports import Supports, find_supports
 
 _AXES = "xyz"
@@ -45,7 +45,7 @@ class ElasticSystem:
         velocity: Velocity at t = 0 [m/s], shape (owned dofs,).
         rayleigh_mass: Damping C = rayleigh_mass M + rayleigh_stiffness K [1/s].
         rayleigh_stiffness: [s].
-        stress: Von Mises stress at the nodes.
+        fields: Stress, under finite strain strain too, at the nodes.
         axisymmetric: Whether x is the distance from the axis: then the whole body's momentum and
             mean displacement along x are zero, and its centre of mass lies on the axis.
     """
@@ -61,7 +61,7 @@ class ElasticSystem:
     velocity: Floats
     rayleigh_mass: float
     rayleigh_stiffness: float
-    stress: NodalStress
+    fields: NodalFields
     axisymmetric: bool = False
 
     @property
@@ -129,10 +129,6 @@ class ElasticSystem:
     def center_of_mass(self) -> Floats:
         """Undeformed centre of mass [m], shape (dim,) (collective)."""
         return self.mean(self.positions.ravel())
-
-    def stress_at(self, displacement: Floats) -> Floats:
-        """Von Mises stress [Pa] of each owned node (collective)."""
-        return self.stress.at(displacement)
 
     def prescribed(self, t: float) -> Floats:
         """Displacement of constrained degrees of freedom at time t [m], 0 elsewhere."""
@@ -204,7 +200,7 @@ class ElasticSystem:
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for part in (self.matrices, self.loads, self.stress):
+        for part in (self.matrices, self.loads, self.fields):
             part.destroy()
 
 
@@ -244,7 +240,9 @@ def elastic_system(solid: Any, gravity: Any, body: BodyMesh) -> ElasticSystem:
         velocity=velocity,
         rayleigh_mass=solid.rayleigh_mass,
         rayleigh_stiffness=solid.rayleigh_stiffness,
-        stress=NodalStress(nodes, finite_forms(forms, solid) if solid.is_finite else forms),
+        fields=NodalFields(
+            nodes, forms, (finite_forms(forms, solid) if solid.is_finite else forms).fields
+        ),
         axisymmetric=axisymmetric,
     )
 

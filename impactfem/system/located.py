@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from impactfem import fem
 from impactfem.fem import dolfinx_fem
 from impactfem.forms.elasticity import NEARLY_INCOMPRESSIBLE
+from impactfem.forms.finite_strain import LAWS
 from impactfem.system.elastic import ElasticSystem
+from impactfem.system.true_stress import TrueStress
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -30,19 +32,21 @@ class Located:
         numbers: Canonical numbers of the nodes of its cell, shape (nodes,).
         values: Shape functions there, shape (nodes,).
         stress: Components of the stress by name: weights of the displacements [Pa/m], shape
-            (nodes, dim).
+            (nodes, dim); under finite strain what `law` needs instead.
+        law: Of the true stress under finite strain, which is not linear.
     """
 
     numbers: Integers
     values: Floats
     stress: dict[str, Floats]
+    law: TrueStress | None = None
 
 
 def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats:
     """Find a place of t = 0 in a body (collective).
 
-    The stress is that of the strain at the place; of nearly incompressible bodies its pressure is
-    the mean of the cell, as in the equations of motion.
+    The stress is that of the strain at the place, under finite strain the true one; of nearly
+    incompressible bodies its pressure is the mean of the cell, as in the equations of motion.
 
     Args:
         system: The body.
@@ -82,12 +86,17 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
         return np.asarray(min(told)[1])
     answer = None
     if comm.rank == winner[2] and best is not None:
-        own = cells[best[2]]
+        own, at = cells[best[2]], cell.clipped(best[3])
         x = nodes.positions[own]
-        answer = Located(
-            nodes.numbers[own], cell.basis(cell.clipped(best[3]))[0],
-            _stress(cell, x, cell.clipped(best[3]), solid, axisymmetric=system.axisymmetric),
-        )  # fmt: skip
+        law = None
+        if solid.is_finite:
+            slopes, hoop = _strains(cell, x, at, axisymmetric=system.axisymmetric)
+            moduli = (solid.lame, solid.shear_modulus)
+            law = TrueStress(slopes, hoop[:, 0], LAWS[solid.material], moduli)
+            stress = law.weights
+        else:
+            stress = _stress(cell, x, at, solid, axisymmetric=system.axisymmetric)
+        answer = Located(nodes.numbers[own], cell.basis(at)[0], stress, law)
     located: Located = comm.bcast(answer, root=winner[2])
     return located
 

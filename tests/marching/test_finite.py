@@ -280,8 +280,6 @@ def test_a_shock_has_the_speed_and_pressure_of_the_law():
         ({}, {"solve": {"active_set": "snes_vi"}}, "solve.active_set"),
         ({}, {"contact": [{"between": ["disc", "floor"], "friction_coefficient": 0.3}]},
          "contact[0].friction_coefficient"),
-        ({}, {"probe": [{"name": "p", "body": "disc", "point": [0.0, 0.05],
-                         "quantities": ["stress"]}]}, "probe[0].quantities"),
     ],
 )  # fmt: skip
 def test_what_finite_strain_does_not_do_is_refused_by_its_key(body, more, key):
