@@ -13,7 +13,7 @@ Eng. 190 (2000) 1763-1783, whose quotient by dC : dC the laws below do without.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from impactfem.fem import ufl
 from impactfem.forms.elasticity import ElasticForms
@@ -22,21 +22,33 @@ _SMALL = 0.03
 """Below it logarithms of ratios near 1 are summed as series, which leave out y^10 / 11."""
 
 
+class Moduli(NamedTuple):
+    """What laws take [Pa].
+
+    Attributes:
+        first_lame: lambda of small strains.
+        shear_modulus: mu of small strains.
+        c01: Of Mooney's and Rivlin's law.
+    """
+
+    first_lame: Any
+    shear_modulus: Any
+    c01: Any
+
+
 class Law(Protocol):
-    """A hyperelastic law, isotropic: lambda and mu are those of small strain."""
+    """A hyperelastic law, isotropic."""
 
     @staticmethod
-    def energy(strain: Any, first_lame: Any, shear_modulus: Any) -> Any:
+    def energy(strain: Any, moduli: Moduli) -> Any:
         """W [J/m^3] of Green's strain E, (2, 2) in plane strain, else (3, 3)."""
 
     @staticmethod
-    def stress(before: Any, after: Any, change: Any, first_lame: Any, shear_modulus: Any) -> Any:
+    def stress(before: Any, after: Any, change: Any, moduli: Moduli) -> Any:
         """Discrete gradient S [Pa] between two strains, whose difference is given."""
 
     @staticmethod
-    def coefficients(
-        trace: Any, log: Any, first_lame: Any, shear_modulus: Any
-    ) -> tuple[Any, Any, Any]:
+    def coefficients(trace: Any, log: Any, moduli: Moduli) -> tuple[Any, Any, Any]:
         """Of I, C and its inverse in S = dW/dE [Pa], by tr C and ln J in space.
 
         So J times the true stress is the first times B = F F^T, the second times B^2 and the third
@@ -48,79 +60,87 @@ class StVenantKirchhoff:
     """W = lambda (tr E)^2 / 2 + mu E : E, linear between S and E; weak under much compression."""
 
     @staticmethod
-    def energy(strain: Any, first_lame: Any, shear_modulus: Any) -> Any:
+    def energy(strain: Any, moduli: Moduli) -> Any:
         """See `Law`."""
-        return 0.5 * first_lame * ufl.tr(strain) ** 2 + shear_modulus * ufl.inner(strain, strain)
+        squares = moduli.shear_modulus * ufl.inner(strain, strain)
+        return 0.5 * moduli.first_lame * ufl.tr(strain) ** 2 + squares
 
     @staticmethod
-    def stress(
-        before: Any,
-        after: Any,
-        change: Any,  # noqa: ARG004  (as the interface has it)
-        first_lame: Any,
-        shear_modulus: Any,
-    ) -> Any:
+    def stress(before: Any, after: Any, change: Any, moduli: Moduli) -> Any:  # noqa: ARG004  (as the interface has it)
         """The mean of both stresses: W is quadratic."""
         mean = 0.5 * (before + after)
         unit = ufl.Identity(_size(mean))
-        return first_lame * ufl.tr(mean) * unit + 2.0 * shear_modulus * mean
+        return moduli.first_lame * ufl.tr(mean) * unit + 2.0 * moduli.shear_modulus * mean
 
     @staticmethod
-    def coefficients(
-        trace: Any,
-        log: Any,  # noqa: ARG004  (as the interface has it)
-        first_lame: Any,
-        shear_modulus: Any,
-    ) -> tuple[Any, Any, Any]:
+    def coefficients(trace: Any, log: Any, moduli: Moduli) -> tuple[Any, Any, Any]:  # noqa: ARG004
         """See `Law`."""
-        return 0.5 * first_lame * (trace - 3.0) - shear_modulus, shear_modulus, 0.0
+        shear = moduli.shear_modulus
+        return 0.5 * moduli.first_lame * (trace - 3.0) - shear, shear, 0.0
 
 
-class NeoHookean:
-    """W = mu (tr C - d) / 2 + U(D), D = det C, U = -mu ln(D) / 2 + lambda ln(D)^2 / 8.
+class MooneyRivlin:
+    """W = c10 (I1 - 3) + c01 (I2 - 3) + U(D), U = -(c10 + 2 c01) ln(D) + lambda' ln(D)^2 / 8.
+
+    I1 and I2 are those of C in space, D = det C; c10 + c01 = mu / 2 and lambda' = lambda - 4 c01,
+    so that a body without strain has no stress and lambda and mu of small strains.
 
     D is a cubic of C, so that its difference is exactly that of its mean gradient:
     D_1 - D_0 = (cof C_m + cof(dC) / 12) : dC, and with the divided difference U[D_0, D_1]
 
-        S = mu I + 2 U[D_0, D_1] (cof C_m + cof(dC) / 12),
+        S = (2 c10 + 4 c01 (1 + tr E_m)) I - 4 c01 E_m + 2 U[D_0, D_1] (cof C_m + cof(dC) / 12),
 
     the last term in space only. Without 0 / 0, as ln(D_1 / D_0) / (D_1 - D_0) is a series for D_1
     near D_0. Energies are found from E, not C: tr C - d would leave rounding of size mu.
     """
 
     @staticmethod
-    def energy(strain: Any, first_lame: Any, shear_modulus: Any) -> Any:
+    def energy(strain: Any, moduli: Moduli) -> Any:
         """See `Law`."""
-        log = _log_ratio(1.0, 1.0 + _excess(strain), _excess(strain))
-        return shear_modulus * (ufl.tr(strain) - 0.5 * log) + 0.125 * first_lame * log**2
+        first, second, pressing, bulk = _mooney(moduli)
+        trace, log = ufl.tr(strain), _log_ratio(1.0, 1.0 + _excess(strain), _excess(strain))
+        sheared = 2.0 * (first + 2.0 * second) * trace
+        sheared += 2.0 * second * (trace**2 - ufl.inner(strain, strain))
+        return sheared - pressing * log + 0.125 * bulk * log**2
 
     @staticmethod
-    def stress(before: Any, after: Any, change: Any, first_lame: Any, shear_modulus: Any) -> Any:
+    def stress(before: Any, after: Any, change: Any, moduli: Moduli) -> Any:
         """See `Law`."""
+        first, second, pressing, bulk = _mooney(moduli)
         unit = ufl.Identity(_size(before))
         # cof C_m, in which the strain's part is added to that of the unit, and the cubic's rest.
         gradient = _cofactor(unit + before + after)
         if _size(before) == 3:
             gradient += _cofactor(2.0 * change) / 12.0
-        first, last = 1.0 + _excess(before), 1.0 + _excess(after)
-        logs = _log_ratio(1.0, first, _excess(before)) + _log_ratio(1.0, last, _excess(after))
-        slope = _log_slope(first, last, 2.0 * ufl.inner(gradient, change))
-        divided = slope * (-0.5 * shear_modulus + 0.125 * first_lame * logs)
-        return shear_modulus * unit + 2.0 * divided * gradient
+        start, end = 1.0 + _excess(before), 1.0 + _excess(after)
+        logs = _log_ratio(1.0, start, _excess(before)) + _log_ratio(1.0, end, _excess(after))
+        slope = _log_slope(start, end, 2.0 * ufl.inner(gradient, change))
+        divided = slope * (-pressing + 0.125 * bulk * logs)
+        twice = before + after
+        shearing = 2.0 * (first + second * (2.0 + ufl.tr(twice))) * unit - 2.0 * second * twice
+        return shearing + 2.0 * divided * gradient
 
     @staticmethod
-    def coefficients(
-        trace: Any,  # noqa: ARG004  (as the interface has it)
-        log: Any,
-        first_lame: Any,
-        shear_modulus: Any,
-    ) -> tuple[Any, Any, Any]:
+    def coefficients(trace: Any, log: Any, moduli: Moduli) -> tuple[Any, Any, Any]:
         """See `Law`."""
-        return shear_modulus, 0.0, first_lame * log - shear_modulus
+        first, second, pressing, bulk = _mooney(moduli)
+        return 2.0 * (first + second * trace), -2.0 * second, bulk * log - 2.0 * pressing
 
 
-LAWS: Mapping[str, type[Law]] = {"linear": StVenantKirchhoff, "neo_hookean": NeoHookean}
-"""Laws by the name of the scene's key ``material``; a further one is a class and a line here."""
+def _mooney(moduli: Moduli) -> tuple[Any, Any, Any, Any]:
+    """c10, c01, c10 + 2 c01 and lambda'."""
+    first = 0.5 * moduli.shear_modulus - moduli.c01
+    return first, moduli.c01, first + 2.0 * moduli.c01, moduli.first_lame - 4.0 * moduli.c01
+
+
+LAWS: Mapping[str, type[Law]] = {
+    "linear": StVenantKirchhoff,
+    "neo_hookean": MooneyRivlin,
+    "mooney_rivlin": MooneyRivlin,
+}
+"""Laws by the name of the scene's key ``material``; a further one is a class and a line here.
+
+The neo-Hookean law is that of Mooney and Rivlin with c01 = 0."""
 
 
 @dataclass(frozen=True)
@@ -130,17 +150,19 @@ class FiniteForms:
     Attributes:
         elastic: Measures and the data of the material; plane stress has no such forms.
         law: Of the material.
+        c01: Of Mooney's and Rivlin's law [Pa].
         viscosity: Kelvin's and Voigt's, of a step: S gains viscosity (lambda tr(dE) I + 2 mu dE),
             with the time of retardation over the time step.
     """
 
     elastic: ElasticForms
     law: type[Law]
+    c01: Any
     viscosity: Any
 
     def energy(self, displacement: Any) -> Any:
         """Functional W [J]."""
-        return self.elastic.measured(self.law.energy(self._strain(displacement), *self._moduli))
+        return self.elastic.measured(self.law.energy(self._strain(displacement), self._moduli))
 
     def force(self, before: Any, after: Any) -> Any:
         """Linear form of the internal forces of a step from ``before`` to ``after``."""
@@ -150,12 +172,11 @@ class FiniteForms:
         gradient = self._gradient(middle)
         mean = ufl.Identity(_size(gradient)) + gradient
         change = ufl.sym(mean.T * self._gradient(moved))
-        first, second = self._moduli
-        stress = self.law.stress(
-            self._strain(before), self._strain(after), change, first, second
-        ) + self.viscosity * (
-            first * ufl.tr(change) * ufl.Identity(_size(change)) + 2.0 * second * change
-        )
+        moduli = self._moduli
+        retarded = moduli.first_lame * ufl.tr(change) * ufl.Identity(_size(change))
+        retarded += 2.0 * moduli.shear_modulus * change
+        stress = self.law.stress(self._strain(before), self._strain(after), change, moduli)
+        stress += self.viscosity * retarded
         return self.elastic.measured(ufl.inner(mean * stress, self._gradient(v)))
 
     def pressure(self, before: Any, after: Any, values: Any, surface: Any) -> Any:
@@ -190,7 +211,7 @@ class FiniteForms:
         """As `ElasticForms.fields`: true (Cauchy) stress [Pa], Green's strain, ratio of volumes."""
         full = ufl.Identity(3) + _in_space(self._gradient(displacement))
         left, ratio = full * full.T, ufl.det(full)
-        unit, square, inverse = self.law.coefficients(ufl.tr(left), ufl.ln(ratio), *self._moduli)
+        unit, square, inverse = self.law.coefficients(ufl.tr(left), ufl.ln(ratio), self._moduli)
         true = (unit * left + square * left * left + inverse * ufl.Identity(3)) / ratio
         deviatoric = ufl.dev(true)
         return {
@@ -201,8 +222,8 @@ class FiniteForms:
         }
 
     @property
-    def _moduli(self) -> tuple[Any, Any]:
-        return self.elastic.first_lame, self.elastic.shear_modulus
+    def _moduli(self) -> Moduli:
+        return Moduli(self.elastic.first_lame, self.elastic.shear_modulus, self.c01)
 
     def _gradient(self, u: Any) -> Any:
         """Displacement gradient; with the hoop part u_r / r if axisymmetric."""

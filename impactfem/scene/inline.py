@@ -220,5 +220,6 @@ def plain(instance: Any) -> dict[str, Any]:  # any dataclass with keys
     values = {
         entry.name: (entry.kind, getattr(instance, name))
         for name, entry in keys_of(type(instance)).items()
+        if name not in getattr(instance, "derived", ())
     }
     return {name: kind.write(value) for name, (kind, value) in values.items() if value is not None}

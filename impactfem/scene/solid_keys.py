@@ -26,10 +26,11 @@ type AnyShape = Block | Disc | Ring | Cylinder | Sphere
 
 CELLS = ("simplex", "hexahedron")
 STRAINS_OF = ("small", "finite")
-LAWS = ("linear", "neo_hookean")
+LAWS = ("linear", "neo_hookean", "mooney_rivlin")
 _LAW_WORDS = {
     "linear": "elastic (St. Venant, Kirchhoff) under finite strain",
     "neo_hookean": "neo-Hookean under finite strain",
+    "mooney_rivlin": "Mooney–Rivlin under finite strain",
 }
 MESH_FILES = (".msh", ".geo", ".step", ".stp")
 
@@ -91,8 +92,19 @@ class SolidKeys(BodyKind):
     degree: int | None = key(Integer(1, 2), "polynomial degree of elements", default=None)
     thickness: float = key(Real(above=0), "thickness of plane models", unit="m", default=1.0)
     density: float = key(Real(above=0), "mass density", unit="kg/m^3")
-    youngs_modulus: float = key(Real(above=0), "Young's modulus", unit="Pa")
-    poisson_ratio: float = key(Real(above=-1, below=0.5), "Poisson's ratio")
+    youngs_modulus: float = key(
+        Real(above=0),
+        "Young's modulus",
+        unit="Pa",
+        default=None,
+        absent='required, but by its constants for "mooney_rivlin"',
+    )
+    poisson_ratio: float = key(
+        Real(above=-1, below=0.5),
+        "Poisson's ratio",
+        default=None,
+        absent='required, but by its constants for "mooney_rivlin"',
+    )
     strain: str | None = key(
         Choice(STRAINS_OF),
         "whether the body may turn and be strained at will",
@@ -103,6 +115,27 @@ class SolidKeys(BodyKind):
         Choice(LAWS),
         "law of the material; linear under finite strain: St. Venant and Kirchhoff's",
         default="linear",
+    )
+    c10: float | None = key(
+        Real(at_least=0),
+        "constant of Mooney's and Rivlin's law",
+        unit="Pa",
+        default=None,
+        absent="none",
+    )
+    c01: float | None = key(
+        Real(at_least=0),
+        "constant of Mooney's and Rivlin's law; mu = 2 (c10 + c01)",
+        unit="Pa",
+        default=None,
+        absent="none",
+    )
+    bulk_modulus: float | None = key(
+        Real(above=0),
+        "bulk modulus at small strains, with c10 and c01",
+        unit="Pa",
+        default=None,
+        absent="none",
     )
     velocity: tuple[Formula, ...] = key(
         Formulas(SPACE), "velocity at t = 0", unit="m/s", default=None, absent="0"
@@ -181,6 +214,11 @@ class SolidKeys(BodyKind):
         if not self.is_finite:
             return ()
         return tuple(load for load in self.pressures if load.follows is not False)
+
+    @property
+    def derived(self) -> tuple[str, ...]:
+        """Keys that follow from others: scene files leave them out."""
+        return ("youngs_modulus", "poisson_ratio") if self.material == "mooney_rivlin" else ()
 
     @property
     def law_in_words(self) -> str:

@@ -13,6 +13,7 @@ from impactfem.scene.boundary import (
 from impactfem.scene.formula import Formula
 from impactfem.scene.schema import check_fields, table
 from impactfem.scene.solid_checks import check_solid
+from impactfem.scene.solid_constants import check_constants
 from impactfem.scene.solid_keys import AnyShape, Refinement, SolidKeys
 
 if TYPE_CHECKING:
@@ -38,10 +39,13 @@ class Solid(SolidKeys):
             *,
             model: str,
             density: float,
-            youngs_modulus: float,
-            poisson_ratio: float,
+            youngs_modulus: float | None = None,
+            poisson_ratio: float | None = None,
             strain: str | None = None,
             material: str = "linear",
+            c10: float | None = None,
+            c01: float | None = None,
+            bulk_modulus: float | None = None,
             name: str = "solid",
             shape: AnyShape | Mapping[str, Any] | None = None,
             mesh: str | None = None,
@@ -63,6 +67,9 @@ class Solid(SolidKeys):
 
     def __post_init__(self) -> None:
         check_fields(self, self.kind)
+        elastic = check_constants(self)
+        for name, value in elastic.items():
+            object.__setattr__(self, name, value)
         self._fill()
         check_solid(self)
 

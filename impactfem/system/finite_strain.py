@@ -18,7 +18,9 @@ Floats = NDArray[np.float64]
 
 def finite_forms(forms: ElasticForms, solid: Any, viscosity: Any = 0.0) -> FiniteForms:
     """Forms of a solid with ``strain = "finite"``, by those that linear elasticity has of it."""
-    return FiniteForms(forms, LAWS[solid.material], viscosity)
+    # A number where it is 0: the compiled code has no more terms than it needs.
+    c01 = dolfinx_fem.Constant(forms.space.mesh, solid.c01) if solid.c01 else 0.0
+    return FiniteForms(forms, LAWS[solid.material], c01, viscosity)
 
 
 class FiniteStrain:

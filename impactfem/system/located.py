@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from impactfem import fem
 from impactfem.fem import dolfinx_fem
 from impactfem.forms.elasticity import NEARLY_INCOMPRESSIBLE
-from impactfem.forms.finite_strain import LAWS
+from impactfem.forms.finite_strain import LAWS, Moduli
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.true_stress import TrueStress
 
@@ -91,7 +91,7 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
         law = None
         if solid.is_finite:
             slopes, hoop = _strains(cell, x, at, axisymmetric=system.axisymmetric)
-            moduli = (solid.lame, solid.shear_modulus)
+            moduli = Moduli(solid.lame, solid.shear_modulus, solid.c01 or 0.0)
             law = TrueStress(slopes, hoop[:, 0], LAWS[solid.material], moduli)
             stress = law.weights
         else:

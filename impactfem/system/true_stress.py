@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.forms.finite_strain import Law
+from impactfem.forms.finite_strain import Law, Moduli
 
 Floats = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ class TrueStress:
     slopes: Floats
     hoop: Floats
     law: type[Law]
-    moduli: tuple[float, ...]
+    moduli: Moduli
 
     @property
     def weights(self) -> dict[str, Floats]:
@@ -48,7 +48,7 @@ class TrueStress:
         trace = np.trace(left, axis1=1, axis2=2)
         unit, square, inverse = (
             np.multiply.outer(np.broadcast_to(value, len(left)), np.ones((1, 1)))
-            for value in self.law.coefficients(trace, np.log(ratio), *self.moduli)
+            for value in self.law.coefficients(trace, np.log(ratio), self.moduli)
         )
         true = (unit * left + square * (left @ left) + inverse * np.eye(3)) / ratio[:, None, None]
         return {

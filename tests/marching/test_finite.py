@@ -56,7 +56,8 @@ def forms(model, law, degree=1):
         return fem.Constant(domain, value)
 
     elastic = ElasticForms(space, model, True, constant(1.0), constant(1.5), constant(1.0))
-    return fem, space, FiniteForms(elastic, LAWS[law], constant(0.0))
+    c01 = constant(0.15) if law == "mooney_rivlin" else 0.0
+    return fem, space, FiniteForms(elastic, LAWS[law], c01, constant(0.0))
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -102,6 +103,11 @@ def test_energy_is_that_of_the_law(law):
     strain = 0.5 * (stretch**2 - 1.0)
     expected = {
         "neo_hookean": 0.5 * (stretch**2).sum() - 1.5 - log + 0.75 * log**2,
+        # c10 = .35, c01 = .15, lambda' = .9
+        "mooney_rivlin": 0.35 * ((stretch**2).sum() - 3.0)
+        + 0.15 * ((stretch.prod() / stretch) ** 2 - 1.0).sum()
+        - 1.3 * log
+        + 0.45 * log**2,
         "linear": 0.75 * strain.sum() ** 2 + (strain**2).sum(),
     }[law]
     found = fem.assemble_scalar(fem.form(finite.energy(function)))

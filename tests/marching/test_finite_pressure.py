@@ -50,7 +50,7 @@ def test_the_work_is_the_pressure_times_the_volume(model, degree):
     space = fem.functionspace(domain, ("Lagrange", degree, (domain.geometry.dim,)))
     one = fem.Constant(domain, 1.0)
     elastic = ElasticForms(space, model, model != "3d", one, one, one)
-    finite = FiniteForms(elastic, LAWS["neo_hookean"], one)
+    finite = FiniteForms(elastic, LAWS["neo_hookean"], 0.0, one)
     before, after = fem.Function(space), fem.Function(space)
     random = np.random.default_rng(1)
     for function in (before, after):

@@ -11,14 +11,18 @@ LATERAL = {0.5: 1.2981356, 0.8: 1.0915819, 1.2: 0.9286987, 2.0: 0.7472396}
 """Uniaxial stretch of the neo-Hookean law, E = 1e6, nu = .4: nominal stress, other stretches."""
 
 
+ELASTIC = {"youngs_modulus": 1e6, "poisson_ratio": 0.4}
+MOONEY = {"c10": 1.2e5, "c01": 0.4e5, "bulk_modulus": 2e6}
+
+
 def pulled(model, stress, material, cells="simplex"):
     """A block at rest under a dead traction on its right side, E = 1e6, nu = .4."""
     dim = 3 if model == "3d" else 2
     held = ("bottom", "left", "back")[: 1 if model == "axisymmetric" else dim]  # or by the axis
     block = {
         "name": "block", "kind": "solid", "model": model, "material": material, "cells": cells,
-        "strain": "finite", "mesh_size": 0.5, "density": 1100.0, "youngs_modulus": 1e6,
-        "poisson_ratio": 0.4,
+        "strain": "finite", "mesh_size": 0.5, "density": 1100.0,
+        **(MOONEY if material == "mooney_rivlin" else ELASTIC),
         "shape": {"kind": "block", "size": [1.0] * dim, "corner": [0.0] * dim},
         "supports": [{"surface": side, "kind": "symmetry"} for side in held],
         "tractions": [{"surface": "right", "value": [stress, *[0.0] * (dim - 1)]}],
@@ -51,6 +55,13 @@ def nominal(material, stretches):
     """Nominal stresses of a law by principal stretches, E = 1e6, nu = .4."""
     mu, lame = 1e6 / 2.8, 1e6 * 0.4 / (1.4 * 0.2)
     a = np.asarray(stretches)
+    if material == "mooney_rivlin":
+        c10, c01, bulk = MOONEY.values()
+        return (
+            2.0 * c10 * a + 2.0 * c01 * a * (np.sum(a**2) - a**2)
+            + ((bulk - 4.0 * (c10 + 4.0 * c01) / 3.0) * np.log(a.prod()) - 2.0 * (c10 + 2.0 * c01))
+            / a
+        )  # fmt: skip
     if material == "linear":
         strain = 0.5 * (a**2 - 1.0)
         return a * (lame * strain.sum() + 2.0 * mu * strain)
@@ -74,7 +85,7 @@ def test_a_rod_of_rubber_has_the_stress_of_its_law(stretch):
 
 
 @pytest.mark.parametrize("model", ["plane_strain", "axisymmetric"])
-@pytest.mark.parametrize("material", ["neo_hookean", "linear"])
+@pytest.mark.parametrize("material", ["neo_hookean", "linear", "mooney_rivlin"])
 def test_bodies_in_the_plane_have_their_stress_across_too(model, material):
     """Pulled along x; at the rim of an axisymmetric block, which stretches its hoops as much."""
     stress, radial = 2e5, model == "axisymmetric"

@@ -1,0 +1,55 @@
+"""Constants of the laws of solids: which must be given, and what follows from them."""
+
+from impactfem.scene.schema import REQUIRED, KeyedError, keys_of
+from impactfem.scene.solid_keys import SolidKeys
+
+_ELASTIC = ("youngs_modulus", "poisson_ratio")
+_MOONEY = ("c10", "c01", "bulk_modulus")
+_ALIKE = 1e-9  # of constants that are given twice
+
+
+def check_constants(solid: SolidKeys) -> dict[str, float]:
+    """Refuse missing and contradicting constants; returns Young's modulus and Poisson's ratio.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    mooney = solid.material == "mooney_rivlin"
+    wanted, other = (_MOONEY, ()) if mooney else (_ELASTIC, _MOONEY)
+    for name in other:
+        if getattr(solid, name) is not None:
+            text = f' = {getattr(solid, name)} belongs to material = "mooney_rivlin": remove it.'
+            raise KeyedError(solid.kind, name, text)
+    for name in wanted:
+        if getattr(solid, name) is None:
+            keys_of(type(solid))[name].read(REQUIRED, solid.kind)
+    if not mooney:
+        return {}
+    return _small_strains(solid)
+
+
+def _small_strains(solid: SolidKeys) -> dict[str, float]:
+    """Young's modulus and Poisson's ratio by Mooney's and Rivlin's constants.
+
+    Raises:
+        KeyedError: They make no material that resists shear and pressure.
+    """
+    c10, c01, bulk = (float(getattr(solid, name)) for name in _MOONEY)
+    shear = 2.0 * (c10 + c01)
+    if not shear > 0.0:
+        text = f" = {c10} and c01 = {c01} leave no shear modulus 2 (c10 + c01): give more."
+        raise KeyedError(solid.kind, "c10", text)
+    least = (4.0 * c10 + 16.0 * c01) / 3.0
+    if not bulk > least:
+        text = f" = {bulk} must exceed (4 c10 + 16 c01) / 3 = {least:.6g}, or volumes lose their "
+        raise KeyedError(solid.kind, "bulk_modulus", text + "resistance: give more.")
+    found = {
+        "youngs_modulus": 9.0 * bulk * shear / (3.0 * bulk + shear),
+        "poisson_ratio": (3.0 * bulk - 2.0 * shear) / (2.0 * (3.0 * bulk + shear)),
+    }
+    for name, value in found.items():
+        given = getattr(solid, name)
+        if given is not None and abs(given - value) > _ALIKE * abs(value):
+            text = f" = {given} contradicts c10, c01 and bulk_modulus, which make it {value:.6g}: "
+            raise KeyedError(solid.kind, name, text + "remove it.")
+    return found
