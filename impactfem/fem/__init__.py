@@ -43,11 +43,13 @@ from impactfem.fem.meshes import (
     tag_facets,
 )
 from impactfem.fem.ranks import gather, on_root, raise_together
+from impactfem.fem.repeated import RepeatedMatrix
 
 __all__ = [
     "ADD",
     "MPI",
     "PETSc",
+    "RepeatedMatrix",
     "assemble_petsc",
     "assemble_rows",
     "assemble_vector",

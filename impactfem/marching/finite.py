@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError
-from impactfem.fem import MPI, PETSc, products_in_order
+from impactfem.fem import MPI, products_in_order
 from impactfem.marching.layers import Sums
 from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
@@ -73,6 +73,7 @@ class FiniteMidpoint:
         with products_in_order(system.comm):
             mass = system.mass.copy() if transfer is None else system.mass.ptap(transfer)
         self._mass, weights, self.missing = kept_moments(system, mass, transfer)
+        self._tangent = self._strain.repeated_tangent(self._mass, system.constrained)
         self._kind = linear_solver
         self._solver: LinearSolver | None = None
         self._vectors = [system.stiffness.createVecRight() for _ in range(2)]
@@ -231,24 +232,22 @@ class FiniteMidpoint:
         """Factor the tangent of the iterate (collective)."""
         step = self._span
         self._stale, self.generation = False, self.generation + 1
-        tangent = self._strain.tangent(self.displacement, self._after)
-        factor = 2.0 / step**2 + self._system.rayleigh_mass / step
-        tangent.axpy(factor, self._mass)
-        first = tangent.getOwnershipRange()[0]
-        held = np.flatnonzero(self._system.constrained) + first
-        tangent.zeroRowsColumns(held.astype(PETSc.IntType), diag=1.0)
-        self._drop()
+        self._strain.put(self.displacement, self._after)
+        self._tangent.assemble(2.0 / step**2 + self._system.rayleigh_mass / step)
+        if self._solver is not None:
+            self._solver.renew()
+            return
+        near = self._system.stiffness.getNearNullSpace()
         self._solver = LinearSolver(
-            tangent, self._kind, self._system.stiffness.getNearNullSpace(), symmetric=False
+            self._tangent.matrix, self._kind, near, symmetric=False, owned=False
         )
 
     def answers(self, forces: Floats) -> Floats:
         """How contact nodes answer to forces on them at the iterate, (several, count, dim)."""
-        found = np.empty_like(forces)
-        for k, force in enumerate(forces):
-            pushed = self._surface.pulled(force, self._system.constrained)
-            found[k] = self._surface.gather(self._solved(pushed))
-        return found
+        assert self._solver is not None  # noqa: S101  (`linearise` came first)
+        held, surface = self._system.constrained, self._surface
+        pushed = np.stack([surface.pulled(force, held) for force in forces])
+        return np.stack([surface.gather(each) for each in self._solver.solve_all(pushed)])
 
     def correct(self, forces: Floats) -> None:
         """Move the iterate, with a change of the contact forces (count, dim) (collective).
@@ -353,13 +352,9 @@ class FiniteMidpoint:
         self.displacement = np.array(state["displacement"])
         self.velocity = np.array(state["velocity"])
 
-    def _drop(self) -> None:
-        if self._solver is not None:
-            self._solver.destroy()
-            self._solver = None
-
     def destroy(self) -> None:
         """Free PETSc's objects."""
-        self._drop()
-        for thing in (*self._vectors, self._mass):
+        if self._solver is not None:
+            self._solver.destroy()
+        for thing in (*self._vectors, self._mass, self._tangent):
             thing.destroy()

@@ -59,8 +59,7 @@ class FiniteStrain:
 
     def force(self, before: Floats, after: Floats) -> Floats:
         """Forces of the nodes on the body in a step [N], (owned dofs,) (collective)."""
-        self._put(self._before, before)
-        self._put(self._after, after)
+        self.put(before, after)
         return fem.assemble_vector(self._force)
 
     def press(self, start: float, end: float) -> None:
@@ -71,8 +70,7 @@ class FiniteStrain:
         """Forces of these pressures on the nodes in a step [N], (owned dofs,) (collective)."""
         if self._pressure is None:
             return np.zeros(len(before))
-        self._put(self._before, before)
-        self._put(self._after, after)
+        self.put(before, after)
         return fem.assemble_vector(self._pressure)
 
     def tangent(self, before: Floats, after: Floats) -> Any:
@@ -80,9 +78,17 @@ class FiniteStrain:
 
         A new PETSc matrix, not symmetric.
         """
+        self.put(before, after)
+        return fem.assemble_petsc(self._tangent)
+
+    def repeated_tangent(self, fixed: Any, held: NDArray[np.bool_]) -> fem.RepeatedMatrix:
+        """That tangent for many steps, with a fixed matrix (collective); see `put`."""
+        return fem.RepeatedMatrix(self._tangent, fixed, held)
+
+    def put(self, before: Floats, after: Floats) -> None:
+        """Set both ends of a step, of which a repeated tangent is assembled (collective)."""
         self._put(self._before, before)
         self._put(self._after, after)
-        return fem.assemble_petsc(self._tangent)
 
     def energy(self, displacement: Floats) -> float:
         """Elastic energy of the cells of this rank [J] (collective)."""

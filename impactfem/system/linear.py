@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from impactfem.errors import ConvergenceError
 from impactfem.fem import PETSc, products_in_order
 
@@ -23,20 +25,27 @@ class LinearSolver:
     """
 
     def __init__(
-        self, matrix: Any, kind: str, near_null_space: Any = None, *, symmetric: bool = True
+        self,
+        matrix: Any,
+        kind: str,
+        near_null_space: Any = None,
+        *,
+        symmetric: bool = True,
+        owned: bool = True,
     ) -> None:
         """Factor or set the preconditioner up (collective).
 
         Args:
-            matrix: PETSc matrix; owned by the solver from now on.
+            matrix: PETSc matrix.
             kind: "mumps" or "gamg".
             near_null_space: PETSc null space of rigid motions, for "gamg".
             symmetric: Whether the matrix is symmetric and positive definite.
+            owned: Whether the solver owns the matrix from now on; else `renew` may be asked for.
 
         Raises:
             ConvergenceError: The matrix cannot be factored.
         """
-        self._symmetric = symmetric
+        self._symmetric, self._given, self._owned = symmetric, matrix, owned
         self._kind, self._comm = kind, matrix.comm.tompi4py()
         self._size = matrix.getSize()[0]
         self._scatter: Any = None
@@ -61,6 +70,26 @@ class LinearSolver:
             pc.setFactorSolverType("mumps")
         self._ksp.setOptionsPrefix("impactfem_layer_")
         self._ksp.setFromOptions()
+        if kind == "mumps" and not symmetric and not self._is_idle:
+            # Its order follows from the pattern alone: values of another time would show.
+            pc.setFactorSetUpSolverType()
+            pc.getFactorMatrix().setMumpsIcntl(6, 0)
+        self._factor()
+
+    def renew(self) -> None:
+        """Factor again, the matrix having new values in the same pattern (collective).
+
+        Raises:
+            ConvergenceError: The matrix cannot be factored.
+        """
+        if self._scatter is not None:
+            every = self._whole()
+            self._given.createSubMatrices(every, every, submats=[self._matrix])
+            every.destroy()
+        self._ksp.setOperators(self._matrix)
+        self._factor()
+
+    def _factor(self) -> None:
         fault = self._agreed(self._set_up())
         if fault:
             raise ConvergenceError(
@@ -74,12 +103,16 @@ class LinearSolver:
         self._scatter, self._right = PETSc.Scatter.toZero(vector)
         self._solution = self._right.duplicate()
         vector.destroy()
-        size = self._size if self._comm.rank == 0 else 0
-        every = PETSc.IS().createStride(size, 0, 1, comm=PETSc.COMM_SELF)
+        every = self._whole()
         (whole,) = matrix.createSubMatrices(every, every)
         every.destroy()
-        matrix.destroy()
+        if self._owned:
+            matrix.destroy()
         return whole
+
+    def _whole(self) -> Any:
+        size = self._size if self._comm.rank == 0 else 0
+        return PETSc.IS().createStride(size, 0, 1, comm=PETSc.COMM_SELF)
 
     def _set_up(self) -> str:
         """What went wrong on this rank, or nothing."""
@@ -136,10 +169,40 @@ class LinearSolver:
                 'solve.linear_solver = "mumps", a smaller solve.dt, or a better mesh'
             )
 
+    def solve_all(self, rights: Any) -> Any:
+        """Solve for several right-hand sides, (several, owned) (collective); at once where it can.
+
+        Raises:
+            ConvergenceError: The iteration did not converge.
+        """
+        found = np.zeros_like(rights)
+        if self._kind == "mumps" and self._comm.size == 1:
+            shape = (self._size, len(rights))
+            right, solution = (
+                PETSc.Mat().createDense(shape, array=each.T, comm=PETSc.COMM_SELF)
+                for each in (rights, found)
+            )
+            self._ksp.getPC().getFactorMatrix().matSolve(right, solution)
+            found[:] = solution.getDenseArray().T
+            right.destroy()
+            solution.destroy()
+            return found
+        sizes = (rights.shape[1], self._size)
+        source, image = (PETSc.Vec().createMPI(sizes, comm=self._comm) for _ in range(2))
+        for right, each in zip(rights, found, strict=True):
+            source.setArray(right)
+            image.set(0.0)
+            self.solve(source, image)
+            each[:] = image.getArray()
+        source.destroy()
+        image.destroy()
+        return found
+
     def destroy(self) -> None:
         """Free PETSc's objects."""
         self._ksp.destroy()
-        self._matrix.destroy()
+        if self._owned or self._scatter is not None:
+            self._matrix.destroy()
         if self._scatter is not None:
             for part in (self._scatter, self._right, self._solution):
                 part.destroy()

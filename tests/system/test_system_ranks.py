@@ -8,6 +8,9 @@ from structured import block
 
 from impactfem.errors import ImpactError
 from impactfem.fem import MPI, gather
+from impactfem.scene.solids import Solid
+from impactfem.system.finite_strain import FiniteStrain
+from impactfem.system.linear import LinearSolver
 from impactfem.system.spectrum import largest_eigenvalue
 
 SCENE = {
@@ -115,3 +118,35 @@ def test_all_ranks_raise_the_same_error(given):
         message = str(error)
     messages = MPI.COMM_WORLD.allgather(message)
     parallel_assert(messages[0] != "" and len(set(messages)) == 1, msg=str(messages))
+
+
+@pytest.mark.parallel([1, 3])
+def test_a_tangent_that_is_assembled_again_is_one_that_is_made_anew():
+    body = system_on(block("triangle", 1, (5, 4), bent, MPI.COMM_WORLD))
+    rubber = Solid(
+        model="plane_strain", mesh="structured.msh", density=2.0, youngs_modulus=10.0,
+        poisson_ratio=0.3, material="neo_hookean",
+    )  # fmt: skip
+    held = np.repeat(body.numbers % 4 == 0, 2)
+    mass = body.mass.matMult(body.mass)  # couples nodes that share no cell
+    strain = FiniteStrain(body.nodes, rubber, body.following)
+    repeated = strain.repeated_tangent(mass, held)
+    for size, factor in ((0.03, 2.0), (0.01, 700.0)):
+        after = size * np.sin(1.0 + 7.0 * body.numbers[:, None] + np.arange(2)).ravel()
+        strain.put(0.5 * after, after)
+        repeated.assemble(factor)
+        anew = strain.tangent(0.5 * after, after)
+        anew.axpy(factor, mass)
+        first = anew.getOwnershipRange()[0]
+        anew.zeroRowsColumns((np.flatnonzero(held) + first).astype(np.int32), diag=1.0)
+        solver = LinearSolver(repeated.matrix, "mumps", symmetric=False, owned=False)
+        solver.renew()
+        rights = np.stack([after, np.cos(after)])
+        for right, found in zip(rights, solver.solve_all(rights), strict=True):
+            source, image = anew.createVecs()
+            source.setArray(found)
+            anew.mult(source, image)
+            parallel_assert(np.abs(image.getArray() - right).max() <= 1e-11)
+        solver.destroy()
+        anew.axpy(-1.0, repeated.matrix)
+        parallel_assert(anew.norm() <= 1e-14 * repeated.matrix.norm())
