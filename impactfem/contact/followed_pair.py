@@ -1,6 +1,7 @@
 """Gaps between two surfaces in terms of all contact nodes, and pairs that follow their bodies."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -74,7 +75,7 @@ class FollowedPair:
             way = sum(np.linalg.norm(moved[own], axis=1).max(initial=0.0) for own in self._rows)
             if 4.0 * way < distance:
                 change = np.einsum("ij,ij->i", met.normal, met.weights @ moved)
-                return Meeting(met.weights, met.gap + change, met.normal, met.area)
+                return replace(met, gap=met.gap + change)
         points = [places[own] for own in self._rows]
         found = self._pair.met(points, self._near)
         self._last = None
@@ -97,7 +98,15 @@ class FollowedPair:
         other = self._pair.surfaces[1].moved(places[self._rows[1]])
         normal[at] = opposite_normals(other, found)
         gap[at] = np.einsum("ij,ij->i", normal[at], weights[at] @ places)
-        return Meeting(weights, gap, normal, area)
+        return Meeting(weights, gap, normal, area, self._patch(found, at))
+
+    def _patch(self, found: MortarPairs, at: Integers) -> csr_matrix:
+        """Nodes of the carrier by their weights: its faces have the size of what they see."""
+        own = abs(found.carrier_weights).tocoo()
+        return csr_matrix(
+            (own.data, (at[own.row], self._rows[0][own.col])),
+            shape=(len(self._corners), self._total),
+        )
 
 
 def opposite_normals(other: Surface, found: MortarPairs) -> Floats:

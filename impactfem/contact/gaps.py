@@ -159,6 +159,10 @@ class Gaps:
                 normal[mine] = signed_distance(obstacle, acting[mine], time)[1]
         return gap - self._radius - np.einsum("ij,ij->i", normal, static), normal
 
+    def normals_at(self, displacement: Floats, time: float) -> Floats:
+        """Normals where nodes are amid a step, (count, dim)."""
+        return self.at(displacement, displacement, displacement, time)[1]
+
     def only_on(self, nodes: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Whether a gap weighs no other nodes than some: here each has its own."""
         return nodes

@@ -11,6 +11,7 @@ from scipy.sparse import csr_matrix, vstack
 from impactfem.contact.gaps import Gaps
 from impactfem.contact.pair_responses import PairResponses, Weights
 from impactfem.contact.responses import Columns, Responses
+from impactfem.contact.turning_gaps import TurningGaps
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -25,12 +26,15 @@ class Meeting:
         gap: Weighted gaps [m], shape (pairs,).
         normal: Unit normals towards the carrier, shape (pairs, dim).
         area: Areas of the multipliers [m^2], shape (pairs,).
+        patch: Weights, >= 0, of nodes whose turning turns the gap's directions, (pairs, nodes);
+            None where forces along the gap have no moment anyway.
     """
 
     weights: csr_matrix
     gap: Floats
     normal: Floats
     area: Floats
+    patch: csr_matrix | None = None
 
 
 _ENTRIES = 4096  # of weights that are kept as an array
@@ -130,6 +134,8 @@ class PairGaps:
         self._weigh(self._first)
         self._area = np.concatenate([*(entry.area for entry in self._first), np.zeros(0)])
         self._responses: PairResponses | None = None
+        self._met: Sequence[Meeting] = self._first
+        self._turning: TurningGaps | None = None
 
     def _weigh(self, met: Sequence[Meeting]) -> None:
         """Keep the weights of all gaps, and how they spread forces."""
@@ -172,12 +178,35 @@ class PairGaps:
     def relative(self, values: Floats) -> Floats:
         """Values of nodes (nodes, dim) as differences in the gaps, (pairs, dim)."""
         found: Floats = self._weights @ values
-        return found
+        return found if self._turning is None else found - self._turning.relative(values)
 
     def spread(self, forces: Floats) -> Floats:
         """Forces on the nodes (nodes, dim) by those in the gaps (pairs, dim)."""
         found: Floats = self._spreading @ forces
-        return found
+        return found if self._turning is None else found - self._turning.spread(forces)
+
+    def normals_at(self, displacement: Floats, time: float) -> Floats:
+        """Normals where nodes are amid a step, (pairs, dim); who meets whom stays as found.
+
+        Forces along the way between both sides have no moment; elsewhere, to the next `at`,
+        directions turn with one side (`impactfem.contact.turning_gaps`).
+        """
+        normals = [np.zeros((0, displacement.shape[1]))]
+        for own, chosen, obstacle in self._obstacles:
+            normals.append(obstacle.normals_at(displacement[own][chosen], time))
+        there = self._places + displacement
+        ways = self._weights @ there
+        patches, first = [], self._bound.shape[0]
+        for meet, entry in zip(self._meetings, self._met, strict=True):
+            end, normal = first + len(entry.gap), entry.normal
+            if entry.patch is not None:
+                patches.append((first, entry.patch))
+            elif meet.follows:
+                normal = _along(ways[first:end], normal)
+            normals.append(normal)
+            first = end
+        self._turning = TurningGaps.of(patches, there, ways)
+        return np.concatenate(normals)
 
     def entries(self, rows: Integers) -> tuple[Integers, Integers, Floats]:
         """What some gaps weigh: place of the gap among them, node, weight, (entries,) each."""
@@ -195,6 +224,7 @@ class PairGaps:
         self, displacement: Floats, begin: Floats, last: Floats, time: float, back: float = 0.5
     ) -> tuple[Floats, Floats]:
         """Gaps (pairs,) and normals (pairs, dim); see `Gaps.at`."""
+        self._turning = None
         gaps, normals = [np.zeros(0)], [np.zeros((0, displacement.shape[1]))]
         for own, chosen, obstacle in self._obstacles:
             parts = (displacement[own][chosen], begin[own][chosen], last[own][chosen])
@@ -211,6 +241,7 @@ class PairGaps:
                 for meet, first in zip(self._meetings, self._first, strict=True)
             ]
             self._weigh(met)
+            self._met = met
             self._area = np.concatenate([entry.area for entry in met])
             if self._responses is not None:
                 self._responses.follow(self._weights)
@@ -285,3 +316,13 @@ class PairGaps:
             found[part] = what(gaps, normals[part])
             first = part.stop
         return found
+
+
+def _along(ways: Floats, normals: Floats) -> Floats:
+    """Directions of ways (pairs, dim) on the side of normals; these where there is no way."""
+    side = np.sign(np.einsum("ij,ij->i", ways, normals))
+    length = np.linalg.norm(ways, axis=1)
+    known = side * length != 0.0
+    found = normals.copy()
+    found[known] = (side / np.where(known, length, 1.0))[known, None] * ways[known]
+    return found

@@ -7,31 +7,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
-from impactfem.marching.layers import Interior, Sums
+from impactfem.marching.layers import Interior, Stepper, Sums
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
 
-class Composite:
-    """The interiors of several bodies as one; see `impactfem.marching.layers.Interior`.
+class Bodies[P: Stepper]:
+    """The steppers of several bodies as one; see `impactfem.marching.layers.Stepper`.
 
-    Contact nodes are those of the first body, then of the second, and so on. Bodies that no force
-    reaches are not asked for answers. The part of a contact force that a support takes (a
-    normal on the axis or a cut of symmetry may lean a little out of it) moves nothing.
+    Contact nodes are those of the first body, then of the second, and so on.
 
     Attributes:
-        parts: Interiors of the bodies, all with the same step.
+        parts: Steppers of the bodies, all with the same step.
         offsets: Where the contact nodes of each body begin, and their number, (bodies + 1,).
     """
 
-    def __init__(self, parts: Sequence[Interior], free: Sequence[Floats] | None = None) -> None:
-        """Join interiors.
-
-        Args:
-            parts: The bodies.
-            free: Of the first bodies 1 where a contact node may move and 0 where a support holds
-                it, (count, dim); of the others everywhere 1.
+    def __init__(self, parts: Sequence[P]) -> None:
+        """Join steppers.
 
         Raises:
             SceneError: Their steps differ.
@@ -44,12 +37,6 @@ class Composite:
             )
         counts = [len(part.surface_displacement) for part in parts]
         self.offsets: tuple[int, ...] = (0, *np.cumsum(counts).tolist())
-        wholes = [part.whole_columns for part in parts if part.whole_columns is not None]
-        self.whole_columns = min(wholes, default=None)
-        self._count = 0  # forces that were asked for
-        self._asked = [np.zeros(0, dtype=np.int64) for _ in parts]  # which of them reach each body
-        given = list(free or ())
-        self._free = given + [np.ones((1, 1))] * (len(parts) - len(given))
 
     def own(self, body: int) -> slice:
         """Places of a body's contact nodes."""
@@ -64,6 +51,89 @@ class Composite:
     def surface_displacement(self) -> Floats:
         """Of the contact nodes of all bodies [m], (count, dim)."""
         return np.concatenate([part.surface_displacement for part in self.parts])
+
+    def initial(self, static: Floats) -> list[Sums]:
+        """Sums of the initial state, of each body."""
+        return [s for k, part in enumerate(self.parts) for s in part.initial(static[self.own(k)])]
+
+    def inertia(self) -> list[Floats]:
+        """Moments of inertia of each body [kg m^2]."""
+        return [inertia for part in self.parts for inertia in part.inertia()]
+
+    def spins(self) -> Floats:
+        """Velocities of the contact nodes by unit spins [m], of all bodies."""
+        return np.concatenate([part.spins() for part in self.parts], axis=1)
+
+    def gravity(self, layer: int) -> Floats:
+        """Gravity that the layer uses [m/s^2], shape (dim,)."""
+        return self.parts[0].gravity(layer)
+
+    def finish(self, layer: int, static: Floats) -> list[Sums]:
+        """End the layer of all bodies; sums of each."""
+        each = enumerate(self.parts)
+        return [sums for k, part in each for sums in part.finish(layer, static[self.own(k)])]
+
+    def placed(self, static: Floats) -> Floats:
+        """Displacement of the owned dofs of all bodies, one after the other."""
+        return np.concatenate(
+            [part.placed(static[self.own(k)]) for k, part in enumerate(self.parts)]
+        )
+
+    def state(self) -> dict[str, Any]:
+        """What the next layer needs, of all bodies: one after the other, as `velocity` has them."""
+        each = [part.state() for part in self.parts]
+        return {name: np.concatenate([state[name] for state in each if state]) for name in each[0]}
+
+    def memory(self) -> dict[str, Floats]:
+        """What it needs besides, of each body by its place."""
+        each = enumerate(self.parts)
+        return {f"{k}.{name}": values for k, part in each for name, values in part.memory().items()}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave."""
+        for k, part in enumerate(self.parts):
+            own = f"{k}."
+            part.remember({n.removeprefix(own): v for n, v in memory.items() if n.startswith(own)})
+
+    def restore(self, state: dict[str, Any], surface: Floats) -> None:
+        """Continue from a state."""
+        cuts = np.cumsum([0, *(len(part.velocity) for part in self.parts)])
+        for k, part in enumerate(self.parts):
+            own = slice(cuts[k], cuts[k + 1])
+            part.restore({n: values[own] for n, values in state.items()}, surface[self.own(k)])
+
+    def destroy(self) -> None:
+        """Free what PETSc holds."""
+        for part in self.parts:
+            part.destroy()
+
+
+class Composite(Bodies[Interior]):
+    """The interiors of several bodies as one; see `impactfem.marching.layers.Interior`.
+
+    Bodies that no force reaches are not asked for answers. The part of a contact force that a
+    support takes (a normal on the axis or a cut of symmetry may lean a little out of it) moves
+    nothing.
+    """
+
+    def __init__(self, parts: Sequence[Interior], free: Sequence[Floats] | None = None) -> None:
+        """Join interiors.
+
+        Args:
+            parts: The bodies.
+            free: Of the first bodies 1 where a contact node may move and 0 where a support holds
+                it, (count, dim); of the others everywhere 1.
+
+        Raises:
+            SceneError: Their steps differ.
+        """
+        super().__init__(parts)
+        wholes = [part.whole_columns for part in parts if part.whole_columns is not None]
+        self.whole_columns = min(wholes, default=None)
+        self._count = 0  # forces that were asked for
+        self._asked = [np.zeros(0, dtype=np.int64) for _ in parts]  # which of them reach each body
+        given = list(free or ())
+        self._free = given + [np.ones((1, 1))] * (len(parts) - len(given))
 
     @property
     def massive(self) -> Booleans:
@@ -86,25 +156,9 @@ class Composite:
         before, after = zip(*each, strict=True)
         return np.concatenate(before), np.concatenate(after)
 
-    def initial(self, static: Floats) -> list[Sums]:
-        """Sums of the initial state, of each body."""
-        return [s for k, part in enumerate(self.parts) for s in part.initial(static[self.own(k)])]
-
-    def inertia(self) -> list[Floats]:
-        """Moments of inertia of each body [kg m^2]."""
-        return [inertia for part in self.parts for inertia in part.inertia()]
-
-    def spins(self) -> Floats:
-        """Velocities of the contact nodes by unit spins [m], of all bodies."""
-        return np.concatenate([part.spins() for part in self.parts], axis=1)
-
     def share(self, layer: int) -> float:
         """Part of a layer's contact force that acts."""
         return self.parts[0].share(layer)
-
-    def gravity(self, layer: int) -> Floats:
-        """Gravity that the layer uses [m/s^2], shape (dim,)."""
-        return self.parts[0].gravity(layer)
 
     def predict(self, layer: int) -> Floats:
         """Move all bodies to the end of a layer without contact."""
@@ -149,42 +203,3 @@ class Composite:
             if mine.any():
                 known = None if change is None else change[self.own(k)]
                 part.push(mine, known, parts[self._asked[k]])
-
-    def finish(self, layer: int, static: Floats) -> list[Sums]:
-        """End the layer of all bodies; sums of each."""
-        each = enumerate(self.parts)
-        return [sums for k, part in each for sums in part.finish(layer, static[self.own(k)])]
-
-    def placed(self, static: Floats) -> Floats:
-        """Displacement of the owned dofs of all bodies, one after the other."""
-        return np.concatenate(
-            [part.placed(static[self.own(k)]) for k, part in enumerate(self.parts)]
-        )
-
-    def state(self) -> dict[str, Any]:
-        """What the next layer needs, of all bodies: one after the other, as `velocity` has them."""
-        each = [part.state() for part in self.parts]
-        return {name: np.concatenate([state[name] for state in each if state]) for name in each[0]}
-
-    def memory(self) -> dict[str, Floats]:
-        """What it needs besides, of each body by its place."""
-        each = enumerate(self.parts)
-        return {f"{k}.{name}": values for k, part in each for name, values in part.memory().items()}
-
-    def remember(self, memory: Mapping[str, Floats]) -> None:
-        """Go on from what `memory` gave."""
-        for k, part in enumerate(self.parts):
-            own = f"{k}."
-            part.remember({n.removeprefix(own): v for n, v in memory.items() if n.startswith(own)})
-
-    def restore(self, state: dict[str, Any], surface: Floats) -> None:
-        """Continue from a state."""
-        cuts = np.cumsum([0, *(len(part.velocity) for part in self.parts)])
-        for k, part in enumerate(self.parts):
-            own = slice(cuts[k], cuts[k + 1])
-            part.restore({n: values[own] for n, values in state.items()}, surface[self.own(k)])
-
-    def destroy(self) -> None:
-        """Free what PETSc holds."""
-        for part in self.parts:
-            part.destroy()

@@ -167,6 +167,7 @@ class FewMidpoint(FewInterior):
     ) -> None:
         """Begin at t = 0; see `FewInterior`."""
         super().__init__(bodies, gravity, dt, counts=counts)
+        self._span = dt  # of the step
         self._system = bodies.system
         self._mass = self._system.mass(bodies.position)
         self._jacobian = bodies.jacobian(self._q)
@@ -182,14 +183,14 @@ class FewMidpoint(FewInterior):
     def _prepare(self, time: float) -> None:
         """Invert M + dt C / 2 + dt^2 K / 4, with forces linearised: layers then are products."""
         stiffness, damping = _tangent(self._system, time, self._q, self._v)
-        half = 0.5 * self.dt
+        half = 0.5 * self._span
         self._inverse = np.linalg.inv(self._mass + half * damping + half**2 * stiffness)
         self._renew_answer()
 
     def _renew_answer(self) -> None:
         """Velocities by unit forces on the contact nodes, (d, nodes dim)."""
-        self._answer = self.dt * self._inverse @ self._jacobian.T
-        self._compliance = 0.5 * self.dt * self._jacobian @ self._answer
+        self._answer = self._span * self._inverse @ self._jacobian.T
+        self._compliance = 0.5 * self._span * self._jacobian @ self._answer
 
     @property
     def surface_velocity(self) -> Floats:
@@ -228,10 +229,10 @@ class FewMidpoint(FewInterior):
         return self.bodies.places(self._end(self._ahead)) - self._start
 
     def _middle(self, ahead: Floats) -> Floats:
-        return np.asarray(self._q + 0.25 * self.dt * (self._v + ahead))
+        return np.asarray(self._q + 0.25 * self._span * (self._v + ahead))
 
     def _end(self, ahead: Floats) -> Floats:
-        return np.asarray(self._q + 0.5 * self.dt * (self._v + ahead))
+        return np.asarray(self._q + 0.5 * self._span * (self._v + ahead))
 
     def _settle(self, guess: Floats) -> Floats:
         """Velocities at the end of the layer, by Newton's method with the tangent of its start."""

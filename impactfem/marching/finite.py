@@ -28,6 +28,7 @@ from impactfem.system.finite_strain import FiniteStrain
 from impactfem.system.linear import LinearSolver
 from impactfem.system.moments import kept_moments
 from impactfem.system.rigid_modes import spun, unit_spins
+from impactfem.system.small_strain import SmallStrain
 from impactfem.system.surface import SurfaceNodes
 
 Floats = NDArray[np.float64]
@@ -41,11 +42,7 @@ _HALVINGS = 6  # of a Newton step that turns cells inside out
 
 
 class FiniteMidpoint:
-    """Stepper of a body under finite strain; see `impactfem.marching.layers.Stepper`.
-
-    A layer may be made of several steps. In each the march asks for `begin`, then for iterates:
-    `unbalanced`, `linearise`, `answers`, `correct`, and last for `accept`.
-    """
+    """Stepper of a solid; see `impactfem.marching.newton_bodies.NewtonStepper`."""
 
     def __init__(
         self,
@@ -68,11 +65,16 @@ class FiniteMidpoint:
         """
         self.dt = dt
         self._system, self._surface = system, surface
-        self._strain = FiniteStrain(system.nodes, solid, system.following)
+        self._strain: FiniteStrain | SmallStrain = (
+            FiniteStrain(system.nodes, solid, system.following)
+            if solid.is_finite
+            else SmallStrain(system.nodes, solid)
+        )
         self._drive = Drive(system, None)
         with products_in_order(system.comm):
             mass = system.mass.copy() if transfer is None else system.mass.ptap(transfer)
-        self._mass, weights, self.missing = kept_moments(system, mass, transfer)
+        self._mass, weights, missing = kept_moments(system, mass, transfer)
+        self.missing = {solid.name: missing}
         self._tangent = self._strain.repeated_tangent(self._mass, system.constrained)
         self._kind = linear_solver
         self._solver: LinearSolver | None = None

@@ -240,6 +240,13 @@ class ContactGaps(Protocol):
     ) -> tuple[Floats, Floats]:
         """Gaps (pairs,) and normals (pairs, dim) for displacements at a time."""
 
+    def normals_at(self, displacement: Floats, time: float) -> Floats:
+        """Normals (pairs, dim) amid a step, where nodes are by an iterate; who meets whom stays.
+
+        To the next `at` forces that `spread` puts on nodes there have neither sum nor moment, and
+        `relative` is its transpose.
+        """
+
     def advance(self, normals: Floats, time: float) -> Floats:
         """How far obstacles have moved towards the nodes since t = 0 [m], (pairs,)."""
 

@@ -1,25 +1,36 @@
-"""The time loop of a body under finite strain: Newton's iterates of a step, and its contact law.
+"""The time loop of bodies under finite strain: Newton's iterates of a step, and its contact law.
 
-Normal forces Lambda act along the normals n at the mean places of the step, and the law is one of
-their increments w = n . (way of the node) - (way of the obstacle towards it):
+Forces F = (Lambda, T) act along normals and tangents at the mean places of the step, and the law is
+one of the increments (w, s) in these directions, ways of nodes less those of what they touch:
 
     conserving   0 <= Lambda  _|_  w >= 0                 where the gap was closed before the step,
-    massless     0 <= Lambda  _|_  max(gap, 0) + w >= 0   everywhere.
+    massless     0 <= Lambda  _|_  max(gap, 0) + w >= 0   everywhere,
+    friction     |T| <= mu Lambda,  T = -mu Lambda s / |s| in slip,  s = 0 in stick.
 
 The work Lambda w is 0 for the first, so that energy is kept to rounding for any normals, and
--Lambda max(gap, 0) <= 0 for the second, which does not penetrate. A step in which a node would
-close is cut where it does: what the first penetrates and the second loses are both of the order of
-the way that is left.
+-Lambda max(gap, 0) <= 0 for the second, which does not penetrate; T . s is that of friction, never
+positive. Between bodies the directions turn with them (`impactfem.contact.turning_gaps`), so that
+forces have no moment: momentum and angular momentum are kept too, whoever meets whom. A step in
+which a node would close is cut where it does: what the first law penetrates and the second loses
+are both of the order of the way that is left.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.complementarity import Solver
+from impactfem.contact.followed_pair import FAR
+from impactfem.contact.friction_newton import ConeProblem, solve_cones
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding, by_limits, percent
-from impactfem.marching.finite import FiniteMidpoint
+from impactfem.marching.layers import ContactGaps
+from impactfem.marching.newton_bodies import NewtonStepper
+from impactfem.marching.rubbing import Friction, frames, in_space, told, turned
+from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.time_loop import ContactState, TimeLoop
 
 Floats = NDArray[np.float64]
@@ -28,9 +39,11 @@ Booleans = NDArray[np.bool_]
 
 _INERTIA_LIMITS = (0.01, 0.1)  # shares of the moment of inertia that masses miss
 _ITERATES = 25
+_PAIRED = 1  # iterates that still change who meets whom: all would keep others from settling
 _SHORTEST = 2.0**-10  # of a layer
 _NEAR = 0.005  # of a layer, less than `_CLOSED`: cuts nearer to the ends of a step are left out
 _CUTS = 32  # of a layer at nodes that close
+_TRIES = 4  # of a step: gaps between bodies may jump, where others face each other than before
 _CLOSED = 0.01  # of the largest change of a gap in a layer: gaps up to it count as closed
 
 
@@ -39,43 +52,118 @@ class _Step:
     """A step that was solved.
 
     Attributes:
-        force: Lambda [N], (gaps,).
-        normals: (gaps, dim).
+        directions: Normals, with friction followed by tangents, (gaps, ways, dim).
+        force: Along them [N], (gaps, ways).
+        way: Increments along them [m], (gaps, ways).
         iterations: Of Newton's method.
-        obstacles: Work of moving obstacles on the body [J].
+        shift: Ways of the obstacles [m], (gaps, dim).
     """
 
+    directions: Floats
     force: Floats
-    normals: Floats
+    way: Floats
     iterations: int
-    obstacles: float
+    shift: Floats
 
 
-class NewtonMarch(TimeLoop[FiniteMidpoint]):
-    """A march of one body under finite strain."""
+class _Layer:
+    """What the steps of a layer sum up to.
 
-    _generation = -1
-    _known: dict[int, Floats]
+    Attributes:
+        impulse: Of the normal forces [N s], (gaps,).
+        vectors: Of all forces [N s], (gaps, dim).
+        rubbed: Of friction, as `told` has it [N s], (gaps, 1 or 3).
+        slid: Ways while pressed [m], (gaps,).
+        friction, obstacles: Work of friction and of moving obstacles on the bodies [J].
+        iterations: Of Newton's method.
+    """
+
+    def __init__(self, gaps: int, dim: int) -> None:
+        self.impulse, self.vectors = np.zeros(gaps), np.zeros((gaps, dim))
+        self.rubbed, self.slid = np.zeros((gaps, dim * (dim - 1) // 2)), np.zeros(gaps)
+        self.friction, self.obstacles, self.iterations = 0.0, 0.0, 0
+
+    def add(self, step: _Step, span: float) -> None:
+        """A step of so many seconds."""
+        vectors = in_space(step.directions, step.force)
+        self.impulse += span * step.force[:, 0]
+        self.vectors += span * vectors
+        self.obstacles += float((vectors * step.shift).sum())
+        self.iterations += step.iterations
+        if step.force.shape[1] > 1:
+            self.friction += float((step.force[:, 1:] * step.way[:, 1:]).sum())
+            acting, way = told(step.directions, step.force, step.way[:, 1:])
+            self.rubbed += span * acting[:, 1:]
+            self.slid += np.where(step.force[:, 0] > 0.0, way, 0.0)
+
+
+class NewtonMarch(TimeLoop[NewtonStepper]):
+    """A march of bodies of which some are under finite strain."""
+
+    def __init__(
+        self,
+        comm: Any,
+        interior: NewtonStepper,
+        scheme: SolidScheme,
+        gaps: ContactGaps,
+        solver: Solver,
+        layers: int,
+        tolerance: float,
+        rest: tuple[Floats, Floats] | None = None,
+        friction: Friction | None = None,
+    ) -> None:
+        """Begin at t = 0.
+
+        Args:
+            comm: As for `TimeLoop`, and so are the others.
+            interior: See there.
+            scheme: See there.
+            gaps: See there.
+            solver: See there; of gaps without friction.
+            layers: See there.
+            tolerance: See there.
+            rest: See there.
+            friction: Coulomb's law; None without.
+        """
+        self._friction = friction
+        self._rubs = friction is not None
+        self._generation = -1
+        self._known: dict[int, Floats] = {}
+        self._mean: Floats | None = None
+        self._done: _Layer | None = None
+        super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, rest)
+        self._tangential = np.zeros_like(self._normals)  # of the last step [N], (gaps, dim)
 
     def findings(self) -> tuple[Finding, ...]:
-        """A body whose masses, moved off its contact nodes, have too little inertia."""
-        missing = self.interior.missing
-        text = f"the masses inside the body have {percent(missing)} too little moment of inertia: "
-        text += "nodes that may touch carry none, and it is few elements thick"
+        """Bodies whose masses, moved off their contact nodes, have too little inertia."""
+        found: list[Finding] = []
         remedy = "take smaller elements, or name the surfaces that may touch (contact_surfaces)"
-        return by_limits("setting", missing, _INERTIA_LIMITS, text, "", remedy)
+        for name, missing in self.interior.missing.items():
+            text = f"the masses inside {name} have {percent(missing)} too little moment of "
+            text += "inertia: nodes that may touch carry none, and it is few elements thick"
+            found += by_limits("setting", missing, _INERTIA_LIMITS, text, "", remedy)
+        return tuple(found)
+
+    def memory(self) -> dict[str, Floats]:
+        """What the next layer needs besides the state of the bodies, the same on all ranks."""
+        return super().memory() | {"tangential": self._tangential}
+
+    def restore(
+        self, state: dict[str, Any], memory: Mapping[str, Floats], asked: Integers, layer: int
+    ) -> None:
+        """Continue after ``layer`` layers; see `TimeLoop.restore`."""
+        super().restore(state, memory, asked, layer)
+        self._tangential = memory["tangential"]
 
     def _advance(self) -> Floats:
         """One layer, in as many steps as it takes; returns its mean contact forces [N]."""
         layer, interior, state = self.layer, self.interior, self.contact
         dt = interior.dt
         time, end = layer * dt, (layer + 1) * dt
-        count = len(state.gap)
-        impulse, last, work, iterations, cuts = np.zeros(count), state.multiplier, 0.0, 0, _CUTS
-        span, cut = dt, False
-        bound = interior.predicted(time, end)
-        change = self._gaps.at(bound, bound, bound, end)[0] - state.gap
-        near = _CLOSED * np.abs(change)
+        last, cuts = state.multiplier, _CUTS
+        done = _Layer(len(last), interior.surface_displacement.shape[1])
+        near = self._near(time, end)
+        span, tries = dt, 0  # the next step, and how often it was cut
         while time < end - 1e-9 * dt:
             stop = min(end, time + span)
             if stop > end - 1e-9 * dt:
@@ -83,19 +171,8 @@ class NewtonMarch(TimeLoop[FiniteMidpoint]):
             begin = interior.surface_displacement
             before = self._gaps.at(begin, begin, begin, time)[0]
             closed = (before <= near) | (last > 0.0)
-            share = 1.0
             try:
-                if cuts:
-                    bound = interior.predicted(time, stop)
-                    share = self._closing(before, closed, bound, time, stop)
-                if share == 1.0:
-                    step = self._step(time, stop, last, before, closed)
-                    if cuts:
-                        reached = interior.surface_iterate
-                        share = self._closing(before, closed, reached, time, stop)
-                if share < 1.0:
-                    span, cuts, cut = share * (stop - time), cuts - 1, True
-                    continue
+                step, share = self._cut(time, stop, last, before, closed, tries < min(_TRIES, cuts))
             except ConvergenceError as error:
                 span = 0.5 * (stop - time)
                 if span < _SHORTEST * dt:
@@ -105,22 +182,79 @@ class NewtonMarch(TimeLoop[FiniteMidpoint]):
                         "where the body is squeezed most"
                     ) from error
                 continue
+            if step is None:
+                span, tries = share * (stop - time), tries + 1
+                continue
             interior.accept()
-            impulse += (stop - time) * step.force
-            last, work, iterations = step.force, work + step.obstacles, iterations + step.iterations
-            self._normals = step.normals
-            time, span = stop, dt if cut else min(dt, 2.0 * span)
-            cut = False
+            done.add(step, stop - time)
+            last, self._normals = step.force[:, 0], step.directions[:, 0]
+            self._tangential = in_space(step.directions[:, 1:], step.force[:, 1:])
+            time, span = stop, dt if tries else min(dt, 2.0 * span)
+            cuts, tries = cuts - tries, 0
         self.layer = layer + 1
         static = np.zeros_like(state.static)
         self.rows.put(self.layer, interior.finish(layer, static))
-        self.rows.obstacle_work[self.layer] = work
+        self.rows.obstacle_work[self.layer] = done.obstacles
+        self.rows.friction_work[self.layer] = done.friction
         place = interior.surface_displacement
         gap, _ = self._gaps.at(place, place, place, end)
         self.contact = ContactState(last, gap, state.multiplier, state.gap, static)
-        force: Floats = impulse / dt
-        self._close_row(self.layer, force, iterations)
+        self._done, self._mean = done, done.vectors / dt
+        force: Floats = done.impulse / dt
+        self._close_row(self.layer, force, done.iterations)
         return force
+
+    def _near(self, start: float, end: float) -> Floats:
+        """Gaps up to which nodes count as closed in a layer [m], (gaps,)."""
+        bound = self.interior.predicted(start, end)
+        change = np.abs(self._gaps.at(bound, bound, bound, end)[0] - self.contact.gap)
+        return np.where(change < 0.5 * FAR, _CLOSED * change, 0.0)
+
+    def _cut(
+        self,
+        start: float,
+        end: float,
+        last: Floats,
+        before: Floats,
+        closed: Booleans,
+        may_cut: bool,
+    ) -> tuple[_Step | None, float]:
+        """Solve a step, or tell after which share of it the first open gap closes.
+
+        Args:
+            start: [s].
+            end: [s].
+            last: As for `_step`.
+            before: See there.
+            closed: See there.
+            may_cut: Whether to look for gaps that close.
+
+        Raises:
+            ConvergenceError: Newton's method did not converge.
+        """
+        interior = self.interior
+        if may_cut:
+            bound = interior.predicted(start, end)
+            share = self._closing(before, closed, bound, start, end)
+            if share < 1.0:
+                return None, share
+        step = self._step(start, end, last, before, closed)
+        if may_cut:
+            share = self._closing(before, closed, interior.surface_iterate, start, end)
+            if share < 1.0:
+                return None, share
+        return step, 1.0
+
+    def _close_pairs(self, row: int, force: Floats, struck: Floats) -> None:
+        """Store what pairs have of the forces, gaps and slip."""
+        super()._close_pairs(row, force, struck)
+        if self._done is not None and self._rubs:
+            rubbed = np.column_stack([force, self._done.rubbed / self.interior.dt])
+            self._close_rubbing(row, np.arange(len(force)), rubbed, self._done.slid)
+
+    def _vectors(self, lasting: Floats) -> Floats:
+        """Mean forces of the layer in the gaps as vectors, (gaps, dim) [N]."""
+        return super()._vectors(lasting) if self._mean is None else self._mean
 
     def _closing(
         self, before: Floats, closed: Booleans, then: Floats, start: float, end: float
@@ -149,7 +283,7 @@ class NewtonMarch(TimeLoop[FiniteMidpoint]):
         Args:
             start: [s].
             end: [s].
-            last: Forces of the last step [N], (gaps,).
+            last: Normal forces of the last step [N], (gaps,).
             before: Gaps at the start [m], (gaps,).
             closed: Which of them count as closed, (gaps,).
 
@@ -161,46 +295,82 @@ class NewtonMarch(TimeLoop[FiniteMidpoint]):
         holds = self._scheme.holds
         may = closed if holds else np.ones(len(before), dtype=bool)
         room = np.zeros(len(before)) if holds else np.maximum(before, 0.0)
-        force = np.where(may, last, 0.0)
+        middle_time = 0.5 * (start + end)
+        shift = gaps.shift(end) - gaps.shift(start)
         interior.begin(start, end)
+        self._known = {}
+        force: Floats | None = None
         for iteration in range(_ITERATES):
             place = interior.surface_iterate
             middle = 0.5 * (begin + place)
-            _, normals = gaps.at(middle, middle, middle, 0.5 * (start + end))
-            moved = gaps.advance(normals, end) - gaps.advance(normals, start)
-            way = np.einsum("ij,ij->i", normals, gaps.relative(place - begin)) - moved
-            left = interior.unbalanced(gaps.spread(force[:, None] * normals))
-            apart = room + way
-            missed = np.where(force > 0.0, np.abs(apart), np.maximum(-apart, 0.0))[may]
-            if left <= 1.0 and missed.max(initial=0.0) <= self.tolerance:
-                return _Step(force, normals, iteration, float(force @ moved))
-            free = np.einsum("ij,ij->i", normals, gaps.relative(interior.linearise()))
-            new = self._complementary(apart + free, normals, force, may)
-            interior.correct(gaps.spread((new - force)[:, None] * normals))
+            if iteration <= _PAIRED:
+                gaps.at(middle, middle, middle, middle_time)
+            normals = gaps.normals_at(middle, middle_time)
+            directions = frames(normals) if self._rubs else normals[:, None, :]
+            if force is None:
+                force = turned(directions, self._tangential)
+                force[:, 0] = last
+                force[~may] = 0.0
+            way = turned(directions, gaps.relative(place - begin) - shift)
+            left = interior.unbalanced(gaps.spread(in_space(directions, force)))
+            apart = way.copy()
+            apart[:, 0] += room
+            if left <= 1.0 and self._missed(apart, force, may) <= self.tolerance:
+                return _Step(directions, force, way, iteration, shift)
+            free = turned(directions, gaps.relative(interior.linearise()))
+            new = self._obeying(apart + free, directions, force, may)
+            interior.correct(gaps.spread(in_space(directions, new - force)))
             force = new
         raise ConvergenceError(f"{_ITERATES} iterates")
 
-    def _complementary(
-        self, apart: Floats, normals: Floats, force: Floats, may: Booleans
-    ) -> Floats:
-        """Forces for which the linearised law holds.
+    def _missed(self, apart: Floats, force: Floats, may: Booleans) -> float:
+        """How far the increments are from the law [m].
 
         Args:
-            apart: What must not be negative if the forces stay [m], (gaps,).
-            normals: (gaps, dim).
-            force: Forces that stay [N], (gaps,).
+            apart: Increments, of the gaps what must not be negative [m], (gaps, ways).
+            force: [N], (gaps, ways).
             may: Gaps in which there may be forces, (gaps,).
         """
-        rows = np.flatnonzero(may & ((force > 0.0) | (apart < -self.tolerance)))
-        found = np.zeros(len(force))
+        normal = apart[:, 0]
+        missed = np.where(force[:, 0] > 0.0, np.abs(normal), np.maximum(-normal, 0.0))[may]
+        worst = float(missed.max(initial=0.0))
+        if self._friction is None:
+            return worst
+        rows = np.flatnonzero((force[:, 0] > 0.0) & (self._friction.coefficients > 0.0))
+        if not self._known.keys() >= set(rows.tolist()):
+            return np.inf  # by how much they yield is not known yet
+        for row in rows.tolist():
+            yields = np.trace(self._known[row][1:, row, 1:]) / (force.shape[1] - 1)
+            tau, slip = force[row, 1:], apart[row, 1:]
+            trial = tau - slip / yields
+            bound = self._friction.coefficients[row] * force[row, 0]
+            length = float(np.linalg.norm(trial))
+            wanted = trial if length <= bound else bound / length * trial
+            worst = max(worst, yields * float(np.abs(tau - wanted).max()))
+        return worst
+
+    def _obeying(self, apart: Floats, directions: Floats, force: Floats, may: Booleans) -> Floats:
+        """Forces for which the linearised law holds, (gaps, ways).
+
+        Args:
+            apart: Increments if the forces stay, of the gaps what must not be negative [m], (gaps,
+                ways).
+            directions: (gaps, ways, dim).
+            force: Forces that stay [N], (gaps, ways).
+            may: Gaps in which there may be forces, (gaps,).
+        """
+        rows = np.flatnonzero(may & ((force[:, 0] > 0.0) | (apart[:, 0] < -self.tolerance)))
+        found = np.zeros_like(force)
         while len(rows):
-            answers = self._answers_to(rows, normals)
+            answers = self._answers_to(rows, directions)
+            size = len(rows) * force.shape[1]
             # Symmetric but for what the step turns; what that leaves the next iterate settles.
-            matrix = answers[:, rows]
+            matrix = answers[:, :, rows].reshape(size, size)
             matrix = 0.5 * (matrix + matrix.T)
-            offset = apart[rows] - matrix @ force[rows]
-            solved, _ = self._solver(matrix, offset, force[rows] > 0.0)
-            after = apart + (solved - force[rows]) @ answers
+            own = force[rows]
+            offset = apart[rows] - (matrix @ own.ravel()).reshape(own.shape)
+            solved = self._solved(matrix, offset, rows, own)
+            after = apart[:, 0] + np.einsum("jb,jbi->i", solved - own, answers[..., 0])
             missed = may & (after < -self.tolerance)
             missed[rows] = False
             if not missed.any():
@@ -209,16 +379,32 @@ class NewtonMarch(TimeLoop[FiniteMidpoint]):
             rows = np.union1d(rows, np.flatnonzero(missed))
         return found
 
-    def _answers_to(self, rows: Integers, normals: Floats) -> Floats:
-        """Changes of all gaps by unit forces in some, (rows, gaps); kept as long as the tangent."""
+    def _solved(self, matrix: Floats, offset: Floats, rows: Integers, start: Floats) -> Floats:
+        """Forces in some gaps whose increments are offset + matrix force, (rows, ways)."""
+        if self._friction is None:
+            normal, _ = self._solver(matrix, offset[:, 0], start[:, 0] > 0.0)
+            return np.asarray(normal[:, None])
+        law, none = self._friction, np.zeros(len(rows))
+        problem = ConeProblem(matrix, offset, law.coefficients[rows], none)
+        return solve_cones(problem, start, law.tolerance, law.max_iterations)[0]
+
+    def _answers_to(self, rows: Integers, directions: Floats) -> Floats:
+        """Increments by unit forces in some gaps, (rows, ways, gaps, ways).
+
+        They are kept as long as the tangent.
+        """
         interior, gaps = self.interior, self._gaps
         if self._generation != interior.generation:
             self._generation, self._known = interior.generation, {}
         fresh = [row for row in rows.tolist() if row not in self._known]
         if fresh:
-            units = np.zeros((len(fresh), *normals.shape))
-            units[np.arange(len(fresh)), fresh] = normals[fresh]
-            moved = interior.answers(np.stack([gaps.spread(unit) for unit in units]))
-            for row, each in zip(fresh, moved, strict=True):
-                self._known[row] = np.einsum("ij,ij->i", normals, gaps.relative(each))
+            count, ways, dim = directions.shape
+            units = np.zeros((len(fresh), ways, count, dim))
+            for k, row in enumerate(fresh):
+                units[k, :, row] = directions[row]
+            spread = [gaps.spread(unit) for unit in units.reshape(-1, count, dim)]
+            moved = interior.answers(np.stack(spread))
+            each = np.stack([turned(directions, gaps.relative(one)) for one in moved])
+            known = each.reshape(len(fresh), ways, count, ways)
+            self._known |= dict(zip(fresh, known, strict=True))
         return np.stack([self._known[row] for row in rows.tolist()])

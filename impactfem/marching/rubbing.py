@@ -96,6 +96,11 @@ class LayerGaps:
     halfway: Floats
     ends: NDArray[np.bool_]
 
+    def slid(self, place: Floats) -> Floats:
+        """Ways to some places (gap, r_t) as the law measures them, along the tangents [m]."""
+        before = turned(self.frames, self.old_way if self.held is None else self.held)
+        return np.asarray(place[:, 1:] - before[:, 1:])
+
 
 def rub(
     law: Friction,
@@ -132,26 +137,25 @@ def rub(
     return solve_friction_layer_at_speed(free, halfway, response, compliance, *rest)
 
 
-def told(layer: LayerGaps, found: FrictionContact) -> tuple[Floats, Floats]:
-    """What histories have of the forces in a layer, and of the ways slid.
+def told(directions: Floats, force: Floats, way: Floats) -> tuple[Floats, Floats]:
+    """What histories have of forces, and of the ways slid.
 
     In the plane the tangent is the normal turned by -90 degrees, which of a floor points to the
     right: the same whichever side of a gap is looked from.
 
     Args:
-        layer: The gaps.
-        found: Their forces.
+        directions: Of the gaps, the normal first, (k, dim, dim).
+        force: Along them [N], (k, dim).
+        way: Slid, along the tangents, as the law of friction measures it [m], (k, dim - 1).
 
     Returns:
-        Normal forces followed by tangential ones [N], (k, 2), or vectors in space, (k, 4); ways as
-        the law of friction measures them [m], in the plane with sign, in space lengths, (k,).
+        Normal forces followed by tangential ones [N], (k, 2), or vectors in space, (k, 4); ways
+        [m], in the plane with sign, in space lengths, (k,).
     """
-    before = turned(layer.frames, layer.old_way if layer.held is None else layer.held)
-    way = found.place[:, 1:] - before[:, 1:]
     if way.shape[1] == 1:  # the frames have the opposite tangent
-        return found.force * [1.0, -1.0], -way[:, 0]
-    tangential = np.einsum("kij,ki->kj", layer.frames[:, 1:], found.force[:, 1:])
-    return np.hstack([found.force[:, :1], tangential]), np.linalg.norm(way, axis=1)
+        return force * [1.0, -1.0], -way[:, 0]
+    tangential = in_space(directions[:, 1:], force[:, 1:])
+    return np.hstack([force[:, :1], tangential]), np.linalg.norm(way, axis=1)
 
 
 def frames(normals: Floats) -> Floats:

@@ -97,15 +97,8 @@ class RubbingMarch(SolidMarch):
     def _close_pairs(self, row: int, force: Floats, struck: Floats) -> None:
         """Store what pairs have of the forces, gaps and slip."""
         super()._close_pairs(row, force, struck)
-        if self._slid is None:
-            return
-        rows, acting, way = self._slid
-        pressing, count, tangential = acting[:, 0], len(self._gaps.pairs), self.rows.tangential[row]
-        pair = self._gaps.pair_of()[rows] if count > 1 else np.zeros(len(rows), dtype=np.int64)
-        for k in range(tangential.shape[1]):
-            tangential[:, k] = np.bincount(pair, acting[:, 1 + k], count)
-        whole, slid = np.bincount(pair, pressing, count), np.bincount(pair, pressing * way, count)
-        np.divide(slid, whole, out=self.rows.slip[row], where=whole > 0.0)
+        if self._slid is not None:
+            self._close_rubbing(row, *self._slid)
 
     def _vectors(self, lasting: Floats) -> Floats:
         """Forces in the gaps as vectors with those of friction, (pairs, dim) [N]."""
@@ -199,5 +192,5 @@ class RubbingMarch(SolidMarch):
         self._tangential = multipliers - multiplier[:, None] * normals
         state.work[rows] = found.work
         self._rubbing_force = whole - force[:, None] * normals
-        self._slid = rows, *told(layer, found)
+        self._slid = rows, *told(directions, found.force, layer.slid(found.place))
         return force, multiplier, static, iterations

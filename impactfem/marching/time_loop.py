@@ -220,6 +220,22 @@ class TimeLoop[I: Stepper](ABC):
         rows.pair_gap[row] = np.inf
         np.minimum.at(rows.pair_gap[row], pair, self.contact.gap)
 
+    def _close_rubbing(self, row: int, rows: Integers, acting: Floats, way: Floats) -> None:
+        """Store tangential forces and slip of pairs.
+
+        Args:
+            row: Of the history.
+            rows: Gaps that took part.
+            acting: Their forces as `impactfem.marching.rubbing.told` has them [N], (rows, 2 or 4).
+            way: Ways slid [m], (rows,).
+        """
+        pressing, count, tangential = acting[:, 0], len(self._gaps.pairs), self.rows.tangential[row]
+        pair = self._gaps.pair_of()[rows] if count > 1 else np.zeros(len(rows), dtype=np.int64)
+        for k in range(tangential.shape[1]):
+            tangential[:, k] = np.bincount(pair, acting[:, 1 + k], count)
+        whole, slid = np.bincount(pair, pressing, count), np.bincount(pair, pressing * way, count)
+        np.divide(slid, whole, out=self.rows.slip[row], where=whole > 0.0)
+
     def _check_finite(self) -> None:
         """Stop all ranks if the numbers of one are not finite."""
         fine = bool(np.isfinite(self.rows.sums[self.layer]).all())

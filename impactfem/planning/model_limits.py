@@ -16,12 +16,12 @@ _COLLAPSE = (0.6, 0.4)
 """The same for St. Venant and Kirchhoff's law: no stiffness is left at a stretch of 1 / sqrt 3."""
 
 _TURNS = (
-    "elasticity of small strains has no large rotations: a single solid without friction may have "
+    "elasticity of small strains has no large rotations: give the body "
     'strain = "finite"; else take a shorter duration, a central impact or supports that keep the '
     "body from turning"
 )
 _STRAINS = (
-    "elasticity of small strains is not for this: a single solid without friction may have "
+    "elasticity of small strains is not for this: give the body "
     'strain = "finite"; else take a slower impact, a stiffer body or less load'
 )
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from impactfem.marching.finite import FiniteMidpoint
 from impactfem.marching.layers import ContactGaps, Interior
 from impactfem.marching.leapfrog import Leapfrog
 from impactfem.marching.midpoint import Midpoint
+from impactfem.marching.newton_bodies import NewtonBodies, NewtonStepper
 from impactfem.marching.newton_march import NewtonMarch
 from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SolidScheme
@@ -29,6 +30,7 @@ from impactfem.scene import Scene
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
 if TYPE_CHECKING:
+    from impactfem.marching.few_newton import FewNewton
     from impactfem.planning import MarchNumbers
 
 Floats = NDArray[np.float64]
@@ -96,36 +98,44 @@ def make_loop(
     gaps: ContactGaps = contacts.obstacles[0].gaps if alone else contacts.gaps()
     solver, kind = _solver(numbers, tolerance), numbers.linear_solver
     settings = (scheme, gaps, solver, layers, tolerance)
+    surfaces = [surface for _, surface, _ in each]
     if any(part.solid.is_finite for part in model.parts):
-        part, surface, transfer = each[0]
-        body = FiniteMidpoint(part.system, part.solid, surface, transfer, dt, kind)
+        bodies = [
+            FiniteMidpoint(part.system, part.solid, surface, transfer, dt, kind)
+            for part, surface, transfer in each
+        ]
+        interior: NewtonStepper = (
+            bodies[0] if alone else NewtonBodies([*bodies, *cast("Sequence[FewNewton]", few)])
+        )
         started = None
         if scene.starts_at_rest:
-            progress.step("bringing the body to rest")
+            progress.step("bringing the bodies to rest")
             gravity = np.asarray(scene.vector_gravity.at(0.0))
-            spin = spin_of(part)
-            alike = [body.at_rest(part.solid.name, gravity, spin)]
+            spins = [spin_of(part) for part in model.parts]
+            resting = [
+                body.at_rest(part.solid.name, gravity, spin)
+                for body, part, spin in zip(bodies, model.parts, spins, strict=True)
+            ]
             started = start_at_rest(
-                model, alike, [surface], body, np.zeros_like, gaps, solver, tolerance
+                model, resting, surfaces, interior, np.zeros_like, gaps, solver, tolerance
             )
-            body.turn(spin)
+            for body, spin in zip(bodies, spins, strict=True):
+                body.turn(spin)
         rest = None if started is None else (started.rest.multiplier, started.static)
-        return Loop(
-            NewtonMarch(model.comm, body, *settings, rest), gaps, contacts, offsets, started
-        )
+        newton = NewtonMarch(model.comm, interior, *settings, rest, law)
+        return Loop(newton, gaps, contacts, offsets, started)
     solids = [_interior(*parts, scheme, dt, kind) for parts in each]
     composite = Composite([*solids, *few], [_free(*parts[:2]) for parts in each])
     started = None
     if scene.starts_at_rest:
         progress.step("bringing the bodies to rest")
-        resting = linear_bodies(model, each, kind)
-        surfaces = [surface for _, surface, _ in each]
+        linear = linear_bodies(model, each, kind)
         started = start_at_rest(
-            model, resting, surfaces, composite, composite.static, gaps, solver, tolerance
+            model, linear, surfaces, composite, composite.static, gaps, solver, tolerance
         )
     rest = None if started is None else (started.rest.multiplier, started.static)
-    interior: Interior = solids[0] if alone else composite
-    arguments = (model.comm, interior, *settings, contacts.restitution(scene), rest)
+    alike: Interior = solids[0] if alone else composite
+    arguments = (model.comm, alike, *settings, contacts.restitution(scene), rest)
     march = SolidMarch(*arguments) if law is None else RubbingMarch(*arguments, law)
     return Loop(march, gaps, contacts, offsets, started)
 

@@ -14,6 +14,7 @@ from impactfem.log import Progress
 from impactfem.marching.checkpoint import Checkpoints
 from impactfem.marching.collect import Collector
 from impactfem.marching.few import FewMidpoint
+from impactfem.marching.few_newton import FewNewton
 from impactfem.marching.layers import ContactGaps
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.rows import Level
@@ -50,6 +51,9 @@ _INTERIORS: "Mapping[type[FewBodies], Callable[..., FewMidpoint | WaveBar]]" = {
     ElasticBar: WaveBar,
 }
 """How bodies without meshes are marched."""
+
+_STEPPERS: "Mapping[type[FewBodies], Callable[..., FewNewton]]" = {Lumped: FewNewton}
+"""The same beside bodies under finite strain."""
 
 _FRAMES = 150  # layers of fields that are kept of bodies without meshes, at most twice as many
 
@@ -101,8 +105,10 @@ def run_solids(
     discretised = {parts[0].solid.name: parts for parts in each}
     dt, layers, limit = planned_steps(scene.duration, plan, scheme, discretised)
     progress.step("preparing the layers")
+    finite = any(part.solid.is_finite for part in model.parts)
+    marches = _STEPPERS if finite else _INTERIORS
     few = [
-        _INTERIORS[type(bodies)](bodies, scene.vector_gravity, dt, counts=model.comm.rank == 0)
+        marches[type(bodies)](bodies, scene.vector_gravity, dt, counts=model.comm.rank == 0)
         for bodies in model.few
     ]
     loop = make_loop(scene, model, numbers, scheme, each, few, (dt, layers), progress)

@@ -42,6 +42,7 @@ class Bar(BodyKind):
     probed: ClassVar[tuple[str, ...]] = STRAINS
     waves: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True
+    substeps: ClassVar[bool] = False
     settings: ClassVar[tuple[str, ...]] = ("elements",)
     whole_side: ClassVar[tuple[str, ...]] = ("",)
 

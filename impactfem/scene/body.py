@@ -24,6 +24,7 @@ class BodyKind:
         waves: Whether it has waves, and rebounds by its own elasticity.
         meets_alike: Whether it meets others of its kind by methods of the kind.
         settles: Whether it can start in equilibrium (``start = "static"``).
+        substeps: Whether its steps can be of any length, as beside bodies under finite strain.
         probed: What a probe in it may keep.
         settings: Keys of ``[solve]`` that it brings into scenes of several kinds.
         whole_side: Surfaces that its bare name stands for in ``[[contact]] between``; None for all.
@@ -35,6 +36,7 @@ class BodyKind:
     waves: ClassVar[bool] = False
     meets_alike: ClassVar[bool] = False
     settles: ClassVar[bool] = False
+    substeps: ClassVar[bool] = True
     probed: ClassVar[tuple[str, ...]] = MOVES
     settings: ClassVar[tuple[str, ...]] = ()
     whole_side: ClassVar[tuple[str, ...] | None] = None

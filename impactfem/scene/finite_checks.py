@@ -20,17 +20,12 @@ def check_finite(scene: Content) -> None:
 
 
 def _check_company(scene: Content, name: str) -> None:
-    """Refuse other bodies and friction."""
-    place = next(k for k, body in enumerate(scene.bodies) if body.name == name)
-    if len(scene.bodies) > 1:
-        text = f" of {name} meets no other body yet, but there are {len(scene.bodies)}: "
-        text += 'give one body, or strain = "small" to all.'
-        raise KeyedError(f"body[{place}]", "strain", text)
-    for index, contact in enumerate(scene.contacts):
-        if contact.friction_coefficient:
-            text = f" = {contact.friction_coefficient}: bodies under finite strain slide without "
-            text += 'friction yet; remove it, or give the body strain = "small".'
-            raise KeyedError(f"contact[{index}]", "friction_coefficient", text)
+    """Refuse bodies that one under finite strain does not meet."""
+    for place, body in enumerate(scene.bodies):
+        if not body.substeps:
+            text = f" = {show(body.kind)}: {body.name} is marched in steps that stay, but {name} "
+            text += 'has finite strain, whose steps are cut: give strain = "small", or a rod.'
+            raise KeyedError(f"body[{place}]", "kind", text)
 
 
 def _check_settings(scene: Content, name: str) -> None:

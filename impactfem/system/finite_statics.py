@@ -12,6 +12,7 @@ from impactfem.system.elastic import ElasticSystem
 from impactfem.system.finite_strain import FiniteStrain
 from impactfem.system.linear import LinearSolver
 from impactfem.system.rigid_modes import spun
+from impactfem.system.small_strain import SmallStrain
 from impactfem.system.statics import BodyAtRest
 from impactfem.system.surface import SurfaceNodes
 
@@ -25,7 +26,7 @@ class FiniteAtRest(BodyAtRest):
         self,
         name: str,
         system: ElasticSystem,
-        strain: FiniteStrain,
+        strain: FiniteStrain | SmallStrain,
         surface: SurfaceNodes,
         mass: Any,
         weights: Floats,

@@ -72,7 +72,7 @@ def body_matrices(
     Raises:
         MeshError: A matrix is not finite.
     """
-    stiffness = _stiffness(nodes, forms, poisson_ratio)
+    stiffness = body_stiffness(nodes, forms, poisson_ratio)
     mass = fem.assemble_petsc(fem.compile_form(forms.mass))
     for matrix, what in ((stiffness, "stiffness"), (mass, "mass")):
         if not np.isfinite(matrix.norm()):
@@ -110,7 +110,8 @@ def rigid_motions(nodes: Nodes) -> Floats:
     return np.array(motions).reshape(len(motions), -1)
 
 
-def _stiffness(nodes: Nodes, forms: ElasticForms, poisson_ratio: float) -> Any:
+def body_stiffness(nodes: Nodes, forms: ElasticForms, poisson_ratio: float) -> Any:
+    """Assemble the stiffness of a body that nothing holds (collective)."""
     degree = int(nodes.space.ufl_element().degree)
     locking = poisson_ratio > NEARLY_INCOMPRESSIBLE and forms.model != "plane_stress"
     if not locking or (forms.simplex and degree == 1):

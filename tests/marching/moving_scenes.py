@@ -75,8 +75,8 @@ def resting(method, **solve):
 def finite(made, method, duration=1.5, **solve):
     """One of the above under finite strain."""
     data = made(method, duration, **solve).to_dict()
-    (body,) = data["body"]
-    body |= {"strain": "finite", "material": "neo_hookean"}
+    for body in data["body"]:
+        body |= {"strain": "finite", "material": "neo_hookean"}
     return impactfem.Scene.from_dict(data)
 
 
@@ -104,6 +104,12 @@ def block_on_sphere(method, cells="simplex", degree=1, size=0.2, **solve):
     sphere = {"kind": "sphere", "center": [0.0, -1.0, 0.0], "radius": 1.0}
     settings = {"method": method, "normals": "updated"} | solve
     return scene(body, [sphere], 1.5, None, settings, {})
+
+
+def rubbing(method, duration=1.5, **solve):
+    """A disc that rubs on another one and on a floor."""
+    table = pair(method, "updated", 0.3).to_dict() | {"duration": duration}
+    return impactfem.Scene.from_dict(table | {"solve": table["solve"] | solve})
 
 
 def pair(method, normals, friction, **more):

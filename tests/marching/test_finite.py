@@ -284,8 +284,6 @@ def test_a_shock_has_the_speed_and_pressure_of_the_law():
         ({}, {"solve": {"method": "explicit"}}, "solve.method"),
         ({}, {"solve": {"normals": "fixed"}}, "solve.normals"),
         ({}, {"solve": {"active_set": "snes_vi"}}, "solve.active_set"),
-        ({}, {"contact": [{"between": ["disc", "floor"], "friction_coefficient": 0.3}]},
-         "contact[0].friction_coefficient"),
     ],
 )  # fmt: skip
 def test_what_finite_strain_does_not_do_is_refused_by_its_key(body, more, key):
@@ -293,10 +291,12 @@ def test_what_finite_strain_does_not_do_is_refused_by_its_key(body, more, key):
         scene(0.01, body, **more)
 
 
-def test_two_bodies_are_refused():
+def test_bars_are_refused():
     data = scene(0.01).to_dict()
-    data["body"] = [RUBBER, RUBBER | {"name": "other"}]
-    with pytest.raises(SceneError, match=r"body\[0\].strain"):
+    bar = {"name": "bar", "kind": "bar", "length": 1.0, "axis": [0.0, 1.0], "point": [0.0, 0.2]}
+    bar |= {"density": 1.0, "youngs_modulus": 1.0, "area": 1.0}
+    data["body"] = [RUBBER, bar]
+    with pytest.raises(SceneError, match=r"body\[1\].kind"):
         impactfem.Scene.from_dict(data)
 
 

@@ -14,6 +14,7 @@ from moving_scenes import (
     finite,
     forget,
     rolling,
+    rubbing,
     scene,
     stopping,
 )
@@ -47,7 +48,7 @@ def test_a_continued_run_equals_the_whole_one(made, method, tmp_path, monkeypatc
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("made", [driven, rolling])
+@pytest.mark.parametrize("made", [driven, rolling, rubbing])
 def test_finite_strain_continues_too(made, tmp_path, monkeypatch):
     case = finite(made, "conserving")
     whole = solve(case)

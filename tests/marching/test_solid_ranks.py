@@ -13,6 +13,7 @@ from moving_scenes import (
     pair,
     resting,
     rolling,
+    rubbing,
     sliding,
     stopping,
 )
@@ -116,7 +117,10 @@ def test_driven_bodies_agree(method, monkeypatch):
 
 
 @pytest.mark.parallel([2, 3])
-@pytest.mark.parametrize(("made", "method"), [(driven, "conserving"), (rolling, "massless")])
+@pytest.mark.parametrize(
+    ("made", "method"),
+    [(driven, "conserving"), (rolling, "massless"), (rubbing, "conserving")],
+)
 def test_bodies_under_finite_strain_agree(made, method, monkeypatch):
     compare(finite(made, method), monkeypatch)
 

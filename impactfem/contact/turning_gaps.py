@@ -1,0 +1,107 @@
+"""Gaps whose directions turn with the bodies, so that forces in them have no moment.
+
+Forces F in a gap with the weights W act on the nodes as W^T F. Their sum is 0, as the weights of a
+gap have that sum, but about the places x their moment is that of F about the way d = W x between
+both sides, d x F: it vanishes only along d. So let the directions of a gap turn with a patch of
+nodes on one side, by the spin that fits the displacements v of its nodes best,
+
+    theta = J^-1 sum_j p_j r_j x v_j,   J = sum_j p_j (r_j . r_j I - r_j r_j^T),
+
+r_j the arms from the patch's centre. Seen from directions that turn so, the way changes by
+
+    W v - theta x d,
+
+which is 0 for every rigid motion; and forces that do the work F . (W v - theta x d) have neither
+sum nor moment, in any direction, in the plane and in space.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_FLAT = 1e-12  # share of its trace below which a patch's J tells no spin
+
+
+@dataclass(frozen=True)
+class TurningGaps:
+    """What the turning of the directions adds, for given places.
+
+    Attributes:
+        spins: theta of some gaps by displacements of the nodes, (gaps turns, nodes dim).
+        rows: These gaps among all, (gaps,).
+        ways: Their d [m], (gaps, dim).
+        shape: Of what `relative` returns: all gaps, directions.
+    """
+
+    spins: csr_matrix
+    rows: Integers
+    ways: Floats
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(
+        cls, patches: Sequence[tuple[int, csr_matrix]], places: Floats, ways: Floats
+    ) -> "TurningGaps | None":
+        """Of gaps with patches; None without any.
+
+        Args:
+            patches: First gap and weights, >= 0, (gaps, nodes) each.
+            places: Of the nodes [m], (nodes, dim).
+            ways: d of all gaps [m], (all gaps, dim).
+        """
+        gap = [first + np.repeat(np.arange(p.shape[0]), np.diff(p.indptr)) for first, p in patches]
+        if not sum(map(len, gap)):
+            return None
+        gaps = np.concatenate(gap)
+        node = np.concatenate([patch.indices for _, patch in patches])
+        weight = np.concatenate([patch.data for _, patch in patches])
+        rows, at = np.unique(gaps, return_inverse=True)
+        total = np.bincount(at, weight)
+        dim = places.shape[1]
+        centre = np.stack([np.bincount(at, weight * places[node, k]) for k in range(dim)], axis=1)
+        arms = places[node] - (centre / total[:, None])[at]
+        moments = weight[:, None, None] * _crossing(arms)  # r x of displacements
+        turns = moments.shape[1]
+        inertia = np.zeros((len(rows), turns, turns))
+        np.add.at(inertia, at, moments @ _crossing(arms).transpose(0, 2, 1))
+        trace = np.trace(inertia, axis1=1, axis2=2)
+        fine = np.linalg.det(inertia) > (_FLAT * trace) ** turns
+        inertia[~fine] = np.eye(turns)
+        spins = np.linalg.solve(inertia[at], moments) * fine[at, None, None]
+        line = at[:, None, None] * turns + np.arange(turns)[:, None]
+        column = node[:, None, None] * dim + np.arange(dim)
+        full = np.broadcast_arrays(line, column)
+        matrix = csr_matrix(
+            (spins.ravel(), (full[0].ravel(), full[1].ravel())),
+            shape=(len(rows) * turns, places.size),
+        )
+        return cls(matrix, rows, ways[rows], (len(ways), dim))
+
+    def relative(self, values: Floats) -> Floats:
+        """Theta x d for displacements (nodes, dim), (all gaps, dim)."""
+        theta = (self.spins @ values.ravel()).reshape(len(self.rows), -1)
+        found = np.zeros(self.shape)
+        found[self.rows] = np.einsum("gtk,gt->gk", _crossing(self.ways), theta)
+        return found
+
+    def spread(self, forces: Floats) -> Floats:
+        """The transpose: of forces in the gaps (all gaps, dim), on the nodes (nodes, dim)."""
+        moments = np.einsum("gtk,gk->gt", _crossing(self.ways), forces[self.rows])
+        found: Floats = (self.spins.T @ moments.ravel()).reshape(-1, self.shape[1])
+        return found
+
+
+def _crossing(arms: Floats) -> Floats:
+    """Matrices A with A v = r x v, and A^T theta = theta x r, (arms, 1 or 3, dim)."""
+    if arms.shape[1] == 2:
+        return np.stack([-arms[:, 1], arms[:, 0]], axis=1)[:, None, :]
+    x, y, z = arms.T
+    zero = np.zeros_like(x)
+    lines = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    return np.moveaxis(np.array(lines), 2, 0)

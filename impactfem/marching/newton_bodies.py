@@ -1,0 +1,117 @@
+"""What Newton's iterates of a step ask of bodies, and several bodies in one."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.marching.composite import Bodies
+from impactfem.marching.layers import Stepper
+
+Floats = NDArray[np.float64]
+
+
+class NewtonStepper(Stepper, Protocol):
+    """A layer in steps that are solved by iterates.
+
+    In each step the march asks for `begin`, then for iterates: `unbalanced`, `linearise`,
+    `answers`, `correct`, and last for `accept`.
+
+    Attributes:
+        generation: Of the tangent: answers to forces change with it.
+        missing: Shares of the moments of inertia that the bodies' masses have not, by name.
+    """
+
+    @property
+    def generation(self) -> int:
+        """See above."""
+
+    @property
+    def missing(self) -> dict[str, float]:
+        """See above."""
+
+    @property
+    def surface_iterate(self) -> Floats:
+        """Displacement of contact nodes at the end of the step, by the last iterate [m]."""
+
+    def predicted(self, start: float, end: float) -> Floats:
+        """Where contact nodes go if nothing changes [m], (count, dim) (collective)."""
+
+    def begin(self, start: float, end: float) -> None:
+        """Take up a step between two times from the present state (collective)."""
+
+    def unbalanced(self, forces: Floats) -> float:
+        """Largest force that the iterate leaves, over what rounding and forces allow (collective).
+
+        Args:
+            forces: On the contact nodes at the mean places [N], (count, dim).
+        """
+
+    def linearise(self) -> Floats:
+        """Solve for what balances the iterate; how contact nodes move by it (collective)."""
+
+    def answers(self, forces: Floats) -> Floats:
+        """How contact nodes answer to forces on them at the iterate, (several, count, dim)."""
+
+    def correct(self, forces: Floats) -> None:
+        """Move the iterate, with a change of the contact forces (count, dim) (collective)."""
+
+    def accept(self) -> None:
+        """End the step at the iterate."""
+
+
+class NewtonBodies(Bodies[NewtonStepper]):
+    """Several bodies; those that no force reaches are not asked for answers."""
+
+    @property
+    def generation(self) -> int:
+        """Grows with each of them."""
+        return sum(part.generation for part in self.parts)
+
+    @property
+    def missing(self) -> dict[str, float]:
+        """Shares of the moments of inertia that their masses have not, by name."""
+        return {name: share for part in self.parts for name, share in part.missing.items()}
+
+    @property
+    def surface_iterate(self) -> Floats:
+        """Displacement of the contact nodes at the end of the step [m], (count, dim)."""
+        return np.concatenate([part.surface_iterate for part in self.parts])
+
+    def predicted(self, start: float, end: float) -> Floats:
+        """Where contact nodes go if nothing changes [m], (count, dim)."""
+        return np.concatenate([part.predicted(start, end) for part in self.parts])
+
+    def begin(self, start: float, end: float) -> None:
+        """Take up a step between two times."""
+        for part in self.parts:
+            part.begin(start, end)
+
+    def unbalanced(self, forces: Floats) -> float:
+        """The worst of them."""
+        each = [part.unbalanced(forces[self.own(k)]) for k, part in enumerate(self.parts)]
+        return float(np.max(each))
+
+    def linearise(self) -> Floats:
+        """Solve for what balances all iterates; how contact nodes move by it."""
+        return np.concatenate([part.linearise() for part in self.parts])
+
+    def answers(self, forces: Floats) -> Floats:
+        """How contact nodes answer to forces on them, (several, count, dim)."""
+        found = np.zeros_like(forces)
+        for k, part in enumerate(self.parts):
+            mine = forces[:, self.own(k)]
+            asked = np.flatnonzero(mine.any(axis=(1, 2)))
+            if len(asked):
+                found[asked, self.own(k)] = part.answers(np.ascontiguousarray(mine[asked]))
+        return found
+
+    def correct(self, forces: Floats) -> None:
+        """Move all iterates."""
+        for k, part in enumerate(self.parts):
+            part.correct(forces[self.own(k)])
+
+    def accept(self) -> None:
+        """End the step of all."""
+        for part in self.parts:
+            part.accept()
