@@ -16,10 +16,22 @@ def compiled(function: Callable[..., Any]) -> Any:
     The machine code is kept beside the source or in the user's cache folder. Where neither can
     be written (a cluster with a read-only home) it is compiled anew in each process.
     """
+    return _compiled(function)
+
+
+def fused(function: Callable[..., Any]) -> Any:
+    """The same, with products and sums in one and in any order: a fifth faster where they abound.
+
+    Numbers that are not finite stay what they are.
+    """
+    return _compiled(function, fastmath={"contract", "arcp", "nsz", "reassoc"})
+
+
+def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     try:
-        return numba.njit(cache=True, error_model="numpy")(function)
+        return numba.njit(cache=True, error_model="numpy", **options)(function)
     except RuntimeError:  # Numba: "no locator available"
-        return numba.njit(error_model="numpy")(function)
+        return numba.njit(error_model="numpy", **options)(function)
 
 
 def cache_folder(function: Callable[..., Any]) -> Path | None:

@@ -120,6 +120,7 @@ METHODS: Mapping[str, Method] = {
     "explicit": Method(
         "central differences with lumped mass and massless contact nodes: no system to solve but "
         "that of the contact; stable up to courant 1 only",
+        finite=True,
         stable="limited",
         bodies=SOLID,
     ),

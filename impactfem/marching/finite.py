@@ -12,7 +12,6 @@ momentum are kept to rounding in flight, and in contact as far as its law does
 (`impactfem.marching.newton_march`). Each step is solved by Newton's method.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -20,14 +19,13 @@ from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI, products_in_order
+from impactfem.marching.finite_body import FiniteBody
 from impactfem.marching.layers import Sums
-from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.finite_statics import FiniteAtRest
 from impactfem.system.finite_strain import FiniteStrain
 from impactfem.system.linear import LinearSolver
 from impactfem.system.moments import kept_moments
-from impactfem.system.rigid_modes import spun, unit_spins
 from impactfem.system.small_strain import SmallStrain
 from impactfem.system.surface import SurfaceNodes
 
@@ -37,11 +35,10 @@ _SHARE = 1e-3  # of the inertia that sets the scale of forces, where a body flie
 _SLOW = 0.1  # share of its fault that an iterate may leave before the tangent is renewed
 _ACCURACY = 1e-11  # of forces
 _ROUNDING = 5e-16  # of what moves the stiffest node as far as the body goes
-_TURNS = {2: ([0], [1]), 3: ([1, 2, 0], [2, 0, 1])}  # a x p of the moments a p^T
 _HALVINGS = 6  # of a Newton step that turns cells inside out
 
 
-class FiniteMidpoint:
+class FiniteMidpoint(FiniteBody):
     """Stepper of a solid; see `impactfem.marching.newton_bodies.NewtonStepper`."""
 
     def __init__(
@@ -63,18 +60,16 @@ class FiniteMidpoint:
             dt: Time step [s].
             linear_solver: "mumps" or "gamg".
         """
-        self.dt = dt
-        self._system, self._surface = system, surface
+        with products_in_order(system.comm):
+            mass = system.mass.copy() if transfer is None else system.mass.ptap(transfer)
+        self._mass, sums, missing = kept_moments(system, mass, transfer)
+        weights = np.where(system.constrained, 0.0, np.repeat(sums, system.dim))
+        super().__init__(system, surface, dt, weights, {solid.name: missing})
         self._strain: FiniteStrain | SmallStrain = (
             FiniteStrain(system.nodes, solid, system.following)
             if solid.is_finite
             else SmallStrain(system.nodes, solid)
         )
-        self._drive = Drive(system, None)
-        with products_in_order(system.comm):
-            mass = system.mass.copy() if transfer is None else system.mass.ptap(transfer)
-        self._mass, weights, missing = kept_moments(system, mass, transfer)
-        self.missing = {solid.name: missing}
         self._tangent = self._strain.repeated_tangent(self._mass, system.constrained)
         self._kind = linear_solver
         self._solver: LinearSolver | None = None
@@ -83,7 +78,6 @@ class FiniteMidpoint:
         self.velocity: Floats = system.velocity.copy()
         self._still = system.constrained.copy()
         self._still[surface.dofs] = True
-        self._weights = np.where(system.constrained, 0.0, np.repeat(weights, system.dim))
         self._inertia_scale = 0.0
         diagonal = system.stiffness.getDiagonal()
         largest = float(np.abs(diagonal.getArray()).max(initial=0.0))
@@ -92,8 +86,6 @@ class FiniteMidpoint:
         heaviest = float(np.abs(self._weights).max(initial=0.0))
         self._heaviest = system.comm.allreduce(heaviest, op=MPI.MAX)
         self._rounding = 0.0
-        self.size = system.nodes.size
-        self._arms = self._from_centre(system.positions)
         self._work = 0.0
         self.generation = 0  # of the tangent: answers to forces change with it
         self._stale, self._left = True, np.inf
@@ -107,41 +99,10 @@ class FiniteMidpoint:
             spin,
         )  # fmt: skip
 
-    def turn(self, spin: Floats) -> None:
-        """Add velocities that displacements have in a body that turns (collective).
-
-        Args:
-            spin: Angular velocity [rad/s], (1,) or in space (3,), that undeformed places have
-                already.
-        """
-        moved = self._from_centre(self.displacement.reshape(-1, self._system.dim))
-        more = spun(moved, spin).ravel()
-        self.velocity = self.velocity + np.where(self._system.constrained, 0.0, more)
-
-    @property
-    def surface_displacement(self) -> Floats:
-        """Displacement of the contact nodes [m], (count, dim) (collective)."""
-        return self._surface.gather(self.displacement)
-
     @property
     def surface_iterate(self) -> Floats:
         """The same at the end of the step, as the last iterate has it (collective)."""
         return self._surface.gather(self._after)
-
-    def inertia(self) -> list[Floats]:
-        """None that would stay; what turns is told by `Sums.attitude`."""
-        turns = self._system.dim * (self._system.dim - 1) // 2
-        return [np.zeros((turns, turns))]
-
-    def spins(self) -> Floats:
-        """Velocities of the contact nodes by unit spins now [m], (turns, count, dim)."""
-        places = self._system.positions + self.displacement.reshape(self._system.positions.shape)
-        arms = self._surface.gather(self._from_centre(places).ravel())
-        return np.stack(unit_spins(arms))
-
-    def gravity(self, layer: int) -> Floats:
-        """Mean gravity of a layer [m/s^2], shape (dim,)."""
-        return self._drive.gravity(layer * self.dt, (layer + 1) * self.dt)
 
     def _times_mass(self, values: Floats) -> Floats:
         source, image = self._vectors
@@ -299,55 +260,15 @@ class FiniteMidpoint:
     def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up (collective)."""
         work, self._work = self._work, 0.0
-        return self._summed(work)
+        return self._summed(self._strain.energy(self.displacement), work)
 
     def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state (collective)."""
-        return self._summed(0.0)
-
-    def _summed(self, work: float) -> list[Sums]:
-        system, dim = self._system, self._system.dim
-        momentum = self._times_mass(self.velocity)
-        weights = self._weights.reshape(-1, dim)
-        arms = self._from_centre(system.positions + self.displacement.reshape(-1, dim))
-        each = momentum.reshape(-1, dim)
-        heavy = self._times_mass(arms.ravel()).reshape(-1, dim)
-        fit = np.einsum("ni,nj->ij", weights * arms, self._arms)
-        moment = arms.T @ each
-        spin = (moment - moment.T)[_TURNS[dim]]
-        sums = Sums(
-            0.5 * float(self.velocity @ momentum),
-            self._strain.energy(self.displacement),
-            work,
-            each.sum(axis=0),
-            (weights * self.displacement.reshape(-1, dim)).sum(axis=0),
-            spin,
-            np.stack([fit, arms.T @ heavy]).ravel(),
-        )
-        return [sums]
-
-    def _from_centre(self, places: Floats) -> Floats:
-        """Arms of places of the nodes from their centre of mass; an axis turns nothing."""
-        weights = self._weights.reshape(places.shape)
-        own = np.vstack([(weights * places).sum(axis=0), weights.sum(axis=0)])
-        total = np.asarray(self._system.comm.allreduce(own, op=MPI.SUM))
-        arms: Floats = places - total[0] / np.where(total[1] > 0.0, total[1], 1.0)
-        return np.zeros_like(arms) if self._system.axisymmetric else arms
-
-    def placed(self, static: Floats) -> Floats:  # noqa: ARG002  (as the interface has it)
-        """Displacement of the owned dofs, as a new array."""
-        return self.displacement.copy()
+        return self._summed(self._strain.energy(self.displacement), 0.0)
 
     def state(self) -> dict[str, Any]:
         """What the next layer needs."""
         return {"displacement": self.displacement.copy(), "velocity": self.velocity.copy()}
-
-    def memory(self) -> dict[str, Floats]:
-        """Nothing besides."""
-        return {}
-
-    def remember(self, memory: Mapping[str, Floats]) -> None:
-        """Nothing."""
 
     def restore(self, state: dict[str, Any], surface: Floats) -> None:  # noqa: ARG002
         """Continue from a state."""

@@ -47,6 +47,17 @@ _TRIES = 4  # of a step: gaps between bodies may jump, where others face each ot
 _CLOSED = 0.01  # of the largest change of a gap in a layer: gaps up to it count as closed
 
 
+def inertia_findings(missed: Mapping[str, float]) -> tuple[Finding, ...]:
+    """Bodies whose masses miss too much of the moment of inertia; shares by their names."""
+    found: list[Finding] = []
+    remedy = "take smaller elements, or name the surfaces that may touch (contact_surfaces)"
+    for name, missing in missed.items():
+        text = f"the masses inside {name} have {percent(missing)} too little moment of "
+        text += "inertia: nodes that may touch carry none, and it is few elements thick"
+        found += by_limits("setting", missing, _INERTIA_LIMITS, text, "", remedy)
+    return tuple(found)
+
+
 @dataclass
 class _Step:
     """A step that was solved.
@@ -136,13 +147,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
 
     def findings(self) -> tuple[Finding, ...]:
         """Bodies whose masses, moved off their contact nodes, have too little inertia."""
-        found: list[Finding] = []
-        remedy = "take smaller elements, or name the surfaces that may touch (contact_surfaces)"
-        for name, missing in self.interior.missing.items():
-            text = f"the masses inside {name} have {percent(missing)} too little moment of "
-            text += "inertia: nodes that may touch carry none, and it is few elements thick"
-            found += by_limits("setting", missing, _INERTIA_LIMITS, text, "", remedy)
-        return tuple(found)
+        return inertia_findings(self.interior.missing)
 
     def memory(self) -> dict[str, Floats]:
         """What the next layer needs besides the state of the bodies, the same on all ranks."""

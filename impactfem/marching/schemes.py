@@ -1,7 +1,7 @@
 """Time schemes of solids as data."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from impactfem.contact.complementarity import Rule
@@ -20,12 +20,20 @@ class SolidScheme:
             these have the law of velocities in any case.
         holds: Under finite strain, whether contact holds gaps that are closed instead of barring
             the way into obstacles: without work, but a little too late.
+        levels: Whether velocities and energies of explicit steps are those of levels, as under
+            finite strain, instead of those amid layers.
     """
 
     interior: Literal["midpoint", "leapfrog"]
     massless: bool
     contact: Rule | Literal["velocity"]
     holds: bool = False
+    levels: bool = False
+
+    @property
+    def staggered(self) -> bool:
+        """Whether velocities and energies belong to the middle of layers."""
+        return self.explicit and not self.levels
 
     @property
     def explicit(self) -> bool:
@@ -52,3 +60,9 @@ SOLID_SCHEMES: Mapping[str, SolidScheme] = {
     "newmark": SolidScheme("midpoint", massless=False, contact="middle"),
 }
 """Schemes by the name of their method."""
+
+
+def scheme_of(method: str, *, finite: bool) -> SolidScheme:
+    """Scheme of a method; ``finite`` tells whether there is a body under finite strain."""
+    scheme = SOLID_SCHEMES[method]
+    return replace(scheme, holds=True, levels=True) if finite and scheme.explicit else scheme

@@ -88,7 +88,7 @@ class TimeLoop[I: Stepper](ABC):
         self.failure = ""  # why the march ended early
         # An explicit step spans two layers: what it conserves pairs each level with the one after
         # the next, and contact nodes that have mass take the forces of neighbouring layers.
-        self._skips = scheme.explicit and scheme.massless
+        self._skips = scheme.staggered and scheme.massless
         last = free if rest is None else free + rest[1]
         gap, normals = gaps.at(free, free, last, 0.0)
         count = len(gap)

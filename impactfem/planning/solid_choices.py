@@ -29,6 +29,7 @@ COURANT = 0.5
 """c_p dt / h of implicit methods where nothing else is asked for."""
 
 _SHARE = {"explicit": 0.9, "galerkin": 1.0}  # of the stable step
+_FINITE_SHARE = 0.6  # the same under finite strain, where squeezed cells are stiffer
 _FAR = 10.0  # times the step of a usual mesh, beyond which a step is unstable for certain
 _SLENDER = 10.0
 _RINGING = 5.0  # p waves over s waves from which the noise of the mesh shows in the force
@@ -245,16 +246,7 @@ def choose_steps(
         number = max(solid.p_wave_speed * solve.dt / size.mesh_size for solid, size in pairs)
         return Steps(solve.dt, None if method in EXPLICIT else number, layers)
     if method in EXPLICIT:
-        share = solve.courant or _SHARE[method]
-        if share > 1.0 + 1e-9:
-            raise SceneError(
-                f"solve.courant = {share:g} is beyond the stability limit of {method}, where "
-                "courant is the share of the stable step 2 / omega_max; use courant <= 1, or "
-                'method = "massless", which is stable at any'
-            )
-        how = "courant as asked" if solve.courant else f"{share:g}"
-        reasons["dt"] = f"{how}: share of the stable step 2 / omega_max, found when the run starts"
-        return Steps(None, share, None)
+        return Steps(None, _explicit_share(scene, method, reasons), None)
     dt = min(
         solve.courant * size.mesh_size / solid.p_wave_speed if solve.courant
         else COURANT * size.mesh_size / leading_speed(solid)
@@ -281,6 +273,28 @@ def choose_steps(
     dt = scene.duration / layers
     number = max(solid.p_wave_speed * dt / size.mesh_size for solid, size in pairs)
     return Steps(dt, number, layers)
+
+
+def _explicit_share(scene: Scene, method: str, reasons: dict[str, str]) -> float:
+    """Share of the stable step that explicit steps take.
+
+    Raises:
+        SceneError: It is beyond 1.
+    """
+    finite = any(solid.is_finite for solid in scene.solids)
+    asked = scene.solve.courant
+    share = asked or (_FINITE_SHARE if finite else _SHARE[method])
+    if share > 1.0 + 1e-9:
+        raise SceneError(
+            f"solve.courant = {share:g} is beyond the stability limit of {method}, where "
+            "courant is the share of the stable step 2 / omega_max; use courant <= 1, or "
+            'method = "massless", which is stable at any'
+        )
+    how = "courant as asked" if asked else f"{share:g}"
+    reasons["dt"] = f"{how}: share of the stable step 2 / omega_max, found when the run starts"
+    if finite and not asked:
+        reasons["dt"] += "; squeezed cells are stiffer than those at rest"
+    return share
 
 
 def shortened(steps: Steps, scene: Scene, limit: float, reasons: dict[str, str]) -> Steps:

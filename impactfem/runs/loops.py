@@ -13,8 +13,10 @@ from impactfem.log import Progress
 from impactfem.marching.composite import Composite
 from impactfem.marching.few import FewInterior, FewMidpoint
 from impactfem.marching.finite import FiniteMidpoint
+from impactfem.marching.finite_leapfrog import FiniteLeapfrog
 from impactfem.marching.layers import ContactGaps, Interior
 from impactfem.marching.leapfrog import Leapfrog
+from impactfem.marching.level_march import LevelMarch
 from impactfem.marching.midpoint import Midpoint
 from impactfem.marching.newton_bodies import NewtonBodies, NewtonStepper
 from impactfem.marching.newton_march import NewtonMarch
@@ -24,6 +26,7 @@ from impactfem.marching.solids import SolidMarch
 from impactfem.marching.time_loop import TimeLoop
 from impactfem.marching.wave_bar import WaveBar
 from impactfem.models.solids import SolidPart, SolidsModel
+from impactfem.planning.solid_choices import fitting_solver
 from impactfem.runs.contacts import Contacts
 from impactfem.runs.static_start import Started, linear_bodies, spin_of, start_at_rest
 from impactfem.scene import Scene
@@ -67,7 +70,7 @@ def make_loop(
     scheme: SolidScheme,
     each: Sequence[Discretised],
     few: Sequence[FewMidpoint | WaveBar],
-    steps: tuple[float, int],
+    steps: tuple[float, int, float | None],
     progress: Progress,
 ) -> Loop:
     """Prepare a march (collective).
@@ -79,14 +82,14 @@ def make_loop(
         scheme: The time scheme.
         each: The solids.
         few: What marches the bodies without meshes.
-        steps: Time step [s] and number of layers.
+        steps: Time step [s], number of layers, and stable step of explicit schemes [s].
         progress: Told of the stages.
 
     Raises:
         SceneError: Bodies overlap, or loads drive one that starts at rest and is not held.
         ConvergenceError: No equilibrium was found, or a matrix cannot be factored.
     """
-    dt, layers = steps
+    dt, layers, limit = steps
     tolerance = numbers.tolerance * _size(model, few, dt)
     counts = [surface.count for _, surface, _ in each]
     counts += [len(part.surface_displacement) for part in few]
@@ -100,6 +103,8 @@ def make_loop(
     settings = (scheme, gaps, solver, layers, tolerance)
     surfaces = [surface for _, surface, _ in each]
     if any(part.solid.is_finite for part in model.parts):
+        if limit is not None:
+            return _explicit(scene, model, each[0], settings, contacts, offsets, (dt, limit), kind)
         bodies = [
             FiniteMidpoint(part.system, part.solid, surface, transfer, dt, kind)
             for part, surface, transfer in each
@@ -138,6 +143,32 @@ def make_loop(
     arguments = (model.comm, alike, *settings, contacts.restitution(scene), rest)
     march = SolidMarch(*arguments) if law is None else RubbingMarch(*arguments, law)
     return Loop(march, gaps, contacts, offsets, started)
+
+
+def _explicit(
+    scene: Scene,
+    model: SolidsModel,
+    parts: Discretised,
+    settings: tuple[SolidScheme, ContactGaps, Solver, int, float],
+    contacts: Contacts,
+    offsets: list[int],
+    steps: tuple[float, float],
+    linear_solver: str,
+) -> Loop:
+    """Prepare explicit steps of a body under finite strain, see `make_loop` (collective)."""
+    (part, surface, transfer), (_, gaps, solver, _, tolerance), (dt, limit) = parts, settings, steps
+    kind = fitting_solver(linear_solver, part.system.num_dofs, model.dim)
+    body = FiniteLeapfrog(part.system, part.solid, surface, transfer, dt, kind, limit)
+    started = rest = None
+    if scene.starts_at_rest:
+        spin = spin_of(part)
+        alike = [body.at_rest(part.solid.name, np.asarray(scene.vector_gravity.at(0.0)), spin)]
+        started = start_at_rest(
+            model, alike, [surface], body, np.zeros_like, gaps, solver, tolerance
+        )
+        body.turn(spin)
+        rest = started.rest.multiplier, started.static
+    return Loop(LevelMarch(model.comm, body, *settings, rest), gaps, contacts, offsets, started)
 
 
 def _size(model: SolidsModel, few: Sequence[FewInterior], dt: float) -> float:

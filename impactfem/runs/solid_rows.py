@@ -87,7 +87,7 @@ def solids_motion(
     rows, each = march.rows.first(done).times(whole.factor), whole.factor * each[:done]
     together = each.sum(axis=1)
     elastic = elastic_energy(scheme, rows, together[:, 1])
-    explicit = scheme.explicit
+    explicit = scheme.staggered
     work = work_done(march, rows, together, model.dim, explicit=explicit)
     attitudes = total(model.comm, rows.attitude)
     placed = [part.system.displacement for part in model.parts]
@@ -356,7 +356,7 @@ def elastic_energy(scheme: SolidScheme, rows: Rows, elastic: Floats) -> Floats:
         elastic: Sums of the elastic energy [J], without that of contact for explicit schemes.
     """
     energy = elastic.copy()
-    if scheme.massless and scheme.explicit:
+    if scheme.massless and scheme.staggered:
         contact = rows.contact_energy
         energy[1:] += 0.5 * (contact[1:] + contact[:-1])
         energy[0] += contact[0]
@@ -366,7 +366,7 @@ def elastic_energy(scheme: SolidScheme, rows: Rows, elastic: Floats) -> Floats:
 def of_layers(scheme: SolidScheme, forces: Floats) -> Floats:
     """Contact forces of each layer [N], of those that the march has left, (rows, ...)."""
     found = forces.copy()
-    if scheme.massless and scheme.explicit:
+    if scheme.massless and scheme.staggered:
         # The force found for a layer acts at its start: a layer has the mean of both its ends.
         found[1:-1] = 0.5 * (forces[1:-1] + forces[2:])
     return found

@@ -10,6 +10,7 @@ from impactfem.planning.solid_costs import SHARE_OF_STABLE, count_layers, damped
 from impactfem.scene import Solid
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.massless import lumped_mass
+from impactfem.system.moments import lumped_moments
 from impactfem.system.spectrum import largest_eigenvalue
 from impactfem.system.surface import SurfaceNodes
 
@@ -77,7 +78,8 @@ def stable_step(model: Discretised, surface: SurfaceNodes, transfer: Any) -> flo
         SceneError: No node of the body can move by itself.
     """
     system = model.system
-    _, inverse = lumped_mass(system, transfer, surface)
+    masses = lumped_moments if model.solid.is_finite else lumped_mass
+    inverse = masses(system, transfer, surface)[1]
     square = largest_eigenvalue(system.stiffness, inverse, system.numbers)
     if square == 0.0:
         raise SceneError(

@@ -18,7 +18,7 @@ from impactfem.marching.few_newton import FewNewton
 from impactfem.marching.layers import ContactGaps
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.rows import Level
-from impactfem.marching.schemes import SOLID_SCHEMES
+from impactfem.marching.schemes import scheme_of
 from impactfem.marching.time_loop import TimeLoop
 from impactfem.marching.wave_bar import WaveBar
 from impactfem.models.solids import SolidsModel, solids_model
@@ -90,7 +90,7 @@ def run_solids(
     numbers = plan.numbers
     progress.step("meshing and assembling")
     model = solids_model(scene, numbers.degrees, updated=numbers.normals == "updated")
-    scheme = SOLID_SCHEMES[plan.method]
+    scheme = scheme_of(plan.method, finite=any(solid.is_finite for solid in scene.solids))
     surfaces = [model.surface(k) for k in range(len(model.parts))]
     transfers = [
         mass_transfer(part.system, surface, part.mesh)
@@ -111,7 +111,7 @@ def run_solids(
         marches[type(bodies)](bodies, scene.vector_gravity, dt, counts=model.comm.rank == 0)
         for bodies in model.few
     ]
-    loop = make_loop(scene, model, numbers, scheme, each, few, (dt, layers), progress)
+    loop = make_loop(scene, model, numbers, scheme, each, few, (dt, layers, limit), progress)
     march, offsets = loop.march, loop.offsets
     progress.step("marching")
     try:

@@ -17,6 +17,9 @@ def check_finite(scene: Content) -> None:
         return
     _check_company(scene, finite[0])
     _check_settings(scene, finite[0])
+    method = scene.solve.method
+    if method is not None and METHODS[method].stable == "limited":
+        _check_explicit(scene)
 
 
 def _check_company(scene: Content, name: str) -> None:
@@ -41,3 +44,31 @@ def _check_settings(scene: Content, name: str) -> None:
     if solve.active_set == "snes_vi":
         text = f' = "snes_vi" is for small strains, but {name} has finite ones: remove it.'
         raise KeyedError("solve", "active_set", text)
+
+
+def _check_explicit(scene: Content) -> None:
+    """Refuse what explicit steps under finite strain do not do.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    remedy = 'remove it, or give solve.method = "conserving".'
+    for place, body in enumerate(scene.bodies):
+        if len(scene.bodies) > 1:
+            text = f" of {body.name} moves in explicit steps alone, but there are "
+            text += f'{len(scene.bodies)} bodies: give solve.method = "conserving".'
+            raise KeyedError(f"body[{place}]", "strain", text)
+    for place, solid in enumerate(scene.solids):
+        if solid.rayleigh_stiffness:
+            text = f" = {solid.rayleigh_stiffness}: explicit steps under finite strain are damped "
+            raise KeyedError(
+                f"body[{place}]", "rayleigh_stiffness", f"{text}by mass only: {remedy}"
+            )
+        if solid.following:
+            text = ": explicit steps under finite strain have none that follow the surface: "
+            raise KeyedError(f"body[{place}]", "pressures", text + remedy)
+    for index, contact in enumerate(scene.contacts):
+        if contact.friction_coefficient:
+            text = f" = {contact.friction_coefficient}: explicit steps under finite strain slide "
+            text += f"without friction yet: {remedy}"
+            raise KeyedError(f"contact[{index}]", "friction_coefficient", text)

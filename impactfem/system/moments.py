@@ -6,6 +6,7 @@ that mass, centre and second moments are those of the body: M'_ij = M_ij (q_i + 
 factor would be too small, as in thin bodies, all go as far from 1 as they may.
 """
 
+from collections.abc import Callable
 from itertools import combinations_with_replacement
 from typing import Any
 
@@ -14,7 +15,8 @@ from numpy.typing import NDArray
 
 from impactfem.fem import MPI
 from impactfem.system.elastic import ElasticSystem
-from impactfem.system.massless import transferred
+from impactfem.system.massless import lumped_mass, transferred
+from impactfem.system.surface import SurfaceNodes
 
 Floats = NDArray[np.float64]
 
@@ -39,19 +41,30 @@ def kept_moments(system: ElasticSystem, mass: Any, transfer: Any) -> tuple[Any, 
     free = _free_direction(system)
     if free is None or transfer is None:
         return mass, sums.max(axis=1), 0.0
-    planes = dict(system.supports.planes) | ({0: 0.0} if system.axisymmetric else {})
-    centre = system.center_of_mass
-    centre[list(planes)] = list(planes.values())
-    places = (system.positions - centre) / system.nodes.size
-    one, pairs = np.ones(len(places)), combinations_with_replacement(range(dim), 2)
-    # Images of a cut or an axis undo what is odd along its normal.
-    linear = [(one, places[:, axis]) for axis in range(dim) if axis not in planes]
-    mixed = [(a, b) for a, b in pairs if a == b or not {a, b} & planes.keys()]
-    conditions = [(one, one), *linear, *((places[:, a], places[:, b]) for a, b in mixed)]
-    squares = np.array([False] * (1 + len(linear)) + [a == b for a, b in mixed])
-    factors, missing = _factors(system, mass, free, conditions, squares)
+    factors, missing = _factors(system, lambda y: _times(mass, y, free, dim), free)
     mass = _multiplied(mass, np.repeat(factors, dim))
-    return mass, _times(mass, one, free, dim), missing
+    return mass, _times(mass, np.ones(len(factors)), free, dim), missing
+
+
+def lumped_moments(
+    system: ElasticSystem, transfer: Any, surface: SurfaceNodes
+) -> tuple[Floats, Floats, float]:
+    """Lumped mass that has the moments of the body (collective).
+
+    Returns:
+        As `lumped_mass` gives it, its inverse, and the share of the second moment that it misses.
+
+    Raises:
+        SceneError: The elements have no lumped mass.
+    """
+    mass, inverse = lumped_mass(system, transfer, surface)
+    free = _free_direction(system)
+    if free is None or transfer is None:
+        return mass, inverse, 0.0
+    along = mass.reshape(-1, system.dim)[:, free].copy()
+    factors, missing = _factors(system, lambda y: along * y, free)
+    each = np.repeat(factors, system.dim)
+    return mass * each, inverse / each, missing
 
 
 def _free_direction(system: ElasticSystem) -> int | None:
@@ -62,32 +75,37 @@ def _free_direction(system: ElasticSystem) -> int | None:
 
 
 def _factors(
-    system: ElasticSystem,
-    mass: Any,
-    free: int,
-    conditions: list[tuple[Floats, Floats]],
-    squares: Any,
+    system: ElasticSystem, times: Callable[[Floats], Floats], free: int
 ) -> tuple[Floats, float]:
     """Factors of the owned nodes, and the share of the second moment that they miss (collective).
 
     Args:
         system: The body.
-        mass: Without the mass of contact nodes.
+        times: Product of the mass without that of contact nodes with nodal values, (nodes,).
         free: Direction whose masses are taken.
-        conditions: Pairs (x, y) of nodal values, whose sums x M y shall be those of the body's
-            mass; their products are what the factors are made of, the first is 1.
-        squares: Which of them make the second moment, (conditions,).
     """
     comm, dim = system.comm, system.dim
+    planes = dict(system.supports.planes) | ({0: 0.0} if system.axisymmetric else {})
+    centre = system.center_of_mass
+    centre[list(planes)] = list(planes.values())
+    places = (system.positions - centre) / system.nodes.size
+    one, pairs = np.ones(len(places)), combinations_with_replacement(range(dim), 2)
+    # Images of a cut or an axis undo what is odd along its normal.
+    linear = [(one, places[:, axis]) for axis in range(dim) if axis not in planes]
+    mixed = [(a, b) for a, b in pairs if a == b or not {a, b} & planes.keys()]
+    # Pairs (x, y) whose sums x M y shall be those of the body's mass; of their products the factors
+    # are made, and the squares make the second moment.
+    conditions = [(one, one), *linear, *((places[:, a], places[:, b]) for a, b in mixed)]
+    squares = np.array([False] * (1 + len(linear)) + [a == b for a, b in mixed])
     basis = np.stack([x * y for x, y in conditions], axis=1)
 
     def row(x: Floats, y: Floats) -> Floats:
-        answers = x * _times(mass, y, free, dim) + y * _times(mass, x, free, dim)
+        answers = x * times(y) + y * times(x)
         return np.append(0.5 * answers @ basis, x @ _times(system.mass, y, free, dim))
 
     table = np.asarray(comm.allreduce(np.array([row(*pair) for pair in conditions]), op=MPI.SUM))
     change: Floats = basis @ np.linalg.lstsq(table[:, :-1], table[:, -1])[0] - 1.0
-    massive = _times(mass, basis[:, 0], free, dim) > 0.0
+    massive = times(one) > 0.0
     least = comm.allreduce(float(change[massive].min(initial=np.inf)), op=MPI.MIN)
     share = min(1.0, (1.0 - LEAST) / max(-least, 1e-300))
     goal, start = table[squares, -1].sum(), table[squares, 0].sum()

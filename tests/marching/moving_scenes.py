@@ -145,6 +145,7 @@ class Stopped(BaseException):
 @contextlib.contextmanager
 def stopping(monkeypatch, layer):
     """Have marches end before a layer, as a killed process does."""
+    from impactfem.marching.level_march import LevelMarch
     from impactfem.marching.newton_march import NewtonMarch
     from impactfem.marching.solids import SolidMarch
 
@@ -157,7 +158,7 @@ def stopping(monkeypatch, layer):
         return stop
 
     with monkeypatch.context() as patch:
-        for march in (SolidMarch, NewtonMarch):
+        for march in (SolidMarch, NewtonMarch, LevelMarch):
             patch.setattr(march, "_advance", stopped(march._advance))
         try:
             yield

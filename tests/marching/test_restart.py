@@ -48,9 +48,17 @@ def test_a_continued_run_equals_the_whole_one(made, method, tmp_path, monkeypatc
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("made", [driven, rolling, rubbing])
-def test_finite_strain_continues_too(made, tmp_path, monkeypatch):
-    case = finite(made, "conserving")
+@pytest.mark.parametrize(
+    ("made", "method"),
+    [
+        (driven, "conserving"),
+        (rolling, "conserving"),
+        (rubbing, "conserving"),
+        (rolling, "explicit"),
+    ],
+)
+def test_finite_strain_continues_too(made, method, tmp_path, monkeypatch):
+    case = finite(made, method)
     whole = solve(case)
     with stopping(monkeypatch, int(0.6 * whole.summary["num_steps"])):
         solve(case, checkpoints=tmp_path)

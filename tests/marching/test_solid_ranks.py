@@ -119,7 +119,12 @@ def test_driven_bodies_agree(method, monkeypatch):
 @pytest.mark.parallel([2, 3])
 @pytest.mark.parametrize(
     ("made", "method"),
-    [(driven, "conserving"), (rolling, "massless"), (rubbing, "conserving")],
+    [
+        (driven, "conserving"),
+        (rolling, "massless"),
+        (rubbing, "conserving"),
+        (rolling, "explicit"),
+    ],
 )
 def test_bodies_under_finite_strain_agree(made, method, monkeypatch):
     compare(finite(made, method), monkeypatch)

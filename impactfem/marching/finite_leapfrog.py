@@ -1,0 +1,291 @@
+"""Explicit steps of a body under finite strain: central differences inside, a surface at rest.
+
+    v_{m+1/2} = v_m + dt a_m / 2,   u_{m+1} = u_m + dt v_{m+1/2},   v_{m+1} likewise by a_{m+1}
+
+with a = M^-1 (loads - f(u)) for the nodes inside, whose lumped mass has the body's moments
+(`impactfem.system.moments`). Contact nodes carry none: at each level they are where forces of
+cells, loads and contact balance, but for some percent; what is left goes to the nodes inside
+(`impactfem.system.surface_layer`), so that momentum is kept to rounding, and angular momentum
+nearly.
+
+The energy that such steps keep, where forces are linear, is that of the levels less
+dt^2 a M a / 8, by which they overshoot: it is taken off the elastic energy.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import ConvergenceError
+from impactfem.fem import MPI, PETSc
+from impactfem.marching.finite_body import FiniteBody
+from impactfem.marching.layers import Sums
+from impactfem.system.elastic import ElasticSystem
+from impactfem.system.element_forces import ElementForces
+from impactfem.system.finite_statics import FiniteAtRest
+from impactfem.system.finite_strain import FiniteStrain
+from impactfem.system.moments import lumped_moments
+from impactfem.system.surface import SurfaceNodes
+from impactfem.system.surface_layer import SurfaceLayer
+
+Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
+
+_SHARE = {2: 0.01, 3: 0.1}  # of the forces on the surface that its solver leaves
+_STABLE = 0.9  # share of the stable step up to which layers are taken whole
+_PIECES = 64  # of a layer at most
+_SQUEEZE = 0.05  # change of the least det F after which the stable step is looked at anew
+_ROUNDING = 1e-14  # of what moves the stiffest node as far as the body is large
+_OFTEN = 200  # steps after which it is in any case
+
+
+class FiniteLeapfrog(FiniteBody):
+    """Stepper of a body under finite strain; see `impactfem.marching.layers.Stepper`.
+
+    In each step the march asks for `predict`, then `unbalanced`, `relaxed` and `move_surface` in
+    turns, then for `balance`, `receive` and `close`.
+
+    Attributes:
+        most: Steps of the layers so far, at most.
+    """
+
+    def __init__(
+        self,
+        system: ElasticSystem,
+        solid: Any,
+        surface: SurfaceNodes,
+        transfer: Any,
+        dt: float,
+        linear_solver: str,
+        limit: float,
+    ) -> None:
+        """Prepare (collective).
+
+        Args:
+            system: The body at t = 0, as linear elasticity has it: mass, loads, supports.
+            solid: `impactfem.scene.solids.Solid`.
+            surface: Contact nodes.
+            transfer: Of their mass; None if there are none.
+            dt: Length of a layer [s].
+            linear_solver: Of the search for equilibrium: "mumps" or "gamg".
+            limit: Stable step of the body at rest [s].
+        """
+        mass, self._inverse, missing = lumped_moments(system, transfer, surface)
+        super().__init__(system, surface, dt, mass, {solid.name: missing})
+        self._elements = elements = ElementForces(system.nodes, solid)
+        elements.put(system.displacement)
+        self.displacement = elements.displacement.reshape(-1)[: len(mass)]
+        self.velocity = system.velocity.copy()
+        self._solid, self._kind = solid, linear_solver
+        self._matrix: Any = None
+        self._moves = self._inverse > 0.0
+        free = surface.gather((~system.constrained).astype(np.float64)) > 0.0
+        self._free = free
+        self._layer = SurfaceLayer(elements, system.nodes, surface, free)
+        self._surface_now = surface.gather(self.displacement)
+        self._older = [self._surface_now, self._surface_now]
+        self._tangent_at: Floats | None = None
+        self._load, self._surface_load = np.zeros_like(mass), np.zeros_like(self._surface_now)
+        self._force, self._internal = np.zeros_like(mass), np.zeros_like(mass)
+        self._acceleration = np.zeros_like(mass)
+        self._energy, self._work, self._step = 0.0, 0.0, dt
+        self._least, self._looked, self._steps, self.most = 1.0, 1.0, 0, 1
+        self._rest_rate = self._rate = elements.rate(self._inverse) if len(mass) else 0.0
+        self._share = dt / limit
+        diagonal = system.stiffness.getDiagonal()
+        stiffest = float(np.abs(diagonal.getArray()).max(initial=0.0))
+        diagonal.destroy()
+        self.rounding = _ROUNDING * system.comm.allreduce(stiffest, op=MPI.MAX) * self.size
+
+    def at_rest(self, name: str, gravity: Floats, spin: Floats) -> FiniteAtRest:
+        """The body as the search for equilibrium asks it (collective); see `FiniteAtRest`."""
+        system = self._system
+        masses = system.stiffness.createVecRight()
+        masses.setArray(self._weights)
+        self._matrix = PETSc.Mat().createDiagonal(masses)
+        strain = FiniteStrain(system.nodes, self._solid, system.following)
+        return FiniteAtRest(
+            name, system, strain, self._surface, self._matrix, self._weights, self._kind, gravity,
+            spin,
+        )  # fmt: skip
+
+    @property
+    def surface_displacement(self) -> Floats:
+        """Displacement of the contact nodes [m], (count, dim)."""
+        return self._surface_now
+
+    def _times_mass(self, values: Floats) -> Floats:
+        return self._weights * values
+
+    def pieces(self) -> int:
+        """Steps that the next layer takes, so that squeezed cells are stable (collective).
+
+        Raises:
+            ConvergenceError: These would be too many.
+        """
+        self._steps += 1
+        if abs(self._least / self._looked - 1.0) > _SQUEEZE or self._steps % _OFTEN == 0:
+            self._looked = self._least
+            self._rate = self._elements.rate(self._inverse)
+        stiffer = math.sqrt(max(1.0, self._rate / self._rest_rate))
+        if not self._share * stiffer < _PIECES * _STABLE:
+            raise ConvergenceError(
+                f"cells are squeezed until they are {stiffer**2:.3g} times as stiff as at rest, "
+                f"which no step of {self.dt / _PIECES:.2g} s bears"
+            )
+        # Each change of the step costs some energy: what was cut stays so.
+        self.most = max(self.most, math.ceil(self._share * stiffer / _STABLE))
+        return self.most
+
+    def predict(self, start: float, end: float) -> None:
+        """Take the inside to the end of a step, and guess where the surface is (collective)."""
+        step = self._step = end - start
+        slow = 0.5 * self._system.rayleigh_mass * step
+        drive = self._drive
+        self._before = self.displacement.copy() if drive.is_active else self.displacement
+        self.velocity = (self.velocity + 0.5 * step * self._acceleration) / (1.0 + slow)
+        self.displacement[self._moves] += step * self.velocity[self._moves]
+        if drive.has_moved:
+            self.displacement[drive.moved] = self._system.supports.motion(end)[0]
+        self._elements.share()
+        now, (older, oldest) = self._surface_now, self._older
+        self._older = [now, older]
+        guess = 3.0 * (now - older) + oldest
+        held = self._surface.gather(self.displacement) if drive.has_moved else now
+        self.move_surface(np.where(self._free, guess, held))
+        self._level(end)
+
+    def _level(self, time: float) -> None:
+        """Loads at a time (collective)."""
+        self._last_load = self._load
+        if self._drive.is_active:
+            self._load = self._drive.load(time)
+            self._surface_load = self._surface.gather(self._load)
+        half = 0.5 * self.dt
+        self._pull = self._drive.gravity(max(0.0, time - half), time + half)
+
+    def move_surface(self, place: Floats) -> None:
+        """Put the contact nodes somewhere, (count, dim) [m]."""
+        self._surface_now = place
+        self._layer.place(place)
+
+    def unbalanced(self) -> Floats:
+        """Forces with which contact nodes press outwards [N], (count, dim) (collective).
+
+        Raises:
+            ConvergenceError: A cell is turned inside out.
+        """
+        found = self._layer.forces() - self._surface_load
+        return np.where(self._free, found, 0.0)
+
+    def renew(self) -> None:
+        """Take the tangent of the surface where the body is now (collective)."""
+        self._tangent_at = self._elements.displacement.copy()
+        self._layer.renew()
+
+    def relaxed(self, right: Floats, held: Booleans, normals: Floats) -> Floats:
+        """How contact nodes move by forces [m], (count, dim); see `SurfaceLayer.solve`."""
+        return self._layer.solve(right, held, normals, _SHARE[self._system.dim])
+
+    def balance(self) -> Floats:
+        """All forces at the level; those of contact nodes as `unbalanced` has them (collective).
+
+        Raises:
+            ConvergenceError: A cell is turned inside out.
+        """
+        self._last_internal = self._internal
+        self._internal, self._energy, self._least = self._elements.forces()
+        if not self._least > 0.0:
+            raise ConvergenceError(
+                f"a cell is turned inside out (det F = {self._least:.2g}): give a smaller "
+                'solve.courant, smaller elements, or method = "conserving"'
+            )
+        self._force = self._load - self._internal
+        found = self._surface.gather(self._internal) - self._surface_load
+        return np.where(self._free, found, 0.0)
+
+    def receive(self, left: Floats) -> None:
+        """Hand what the surface leaves unbalanced (count, dim) [N] to the inside; accelerate it."""
+        if len(left):
+            self._force -= (self._layer.inward @ left).ravel()
+        gravity = np.tile(self._pull, len(self._force) // len(self._pull))
+        self._acceleration = np.where(self._moves, self._inverse * self._force + gravity, 0.0)
+
+    def close(self, left: Floats) -> None:
+        """End the step; forces (count, dim) [N] are taken off it alone, with those of the level."""
+        step, system = self._step, self._system
+        slow = 0.5 * system.rayleigh_mass * step
+        self.velocity = self.velocity * (1.0 - slow) + 0.5 * step * self._acceleration
+        if left.any():
+            pushed = (self._layer.inward @ left).ravel()
+            self.velocity -= 0.5 * step * self._inverse * pushed
+        self._surface.spread(self._surface_now, self.displacement)
+        drift = (self._surface_now - self._older[0]) / step
+        self._surface.spread(np.where(self._free, drift, 0.0), self.velocity)
+        if self._drive.is_active:
+            way, held = self.displacement - self._before, self._drive.moved
+            self.velocity[held] = way[held] / step
+            self._work += 0.5 * float((self._last_load + self._load) @ way)
+            reaction = self._last_internal[held] + self._internal[held]
+            self._work += 0.5 * float(reaction @ way[held])
+
+    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+        """End the layer and sum up (collective)."""
+        work, self._work = self._work, 0.0
+        return self._told(work)
+
+    def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+        """Sums of the initial state (collective)."""
+        self._level(0.0)
+        speed = self._surface.gather(self.velocity)
+        self._older = [self._surface_now - k * self.dt * speed for k in (1, 2)]
+        self.receive(self.balance())
+        return self._told(0.0)
+
+    def _told(self, work: float) -> list[Sums]:
+        internal = np.where(self._moves, self._force - self._load, 0.0)
+        over = self._step**2 / 8.0 * float(internal @ (self._inverse * internal))
+        return self._summed(self._energy - over, work)
+
+    def state(self) -> dict[str, Any]:
+        """What the next layer needs."""
+        return {
+            "displacement": self.displacement.copy(), "velocity": self.velocity.copy(),
+            "acceleration": self._acceleration.copy(), "internal": self._internal.copy(),
+            "load": self._load.copy(),
+            "tangent": (
+                self.displacement if self._tangent_at is None else self._tangent_at
+            ).reshape(-1)[: len(self.velocity)].copy(),
+        }  # fmt: skip
+
+    def memory(self) -> dict[str, Floats]:
+        """Places of the surface at the last levels, and how squeezed cells are."""
+        counts = [self._steps, self.most]
+        squeezed = np.array([self._least, self._looked, self._rate, self._energy, *counts])
+        return {"older": np.stack(self._older), "squeezed": squeezed}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave."""
+        self._older = list(memory["older"])
+        self._least, self._looked, self._rate, self._energy, *counts = memory["squeezed"].tolist()
+        self._steps, self.most = map(int, counts)
+
+    def restore(self, state: dict[str, Any], surface: Floats) -> None:
+        """Continue from a state; ``surface`` was `surface_displacement`, to the last bit."""
+        if "tangent" in state:
+            self._elements.put(state["tangent"])
+            self.renew()
+        self._elements.put(state["displacement"])
+        self.velocity = np.array(state["velocity"])
+        if "acceleration" in state:
+            self._acceleration, self._internal = state["acceleration"], state["internal"]
+            self._load = state["load"]
+        self.move_surface(surface.copy())
+
+    def destroy(self) -> None:
+        """Free what PETSc holds."""
+        if self._matrix is not None:
+            self._matrix.destroy()
