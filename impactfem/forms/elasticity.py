@@ -5,7 +5,7 @@ axisymmetric ones (x = r, y = axis; everything then holds for the whole circumfe
 
     rho u_tt - div sigma = b,   sigma = lambda tr(eps) I + 2 mu eps.
 
-Nearly incompressible bodies (Poisson's ratio above ``NEARLY_INCOMPRESSIBLE``) lock when every
+Nearly incompressible bodies (`impactfem.scene.Solid.keeps_volume`) lock when every
 point of an element must keep its volume. Then only the mean dilatation of each element counts:
 tr(eps) in the lambda term is replaced by its projection P onto a small discontinuous space Q,
 which the assembly forms as G^T D^-1 G with
@@ -26,9 +26,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from impactfem.fem import ufl
-
-NEARLY_INCOMPRESSIBLE = 0.45
-"""Poisson's ratio above which elements keep their volume in the mean only."""
 
 
 @dataclass(frozen=True)

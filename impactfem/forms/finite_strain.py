@@ -153,15 +153,19 @@ class FiniteForms:
         c01: Of Mooney's and Rivlin's law [Pa].
         viscosity: Kelvin's and Voigt's, of a step: S gains viscosity (lambda tr(dE) I + 2 mu dE),
             with the time of retardation over the time step.
+        pressing: Of nearly incompressible bodies, whose lambda' is asked of the mean of J in each
+            cell: the pressure p there [Pa], by which S gains p dJ/dE; else None. See
+            `impactfem.system.mean_dilatation`.
     """
 
     elastic: ElasticForms
     law: type[Law]
     c01: Any
     viscosity: Any
+    pressing: Any = None
 
     def energy(self, displacement: Any) -> Any:
-        """Functional W [J]."""
+        """Functional W [J], without what means of cells have of it."""
         return self.elastic.measured(self.law.energy(self._strain(displacement), self._moduli))
 
     def force(self, before: Any, after: Any) -> Any:
@@ -177,7 +181,29 @@ class FiniteForms:
         retarded += 2.0 * moduli.shear_modulus * change
         stress = self.law.stress(self._strain(before), self._strain(after), change, moduli)
         stress += self.viscosity * retarded
-        return self.elastic.measured(ufl.inner(mean * stress, self._gradient(v)))
+        density = ufl.inner(mean * stress, self._gradient(v))
+        if self.pressing is not None:
+            density += self.pressing * self.swept(before, after, v)
+        return self.elastic.measured(density)
+
+    def dilatation(self, displacement: Any) -> Any:
+        """J - 1, without cancellation."""
+        excess = _excess(self._strain(displacement))
+        return excess / (1.0 + ufl.sqrt(1.0 + excess))
+
+    def swept(self, before: Any, after: Any, v: Any) -> Any:
+        """Discrete gradient of J along v: that along the way of a step is the change of J.
+
+        With D = J^2, J_1 - J_0 = (D_1 - D_0) / (J_0 + J_1) and the gradient of D as in `Law`.
+        """
+        start, end = self._strain(before), self._strain(after)
+        full = ufl.Identity(_size(start)) + self._gradient(0.5 * (before + after))
+        gradient = _cofactor(ufl.Identity(_size(start)) + start + end)
+        if _size(start) == 3:
+            change = ufl.sym(full.T * self._gradient(after - before))
+            gradient += _cofactor(2.0 * change) / 12.0
+        both = ufl.sqrt(1.0 + _excess(start)) + ufl.sqrt(1.0 + _excess(end))
+        return 2.0 / both * ufl.inner(full * gradient, self._gradient(v))
 
     def pressure(self, before: Any, after: Any, values: Any, surface: Any) -> Any:
         """Linear form of a pressure that follows its surface in a step.
@@ -213,6 +239,8 @@ class FiniteForms:
         left, ratio = full * full.T, ufl.det(full)
         unit, square, inverse = self.law.coefficients(ufl.tr(left), ufl.ln(ratio), self._moduli)
         true = (unit * left + square * left * left + inverse * ufl.Identity(3)) / ratio
+        if self.pressing is not None:
+            true += self.pressing * ufl.Identity(3)
         deviatoric = ufl.dev(true)
         return {
             "von_mises": ufl.sqrt(1.5 * ufl.inner(deviatoric, deviatoric)),
@@ -223,7 +251,9 @@ class FiniteForms:
 
     @property
     def _moduli(self) -> Moduli:
-        return Moduli(self.elastic.first_lame, self.elastic.shear_modulus, self.c01)
+        # Of nearly incompressible bodies lambda' is no matter of points.
+        first = self.elastic.first_lame if self.pressing is None else 4.0 * self.c01
+        return Moduli(first, self.elastic.shear_modulus, self.c01)
 
     def _gradient(self, u: Any) -> Any:
         """Displacement gradient; with the hoop part u_r / r if axisymmetric."""

@@ -9,13 +9,11 @@ from impactfem.errors import SceneError
 from impactfem.findings import Finding, warning
 from impactfem.methods import METHODS
 from impactfem.planning.solid_costs import (
-    NEARLY_INCOMPRESSIBLE,
     Size,
     count_layers,
     explicit_step,
     explicit_work,
     implicit_work,
-    keeps_volume,
     leading_speed,
 )
 from impactfem.scene import Scene
@@ -108,7 +106,7 @@ def _degree(
     if stiff:
         reasons[key] = stiff
         return 2
-    if keeps_volume(solid):
+    if solid.keeps_volume:
         reasons[key] = (
             f"poisson_ratio = {solid.poisson_ratio:g}: quadrilaterals and hexahedra of degree 1 "
             "keep their volume in the mean only, so that they do not lock"
@@ -120,9 +118,9 @@ def _degree(
 
 def stiff_elements(solid: Solid) -> str:
     """Why linear elements are too stiff for a body, or nothing."""
-    if keeps_volume(solid) and solid.cells == "simplex":
+    if solid.keeps_volume and solid.cells == "simplex":
         return (
-            f"poisson_ratio = {solid.poisson_ratio:g} is above {NEARLY_INCOMPRESSIBLE:g}: nearly "
+            f"poisson_ratio = {solid.poisson_ratio:g} is above 0.45: nearly "
             "incompressible, linear simplices lock"
         )
     ratio = slenderness(solid)
@@ -254,7 +252,7 @@ def choose_steps(
     )  # fmt: skip
     if solve.courant:
         reasons["dt"] = "courant as asked"
-    elif any(keeps_volume(solid) for solid in solids):
+    elif any(solid.keeps_volume for solid in solids):
         reasons["dt"] = (
             "waves of shear cross an element in two steps; those of pressure are not followed "
             "one by one: if they matter (flat faces that strike), use solve.courant = .5"
@@ -359,7 +357,7 @@ def ringing_findings(solid: Solid, method: str, size: Size) -> list[Finding]:
     """
     ratio = solid.p_wave_speed / solid.s_wave_speed
     damped = solid.rayleigh_stiffness > 0.0
-    if not keeps_volume(solid) or ratio < _RINGING or damped or method in EXPLICIT:
+    if not solid.keeps_volume or ratio < _RINGING or damped or method in EXPLICIT:
         return []
     damping = size.mesh_size / solid.p_wave_speed
     text = (

@@ -8,9 +8,6 @@ from impactfem.errors import SceneError
 from impactfem.scene.solids import Solid
 from impactfem.sizing import physical_mib
 
-NEARLY_INCOMPRESSIBLE = 0.45
-"""Poisson's ratio from which pressure waves are much faster than all that deforms the body."""
-
 NATURAL_STEP = 0.35
 """c_p dt / h_min of the default explicit step, .9 of the stable one, on meshes of fair quality."""
 
@@ -78,18 +75,13 @@ class Size:
         )
 
 
-def keeps_volume(solid: Solid) -> bool:
-    """Whether the body is nearly incompressible; in plane stress it gives way across."""
-    return solid.poisson_ratio > NEARLY_INCOMPRESSIBLE and solid.model != "plane_stress"
-
-
 def leading_speed(solid: Solid) -> float:
     """Speed of the waves that implicit steps resolve [m/s].
 
     Those of pressure are the fastest. In nearly incompressible bodies they level out the pressure
     long before anything has moved: then those of shear count.
     """
-    return solid.s_wave_speed if keeps_volume(solid) else solid.p_wave_speed
+    return solid.s_wave_speed if solid.keeps_volume else solid.p_wave_speed
 
 
 def damped(step: float, rayleigh_stiffness: float) -> float:

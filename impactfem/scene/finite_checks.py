@@ -64,6 +64,10 @@ def _check_explicit(scene: Content) -> None:
             raise KeyedError(
                 f"body[{place}]", "rayleigh_stiffness", f"{text}by mass only: {remedy}"
             )
+        if solid.is_finite and solid.keeps_volume:
+            text = f" = {solid.poisson_ratio}: explicit steps under finite strain have no mean "
+            text += 'dilatation, without which it locks: give solve.method = "conserving".'
+            raise KeyedError(f"body[{place}]", "poisson_ratio", text)
         if solid.following:
             text = ": explicit steps under finite strain have none that follow the surface: "
             raise KeyedError(f"body[{place}]", "pressures", text + remedy)

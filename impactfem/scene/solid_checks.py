@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
     from impactfem.scene.formula import Formula
 
-_LOCKS = 0.45  # Poisson's ratio
 _FAR = 1e8  # times its extent, beyond which rounding of places shows in contact
 
 
@@ -33,6 +32,7 @@ def check_solid(solid: SolidKeys) -> None:
     _check_plane(solid)
     _check_rotation(solid)
     _check_law(solid)
+    _check_element(solid)
     _check_surface_names(solid)
     _check_supports(solid)
     _check_scales(solid)
@@ -167,9 +167,22 @@ def _check_law(solid: SolidKeys) -> None:
     if solid.model == "plane_stress":
         text = ' = "plane_stress" has no finite strain, whose thickness would follow at every '
         raise _fail(solid, "model", text + 'point: give "plane_strain" or "3d".')
-    if solid.poisson_ratio > _LOCKS:
-        text = f" = {solid.poisson_ratio}: elements under finite strain lock above {_LOCKS}: give "
-        raise _fail(solid, "poisson_ratio", text + 'no more, or strain = "small".')
+    if solid.keeps_volume and solid.material == "linear":
+        text = f" = {solid.poisson_ratio}: the linear law has no mean dilatation under finite "
+        text += 'strain, and locks: give material = "neo_hookean", or strain = "small".'
+        raise _fail(solid, "poisson_ratio", text)
+
+
+def _check_element(solid: SolidKeys) -> None:
+    """Refuse a mean dilatation where there is none, and where it does not help."""
+    if solid.element == "mean_dilatation" and solid.model == "plane_stress":
+        text = ' = "mean_dilatation" does not fit model = "plane_stress", which gives way across: '
+        raise _fail(solid, "element", text + "remove it.")
+    asked = solid.is_finite or solid.element is not None
+    if asked and solid.keeps_volume and solid.cells == "simplex" and solid.degree == 1:
+        text = " = 1: linear triangles and tetrahedra lock in nearly incompressible bodies, with a "
+        text += 'mean dilatation too: give degree = 2, or cells = "hexahedron".'
+        raise _fail(solid, "degree", text)
 
 
 def _check_surface_names(solid: SolidKeys) -> None:

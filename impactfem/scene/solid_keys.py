@@ -26,6 +26,9 @@ type AnyShape = Block | Disc | Ring | Cylinder | Sphere
 
 CELLS = ("simplex", "hexahedron")
 STRAINS_OF = ("small", "finite")
+ELEMENTS = ("standard", "mean_dilatation")
+NEARLY_INCOMPRESSIBLE = 0.45
+"""Poisson's ratio above which elements keep their volume in the mean only."""
 LAWS = ("linear", "neo_hookean", "mooney_rivlin")
 _LAW_WORDS = {
     "linear": "elastic (St. Venant, Kirchhoff) under finite strain",
@@ -115,6 +118,12 @@ class SolidKeys(BodyKind):
         Choice(LAWS),
         "law of the material; linear under finite strain: St. Venant and Kirchhoff's",
         default="linear",
+    )
+    element: str | None = key(
+        Choice(ELEMENTS),
+        "whether cells keep their volume at each point or in the mean",
+        default=None,
+        absent='"mean_dilatation" above a Poisson\'s ratio of 0.45',
     )
     c10: float | None = key(
         Real(at_least=0),
@@ -207,6 +216,15 @@ class SolidKeys(BodyKind):
     def is_finite(self) -> bool:
         """Whether it is computed under finite strain and rotation."""
         return self.strain == "finite" or (self.strain is None and self.material != "linear")
+
+    @property
+    def keeps_volume(self) -> bool:
+        """Whether its elements keep their volume in the mean only: it is nearly incompressible."""
+        if self.model == "plane_stress":  # it gives way across
+            return False
+        if self.element is None:
+            return self.poisson_ratio > NEARLY_INCOMPRESSIBLE
+        return self.element == "mean_dilatation"
 
     @property
     def following(self) -> tuple[Pressure, ...]:

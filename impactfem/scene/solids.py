@@ -43,6 +43,7 @@ class Solid(SolidKeys):
             poisson_ratio: float | None = None,
             strain: str | None = None,
             material: str = "linear",
+            element: str | None = None,
             c10: float | None = None,
             c01: float | None = None,
             bulk_modulus: float | None = None,

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from impactfem.fem import MPI
 from impactfem.forms.elasticity import ElasticForms
 from impactfem.mesh.body import BodyMesh
 from impactfem.scene import Formula
-from impactfem.system.finite_strain import finite_forms
+from impactfem.system.finite_strain import shown
 from impactfem.system.following import FollowingPressures
 from impactfem.system.loads import Loads
 from impactfem.system.matrices import BodyMatrices, body_forms, body_matrices
@@ -231,7 +232,7 @@ def elastic_system(solid: Any, gravity: Any, body: BodyMesh) -> ElasticSystem:
     return ElasticSystem(
         nodes=nodes,
         supports=supports,
-        matrices=body_matrices(nodes, forms, supports, solid.poisson_ratio),
+        matrices=body_matrices(nodes, forms, supports, keeps_volume=solid.keeps_volume),
         loads=loads,
         following=FollowingPressures(nodes, body.surfaces, solid),
         lumped=lumped,
@@ -240,9 +241,7 @@ def elastic_system(solid: Any, gravity: Any, body: BodyMesh) -> ElasticSystem:
         velocity=velocity,
         rayleigh_mass=solid.rayleigh_mass,
         rayleigh_stiffness=solid.rayleigh_stiffness,
-        fields=NodalFields(
-            nodes, forms, (finite_forms(forms, solid) if solid.is_finite else forms).fields
-        ),
+        fields=NodalFields(nodes, forms, partial(shown, forms, solid)),
         axisymmetric=axisymmetric,
     )
 

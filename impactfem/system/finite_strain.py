@@ -11,6 +11,7 @@ from impactfem.forms.elasticity import ElasticForms
 from impactfem.forms.finite_strain import LAWS, FiniteForms
 from impactfem.system.following import FollowingPressures
 from impactfem.system.matrices import body_forms
+from impactfem.system.mean_dilatation import CondensedMatrix, MeanDilatation
 from impactfem.system.nodes import Nodes
 
 Floats = NDArray[np.float64]
@@ -20,7 +21,35 @@ def finite_forms(forms: ElasticForms, solid: Any, viscosity: Any = 0.0) -> Finit
     """Forms of a solid with ``strain = "finite"``, by those that linear elasticity has of it."""
     # A number where it is 0: the compiled code has no more terms than it needs.
     c01 = dolfinx_fem.Constant(forms.space.mesh, solid.c01) if solid.c01 else 0.0
-    return FiniteForms(forms, LAWS[solid.material], c01, viscosity)
+    pressing = None
+    if solid.keeps_volume:
+        cells = dolfinx_fem.functionspace(forms.space.mesh, ("Discontinuous Lagrange", 0))
+        pressing = dolfinx_fem.Function(cells)
+    return FiniteForms(forms, LAWS[solid.material], c01, viscosity, pressing)
+
+
+def mean_dilatation(
+    forms: FiniteForms, solid: Any, before: Any, after: Any
+) -> MeanDilatation | None:
+    """What sets the pressures of nearly incompressible cells in a step (collective); else None."""
+    if forms.pressing is None:
+        return None
+    return MeanDilatation(forms, before, after, solid.lame - 4.0 * (solid.c01 or 0.0))
+
+
+def shown(elastic: ElasticForms, solid: Any, displacement: Any) -> tuple[Any, Any]:
+    """Fields of a displacement as `ElasticForms.fields`, and what is called before they are read.
+
+    Args:
+        elastic: Forms of linear elasticity.
+        solid: The body.
+        displacement: Function of the space.
+    """
+    if not solid.is_finite:
+        return elastic.fields(displacement), None
+    forms = finite_forms(elastic, solid)
+    mean = mean_dilatation(forms, solid, displacement, displacement)
+    return forms.fields(displacement), None if mean is None else mean.update
 
 
 class FiniteStrain:
@@ -42,6 +71,7 @@ class FiniteStrain:
         self._viscosity = dolfinx_fem.Constant(space.mesh, 0.0)
         forms = finite_forms(body_forms(nodes, solid), solid, self._viscosity)
         self._before, self._after = dolfinx_fem.Function(space), dolfinx_fem.Function(space)
+        self._mean = mean_dilatation(forms, solid, self._before, self._after)
         force = forms.force(self._before, self._after)
         self._force = fem.compile_form(force)
         self._following, self._pressure = following, None
@@ -63,8 +93,10 @@ class FiniteStrain:
         return fem.assemble_vector(self._force)
 
     def press(self, start: float, end: float) -> None:
-        """Take the mean of pressures that follow at two times [s], from now on (collective)."""
+        """Begin a step: take the mean of pressures that follow at two times [s] (collective)."""
         self._following.put(start, end)
+        if self._mean is not None:
+            self._mean.forget()
 
     def pressed(self, before: Floats, after: Floats) -> Floats:
         """Forces of these pressures on the nodes in a step [N], (owned dofs,) (collective)."""
@@ -79,21 +111,32 @@ class FiniteStrain:
         A new PETSc matrix, not symmetric.
         """
         self.put(before, after)
-        return fem.assemble_petsc(self._tangent)
+        if self._mean is not None:
+            self._mean.linearise()
+        matrix = fem.assemble_petsc(self._tangent)
+        if self._mean is not None:
+            self._mean.stiffen(matrix, np.zeros(len(before), dtype=bool))
+        return matrix
 
-    def repeated_tangent(self, fixed: Any, held: NDArray[np.bool_]) -> fem.RepeatedMatrix:
+    def repeated_tangent(
+        self, fixed: Any, held: NDArray[np.bool_]
+    ) -> fem.RepeatedMatrix | CondensedMatrix:
         """That tangent for many steps, with a fixed matrix (collective); see `put`."""
-        return fem.RepeatedMatrix(self._tangent, fixed, held)
+        matrix = fem.RepeatedMatrix(self._tangent, fixed, held)
+        return matrix if self._mean is None else CondensedMatrix(matrix, self._mean, held)
 
     def put(self, before: Floats, after: Floats) -> None:
         """Set both ends of a step, of which a repeated tangent is assembled (collective)."""
         self._put(self._before, before)
         self._put(self._after, after)
+        if self._mean is not None:
+            self._mean.update()
 
     def energy(self, displacement: Floats) -> float:
         """Elastic energy of the cells of this rank [J] (collective)."""
         self._put(self._after, displacement)
-        return float(dolfinx_fem.assemble_scalar(self._energy))
+        cells = 0.0 if self._mean is None else self._mean.energy()
+        return cells + float(dolfinx_fem.assemble_scalar(self._energy))
 
     def is_inverted(self, displacement: Floats) -> bool:
         """Whether a cell is turned inside out, or a number is not finite (collective)."""

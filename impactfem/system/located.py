@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from impactfem import fem
 from impactfem.fem import dolfinx_fem
-from impactfem.forms.elasticity import NEARLY_INCOMPRESSIBLE
 from impactfem.forms.finite_strain import LAWS, Moduli
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.true_stress import TrueStress
@@ -92,7 +91,11 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
         if solid.is_finite:
             slopes, hoop = _strains(cell, x, at, axisymmetric=system.axisymmetric)
             moduli = Moduli(solid.lame, solid.shear_modulus, solid.c01 or 0.0)
-            law = TrueStress(slopes, hoop[:, 0], LAWS[solid.material], moduli)
+            mean = _points(cell, x, axisymmetric=system.axisymmetric)
+            law = TrueStress(
+                slopes, hoop[:, 0], LAWS[solid.material], moduli,
+                mean if solid.keeps_volume else None,
+            )  # fmt: skip
             stress = law.weights
         else:
             stress = _stress(cell, x, at, solid, axisymmetric=system.axisymmetric)
@@ -160,8 +163,7 @@ def _stress(
         lame = 2.0 * lame * shear / (lame + 2.0 * shear)
     slopes, hoop = _strains(cell, x, at, axisymmetric=axisymmetric)
     trace = slopes + hoop
-    locking = nu > NEARLY_INCOMPRESSIBLE and not across
-    if locking and not (cell.is_simplex and cell.degree == 1):
+    if solid.keeps_volume and not (cell.is_simplex and cell.degree == 1):
         trace = _mean_trace(cell, x, axisymmetric=axisymmetric)
     found = {}
     for i, j in _ORDER[dim]:
@@ -189,12 +191,19 @@ def _strains(cell: _Cell, x: Floats, at: Floats, *, axisymmetric: bool) -> tuple
 
 def _mean_trace(cell: _Cell, x: Floats, *, axisymmetric: bool) -> Floats:
     """Weights of the mean dilatation of a cell, (nodes, dim)."""
-    total, volume = np.zeros_like(x), 0.0
+    slopes, hoop, volumes = _points(cell, x, axisymmetric=axisymmetric)
+    slopes[:, :, 0] += hoop
+    mean: Floats = np.tensordot(volumes, slopes, 1) / volumes.sum()
+    return mean
+
+
+def _points(cell: _Cell, x: Floats, *, axisymmetric: bool) -> tuple[Floats, Floats, Floats]:
+    """Slopes, weights of the hoop strain and volumes at points of a cell, (points, ...)."""
+    found = []
     for at, weight in zip(*cell.quadrature(), strict=True):
         values, grads = cell.basis(at)
         slopes, hoop = _strains(cell, x, at, axisymmetric=axisymmetric)
         size = weight * abs(float(np.linalg.det(x.T @ grads)))
-        size *= float(values @ x[:, 0]) if axisymmetric else 1.0
-        total += size * (slopes + hoop)
-        volume += size
-    return total / volume
+        found.append((slopes, hoop[:, 0], size * float(values @ x[:, 0]) if axisymmetric else size))
+    slopes, hoops, sizes = (np.array(part) for part in zip(*found, strict=True))
+    return slopes, hoops, sizes

@@ -8,7 +8,7 @@ import numpy as np
 from impactfem import fem
 from impactfem.errors import MeshError
 from impactfem.fem import PETSc, dolfinx_fem
-from impactfem.forms.elasticity import NEARLY_INCOMPRESSIBLE, ElasticForms
+from impactfem.forms.elasticity import ElasticForms
 from impactfem.system.nodes import Floats, Nodes
 from impactfem.system.supports import Supports
 
@@ -65,14 +65,14 @@ def body_forms(nodes: Nodes, solid: Any) -> ElasticForms:
 
 
 def body_matrices(
-    nodes: Nodes, forms: ElasticForms, supports: Supports, poisson_ratio: float
+    nodes: Nodes, forms: ElasticForms, supports: Supports, *, keeps_volume: bool
 ) -> BodyMatrices:
     """Assemble mass and stiffness (collective).
 
     Raises:
         MeshError: A matrix is not finite.
     """
-    stiffness = body_stiffness(nodes, forms, poisson_ratio)
+    stiffness = body_stiffness(nodes, forms, keeps_volume=keeps_volume)
     mass = fem.assemble_petsc(fem.compile_form(forms.mass))
     for matrix, what in ((stiffness, "stiffness"), (mass, "mass")):
         if not np.isfinite(matrix.norm()):
@@ -110,11 +110,10 @@ def rigid_motions(nodes: Nodes) -> Floats:
     return np.array(motions).reshape(len(motions), -1)
 
 
-def body_stiffness(nodes: Nodes, forms: ElasticForms, poisson_ratio: float) -> Any:
+def body_stiffness(nodes: Nodes, forms: ElasticForms, *, keeps_volume: bool) -> Any:
     """Assemble the stiffness of a body that nothing holds (collective)."""
     degree = int(nodes.space.ufl_element().degree)
-    locking = poisson_ratio > NEARLY_INCOMPRESSIBLE and forms.model != "plane_stress"
-    if not locking or (forms.simplex and degree == 1):
+    if not keeps_volume or (forms.simplex and degree == 1):
         return fem.assemble_petsc(fem.compile_form(forms.stiffness))
     element = ("Discontinuous Lagrange", 0) if forms.simplex or degree == 1 else ("DPC", 1)
     dilatations = dolfinx_fem.functionspace(nodes.space.mesh, element)

@@ -27,7 +27,8 @@ class SmallStrain:
             solid: `impactfem.scene.solids.Solid`.
         """
         self._comm = nodes.comm
-        self._stiffness = body_stiffness(nodes, body_forms(nodes, solid), solid.poisson_ratio)
+        forms = body_forms(nodes, solid)
+        self._stiffness = body_stiffness(nodes, forms, keeps_volume=solid.keeps_volume)
         self._source, self._image = self._stiffness.createVecs()
         self._retarded = 0.0
 

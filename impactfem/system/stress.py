@@ -24,19 +24,22 @@ class NodalFields:
     components: Mapping[str, int]
 
     def __init__(
-        self, nodes: Nodes, forms: ElasticForms, fields: Callable[[Any], Mapping[str, Any]]
+        self,
+        nodes: Nodes,
+        forms: ElasticForms,
+        fields: Callable[[Any], tuple[Mapping[str, Any], Any]],
     ) -> None:
         """Compile the form and assemble the weights (collective).
 
         Args:
             nodes: Nodes of the body.
             forms: Its weak forms.
-            fields: Of a displacement, by name scalars or 3 x 3 tensors, as `ElasticForms.fields`.
+            fields: See `impactfem.system.finite_strain.shown`.
         """
         mesh = nodes.space.mesh
         cells = dolfinx_fem.functionspace(mesh, ("Discontinuous Lagrange", 0))
         self._displacement = dolfinx_fem.Function(nodes.space)
-        shown = fields(self._displacement)
+        shown, self._refresh = fields(self._displacement)
         self.components = {name: 9 if field.ufl_shape else 1 for name, field in shown.items()}
         flat = [
             field[i, j] if field.ufl_shape else field
@@ -71,6 +74,8 @@ class NodalFields:
         """
         self._displacement.x.array[: len(displacement)] = displacement
         self._displacement.x.scatter_forward()
+        if self._refresh is not None:
+            self._refresh()
         cells = fem.assemble_vector(self._form).reshape(-1, sum(self.components.values()))
         nodes = np.stack([self._summed(column) / self._volumes for column in cells.T], axis=1)
         ends = np.cumsum(list(self.components.values()))[:-1]

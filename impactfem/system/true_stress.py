@@ -22,12 +22,16 @@ class TrueStress:
         hoop: Weights of the hoop strain [1/m], shape (nodes,); 0 but for axisymmetric bodies.
         law: Of the material.
         moduli: What the law takes.
+        cell: Of nearly incompressible bodies, whose lambda' is asked of the mean of J in the cell:
+            slopes, weights of the hoop strain and volumes at points of it, (points, ...); else
+            None.
     """
 
     slopes: Floats
     hoop: Floats
     law: type[Law]
     moduli: Moduli
+    cell: tuple[Floats, Floats, Floats] | None = None
 
     @property
     def weights(self) -> dict[str, Floats]:
@@ -41,16 +45,33 @@ class TrueStress:
         dim = self.slopes.shape[1]
         moved = np.stack([kept[name] for name in self.weights], axis=1)
         moved = moved.reshape(len(moved), *self.slopes.shape)
-        full = np.zeros((len(moved), 3, 3)) + np.eye(3)
-        full[:, :dim, :dim] += np.einsum("rni,nj->rij", moved, self.slopes)
-        full[:, 2, 2] += moved[:, :, 0] @ self.hoop
+        full = _full(moved, self.slopes, self.hoop)
         left, ratio = full @ full.transpose(0, 2, 1), np.linalg.det(full)
         trace = np.trace(left, axis1=1, axis2=2)
+        moduli = self.moduli
+        if self.cell is not None:
+            moduli = moduli._replace(first_lame=4.0 * moduli.c01)
         unit, square, inverse = (
             np.multiply.outer(np.broadcast_to(value, len(left)), np.ones((1, 1)))
-            for value in self.law.coefficients(trace, np.log(ratio), self.moduli)
+            for value in self.law.coefficients(trace, np.log(ratio), moduli)
         )
         true = (unit * left + square * (left @ left) + inverse * np.eye(3)) / ratio[:, None, None]
+        if self.cell is not None:
+            slopes, hoop, volumes = self.cell
+            each = zip(slopes, hoop, volumes, strict=True)
+            sums = sum(size * np.linalg.det(_full(moved, *at)) for *at, size in each)
+            mean = np.asarray(sums) / volumes.sum()
+            bulk = self.moduli.first_lame - 4.0 * self.moduli.c01
+            true += (bulk * np.log(mean) / mean)[:, None, None] * np.eye(3)
         return {
             f"s{name}": true[:, "xyz".index(name[0]), "xyz".index(name[1])] for name in _ORDER[dim]
         }
+
+
+def _full(moved: Floats, slopes: Floats, hoop: Floats) -> Floats:
+    """Deformation gradients (rows, 3, 3) of displacements (rows, nodes, dim) at a place."""
+    dim = slopes.shape[1]
+    full = np.zeros((len(moved), 3, 3)) + np.eye(3)
+    full[:, :dim, :dim] += np.einsum("rni,nj->rij", moved, slopes)
+    full[:, 2, 2] += moved[:, :, 0] @ hoop
+    return full

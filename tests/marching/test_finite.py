@@ -279,7 +279,9 @@ def test_a_shock_has_the_speed_and_pressure_of_the_law():
     ("body", "more", "key"),
     [
         ({"model": "plane_stress"}, {}, "body[0].model"),
-        ({"poisson_ratio": 0.48}, {}, "body[0].poisson_ratio"),
+        ({"poisson_ratio": 0.48, "degree": 1}, {}, "body[0].degree"),
+        ({"poisson_ratio": 0.48, "strain": "finite", "material": "linear"}, {},
+         "body[0].poisson_ratio"),
         ({"strain": "small"}, {}, "body[0].material"),
         ({}, {"solve": {"method": "moreau_jean"}}, "solve.method"),
         ({}, {"solve": {"normals": "fixed"}}, "solve.normals"),
