@@ -43,7 +43,7 @@ _PAIRED = 1  # iterates that still change who meets whom: all would keep others 
 _SHORTEST = 2.0**-10  # of a layer
 _NEAR = 0.005  # of a layer, less than `_CLOSED`: cuts nearer to the ends of a step are left out
 _CUTS = 32  # of a layer at nodes that close
-_TRIES = 4  # of a step: gaps between bodies may jump, where others face each other than before
+_TRIES = 3  # of a step: gaps between bodies may jump, where others face each other than before
 _CLOSED = 0.01  # of the largest change of a gap in a layer: gaps up to it count as closed
 
 

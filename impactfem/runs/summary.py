@@ -18,8 +18,8 @@ Floats = NDArray[np.float64]
 # Share of the largest energy or gap that is but rounding of it.
 _ROUNDING = 1e-15
 
-# Share of the largest gap that counts as none.
-_SHUT = 1e-9
+_SHUT = 1e-9  # share of the largest gap that counts as none
+_HELD = 0.015  # the same of a layer's way: the law of finite strain holds gaps closed up to 0.01
 
 
 def summarise(scene: Scene, chosen: Plan[Any], run: Run) -> dict[str, Any]:
@@ -125,10 +125,12 @@ def contact_intervals(times: Floats, force: Floats, gap: Floats) -> list[list[fl
     Returns:
         Pairs [t_in, t_out] in seconds.
     """
-    shut = ~(gap > _SHUT * np.abs(gap).max())
+    rounding = _SHUT * np.abs(gap).max()
     found = []
     for first, last in spells_of(force):
-        closed = first + np.flatnonzero(shut[first : last + 1])
+        ways = np.abs(np.diff(gap[max(first - 1, 0) : first + 2]))
+        shut = ~(gap[first : last + 1] > max(rounding, _HELD * ways.max(initial=0.0)))
+        closed = first + np.flatnonzero(shut)
         begin, end = (closed[0], closed[-1]) if len(closed) else (first + 1, last - 1)
         before, after = max(begin - 1, first), min(end + 1, last)
         begins = _closing_time(times, gap, before - 1, before)

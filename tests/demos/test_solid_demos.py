@@ -65,6 +65,25 @@ def test_block_tumbles_as_the_page_says():
     assert result.summary["energy"]["max_relative_drift"] < 1e-11
 
 
+@pytest.mark.slow
+def test_discs_rub_as_the_page_says():
+    page = (DEMOS / "rubbing_discs" / "README.md").read_text(encoding="utf-8")
+    scene = impactfem.Scene.from_toml(DEMOS / "rubbing_discs" / "scene.toml")
+    result = impactfem.solve(scene.with_settings({"output.fields": []}), estimate=False)
+    intervals = np.array(result.summary["contact"]["intervals"])
+    said = re.findall(r"from (\d+\.\d) to (\d+\.\d) ms", page)
+    assert intervals * 1e3 == pytest.approx(np.array(said, dtype=float), abs=0.06)
+    one, two = (result.history[f"{name}.spin"].values for name in ("one", "two"))
+    spins = re.search(r"from 40 to (\S+) .* back, to (\S+) rad/s.* keeps (\S+) rad/s", page)
+    parted = 0.5 * sum(intervals[:, 0]) / result.summary["details"]["dt"]
+    found = [one[int(parted)], two[int(parted)], one[-1]]
+    assert found == pytest.approx(list(map(float, spins.groups())), abs=0.15)
+    energy, rubbed = (
+        result.history[f"{name}"].values for name in ("total_energy", "friction_work")
+    )
+    assert np.ptp(energy - rubbed) < 1e-10 * energy[0]
+
+
 def cells(row):
     """Numbers of a row of the page's table."""
     page = (DEMOS / "elastic_sphere" / "README.md").read_text(encoding="utf-8")
