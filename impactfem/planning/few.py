@@ -61,6 +61,7 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
         numbers=MarchNumbers(
             degree=0,
             degrees=(),
+            strains=(),
             cells="none",
             mesh_size=0.0,
             dt=dt,

@@ -41,7 +41,7 @@ def choose_normals(model: "SolidsModel", reasons: dict[str, str]) -> bool:
 def _finite(model: "SolidsModel") -> str:
     for part in model.parts:
         if part.solid.is_finite:
-            return f"{part.solid.name} may turn at will, so that distances follow its nodes"
+            return f"updated: {part.solid.name} may turn at will, distances follow its nodes"
     return ""
 
 

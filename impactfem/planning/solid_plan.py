@@ -29,6 +29,7 @@ class MarchNumbers(Numbers):
     Attributes:
         degree: Largest degree of the elements.
         degrees: That of each body.
+        strains: "small" or "finite", of each body.
         cells: "simplex" or "hexahedron", of the first body.
         mesh_size: Size of the smallest elements [m], the mean one with a mesh file.
         dt: Time step [s]; None if it is a share of the stable step, which is found at run time.
@@ -48,6 +49,7 @@ class MarchNumbers(Numbers):
 
     degree: int
     degrees: tuple[int, ...]
+    strains: tuple[str, ...]
     cells: str
     mesh_size: float
     dt: float | None

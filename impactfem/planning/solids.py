@@ -1,5 +1,6 @@
 """The plan of solids: degree, method, step and solver, with the reasons, and cheaper models."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ from impactfem.planning.solid_costs import (
     seconds,
 )
 from impactfem.planning.solid_plan import MarchNumbers, in_words
+from impactfem.planning.strains import finite_instead, told
 from impactfem.planning.wholes import find_whole
 from impactfem.scene import Scene
 from impactfem.scene.solids import Solid
@@ -58,10 +60,23 @@ def plan_march(scene: Scene) -> Plan[MarchNumbers]:
 def plan_solids(scene: Scene) -> Plan[MarchNumbers]:
     """Choose method and numbers for the solids of a scene (collective: they are meshed).
 
+    Bodies that do not say take finite strain where small ones would not be trusted.
+
     Raises:
         SceneError: The settings cannot work, or need more memory than the machine has.
         MeshError: A mesh cannot be made.
     """
+    made = _plan(scene)
+    other = finite_instead(scene, made.findings)
+    if other is None:
+        return made
+    larger, beyond = other
+    plan = _plan(larger)
+    return replace(plan, reasons=told(beyond, made.seconds, plan.seconds) | plan.reasons)
+
+
+def _plan(scene: Scene) -> Plan[MarchNumbers]:
+    """The plan of a scene with strains as it says."""
     from impactfem.models.solids import solids_model  # noqa: PLC0415  (loads DOLFINx)
     from impactfem.planning.damping import damping_findings  # noqa: PLC0415  (likewise)
     from impactfem.planning.turns import flight_findings  # noqa: PLC0415  (likewise)
@@ -128,6 +143,7 @@ def plan_solids(scene: Scene) -> Plan[MarchNumbers]:
         numbers=MarchNumbers(
             degree=max(degrees),
             degrees=degrees,
+            strains=tuple("finite" if solid.is_finite else "small" for solid in solids),
             cells=sizes[0].cells,
             mesh_size=min(size.mesh_size for size in sizes),
             dt=steps.dt,

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from impactfem.log import Progress
 from impactfem.planning import MarchNumbers, Plan
+from impactfem.planning.strains import with_strains
 from impactfem.runs.error_estimate import estimate_error
 from impactfem.runs.run import Checkpointing, Cost, Run
 from impactfem.runs.solids import run_solids
@@ -14,6 +15,7 @@ from impactfem.scene import Scene
 def run(scene: Scene, plan: Plan[MarchNumbers], progress: Progress, saved: Checkpointing) -> Run:
     """March the bodies (collective); see `run_solids`."""
     start = time.perf_counter()
+    scene = _strained(scene, plan)
     motion, fields = run_solids(
         scene, plan, progress, checkpoints=saved.folder, restart=saved.restart
     )
@@ -29,6 +31,12 @@ def run(scene: Scene, plan: Plan[MarchNumbers], progress: Progress, saved: Check
     return Run(
         used=used, history=motion.history, effort=effort, errors=errors, cost=cost, fields=fields
     )
+
+
+def _strained(scene: Scene, plan: Plan[MarchNumbers]) -> Scene:
+    """The scene with finite strain where the plan takes it."""
+    pairs = zip(scene.solids, plan.numbers.strains, strict=True)
+    return with_strains(scene, (solid.name for solid, strain in pairs if strain == "finite"))
 
 
 def _as_used(scene: Scene, plan: Plan[MarchNumbers]) -> Scene:

@@ -112,7 +112,7 @@ class SolidKeys(BodyKind):
         Choice(STRAINS_OF),
         "whether the body may turn and be strained at will",
         default=None,
-        absent="small, but finite for a law that is not linear",
+        absent="small; finite for a law that is not linear, and where small strains end",
     )
     material: str = key(
         Choice(LAWS),

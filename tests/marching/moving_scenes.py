@@ -116,7 +116,7 @@ def pair(method, normals, friction, **more):
     """A disc that strikes another one aslant, above a floor that only one of them may meet."""
     plain = {
         "kind": "solid", "model": "plane_strain", "density": 1.0, "youngs_modulus": 1.0,
-        "poisson_ratio": 0.3, "mesh_size": 0.125,
+        "poisson_ratio": 0.3, "mesh_size": 0.125, "strain": "small",
     }  # fmt: skip
     one = plain | {"name": "one", "shape": DISC, "velocity": [0.1, -0.1]}
     two = plain | {"name": "two", "shape": DISC | {"center": [1.05, 0.71]}}

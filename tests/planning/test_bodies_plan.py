@@ -8,7 +8,7 @@ from impactfem.report.table import plan_table
 
 SOLID = {
     "kind": "solid", "model": "plane_strain", "density": 1.0, "youngs_modulus": 1.0,
-    "poisson_ratio": 0.0, "mesh_size": 0.25,
+    "poisson_ratio": 0.0, "mesh_size": 0.25, "strain": "small",
 }  # fmt: skip
 
 

@@ -128,9 +128,55 @@ def test_a_body_that_meets_nothing_is_warned_of():
 
 
 def test_a_turning_body_is_warned_of():
-    plan = impactfem.plan(solid_scene(angular_velocity=1.0))
+    plan = impactfem.plan(solid_scene(angular_velocity=1.0, strain="small"))
     (found,) = [entry for entry in plan.findings if entry.code == "model_rotation"]
     assert found.severity == "fault"
+
+
+def turning(angle=1.0, **keys):
+    """A disc that turns by some angle."""
+    return solid_scene(angular_velocity=angle, duration=1.0, **keys)
+
+
+def test_a_body_that_will_turn_far_takes_finite_strain():
+    plan = impactfem.plan(turning())
+    assert (plan.strains, plan.method, plan.normals) == (("finite",), "conserving", "updated")
+    (why,) = [text for key, text in plan.reasons.items() if key.startswith("strain of ")]
+    assert "will turn by about" in why
+    assert 'strain = "small" keeps these in about' in why
+    assert not [entry for entry in plan.findings if entry.code == "model_rotation"]
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        turning(0.15),  # less than what would not be trusted
+        turning(strain="small"),
+        turning(solve={"method": "newmark"}),  # a method that has no finite strain
+        turning(model="plane_stress"),
+    ],
+)
+def test_a_body_that_turns_less_or_cannot_do_better_keeps_small_strain(case):
+    plan = impactfem.plan(case)
+    assert plan.strains == ("small",)
+    (found,) = [entry for entry in plan.findings if entry.code == "model_rotation"]
+    assert 'strain = "finite"' in found.remedy
+    assert not [key for key in plan.reasons if key.startswith("strain of ")]
+
+
+@pytest.mark.parametrize(("speed", "strain"), [(0.2, "finite"), (1.0, "small")])
+def test_a_strain_that_the_linear_law_stands_takes_finite_strain(speed, strain):
+    keys = {"shape": DISC | {"center": [0.0, 0.52]}, "velocity": [0.0, -speed]}
+    assert impactfem.plan(solid_scene(**keys)).strains == (strain,)
+
+
+def test_a_run_takes_the_strain_of_its_plan():
+    result = impactfem.solve(turning(youngs_modulus=300.0, solve={"dt": 0.02, "estimate": False}))
+    assert result.scene.solids[0].strain == "finite"
+    assert abs(result.history["body.angle"].values[-1] - 1.0) < 3e-3
+    assert result.summary["bodies"]["body"]["rotation_max"] > 0.9
+    codes = {entry["code"] for entry in result.summary["verdict"]["findings"]}
+    assert "model_rotation" not in codes
 
 
 @pytest.mark.parametrize(

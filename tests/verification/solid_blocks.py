@@ -12,7 +12,7 @@ def solid_scene(body, obstacles, *, duration, gravity=None, **solve):
     """Scene of one solid of density and modulus 1, without fields."""
     body = {
         "name": "body", "kind": "solid", "model": "plane_strain", "cells": "hexahedron",
-        "degree": 1, "density": 1.0, "youngs_modulus": 1.0, "poisson_ratio": 0.0,
+        "degree": 1, "strain": "small", "density": 1.0, "youngs_modulus": 1.0, "poisson_ratio": 0.0,
     } | body  # fmt: skip
     return impactfem.Scene.from_dict(
         {

@@ -21,8 +21,8 @@ def scene(bodies, *, duration, obstacles=(), gravity=None, contacts=(), fields=(
         solve: Settings.
     """
     plain = {
-        "kind": "solid", "model": "plane_strain", "density": 1.0, "youngs_modulus": 1.0,
-        "poisson_ratio": 0.0,
+        "kind": "solid", "strain": "small", "model": "plane_strain", "density": 1.0,
+        "youngs_modulus": 1.0, "poisson_ratio": 0.0,
     }  # fmt: skip
     return impactfem.Scene.from_dict(
         {

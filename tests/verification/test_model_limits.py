@@ -12,6 +12,7 @@ def rubber(name, shape, **keys):
     return {
         "name": name, "kind": "solid", "model": "plane_strain", "shape": shape,
         "mesh_size": 0.0125, "density": 1100.0, "youngs_modulus": 1e6, "poisson_ratio": 0.4,
+        "strain": "small",
     } | keys  # fmt: skip
 
 
