@@ -46,9 +46,9 @@ class Track:
     Attributes:
         times: t_m [s], shape (rows,).
         position: Centres of mass at t_m [m], those of all bodies side by side, shape
-            (rows, 3 * bodies).
+            (rows, 3 * bodies); then what `turned` gives of bodies that may turn far.
         force: Contact force during (t_{m-1}, t_m] [N], shape (rows,).
-        moved: Ways of the centres before t = 0, to where bodies rest [m], (3 * bodies,).
+        moved: Ways of the same before t = 0, to where bodies rest [m].
     """
 
     times: Floats
@@ -58,16 +58,30 @@ class Track:
 
     @classmethod
     def of_history(
-        cls, history: Table, names: Sequence[str], details: Mapping[str, Any] | None = None
+        cls,
+        history: Table,
+        names: Sequence[str],
+        details: Mapping[str, Any] | None = None,
+        turning: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> "Track":
-        """Of the history of bodies, and what summaries tell of their start."""
+        """Of the history of bodies, and what summaries tell of their start.
+
+        Args:
+            history: Of the run.
+            names: Of the bodies.
+            details: Of its summary.
+            turning: Mass and inertia of those whose rotation counts.
+        """
         moved = np.zeros((len(names), 3))
         for name, way in (details or {}).get("start", {}).get("moved", {}).items():
             moved[names.index(name), : len(way)] = way
         columns = [history[f"{name}.{axis}"].values for name in names for axis in "xyz"]
-        position = np.stack(columns, axis=1)
+        for name, body in (turning or {}).items():
+            columns += turned(history, name, body)
         force = history["contact_force"].values
-        return cls(history["time"].values, position, force, moved.ravel())
+        before = np.zeros(len(columns))
+        before[: moved.size] = moved.ravel()
+        return cls(history["time"].values, np.stack(columns, axis=1), force, before)
 
     def way(self, times: Floats) -> Floats:
         """Way of the centres [m], linear between levels, shape (times, 3 * bodies).
@@ -82,6 +96,38 @@ class Track:
         done = np.cumsum(self.force[1:] * np.diff(self.times))
         impulse: Floats = np.interp(times, self.times, np.concatenate([[0.0], done]))
         return impulse
+
+
+def turning(scene: Scene, bodies: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """Those of some bodies, by name, whose rotation counts: they may turn far."""
+    return {solid.name: bodies[solid.name] for solid in scene.solids if solid.is_finite}
+
+
+def turned(history: Table, name: str, body: Mapping[str, Any]) -> list[Floats]:
+    """Rotation of a body times its radius of gyration [m], as columns; none if it is held.
+
+    They are the entries of the rotation matrix: two rotations are as far apart in them as the
+    points of the body are in the mean square (in space, as if its inertia were that of a ball).
+
+    Args:
+        history: Of the run.
+        name: Of the body.
+        body: Its mass and inertia, as ``summary.json`` has them.
+    """
+    inertia = np.atleast_2d(np.asarray(body.get("inertia", 0.0), dtype=np.float64))
+    if f"{name}.angle" in history:
+        radius, angle = np.sqrt(inertia[0, 0] / body["mass"]), history[f"{name}.angle"].values
+        return [radius * np.cos(angle), radius * np.sin(angle)]
+    if f"{name}.qw" not in history:
+        return []
+    scale = np.sqrt(np.trace(inertia) / (6.0 * body["mass"]))
+    w, x, y, z = (history[f"{name}.q{letter}"].values for letter in "wxyz")
+    entries = [
+        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w),
+        2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w),
+        2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y),
+    ]  # fmt: skip
+    return [scale * entry for entry in entries]
 
 
 def estimate_error(
@@ -184,7 +230,8 @@ def _run(scene: Scene, chosen: Plan[MarchNumbers], factor: float) -> Track:
 
 def _track(scene: Scene, motion: "SolidsMotion") -> Track:
     names = [body.name for body in scene.bodies]
-    return Track.of_history(motion.history, names, motion.effort.details)
+    effort = motion.effort
+    return Track.of_history(motion.history, names, effort.details, turning(scene, effort.bodies))
 
 
 @contextmanager
@@ -219,7 +266,8 @@ def _with_size(scene: Scene, solid: Solid, factor: float, files: ExitStack) -> S
 def difference(fine: Track, coarse: Track, reference: str) -> Errors:
     """Difference of two runs at the times and in the layers of the coarser one.
 
-    Displacements are those of the centres of mass, linear between the levels of the finer run;
+    Displacements are those of the centres of mass, and of bodies under finite strain those of
+    their points by rotation (root mean square), linear between the levels of the finer run;
     forces are compared by their impulse in each layer, which is exact as they are constant there.
 
     Args:

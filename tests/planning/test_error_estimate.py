@@ -1,6 +1,8 @@
 """Differences of two runs, against closed forms."""
 
 import math
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +11,8 @@ from solid_scenes import solid_scene
 import impactfem
 from impactfem.reference.bar import Errors
 from impactfem.runs.error_estimate import Track, difference, extrapolated, resized
+
+DEMOS = Path(__file__).parents[2] / "demos"
 
 
 def track(layers, height, force):
@@ -125,3 +129,50 @@ def test_several_bodies_tell_their_error(friction):
     apart = result.history["right.x"].values - result.history["right.x"].values[0] - way
     true = np.abs(apart).max() * math.sqrt(2.0) / np.hypot(way, 0.1 * time - way).max()
     assert 0.5 <= result.summary["error"]["displacement_max"] / true <= 10.0
+
+
+def test_turns_count_as_far_as_they_move_the_points_of_a_body():
+    times = np.linspace(0.0, 1.0, 5)
+    still = {f"a.{axis}": np.zeros(5) for axis in "xyz"}
+    rows = {"time": times, "contact_force": np.zeros(5)} | still
+
+    def table(**columns):
+        return {name: SimpleNamespace(values=values) for name, values in (rows | columns).items()}
+
+    # A rod of length 2 about its middle, at .3 and .4 rad in the end: 2 r sin(half of it).
+    rod = {"a": {"mass": 3.0, "inertia": 1.0}}
+    tracks = [
+        Track.of_history(table(**{"a.angle": end * times}), ["a"], None, rod) for end in (0.3, 0.4)
+    ]
+    found = difference(*tracks, "")
+    assert found.displacement_max == pytest.approx(math.sin(0.05) / math.sin(0.15), rel=1e-12)
+
+    # A ball in space about a diagonal, by the same angles.
+    ball = {"a": {"mass": 1.0, "inertia": np.eye(3) * 0.4}}
+
+    def turn(end):
+        half = 0.5 * end * times
+        axis = {f"a.q{letter}": np.sin(half) / math.sqrt(3.0) for letter in "xyz"}
+        return table(**axis, **{"a.qw": np.cos(half)})
+
+    tracks = [Track.of_history(turn(end), ["a"], None, ball) for end in (0.3, 0.4)]
+    found = difference(*tracks, "")
+    assert found.displacement_max == pytest.approx(math.sin(0.05) / math.sin(0.15), rel=1e-12)
+    way = np.linalg.norm(tracks[0].way(times), axis=1)[-1]
+    # Of a ball with mean square 0.6 of distance, 2/3 of it from the axis.
+    assert way == pytest.approx(2.0 * math.sqrt(0.4) * math.sin(0.15), rel=1e-12)
+
+
+@pytest.mark.slow
+def test_the_estimate_of_a_block_that_tumbles_covers_its_error():
+    # Elements of 1.25 mm and steps of 5e-5 s end at these places; at 2.5 mm the angle was 2.0881.
+    height, angle = 0.14163, 2.0429
+    scene = impactfem.Scene.from_toml(DEMOS / "tumbling_block" / "scene.toml")
+    result = impactfem.solve(scene.with_settings(["output.fields=[]"]))
+    rows, body = result.history, result.summary["bodies"]["block"]
+    end = {name: rows[f"block.{name}"].values[-1] for name in ("y", "angle")}
+    radius = math.sqrt(body["inertia"] / body["mass"])
+    apart = math.hypot(end["y"] - height, 2.0 * radius * math.sin(0.5 * (end["angle"] - angle)))
+    way = 0.15  # along the floor at 1 m/s
+    told = result.summary["error"]["displacement_max"]
+    assert apart / way <= told <= 5.0 * apart / way
