@@ -118,7 +118,14 @@ class StaticStart:
             if done == _MOST or not np.isfinite(rest):
                 break
             before = self._places
-            multiplier = self._step(left, gap, normals, multiplier)
+            try:
+                multiplier = self._step(left, gap, normals, multiplier)
+            except ConvergenceError as error:
+                raise ConvergenceError(
+                    f'start = "static": no contact forces were found in pass {done + 1}; bodies '
+                    "that press each other together by more than a few percent at once have to be "
+                    'brought there: use start = "given" and loads that grow'
+                ) from error
             if max(_DRIFTING * last, _ROUNDING) < rest:
                 self._follow(before, left, gap, normals)
             idle = 0 if rest < _DRIFTING * best else idle + 1

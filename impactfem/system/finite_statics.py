@@ -84,7 +84,8 @@ class FiniteAtRest(BodyAtRest):
 
         A step's forces are symmetric in both its ends: by one of them they change half as much.
         """
-        matrix = self._strain.tangent(place, place)
+        # What pressures that follow do as a free body turns outweighs the mass that holds it.
+        matrix = self._strain.tangent(place, place, pressed=not self.modes.count)
         matrix.scale(2.0)
         self.hold(matrix)
         held = np.flatnonzero(self._system.constrained) + matrix.getOwnershipRange()[0]

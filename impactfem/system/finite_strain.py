@@ -1,5 +1,6 @@
 """Internal forces, tangents and energies of a body under finite strain, assembled by DOLFINx."""
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,7 @@ class FiniteStrain:
         self._before, self._after = dolfinx_fem.Function(space), dolfinx_fem.Function(space)
         self._mean = mean_dilatation(forms, solid, self._before, self._after)
         force = forms.force(self._before, self._after)
-        self._force = fem.compile_form(force)
+        self._force, self._internal = fem.compile_form(force), force
         self._following, self._pressure = following, None
         if following.any:
             pressure = following.form(forms, self._before, self._after)
@@ -105,15 +106,22 @@ class FiniteStrain:
         self.put(before, after)
         return fem.assemble_vector(self._pressure)
 
-    def tangent(self, before: Floats, after: Floats) -> Any:
-        """Derivative of `force` less `pressed` by ``after`` [N/m] (collective).
+    @cached_property
+    def _stiffness(self) -> Any:
+        """Compiled where it is asked for: without pressures it is the tangent."""
+        if self._pressure is None:
+            return self._tangent
+        return fem.compile_form(ufl.derivative(self._internal, self._after))
 
-        A new PETSc matrix, not symmetric.
+    def tangent(self, before: Floats, after: Floats, *, pressed: bool = True) -> Any:
+        """Derivative of `force`, less `pressed` unless told otherwise, by ``after`` [N/m].
+
+        A new PETSc matrix, not symmetric (collective).
         """
         self.put(before, after)
         if self._mean is not None:
             self._mean.linearise()
-        matrix = fem.assemble_petsc(self._tangent)
+        matrix = fem.assemble_petsc(self._tangent if pressed else self._stiffness)
         if self._mean is not None:
             self._mean.stiffen(matrix, np.zeros(len(before), dtype=bool))
         return matrix

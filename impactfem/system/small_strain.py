@@ -47,7 +47,7 @@ class SmallStrain:
         """No forces."""
         return np.zeros(len(before))
 
-    def tangent(self, before: Floats, after: Floats) -> Any:  # noqa: ARG002  (as finite strain)
+    def tangent(self, before: Floats, after: Floats, *, pressed: bool = True) -> Any:  # noqa: ARG002
         """Their derivative by ``after`` as a new PETSc matrix [N/m] (collective)."""
         tangent = self._stiffness.copy()
         tangent.scale(0.5 + self._retarded)

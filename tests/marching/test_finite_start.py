@@ -70,3 +70,32 @@ def test_what_nothing_holds_is_named():
     slope = FLOOR | {"normal": [np.sin(0.3), np.cos(0.3)]}
     with pytest.raises(SceneError, match=r"nothing holds body body against its translation along"):
         impactfem.solve(scene({}, (0.0, -0.1), slope))
+
+
+@pytest.mark.parametrize(("cells", "degree"), [("simplex", 1), ("hexahedron", 1), ("simplex", 2)])
+def test_pressed_blocks_of_other_meshes_are_as_one(cells, degree):
+    """The patch test: one stress everywhere, though nodes do not match."""
+
+    def block(name, bottom, height, size):
+        return {
+            "name": name, "kind": "solid", "model": "plane_strain", "strain": "finite",
+            "material": "neo_hookean", "density": 1.0, "youngs_modulus": 1.0, "poisson_ratio": 0.3,
+            "shape": {"kind": "block", "size": [1.0, height], "corner": [0.0, bottom]},
+            "mesh_size": size, "cells": cells, "degree": degree,
+            "supports": [{"surface": "left", "kind": "motion", "value": ["0", ""]}],
+        }  # fmt: skip
+
+    pressed = {"pressures": [{"surface": "top", "value": 0.02}]}
+    ends = []
+    for bodies in (
+        [block("one", 0.0, 0.8, 0.2) | pressed],
+        [block("low", 0.0, 0.4, 0.12), block("high", 0.4, 0.4, 0.17) | pressed],
+    ):
+        data = scene({}).to_dict() | {"duration": 0.05, "body": bodies}
+        data["output"] = {"fields": ["vtkhdf"]}
+        result = impactfem.solve(Scene.from_dict(data))
+        stress = result.fields.read(0)["cauchy_stress"]
+        assert np.ptp(stress, axis=0).max() <= 1e-10 * np.abs(stress).max()
+        ends.append((column(result, "elastic_energy")[0], column(result, "contact_force")[0]))
+    assert ends[1][0] == pytest.approx(ends[0][0], rel=1e-10)
+    assert ends[1][1] == pytest.approx(2.0 * ends[0][1], rel=1e-10)  # floor and interface
