@@ -88,14 +88,18 @@ def _factors(
     planes = dict(system.supports.planes) | ({0: 0.0} if system.axisymmetric else {})
     centre = system.center_of_mass
     centre[list(planes)] = list(planes.values())
-    places = (system.positions - centre) / system.nodes.size
+    places = system.positions - centre
+    far = float(np.linalg.norm(places, axis=1).max(initial=0.0))
+    places = places / (2.0 * comm.allreduce(far, op=MPI.MAX))
     one, pairs = np.ones(len(places)), combinations_with_replacement(range(dim), 2)
     # Images of a cut or an axis undo what is odd along its normal.
     linear = [(one, places[:, axis]) for axis in range(dim) if axis not in planes]
     mixed = [(a, b) for a, b in pairs if a == b or not {a, b} & planes.keys()]
     # Pairs (x, y) whose sums x M y shall be those of the body's mass; of their products the factors
     # are made, and the squares make the second moment.
-    conditions = [(one, one), *linear, *((places[:, a], places[:, b]) for a, b in mixed)]
+    # With these weights least squares do not change if body and axes turn together.
+    products = ((places[:, a] * (1.0 if a == b else np.sqrt(2.0)), places[:, b]) for a, b in mixed)
+    conditions = [(one, one), *linear, *products]
     squares = np.array([False] * (1 + len(linear)) + [a == b for a, b in mixed])
     basis = np.stack([x * y for x, y in conditions], axis=1)
 
