@@ -40,28 +40,69 @@ def overlap(
         ((other, other_places), (one, places)),
     ):
         low, high = there.min(axis=0), there.max(axis=0)
-        middles = at[_corners(a)].mean(axis=1)
-        below = middles - (_BELOW * _width(a))[:, None] * a.normals
+        middles, below = _below(a, at)
         near = np.flatnonzero(((below > low) & (below < high)).all(axis=1))
         held = near[inside(b, there, below[near])]
+        normals = outward_normals(b, there) if len(held) else b.normals
         for face in held:
             # The middle of the face is deeper than the point below it, or on the other's surface.
-            depth = max(_depth(b, there, below[face]), _depth(b, there, middles[face]))
+            depth = max(_depth(b, there, normals, x[face]) for x in (below, middles))
             found.append((depth, middles[face]))
     return max(found, key=lambda entry: entry[0], default=None)
 
 
+def folded(body: Boundary, places: Floats) -> Floats | None:
+    """Where a body lies in itself, a place (dim,); None if it does not.
+
+    Points below its faces are in it once, unless another part of it lies there too.
+
+    Args:
+        body: Its outside.
+        places: Of its nodes [m], shape (nodes, dim).
+    """
+    middles, below = _below(body, places)
+    twice = np.flatnonzero(_turns(body, places, below) > 1.5)
+    return middles[twice[0]] if len(twice) else None
+
+
 def inside(body: Boundary, places: Floats, points: Floats) -> Booleans:
     """Which points (points, dim) are inside a body whose nodes are at some places."""
-    found = np.zeros(len(points), dtype=bool)
-    parts = _parts(body)
+    return np.asarray(_turns(body, places, points) > 0.5)
+
+
+def _below(body: Boundary, places: Floats) -> tuple[Floats, Floats]:
+    """Middles of the faces and points just below them, (faces, dim) each."""
+    middles = places[_corners(body)].mean(axis=1)
+    return middles, middles - (_BELOW * _width(body))[:, None] * outward_normals(body, places)
+
+
+def outward_normals(body: Boundary, places: Floats) -> Floats:
+    """Unit outward normals of faces where the body is, however it has turned, (faces, dim)."""
+    side = np.sign(np.einsum("fd,fd->f", _across(body, body.points), body.normals))
+    across = side[:, None] * _across(body, places)
+    return np.asarray(across / np.linalg.norm(across, axis=1)[:, None])
+
+
+def _across(body: Boundary, places: Floats) -> Floats:
+    """Normals of faces by the order of their corners, of any length, (faces, dim)."""
+    corners = places[_corners(body)]
+    along = corners[:, 1:3] - corners[:, :1]
+    if places.shape[1] == 2:
+        return np.stack([along[:, 0, 1], -along[:, 0, 0]], axis=1)
+    return np.cross(along[:, 0], along[:, 1])
+
+
+def _turns(body: Boundary, places: Floats, points: Floats) -> Floats:
+    """How often the surface of a body surrounds points (points, dim), (points,)."""
+    found = np.zeros(len(points))
+    parts, normals = _parts(body), outward_normals(body, places)
     for first in range(0, len(points), max(1, _AT_ONCE // max(1, len(parts)))):
         some = slice(first, first + max(1, _AT_ONCE // max(1, len(parts))))
         ways = places[parts][None] - points[some, None, None]  # (points, parts, corners, dim)
         turns = _angles(ways) if places.shape[1] == 2 else _solid_angles(ways)
         faces = np.repeat(np.arange(len(body.faces)), len(parts) // max(1, len(body.faces)))
-        outward = np.einsum("pfd,fd->pf", ways.mean(axis=2), body.normals[faces])
-        found[some] = (np.sign(outward) * turns).sum(axis=1) > 0.5
+        outward = np.einsum("pfd,fd->pf", ways.mean(axis=2), normals[faces])
+        found[some] = (np.sign(outward) * turns).sum(axis=1)
     return found
 
 
@@ -82,10 +123,10 @@ def _solid_angles(ways: Floats) -> Floats:
     return np.asarray(np.abs(np.arctan2(volume, around)) / (2.0 * np.pi))
 
 
-def _depth(body: Boundary, places: Floats, point: Floats) -> float:
+def _depth(body: Boundary, places: Floats, normals: Floats, point: Floats) -> float:
     """Distance to the nearest plane of a face [m]."""
     middles = places[_corners(body)].mean(axis=1)
-    return float(np.abs(np.einsum("fd,fd->f", middles - point, body.normals)).min())
+    return float(np.abs(np.einsum("fd,fd->f", middles - point, normals)).min())
 
 
 def _corners(body: Boundary) -> NDArray[np.int64]:

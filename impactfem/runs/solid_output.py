@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.overlap import overlap
+from impactfem.contact.overlap import folded, overlap
 from impactfem.contact.watch import penetration_of_others
 from impactfem.errors import SceneError
 from impactfem.fem import cell_nodes, on_root
@@ -218,13 +218,17 @@ def _cells(comm: Any, mesh: BodyMesh) -> Any:
     return ordered
 
 
+_SELDOM = 10  # looks of which one asks whether bodies lie in themselves, which costs the most
+
+
 class Watch:
-    """Notices what contact lets through: nodes in an obstacle, bodies in each other.
+    """Notices what contact lets through: nodes in an obstacle, bodies in each other, in themselves.
 
     Attributes:
         depth: Of the deepest node without contact unknowns in an obstacle [m]; 0 without any.
         message: What was seen of it, in words.
         overlap: How deep one body was in another [m]; gaps between bodies are means over faces.
+        folds: Where and when a body that may bend at will lay in itself, by name, in words.
         axes: What was seen of rods and beams.
     """
 
@@ -237,6 +241,8 @@ class Watch:
         self._cuts = np.cumsum([0, *(len(part.system.constrained) for part in parts)])
         self.depth = self.overlap = 0.0
         self.message = ""
+        self.folds: dict[str, str] = {}
+        self._looks = 0
 
     def __call__(self, level: Level) -> None:
         """Look at a level if it is its turn (collective)."""
@@ -245,6 +251,9 @@ class Watch:
             return
         each = [level.displacement[first:end] for first, end in pairwise(self._cuts)]
         self._look_between(each)
+        if self._looks % _SELDOM == 0:
+            self._look_for_folds(each, level.time)
+        self._looks += 1
         for part, moved in zip(self._parts, each, strict=True):
             if part.contact is None:
                 continue
@@ -261,6 +270,15 @@ class Watch:
                     f"deep in obstacle {part.obstacles[found.obstacle].name!r} at ({where}) m, "
                     f"t = {level.time:.4g} s; name its surface in body.contact_surfaces"
                 )
+
+    def _look_for_folds(self, displacements: Sequence[Floats], time: float) -> None:
+        """Look at each body that may bend at will (collective)."""
+        for part, moved in zip(self._parts, displacements, strict=True):
+            if part.solid.is_finite and part.solid.name not in self.folds:
+                place = folded(part.outside, part.places_at(moved))
+                if place is not None:
+                    where = ", ".join(f"{value:.4g}" for value in place)
+                    self.folds[part.solid.name] = f"near ({where}) m at t = {time:.4g} s"
 
     def _look_between(self, displacements: Sequence[Floats]) -> None:
         """Look at bodies that may meet each other (collective)."""

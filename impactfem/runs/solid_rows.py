@@ -205,12 +205,17 @@ def _clean(gap: Floats, model: SolidsModel, march: TimeLoop[Any]) -> Floats:
 
 
 def _overlap_findings(model: SolidsModel, watch: Watch) -> tuple[Finding, ...]:
-    """Whether bodies lay in each other, though their gaps, means over faces, did not close."""
+    """Whether bodies lay in each other, though their mean gaps did not close, or in themselves."""
     share = watch.overlap / min((part.system.nodes.size for part in model.parts), default=1.0)
     text = f"bodies lie up to {watch.overlap:.2g} m in each other, {percent(share)} of the smaller"
     text += " one: gaps between bodies are means over faces"
     remedy = "take smaller elements where they meet"
-    return by_limits("penetration", share, PENETRATION_LIMITS, text, remedy=remedy)
+    found = by_limits("penetration", share, PENETRATION_LIMITS, text, remedy=remedy)
+    for name, where in watch.folds.items():
+        text = f"{name} lies in itself {where}: contact of a body with itself is not computed"
+        remedy = "end the run before, or make two bodies of it that may meet"
+        found += (Finding("penetration", "fault", text, name, remedy=remedy),)
+    return found
 
 
 def body_motions(

@@ -1,5 +1,6 @@
 """Run the time loop of solids as planned: from the scene to their motions and fields."""
 
+import json
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -197,7 +198,7 @@ def _march(
         text = scene.to_toml(folder=restart)
         start = Checkpoints(comm, collector, positions, restart, text).read(march)
         watch.depth, watch.message = float(start["depth"]), str(start["message"])
-        watch.overlap = float(start["overlap"])
+        watch.overlap, watch.folds = float(start["overlap"]), json.loads(str(start["folds"]))
         axes.restore(str(start["axes"]))
         limits.restore(str(start["limits"]))
         kept = int(start["fields"])
@@ -252,6 +253,7 @@ def _saver(
             kept = on_root(comm, lambda: 0 if spool is None else len(spool))
             seen: dict[str, float | str] = {
                 "depth": watch.depth, "message": watch.message, "overlap": watch.overlap,
+                "folds": json.dumps(watch.folds),
                 "axes": watch.axes.state(),
                 "limits": limits.state(),
             }  # fmt: skip

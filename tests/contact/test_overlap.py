@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from impactfem.contact.boundary import Boundary
-from impactfem.contact.overlap import inside, overlap
+from impactfem.contact.overlap import folded, inside, overlap
 
 
 def polygon(points):
@@ -96,3 +96,32 @@ def test_body_in_the_notch_of_another_is_outside_of_it():
     moved = small.points - [0.3, 0.0]
     depth, _ = overlap(notch, notch.points, small, moved)
     assert depth == pytest.approx(0.2, abs=0.01)
+
+
+@pytest.mark.parametrize("angle", [0.4, 1.6, 3.0])
+def test_bodies_that_have_turned_are_seen_where_they_are(angle):
+    """By normals of t = 0 a body turned by half a turn was inside out: bodies beside it in it."""
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    body, small = polygon(LETTER_L), polygon([[1.1, 1.1], [1.9, 1.1], [1.9, 1.9], [1.1, 1.9]])
+    assert overlap(body, body.points @ turn.T, small, small.points @ turn.T) is None
+    moved = (small.points - [0.3, 0.0]) @ turn.T
+    depth, _ = overlap(body, body.points @ turn.T, small, moved)
+    assert depth == pytest.approx(0.2, abs=0.01)
+
+
+def test_a_body_that_is_bent_into_itself_is_seen():
+    """A strip that is bent to a ring, and further."""
+    x = np.linspace(0.0, 1.0, 41)
+    outside = [[s, 0.0] for s in x] + [[s, 0.05] for s in x[::-1]]
+    strip = polygon(outside)
+
+    def bent(turns):
+        radius = 1.0 / (2.0 * np.pi * turns)
+        angle = strip.points[:, 0] / radius
+        arms = radius - strip.points[:, 1]
+        return np.stack([arms * np.sin(angle), radius - arms * np.cos(angle)], axis=1)
+
+    assert folded(strip, strip.points) is None
+    assert folded(strip, bent(0.95)) is None
+    assert folded(strip, bent(1.05)) is not None
+    assert folded(box([0, 0, 0], [1, 1, 1]), box([0, 0, 0], [1, 2, 1]).points) is None

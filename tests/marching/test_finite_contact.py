@@ -193,3 +193,18 @@ def test_a_turning_rod_meets_a_body_to_second_order():
     ]
     assert lost[1] <= 1e-6
     assert lost[1] <= lost[0] / 3.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("speed", "folds"), [(6.0, True), (3.0, False)])
+def test_a_ring_that_folds_into_itself_is_told(speed, folds):
+    ring = RUBBER | {
+        "name": "ring", "mesh_size": 0.006, "youngs_modulus": 2e5, "velocity": [0.0, -speed],
+        "shape": {
+            "kind": "ring", "inner_radius": 0.036, "radius": 0.05, "center": [0.0, 0.0502],
+        },
+    }  # fmt: skip
+    result = solved([ring], 0.014, obstacle=[FLOOR])
+    texts = [found["text"] for found in result.summary["verdict"]["findings"]]
+    assert any("lies in itself" in text for text in texts) == folds
+    assert (result.summary["verdict"]["level"] == "do_not_trust") == folds
