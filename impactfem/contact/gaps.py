@@ -149,14 +149,13 @@ class Gaps:
         # their work is that of the change of distance, but for the cube of the way.
         static = last - begin
         there = self._positions + displacement + static
-        acting = there - back * (displacement - begin)
-        gap, normal = np.empty(len(last)), np.empty_like(last)
-        self._nearest = nearest_obstacle(self._obstacles, there, time)[0]
-        for index, obstacle in enumerate(self._obstacles):
-            mine = self._nearest == index
-            if mine.any():
-                gap[mine] = signed_distance(obstacle, there[mine], time)[0]
-                normal[mine] = signed_distance(obstacle, acting[mine], time)[1]
+        self._nearest, gap, normal = nearest_obstacle(self._obstacles, there, time)
+        if displacement is not begin:
+            acting = there - back * (displacement - begin)
+            for index, obstacle in enumerate(self._obstacles):
+                mine = self._nearest == index
+                if mine.any():
+                    normal[mine] = signed_distance(obstacle, acting[mine], time)[1]
         return gap - self._radius - np.einsum("ij,ij->i", normal, static), normal
 
     def normals_at(self, displacement: Floats, time: float) -> Floats:
