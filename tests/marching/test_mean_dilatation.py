@@ -4,9 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import ufl
 
 import impactfem
 from impactfem import SceneError
+from impactfem.forms.elasticity import ElasticForms
+from impactfem.forms.finite_strain import LAWS, FiniteForms
 
 COOK = str(Path(__file__).parents[2] / "meshes" / "cook.geo")
 RUBBER = {"kind": "solid", "material": "neo_hookean", "density": 1100.0, "poisson_ratio": 0.4999}
@@ -20,6 +23,35 @@ def solved(duration, dt, body, floor, **more):
         "solve": {"dt": dt, "estimate": False}, "output": {"fields": []},
     }  # fmt: skip
     return impactfem.solve(impactfem.Scene.from_dict(data | more))
+
+
+@pytest.mark.parametrize("model", ["plane_strain", "axisymmetric", "3d"])
+def test_what_pressures_work_on_is_the_change_of_volume(model):
+    """Of each cell, between states far apart."""
+    from dolfinx import fem, mesh
+    from mpi4py import MPI
+
+    if model == "3d":
+        domain = mesh.create_unit_cube(MPI.COMM_SELF, 1, 1, 1, mesh.CellType.hexahedron)
+    else:
+        domain = mesh.create_rectangle(MPI.COMM_SELF, [[0.5, 0.0], [1.5, 1.0]], [2, 2])
+    space = fem.functionspace(domain, ("Lagrange", 1, (domain.geometry.dim,)))
+    cells = fem.functionspace(domain, ("Discontinuous Lagrange", 0))
+    one, q = fem.Constant(domain, 1.0), ufl.TestFunction(cells)
+    elastic = ElasticForms(space, model, model != "3d", one, one, one)
+    finite = FiniteForms(elastic, LAWS["neo_hookean"], 0.0, one)
+    before, after = fem.Function(space), fem.Function(space)
+    random = np.random.default_rng(1)
+    for function in (before, after):
+        function.x.array[:] = 0.1 * random.standard_normal(len(function.x.array))
+
+    def of_cells(density):
+        return fem.assemble_vector(fem.form(elastic.measured(q * density))).array
+
+    swept = of_cells(finite.swept(before, after, after - before))
+    changed = of_cells(finite.dilatation(after)) - of_cells(finite.dilatation(before))
+    assert np.abs(changed).max() > 0.01
+    assert swept == pytest.approx(changed, abs=1e-14)
 
 
 def thrown(kind, duration, dt, **more):
