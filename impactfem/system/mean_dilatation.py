@@ -7,7 +7,8 @@ K. S. Pister, Comput. Methods Appl. Mech. Eng. 51 (1985) 177-208). In a step fro
     p = (U(theta_1) - U(theta_0)) / (theta_1 - theta_0)
 
 works on theta exactly what U changes, and forces with p times a discrete gradient of J what p does:
-`impactfem.forms.finite_strain`. Cells of degree 2 have one pressure too.
+`impactfem.forms.finite_strain`. Of viscous bodies p gains K times the change of theta, times the
+time of retardation over the step. Cells of degree 2 have one pressure too.
 
 Newton's method has the pressures as unknowns, which each cell eliminates: the tangent knows them as
 the last one foresaw them, not as the volumes of its iterate have it. Those are far off as long as
@@ -57,6 +58,7 @@ class MeanDilatation:
             bulk: K [Pa].
         """
         self._pressing, self._bulk, self._ends = forms.pressing, bulk, (before, after)
+        self._viscosity = forms.viscosity
         self._last: _Linearised | None = None
         q = ufl.TestFunction(forms.pressing.function_space)
         start, end = (forms.elastic.measured(q * forms.dilatation(u)) for u in (before, after))
@@ -129,7 +131,12 @@ class MeanDilatation:
         """Of a step between two theta - 1 [Pa]."""
         logs = 0.5 * (np.log1p(start) + np.log1p(end))
         found: Floats = self._bulk * logs * self._divided(start, end)
-        return found
+        return found + self._retarding * (end - start)
+
+    @property
+    def _retarding(self) -> float:
+        """Pressure by a change of theta of viscous bodies [Pa]."""
+        return self._bulk * float(getattr(self._viscosity, "value", self._viscosity))
 
     def _excess(self, form: Any) -> Floats:
         """Theta - 1 of the owned cells."""
@@ -153,9 +160,9 @@ class MeanDilatation:
         near = 0.5 * (1.0 - log) / middle**2 + change / 12.0 * (2.0 * log - 3.0) / middle**3
         far = np.abs(change) > _NEAR * middle
         logs = np.log1p(start), np.log1p(end)
-        pressure = self._pressures(start, end) / self._bulk
+        pressure = 0.5 * (logs[0] + logs[1]) * self._divided(start, end)
         whole = (logs[1] / (1.0 + end) - pressure) / np.where(far, change, 1.0)
-        found: Floats = self._bulk * np.where(far, whole, near)
+        found: Floats = self._bulk * np.where(far, whole, near) + self._retarding
         return found
 
 

@@ -84,6 +84,27 @@ def test_bounces_keep_the_energy_and_flight_the_momenta(kind):
         assert np.ptp(values) <= 1e-10 * np.abs(values).max()
 
 
+def test_damping_is_that_of_small_strains():
+    """A column between slippery walls in which a pressure wave dies away."""
+    column = {
+        "model": "plane_strain", "youngs_modulus": 1e6, "cells": "hexahedron", "mesh_size": 0.05,
+        "degree": 1, "shape": {"kind": "block", "size": [0.05, 0.5], "corner": [0.0, 0.0]},
+        "velocity": ["0", "1e-4*y"], "rayleigh_stiffness": 2e-5, "contact_surfaces": ["top"],
+        "supports": [
+            {"surface": side, "kind": "symmetry"} for side in ("left", "right", "bottom")
+        ],
+    }  # fmt: skip
+    below = {"point": [0.0, 9.0], "normal": [0.0, -1.0]}
+    method = {"solve": {"dt": 2e-5, "estimate": False, "method": "conserving"}}
+    small = {"strain": "small", "material": "linear"}
+    one, other = (
+        next(columns(solved(2e-3, 2e-5, column | kind, below, **method), "elastic_energy"))
+        for kind in ({}, small)
+    )
+    assert one[-10:].max() < 0.7 * one.max()
+    assert np.abs(one - other).max() <= 2e-3 * one.max()
+
+
 def cook(size, kind):
     """Tip of Cook's membrane, mu = 80.1938, force 100, at rest: the corner's way up.
 
