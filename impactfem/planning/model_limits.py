@@ -15,9 +15,6 @@ FOLDED = 0.5
 _COLLAPSE = (0.6, 0.4)
 """The same for St. Venant and Kirchhoff's law: no stiffness is left at a stretch of 1 / sqrt 3."""
 
-LINEAR_LAW = 1.0 - _COLLAPSE[0]
-"""Strain up to which that law may be taken where no one asked for it."""
-
 _TURNS = (
     "elasticity of small strains has no large rotations: give the body "
     'strain = "finite"; else take a shorter duration, a central impact or supports that keep the '

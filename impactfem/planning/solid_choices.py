@@ -71,11 +71,12 @@ def choose_degrees(
     Raises:
         SceneError: The method asked for has no elements of the degree asked for.
     """
-    alone = len(scene.solids) == 1
-    return tuple(
-        _degree(scene, solid, "degree" if alone else f"degree of {solid.name}", reasons, findings)
-        for solid in scene.solids
-    )
+    alone, found = len(scene.solids) == 1, []
+    for solid in scene.solids:
+        key = "degree" if alone else f"degree of {solid.name}"
+        found.append(_degree(scene, solid, key, reasons, findings))
+        findings += _one_pressure(solid, found[-1])
+    return tuple(found)
 
 
 def _degree(
@@ -114,6 +115,17 @@ def _degree(
         return 1
     reasons[key] = "waves with jumps gain nothing from more, and degree 1 can march explicitly"
     return 1
+
+
+def _one_pressure(solid: Solid, degree: int) -> list[Finding]:
+    """Whether cells of degree 2 have too few pressures for waves of these."""
+    few = degree == 2 and solid.is_finite and solid.keeps_volume
+    if not few or solid.cells == "simplex":
+        return []
+    text = f"cells of degree 2 of {solid.name} have one pressure each under finite strain: bending "
+    text += "and shear are right, but waves of pressure a few cells long are too slow"
+    remedy = "take degree = 1 if these waves matter and the body does not bend, or smaller cells"
+    return [warning("setting", text, solid.name, remedy)]
 
 
 def stiff_elements(solid: Solid) -> str:

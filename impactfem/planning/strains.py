@@ -5,8 +5,13 @@ from dataclasses import replace
 
 from impactfem.errors import SceneError
 from impactfem.findings import Finding
-from impactfem.planning.model_limits import CODES, LINEAR_LAW
+from impactfem.planning.model_limits import CODES
 from impactfem.scene import Scene
+
+_MOST = 0.4  # foreseen strain beyond which steps may not settle: that needs a choice of meshes
+_LAW = "neo_hookean"
+"""What bodies take that have no other law: at small strains it is the linear one, and under finite
+strain that one (St. Venant, Kirchhoff) grows weaker as it is pressed, until no step settles."""
 
 
 def with_strains(scene: Scene, finite: Iterable[str]) -> Scene:
@@ -17,7 +22,7 @@ def with_strains(scene: Scene, finite: Iterable[str]) -> Scene:
     """
     names = set(finite)
     solids = {
-        solid.name: replace(solid, strain="finite")
+        solid.name: replace(solid, strain="finite", material=_LAW)
         for solid in scene.solids
         if solid.name in names and not solid.is_finite
     }
@@ -38,7 +43,6 @@ def finite_instead(
     Returns:
         None where none asks for it, says otherwise, or where finite strain cannot do the scene.
     """
-    # A law that no one chose is the linear one: too weak beyond some strain.
     free = {solid.name for solid in scene.solids if solid.strain is None and not solid.is_finite}
     beyond = tuple(
         found
@@ -46,7 +50,7 @@ def finite_instead(
         if found.severity == "fault" and found.code in CODES and found.subject in free
     )
     strains = (found.value or 0.0 for found in beyond if found.code == "model_strain")
-    if not beyond or max(strains, default=0.0) > LINEAR_LAW:
+    if not beyond or max(strains, default=0.0) > _MOST:
         return None
     try:
         return with_strains(scene, {found.subject for found in beyond}), beyond
@@ -66,7 +70,7 @@ def told(beyond: Sequence[Finding], small: float | None, finite: float | None) -
         "" if small is None or finite is None else f" in about {small:.2g} s, not {finite:.2g} s"
     )
     return {
-        f"strain of {found.subject}": f"finite: {found.text.split(':')[0]}, where small strains "
-        f'end; strain = "small" keeps these{price}'
+        f"strain of {found.subject}": f"finite, neo-Hookean: {found.text.split(':')[0]}, where "
+        f'small strains end; strain = "small" keeps these{price}'
         for found in beyond
     }

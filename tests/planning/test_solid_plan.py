@@ -173,6 +173,7 @@ def test_a_strain_that_the_linear_law_stands_takes_finite_strain(speed, strain):
 def test_a_run_takes_the_strain_of_its_plan():
     result = impactfem.solve(turning(youngs_modulus=300.0, solve={"dt": 0.02, "estimate": False}))
     assert result.scene.solids[0].strain == "finite"
+    assert result.scene.solids[0].material == "neo_hookean"
     assert abs(result.history["body.angle"].values[-1] - 1.0) < 3e-3
     assert result.summary["bodies"]["body"]["rotation_max"] > 0.9
     codes = {entry["code"] for entry in result.summary["verdict"]["findings"]}
@@ -283,3 +284,11 @@ def test_slender_blocks_are_offered_the_step_of_their_bending():
     assert f"bending period {1 / frequency:.3g} s" in reasons["offer dt"]
     assert "offer dt" not in impactfem.plan(solid_scene(**keys, solve={"dt": 1e-6})).reasons
     assert "offer dt" not in impactfem.plan(solid_scene()).reasons
+
+
+@pytest.mark.parametrize(("nu", "degree", "told"), [(0.48, 2, 1), (0.48, 1, 0), (0.42, 2, 0)])
+def test_cells_with_too_few_pressures_are_told(nu, degree, told):
+    keys = {"cells": "hexahedron", "degree": degree, "poisson_ratio": nu, "mesh_size": 0.25}
+    block = {"kind": "block", "size": [1.0, 0.5], "corner": [0.0, 0.1]}
+    plan = impactfem.plan(solid_scene(shape=block, material="neo_hookean", **keys))
+    assert sum("one pressure each" in entry.text for entry in plan.findings) == told
