@@ -86,6 +86,8 @@ class LinearSolver:
             every = self._whole()
             self._given.createSubMatrices(every, every, submats=[self._matrix])
             every.destroy()
+        if self._kind == "gamg":
+            self._ksp.reset()  # else coarse grids of the last values are kept
         self._ksp.setOperators(self._matrix)
         self._factor()
 

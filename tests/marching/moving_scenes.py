@@ -18,7 +18,7 @@ def scene(body, obstacles, duration, gravity, solve, output):
     """A scene with one solid of plane strain, unless the body says otherwise."""
     keys = {
         "name": "body", "kind": "solid", "model": "plane_strain", "density": 1.0,
-        "youngs_modulus": 0.75, "poisson_ratio": 0.3,
+        "youngs_modulus": 0.75, "poisson_ratio": 0.3, "strain": "small",
     }  # fmt: skip
     return impactfem.Scene.from_dict(
         {

@@ -69,9 +69,15 @@ def test_finite_strain_continues_too(made, method, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("settings", [{"linear_solver": "gamg"}, {"active_set": "snes_vi"}])
-def test_iterative_solvers_continue_too(settings, tmp_path, monkeypatch):
-    case = rolling("conserving", **settings)
+@pytest.mark.parametrize(
+    "case",
+    [
+        rolling("conserving", linear_solver="gamg"),
+        rolling("conserving", active_set="snes_vi"),
+        finite(rolling, "conserving", linear_solver="gamg"),
+    ],
+)
+def test_iterative_solvers_continue_too(case, tmp_path, monkeypatch):
     whole = solve(case)
     with stopping(monkeypatch, int(0.6 * whole.summary["num_steps"])):
         solve(case, checkpoints=tmp_path)

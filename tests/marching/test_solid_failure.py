@@ -18,6 +18,7 @@ def disc():
                 {
                     "kind": "solid", "model": "plane_strain", "density": 1.0,
                     "youngs_modulus": 1.0, "poisson_ratio": 0.3, "mesh_size": 0.2,
+                    "strain": "small",
                     "shape": {"kind": "disc", "radius": 0.5, "center": [0.0, 0.51]},
                     "velocity": [0.0, -0.1],
                 }
@@ -56,6 +57,6 @@ def test_what_was_computed_is_kept_and_marked(disc, monkeypatch, tmp_path):
 
 def test_a_failure_in_the_first_layer_is_an_error(disc, monkeypatch):
     _failing_after(0, monkeypatch)
-    touching = disc.with_settings({"body.0.shape.center": [0.0, 0.5], "body.0.strain": "small"})
+    touching = disc.with_settings({"body.0.shape.center": [0.0, 0.5]})
     with pytest.raises(ConvergenceError, match="lets this layer fail"):
         solve(touching, estimate=False)

@@ -61,7 +61,8 @@ def impacts(draw):
         solve["dt"] = draw(numbers(0.01, 0.3))
     body = {
         "name": "body", "kind": "solid", "model": "plane_strain", "cells": cells,
-        "degree": degree, "shape": shape, "mesh_size": 0.25, "density": draw(numbers(0.5, 2.0)),
+        "degree": degree, "shape": shape, "mesh_size": 0.25, "strain": "small",
+        "density": draw(numbers(0.5, 2.0)),
         "youngs_modulus": draw(numbers(0.5, 2.0)), "poisson_ratio": draw(numbers(-0.3, 0.45)),
         "velocity": velocity.tolist(),
     }  # fmt: skip
