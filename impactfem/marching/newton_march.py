@@ -16,7 +16,6 @@ are both of the order of the way that is left.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,8 @@ from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.layers import ContactGaps
 from impactfem.marching.newton_bodies import NewtonStepper
-from impactfem.marching.rubbing import Friction, frames, in_space, told, turned
+from impactfem.marching.newton_steps import LayerSums, Step
+from impactfem.marching.rubbing import Friction, frames, in_space, turned
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.time_loop import ContactState, TimeLoop
 
@@ -56,56 +56,6 @@ def inertia_findings(missed: Mapping[str, float]) -> tuple[Finding, ...]:
         text += "inertia: nodes that may touch carry none, and it is few elements thick"
         found += by_limits("setting", missing, _INERTIA_LIMITS, text, "", remedy)
     return tuple(found)
-
-
-@dataclass
-class _Step:
-    """A step that was solved.
-
-    Attributes:
-        directions: Normals, with friction followed by tangents, (gaps, ways, dim).
-        force: Along them [N], (gaps, ways).
-        way: Increments along them [m], (gaps, ways).
-        iterations: Of Newton's method.
-        shift: Ways of the obstacles [m], (gaps, dim).
-    """
-
-    directions: Floats
-    force: Floats
-    way: Floats
-    iterations: int
-    shift: Floats
-
-
-class _Layer:
-    """What the steps of a layer sum up to.
-
-    Attributes:
-        impulse: Of the normal forces [N s], (gaps,).
-        vectors: Of all forces [N s], (gaps, dim).
-        rubbed: Of friction, as `told` has it [N s], (gaps, 1 or 3).
-        slid: Ways while pressed [m], (gaps,).
-        friction, obstacles: Work of friction and of moving obstacles on the bodies [J].
-        iterations: Of Newton's method.
-    """
-
-    def __init__(self, gaps: int, dim: int) -> None:
-        self.impulse, self.vectors = np.zeros(gaps), np.zeros((gaps, dim))
-        self.rubbed, self.slid = np.zeros((gaps, dim * (dim - 1) // 2)), np.zeros(gaps)
-        self.friction, self.obstacles, self.iterations = 0.0, 0.0, 0
-
-    def add(self, step: _Step, span: float) -> None:
-        """A step of so many seconds."""
-        vectors = in_space(step.directions, step.force)
-        self.impulse += span * step.force[:, 0]
-        self.vectors += span * vectors
-        self.obstacles += float((vectors * step.shift).sum())
-        self.iterations += step.iterations
-        if step.force.shape[1] > 1:
-            self.friction += float((step.force[:, 1:] * step.way[:, 1:]).sum())
-            acting, way = told(step.directions, step.force, step.way[:, 1:])
-            self.rubbed += span * acting[:, 1:]
-            self.slid += np.where(step.force[:, 0] > 0.0, way, 0.0)
 
 
 class NewtonMarch(TimeLoop[NewtonStepper]):
@@ -141,7 +91,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         self._generation = -1
         self._known: dict[int, Floats] = {}
         self._mean: Floats | None = None
-        self._done: _Layer | None = None
+        self._done: LayerSums | None = None
         super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, rest)
         self._tangential = np.zeros_like(self._normals)  # of the last step [N], (gaps, dim)
 
@@ -166,7 +116,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         dt = interior.dt
         time, end = layer * dt, (layer + 1) * dt
         last, cuts = state.multiplier, _CUTS
-        done = _Layer(len(last), interior.surface_displacement.shape[1])
+        done = LayerSums(len(last), interior.surface_displacement.shape[1])
         near = self._near(time, end)
         span, tries = dt, 0  # the next step, and how often it was cut
         while time < end - 1e-9 * dt:
@@ -223,7 +173,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         before: Floats,
         closed: Booleans,
         may_cut: bool,
-    ) -> tuple[_Step | None, float]:
+    ) -> tuple[Step | None, float]:
         """Solve a step, or tell after which share of it the first open gap closes.
 
         Args:
@@ -282,7 +232,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
 
     def _step(
         self, start: float, end: float, last: Floats, before: Floats, closed: Booleans
-    ) -> _Step:
+    ) -> Step:
         """Solve a step from the guess of the forces of the last one; it is not taken yet.
 
         Args:
@@ -321,7 +271,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             apart = way.copy()
             apart[:, 0] += room
             if left <= 1.0 and self._missed(apart, force, may) <= self.tolerance:
-                return _Step(directions, force, way, iteration, shift)
+                return Step(directions, force, way, iteration, shift)
             free = turned(directions, gaps.relative(interior.linearise()))
             new = self._obeying(apart + free, directions, force, may)
             interior.correct(gaps.spread(in_space(directions, new - force)))

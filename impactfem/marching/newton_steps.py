@@ -1,0 +1,60 @@
+"""What a step under finite strain has found, and what the steps of a layer sum up to."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.marching.rubbing import in_space, told
+
+Floats = NDArray[np.float64]
+
+
+@dataclass
+class Step:
+    """A step that was solved.
+
+    Attributes:
+        directions: Normals, with friction followed by tangents, (gaps, ways, dim).
+        force: Along them [N], (gaps, ways).
+        way: Increments along them [m], (gaps, ways).
+        iterations: Of Newton's method.
+        shift: Ways of the obstacles [m], (gaps, dim).
+    """
+
+    directions: Floats
+    force: Floats
+    way: Floats
+    iterations: int
+    shift: Floats
+
+
+class LayerSums:
+    """What the steps of a layer sum up to.
+
+    Attributes:
+        impulse: Of the normal forces [N s], (gaps,).
+        vectors: Of all forces [N s], (gaps, dim).
+        rubbed: Of friction, as `told` has it [N s], (gaps, 1 or 3).
+        slid: Ways while pressed [m], (gaps,).
+        friction, obstacles: Work of friction and of moving obstacles on the bodies [J].
+        iterations: Of Newton's method.
+    """
+
+    def __init__(self, gaps: int, dim: int) -> None:
+        self.impulse, self.vectors = np.zeros(gaps), np.zeros((gaps, dim))
+        self.rubbed, self.slid = np.zeros((gaps, dim * (dim - 1) // 2)), np.zeros(gaps)
+        self.friction, self.obstacles, self.iterations = 0.0, 0.0, 0
+
+    def add(self, step: Step, span: float) -> None:
+        """A step of so many seconds."""
+        vectors = in_space(step.directions, step.force)
+        self.impulse += span * step.force[:, 0]
+        self.vectors += span * vectors
+        self.obstacles += float((vectors * step.shift).sum())
+        self.iterations += step.iterations
+        if step.force.shape[1] > 1:
+            self.friction += float((step.force[:, 1:] * step.way[:, 1:]).sum())
+            acting, way = told(step.directions, step.force, step.way[:, 1:])
+            self.rubbed += span * acting[:, 1:]
+            self.slid += np.where(step.force[:, 0] > 0.0, way, 0.0)
