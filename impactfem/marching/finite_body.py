@@ -10,6 +10,7 @@ from impactfem.fem import MPI
 from impactfem.marching.layers import Sums
 from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
+from impactfem.system.finite_statics import FiniteAtRest
 from impactfem.system.rigid_modes import spun, unit_spins
 from impactfem.system.surface import SurfaceNodes
 
@@ -58,6 +59,10 @@ class FiniteBody(ABC):
     @abstractmethod
     def _times_mass(self, values: Floats) -> Floats:
         """Mass times values of the owned dofs (collective)."""
+
+    @abstractmethod
+    def at_rest(self, name: str, gravity: Floats, spin: Floats) -> FiniteAtRest:
+        """The body as the search for equilibrium asks it (collective); see `FiniteAtRest`."""
 
     def turn(self, spin: Floats) -> None:
         """Add velocities that displacements have in a body that turns (collective).

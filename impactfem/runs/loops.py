@@ -13,8 +13,9 @@ from impactfem.log import Progress
 from impactfem.marching.composite import Composite
 from impactfem.marching.few import FewInterior, FewMidpoint
 from impactfem.marching.finite import FiniteMidpoint
+from impactfem.marching.finite_body import FiniteBody
 from impactfem.marching.finite_leapfrog import FiniteLeapfrog
-from impactfem.marching.layers import ContactGaps, Interior
+from impactfem.marching.layers import ContactGaps, Interior, Stepper
 from impactfem.marching.leapfrog import Leapfrog
 from impactfem.marching.level_march import LevelMarch
 from impactfem.marching.midpoint import Midpoint
@@ -94,17 +95,22 @@ def make_loop(
     counts = [surface.count for _, surface, _ in each]
     counts += [len(part.surface_displacement) for part in few]
     offsets = [0, *np.cumsum(counts).tolist()]
-    contacts = Contacts.of(model, [surface for _, surface, _ in each], offsets)
+    surfaces = [surface for _, surface, _ in each]
+    contacts = Contacts.of(model, surfaces, offsets)
     law = contacts.friction(scene, tolerance, 50 * numbers.max_iterations)
     # Nodes that each have a gap of their own: nothing has to be weighed.
     alone = len(each) == 1 and not few and law is None
     gaps: ContactGaps = contacts.obstacles[0].gaps if alone else contacts.gaps()
     solver, kind = _solver(numbers, tolerance), numbers.linear_solver
     settings = (scheme, gaps, solver, layers, tolerance)
-    surfaces = [surface for _, surface, _ in each]
     if any(part.solid.is_finite for part in model.parts):
         if limit is not None:
-            return _explicit(scene, model, each[0], settings, contacts, offsets, (dt, limit), kind)
+            part, surface, transfer = each[0]
+            kind = fitting_solver(kind, part.system.num_dofs, model.dim)
+            body = FiniteLeapfrog(part.system, part.solid, surface, transfer, dt, kind, limit)
+            started, rest = _brought_to_rest([body], body, model, surfaces, settings, progress)
+            level = LevelMarch(model.comm, body, *settings, rest)
+            return Loop(level, gaps, contacts, offsets, started)
         bodies = [
             FiniteMidpoint(part.system, part.solid, surface, transfer, dt, kind)
             for part, surface, transfer in each
@@ -112,21 +118,7 @@ def make_loop(
         interior: NewtonStepper = (
             bodies[0] if alone else NewtonBodies([*bodies, *cast("Sequence[FewNewton]", few)])
         )
-        started = None
-        if scene.starts_at_rest:
-            progress.step("bringing the bodies to rest")
-            gravity = np.asarray(scene.vector_gravity.at(0.0))
-            spins = [spin_of(part) for part in model.parts]
-            resting = [
-                body.at_rest(part.solid.name, gravity, spin)
-                for body, part, spin in zip(bodies, model.parts, spins, strict=True)
-            ]
-            started = start_at_rest(
-                model, resting, surfaces, interior, np.zeros_like, gaps, solver, tolerance
-            )
-            for body, spin in zip(bodies, spins, strict=True):
-                body.turn(spin)
-        rest = None if started is None else (started.rest.multiplier, started.static)
+        started, rest = _brought_to_rest(bodies, interior, model, surfaces, settings, progress)
         newton = NewtonMarch(model.comm, interior, *settings, rest, law)
         return Loop(newton, gaps, contacts, offsets, started)
     solids = [_interior(*parts, scheme, dt, kind) for parts in each]
@@ -145,30 +137,43 @@ def make_loop(
     return Loop(march, gaps, contacts, offsets, started)
 
 
-def _explicit(
-    scene: Scene,
+def _brought_to_rest(
+    bodies: Sequence[FiniteBody],
+    interior: Stepper,
     model: SolidsModel,
-    parts: Discretised,
+    surfaces: Sequence[SurfaceNodes],
     settings: tuple[SolidScheme, ContactGaps, Solver, int, float],
-    contacts: Contacts,
-    offsets: list[int],
-    steps: tuple[float, float],
-    linear_solver: str,
-) -> Loop:
-    """Prepare explicit steps of a body under finite strain, see `make_loop` (collective)."""
-    (part, surface, transfer), (_, gaps, solver, _, tolerance), (dt, limit) = parts, settings, steps
-    kind = fitting_solver(linear_solver, part.system.num_dofs, model.dim)
-    body = FiniteLeapfrog(part.system, part.solid, surface, transfer, dt, kind, limit)
-    started = rest = None
-    if scene.starts_at_rest:
-        spin = spin_of(part)
-        alike = [body.at_rest(part.solid.name, np.asarray(scene.vector_gravity.at(0.0)), spin)]
-        started = start_at_rest(
-            model, alike, [surface], body, np.zeros_like, gaps, solver, tolerance
-        )
+    progress: Progress,
+) -> tuple[Started | None, tuple[Floats, Floats] | None]:
+    """Start bodies among which some have finite strain at rest, if their scene asks for it.
+
+    Args:
+        bodies: The solids.
+        interior: What marches all bodies.
+        model: See `make_loop`, and so are the others.
+        surfaces: Contact nodes of the solids.
+        settings: Scheme, gaps, solver, layers and tolerance of the march.
+        progress: See there.
+
+    Returns:
+        How they came to rest, and what the march takes of it; None both if it was not asked for.
+    """
+    scene, (_, gaps, solver, _, tolerance) = model.scene, settings
+    if not scene.starts_at_rest:
+        return None, None
+    progress.step("bringing the bodies to rest")
+    gravity = np.asarray(scene.vector_gravity.at(0.0))
+    spins = [spin_of(part) for part in model.parts]
+    resting = [
+        body.at_rest(part.solid.name, gravity, spin)
+        for body, part, spin in zip(bodies, model.parts, spins, strict=True)
+    ]
+    started = start_at_rest(
+        model, resting, surfaces, interior, np.zeros_like, gaps, solver, tolerance
+    )
+    for body, spin in zip(bodies, spins, strict=True):
         body.turn(spin)
-        rest = started.rest.multiplier, started.static
-    return Loop(LevelMarch(model.comm, body, *settings, rest), gaps, contacts, offsets, started)
+    return started, (started.rest.multiplier, started.static)
 
 
 def _size(model: SolidsModel, few: Sequence[FewInterior], dt: float) -> float:

@@ -105,8 +105,6 @@ def space_forces(material, u, cells, rows, table, hoop, weights, out):  # noqa: 
             least = min(least, ratio)
             if not ratio > 0.0:
                 return np.nan, ratio
-            if not ratio > 0.0:
-                return np.nan, ratio
             w, sxx, syy, szz, sxy, syz, szx = stress(
                 material,
                 xx + 0.5 * (xx * xx + yx * yx + zx * zx),
@@ -145,6 +143,36 @@ def space_forces(material, u, cells, rows, table, hoop, weights, out):  # noqa: 
 
 
 @fused
+def _strained(u, cell, g, hoop, c, p, full):
+    """Green's strain at a point of a cell, xx, yy, zz, xy, yz, zx; ``full`` is filled with F.
+
+    Args:
+        u: Displacement of the nodes [m], (nodes, dim).
+        cell: Nodes of the cell, (corners,).
+        g: Gradients of the shape functions [1/m], (corners, dim).
+        hoop, c, p: As for the forces; numbers of the cell and the point.
+        full: (3, 3).
+    """
+    dim = u.shape[1]
+    full[:] = 0.0
+    for k in range(len(cell)):
+        for i in range(dim):
+            for j in range(dim):
+                full[i, j] += u[cell[k], i] * g[k, j]
+        if hoop.size:
+            full[2, 2] += u[cell[k], 0] * hoop[c, p, k]
+    xx, yy, zz = full[0, 0], full[1, 1], full[2, 2]
+    xy, yz, zx = full[0, 1] + full[1, 0], full[1, 2] + full[2, 1], full[2, 0] + full[0, 2]
+    for m in range(3):
+        x, y, z = full[m, 0], full[m, 1], full[m, 2]
+        xx, yy, zz = xx + 0.5 * x * x, yy + 0.5 * y * y, zz + 0.5 * z * z
+        xy, yz, zx = xy + x * y, yz + y * z, zx + z * x
+    for i in range(3):
+        full[i, i] += 1.0
+    return xx, yy, zz, 0.5 * xy, 0.5 * yz, 0.5 * zx
+
+
+@fused
 def tangents(material, u, cells, slots, table, hoop, weights, blocks):
     """Sum up blocks of the tangent between some nodes.
 
@@ -156,28 +184,14 @@ def tangents(material, u, cells, slots, table, hoop, weights, blocks):
     """
     dim, corners = u.shape[1], cells.shape[1]
     blocks[:] = 0.0
-    full, strain, law_matrix = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((6, 6))
+    full, law_matrix = np.zeros((3, 3)), np.zeros((6, 6))
     rows, turned, bent = np.zeros((corners, 6, 3)), np.zeros((6, 3)), np.zeros((3, 3))
     for c in range(len(cells)):
         for p in range(table.shape[1]):
             g = table[c, p]
-            full[:] = 0.0
-            for k in range(corners):
-                for i in range(dim):
-                    for j in range(dim):
-                        full[i, j] += u[cells[c, k], i] * g[k, j]
-                if hoop.size:
-                    full[2, 2] += u[cells[c, k], 0] * hoop[c, p, k]
-            for i in range(3):
-                for j in range(3):
-                    strain[i, j] = 0.5 * (full[i, j] + full[j, i])
-                    for m in range(3):
-                        strain[i, j] += 0.5 * full[m, i] * full[m, j]
-            e = (strain[0, 0], strain[1, 1], strain[2, 2], strain[0, 1], strain[1, 2], strain[2, 0])
+            e = _strained(u, cells[c], g, hoop, c, p, full)
             _, sxx, syy, szz, sxy, syz, szx = stress(material, *e)
             stiffness(material, *e, law_matrix)
-            for i in range(3):
-                full[i, i] += 1.0
             for k in range(corners):
                 for i in range(dim):
                     for j in range(dim):
@@ -234,29 +248,15 @@ def stiffest(material, u, cells, table, hoop, weights, inverse):
         inverse: Inverse masses of the nodes, (nodes, dim).
     """
     dim, corners = u.shape[1], cells.shape[1]
-    full, strain, law_matrix = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((6, 6))
+    full, law_matrix = np.zeros((3, 3)), np.zeros((6, 6))
     largest, row = 0.0, np.zeros(6)
     for c in range(len(cells)):
         total = 0.0
         for p in range(table.shape[1]):
             g = table[c, p]
-            full[:] = 0.0
-            for k in range(corners):
-                for i in range(dim):
-                    for j in range(dim):
-                        full[i, j] += u[cells[c, k], i] * g[k, j]
-                if hoop.size:
-                    full[2, 2] += u[cells[c, k], 0] * hoop[c, p, k]
-            for i in range(3):
-                for j in range(3):
-                    strain[i, j] = 0.5 * (full[i, j] + full[j, i])
-                    for m in range(3):
-                        strain[i, j] += 0.5 * full[m, i] * full[m, j]
-            e = (strain[0, 0], strain[1, 1], strain[2, 2], strain[0, 1], strain[1, 2], strain[2, 0])
+            e = _strained(u, cells[c], g, hoop, c, p, full)
             _, sxx, syy, szz, sxy, syz, szx = stress(material, *e)
             stiffness(material, *e, law_matrix)
-            for i in range(3):
-                full[i, i] += 1.0
             for k in range(corners):
                 gx, gy = g[k, 0], g[k, 1]
                 gz = g[k, 2] if dim == 3 else 0.0

@@ -55,7 +55,7 @@ class SmallStrain:
 
     def repeated_tangent(self, fixed: Any, held: Booleans) -> "_Tangent":
         """That tangent for many steps, with a fixed matrix (collective)."""
-        return _Tangent(self, fixed, held)
+        return _Tangent(self, self._stiffness, fixed, held)
 
     def put(self, before: Floats, after: Floats) -> None:
         """Nothing: the tangent is the same everywhere."""
@@ -90,10 +90,10 @@ class _Tangent:
         matrix: The PETSc matrix.
     """
 
-    def __init__(self, strain: SmallStrain, fixed: Any, held: Booleans) -> None:
+    def __init__(self, strain: SmallStrain, stiffness: Any, fixed: Any, held: Booleans) -> None:
         self._strain, self._fixed = strain, fixed
         self.matrix = fixed.copy()
-        self.matrix.axpy(1.0, strain.tangent(*2 * (np.zeros(0),)), _DIFFERENT)
+        self.matrix.axpy(1.0, stiffness, _DIFFERENT)
         self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         self._held = (np.flatnonzero(held) + fixed.getOwnershipRange()[0]).astype(PETSc.IntType)
 
@@ -105,5 +105,6 @@ class _Tangent:
         self.matrix.zeroRowsColumns(self._held, diag=1.0)
 
     def destroy(self) -> None:
-        """Free the PETSc matrix."""
+        """Free the PETSc matrix, and those of the body."""
         self.matrix.destroy()
+        self._strain.destroy()
