@@ -121,6 +121,12 @@ class Gaps:
         """Forces on the contact nodes by those in the gaps (count, dim): here the same."""
         return forces
 
+    def units(self, rows: Indices, directions: Floats) -> Floats:
+        """Forces on the nodes by unit forces in some gaps, (rows, ways, nodes, dim)."""
+        found = np.zeros((*directions.shape[:2], *self._normal.shape))
+        found[np.arange(len(rows)), :, rows] = directions
+        return found
+
     def entries(self, rows: Indices) -> tuple[Indices, Indices, Floats]:
         """What some gaps weigh: place of the gap among them, node, weight, (entries,) each."""
         return np.arange(len(rows)), rows, np.ones(len(rows))

@@ -185,6 +185,18 @@ class PairGaps:
         found: Floats = self._spreading @ forces
         return found if self._turning is None else found - self._turning.spread(forces)
 
+    def units(self, rows: Integers, directions: Floats) -> Floats:
+        """Forces on the nodes by unit forces in some gaps, (rows, ways, nodes, dim).
+
+        Args:
+            rows: Some gaps.
+            directions: Of the forces, (rows, ways, dim).
+        """
+        some = self._weights[rows]
+        weights = some if isinstance(some, np.ndarray) else some.toarray()
+        found: Floats = weights[:, None, :, None] * directions[:, :, None, :]
+        return found if self._turning is None else found - self._turning.units(rows, directions)
+
     def normals_at(self, displacement: Floats, time: float) -> Floats:
         """Normals where nodes are amid a step, (pairs, dim); who meets whom stays as found.
 

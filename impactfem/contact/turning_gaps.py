@@ -96,6 +96,23 @@ class TurningGaps:
         found: Floats = (self.spins.T @ moments.ravel()).reshape(-1, self.shape[1])
         return found
 
+    def units(self, rows: Integers, directions: Floats) -> Floats:
+        """`spread` of unit forces in some gaps, (rows, ways, nodes, dim).
+
+        Args:
+            rows: Gaps among all.
+            directions: Of the forces, (rows, ways, dim).
+        """
+        turns = self.spins.shape[0] // len(self.rows)
+        dim = self.shape[1]
+        found = np.zeros((*directions.shape[:2], self.spins.shape[1]))
+        mine = np.flatnonzero(np.isin(rows, self.rows))
+        at = np.searchsorted(self.rows, rows[mine])
+        moments = np.einsum("gtk,gwk->gwt", _crossing(self.ways[at]), directions[mine])
+        lines = self.spins[(at[:, None] * turns + np.arange(turns)).ravel()].toarray()
+        found[mine] = moments @ lines.reshape(len(at), turns, found.shape[-1])
+        return found.reshape(*found.shape[:2], -1, dim)
+
 
 def _crossing(arms: Floats) -> Floats:
     """Matrices A with A v = r x v, and A^T theta = theta x r, (arms, 1 or 3, dim)."""

@@ -5,8 +5,7 @@
 with a = M^-1 (loads - f(u)) for the nodes inside, whose lumped mass has the body's moments
 (`impactfem.system.moments`). Contact nodes carry none: at each level they are where forces of
 cells, loads and contact balance, but for some percent; what is left goes to the nodes inside
-(`impactfem.system.surface_layer`), so that momentum is kept to rounding, and angular momentum
-nearly.
+(`impactfem.system.inward`), so that momentum and angular momentum are kept to rounding.
 
 The energy told is that which such steps keep, to second order in the step: with K = df / du that
 of the levels and dt^2 (v K v / 12 - a M a / 24), the first in the form in which each mode of linear
@@ -30,11 +29,13 @@ from impactfem.system.elastic import ElasticSystem
 from impactfem.system.element_forces import ElementForces
 from impactfem.system.finite_statics import FiniteAtRest
 from impactfem.system.finite_strain import FiniteStrain
+from impactfem.system.inward import Inward
 from impactfem.system.moments import lumped_moments
 from impactfem.system.surface import SurfaceNodes
 from impactfem.system.surface_layer import SurfaceLayer
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
 _SHARE = {2: 0.01, 3: 0.1}  # of the forces on the surface that its solver leaves
@@ -88,6 +89,10 @@ class FiniteLeapfrog(FiniteBody):
         free = surface.gather((~system.constrained).astype(np.float64)) > 0.0
         self._free = free
         self._layer = SurfaceLayer(elements, system.nodes, surface, free)
+        self._inward = Inward(
+            elements, system.nodes, self._layer.canonical, surface.gather(system.positions.ravel()),
+            mass.reshape(-1, system.dim), turns=not system.axisymmetric,
+        )  # fmt: skip
         self._surface_now = surface.gather(self.displacement)
         self._older = [self._surface_now, self._surface_now]
         self._tangent_at: Floats | None = None
@@ -193,6 +198,10 @@ class FiniteLeapfrog(FiniteBody):
         """How contact nodes move by forces [m], (count, dim); see `SurfaceLayer.solve`."""
         return self._layer.solve(right, held, normals, _SHARE[self._system.dim])
 
+    def answers(self, nodes: Integers) -> Floats:
+        """How contact nodes move by unit forces on some of them [m/N], (some, dim, count, dim)."""
+        return self._layer.answers(nodes)
+
     def balance(self) -> Floats:
         """All forces at the level; those of contact nodes as `unbalanced` has them (collective).
 
@@ -220,7 +229,7 @@ class FiniteLeapfrog(FiniteBody):
         if first:
             self._last_force = self._force
         if len(left):
-            self._force -= (self._layer.inward @ left).ravel()
+            self._force -= self._inward.forces(left, self._surface_now, self.displacement)
         inverse = self._inverse
         self._over, self._rate_sum = accelerated(
             self._force, self._last_force, self.velocity, inverse, self._pull, self._step,
@@ -233,7 +242,7 @@ class FiniteLeapfrog(FiniteBody):
         slow = 0.5 * system.rayleigh_mass * step
         self.velocity = self.velocity * (1.0 - slow) + 0.5 * step * self._acceleration
         if left.any():
-            pushed = (self._layer.inward @ left).ravel()
+            pushed = self._inward.forces(left, self._surface_now, self.displacement)
             self.velocity -= 0.5 * step * self._inverse * pushed
         self._surface.spread(self._surface_now, self.displacement)
         drift = (self._surface_now - self._older[0]) / step
@@ -262,12 +271,12 @@ class FiniteLeapfrog(FiniteBody):
 
     def _told(self, work: float) -> list[Sums]:
         over = self._step**2 * self._over / 8.0
-        return self._summed(self._energy - over + self.between, work)
+        return self._summed(self._energy - over + float(self.between[0]), work)
 
     @property
-    def between(self) -> float:
+    def between(self) -> Floats:
         """Part of the energy that comes from two levels, of this rank [J]; wanting at t = 0."""
-        return self._step**2 / 12.0 * self._rate_sum
+        return np.array([self._step**2 / 12.0 * self._rate_sum])
 
     def state(self) -> dict[str, Any]:
         """What the next layer needs."""

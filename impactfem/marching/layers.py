@@ -229,6 +229,12 @@ class ContactGaps(Protocol):
     def spread(self, forces: Floats) -> Floats:
         """Forces on the contact nodes (nodes, dim) by those in the gaps (pairs, dim)."""
 
+    def units(self, rows: Integers, directions: Floats) -> Floats:
+        """`spread` of unit forces in some gaps along directions (rows, ways, dim).
+
+        Of shape (rows, ways, nodes, dim).
+        """
+
     def entries(self, rows: Integers) -> tuple[Integers, Integers, Floats]:
         """What some gaps weigh: place of the gap among them, contact node, weight, (entries,)."""
 

@@ -19,29 +19,31 @@ from numpy.typing import NDArray
 from impactfem.contact.complementarity import Solver
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding
-from impactfem.marching.finite_leapfrog import FiniteLeapfrog
 from impactfem.marching.layers import ContactGaps
+from impactfem.marching.leapfrog_bodies import LevelStepper
+from impactfem.marching.level_forces import LevelForces
 from impactfem.marching.newton_march import inertia_findings
+from impactfem.marching.newton_steps import LayerSums
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.time_loop import ContactState, TimeLoop
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_USUAL = {2: 3, 3: 2}  # iterates of a level; in the plane they cost little
-_MOST = 20
-_SLOW = {2: 0.05, 3: 0.15}  # share of forces that an iterate leaves with a tangent that is good
+USUAL = {2: 3, 3: 2}  # iterates of a level; in the plane they cost little
+MOST = 20
+SLOW = {2: 0.05, 3: 0.15}  # share of forces that an iterate leaves with a tangent that is good
 _BEGINNING = 0.2  # of a node's first force; 1/6 by theory, gains nothing a little above it
 _START = 1e-10  # of the forces that the first level leaves
 
 
-class LevelMarch(TimeLoop[FiniteLeapfrog]):
+class LevelMarch(TimeLoop[LevelStepper]):
     """A march of one body in explicit steps."""
 
     def __init__(
         self,
         comm: Any,
-        interior: FiniteLeapfrog,
+        interior: LevelStepper,
         scheme: SolidScheme,
         gaps: ContactGaps,
         solver: Solver,
@@ -50,14 +52,18 @@ class LevelMarch(TimeLoop[FiniteLeapfrog]):
         rest: tuple[Floats, Floats] | None = None,
     ) -> None:
         """Balance the initial state; see `TimeLoop`."""
+        self._done: LayerSums | None = None
         super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, rest)
-        count = len(self.contact.gap)
-        self._nodes = gaps.entries(np.arange(count))[1]
+        self._nodes = gaps.entries(np.arange(len(self.contact.gap)))[1]
         self._force = self.contact.multiplier.copy()
         self._active = self._force > 0.0
         self._held = np.where(self._active, self.contact.gap, np.nan)
         self._fresh = np.zeros_like(self._active)
         self._stale = True
+        directions = self._directed(self._normals)
+        force = np.zeros(directions.shape[:2])
+        force[:, 0] = self._force
+        self._acting = LevelForces.of(gaps, directions, force)
         if rest is not None:
             self._balance(first=True)
             self.rows.put(0, interior.finish(0, self.contact.static))
@@ -76,7 +82,7 @@ class LevelMarch(TimeLoop[FiniteLeapfrog]):
         right = interior.unbalanced()
         none = np.zeros(len(right), dtype=bool)
         first = np.abs(right).max(initial=0.0)
-        for _ in range(_MOST):
+        for _ in range(MOST):
             if np.abs(right).max(initial=0.0) <= _START * first:
                 break
             interior.renew()
@@ -88,7 +94,9 @@ class LevelMarch(TimeLoop[FiniteLeapfrog]):
     def memory(self) -> dict[str, Floats]:
         """See `TimeLoop.memory`."""
         flags = np.array([self._stale, *self._fresh], dtype=np.float64)
-        return super().memory() | {"level.held": self._held, "level.flags": flags}
+        own = {"level.held": self._held, "level.flags": flags}
+        acting = {f"level.{name}": values for name, values in vars(self._acting).items()}
+        return super().memory() | own | acting
 
     def restore(
         self, state: dict[str, Any], memory: Mapping[str, Floats], asked: Integers, layer: int
@@ -98,43 +106,68 @@ class LevelMarch(TimeLoop[FiniteLeapfrog]):
         self._held, self._force = memory["level.held"], self.contact.multiplier
         self._active, flags = self._force > 0.0, memory["level.flags"] > 0.0
         self._stale, self._fresh = bool(flags[0]), flags[1:]
-        place = self.interior.surface_displacement
-        _, self._normals = self._gaps.at(place, place, place, layer * self.interior.dt)
+        names = ("directions", "force", "rubbing")
+        self._acting = LevelForces(*(memory[f"level.{name}"] for name in names))
+        self._normals = self._acting.directions[:, 0]
+
+    def _directed(self, normals: Floats) -> Floats:
+        """Directions of forces in the gaps, (gaps, ways, dim)."""
+        return normals[:, None]
+
+    def _close_pairs(self, row: int, force: Floats, struck: Floats) -> None:
+        """Store what pairs have of the forces, gaps and slip."""
+        super()._close_pairs(row, force, struck)
+        if self._done is not None and self._rubs:
+            rubbed = np.column_stack([force, self._done.rubbed / self.interior.dt])
+            self._close_rubbing(row, np.arange(len(force)), rubbed, self._done.slid)
+
+    def _vectors(self, lasting: Floats) -> Floats:
+        """Mean forces of the layer in the gaps as vectors, (gaps, dim) [N]."""
+        done = self._done
+        return super()._vectors(lasting) if done is None else done.vectors / self.interior.dt
 
     def _advance(self) -> Floats:
         """One layer; returns its mean contact forces [N]."""
-        layer, interior, gaps = self.layer, self.interior, self._gaps
+        layer, interior, gaps, state = self.layer, self.interior, self._gaps, self.contact
         dt, pieces, wanting = interior.dt, interior.pieces(), interior.between
-        impulse, work, iterations, time = np.zeros(len(self._force)), 0.0, 0, layer * dt
+        done = LayerSums(len(self._force), state.static.shape[1])
+        time = layer * dt
         for piece in range(1, pieces + 1):
             end = (layer + piece / pieces) * dt
+            begin, last = interior.surface_displacement, self._acting
             interior.predict(time, end)
-            ends = [(self._force, self._normals)]
-            iterations += self._settle(end)
-            last = self._force
+            done.iterations += self._settle(begin, time, end)
             self._balance()
-            turning = self._turning(last)
-            interior.close(-self._spread(turning))
-            ends.append((self._force + turning, self._normals))
-            for force, normals in ends:
-                impulse += 0.5 * (end - time) * force
-                moved = gaps.advance(normals, end) - gaps.advance(normals, time)
-                work += 0.5 * float(force @ moved)
+            shift = gaps.shift(end) - gaps.shift(time)
+            extra = self._turning(last)
+            interior.close(-gaps.spread(extra.vectors))
+            moved = interior.surface_displacement - begin
+            way = gaps.relative(moved) - shift
+            for acting in (last, self._acting, extra):
+                acting.act(done, moved, shift, end - time)
+            self._acting.slid(done, way, (self._force > 0.0) | (last.force[:, 0] > 0.0))
             self._catch()
             time = end
-        self.layer, state = layer + 1, self.contact
+        self.layer = layer + 1
         static = np.zeros_like(state.static)
         self.rows.put(self.layer, interior.finish(layer, static))
         if layer == 0:  # of linear steps this part stays
-            self.rows.sums[0, 0, 1] += interior.between - wanting
-        self.rows.obstacle_work[self.layer] = work
+            self.rows.sums[0, :, 1] += interior.between - wanting
+        self.rows.obstacle_work[self.layer] = done.obstacles
+        self.rows.friction_work[self.layer] = done.friction
         self.contact = ContactState(self._force, self._gap, state.multiplier, state.gap, static)
-        mean: Floats = impulse / dt
-        self._close_row(self.layer, mean, iterations)
+        self._done = done
+        mean: Floats = done.impulse / dt
+        self._close_row(self.layer, mean, done.iterations)
         return mean
 
-    def _settle(self, time: float) -> int:
+    def _settle(self, begin: Floats, start: float, time: float) -> int:  # noqa: ARG002
         """Bring the surface to equilibrium at a time; returns the iterates (collective).
+
+        Args:
+            begin: Displacement of the contact nodes at the last level [m], (nodes, dim).
+            start: Time of that level [s].
+            time: [s].
 
         Raises:
             ConvergenceError: It was not found, or cells turn inside out.
@@ -145,7 +178,7 @@ class LevelMarch(TimeLoop[FiniteLeapfrog]):
         active = may.copy()
         self._put(place, active, time)
         before, dim = np.inf, place.shape[1]
-        for iterate in range(1, _MOST + 1):
+        for iterate in range(1, MOST + 1):
             interior.move_surface(place)
             right = interior.unbalanced()
             push = np.einsum("ij,ij->i", self._normals, right[nodes])
@@ -154,7 +187,7 @@ class LevelMarch(TimeLoop[FiniteLeapfrog]):
             new = may & (self._gap <= held + self.tolerance) & (push > 0.0)
             same, active = bool((new == active).all()), new
             size = self._size(right, active, push)
-            falls = size <= max(_SLOW[dim] * before, interior.rounding)
+            falls = size <= max(SLOW[dim] * before, interior.rounding)
             if self._stale or (same and not falls):
                 interior.renew()
                 self._stale = False
@@ -166,7 +199,7 @@ class LevelMarch(TimeLoop[FiniteLeapfrog]):
             if low.any():
                 active = active | low
                 self._put(place, active, time)
-            elif iterate >= _USUAL[dim] and same and falls:
+            elif iterate >= USUAL[dim] and same and falls:
                 break
             before = size
         else:
@@ -194,27 +227,25 @@ class LevelMarch(TimeLoop[FiniteLeapfrog]):
         right = self.interior.balance()
         push = np.einsum("ij,ij->i", self._normals, right[self._nodes])
         self._force = np.where(self._active, np.maximum(push, 0.0), 0.0)
-        right[self._nodes] -= self._force[:, None] * self._normals
-        self.interior.receive(right, first=first)
+        directions = self._normals[:, None]
+        self._acting = LevelForces.of(self._gaps, directions, self._force[:, None])
+        self.interior.receive(right - self._gaps.spread(self._acting.vectors), first=first)
 
-    def _turning(self, last: Floats) -> Floats:
-        """What forces that begin or end in a step act more at its end [N], (gaps,).
+    def _turning(self, last: LevelForces) -> LevelForces:
+        """What forces that begin or end in a step act more at its end.
 
         Those that end fall linearly from their last one to that which would hold the node still:
         they act until they are 0, not until the end. Those that begin grow for the first time by
         k v dt. Levels sample both so that the modified energy of the steps jumps by k v^2 dt^2 / 12
         (`impactfem.marching.finite_leapfrog`), which is a gain; what is added takes it off.
         """
-        gone = ~self._active & (last > 0.0) & (self._needed < 0.0)
-        share = self._needed / np.where(gone, self._needed - last, 1.0)
-        fresh = self._fresh & (self._force > 0.0)
-        return np.where(gone, -share * last, np.where(fresh, _BEGINNING * self._force, 0.0))
-
-    def _spread(self, forces: Floats) -> Floats:
-        """Forces on the contact nodes (count, dim) by those along normals (gaps,)."""
-        found = np.zeros_like(self.interior.surface_displacement)
-        found[self._nodes] = forces[:, None] * self._normals
-        return found
+        force, before = self._force, last.force[:, 0]
+        gone = ~self._active & (before > 0.0) & (self._needed < 0.0)
+        share = self._needed / np.where(gone, self._needed - before, 1.0)
+        fresh = self._fresh & (force > 0.0)
+        less = np.where(gone[:, None], -share[:, None] * last.force, 0.0)
+        more = np.where(fresh[:, None], _BEGINNING * self._acting.force, less)
+        return LevelForces.of(self._gaps, self._acting.directions, more)
 
     def _catch(self) -> None:
         """Let nodes go that nothing presses, and hold those that are inside an obstacle."""

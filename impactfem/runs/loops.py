@@ -11,12 +11,14 @@ from impactfem.contact.complementarity import Solver, solve_by_active_set
 from impactfem.fem import gather
 from impactfem.log import Progress
 from impactfem.marching.composite import Composite
+from impactfem.marching.coupled_levels import CoupledLevels
 from impactfem.marching.few import FewInterior, FewMidpoint
 from impactfem.marching.finite import FiniteMidpoint
 from impactfem.marching.finite_body import FiniteBody
 from impactfem.marching.finite_leapfrog import FiniteLeapfrog
 from impactfem.marching.layers import ContactGaps, Interior, Stepper
 from impactfem.marching.leapfrog import Leapfrog
+from impactfem.marching.leapfrog_bodies import LeapfrogBodies, LevelStepper
 from impactfem.marching.level_march import LevelMarch
 from impactfem.marching.midpoint import Midpoint
 from impactfem.marching.newton_bodies import NewtonBodies, NewtonStepper
@@ -105,11 +107,22 @@ def make_loop(
     settings = (scheme, gaps, solver, layers, tolerance)
     if any(part.solid.is_finite for part in model.parts):
         if limit is not None:
-            part, surface, transfer = each[0]
-            kind = fitting_solver(kind, part.system.num_dofs, model.dim)
-            body = FiniteLeapfrog(part.system, part.solid, surface, transfer, dt, kind, limit)
-            started, rest = _brought_to_rest([body], body, model, surfaces, settings, progress)
-            level = LevelMarch(model.comm, body, *settings, rest)
+            explicit = [
+                FiniteLeapfrog(
+                    part.system, part.solid, surface, transfer, dt,
+                    fitting_solver(kind, part.system.num_dofs, model.dim), limit,
+                )
+                for part, surface, transfer in each
+            ]  # fmt: skip
+            together: LevelStepper = explicit[0] if alone else LeapfrogBodies(explicit)
+            started, rest = _brought_to_rest(
+                explicit, together, model, surfaces, settings, progress
+            )
+            level = (
+                LevelMarch(model.comm, together, *settings, rest)
+                if alone
+                else CoupledLevels(model.comm, together, *settings, rest, law)
+            )
             return Loop(level, gaps, contacts, offsets, started)
         bodies = [
             FiniteMidpoint(part.system, part.solid, surface, transfer, dt, kind)

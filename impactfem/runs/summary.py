@@ -40,8 +40,10 @@ def summarise(scene: Scene, chosen: Plan[Any], run: Run) -> dict[str, Any]:
     given = max(abs(energy[0]), moving[0], np.abs(worked).max()) or moving.max() or 1.0
     scale = max(given, moving.max())
     growth = (energy - energy[0]) / scale
-    # Of what was given: of the largest energy no growth would be more than all of it.
-    grown = max(0.0, float((energy - energy[0]).max()) / given)
+    # Of what was given: of the largest energy no growth would be more than all of it. What friction
+    # has taken by then is missing already.
+    rubbed = history["friction_work"].values if "friction_work" in history else 0.0
+    grown = max(0.0, float((energy - energy[0] - rubbed).max()) / given)
     gap = history["gap"].values
     pushing, struck = force, {}
     if "contact_impulse" in history:  # impacts are no force, but contact
@@ -50,8 +52,8 @@ def summarise(scene: Scene, chosen: Plan[Any], run: Run) -> dict[str, Any]:
         struck = {"max_impulse": float(impulse.max())} if impulse.any() else {}
     intervals = contact_intervals(t, pushing, gap)
     taken = dict(effort.details.get("energy_taken", {}))
-    if rubbed := effort.details.get("friction_work"):
-        taken["friction"] = -float(rubbed)
+    if work := effort.details.get("friction_work"):
+        taken["friction"] = -float(work)
     summary = {
         "title": scene.title,
         "status": "",  # filled in by the verdict

@@ -80,10 +80,18 @@ def _check_explicit(scene: Content) -> None:
         KeyedError: naming the key.
     """
     remedy = 'remove it, or give solve.method = "conserving".'
+    conserving = 'or solve.method = "conserving".'
+    finite = {solid.name for solid in scene.solids if solid.is_finite}
+    solids = {solid.name for solid in scene.solids}
     for place, body in enumerate(scene.bodies):
-        if len(scene.bodies) > 1:
-            text = f" of {body.name} moves in explicit steps alone, but there are "
-            text += f'{len(scene.bodies)} bodies: give solve.method = "conserving".'
+        if body.name not in solids:
+            text = f" = {show(body.kind)}: beside explicit steps under finite strain there are "
+            raise KeyedError(
+                f"body[{place}]", "kind", f"{text}solids only: give a solid, {conserving}"
+            )
+        if body.name not in finite:
+            text = f' = "small" of {body.name}: beside explicit steps under finite strain all '
+            text += f'solids have it: give strain = "finite", {conserving}'
             raise KeyedError(f"body[{place}]", "strain", text)
     for place, solid in enumerate(scene.solids):
         if solid.rayleigh_stiffness:
@@ -98,8 +106,3 @@ def _check_explicit(scene: Content) -> None:
         if solid.following:
             text = ": explicit steps under finite strain have none that follow the surface: "
             raise KeyedError(f"body[{place}]", "pressures", text + remedy)
-    for index, contact in enumerate(scene.contacts):
-        if contact.friction_coefficient:
-            text = f" = {contact.friction_coefficient}: explicit steps under finite strain slide "
-            text += f"without friction yet: {remedy}"
-            raise KeyedError(f"contact[{index}]", "friction_coefficient", text)

@@ -16,7 +16,7 @@ from impactfem.system.substitution import TOGETHER, substitute
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_CHOLESKY: dict[str, Any] = {
+CHOLESKY: dict[str, Any] = {
     "permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True},
 }  # fmt: skip
 
@@ -121,7 +121,7 @@ class SurfaceStatics:
         block.sort_indices()  # one order of rounding on any number of ranks
         try:
             # Symmetric and positive definite: no pivots, and less fill by minimum degree.
-            self._factors = splu(block, **_CHOLESKY) if size else None
+            self._factors = splu(block, **CHOLESKY) if size else None
         except RuntimeError as error:
             raise ConvergenceError(
                 f"contact: the stiffness of the {surface.count} contact nodes is singular "

@@ -2,18 +2,21 @@
 
 Every rank holds all contact nodes and solves for them alike; forces and tangents are sums of what
 the ranks' own cells give. What an approximate solution leaves unbalanced is handed to nodes inside
-with weights that keep sums and moments (w >= 0 or not: sum w = 1, sum w X = X_node).
+(`impactfem.system.inward`).
 """
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import bsr_matrix, diags
+from scipy.sparse.linalg import splu
 
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI, gather
 from impactfem.system.element_forces import ElementForces
 from impactfem.system.nodes import Nodes
-from impactfem.system.surface import SurfaceNodes
+from impactfem.system.surface import CHOLESKY, SurfaceNodes
 from impactfem.system.surface_kernels import conjugate_gradients, inverted
 
 Floats = NDArray[np.float64]
@@ -21,12 +24,15 @@ Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
 _MOST = 60  # iterations of conjugate gradients
-_BALANCED = 1e-8  # fault of weights that keep sum and moments
-_SPREAD = 5.0  # sum of amounts of weights from which they are shares instead
 
 
 class SurfaceLayer:
-    """Massless nodes of a body, and the cells that touch them."""
+    """Massless nodes of a body, and the cells that touch them.
+
+    Attributes:
+        count: Number of the nodes.
+        canonical: Their canonical numbers, in their order.
+    """
 
     def __init__(
         self, elements: ElementForces, nodes: Nodes, surface: SurfaceNodes, free: Booleans
@@ -56,7 +62,9 @@ class SurfaceLayer:
         self._free[:, : nodes.dim] = free
         self._work = [np.zeros((count, 3)) for _ in range(5)]
         self._inverse = np.zeros((count, 3, 3))
-        self.inward = _inward(elements, nodes, canonical)
+        self._factors: Any = None
+        self._known: dict[int, Floats] = {}
+        self.canonical = canonical
 
     def _number_blocks(self) -> None:
         """Number the blocks of the tangent by rows, on all ranks alike (collective)."""
@@ -101,6 +109,28 @@ class SurfaceLayer:
         if self._dim < 3:
             self._blocks[self._diagonal, 2, 2] = 1.0
         inverted(self._blocks, self._diagonal, self._inverse)
+        self._factors, self._known = None, {}
+
+    def answers(self, nodes: Integers) -> Floats:
+        """How all nodes move by unit forces on some [m/N], (some, dim, count, dim).
+
+        They are kept as long as the tangent, which is factored for them.
+        """
+        dim, size = self._dim, self.count * self._dim
+        free = self._free[:, :dim].ravel()
+        fresh = [node for node in nodes.tolist() if node not in self._known]
+        if fresh and self._factors is None:
+            blocks = np.ascontiguousarray(self._blocks[:, :dim, :dim])
+            tangent = bsr_matrix((blocks, self._columns, self._starts), shape=(size, size))
+            held = diags(free)
+            self._factors = splu((held @ tangent @ held + diags(1.0 - free)).tocsc(), **CHOLESKY)
+        for node in fresh:  # each by itself: the same to the last bit in any order
+            unit = np.zeros((size, dim))
+            unit[node * dim + np.arange(dim), np.arange(dim)] = free[node * dim : (node + 1) * dim]
+            moved = self._factors.solve(unit)
+            self._known[node] = np.ascontiguousarray(moved.T).reshape(dim, self.count, dim)
+        found = [self._known[node] for node in nodes.tolist()]
+        return np.array(found).reshape(len(nodes), dim, self.count, dim)
 
     def solve(self, right: Floats, held: Booleans, normals: Floats, share: float) -> Floats:
         """How the nodes move by forces, along what is free, (count, dim).
@@ -122,59 +152,3 @@ class SurfaceLayer:
             full, share, _MOST, *self._work,
         )  # fmt: skip
         return self._work[0][:, : self._dim].copy()
-
-
-def _inward(elements: ElementForces, nodes: Nodes, canonical: Integers) -> csr_matrix:
-    """Weights of the owned nodes that take what contact nodes leave, (owned, count) (collective).
-
-    Of the inner neighbours of neighbours, the least ones that keep sum and moments; equal shares
-    where these do not exist or are large.
-    """
-    comm, numbers, dim = nodes.comm, nodes.numbers, nodes.dim
-    cells = numbers[elements.cells]
-    ring = gather(comm, np.unique(cells[np.isin(cells, canonical).any(axis=1)]))
-    near = cells[np.isin(cells, np.unique(ring)).any(axis=1)]
-    corners = gather(comm, near.ravel()).reshape(-1, cells.shape[1])
-    known = np.unique(corners)
-    count, size = len(canonical), len(known)
-    if not count:
-        return csr_matrix((nodes.owned, 0))
-    places = _places(nodes, known)
-    at = np.searchsorted(known, corners)
-    beside = csr_matrix(
-        (
-            np.ones(at.size * at.shape[1]),
-            (np.repeat(at, at.shape[1], axis=1).ravel(), np.tile(at, at.shape[1]).ravel()),
-        ),
-        shape=(size, size),
-    )
-    contact = np.searchsorted(known, canonical)
-    wide = (beside[contact] @ beside).tocoo()
-    inner = ~np.isin(wide.col, contact)
-    row, column = wide.row[inner], wide.col[inner]
-    arms = places[column] - places[contact[row]]
-    each = np.maximum(1, np.bincount(row, minlength=count))
-    scale = np.sqrt(np.bincount(row, (arms**2).sum(axis=1), count) / each)
-    basis = np.column_stack([np.ones(len(row)), arms / scale[row][:, None]])
-    gram = np.zeros((count, dim + 1, dim + 1))
-    np.add.at(gram, row, basis[:, :, None] * basis[:, None, :])
-    factors = np.linalg.pinv(gram, rcond=1e-10, hermitian=True)[:, :, 0]
-    weights = np.einsum("ei,ei->e", basis, factors[row])
-    goal = np.eye(dim + 1)[0]
-    fault = np.abs(np.einsum("nij,nj->ni", gram, factors) - goal).max(axis=1)
-    poor = (fault > _BALANCED) | (np.bincount(row, np.abs(weights), count) > _SPREAD)
-    shares = 1.0 / each[row]
-    weights = np.where(poor[row], shares, weights)
-    mine = np.argsort(numbers[: nodes.owned])
-    sorted_own = numbers[: nodes.owned][mine]
-    found = np.searchsorted(sorted_own, known[column])
-    here = found < nodes.owned
-    here[here] = sorted_own[found[here]] == known[column][here]
-    return csr_matrix((weights[here], (mine[found[here]], row[here])), shape=(nodes.owned, count))
-
-
-def _places(nodes: Nodes, known: Integers) -> Floats:
-    """Undeformed places of nodes by their canonical numbers [m], on every rank (collective)."""
-    own = np.flatnonzero(np.isin(nodes.numbers[: nodes.owned], known))
-    order = np.argsort(gather(nodes.comm, nodes.numbers[own]))
-    return gather(nodes.comm, nodes.positions[own])[order]

@@ -55,6 +55,7 @@ def test_a_continued_run_equals_the_whole_one(made, method, tmp_path, monkeypatc
         (rolling, "conserving"),
         (rubbing, "conserving"),
         (rolling, "explicit"),
+        (rubbing, "explicit"),
     ],
 )
 def test_finite_strain_continues_too(made, method, tmp_path, monkeypatch):

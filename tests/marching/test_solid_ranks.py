@@ -124,6 +124,7 @@ def test_driven_bodies_agree(method, monkeypatch):
         (rolling, "massless"),
         (rubbing, "conserving"),
         (rolling, "explicit"),
+        (rubbing, "explicit"),
     ],
 )
 def test_bodies_under_finite_strain_agree(made, method, monkeypatch):

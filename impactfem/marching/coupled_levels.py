@@ -1,0 +1,171 @@
+"""Explicit levels under finite strain of bodies that rub, or meet each other.
+
+At each level the contact nodes u_c of all bodies and the forces F = (Lambda, T) in the gaps obey
+
+    f_c(u_i, u_c) = loads + G^T F,    0 <= Lambda  _|_  g - g_held >= 0  where gaps are held,
+    |T| <= mu Lambda,    T = -mu Lambda s / |s| in slip,    s = 0 in stick,
+
+s the tangential way of the nodes since the last level, less that of what they touch: the cone is
+exact, the work T . s is never positive, and slip that turns round sticks for at least a level, as
+nothing has a mass that would carry it on. G turns with the bodies
+(`impactfem.contact.turning_gaps`), so that forces between bodies have neither sum nor moment.
+
+Each iterate of Newton's method solves the law on the compliance of the surface, as the implicit
+march does; its tangent and what was found of its inverse serve for many levels.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.complementarity import Solver
+from impactfem.contact.followed_pair import FAR
+from impactfem.contact.friction_newton import ConeProblem, solve_cones
+from impactfem.errors import ConvergenceError
+from impactfem.marching.layers import ContactGaps
+from impactfem.marching.leapfrog_bodies import LevelStepper
+from impactfem.marching.level_forces import LevelForces
+from impactfem.marching.level_march import MOST, SLOW, USUAL, LevelMarch
+from impactfem.marching.rubbing import Friction, frames, in_space, turned
+from impactfem.marching.schemes import SolidScheme
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_PAIRED = 2  # iterates that look again who meets whom
+_REGULAR = 1e-12  # share of the largest compliance below which a gap does not yield
+
+
+class CoupledLevels(LevelMarch):
+    """A march of bodies in explicit steps whose gaps weigh several nodes, or rub."""
+
+    def __init__(
+        self,
+        comm: Any,
+        interior: LevelStepper,
+        scheme: SolidScheme,
+        gaps: ContactGaps,
+        solver: Solver,
+        layers: int,
+        tolerance: float,
+        rest: tuple[Floats, Floats] | None = None,
+        friction: Friction | None = None,
+    ) -> None:
+        """Balance the initial state; see `TimeLoop`.
+
+        Args:
+            comm: As for `TimeLoop`, and so are the others.
+            interior: See there.
+            scheme: See there.
+            gaps: See there.
+            solver: See there; of gaps without friction.
+            layers: See there.
+            tolerance: See there.
+            rest: See there.
+            friction: Coulomb's law; None without.
+        """
+        self._friction, self._rubs = friction, friction is not None
+        super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, rest)
+
+    def _directed(self, normals: Floats) -> Floats:
+        return frames(normals) if self._rubs else normals[:, None]
+
+    def _settle(self, begin: Floats, start: float, time: float) -> int:
+        """Bring the surfaces to equilibrium; see `LevelMarch`.
+
+        Raises:
+            ConvergenceError: It was not found, or cells turn inside out.
+        """
+        interior, gaps, held = self.interior, self._gaps, self._held
+        place, last = interior.surface_displacement, self._acting
+        count, dim = place.shape
+        none, nowhere = np.zeros(count, dtype=bool), np.zeros_like(place)
+        self._needed = np.zeros(len(held))
+        force, before = np.zeros_like(last.force), np.inf
+        for iterate in range(1, MOST + 1):
+            if iterate <= _PAIRED:
+                base, (gap, _) = place, gaps.at(place, place, place, time)
+                rows = np.flatnonzero(~np.isnan(held) & (gap < 0.5 * FAR))
+                shift = gaps.shift(time) - gaps.shift(start)
+            directions = self._directed(gaps.normals_at(place, time))
+            if iterate == 1:
+                force[rows] = turned(directions, last.vectors)[rows]
+            interior.move_surface(place)
+            right = interior.unbalanced() - gaps.spread(in_space(directions, force))
+            size = float(np.linalg.norm(right))
+            falls = size <= max(SLOW[dim] * before, interior.rounding)
+            if self._stale or (iterate > 1 and not falls):
+                interior.renew()
+                self._stale = False
+            free = place - interior.relaxed(right, none, nowhere)
+            if len(rows):
+                way = turned(directions, gaps.relative(free - begin) - shift)
+                way[:, 0] = gap - held
+                way[:, 0] += turned(directions, gaps.relative(free - base))[:, 0]
+                force, moved = self._obeying(rows, way, directions, force, first=iterate == 1)
+                free = free + moved
+            place, before = free, size
+            if iterate >= USUAL[dim] and falls:
+                break
+        else:
+            raise ConvergenceError(f"the surface found no equilibrium at t = {time:g} s")
+        interior.move_surface(place)
+        gaps.normals_at(place, time)  # forces have no moment about where nodes are
+        self._gap = gap + turned(directions, gaps.relative(place - base))[:, 0]
+        self._normals, self._active = directions[:, 0], force[:, 0] > 0.0
+        self._put_forces(directions, force)
+        return iterate
+
+    def _put_forces(self, directions: Floats, force: Floats) -> None:
+        self._force = force[:, 0]
+        self._acting = LevelForces.of(self._gaps, directions, force)
+
+    def _obeying(
+        self, rows: Integers, way: Floats, directions: Floats, force: Floats, *, first: bool
+    ) -> tuple[Floats, Floats]:
+        """Forces in some gaps for which the linearised law holds, and how nodes move by the change.
+
+        Args:
+            rows: Gaps that are held.
+            way: Above these, and increments, if the forces stay [m], (gaps, ways).
+            directions: (gaps, ways, dim).
+            force: Forces that stay [N], (gaps, ways).
+            first: Whether to find what would hold nodes still that were pressed at the last level.
+
+        Returns:
+            All forces [N], (gaps, ways), and displacements [m], (nodes, dim).
+        """
+        units = self._gaps.units(rows, directions[rows])
+        nodes = np.flatnonzero(units.any(axis=(0, 1, 3)))
+        answers = self.interior.answers(nodes)
+        size = answers.shape[0] * answers.shape[1]
+        act = units[:, :, nodes].reshape(-1, size)
+        matrix = act @ answers[:, :, nodes].reshape(size, size) @ act.T
+        ways, found = way.shape[1], np.zeros_like(force)
+        own = force[rows]
+        own[:, 0] = np.where(np.diag(matrix)[::ways] > 0.0, own[:, 0], 0.0)
+        matrix = 0.5 * (matrix + matrix.T)
+        offset = way[rows] - (matrix @ own.ravel()).reshape(own.shape)
+        if first:
+            pressed = self._acting.force[rows, 0] > 0.0
+            inner = matrix[::ways, ::ways][np.ix_(pressed, pressed)]
+            still = np.linalg.lstsq(inner, -offset[pressed, 0], rcond=_REGULAR)[0]
+            self._needed[rows[pressed]] = still
+        found[rows] = solved = self._solved(matrix, offset, rows, own)
+        change = (solved - force[rows]).ravel() @ act
+        return found, (change @ answers.reshape(size, -1)).reshape(answers.shape[2:])
+
+    def _solved(self, matrix: Floats, offset: Floats, rows: Integers, start: Floats) -> Floats:
+        """Forces in some gaps whose increments are offset + matrix force, (rows, ways)."""
+        if self._friction is None:
+            normal, _ = self._solver(matrix, offset[:, 0], start[:, 0] > 0.0)
+            return np.asarray(normal[:, None])
+        law, none = self._friction, np.zeros(len(rows))
+        problem = ConeProblem(matrix, offset, law.coefficients[rows], none)
+        return solve_cones(problem, start, law.tolerance, law.max_iterations)[0]
+
+    def _balance(self, *, first: bool = False) -> None:
+        """Find what the forces of a level leave, which goes inside (collective)."""
+        right = self.interior.balance()
+        self.interior.receive(right - self._gaps.spread(self._acting.vectors), first=first)

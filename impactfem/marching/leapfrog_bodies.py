@@ -1,0 +1,145 @@
+"""What explicit levels under finite strain ask of bodies, and several bodies in one."""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.marching.composite import Bodies
+from impactfem.marching.layers import Stepper
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
+
+
+class LevelStepper(Stepper, Protocol):
+    """A layer in explicit steps, whose contact nodes are brought to equilibrium at each level.
+
+    In each step the march asks for `predict`, then `unbalanced`, `relaxed`, `answers` and
+    `move_surface` in turns, then for `balance`, `receive` and `close`.
+    """
+
+    @property
+    def missing(self) -> dict[str, float]:
+        """Shares of the moments of inertia that the bodies' masses have not, by name."""
+
+    @property
+    def most(self) -> int:
+        """Steps of the layers so far, at most."""
+
+    @property
+    def between(self) -> Floats:
+        """Part of the energy of each body that comes from two levels, of this rank [J]."""
+
+    @property
+    def rounding(self) -> float:
+        """Of forces on the surface [N]."""
+
+    def pieces(self) -> int:
+        """Steps that the next layer takes (collective)."""
+
+    def predict(self, start: float, end: float) -> None:
+        """Take the inside to the end of a step, and guess where the surface is (collective)."""
+
+    def move_surface(self, place: Floats) -> None:
+        """Put the contact nodes somewhere, (count, dim) [m]."""
+
+    def unbalanced(self) -> Floats:
+        """Forces with which contact nodes press outwards [N], (count, dim) (collective)."""
+
+    def renew(self) -> None:
+        """Take the tangent of the surface where the bodies are now (collective)."""
+
+    def relaxed(self, right: Floats, held: Booleans, normals: Floats) -> Floats:
+        """How contact nodes move by forces [m], (count, dim)."""
+
+    def answers(self, nodes: Integers) -> Floats:
+        """How contact nodes move by unit forces on some of them [m/N], (some, dim, count, dim)."""
+
+    def balance(self) -> Floats:
+        """All forces at the level; those of contact nodes as `unbalanced` has them (collective)."""
+
+    def receive(self, left: Floats, *, first: bool = False) -> None:
+        """Hand what the surface leaves unbalanced (count, dim) [N] to the inside; accelerate it."""
+
+    def close(self, left: Floats) -> None:
+        """End the step; forces (count, dim) [N] are taken off it alone, with those of the level."""
+
+
+class LeapfrogBodies(Bodies[LevelStepper]):
+    """Several bodies in explicit steps."""
+
+    @property
+    def missing(self) -> dict[str, float]:
+        """Shares of the moments of inertia that their masses have not, by name."""
+        return {name: share for part in self.parts for name, share in part.missing.items()}
+
+    @property
+    def most(self) -> int:
+        """Of any of them."""
+        return max(part.most for part in self.parts)
+
+    @property
+    def between(self) -> Floats:
+        """Part of the energy of each body that comes from two levels, of this rank [J]."""
+        return np.concatenate([part.between for part in self.parts])
+
+    @property
+    def rounding(self) -> float:
+        """The largest of them."""
+        return max(part.rounding for part in self.parts)
+
+    def pieces(self) -> int:
+        """Steps that the next layer takes: those of the body that needs most."""
+        return max(part.pieces() for part in self.parts)
+
+    def predict(self, start: float, end: float) -> None:
+        """Take all to the end of a step."""
+        for part in self.parts:
+            part.predict(start, end)
+
+    def move_surface(self, place: Floats) -> None:
+        """Put the contact nodes somewhere."""
+        for k, part in enumerate(self.parts):
+            part.move_surface(place[self.own(k)])
+
+    def unbalanced(self) -> Floats:
+        """Forces with which contact nodes press outwards [N], (count, dim)."""
+        return np.concatenate([part.unbalanced() for part in self.parts])
+
+    def renew(self) -> None:
+        """Take the tangents of the surfaces."""
+        for part in self.parts:
+            part.renew()
+
+    def relaxed(self, right: Floats, held: Booleans, normals: Floats) -> Floats:
+        """How contact nodes move by forces [m], (count, dim)."""
+        owns = [self.own(k) for k in range(len(self.parts))]
+        each = zip(self.parts, owns, strict=True)
+        return np.concatenate([p.relaxed(right[o], held[o], normals[o]) for p, o in each])
+
+    def answers(self, nodes: Integers) -> Floats:
+        """How contact nodes move by unit forces on some of them, 0 of other bodies."""
+        dim = self.surface_displacement.shape[1]
+        found = np.zeros((len(nodes), dim, self.offsets[-1], dim))
+        for k, part in enumerate(self.parts):
+            own = self.own(k)
+            mine = np.flatnonzero((nodes >= own.start) & (nodes < own.stop))
+            if len(mine):
+                found[mine, :, own] = part.answers(nodes[mine] - own.start)
+        return found
+
+    def balance(self) -> Floats:
+        """All forces at the level."""
+        return np.concatenate([part.balance() for part in self.parts])
+
+    def receive(self, left: Floats, *, first: bool = False) -> None:
+        """Hand what the surfaces leave unbalanced to the inside."""
+        for k, part in enumerate(self.parts):
+            part.receive(left[self.own(k)], first=first)
+
+    def close(self, left: Floats) -> None:
+        """End the step."""
+        for k, part in enumerate(self.parts):
+            part.close(left[self.own(k)])
