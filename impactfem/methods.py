@@ -6,6 +6,7 @@ from typing import Literal
 
 BAR, SOLID, BOTH = frozenset({"bar"}), frozenset({"solid"}), frozenset({"bar", "solid"})
 VIBRO = frozenset({"point", "rod", "beam"})
+RIGID = frozenset({"rigid"})
 
 
 DISPERSIVE = (3.0, 2.0 / 3.0)
@@ -22,7 +23,7 @@ class Method:
         stable: Whether it is stable only up to courant 1 ("limited") or at any ("always").
         plannable: Whether the plan may choose it.
         mixes: Whether it takes bodies of different kinds together, with friction.
-        bodies: Kinds of bodies it solves: "bar", "solid", "point", "rod", "beam".
+        bodies: Kinds of bodies it solves: "bar", "solid", "point", "rod", "beam", "rigid".
         exact: Whether it has neither mesh nor iterations, nor errors but those of rounding.
         layered: Whether it has time layers, on which events may fall; else triangles.
         assembled: Whether all layers are one linear system, which PETSc's solvers take.
@@ -127,9 +128,10 @@ METHODS: Mapping[str, Method] = {
     "moreau_jean": Method(
         "theta method 1/2 with impact on velocities (Moreau and Jean): energy never grows, "
         "nodes penetrate by a fraction of a step's way; in solids the force rings with the step; "
-        "points, rods and beams: any restitution, first order in dt, impacts are not located",
+        "points, rods, beams and rigid bodies: any restitution, first order in dt, impacts are not "
+        "located",
         mixes=True,
-        bodies=SOLID | VIBRO,
+        bodies=SOLID | VIBRO | RIGID,
     ),
     "event_driven": Method(
         "flights between impacts that are located one by one: exact to rounding where the free "

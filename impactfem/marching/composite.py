@@ -1,13 +1,13 @@
 """Several bodies in one layer: each moves by its own scheme, contact sees all their nodes."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
-from impactfem.marching.layers import Interior, Stepper, Sums
+from impactfem.marching.layers import Interior, Rolling, Stepper, Sums
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -132,6 +132,7 @@ class Composite(Bodies[Interior]):
         self.whole_columns = min(wholes, default=None)
         self._count = 0  # forces that were asked for
         self._asked = [np.zeros(0, dtype=np.int64) for _ in parts]  # which of them reach each body
+        self.rolling = any(part.rolling for part in parts)
         given = list(free or ())
         self._free = given + [np.ones((1, 1))] * (len(parts) - len(given))
 
@@ -163,6 +164,15 @@ class Composite(Bodies[Interior]):
     def predict(self, layer: int) -> Floats:
         """Move all bodies to the end of a layer without contact."""
         return np.concatenate([part.predict(layer) for part in self.parts])
+
+    def touched(self, normals: Floats) -> Floats:
+        """Tell bodies that roll where they touch; see `Rolling`."""
+        found = np.zeros_like(normals)
+        for k, part in enumerate(self.parts):
+            if part.rolling:
+                own = self.own(k)
+                found[own] = cast("Rolling", part).touched(normals[own])
+        return found
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Answers of the contact nodes to several forces (several, count, dim)."""

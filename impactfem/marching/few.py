@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.closest import closest_shares, distances
 from impactfem.errors import ConvergenceError
 from impactfem.marching.layers import Sums
+from impactfem.result.shapes import LINE, Shape
 from impactfem.scene import PiecewiseVector
 from impactfem.system.few import FewBodies, Lumped
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
@@ -24,6 +26,7 @@ Booleans = NDArray[np.bool_]
 
 _MOST_ITERATIONS = 50
 _SETTLED = 1e-13  # change of velocities, as a share of the largest
+_NEAR = 1e-9  # share of a body's size by which a probe may lie off its axis
 _SHARE_OF_SIZE = 1e-6  # of coordinates and speeds by which forces are differentiated
 
 
@@ -36,6 +39,7 @@ class FewInterior:
     """
 
     whole_columns: int | None = None
+    rolling = False
 
     def __init__(
         self, bodies: FewBodies, gravity: PiecewiseVector, dt: float, *, counts: bool
@@ -78,9 +82,27 @@ class FewInterior:
         own, bodies = self.bodies.nodes_of(body), self.bodies
         return self._start[own], bodies.radius[own], bodies.lines_of(body)
 
+    def drawn(self, body: int, name: str) -> Shape:
+        """The same for files and pictures: balls, and axes between nodes."""
+        places, radius, lines = self.shape(body)
+        if len(lines):
+            return Shape(name, places, lines, LINE, radius)
+        return Shape.vertices(name, places, radius)
+
     def material(self, body: int) -> Floats:
         """Places of the same nodes as probes are given, shape (nodes, dim)."""
         return self.shape(body)[0]
+
+    def located(self, body: int, point: Floats) -> tuple[Integers, Floats, bool]:
+        """Nodes of a body near a place (dim,) as of `material`, their weights, if it is inside."""
+        _, radius, lines = self.shape(body)
+        places = self.material(body)
+        simplices = lines if len(lines) else np.zeros((1, 1), dtype=np.int64)
+        shares = closest_shares(point[None], places[simplices])
+        _, away = distances(point[None], places[simplices], shares)
+        at = int(np.argmin(away[0]))
+        room = float(radius[simplices[at]].max()) + _NEAR * float(np.ptp(places) or 1.0)
+        return simplices[at], shares[0, at], bool(away[0, at] <= room)
 
     def motion(self, body: int) -> dict[str, Floats]:
         """Fields of a body at these nodes now: displacement [m], velocity [m/s], (nodes, dim)."""

@@ -103,9 +103,11 @@ class Interior(Stepper, Protocol):
 
     Attributes:
         whole_columns: For how many contact nodes answers are worth keeping in full; None: for all.
+        rolling: Whether some contact nodes touch at places that change; see `Rolling`.
     """
 
     whole_columns: int | None
+    rolling: bool
 
     @property
     def massive(self) -> Booleans:
@@ -154,6 +156,22 @@ class Interior(Stepper, Protocol):
             forces: [N].
             change: What they do to the contact nodes [m], if it is known.
             parts: The same forces as a sum of those that `columns` was asked for, shape (asked,).
+        """
+
+
+class Rolling(Protocol):
+    """An interior with balls that turn: what touches is not their middle, and no one place."""
+
+    def touched(self, normals: Floats) -> Floats:
+        """Learn where nodes touch; what their surface moves in the layer besides them [m].
+
+        Asked after `Interior.predict`, for the layer without contact forces.
+
+        Args:
+            normals: Of the gaps of each node, towards it, (count, dim).
+
+        Returns:
+            Ways, shape (count, dim); 0 of nodes that touch themselves.
         """
 
 

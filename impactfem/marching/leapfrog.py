@@ -79,6 +79,8 @@ def _add_up(u, step, internal, mass, inverse, arms, sums):
 class Leapfrog:
     """Explicit interior; see `impactfem.marching.layers.Interior`."""
 
+    rolling = False
+
     def __init__(
         self,
         system: ElasticSystem,

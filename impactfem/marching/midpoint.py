@@ -32,6 +32,8 @@ _COLUMN_BYTES = 2**28  # kept answers to unit forces; beyond this a layer solves
 class Midpoint:
     """Implicit interior; see `impactfem.marching.layers.Interior`."""
 
+    rolling = False
+
     def __init__(
         self,
         system: ElasticSystem,

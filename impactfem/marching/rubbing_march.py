@@ -151,7 +151,7 @@ class RubbingMarch(SolidMarch):
         taking_part = (old > 0.0) | (contact.multiplier > 0.0) | (gap < -self.tolerance)
         if not taking_part.any():
             return force, multiplier, static, 0
-        way = gaps.relative(free) - gaps.shift(time)
+        way = gaps.relative(free + self._rolled) - gaps.shift(time)
         old_way = gaps.relative(old_place) - gaps.shift(max(0.0, time - back * dt))
         held = gaps.relative(last) - gaps.shift(time - dt) if self._skips else None
         (fast, ends), halfway = self._laws(len(gap)), way

@@ -1,7 +1,7 @@
 """Layers of bodies whose answers to forces are linear: predict, find contact forces, end it."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from impactfem.contact.complementarity import (
     solve_layer,
     solve_layer_at_speed,
 )
-from impactfem.marching.layers import Answers, ContactGaps, Interior
+from impactfem.marching.layers import Answers, ContactGaps, Interior, Rolling
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.time_loop import ContactState, TimeLoop
 
@@ -57,6 +57,7 @@ class SolidMarch(TimeLoop[Interior]):
         self._radiating = interior.radiating
         self._by_mass, self._changes = bool(self._massive.any()), bool(self._volatile.any())
         self.interior, self._gaps = interior, gaps
+        self._rolled = np.zeros(1)  # what surfaces move in a layer besides the contact nodes
         self._responses = self._answers()
         super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, rest)
 
@@ -107,6 +108,8 @@ class SolidMarch(TimeLoop[Interior]):
         # Forces of explicit layers act at their start, amid two steps.
         explicit = self._scheme.explicit
         gap, normals = self._gaps.at(free, begin, last, time, back=1.0 if explicit else 0.5)
+        if interior.rolling:
+            self._rolled = cast("Rolling", interior).touched(self._gaps.spread(normals))
         if self._changes:
             self._responses.renew(self._volatile, interior.answers)
         force, multiplier, static, iterations = self._layer_forces(gap, normals, free, last)

@@ -366,8 +366,10 @@ def obstacle_meetings(model: Bodies) -> list[ObstacleMeeting]:
     for k, bodies in enumerate(model.few):
         places = bodies.places(bodies.position)
         for body, name in enumerate(bodies.names):
-            for obstacle in (face for o in obstacles_of(model.scene, name) for face in _faces(o)):
-                own = bodies.meeting(body, surfaces_on(model.scene, name, obstacle.name))
+            faces = (pair for o in obstacles_of(model.scene, name) for pair in enumerate(_faces(o)))
+            for face, obstacle in faces:
+                on = surfaces_on(model.scene, name, obstacle.name)
+                own = bodies.beside(body, on, (obstacle.name, face))
                 own = own[bodies.touching[own]]
                 radius = bodies.shell[own]
                 balls = Balls.beside(obstacle, places[own], radius)

@@ -186,7 +186,10 @@ class Skin:
         known = [name for name in _SHOWN if name in self.fields.point_data]
         values = self.fields.read(layer, *known)
         count = len(values["displacement"])
-        stress = np.where(self.is_stressed[:count], values.get("von_mises", np.zeros(count)), 0.0)
+        known_stress = values.get("von_mises", np.zeros(count))
+        # Rigid bodies have cells, but no stress.
+        rigid = np.isnan(known_stress) & np.isfinite(values["displacement"]).all(axis=1)
+        stress = np.where(self.is_stressed[:count] & ~rigid, known_stress, 0.0)
         touching = np.isfinite(values.get("gap", np.full(count, np.nan)))
         pressure = np.zeros(count)
         if "contact_pressure" in values:

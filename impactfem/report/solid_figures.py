@@ -98,7 +98,7 @@ def body(result: Record) -> Figure | None:
             axes.label_outer()
     for axes in panels[len(snapshots) :]:
         axes.set_visible(False)
-    if len(skin.triangles):
+    if result.scene.solids:
         colours = ScalarMappable(Normalize(0.0, painter.stress), "viridis")
         figure.colorbar(colours, ax=list(panels), label=STRESS, shrink=0.9)
     if maps:

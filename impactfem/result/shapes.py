@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-VERTEX, LINE = 1, 3
-"""VTK's numbers of a point and of a line with two nodes; those of solids are in `cell_kinds`."""
+VERTEX, LINE, TRIANGLE, TETRAHEDRON = 1, 3, 5, 10
+"""VTK's numbers of straight cells with as few nodes as can be; all others are in `cell_kinds`."""
 
 VECTOR = 3
 """Components of a vector, in the plane and on a line too: the others are 0."""

@@ -13,6 +13,7 @@ from impactfem.scene import Bar
 
 if TYPE_CHECKING:  # loads SciPy, which bars do without
     from impactfem.system.beam import FreeBeam
+    from impactfem.system.few import FewBodies
 
 Floats = NDArray[np.float64]
 
@@ -25,6 +26,23 @@ def body_figures(mass: float, **known: Any) -> dict[str, Any]:
     """The figures of a body, None for those that are not known."""
     names = ("inertia", "rotation_max", "strain_max", "strain_99", "volume_ratio_min")
     return {"mass": mass, **{name: known.get(name) for name in names}}
+
+
+def few_figures(few: "FewBodies", body: int, turn: Floats | None) -> dict[str, Any]:
+    """Those of a body without a mesh, with its rotations as `BodyMotion` has them."""
+    known: dict[str, Any] = {}
+    if few.figured:
+        known["inertia"] = few.figured.get("inertia")
+    if few.figured and turn is not None:
+        known["rotation_max"] = float(np.abs(_since_start(turn)).max())
+    return body_figures(few.masses[body], **known)
+
+
+def _since_start(turn: Floats) -> Floats:
+    """Angles since t = 0 [rad], (rows,): in the plane counted over turns, in space up to pi."""
+    if turn.shape[1] == 1:
+        return np.asarray(turn[:, 0] - turn[0, 0])
+    return np.asarray(2.0 * np.arccos(np.minimum(np.abs(turn @ turn[0]), 1.0)))
 
 
 def bar_figures(bar: Bar, positions: Floats, displacement: Floats) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from impactfem.marching.level_march import LevelMarch
 from impactfem.marching.midpoint import Midpoint
 from impactfem.marching.newton_bodies import NewtonBodies, NewtonStepper
 from impactfem.marching.newton_march import NewtonMarch
+from impactfem.marching.rigid import RigidMidpoint
 from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import SolidMarch
@@ -72,7 +73,7 @@ def make_loop(
     numbers: "MarchNumbers",
     scheme: SolidScheme,
     each: Sequence[Discretised],
-    few: Sequence[FewMidpoint | WaveBar],
+    few: Sequence[FewMidpoint | WaveBar | RigidMidpoint],
     steps: tuple[float, int, float | None],
     progress: Progress,
 ) -> Loop:

@@ -20,7 +20,7 @@ from impactfem.marching.rows import Level
 from impactfem.mesh.body import BodyMesh
 from impactfem.models.solids import SolidsModel
 from impactfem.result.cell_kinds import KINDS
-from impactfem.result.shapes import LINE, VECTOR, Shape, joined
+from impactfem.result.shapes import VECTOR, Shape, joined
 from impactfem.result.spool import POINT_DATA, FieldSpool
 from impactfem.runs.axis_watch import AxisWatch
 from impactfem.system.stress import NodalFields
@@ -52,18 +52,11 @@ def followed(march: FewInterior, among: slice) -> list[Followed]:
     """
 
     def one(body: int, name: str) -> Followed:
-        places, radius, lines = march.shape(body)
-        shape = (
-            Shape(name, places, lines, LINE, radius)
-            if len(lines)
-            else Shape.vertices(name, places, radius)
-        )
-
         def motion(level: Level) -> dict[str, Floats]:
             forces = march.acting(body, level.nodal_forces[among])
             return march.motion(body) | {"contact_force": forces}
 
-        return Followed(shape, motion)
+        return Followed(march.drawn(body, name), motion)
 
     return [one(body, name) for body, name in enumerate(march.bodies.names)]
 

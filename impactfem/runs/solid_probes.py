@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from impactfem.contact.closest import closest_shares, distances
 from impactfem.marching.few import FewInterior
 from impactfem.marching.rows import Level
 from impactfem.marching.time_loop import TimeLoop
@@ -18,8 +17,6 @@ from impactfem.system.located import Located
 from impactfem.system.true_stress import TrueStress
 
 Floats = NDArray[np.float64]
-
-_NEAR = 1e-9  # share of a body's size by which a probe may lie off its axis
 
 
 @dataclass(frozen=True)
@@ -64,18 +61,10 @@ def _axes(model: SolidsModel, few: Sequence[FewInterior]) -> tuple[AxisProbe, ..
             if probe.body not in march.bodies.names:
                 continue
             body = march.bodies.names.index(probe.body)
-            _, radius, lines = march.shape(body)
-            places = march.material(body)
-            simplices = lines if len(lines) else np.zeros((1, 1), dtype=np.int64)
-            point = np.array([probe.point], dtype=float)
-            shares = closest_shares(point, places[simplices])
-            _, away = distances(point, places[simplices], shares)
-            at = int(np.argmin(away[0]))
-            nodes = simplices[at]
-            room = float(radius[nodes].max()) + _NEAR * float(np.ptp(places) or 1.0)
-            if away[0, at] > room:
-                raise outside(index, probe, shares[0, at] @ places[simplices[at]])
-            found.append(AxisProbe(probe, march, body, nodes, shares[0, at]))
+            nodes, shares, inside = march.located(body, np.array(probe.point, dtype=float))
+            if not inside:
+                raise outside(index, probe, shares @ march.material(body)[nodes])
+            found.append(AxisProbe(probe, march, body, nodes, shares))
     return tuple(found)
 
 

@@ -25,7 +25,7 @@ from impactfem.result.table import Series, Table
 from impactfem.result.whole import Whole
 from impactfem.runs.contact_places import ContactPlaces
 from impactfem.runs.forces import contact_codes, contact_findings, mesh_window
-from impactfem.runs.line_bodies import body_figures
+from impactfem.runs.line_bodies import few_figures
 from impactfem.runs.solid_output import Watch
 from impactfem.runs.solid_probes import SolidProbes
 from impactfem.runs.static_start import Started
@@ -125,7 +125,7 @@ def solids_motion(
     finite = all(bool(np.isfinite(history[name].values).all()) for name in _MOVING) and bool(
         np.isfinite(together).all()
     )
-    effort = _effort(model, march, rows, watch, limits, limit, whole, size)
+    effort = _effort(model, march, rows, watch, limits, limit, whole, size, bodies)
     if started is not None:
         effort = replace(
             effort,
@@ -148,8 +148,9 @@ def _effort(
     limit: float | None,
     whole: Whole,
     size: float,
+    bodies: Mapping[str, BodyMotion],
 ) -> Effort:
-    """How the march got there; arguments as of `solids_motion`."""
+    """How the march got there; arguments as of `solids_motion`, and the motions of the bodies."""
     figures, parts = limits.figures(), model.parts
     iterations = rows.iterations[rows.iterations > 0]
     return Effort(
@@ -190,8 +191,9 @@ def _effort(
         ),
         bodies=figures
         | {
-            name: body_figures(mass)
-            for name, (mass, _) in model.masses.items()
+            name: few_figures(few, body, bodies[name].turn)
+            for few in model.few
+            for body, name in enumerate(few.names)
             if name not in figures
         },
     )
@@ -271,7 +273,7 @@ def body_motions(
             else:
                 start = _turned_at_start(part, placed[k])
             turn = _rotation(np.vstack([start, march.interior.dt * each_layer]))
-        elif part is not None and attitudes[:, k].any() and _turns_freely(part, whole):
+        elif attitudes[:, k].any() and (part is None or _turns_freely(part, whole)):
             turn, spin = attitude(attitudes[:, k], spun[:, 3 - turns :], whole)
         bodies[name] = BodyMotion(position, own / mass, turn, spin)
     told = angular[:, 3 - turns :] if turns else None

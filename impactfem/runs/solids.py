@@ -18,6 +18,7 @@ from impactfem.marching.few import FewMidpoint
 from impactfem.marching.few_newton import FewNewton
 from impactfem.marching.layers import ContactGaps
 from impactfem.marching.model_watch import ModelWatch
+from impactfem.marching.rigid import RigidMidpoint
 from impactfem.marching.rows import Level
 from impactfem.marching.schemes import scheme_of
 from impactfem.marching.time_loop import TimeLoop
@@ -38,6 +39,7 @@ from impactfem.scene import Scene
 from impactfem.system.few import ElasticBar, FewBodies, Lumped
 from impactfem.system.inside import check_inside
 from impactfem.system.massless import mass_transfer
+from impactfem.system.rigid import Rigid
 from impactfem.system.stretches import Stretches
 
 if TYPE_CHECKING:
@@ -47,9 +49,10 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-_INTERIORS: "Mapping[type[FewBodies], Callable[..., FewMidpoint | WaveBar]]" = {
+_INTERIORS: "Mapping[type[FewBodies], Callable[..., FewMidpoint | WaveBar | RigidMidpoint]]" = {
     Lumped: FewMidpoint,
     ElasticBar: WaveBar,
+    Rigid: RigidMidpoint,
 }
 """How bodies without meshes are marched."""
 

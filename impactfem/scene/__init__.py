@@ -16,6 +16,9 @@ from impactfem.scene.obstacles import (
 )
 from impactfem.scene.points import Point, Spring
 from impactfem.scene.probes import Probe
+from impactfem.scene.rigid import RigidBody
+from impactfem.scene.rigid_keys import Orientation
+from impactfem.scene.rigid_shapes import Capsule, Hull
 from impactfem.scene.scene import Scene
 from impactfem.scene.schema import describe
 from impactfem.scene.settings import Output, Solve
@@ -28,11 +31,14 @@ __all__ = [
     "Bar",
     "Beam",
     "Block",
+    "Capsule",
     "Contact",
     "Cylinder",
     "Disc",
     "Formula",
     "HalfSpace",
+    "Hull",
+    "Orientation",
     "Output",
     "PiecewiseConstant",
     "PiecewiseVector",
@@ -40,6 +46,7 @@ __all__ = [
     "Pressure",
     "Probe",
     "Refinement",
+    "RigidBody",
     "RigidBox",
     "RigidCylinder",
     "RigidPolyline",

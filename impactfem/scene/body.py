@@ -23,6 +23,8 @@ class BodyKind:
         marches_alone: Whether the march takes it without other kinds, where its own does not do.
         waves: Whether it has waves, and rebounds by its own elasticity.
         meets_alike: Whether it meets others of its kind by methods of the kind.
+        meets_bodies: Whether it may meet other bodies, not only obstacles.
+        may_meet_nothing: Whether its motion is worth a run where there is nothing to hit.
         settles: Whether it can start in equilibrium (``start = "static"``).
         substeps: Whether its steps can be of any length, as beside bodies under finite strain.
         probed: What a probe in it may keep.
@@ -35,12 +37,19 @@ class BodyKind:
     marches_alone: ClassVar[bool] = True
     waves: ClassVar[bool] = False
     meets_alike: ClassVar[bool] = False
+    meets_bodies: ClassVar[bool] = True
+    may_meet_nothing: ClassVar[bool] = False
     settles: ClassVar[bool] = False
     substeps: ClassVar[bool] = True
     probed: ClassVar[tuple[str, ...]] = MOVES
     settings: ClassVar[tuple[str, ...]] = ()
     whole_side: ClassVar[tuple[str, ...] | None] = None
     mesh: str | None = None
+
+    @property
+    def has_corners(self) -> bool:
+        """Whether it has edges and faces, but touches obstacles with its corners only."""
+        return False
 
     def check_beside(self, bodies: Sequence[Any]) -> None:
         """Refuse what contradicts other bodies of its scene, all of which are given.
@@ -72,6 +81,13 @@ class BodyKind:
 
     def centreline(self) -> Floats | None:
         """Places along the middle of a slender body at t = 0 [m], (places, dim); None if thick."""
+        return None
+
+    def faces(self) -> Floats | None:
+        """Triangles, in space tetrahedra, that fill it at t = 0 [m], (cells, corners, dim).
+
+        None if drawings know it otherwise.
+        """
         return None
 
     @property

@@ -16,16 +16,19 @@ from impactfem.scene.loads import LoadKind, PiecewiseConstant, PiecewiseVector
 from impactfem.scene.obstacles import OBSTACLES, Rigid, Wall
 from impactfem.scene.points import Point
 from impactfem.scene.probes import MAX_PROBES, Probe
+from impactfem.scene.rigid import RigidBody
 from impactfem.scene.schema import key
 from impactfem.scene.settings import Output, Solve
 from impactfem.scene.solids import Solid
 from impactfem.scene.tables import MAX_BODIES, MAX_OBSTACLES, ObjectsKind, SettingsKind
 from impactfem.scene.values import show
 
-type Body = Bar | Solid | Point | Rod | Beam
+type Body = Bar | Solid | Point | Rod | Beam | RigidBody
 type Obstacle = Wall | Rigid
 
-BODIES: Mapping[str, type[Any]] = {cls.kind: cls for cls in (Bar, Solid, Point, Rod, Beam)}
+BODIES: Mapping[str, type[Any]] = {
+    cls.kind: cls for cls in (Bar, Solid, Point, Rod, Beam, RigidBody)
+}
 MAX_CONTACTS = 10_000
 STARTS = ("given", "static")
 
@@ -53,7 +56,7 @@ class Content:
     )
     obstacles: tuple[Obstacle, ...] = key(
         ObjectsKind(tuple(OBSTACLES.values()), "[[obstacle]]", MAX_OBSTACLES, 0),
-        "what it may hit; only points and rows of bars may do without",
+        "what it may hit; only points, rigid bodies and rows of bars may do without",
         name="obstacle",
         default=(),
     )

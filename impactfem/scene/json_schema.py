@@ -32,6 +32,7 @@ from impactfem.scene.kinds import (
     Switch,
 )
 from impactfem.scene.loads import LoadKind
+from impactfem.scene.rigid_keys import InertiaKind
 from impactfem.scene.scene import Scene
 from impactfem.scene.schema import REQUIRED, Key, keys_of
 from impactfem.scene.settings import Window
@@ -213,6 +214,12 @@ def _(kind: Vector, _found: dict[str, Schema]) -> Schema:
 @_schema.register
 def _(_kind: NumberOrVector, _found: dict[str, Schema]) -> Schema:
     return {"anyOf": [_NUMBER, _list(_NUMBER, 3, 3)]}
+
+
+@_schema.register
+def _(_kind: InertiaKind, _found: dict[str, Schema]) -> Schema:
+    above = _NUMBER | {"exclusiveMinimum": 0}
+    return {"anyOf": [above, _list(above, 3, 3), _list(_list(_NUMBER, 3, 3), 3, 3)]}
 
 
 @_schema.register

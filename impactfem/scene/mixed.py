@@ -10,7 +10,7 @@ from impactfem.methods import METHODS
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import Content
 from impactfem.scene.pair_checks import check_sides, check_twice
-from impactfem.scene.pairing import side_of
+from impactfem.scene.pairing import named_body_pairs, obstacles_of, side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -31,7 +31,9 @@ def check_mixed(scene: Content) -> None:
         _check_contact(scene, contact, f"contact[{index}]")
         for earlier in range(index):
             check_twice(scene, scene.contacts[earlier], contact, f"contact[{earlier}]", index)
-    if not scene.obstacles and len(scene.bodies) == 1:
+    _check_partners(scene)
+    alone = not scene.obstacles and len(scene.bodies) == 1
+    if alone and not all(body.may_meet_nothing for body in scene.bodies):
         raise KeyedError("obstacle", "", " is missing: nothing can be hit; add an [[obstacle]].")
     _check_method(scene)
 
@@ -59,6 +61,25 @@ def check_dimensions(scene: Content) -> None:
         text = f" = {show(scene.contacts[rubbing[0]].friction_coefficient)}: on a line nothing "
         text += "slides; remove it, or give two coordinates."
         raise KeyedError(f"contact[{rubbing[0]}]", "friction_coefficient", text)
+
+
+def _check_partners(scene: Content) -> None:
+    """Refuse contact of bodies that meet obstacles only, and of these with what is not found."""
+    meets = {body.name: body.meets_bodies for body in scene.bodies}
+    for name, (one, _), (two, _) in named_body_pairs(scene):
+        if meets[one] and meets[two]:
+            continue
+        lonely = one if not meets[one] else two
+        text = f" of {one} and {two} ({name}) is not available: the rigid body {lonely} meets "
+        text += "obstacles only; remove it, and list the pairs that may meet by [[contact]]."
+        raise KeyedError("contact", "", text)
+    for body in (body for body in scene.bodies if body.has_corners):
+        for obstacle in obstacles_of(scene, body.name):
+            if not obstacle.meets_corners:
+                text = f" of {body.name} and {obstacle.name} is not available: {obstacle.name} may "
+                text += f"meet edges and faces of {body.name}, which touches with its corners; "
+                text += "give a half_space, a hollow sphere or cylinder, or a body that is a ball."
+                raise KeyedError("contact", "", text)
 
 
 def _check_contact(scene: Content, contact: Contact, where: str) -> None:

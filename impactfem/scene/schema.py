@@ -288,8 +288,9 @@ def describe() -> list[TableDoc]:
 
 def _rank(heading: str) -> int:
     """Return the place of a table in the reference: as in a scene file, inline tables last."""
-    bodies = (f'[[body]] with kind = "{kind}"' for kind in ("bar", "solid", "point", "rod", "beam"))
-    inline = ("supports", "tractions", "pressures", "shape", "refine", "springs")
+    kinds = ("bar", "solid", "point", "rod", "beam", "rigid")
+    bodies = (f'[[body]] with kind = "{kind}"' for kind in kinds)
+    inline = ("supports", "tractions", "pressures", "shape", "refine", "springs", "orientation")
     others = ("[[obstacle]]", "[[contact]]", "[[probe]]", "[solve]", "[output]")
     order = (TOP, *bodies, *others, *inline)
     return next((i for i, start in enumerate(order) if heading.startswith(start)), len(order))

@@ -79,6 +79,11 @@ class FewBodies:
         return 0.0
 
     @property
+    def figured(self) -> Mapping[str, float | list[list[float]]]:
+        """What the summary says of a single body that turns besides its mass; nothing of others."""
+        return {}
+
+    @property
     def facing(self) -> Floats:
         """Way along the first axis that the end at each contact node looks, 0 if any, (nodes,)."""
         return np.zeros(len(self.radius))
@@ -97,6 +102,21 @@ class FewBodies:
         if not self.ends:
             return self.nodes_of(body)
         return np.concatenate([self.ends[name] for name in surfaces or self.ends])
+
+    def beside(
+        self,
+        body: int,
+        surfaces: Sequence[str] | None,
+        face: tuple[str, int],  # noqa: ARG002
+    ) -> Integers:
+        """Contact nodes of one of the bodies that may meet an obstacle.
+
+        Args:
+            body: Its place.
+            surfaces: As for `meeting`.
+            face: Name of the obstacle, and which of its faces.
+        """
+        return self.meeting(body, surfaces)
 
     def lines_of(self, body: int) -> Integers:
         """Lines of one of the bodies, by places among its own nodes, (lines, 2)."""

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.scene import Bar, Beam, Point, Rod, Scene
+from impactfem.scene import Bar, Beam, Point, RigidBody, Rod, Scene
 from impactfem.system.beam import free_beam
 from impactfem.system.few import ElasticBar, FewBodies, Lumped, rigid_in_plane
 from impactfem.system.frequency import highest_frequency
 from impactfem.system.generalized import LinearSystem
 from impactfem.system.points import free_points
+from impactfem.system.rigid import rigid_system
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +34,7 @@ def few_bodies(scene: Scene) -> tuple[FewBodies, ...]:
     )
     found: list[FewBodies] = []
     for kind, alike in groupby(bodies, type):
-        found += _MAKERS[kind](list(alike))
+        found += _MAKERS[kind](scene, list(alike))
     return tuple(found)
 
 
@@ -180,10 +181,11 @@ def _means(bar: Bar) -> tuple[float, float]:
 
 _NO_LINES = np.zeros((0, 2), dtype=np.int64)
 
-_MAKERS: Mapping[type, Callable[[list[Any]], Sequence[FewBodies]]] = {
-    Point: lambda points: [_of_points(points)],
-    Rod: lambda rods: list(map(_of_rod, rods)),
-    Beam: lambda beams: list(map(_of_beam, beams)),
-    Bar: lambda bars: list(map(_of_bar, bars)),
+_MAKERS: Mapping[type, Callable[[Scene, list[Any]], Sequence[FewBodies]]] = {
+    Point: lambda _, points: [_of_points(points)],
+    Rod: lambda _, rods: list(map(_of_rod, rods)),
+    Beam: lambda _, beams: list(map(_of_beam, beams)),
+    RigidBody: lambda scene, bodies: [rigid_system(scene, body) for body in bodies],
+    Bar: lambda _, bars: list(map(_of_bar, bars)),
 }
 """Systems of bodies of one kind: the place to add a body without a mesh."""

@@ -14,6 +14,7 @@ TABLES = {
     '[[body]] with kind = "point"': language.Point,
     '[[body]] with kind = "rod"': language.Rod,
     '[[body]] with kind = "beam"': language.Beam,
+    '[[body]] with kind = "rigid"': language.RigidBody,
     '[[obstacle]] with kind = "box"': language.RigidBox,
     '[[obstacle]] with kind = "cylinder"': language.RigidCylinder,
     '[[obstacle]] with kind = "half_space"': language.HalfSpace,
@@ -32,8 +33,11 @@ TABLES = {
     'shape = { kind = "ring" }': language.Ring,
     'shape = { kind = "cylinder" }': language.Cylinder,
     'shape = { kind = "sphere" }': language.Sphere,
+    'shape = { kind = "capsule" }': language.Capsule,
+    'shape = { kind = "hull" }': language.Hull,
     "refine = [{ ... }]": language.Refinement,
     "springs = [{ ... }]": language.Spring,
+    "orientation = { ... }": language.Orientation,
 }
 
 

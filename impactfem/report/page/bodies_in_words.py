@@ -4,6 +4,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+
 from impactfem.report.page.numbers import (
     constant,
     counted,
@@ -240,10 +242,34 @@ def _beam(_: Scene, beam: Any) -> str:
     return text
 
 
+def _rigid(_: Scene, body: Any) -> str:
+    text = f"A rigid {body.shape.kind} of mass {quantity(body.total_mass, 'kg')}"
+    moments = body.moments
+    if body.dim == 2:
+        text += f" and moment of inertia {quantity(float(moments[0, 0]), 'kg m²')}"
+    else:
+        own = sorted(float(value) for value in np.linalg.eigvalsh(moments))
+        text += f" and principal moments of inertia {vector(own, 'kg m²')}"
+    text += f", its centre of mass at {vector(body.center.tolist(), 'm')}"
+    start = body.start_velocity.tolist()
+    speed, spin = start[: body.dim], start[body.dim :]
+    if any(speed):
+        text += f", with the velocity {vector(speed, 'm/s')}"
+    if any(spin):
+        shown = vector(spin, "rad/s") if body.dim == 3 else quantity(spin[0], "rad/s")
+        text += f", turning at {shown}"
+    text += "." if any(start) else ", at rest."
+    for given, unit, what in ((body.force, "N", "force"), (body.moment, "N m", "moment")):
+        if given is not None:
+            text += f" The {what} {formulas(given, unit)} acts on it."
+    return text
+
+
 _BODIES: Mapping[str, Callable[[Scene, Any], str]] = {
     "bar": _bar,
     "solid": _solid,
     "point": _point,
     "rod": _rod,
     "beam": _beam,
+    "rigid": _rigid,
 }

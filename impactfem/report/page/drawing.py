@@ -28,4 +28,5 @@ def _figure(result: Record) -> Figure | None:
         return draw_on_line(scene)
     if scene.dim == 2:
         return draw_plane(result)
-    return draw_solids_in_space(result) if scene.solids else draw_points_in_space(scene)
+    thick = scene.solids or any(body.faces() is not None for body in scene.bodies)
+    return draw_solids_in_space(result) if thick else draw_points_in_space(scene)

@@ -91,11 +91,12 @@ def draw_plane(result: Record) -> Figure | None:
     solids = scene.solids
     points = [body for body in scene.bodies if isinstance(body, Ball)]
     slender = {body: ends for body in scene.bodies if (ends := body.centreline()) is not None}
+    rigid = {body: cells for body in scene.bodies if (cells := body.faces()) is not None}
     outlines = _outlines(result, solids)
     if outlines is None:
         return None
     window = _Window()
-    for place in (*outlines, *map(_reach, points), *slender.values()):
+    for place in (*outlines, *map(_reach, points), *slender.values(), *rigid.values()):
         window.add(np.reshape(place, (-1, 2)))
     window.include_obstacles(scene)
     figure, axes = _axes(window)
@@ -109,6 +110,8 @@ def draw_plane(result: Record) -> Figure | None:
         _draw_point(axes, point, home, size, named=few)
     for body, ends in slender.items():
         _draw_slender(axes, body, ends, size, named=len(scene.bodies) > 1 and few)
+    for body, cells in rigid.items():
+        _draw_rigid(axes, body, cells, size, named=few)
     axial = any(solid.is_axisymmetric for solid in solids)
     if axial:
         axes.axvline(0.0, color="0.5", linewidth=0.9, linestyle="-.", zorder=0.6)
@@ -143,6 +146,16 @@ def _draw_solid(axes: Axes, solid: Solid, lines: Floats, size: float, *, named: 
         face = lines_of.reshape(-1, 2).mean(axis=0)
         beyond = (face - centre) / (np.hypot(*(face - centre)) or 1.0)
         label(axes, face + 0.06 * size * beyond, text, SUPPORT)
+
+
+def _draw_rigid(axes: Axes, body: Any, cells: Floats, size: float, *, named: bool) -> None:
+    """A rigid body by the triangles that fill it."""
+    axes.add_collection(PolyCollection(list(cells), facecolors=BODY, edgecolors=BODY, zorder=3))
+    center, speed = body.box()[1], body.centre_velocity()
+    _velocity(axes, center, speed, size)
+    if named:
+        back = 0.07 * size * speed / (np.hypot(*speed) or 1.0)
+        label(axes, center - back, body.name)
 
 
 def _draw_point(

@@ -53,6 +53,12 @@ def draw_solids_in_space(result: Record) -> Figure | None:
         _velocity(axes, camera, centre, np.array(speed), skin.size)
         back = camera.flat(np.array(speed) / (np.linalg.norm(speed) or 1.0))
         label(axes, centre - 0.08 * skin.size * back, solid.name)
+    for body in (body for body in result.scene.bodies if body.faces() is not None):
+        middle, moving = body.box(), body.centre_velocity()
+        if middle is not None and moving is not None:
+            flat = camera.flat(middle[1])
+            label(axes, flat, body.name)
+            _velocity(axes, camera, flat, moving, skin.size)
     for point in (body for body in result.scene.bodies if isinstance(body, Ball)):
         flat = camera.flat(np.array(point.position, dtype=np.float64))
         axes.plot(*flat, "o", color=EDGE, markersize=9, zorder=4)

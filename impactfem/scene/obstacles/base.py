@@ -106,6 +106,11 @@ class RigidObstacle:
         return False
 
     @property
+    def meets_corners(self) -> bool:
+        """Whether a convex body of edges and faces meets it with its corners first."""
+        return self.is_flat
+
+    @property
     def plane(self) -> Plane | None:
         """Where it ends if that is a plane."""
         return None

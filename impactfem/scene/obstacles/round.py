@@ -24,6 +24,11 @@ class RoundObstacle(RigidObstacle):
         """1 if the body is outside, else -1."""
         return -1.0 if self.side == "inside" else 1.0
 
+    @property
+    def meets_corners(self) -> bool:
+        """A hollow one does."""
+        return self.sign < 0.0
+
     def round_core(self, center: Sequence[float], axis: Sequence[float] | None) -> Core:
         """What it is at rest, with its centre and axis."""
         direction = None if axis is None else np.asarray(axis)

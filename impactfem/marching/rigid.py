@@ -1,0 +1,268 @@
+"""Layers of a rigid body: the midpoint rule for its centre, `turn_kernels` for its rotation.
+
+The force F of a layer on a contact node acts where the body touches amid the layer, with the arm a
+from its centre: it gives the impulse dt F and the impulse of its moment dt a x F.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import ConvergenceError
+from impactfem.marching.few import FewInterior
+from impactfem.marching.layers import Sums
+from impactfem.marching.turn_kernels import turn
+from impactfem.result.shapes import TETRAHEDRON, TRIANGLE, Shape
+from impactfem.scene import PiecewiseVector
+from impactfem.system.rigid import Rigid, frame, in_space
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_NEAR, _ROUND = 1e-9, 0.05  # how far a probe may lie out of the flat or round cells of a picture
+_MOST, _SETTLED = 50, 1e-13  # iterates of forces by formula, and their change
+
+
+class RigidMidpoint(FewInterior):
+    """Interior of a rigid body; see `impactfem.marching.layers.Interior`."""
+
+    bodies: Rigid
+
+    def __init__(self, bodies: Rigid, gravity: PiecewiseVector, dt: float, *, counts: bool) -> None:
+        """Begin at t = 0; see `FewInterior`."""
+        super().__init__(bodies, gravity, dt, counts=counts)
+        self._dim, count = bodies.dim, len(self._start)
+        self._mass, self._inverse = bodies.masses[0], np.linalg.inv(bodies.inertia)
+        self.massive = self.volatile = np.ones(count, dtype=bool)
+        self.rolling = bool(bodies.radius.any())
+        self._offset = np.zeros((count, 3))  # from nodes to where they touch
+        self._ahead, self._half = self._v.copy(), np.zeros(3)
+        self._begin()
+        self._end = self._middle = self._turn
+        self._freedom = self._turn @ self._inverse @ self._turn.T  # of the spin in space
+        self._acting = bodies.arms @ self._turn.T
+
+    def _begin(self) -> None:
+        """What the next layer starts from."""
+        self._centre, self._turn = frame(self._q)
+        self._pushed, self._turned = np.zeros(3), np.zeros(3)
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave."""
+        super().remember(memory)
+        self._begin()
+
+    def _split(self, rates: Floats) -> tuple[Floats, Floats]:
+        """Velocity and spin along the axes of the body, (3,) each."""
+        if self._dim == 3:
+            return rates[:3], rates[3:]
+        return np.array([rates[0], rates[1], 0.0]), np.array([0.0, 0.0, rates[2]])
+
+    def _velocities(self, turn: Floats, rates: Floats, offset: Floats) -> Floats:
+        """Of places of the body with the arms of the contact nodes and more [m/s], (nodes, dim)."""
+        speed, spin = self._split(rates)
+        arms = self.bodies.arms @ turn.T + offset
+        return np.asarray((speed + arms @ _skew(turn @ spin).T)[:, : self._dim])
+
+    @property
+    def surface_velocity(self) -> Floats:
+        """Of the contact nodes [m/s], (count, dim)."""
+        return self._velocities(self._turn, self._v, _NOWHERE)
+
+    @property
+    def surface_displacement(self) -> Floats:
+        """Of the contact nodes since t = 0 [m], (count, dim)."""
+        return self._places(self._centre, self._turn) - self._start
+
+    def _places(self, centre: Floats, turn: Floats) -> Floats:
+        return np.asarray((centre + self.bodies.arms @ turn.T)[:, : self._dim])
+
+    def predict(self, layer: int) -> Floats:
+        """Solve the layer without contact forces."""
+        self._time, pull = (layer + 0.5) * self.dt, self.gravity(layer)
+        self._weight = self._mass * in_space(pull)
+        self._settle()
+        self._acting = self.bodies.arms @ self._middle.T + self._offset
+        speed = 0.5 * self.dt * (self._split(self._v)[0] + self._split(self._ahead)[0])
+        return self._places(self._centre + speed, self._end) - self._start
+
+    def _settle(self) -> None:
+        """Rates at the end of the layer, with what has pushed so far."""
+        bodies, (speed, spin), dt = self.bodies, self._split(self._v), self.dt
+        loads, ahead = (_NOTHING, _NOTHING), self._split(self._ahead)
+        for _ in range(_MOST):
+            if bodies.loads is not None:
+                mean = 0.5 * (speed + ahead[0])
+                whirl = self._turn @ (0.5 * (spin + ahead[1]))
+                loads = bodies.loads(self._time, self._centre + 0.5 * dt * mean, mean, whirl)
+            new = speed + (dt * (loads[0] + self._weight) + self._pushed) / self._mass
+            kick = dt * loads[1] + self._turned
+            whirl, self._half, self._end, self._middle, self._freedom, found = turn(
+                bodies.inertia, self._inverse, self._turn, spin, kick, dt
+            )
+            if not found:
+                raise ConvergenceError(
+                    f"{bodies.names[0]} turns too far in a step at t = {self._time:.6g} s: use a "
+                    "smaller solve.dt"
+                )
+            last, ahead = ahead, (new, whirl)
+            if bodies.loads is None or all(map(_settled, ahead, last)):
+                break
+        else:
+            raise ConvergenceError(
+                f"the forces on {bodies.names[0]} did not settle at t = {self._time:.6g} s; use a "
+                "smaller solve.dt"
+            )
+        self._loads = loads
+        self._ahead = np.concatenate([new[: self._dim], whirl[2 * (3 - self._dim) :]])
+
+    def touched(self, normals: Floats) -> Floats:
+        """Learn where nodes touch; ways that their surface goes in the layer besides [m].
+
+        Args:
+            normals: Of the gaps of nodes, towards them, (count, dim).
+        """
+        self._offset = -self.bodies.radius[:, None] * in_space(normals)
+        self._acting = self.bodies.arms @ self._middle.T + self._offset
+        spin = self._turn @ (0.5 * (self._split(self._v)[1] + self._split(self._ahead)[1]))
+        return np.asarray((self.dt * self._offset @ _skew(spin).T)[:, : self._dim])
+
+    def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)
+        """Velocities where nodes touch at both ends of the layer without contact forces."""
+        before = self._velocities(self._turn, self._v, self._offset)
+        return before, self._velocities(self._end, self._ahead, self._offset)
+
+    def columns(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Displacements of the contact nodes by several forces; nothing is massless."""
+        acting = in_space(forces)
+        whirl = _moments(self._acting, acting) @ self._freedom
+        speed = acting.sum(axis=1)[:, None] / self._mass
+        moved = 0.5 * self.dt**2 * (speed + self._acting @ _skew(whirl).swapaxes(1, 2))
+        return moved[..., : self._dim], np.zeros_like(forces)
+
+    answers = columns
+
+    def spins(self) -> Floats:
+        """Velocities where nodes touch by unit spins in the layer [m], (turns, count, dim)."""
+        axes = np.eye(3)[2 * (3 - self._dim) :]
+        return np.asarray(self._acting @ _skew(axes).swapaxes(1, 2))[..., : self._dim]
+
+    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
+        """Add the layer's contact forces (count, dim)."""
+        acting = in_space(forces)
+        self._pushed = self._pushed + self.dt * acting.sum(axis=0)
+        self._turned = self._turned + self.dt * _moments(self._acting, acting)
+        self._settle()
+
+    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
+        """End the layer and sum up."""
+        work, mean = 0.0, 0.5 * (self._v + self._ahead)
+        if self.bodies.loads is not None:
+            (force, moment), (speed, spin) = self._loads, self._split(mean)
+            work = self.dt * float(force @ speed + moment @ (self._turn @ spin))
+        moved, dim = self._q[: self._dim] + self.dt * mean[: self._dim], self._dim
+        turned = self._q[2:] + self.dt * mean[2:] if dim == 2 else _turned(self._q[3:], self._half)
+        self._q, self._v = np.concatenate([moved, turned]), self._ahead
+        self._begin()
+        return self._summed(work)
+
+    def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+        """Sums of the initial state."""
+        return self._summed(0.0)
+
+    def inertia(self) -> list[Floats]:
+        """About its centre in the plane [kg m^2]; in space 0: its attitude is summed up."""
+        return [self.bodies.inertia[2:, 2:] if self._dim == 2 else np.zeros((3, 3))]
+
+    def _summed(self, work: float) -> list[Sums]:
+        dim, bodies, mass = self._dim, self.bodies, self._mass
+        none, turns = np.zeros(dim), dim * (dim - 1) // 2
+        if not self.counts:
+            still = None if dim == 2 else np.zeros(18)
+            return [Sums(0.0, 0.0, 0.0, none, none, np.zeros(turns), still)]
+        speed, spin = self._split(self._v)
+        own = bodies.inertia @ spin
+        kinetic = 0.5 * (mass * float(speed @ speed) + float(spin @ own))
+        moved = mass * (self._q[:dim] - bodies.position[:dim])
+        attitude = None
+        if dim == 3:
+            rotated, size = self._turn, np.trace(bodies.inertia)
+            own = rotated @ own
+            second = 0.5 * size * np.eye(3) - rotated @ bodies.inertia @ rotated.T
+            # Its polar factor is asked for only: of a rod the moments of mass would not have one.
+            attitude = np.concatenate([(size * rotated).ravel(), second.ravel()])
+        return [Sums(kinetic, 0.0, work, mass * speed[:dim], moved, own[3 - turns :], attitude)]
+
+    def drawn(self, body: int, name: str) -> Shape:  # noqa: ARG002  (it is one)
+        """Its contact nodes, and cells between points of its surface and its centre."""
+        _, cells = self.bodies.picture
+        kind = TRIANGLE if self._dim == 2 else TETRAHEDRON
+        return Shape(name, self._pictured(self.bodies.position), cells + len(self._start), kind)
+
+    def material(self, body: int) -> Floats:  # noqa: ARG002  (it is one)
+        """Places of the same nodes as probes are given, shape (nodes, dim)."""
+        return self._pictured(self.bodies.position)
+
+    def located(self, body: int, point: Floats) -> tuple[Integers, Floats, bool]:
+        """Corners of the cell of its picture around a place, or of the nearest one."""
+        places, cells = self.material(body), self.bodies.picture[1] + len(self._start)
+        corners = places[cells]
+        edges = (corners[:, 1:] - corners[:, :1]).swapaxes(1, 2)
+        others = np.linalg.solve(edges, (point - corners[:, 0])[:, :, None])[:, :, 0]
+        shares = np.hstack([1.0 - others.sum(axis=1, keepdims=True), others])
+        at = int(np.argmax(shares.min(axis=1)))
+        inside = bool(shares[at].min() >= -(_ROUND if self.rolling else _NEAR))
+        if inside:
+            return cells[at], shares[at], True
+        nearest = int(np.argmin(np.linalg.norm(places - point, axis=1)))
+        return np.array([nearest]), np.ones(1), False
+
+    def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (it is one)
+        """Fields at these places now: displacement [m], velocity [m/s], (nodes, dim)."""
+        places, rest = self._pictured(self._q), self._pictured(self.bodies.position)
+        speed, spin = self._split(self._v)
+        centre, turn = frame(self._q)
+        velocity = speed + (in_space(places) - centre) @ _skew(turn @ spin).T
+        return {"displacement": places - rest, "velocity": velocity[:, : self._dim]}
+
+    def _pictured(self, q: Floats) -> Floats:
+        """Places [m] of contact nodes, then of the points of the picture, (nodes, dim)."""
+        centre, turn = frame(q)
+        arms = np.vstack([self.bodies.arms, self.bodies.picture[0]])
+        return np.asarray((centre + arms @ turn.T)[:, : self._dim])
+
+    def acting(self, body: int, forces: Floats) -> Floats:  # noqa: ARG002  (it is one)
+        """Contact forces [N] at these places by those on the contact nodes, (nodes, dim) each."""
+        return np.vstack([forces, np.zeros((len(self.bodies.picture[0]), self._dim))])
+
+
+_NOTHING, _NOWHERE = np.zeros(3), np.zeros((1, 3))
+
+
+def _settled(new: Floats, last: Floats) -> bool:
+    """Whether an iterate is the last one but for rounding."""
+    allowed = _SETTLED * np.abs(new).max() + np.finfo(float).tiny
+    return bool(np.abs(new - last).max() <= allowed)
+
+
+def _skew(vectors: Floats) -> Floats:
+    """Matrices that make cross products with vectors on the left, (..., 3, 3)."""
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    zero = np.zeros_like(x)
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    return np.asarray(np.moveaxis(np.array(rows), (0, 1), (-2, -1)))
+
+
+def _moments(arms: Floats, forces: Floats) -> Floats:
+    """Sum of the moments of forces (..., nodes, 3), (..., 3)."""
+    each = arms.T @ forces
+    parts = [each[..., i, j] - each[..., j, i] for i, j in ((1, 2), (2, 0), (0, 1))]
+    return np.stack(parts, axis=-1)
+
+
+def _turned(quaternion: Floats, half: Floats) -> Floats:
+    """A unit quaternion turned further, about an axis of the body by 2 atan |half|."""
+    w, v = quaternion[0], quaternion[1:]
+    found = np.concatenate([[w - v @ half], w * half + v + _skew(v) @ half])
+    return np.asarray(found / np.linalg.norm(found))

@@ -1,0 +1,301 @@
+"""Rigid bodies in the plane and in space."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from impactfem.scene.body import BodyKind, Floats, Solver
+from impactfem.scene.flight import Flight
+from impactfem.scene.formula import Formula
+from impactfem.scene.inline import Formulas, InlineTable, NumberOrVector, Vector
+from impactfem.scene.kinds import Choice, Name, Real
+from impactfem.scene.points import COORDINATES
+from impactfem.scene.rigid_forms import Form, form_of
+from impactfem.scene.rigid_keys import InertiaKind, Orientation, rotation
+from impactfem.scene.rigid_shapes import RIGID_SHAPES, RigidShape
+from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.values import show
+
+MODELS = ("2d", "3d")
+_FORCE = ("t", *COORDINATES, "vx", "vy", "vz")
+_MOMENT = ("t", "w", "wx", "wy", "wz")
+_LEAN = 1e-9  # share of the largest moment of inertia by which the triangle inequality may fail
+
+
+@table('[[body]] with kind = "rigid"')
+@dataclass(frozen=True, kw_only=True)
+class RigidBody(BodyKind):
+    """A body without waves that moves and turns, and touches with its surface.
+
+    Raises:
+        SceneError: a value is missing or not allowed, or no body has this mass and inertia.
+    """
+
+    kind: ClassVar[str] = "rigid"
+    solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
+    meets_bodies: ClassVar[bool] = False
+    may_meet_nothing: ClassVar[bool] = True
+    substeps: ClassVar[bool] = False
+
+    name: str = key(Name(), "name of the body in histories", default="rigid")
+    model: str | None = key(
+        Choice(MODELS), "number of coordinates", default=None, absent="that of the shape"
+    )
+    shape: RigidShape = key(  # noqa: RUF009  # a field
+        InlineTable(RIGID_SHAPES), "its shape at t = 0, before orientation"
+    )
+    density: float | None = key(
+        Real(above=0), "mass density; or give mass", unit="kg/m^3", default=None, absent="from mass"
+    )
+    mass: float | None = key(
+        Real(above=0), "mass; or give density", unit="kg", default=None, absent="from density"
+    )
+    inertia: float | tuple[tuple[float, ...], ...] | None = key(
+        InertiaKind(), "about the centre of mass along the axes of the shape; with mass",
+        unit="kg m^2", default=None, absent="as if the mass were spread evenly",
+    )  # fmt: skip
+    center_of_mass: Sequence[float] | None = key(
+        Vector(), "centre of mass, in the place of the shape; with mass and inertia", unit="m",
+        default=None, absent="centre of the shape",
+    )  # fmt: skip
+    thickness: float = key(Real(above=0), "across the plane (2D)", unit="m", default=1.0)
+    angle: float = key(
+        Real(), "turns the shape about its centre of mass at t = 0 (2D)", unit="rad", default=0.0
+    )
+    orientation: Orientation | None = key(  # noqa: RUF009  # a field
+        InlineTable((Orientation,)), "the same in space (3D)", default=None, absent="as drawn"
+    )
+    velocity: Sequence[float] | None = key(
+        Vector(), "of the centre of mass at t = 0", unit="m/s", default=None, absent="at rest"
+    )
+    angular_velocity: float | Sequence[float] | None = key(
+        NumberOrVector(), "at t = 0, along the axes of the scene", unit="rad/s", default=None,
+        absent="none",
+    )  # fmt: skip
+    force: tuple[Formula, ...] | None = key(
+        Formulas(_FORCE), "at the centre of mass besides gravity; x y z vx vy vz are the centre's",
+        unit="N", default=None, absent="none",
+    )  # fmt: skip
+    moment: tuple[Formula, ...] | None = key(
+        Formulas(_MOMENT, lengths=(1, 3)),
+        "about the centre of mass, along the axes of the scene; in 2D one formula in t and w",
+        unit="N m", default=None, absent="none",
+    )  # fmt: skip
+
+    if TYPE_CHECKING:  # type checkers learn that numbers, texts and tables may be given
+
+        def __init__(
+            self,
+            *,
+            shape: RigidShape | Mapping[str, Any],
+            name: str = "rigid",
+            model: str | None = None,
+            density: float | None = None,
+            mass: float | None = None,
+            inertia: float | Sequence[Any] | None = None,
+            center_of_mass: Sequence[float] | None = None,
+            thickness: float = 1.0,
+            angle: float = 0.0,
+            orientation: Orientation | Mapping[str, Any] | None = None,
+            velocity: Sequence[float] | None = None,
+            angular_velocity: float | Sequence[float] | None = None,
+            force: Sequence[float | str | Formula] | None = None,
+            moment: Sequence[float | str | Formula] | None = None,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.kind)
+        self._check_dimension()
+        if cuts := getattr(self.shape, "symmetry", ()):
+            text = f" = {show(list(cuts))} makes parts of solids: remove it, a rigid body is whole."
+            raise KeyedError(self.kind, "shape.symmetry", text)
+        try:
+            volume = self.form.volume
+        except KeyedError as error:
+            raise error.moved("").under("shape", self.kind) from None
+        if not math.isfinite(volume) or volume <= 0.0:
+            raise KeyedError(self.kind, "shape", " has no usable volume: give SI units.")
+        self._check_mass()
+        self._check_inertia()
+        self._check_formulas()
+
+    @cached_property
+    def form(self) -> Form:
+        """What the shape amounts to, before the body is turned."""
+        return form_of(self.shape)
+
+    @property
+    def dim(self) -> int:
+        """Number of coordinates."""
+        return self.shape.dim
+
+    @property
+    def has_corners(self) -> bool:
+        """Whether it is no single ball."""
+        return len(self.form.nodes) > 1
+
+    @property
+    def turns(self) -> int:
+        """Number of its rotations, 1 or 3."""
+        return 1 if self.dim == 2 else 3
+
+    @property
+    def total_mass(self) -> float:
+        """Mass [kg]."""
+        if self.mass is not None:
+            return self.mass
+        thick = self.thickness if self.dim == 2 else 1.0
+        return (self.density or 0.0) * thick * self.form.volume
+
+    @property
+    def center(self) -> Floats:
+        """Centre of mass at t = 0 [m], (dim,)."""
+        given = self.center_of_mass
+        return self.form.centre if given is None else np.asarray(given, dtype=np.float64)
+
+    @property
+    def moments(self) -> Floats:
+        """Inertia about the centre of mass, in space along its axes [kg m^2], (1 or 3, same)."""
+        if self.inertia is not None:
+            return np.atleast_2d(np.asarray(self.inertia, dtype=np.float64))
+        second = self.total_mass / self.form.volume * self.form.second
+        if self.dim == 2:
+            return np.array([[np.trace(second)]])
+        return np.asarray(np.trace(second) * np.eye(3) - second)
+
+    @property
+    def quaternion(self) -> Floats:
+        """Orientation at t = 0, unit quaternion (w, x, y, z)."""
+        return np.array([1.0, 0.0, 0.0, 0.0]) if self.orientation is None else self.orientation.unit
+
+    @property
+    def start_velocity(self) -> Floats:
+        """Of the centre [m/s] and of the rotation [rad/s], (dim + turns,)."""
+        spin = np.zeros(self.turns) if self.angular_velocity is None else self.angular_velocity
+        moving = np.zeros(self.dim) if self.velocity is None else self.velocity
+        return np.concatenate([moving, np.atleast_1d(spin)]).astype(np.float64)
+
+    def box(self) -> tuple[Floats, Floats]:
+        """Half edges and centre [m] of a box around it in any rotation."""
+        form, center = self.form, self.center
+        reach = float((form.reach + np.linalg.norm(center - form.centre)).max())
+        return np.full(self.dim, reach), center
+
+    @property
+    def rotation(self) -> Floats:
+        """Matrix of its orientation at t = 0, (dim, dim)."""
+        if self.dim == 2:
+            c, s = math.cos(self.angle), math.sin(self.angle)
+            return np.array([[c, -s], [s, c]])
+        return rotation(self.quaternion)
+
+    def faces(self) -> Floats:
+        """Triangles, in space tetrahedra, that fill it at t = 0 [m], (cells, corners, dim)."""
+        places = self.center + (self.form.points - self.center) @ self.rotation.T
+        return np.asarray(places[self.form.cells])
+
+    def centre_velocity(self) -> Floats:
+        """Velocity of its centre at t = 0 [m/s], (dim,)."""
+        return self.start_velocity[: self.dim]
+
+    @property
+    def flight(self) -> Flight | None:
+        """How it flies; None if forces act on it."""
+        if self.force or self.moment:
+            return None
+        half, center = self.box()
+        return Flight(half.tolist(), center.tolist(), self.centre_velocity().tolist())
+
+    def _fail(self, name: str, text: str) -> KeyedError:
+        value = getattr(self, name)
+        if isinstance(value, tuple):
+            value = [e.plain if isinstance(e, Formula) else e for e in value]
+        return KeyedError(self.kind, name, f" = {show(value)}{text}")
+
+    def _check_dimension(self) -> None:
+        """Refuse what does not fit the number of coordinates."""
+        dim = self.dim
+        if self.model is not None and self.model != MODELS[dim - 2]:
+            fitting = MODELS[dim - 2]
+            raise self._fail(
+                "model", f", but the shape has {dim} coordinates: give {show(fitting)}."
+            )
+        for name in ("center_of_mass", "velocity", "force"):
+            value = getattr(self, name)
+            if value is not None and len(value) != dim:
+                raise self._fail(
+                    name, f" has {len(value)} entries, the shape has {dim}: give {dim}."
+                )
+        spin, moment = self.angular_velocity, self.moment
+        if spin is not None and np.size(spin) != self.turns:
+            wanted = "a number" if dim == 2 else "3 numbers"
+            raise self._fail("angular_velocity", f" does not fit {dim} coordinates: give {wanted}.")
+        if moment is not None and len(moment) != self.turns:
+            text = f" has {len(moment)} entries: give {self.turns} for {dim} coordinates."
+            raise self._fail("moment", text)
+        if dim == 3 and self.angle:
+            text = " is for the plane: give orientation = { axis = [0, 0, 1], angle = ... }."
+            raise self._fail("angle", text)
+        if dim == 2 and self.orientation is not None:
+            text = " is for bodies in space: give angle."
+            raise KeyedError(self.kind, "orientation", text)
+
+    def _check_mass(self) -> None:
+        """Refuse a mass that is not given just once, and what contradicts it."""
+        if (self.density is None) == (self.mass is None):
+            given = "neither is" if self.mass is None else "both are"
+            raise KeyedError(self.kind, "mass", f": {given} given; give density, or mass.")
+        if self.inertia is not None and self.mass is None:
+            raise self._fail("inertia", " needs mass: give it instead of density.")
+        moved = self.center_of_mass is not None and not np.allclose(
+            self.center, self.form.centre, rtol=0.0, atol=1e-12 * float(self.form.reach.max())
+        )
+        if moved and self.inertia is None:
+            text = " is not the centre of the shape, whose mass then is not spread evenly: give "
+            raise self._fail("center_of_mass", f"{text}inertia too.")
+        if not 0.0 < self.total_mass < math.inf:
+            raise KeyedError(
+                self.kind, "density", f" gives the mass {self.total_mass:g}: give SI units."
+            )
+
+    def _check_inertia(self) -> None:
+        """Refuse an inertia that no body has."""
+        if self.inertia is not None and self.moments.shape[0] != self.turns:
+            wanted = "a number" if self.dim == 2 else "[Ixx, Iyy, Izz] or 3 x 3 numbers"
+            raise self._fail("inertia", f" does not fit {self.dim} coordinates: give {wanted}.")
+        own = np.linalg.eigvalsh(self.moments)
+        if not own[0] > 0.0 or not np.isfinite(own).all():
+            shown = ", ".join(f"{value:.6g}" for value in own)
+            text = f" has the principal moments {shown}: all have to be > 0."
+            raise self._fail("inertia", text)
+        if len(own) == 3 and own[2] > (own[0] + own[1]) * (1.0 + _LEAN):
+            shown = ", ".join(f"{value:.6g}" for value in own)
+            text = (
+                f" has the principal moments {shown}: no body has one above the sum of the other "
+            )
+            raise self._fail("inertia", f"{text}two; check them.")
+
+    def _check_formulas(self) -> None:
+        """Refuse formulas that need other coordinates, or have no finite value at the start."""
+        dim, speed = self.dim, self.start_velocity
+        axes = COORDINATES[:dim]
+        moving = dict(
+            zip((*axes, *(f"v{a}" for a in axes)), (*self.center, *speed[:dim]), strict=True)
+        )
+        names = ("w",) if dim == 2 else ("wx", "wy", "wz")
+        turning = dict(zip(names, speed[dim:], strict=True))
+        for name, known in (("force", moving), ("moment", turning)):
+            for index, formula in enumerate(getattr(self, name) or ()):
+                values = {"t": 0.0} | known
+                missing = sorted(formula.used.difference(values))
+                if missing:
+                    text = f" = {show(formula.text)} uses {', '.join(missing)}, which it does not "
+                    text += f"have in {dim} coordinates: use {', '.join(values)}."
+                    raise KeyedError(self.kind, f"{name}[{index}]", text)
+                if not np.isfinite(formula(**values)):
+                    text = f" = {show(formula.text)} has no finite value at the start: rewrite it."
+                    raise KeyedError(self.kind, f"{name}[{index}]", text)

@@ -1,0 +1,228 @@
+"""What a rigid body's shape amounts to: its mass, and what of it can touch.
+
+Second moments S = int x x^T dV about the centre of volume give the inertia tr(S) I - S. Those of
+polygons and polyhedra are sums over triangles and tetrahedra (0, a, b, ...) with the signed
+determinant of their corners, int x x^T = det / (d + 2)! (sum of a a^T, and s s^T of s = a + b ...).
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.scene.rigid_shapes import Capsule, Hull
+from impactfem.scene.schema import KeyedError
+from impactfem.scene.shapes import Block, Disc, Ring, Sphere
+from impactfem.scene.values import show
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_FLAT = 1e-9  # volume of a hull, as a share of that of a cube of its size, that counts as none
+_ROUND = 48  # corners of circles in pictures
+
+
+@dataclass(frozen=True)
+class Form:
+    """A shape, before the body is turned.
+
+    Attributes:
+        volume: Area [m^2] or volume [m^3].
+        centre: Of the volume [m], (dim,).
+        second: Second moments about it, [m^4] or [m^5], (dim, dim).
+        nodes: What can touch [m], (nodes, dim): corners, and centres of balls.
+        radius: Of balls around the nodes [m], (nodes,).
+        points: Of a picture [m], (points, dim).
+        cells: Triangles, in space tetrahedra, of the picture, (cells, dim + 1).
+    """
+
+    volume: float
+    centre: Floats
+    second: Floats
+    nodes: Floats
+    radius: Floats
+    points: Floats
+    cells: Integers
+
+    @property
+    def dim(self) -> int:
+        """Number of coordinates."""
+        return len(self.centre)
+
+    @property
+    def reach(self) -> Floats:
+        """How far nodes with their balls reach from the centre [m], (nodes,)."""
+        return np.asarray(np.linalg.norm(self.nodes - self.centre, axis=1) + self.radius)
+
+    def turned(self, angle: float) -> "Form":
+        """Turned about the line through its centre along z."""
+        if angle == 0.0:
+            return self
+        turn = np.eye(self.dim)
+        turn[:2, :2] = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+        about = self.centre
+        return replace(
+            self,
+            second=turn @ self.second @ turn.T,
+            nodes=about + (self.nodes - about) @ turn.T,
+            points=about + (self.points - about) @ turn.T,
+        )
+
+
+def form_of(shape: Any) -> Form:
+    """What a shape amounts to.
+
+    Raises:
+        KeyedError: It has no volume.
+    """
+    return _FORMS[type(shape)](shape).turned(getattr(shape, "angle", 0.0))
+
+
+def polytope(corners: Floats, simplices: Integers) -> tuple[float, Floats, Floats]:
+    """Volume, centre and second moments about it of what a closed surface bounds.
+
+    Args:
+        corners: [m], (corners, dim).
+        simplices: Lines or triangles between them, in one sense of orientation, (simplices, dim).
+    """
+    dim, start = corners.shape[1], corners.mean(axis=0)
+    each = corners[simplices] - start  # (simplices, corner, dim)
+    det, total = np.linalg.det(each), each.sum(axis=1)
+    volume = float(det.sum()) / math.factorial(dim)
+    if volume == 0.0:
+        return 0.0, start, np.zeros((dim, dim))
+    centre = det @ total / math.factorial(dim + 1) / volume
+    second = np.einsum("s,ski,skj->ij", det, each, each) + np.einsum("s,si,sj", det, total, total)
+    second = second / math.factorial(dim + 2) - volume * np.outer(centre, centre)
+    return abs(volume), start + centre, second * np.sign(volume)
+
+
+def _cornered(corners: Floats, hull: Integers) -> Form:
+    """A convex polygon or polyhedron; `hull` has the simplices of its boundary, oriented."""
+    volume, centre, second = polytope(corners, hull)
+    used = np.unique(hull)
+    fan = np.hstack([np.full((len(hull), 1), len(corners)), hull])
+    count = len(used)
+    return Form(
+        volume, centre, second, corners[used], np.zeros(count),
+        np.vstack([corners, centre]), fan,
+    )  # fmt: skip
+
+
+def _block(shape: Block) -> Form:
+    corner, size = np.asarray(shape.corner, dtype=float), np.asarray(shape.size, dtype=float)
+    corners = corner + size * np.array(list(np.ndindex(*(2,) * shape.dim)))
+    volume = float(size.prod())
+    second = volume / 12.0 * np.diag(size**2)  # closed forms: no rounding breaks its symmetries
+    return replace(_hull_of(corners), volume=volume, centre=corner + 0.5 * size, second=second)
+
+
+def _round(
+    centre: Floats, second: Floats, volume: float, radius: float, inner: float = 0.0
+) -> Form:
+    """A disc, ring or ball."""
+    dim = len(centre)
+    if dim == 2:
+        angle = 2.0 * np.pi * np.arange(_ROUND) / _ROUND
+        circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        points = np.vstack([centre + radius * circle, centre + inner * circle])
+        one, two = np.arange(_ROUND), np.roll(np.arange(_ROUND), -1)
+        cells = np.stack([one + _ROUND, one, two], axis=1)
+        if inner > 0.0:
+            cells = np.vstack([cells, np.stack([one + _ROUND, two, two + _ROUND], axis=1)])
+    else:
+        seen = _hull_of(centre + radius * _sphere())
+        points, cells = seen.points, seen.cells
+    return Form(
+        volume, centre, second, centre[None], np.array([radius]),
+        points, cells,
+    )  # fmt: skip
+
+
+def _disc(shape: Disc | Ring) -> Form:
+    outer, inner = shape.radius, getattr(shape, "inner_radius", 0.0)
+    area = math.pi * (outer**2 - inner**2)
+    second = area * (outer**2 + inner**2) / 4.0 * np.eye(2)
+    return _round(np.asarray(shape.center, dtype=float), second, area, outer, inner)
+
+
+def _ball(shape: Sphere) -> Form:
+    volume = 4.0 / 3.0 * math.pi * shape.radius**3
+    second = volume * shape.radius**2 / 5.0 * np.eye(3)
+    return _round(np.asarray(shape.center, dtype=float), second, volume, shape.radius)
+
+
+def _capsule(shape: Capsule) -> Form:
+    r, length, dim = shape.radius, shape.length, shape.dim
+    along = np.array([0.0, 1.0, 0.0][:dim] if shape.axis is None else shape.axis, dtype=float)
+    along /= np.linalg.norm(along)
+    # The ends together are a disc or ball; a half has its centre `off` from the flat side.
+    middle = 2.0 * r * length if dim == 2 else math.pi * r**2 * length
+    caps = math.pi * r**2 if dim == 2 else 4.0 / 3.0 * math.pi * r**3
+    off = 4.0 * r / (3.0 * math.pi) if dim == 2 else 3.0 * r / 8.0
+    own = r**2 / (dim + 2)  # mean square of a coordinate in a disc or ball
+    across = middle * r**2 / (3.0 if dim == 2 else 4.0) + caps * own
+    lengthwise = middle * length**2 / 12.0 + caps * (own + length**2 / 4.0 + length * off)
+    second = across * np.eye(dim) + (lengthwise - across) * np.outer(along, along)
+    centre = np.asarray(shape.center, dtype=float)
+    ends = centre + 0.5 * length * np.stack([-along, along])
+    angle = 2.0 * np.pi * np.arange(_ROUND) / _ROUND
+    ball = np.stack([np.cos(angle), np.sin(angle)], axis=1) if dim == 2 else _sphere()
+    seen = _hull_of(np.vstack([end + r * ball for end in ends]))
+    return Form(
+        middle + caps, centre, second, ends, np.full(2, r),
+        seen.points, seen.cells,
+    )  # fmt: skip
+
+
+def _hull(shape: Hull) -> Form:
+    points = np.asarray(shape.points, dtype=float)
+    size = float(np.ptp(points, axis=0).max())
+    found = _hull_of(points)
+    if not found.volume > _FLAT * size**shape.dim:
+        what = "line" if shape.dim == 2 else "plane"
+        shown = show([list(point) for point in shape.points[:4]])
+        text = f" = {shown}{', ...' * (len(points) > 4)} lie in one {what}: give points that "
+        raise KeyedError(
+            shape.kind, "points", f"{text}span {'an area' if shape.dim == 2 else 'a volume'}."
+        )
+    return found
+
+
+def _hull_of(points: Floats) -> Form:
+    """The convex hull of points; of no volume where they lie in a line or plane."""
+    from scipy.spatial import ConvexHull, QhullError  # noqa: PLC0415  (only rigid bodies need it)
+
+    dim = points.shape[1]
+    try:
+        found = ConvexHull(points)
+    except (QhullError, ValueError):
+        return _cornered(points, np.zeros((0, dim), dtype=np.int64))
+    simplices = found.simplices.astype(np.int64)
+    inner = points[found.vertices].mean(axis=0)
+    inwards = np.linalg.det(points[simplices] - inner) < 0.0
+    simplices[inwards] = simplices[inwards][:, ::-1]
+    return _cornered(points, simplices)
+
+
+def _sphere() -> Floats:
+    """Places on the unit sphere, evenly spread (Fibonacci's lattice)."""
+    count = 4 * _ROUND
+    k = np.arange(count) + 0.5
+    high, angle = 1.0 - 2.0 * k / count, np.pi * (1.0 + math.sqrt(5.0)) * k
+    wide = np.sqrt(1.0 - high**2)
+    return np.stack([wide * np.cos(angle), wide * np.sin(angle), high], axis=1)
+
+
+_FORMS: Mapping[type, Callable[[Any], Form]] = {
+    Block: _block,
+    Disc: _disc,
+    Ring: _disc,
+    Sphere: _ball,
+    Capsule: _capsule,
+    Hull: _hull,
+}
+"""Forms of shapes: the place to add one."""

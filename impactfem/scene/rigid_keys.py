@@ -1,0 +1,119 @@
+"""Values that only rigid bodies have: moments of inertia, and orientations in space."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, override
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.scene.inline import Vector, entries_of
+from impactfem.scene.kinds import Kind, Real
+from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.values import LEAST, NotAllowedError, is_number, number, show
+
+Floats = NDArray[np.float64]
+
+_NORMAL = 1e-6  # by which the length of a quaternion may differ from 1
+_SYMMETRIC = 1e-9  # share of the largest entry by which a matrix may differ from its transpose
+
+
+@dataclass(frozen=True)
+class InertiaKind(Kind):
+    """A number in 2D; in 3D three moments or a symmetric matrix, stored as a matrix."""
+
+    type_name: ClassVar[str] = "number or lists of numbers"
+
+    @property
+    @override
+    def allowed(self) -> str:
+        return "a number in 2D, in 3D [Ixx, Iyy, Izz] or three rows of 3 numbers"
+
+    @override
+    def read(self, value: object) -> float | tuple[tuple[float, ...], ...]:
+        if is_number(value):
+            found = number(value)
+            if found < LEAST:
+                raise NotAllowedError("it must be > 0")
+            return found
+        entries = entries_of(value, (3,))
+        if all(map(is_number, entries)):
+            moments = Vector((3,), positive=True).read(entries)
+            return tuple(tuple(row) for row in np.diag(moments).tolist())
+        rows = np.array([Vector((3,)).read(row) for row in entries])
+        if np.abs(rows - rows.T).max() > _SYMMETRIC * np.abs(rows).max():
+            raise NotAllowedError("it is not symmetric")
+        return tuple(tuple(row) for row in (0.5 * (rows + rows.T)).tolist())
+
+    @override
+    def write(self, value: float | tuple[tuple[float, ...], ...]) -> float | list[list[float]]:
+        return [list(row) for row in value] if isinstance(value, tuple) else value
+
+
+@table("orientation = { ... }")
+@dataclass(frozen=True, kw_only=True)
+class Orientation:
+    """A rotation in space: axis and angle, or a unit quaternion.
+
+    Raises:
+        SceneError: a value is not allowed, or the rotation is not given just once.
+    """
+
+    heading: ClassVar[str] = "orientation"
+
+    axis: Sequence[float] | None = key(
+        Vector((3,), nonzero=True), "axis of the rotation, of any length", default=None,
+        absent="none",
+    )  # fmt: skip
+    angle: float | None = key(
+        Real(), "angle about the axis, by the right hand", unit="rad", default=None, absent="none"
+    )
+    quaternion: Sequence[float] | None = key(
+        Vector((4,)), "instead: unit quaternion [w, x, y, z]", default=None, absent="none"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.heading)
+        if self.quaternion is None:
+            if self.axis is None or self.angle is None:
+                missing = "axis" if self.axis is None else "angle"
+                text = " is missing: give axis and angle, or quaternion."
+                raise KeyedError(self.heading, missing, text)
+            return
+        shown = show(list(self.quaternion))
+        if self.axis is not None or self.angle is not None:
+            text = f" = {shown}, and axis or angle are given too: remove one of them."
+            raise KeyedError(self.heading, "quaternion", text)
+        length = float(np.linalg.norm(self.quaternion))
+        if length == 0.0:
+            text = f" = {shown} is no rotation: give [1.0, 0.0, 0.0, 0.0] for none."
+            raise KeyedError(self.heading, "quaternion", text)
+        if abs(length - 1.0) > _NORMAL:
+            own = [round(entry / length, 12) for entry in self.quaternion]
+            text = (
+                f" = {shown} has length {length:.6g}, not 1: give {show(own)}, or axis and angle."
+            )
+            raise KeyedError(self.heading, "quaternion", text)
+
+    @property
+    def unit(self) -> Floats:
+        """Unit quaternion (w, x, y, z)."""
+        if self.quaternion is not None:
+            found = np.asarray(self.quaternion, dtype=np.float64)
+            return np.asarray(found / np.linalg.norm(found))
+        axis, angle = np.asarray(self.axis, dtype=np.float64), float(self.angle or 0.0)
+        axis = axis / np.abs(axis).max()
+        sine = np.sin(0.5 * angle) * axis / np.linalg.norm(axis)
+        return np.array([np.cos(0.5 * angle), *sine])
+
+
+def rotation(quaternion: Floats) -> Floats:
+    """Matrix of a unit quaternion (w, x, y, z)."""
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )

@@ -1,0 +1,87 @@
+"""Shapes that only rigid bodies have: capsules and convex hulls of points."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from impactfem.scene.inline import ListOf, Vector
+from impactfem.scene.kinds import Real
+from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.shape import Shape
+from impactfem.scene.shapes import Block, Disc, Ring, Sphere
+from impactfem.scene.values import show
+
+
+@table('shape = { kind = "capsule" }')
+@dataclass(frozen=True, kw_only=True)
+class Capsule:
+    """A cylinder with half balls at its ends (rigid bodies, 3D); in 2D a strip with half discs.
+
+    Raises:
+        SceneError: a value is not allowed.
+    """
+
+    kind: ClassVar[str] = "capsule"
+
+    radius: float = key(Real(above=0), "radius", unit="m")
+    length: float = key(Real(above=0), "distance of the centres of its ends", unit="m")
+    center: Sequence[float] = key(Vector(), "centre", unit="m", default=(0.0, 0.0, 0.0))
+    axis: Sequence[float] | None = key(
+        Vector(nonzero=True), "direction of its axis, of any length", default=None, absent="along y"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.kind)
+        if self.axis is not None and len(self.axis) != self.dim:
+            text = f" = {show(list(self.axis))} does not fit center = {show(list(self.center))}: "
+            raise KeyedError(self.kind, "axis", f"{text}give {self.dim} entries.")
+
+    @property
+    def dim(self) -> int:
+        """Number of coordinates, 2 or 3."""
+        return len(self.center)
+
+    @property
+    def half_extents(self) -> tuple[float, ...]:
+        """Half the edges of a box that holds it in any direction [m], (dim,)."""
+        return (self.length / 2 + self.radius,) * self.dim
+
+
+@table('shape = { kind = "hull" }')
+@dataclass(frozen=True, kw_only=True)
+class Hull:
+    """The convex hull of some points (rigid bodies): a polygon, in 3D a polyhedron.
+
+    Raises:
+        SceneError: a value is not allowed.
+    """
+
+    kind: ClassVar[str] = "hull"
+
+    points: Sequence[Sequence[float]] = key(
+        ListOf(Vector((2, 3)), at_least=3), "points; those inside do not matter", unit="m"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.kind)
+        for index, point in enumerate(self.points):
+            if len(point) != self.dim:
+                text = f" = {show(list(point))} has {len(point)} entries, but points[0] has "
+                raise KeyedError(
+                    self.kind, f"points[{index}]", f"{text}{self.dim}: give {self.dim}."
+                )
+
+    @property
+    def dim(self) -> int:
+        """Number of coordinates, 2 or 3."""
+        return len(self.points[0])
+
+    @property
+    def half_extents(self) -> tuple[float, ...]:
+        """Half the edges of its bounding box [m], (dim,)."""
+        return tuple((max(x) - min(x)) / 2 for x in zip(*self.points, strict=True))
+
+
+type RigidShape = Shape | Capsule | Hull
+
+RIGID_SHAPES = (Block, Disc, Ring, Sphere, Capsule, Hull)

@@ -1,0 +1,146 @@
+"""Rigid bodies as the march takes them: Newton's and Euler's equations, and what can touch.
+
+Coordinates are the centre and, in the plane, the angle; in space a unit quaternion. Rates are the
+velocity of the centre and the spin, in space along the axes of the body. Everything is kept in
+space: a body in the plane is one that turns about z only.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.scene import RigidBody, Scene
+from impactfem.scene.pairing import obstacles_of
+from impactfem.scene.rigid_keys import rotation
+from impactfem.system.few import FewBodies
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+type Loads = Callable[[float, Floats, Floats, Floats], tuple[Floats, Floats]]
+"""Force [N] and moment [N m], (3,) each, by time, centre, velocity and spin in space."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rigid(FewBodies):
+    """A rigid body.
+
+    A ball (a disc, the ends of a capsule) rolls: it touches different things at different places of
+    its surface. So each obstacle has a contact node of its own at its centre.
+
+    Attributes:
+        inertia: About the centre along the axes of the body [kg m^2], (3, 3).
+        arms: From the centre to the contact nodes along the axes of the body [m], (nodes, 3).
+        beside_of: Contact nodes that meet a face of an obstacle, by its name and the face's number.
+        loads: What acts besides gravity; None if nothing does.
+        picture: Points [m], (points, 3), along the axes of the body, and cells of its picture.
+    """
+
+    inertia: Floats
+    arms: Floats
+    beside_of: Mapping[tuple[str, int], Integers]
+    loads: Loads | None
+    picture: tuple[Floats, Integers]
+
+    @property
+    def figured(self) -> Mapping[str, float | list[list[float]]]:
+        """Its inertia [kg m^2]."""
+        if self.dim == 2:
+            return {"inertia": float(self.inertia[2, 2])}
+        return {"inertia": self.inertia.tolist()}
+
+    def beside(self, body: int, surfaces: Sequence[str] | None, face: tuple[str, int]) -> Integers:  # noqa: ARG002
+        """Contact nodes that may meet a face of an obstacle."""
+        return self.beside_of[face]
+
+
+def frame(q: Floats) -> tuple[Floats, Floats]:
+    """Centre (3,) and rotation (3, 3) of coordinates of a body in the plane or in space."""
+    if len(q) > 3:
+        return q[:3], rotation(q[3:])
+    c, s = np.cos(q[2]), np.sin(q[2])
+    turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return np.array([q[0], q[1], 0.0]), turned
+
+
+def in_space(values: Floats) -> Floats:
+    """Vectors with three components, (..., 3), of these or of vectors in the plane."""
+    missing = 3 - values.shape[-1]
+    return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, missing)]) if missing else values
+
+
+def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
+    """A rigid body of a scene: mass, inertia, and contact nodes for the obstacles it may meet."""
+    form, center, dim = body.form, body.center, body.dim
+    faces = [
+        (obstacle.name, face)
+        for obstacle in obstacles_of(scene, body.name)
+        for face in range(1 if obstacle.other_gap(np.zeros((0, dim))) is None else 2)
+    ]
+    rolls = bool(form.radius.any())
+    copies, count = max(1, len(faces)) if rolls else 1, len(form.nodes)
+    own = np.arange(count)
+    beside = {face: own + count * k * rolls for k, face in enumerate(faces)}
+    arms = in_space(np.tile(form.nodes - center, (copies, 1)))
+    radius = np.tile(form.radius, copies)
+    inertia, turned = np.eye(3), np.array([body.angle])
+    if dim == 2:
+        inertia[2, 2] = body.moments[0, 0]
+    else:
+        inertia, turned = body.moments, body.quaternion
+    position, velocity = np.concatenate([center, turned]), body.start_velocity
+    if dim == 3:
+        velocity = np.concatenate([velocity[:3], rotation(turned).T @ velocity[3:]])
+
+    def places(q: Floats) -> Floats:
+        middle, turn = frame(q)
+        return np.asarray((middle + arms @ turn.T)[:, :dim])
+
+    spin = float(np.linalg.norm(velocity[dim:]))
+    return Rigid(
+        names=(body.name,),
+        masses=(body.total_mass,),
+        centers=center[None],
+        speeds=velocity[None, :dim],
+        inertias=(float(inertia[2, 2]) if dim == 2 else 0.0,),
+        angles=(body.angle,),
+        position=position,
+        velocity=velocity,
+        places=places,
+        radius=radius,
+        shell=radius,
+        touching=np.ones(len(radius), dtype=bool),
+        body=np.zeros(len(radius), dtype=np.int64),
+        lines=np.zeros((0, 2), dtype=np.int64),
+        ends={},
+        rate=lambda: spin,
+        words=f"a rigid {body.shape.kind}",
+        inertia=inertia,
+        arms=arms,
+        beside_of=beside,
+        loads=_loads(body),
+        picture=(in_space(form.points - center), form.cells),
+    )
+
+
+def _loads(body: RigidBody) -> Loads | None:
+    """Force and moment by the formulas of a body."""
+    if not body.force and not body.moment:
+        return None
+    force, moment = body.force or (), body.moment or ()
+
+    def loads(time: float, place: Floats, speed: Floats, spin: Floats) -> tuple[Floats, Floats]:
+        moving = dict(zip(("x", "y", "z", "vx", "vy", "vz"), (*place, *speed), strict=True))
+        turning = dict(zip(("wx", "wy", "wz", "w"), (*spin, spin[2]), strict=True))
+        found = np.zeros((2, 3))
+        for k, formula in enumerate(force):
+            known = {name: moving[name] for name in formula.used if name != "t"}
+            found[0, k] = float(formula(t=time, **known))
+        for k, formula in enumerate(moment, start=3 - len(moment)):
+            known = {name: turning[name] for name in formula.used if name != "t"}
+            found[1, k] = float(formula(t=time, **known))
+        return found[0], found[1]
+
+    return loads

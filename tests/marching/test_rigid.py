@@ -1,0 +1,304 @@
+"""Rigid bodies: the free top, rolling, sliding, impacts with friction, against closed forms."""
+
+import numpy as np
+import pytest
+from moving_scenes import alone, differences, stopping
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation
+
+import impactfem
+from impactfem import (
+    Contact,
+    HalfSpace,
+    Hull,
+    Output,
+    RigidBody,
+    RigidSphere,
+    Scene,
+    SceneError,
+    Solve,
+)
+
+G = 9.81
+SPHERE = {"kind": "sphere", "radius": 0.1, "center": [0.0, 0.1, 0.0]}
+DISC = {"kind": "disc", "radius": 0.1, "center": [0.0, 0.1]}
+
+
+def floor(dim, height=0.0):
+    point, normal = np.zeros(dim), np.eye(dim)[1]
+    point[1] = height
+    return HalfSpace(name="floor", point=point.tolist(), normal=normal.tolist())
+
+
+def run(body, duration, dt, gravity=None, obstacles=(), mu=0.0, e=0.0, **more):
+    law = [
+        Contact(between=[body.name, o.name], friction_coefficient=mu, restitution=e)
+        for o in obstacles
+    ]
+    pulled = [0.0] * body.dim if gravity is None else list(gravity)
+    scene = Scene(
+        title="rigid", duration=duration, bodies=[body], obstacles=list(obstacles), contacts=law,
+        gravity=pulled, solve=Solve(dt=dt, estimate=False), output=Output(fields=[]), **more,
+    )  # fmt: skip
+    return impactfem.solve(scene)
+
+
+def column(result, *names):
+    return np.stack([result.history[name].values for name in names], axis=1).squeeze()
+
+
+def spin_along_the_body(result, name):
+    quaternion = column(result, *(f"{name}.q{c}" for c in "wxyz"))
+    spin = column(result, *(f"{name}.w{c}" for c in "xyz"))
+    return Rotation.from_quat(np.roll(quaternion, -1, axis=1)).inv().apply(spin)
+
+
+def test_the_free_top_tumbles_on_time_and_keeps_energy_and_momentum():
+    exact = np.array([14.90593888, 42.43677944, 69.96761999])
+    errors = []
+    for dt in (0.2, 0.1):
+        top = RigidBody(
+            name="top", shape={"kind": "block", "size": [1.0, 1.0, 1.0]}, mass=1.0,
+            inertia=[1.0, 2.0, 3.0], angular_velocity=[1e-3, 1.0, 1e-3],
+        )  # fmt: skip
+        result = run(top, 75.0, dt)
+        time, spin = result.history["time"].values, spin_along_the_body(result, "top")
+        errors.append(CubicSpline(time, spin[:, 1]).roots(extrapolate=False) - exact)
+        energy = column(result, "kinetic_energy")
+        momentum = column(result, *(f"angular_momentum.{axis}" for axis in "xyz"))
+        assert np.ptp(energy) <= 1e-13 * energy[0]
+        assert np.abs(momentum - momentum[0]).max() <= 1e-13 * np.linalg.norm(momentum[0])
+    assert np.abs(errors[1]).max() < 0.08
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("shape", "inertia", "share"), [(SPHERE, None, 5 / 7), (DISC, None, 2 / 3), (DISC, 0.01, 0.5)]
+)
+def test_what_slides_comes_to_roll(shape, inertia, share):
+    dim, speed = len(shape["center"]), 3.0
+    still = [0.0] * (dim - 2)
+    body = RigidBody(
+        name="b", shape=shape, mass=1.0, inertia=inertia, velocity=[speed, 0.0, *still]
+    )
+    result = run(body, 0.8, 4e-3, [0.0, -G, *still], [floor(dim)], 0.2)
+    v, time = column(result, "b.vx"), result.history["time"].values
+    turned = column(result, "b.spin" if dim == 2 else "b.wz")
+    assert v[-1] == pytest.approx(share * speed, rel=1e-12)
+    assert turned[-1] == pytest.approx(-share * speed / 0.1, rel=1e-12)
+    rolls = (1.0 - share) * speed / (0.2 * G)
+    assert time[np.argmax(v - v[-1] < 1e-9)] == pytest.approx(rolls, abs=4e-3)
+    friction = result.summary["energy"]["taken"]["friction"]
+    assert friction == pytest.approx(0.5 * speed**2 * (1.0 - share), rel=1e-10)
+    assert abs(result.summary["energy"]["unexplained"]) < 1e-12
+
+
+@pytest.mark.parametrize(("degrees", "mu"), [(20.0, 0.3), (20.0, 0.1041), (40.0, 0.1)])
+def test_a_ball_rolls_down_or_slides(degrees, mu):
+    slope = np.radians(degrees)
+    gravity = [G * np.sin(slope), -G * np.cos(slope), 0.0]
+    ball = RigidBody(name="b", shape=SPHERE, mass=2.0)
+    result = run(ball, 0.2, 2e-3, gravity, [floor(3)], mu)
+    rolling = mu >= 2 / 7 * np.tan(slope)
+    pull = 5 / 7 * G * np.sin(slope) if rolling else G * (np.sin(slope) - mu * np.cos(slope))
+    spin = pull if rolling else 2.5 * mu * G * np.cos(slope)
+    assert column(result, "b.vx")[-1] == pytest.approx(0.2 * pull, rel=1e-10)
+    assert -0.1 * column(result, "b.wz")[-1] == pytest.approx(0.2 * spin, rel=1e-10)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_block_slides_down(dim):
+    slope, more = np.radians(20.0), [0.0] * (dim - 2)
+    shape = {"kind": "block", "size": [0.2, 0.1, 0.1][:dim], "corner": [-0.1, 0.0, *more]}
+    block = RigidBody(name="b", shape=shape, density=1000.0)
+    gravity = [G * np.sin(slope), -G * np.cos(slope), *more]
+    result = run(block, 0.2, 2e-3, gravity, [floor(dim)], 0.3)
+    assert column(result, "b.vx")[-1] == pytest.approx(0.2 * 0.5897022, rel=1e-7)
+    assert np.ptp(column(result, "b.y")) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("mu", "impulse", "spin"), [(0.3, (0.1463415, 0.4878049), -1.4487066), (0.0, (0.0, 0.4), None)]
+)
+def test_the_impulses_of_a_dropped_rod(mu, impulse, spin):
+    rod = RigidBody(
+        name="b", shape=Hull(points=[[-0.5, 0.0], [0.5, 0.0], [0.0, 1e-3]]), mass=1.0,
+        inertia=1 / 12, center_of_mass=[0.0, 0.0], angle=np.pi / 4, velocity=[0.0, -1.0],
+    )  # fmt: skip
+    result = run(rod, 2e-4, 1e-6, None, [floor(2, -np.sqrt(0.125) - 1e-4)], mu)
+    assert column(result, "b.vx")[-1] == pytest.approx(impulse[0], rel=1e-6, abs=1e-12)
+    assert column(result, "b.vy")[-1] + 1.0 == pytest.approx(impulse[1], rel=1e-6)
+    if spin is not None:
+        assert column(result, "b.spin")[-1] == pytest.approx(spin, rel=1e-6)
+
+
+def test_a_rocking_block_loses_what_housner_says():
+    """It turns about one corner until both lie on the floor: plastic, without slip."""
+    lean, spin = 1e-4, -0.5
+    size = 2.0 * np.array([np.sin(0.2), np.cos(0.2)])
+    block = RigidBody(
+        name="b", shape={"kind": "block", "size": size.tolist()}, mass=1.0, angle=lean,
+    )  # fmt: skip
+    arms = 0.5 * size * [[-1.0, -1.0], [1.0, -1.0]]
+    turned = arms @ [[np.cos(lean), np.sin(lean)], [-np.sin(lean), np.cos(lean)]]
+    low = turned[np.argmin(turned[:, 1])]
+    velocity = spin * np.array([low[1], -low[0]])  # of the centre about the lower corner
+    block = RigidBody(
+        name="b", shape=block.shape, mass=1.0, angle=lean, velocity=velocity.tolist(),
+        angular_velocity=spin,
+    )  # fmt: skip
+    height = float(block.center[1] + low[1])
+    result = run(block, 3e-4, 2e-6, [0.0, -G], [floor(2, height)], 5.0)
+    after = column(result, "b.spin")
+    assert after[-1] / after[0] == pytest.approx(0.9407957, rel=2e-3)
+
+
+def test_a_ball_rolls_in_a_hollow_sphere_and_keeps_its_energy():
+    hollow = RigidSphere(name="bowl", center=[0.0, 0.0], radius=1.0, side="inside")
+    where = 0.8 * np.array([np.sin(0.5), -np.cos(0.5)])
+    ball = RigidBody(
+        name="b", shape={"kind": "disc", "radius": 0.2, "center": where.tolist()}, mass=1.0
+    )
+    result = run(ball, 0.7, 2e-3, [0.0, -G], [hollow], 2.0)
+    energy = column(result, "kinetic_energy")
+    angle = np.arctan2(column(result, "b.x"), -column(result, "b.y"))
+    # Rolling without slip: (3/2) (R - r) a'' = -g sin a; a quarter of the period by quadrature.
+    lean = np.sin(0.25)
+    a = (np.arange(2000) + 0.5) * np.pi / 4000
+    quarter = np.sqrt(1.5 * 0.8 / G) * np.mean(1 / np.sqrt(1 - (lean * np.sin(a)) ** 2)) * np.pi / 2
+    time = result.history["time"].values
+    first = np.argmax(angle < 0.0)
+    assert time[first] == pytest.approx(quarter, abs=4e-3)
+    top = 0.8 * G * (1.0 - np.cos(0.5))
+    assert energy.max() == pytest.approx(top, rel=1e-2)
+    assert -0.2 * column(result, "b.spin")[first] == pytest.approx(
+        column(result, "b.vx")[first], rel=2e-2
+    )
+
+
+def test_moments_and_forces_do_their_work():
+    """A motor with damping: w = (m / d) (1 - exp(-d t / I)); a force along x accelerates."""
+    disc = RigidBody(
+        name="b", shape={"kind": "disc", "radius": 0.1}, mass=2.0, moment=["0.3 - 0.1*w"],
+        force=["4*t", "0"],
+    )  # fmt: skip
+    result = run(disc, 1.0, 4e-3)
+    inertia = 0.5 * 2.0 * 0.1**2
+    assert column(result, "b.spin")[-1] == pytest.approx(3.0 * (1 - np.exp(-0.1 / inertia)), 1e-3)
+    assert column(result, "b.vx")[-1] == pytest.approx(1.0, rel=1e-12)
+    energy = column(result, "total_energy")
+    assert np.ptp(energy) < 1e-12
+    assert result.summary["bodies"]["b"]["inertia"] == pytest.approx(inertia)
+    turned = column(result, "b.angle")
+    assert result.summary["bodies"]["b"]["rotation_max"] == pytest.approx(turned[-1])
+
+
+def tumbling():
+    shape = {"kind": "block", "size": [0.2, 0.1, 0.15], "corner": [0.0, 0.05, 0.0]}
+    return {
+        "title": "tumbling", "duration": 0.08, "gravity": [0.0, -G, 0.0],
+        "body": [
+            {"kind": "rigid", "name": "b", "shape": shape, "density": 500.0,
+             "orientation": {"axis": [1.0, 1.0, 0.0], "angle": 0.2},
+             "velocity": [1.0, -1.0, 0.0], "angular_velocity": [1.0, 2.0, 3.0]},
+        ],
+        "obstacle": [{"kind": "half_space", "name": "floor", "point": [0.0, 0.0, 0.0],
+                      "normal": [0.0, 1.0, 0.0]}],
+        "contact": [{"between": ["b", "floor"], "friction_coefficient": 0.4, "restitution": 0.2}],
+        "probe": [{"name": "mark", "body": "b", "point": [0.1, 0.1, 0.07]}],
+        "solve": {"dt": 1e-3, "estimate": False}, "output": {"checkpoint": 20},
+    }  # fmt: skip
+
+
+def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
+    scene = Scene.from_dict(tumbling())
+    whole = impactfem.solve(scene)
+    assert whole.summary["contact"]["impulse"] > 0.0
+    with stopping(monkeypatch, 67):
+        impactfem.solve(scene, checkpoints=tmp_path)
+    again = impactfem.solve(scene, checkpoints=tmp_path, restart=tmp_path)
+    assert differences(whole, again) == {}
+    assert again.summary["bodies"] == whole.summary["bodies"]
+
+
+def test_probes_and_fields_move_as_the_body_does():
+    result = impactfem.solve(Scene.from_dict(tumbling()))
+    turn, start = (
+        Rotation.from_quat(np.roll(column(result, *(f"b.q{c}" for c in "wxyz"))[row], -1))
+        for row in (-1, 0)
+    )
+    centre = column(result, "b.x", "b.y", "b.z")
+    arm = start.inv().apply([0.1, 0.1, 0.07] - centre[0])
+    moved = centre[-1] + turn.apply(arm) - [0.1, 0.1, 0.07]
+    np.testing.assert_allclose(
+        column(result, "mark.ux", "mark.uy", "mark.uz")[-1], moved, atol=1e-12
+    )
+    fields = result.fields
+    assert fields.layout.names == ("b",)
+    places = fields.layout.points + fields.read(-1 % len(fields))["displacement"]
+    apart = np.linalg.norm(places - centre[-1], axis=1)
+    np.testing.assert_allclose(apart.max(), 0.5 * np.linalg.norm([0.2, 0.1, 0.15]), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"orientation": {"quaternion": [0.0, 0.0, 0.0, 0.0]}}, "is no rotation: give [1.0,"),
+        ({"orientation": {"quaternion": [1.0, 1.0, 0.0, 0.0]}}, "has length 1.41421, not 1: give"),
+        ({"orientation": {"axis": [0.0, 0.0, 1.0]}}, "orientation.angle is missing: give axis and"),
+        ({"density": None, "mass": 1.0, "inertia": [1.0, 1.0, 3.0]}, "has one above the sum"),
+        ({"density": None, "mass": 1.0, "inertia": [1.0, -1.0, 1.0]}, "inertia = [1.0, -1.0, 1.0]"),
+        ({"density": None, "mass": 1.0, "inertia": 2.0}, "does not fit 3 coordinates: give [Ixx"),
+        ({"inertia": [1.0, 1.0, 1.0]}, "needs mass: give it instead of density"),
+        ({"mass": 1.0}, "both are given; give density, or mass"),
+        ({"density": None}, "neither is given; give density, or mass"),
+        ({"center_of_mass": [0.0, 0.1, 0.0]}, "give inertia too"),
+        ({"angle": 0.2}, "is for the plane: give orientation"),
+        ({"model": "2d"}, 'the shape has 3 coordinates: give "3d"'),
+        ({"velocity": [1.0, 0.0]}, "has 2 entries, the shape has 3: give 3"),
+        ({"moment": ["w"]}, "has 1 entries: give 3"),
+        ({"force": ["wx", "0", "0"]}, "wx"),
+        ({"shape": {"kind": "hull", "points": [[0, 1, 0], [1, 1, 0], [0, 2, 0], [1, 2, 0]]}},
+         "[1.0, 2.0, 0.0]] lie in one plane: give points that span a volume"),
+        ({"shape": {"kind": "block", "size": [1.0, 1.0, 1.0], "symmetry": ["x"]}}, "body is whole"),
+        ({"shape": {"kind": "block", "size": [0.2, 0.1, 0.1], "corner": [0.0, -0.2, 0.0]}},
+         "m inside at t = 0; move it"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_told_with_key_and_remedy(change, said):
+    data = tumbling()
+    data["body"][0] |= change
+    data["probe"] = []
+    with pytest.raises(SceneError) as told:
+        impactfem.solve(Scene.from_dict(data))
+    assert said in str(told.value), told.value
+
+
+def test_contacts_that_are_not_there_yet_are_refused():
+    two = tumbling()
+    two["body"].append(two["body"][0] | {"name": "c"})
+    two["contact"] = []
+    with pytest.raises(SceneError, match="meets obstacles only; remove it, and list the pairs"):
+        Scene.from_dict(two)
+    edge = tumbling()
+    edge["obstacle"].append({"kind": "box", "name": "step", "size": [1, 1, 1], "center": [3, 0, 0]})
+    edge["contact"].append({"between": ["b", "step"]})
+    with pytest.raises(SceneError, match="may meet edges and faces of b, which touches with its"):
+        Scene.from_dict(edge)
+
+
+def test_a_body_that_turns_too_far_in_a_step_is_told():
+    top = RigidBody(name="b", shape=SPHERE, mass=1.0, angular_velocity=[0.0, 3e3, 0.0])
+    with pytest.raises(impactfem.ConvergenceError, match="b turns too far in a step at t = "):
+        run(top, 0.1, 1e-3)
+
+
+@pytest.mark.parallel(2)
+def test_two_ranks_do_the_same(monkeypatch):
+    both = impactfem.solve(Scene.from_dict(tumbling()))
+    with alone(monkeypatch):
+        one = impactfem.solve(Scene.from_dict(tumbling()))
+    for name in one.history.data_vars:
+        np.testing.assert_allclose(
+            both.history[name].values, one.history[name].values, rtol=1e-10, atol=1e-10
+        )
