@@ -74,7 +74,7 @@ METHODS: Mapping[str, Method] = {
         "line a layer with their mean and mean square: energy and momentum to rounding over any "
         "horizon at any courant number, first order in h off the layers, exact on them; solids: "
         "midpoint rule, massless contact nodes and a discrete gradient, energy to rounding with "
-        "fixed normals",
+        "fixed normals and pairs that follow",
         finite=True,
         mixes=True,
         bodies=BOTH,

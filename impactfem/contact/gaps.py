@@ -164,7 +164,12 @@ class Gaps:
                     normal[mine] = signed_distance(obstacle, acting[mine], time)[1]
         return gap - self._radius - np.einsum("ij,ij->i", normal, static), normal
 
-    def normals_at(self, displacement: Floats, time: float) -> Floats:
+    def normals_at(
+        self,
+        displacement: Floats,
+        time: float,
+        arms: Floats | None = None,  # noqa: ARG002  (of bodies that meet)
+    ) -> Floats:
         """Normals where nodes are amid a step, (count, dim)."""
         return self.at(displacement, displacement, displacement, time)[1]
 

@@ -197,16 +197,22 @@ class PairGaps:
         found: Floats = weights[:, None, :, None] * directions[:, :, None, :]
         return found if self._turning is None else found - self._turning.units(rows, directions)
 
-    def normals_at(self, displacement: Floats, time: float) -> Floats:
+    def normals_at(self, displacement: Floats, time: float, arms: Floats | None = None) -> Floats:
         """Normals where nodes are amid a step, (pairs, dim); who meets whom stays as found.
 
         Forces along the way between both sides have no moment; elsewhere, to the next `at`,
         directions turn with one side (`impactfem.contact.turning_gaps`).
+
+        Args:
+            displacement: Of the contact nodes [m], (nodes, dim).
+            time: [s].
+            arms: Displacements that moments go by [m], (nodes, dim); None: the same.
         """
         normals = [np.zeros((0, displacement.shape[1]))]
         for own, chosen, obstacle in self._obstacles:
-            normals.append(obstacle.normals_at(displacement[own][chosen], time))
-        there = self._places + displacement
+            part = displacement[own][chosen]
+            normals.append(obstacle.normals_at(part, time))
+        there = self._places + (displacement if arms is None else arms)
         ways = self._weights @ there
         patches, first = [], self._bound.shape[0]
         for meet, entry in zip(self._meetings, self._met, strict=True):

@@ -37,6 +37,10 @@ class FewNewton(FewMidpoint):
         """Where contact nodes go if nothing changes [m], (count, dim)."""
         return self.bodies.places(self._q + (end - start) * self._v) - self._start
 
+    def arms(self, middle: Floats) -> Floats:
+        """Where contact nodes are."""
+        return middle
+
     def begin(self, start: float, end: float) -> None:
         """Take up a step between two times."""
         self._span, self._time = end - start, 0.5 * (start + end)

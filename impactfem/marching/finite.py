@@ -12,7 +12,7 @@ momentum are kept to rounding in flight, and in contact as far as its law does
 (`impactfem.marching.newton_march`). Each step is solved by Newton's method.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +21,17 @@ from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI, products_in_order
 from impactfem.marching.finite_body import FiniteBody
 from impactfem.marching.layers import Sums
+from impactfem.marching.turning import Turning
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.finite_statics import FiniteAtRest
 from impactfem.system.finite_strain import FiniteStrain
-from impactfem.system.linear import LinearSolver
 from impactfem.system.moments import kept_moments
 from impactfem.system.small_strain import SmallStrain
 from impactfem.system.surface import SurfaceNodes
+
+if TYPE_CHECKING:
+    from impactfem.system.linear import LinearSolver
+    from impactfem.system.step_solvers import StepSolver
 
 Floats = NDArray[np.float64]
 
@@ -65,15 +69,21 @@ class FiniteMidpoint(FiniteBody):
         self._mass, sums, missing = kept_moments(system, mass, transfer)
         weights = np.where(system.constrained, 0.0, np.repeat(sums, system.dim))
         super().__init__(system, surface, dt, weights, {solid.name: missing})
+        self._vectors = [system.stiffness.createVecRight() for _ in range(2)]
         self._strain: FiniteStrain | SmallStrain = (
             FiniteStrain(system.nodes, solid, system.following)
             if solid.is_finite
             else SmallStrain(system.nodes, solid)
         )
-        self._tangent = self._strain.repeated_tangent(self._mass, system.constrained)
+        self._turning = Turning.of(system, self._times_mass) if self._strain.arms_stay else None
+        damping = system.rayleigh_mass, system.rayleigh_stiffness
+        near = system.stiffness.getNearNullSpace()
+        self._solvers: StepSolver = self._strain.step_solver(
+            self._mass, system.constrained, dt, damping, linear_solver, near
+        )
         self._kind = linear_solver
         self._solver: LinearSolver | None = None
-        self._vectors = [system.stiffness.createVecRight() for _ in range(2)]
+        self._columns: dict[int, Floats] = {}
         self.displacement: Floats = system.displacement.copy()
         self.velocity: Floats = system.velocity.copy()
         self._still = system.constrained.copy()
@@ -87,7 +97,6 @@ class FiniteMidpoint(FiniteBody):
         self._heaviest = system.comm.allreduce(heaviest, op=MPI.MAX)
         self._rounding = 0.0
         self._work = 0.0
-        self.generation = 0  # of the tangent: answers to forces change with it
         self._stale, self._left = True, np.inf
         self._change = np.zeros_like(self.displacement)
 
@@ -100,9 +109,29 @@ class FiniteMidpoint(FiniteBody):
         )  # fmt: skip
 
     @property
+    def generation(self) -> int:
+        """Of the tangent: answers to forces change with it."""
+        return self._solvers.generation
+
+    @property
     def surface_iterate(self) -> Floats:
         """The same at the end of the step, as the last iterate has it (collective)."""
         return self._surface.gather(self._after)
+
+    def arms(self, middle: Floats) -> Floats:
+        """Displacement of contact nodes amid the step, as moments have it, (count, dim).
+
+        Args:
+            middle: The true one [m], (count, dim).
+        """
+        if self._turning is None:
+            return middle
+        dim = self._system.dim
+        mean = 0.5 * (self.displacement + self._after)
+        own = np.stack([self._weights * mean, self._weights]).reshape(2, -1, dim).sum(axis=1)
+        moved, mass = np.asarray(self._system.comm.allreduce(own, op=MPI.SUM))
+        centre = moved / np.where(mass > 0.0, mass, 1.0)
+        return np.broadcast_to(centre, middle.shape)
 
     def _times_mass(self, values: Floats) -> Floats:
         source, image = self._vectors
@@ -193,20 +222,28 @@ class FiniteMidpoint(FiniteBody):
 
     def _renew(self) -> None:
         """Factor the tangent of the iterate (collective)."""
-        step = self._span
-        self._stale, self.generation = False, self.generation + 1
+        self._stale = False
         self._strain.put(self.displacement, self._after)
-        self._tangent.assemble(2.0 / step**2 + self._system.rayleigh_mass / step)
-        if self._solver is not None:
-            self._solver.renew()
-            return
-        near = self._system.stiffness.getNearNullSpace()
-        self._solver = LinearSolver(
-            self._tangent.matrix, self._kind, near, symmetric=False, owned=False
-        )
+        self._solver = self._solvers.renew(self._span)
 
     def answers(self, forces: Floats) -> Floats:
         """How contact nodes answer to forces on them at the iterate, (several, count, dim)."""
+        if not self._solvers.stays:
+            return self._answers(forces)
+        # Sums of answers to unit forces, one node after the other: what is known then does not tell
+        # how they round, and a run can be continued.
+        nodes = np.flatnonzero(forces.any(axis=(0, 2)))
+        count, dim = forces.shape[1:]
+        for node in nodes.tolist():
+            if node not in self._columns:
+                units = np.zeros((dim, count, dim))
+                units[range(dim), node, range(dim)] = 1.0
+                self._columns[node] = self._answers(units)
+        known = np.stack([self._columns[node] for node in nodes.tolist()])
+        found: Floats = np.tensordot(forces[:, nodes], known, axes=([1, 2], [0, 1]))
+        return found
+
+    def _answers(self, forces: Floats) -> Floats:
         assert self._solver is not None  # noqa: S101  (`linearise` came first)
         held, surface = self._system.constrained, self._surface
         pushed = np.stack([surface.pulled(force, held) for force in forces])
@@ -277,7 +314,5 @@ class FiniteMidpoint(FiniteBody):
 
     def destroy(self) -> None:
         """Free PETSc's objects."""
-        if self._solver is not None:
-            self._solver.destroy()
-        for thing in (*self._vectors, self._mass, self._tangent):
+        for thing in (self._solvers, self._strain, *self._vectors, self._mass):
             thing.destroy()

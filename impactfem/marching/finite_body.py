@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from impactfem.fem import MPI
 from impactfem.marching.layers import Sums
+from impactfem.marching.turning import Turning
 from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.finite_statics import FiniteAtRest
@@ -32,6 +33,7 @@ class FiniteBody(ABC):
 
     displacement: Floats
     velocity: Floats
+    _turning: Turning | None = None  # of a body of small strains, whose arms stay
 
     def __init__(
         self,
@@ -82,11 +84,15 @@ class FiniteBody(ABC):
 
     def inertia(self) -> list[Floats]:
         """None that would stay; what turns is told by `Sums.attitude`."""
+        if self._turning is not None:
+            return [self._turning.inertia]
         turns = self._system.dim * (self._system.dim - 1) // 2
         return [np.zeros((turns, turns))]
 
     def spins(self) -> Floats:
         """Velocities of the contact nodes by unit spins now [m], (turns, count, dim)."""
+        if self._turning is not None:
+            return np.stack([self._surface.gather(row) for row in self._turning.rows])
         places = self._system.positions + self.displacement.reshape(self._system.positions.shape)
         arms = self._surface.gather(self._from_centre(places).ravel())
         return np.stack(unit_spins(arms))
@@ -97,15 +103,10 @@ class FiniteBody(ABC):
 
     def _summed(self, elastic: float, work: float) -> list[Sums]:
         """Sums of the present state (collective)."""
-        system, dim = self._system, self._system.dim
+        dim = self._system.dim
         momentum = self._times_mass(self.velocity)
-        weights = self._weights.reshape(-1, dim)
-        arms = self._from_centre(system.positions + self.displacement.reshape(-1, dim))
-        each = momentum.reshape(-1, dim)
-        heavy = self._times_mass(arms.ravel()).reshape(-1, dim)
-        fit = (weights * arms).T @ self._arms
-        moment = arms.T @ each
-        spin = (moment - moment.T)[_TURNS[dim]]
+        each, weights = momentum.reshape(-1, dim), self._weights.reshape(-1, dim)
+        spin, attitude = self._turned(momentum)
         sums = Sums(
             0.5 * float(self.velocity @ momentum),
             elastic,
@@ -113,9 +114,21 @@ class FiniteBody(ABC):
             self._ones @ each,
             self._ones @ (weights * self.displacement.reshape(-1, dim)),
             spin,
-            np.stack([fit, arms.T @ heavy]).ravel(),
+            attitude,
         )
         return [sums]
+
+    def _turned(self, momentum: Floats) -> tuple[Floats, Floats | None]:
+        """Angular momentum and attitude as `Sums` has them (collective)."""
+        if self._turning is not None:
+            return self._turning.rows @ momentum, None
+        system, dim = self._system, self._system.dim
+        arms = self._from_centre(system.positions + self.displacement.reshape(-1, dim))
+        heavy = self._times_mass(arms.ravel()).reshape(-1, dim)
+        fit = (self._weights.reshape(-1, dim) * arms).T @ self._arms
+        moment = arms.T @ momentum.reshape(-1, dim)
+        spin: Floats = (moment - moment.T)[_TURNS[dim]]
+        return spin, np.stack([fit, arms.T @ heavy]).ravel()
 
     def _from_centre(self, places: Floats) -> Floats:
         """Arms of places of the nodes from their centre of mass; an axis turns nothing."""

@@ -264,11 +264,16 @@ class ContactGaps(Protocol):
     ) -> tuple[Floats, Floats]:
         """Gaps (pairs,) and normals (pairs, dim) for displacements at a time."""
 
-    def normals_at(self, displacement: Floats, time: float) -> Floats:
+    def normals_at(self, displacement: Floats, time: float, arms: Floats | None = None) -> Floats:
         """Normals (pairs, dim) amid a step, where nodes are by an iterate; who meets whom stays.
 
-        To the next `at` forces that `spread` puts on nodes there have neither sum nor moment, and
+        To the next `at` forces that `spread` puts on nodes have neither sum nor moment, and
         `relative` is its transpose.
+
+        Args:
+            displacement: Of the contact nodes [m], (nodes, dim).
+            time: [s].
+            arms: Displacements that moments go by [m], (nodes, dim); None: the same.
         """
 
     def advance(self, normals: Floats, time: float) -> Floats:

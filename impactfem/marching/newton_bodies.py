@@ -37,6 +37,15 @@ class NewtonStepper(Stepper, Protocol):
     def predicted(self, start: float, end: float) -> Floats:
         """Where contact nodes go if nothing changes [m], (count, dim) (collective)."""
 
+    def arms(self, middle: Floats) -> Floats:
+        """Displacements amid the step that moments of forces go by [m], (count, dim) (collective).
+
+        A body of small strains turns none of its arms: they move with its centre.
+
+        Args:
+            middle: The true ones [m], (count, dim).
+        """
+
     def begin(self, start: float, end: float) -> None:
         """Take up a step between two times from the present state (collective)."""
 
@@ -81,6 +90,11 @@ class NewtonBodies(Bodies[NewtonStepper]):
     def predicted(self, start: float, end: float) -> Floats:
         """Where contact nodes go if nothing changes [m], (count, dim)."""
         return np.concatenate([part.predicted(start, end) for part in self.parts])
+
+    def arms(self, middle: Floats) -> Floats:
+        """Displacements amid the step that moments of forces go by [m], (count, dim)."""
+        each = enumerate(self.parts)
+        return np.concatenate([part.arms(middle[self.own(k)]) for k, part in each])
 
     def begin(self, start: float, end: float) -> None:
         """Take up a step between two times."""

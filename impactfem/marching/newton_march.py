@@ -91,6 +91,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         self._generation = -1
         self._known: dict[int, Floats] = {}
         self._mean: Floats | None = None
+        self._looked: tuple[float, Floats, Floats] | None = None  # time, place, and gaps there
         self._done: LayerSums | None = None
         super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, rest)
         self._tangential = np.zeros_like(self._normals)  # of the last step [N], (gaps, dim)
@@ -117,14 +118,13 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         time, end = layer * dt, (layer + 1) * dt
         last, cuts = state.multiplier, _CUTS
         done = LayerSums(len(last), interior.surface_displacement.shape[1])
+        before = self._look(interior.surface_displacement, time)
         near = self._near(time, end)
         span, tries = dt, 0  # the next step, and how often it was cut
         while time < end - 1e-9 * dt:
             stop = min(end, time + span)
             if stop > end - 1e-9 * dt:
                 stop = end
-            begin = interior.surface_displacement
-            before = self._gaps.at(begin, begin, begin, time)[0]
             closed = (before <= near) | (last > 0.0)
             try:
                 step, share = self._cut(time, stop, last, before, closed, tries < min(_TRIES, cuts))
@@ -146,23 +146,32 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             self._tangential = in_space(step.directions[:, 1:], step.force[:, 1:])
             time, span = stop, dt if tries else min(dt, 2.0 * span)
             cuts, tries = cuts - tries, 0
+            before = self._look(interior.surface_displacement, time)
         self.layer = layer + 1
         static = np.zeros_like(state.static)
         self.rows.put(self.layer, interior.finish(layer, static))
         self.rows.obstacle_work[self.layer] = done.obstacles
         self.rows.friction_work[self.layer] = done.friction
-        place = interior.surface_displacement
-        gap, _ = self._gaps.at(place, place, place, end)
-        self.contact = ContactState(last, gap, state.multiplier, state.gap, static)
+        self.contact = ContactState(last, before, state.multiplier, state.gap, static)
         self._done, self._mean = done, done.vectors / dt
         force: Floats = done.impulse / dt
         self._close_row(self.layer, force, done.iterations)
         return force
 
+    def _look(self, place: Floats, time: float) -> Floats:
+        """Gaps of contact nodes at a place, which is looked at once [m], (gaps,)."""
+        if self._looked is not None:
+            then, there, gap = self._looked
+            if then == time and np.array_equal(there, place):
+                return gap
+        gap = self._gaps.at(place, place, place, time)[0]
+        self._looked = time, place, gap
+        return gap
+
     def _near(self, start: float, end: float) -> Floats:
         """Gaps up to which nodes count as closed in a layer [m], (gaps,)."""
         bound = self.interior.predicted(start, end)
-        change = np.abs(self._gaps.at(bound, bound, bound, end)[0] - self.contact.gap)
+        change = np.abs(self._look(bound, end) - self.contact.gap)
         return np.where(change < 0.5 * FAR, _CLOSED * change, 0.0)
 
     def _cut(
@@ -223,7 +232,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             start: [s].
             end: [s].
         """
-        after = self._gaps.at(then, then, then, end)[0]
+        after = self._look(then, end)
         rows = ~closed & (after < 0.0)
         least, most = _NEAR * self.interior.dt / (end - start), 1.0 - _NEAR
         share = before[rows] / (before[rows] - after[rows])
@@ -258,9 +267,10 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         for iteration in range(_ITERATES):
             place = interior.surface_iterate
             middle = 0.5 * (begin + place)
-            if iteration <= _PAIRED:
+            if iteration <= _PAIRED and may.any():
                 gaps.at(middle, middle, middle, middle_time)
-            normals = gaps.normals_at(middle, middle_time)
+                self._looked = None
+            normals = gaps.normals_at(middle, middle_time, interior.arms(middle))
             directions = frames(normals) if self._rubs else normals[:, None, :]
             if force is None:
                 force = turned(directions, self._tangential)

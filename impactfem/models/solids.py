@@ -17,6 +17,7 @@ from impactfem.contact.reach import Reach
 from impactfem.contact.surfaces import ContactNodes
 from impactfem.errors import SceneError
 from impactfem.fem import MPI
+from impactfem.marching.schemes import SOLID_SCHEMES
 from impactfem.mesh.body import BodyMesh, build_body_mesh
 from impactfem.models.ball_contacts import (
     BallMeeting,
@@ -295,6 +296,17 @@ class SolidsModel:
         obstacles += sum(len(met.nodes) for met in self.obstacle_meetings)
         balls = sum(met.pair.count for met in self.ball_meetings)
         return obstacles + balls + sum(pair.count for pair in self.pairs)
+
+    def takes_iterates(self, method: str, active_set: str) -> bool:
+        """Whether steps are solved by iterates: under finite strain, and for pairs that follow.
+
+        These change what a layer's answer is made of: where it is linear in the forces, energy and
+        angular momentum are kept to the size of faces only.
+        """
+        if any(part.solid.is_finite for part in self.parts):
+            return True
+        follow = SOLID_SCHEMES[method].holds and self.updated and not self.few
+        return follow and active_set != "snes_vi" and bool(self.pairs)
 
     @property
     def unknowns(self) -> int:

@@ -14,7 +14,8 @@ Floats = NDArray[np.float64]
 
 _FAR = 0.1  # ways over the size of an obstacle's features from which its normals change much
 _PAIRS_FOLLOW = (
-    "pairs of surfaces follow the bodies, and energy is right to first order in step and faces"
+    "pairs of surfaces follow the bodies, and energy is right to first order in step and faces "
+    '(with method = "conserving" to rounding)'
 )
 _SLIDES = 0.5  # of an element: way along each other from which pairs of surfaces follow
 

@@ -145,15 +145,24 @@ def memory_mib(sizes: Sequence[Size], linear_solver: str) -> float:
 
 
 _KERNEL_SECONDS = {2: 4e-7, 3: 9e-7}  # of a node in an explicit step under finite strain
+_ITERATES = 2.0  # times a linear layer, measured 1.6 to 2.7
 _NEWTON_SECONDS = 1.2e-5  # of an unknown in a step under finite strain, without factorisation
 
 
 def seconds(
-    size: Size, steps: float, contact: int, linear_solver: str, ranks: int, *, finite: bool = False
+    size: Size,
+    steps: float,
+    contact: int,
+    linear_solver: str,
+    ranks: int,
+    *,
+    finite: bool = False,
+    iterates: bool = False,
 ) -> float:
     """Estimated time of a body [s]: mesh, assembly, factorisation, steps, answers of its nodes.
 
-    Under finite strain each implicit step has a factorisation and some iterates.
+    Under finite strain each implicit step has a factorisation and some iterates; of small strains
+    steps by iterates look at pairs that follow several times, and solve twice.
     """
     product = size.entries * _MULT_SECONDS / ranks
     each = {"none": 1.5, "mumps": _SOLVE[size.dim], "gamg": _MULTIGRID}[linear_solver]
@@ -166,6 +175,8 @@ def seconds(
         step += _KERNEL_SECONDS[size.dim] * size.nodes / ranks
     elif finite:
         step += factorisation_work(size) * product + _NEWTON_SECONDS * size.unknowns
+    elif iterates:
+        step *= _ITERATES
     return start + once * product + steps * step
 
 

@@ -118,11 +118,14 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
         findings += damping_findings(method, solid, size, max(extents), step)
     touching = [len(numbers) for numbers in model.numbers]
 
+    active_set = solve.active_set or "pdas"
+    iterates = model.takes_iterates(method, active_set)
+
     def cost(factor: float) -> float:
         return sum(
             seconds(
                 size.scaled(factor), count / factor, round(nodes / factor ** (size.dim - 1)),
-                linear_solver, model.comm.size, finite=solid.is_finite,
+                linear_solver, model.comm.size, finite=solid.is_finite, iterates=iterates,
             )
             for solid, size, nodes in zip(solids, sizes, touching, strict=True)
         )  # fmt: skip
@@ -151,7 +154,7 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
             layers=steps.layers,
             linear_solver=linear_solver,
             normals="updated" if model.updated else "fixed",
-            active_set=solve.active_set or "pdas",
+            active_set=active_set,
             tolerance=solve.tolerance or METHODS[method].tolerance,
             max_iterations=solve.max_iterations or 200,
             contact_pairs=model.contact_count,

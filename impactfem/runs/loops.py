@@ -72,6 +72,7 @@ def make_loop(
     model: SolidsModel,
     numbers: "MarchNumbers",
     scheme: SolidScheme,
+    iterates: bool,
     each: Sequence[Discretised],
     few: Sequence[FewMidpoint | WaveBar | RigidMidpoint],
     steps: tuple[float, int, float | None],
@@ -84,6 +85,7 @@ def make_loop(
         model: Its bodies.
         numbers: Of the plan.
         scheme: The time scheme.
+        iterates: Whether steps are solved by iterates.
         each: The solids.
         few: What marches the bodies without meshes.
         steps: Time step [s], number of layers, and stable step of explicit schemes [s].
@@ -106,7 +108,7 @@ def make_loop(
     gaps: ContactGaps = contacts.obstacles[0].gaps if alone else contacts.gaps()
     solver, kind = _solver(numbers, tolerance), numbers.linear_solver
     settings = (scheme, gaps, solver, layers, tolerance)
-    if any(part.solid.is_finite for part in model.parts):
+    if iterates:
         if limit is not None:
             explicit = [
                 FiniteLeapfrog(

@@ -115,7 +115,9 @@ def run_solids(
         marches[type(bodies)](bodies, scene.vector_gravity, dt, counts=model.comm.rank == 0)
         for bodies in model.few
     ]
-    loop = make_loop(scene, model, numbers, scheme, each, few, (dt, layers, limit), progress)
+    iterates = model.takes_iterates(plan.method, numbers.active_set)
+    steps = dt, layers, limit
+    loop = make_loop(scene, model, numbers, scheme, iterates, each, few, steps, progress)
     march, offsets = loop.march, loop.offsets
     progress.step("marching")
     try:

@@ -14,6 +14,7 @@ from impactfem.system.following import FollowingPressures
 from impactfem.system.matrices import body_forms
 from impactfem.system.mean_dilatation import CondensedMatrix, MeanDilatation
 from impactfem.system.nodes import Nodes
+from impactfem.system.step_solvers import RenewedSolver
 
 Floats = NDArray[np.float64]
 
@@ -57,7 +58,13 @@ class FiniteStrain:
     """What a body under finite strain does in a step between two displacements.
 
     Vectors hold the owned degrees of freedom; nothing is held here, supports are the caller's.
+
+    Attributes:
+        arms_stay: Whether forces have no moment with the arms of the undeformed body, instead of
+            the mean ones of the step.
     """
+
+    arms_stay = False
 
     def __init__(self, nodes: Nodes, solid: Any, following: FollowingPressures) -> None:
         """Compile the forms (collective).
@@ -126,12 +133,32 @@ class FiniteStrain:
             self._mean.stiffen(matrix, np.zeros(len(before), dtype=bool))
         return matrix
 
-    def repeated_tangent(
-        self, fixed: Any, held: NDArray[np.bool_]
-    ) -> fem.RepeatedMatrix | CondensedMatrix:
-        """That tangent for many steps, with a fixed matrix (collective); see `put`."""
-        matrix = fem.RepeatedMatrix(self._tangent, fixed, held)
-        return matrix if self._mean is None else CondensedMatrix(matrix, self._mean, held)
+    def step_solver(
+        self,
+        mass: Any,
+        held: NDArray[np.bool_],
+        dt: float,  # noqa: ARG002  (of tangents that stay)
+        damping: tuple[float, float],
+        kind: str,
+        near: Any,
+    ) -> RenewedSolver:
+        """What solves with that tangent in steps, with inertia and damping by mass (collective).
+
+        Args:
+            mass: PETSc matrix.
+            held: Owned dofs that supports hold.
+            dt: Length of a layer [s].
+            damping: By mass [1/s] and by stiffness [s]; see `retard` for the second.
+            kind: "mumps" or "gamg".
+            near: PETSc null space of rigid motions.
+        """
+        matrix = fem.RepeatedMatrix(self._tangent, mass, held)
+        mean = self._mean
+        tangent = matrix if mean is None else CondensedMatrix(matrix, mean, held)
+        return RenewedSolver(tangent, damping[0], kind, near)
+
+    def destroy(self) -> None:
+        """Nothing: what is assembled belongs to the solver."""
 
     def put(self, before: Floats, after: Floats) -> None:
         """Set both ends of a step, of which a repeated tangent is assembled (collective)."""

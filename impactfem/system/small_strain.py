@@ -5,19 +5,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.fem import MPI, PETSc
+from impactfem.fem import MPI
 from impactfem.system.matrices import body_forms, body_stiffness
 from impactfem.system.nodes import Nodes
+from impactfem.system.step_solvers import KeptSolvers
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
-_SUBSET = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
-_DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
-
 
 class SmallStrain:
     """Internal forces K (u_a + u_b) / 2; see `impactfem.system.finite_strain.FiniteStrain`."""
+
+    arms_stay = True
 
     def __init__(self, nodes: Nodes, solid: Any) -> None:
         """Assemble the stiffness (collective).
@@ -53,16 +53,15 @@ class SmallStrain:
         tangent.scale(0.5 + self._retarded)
         return tangent
 
-    def repeated_tangent(self, fixed: Any, held: Booleans) -> "_Tangent":
-        """That tangent for many steps, with a fixed matrix (collective)."""
-        return _Tangent(self, self._stiffness, fixed, held)
+    def step_solver(
+        self, mass: Any, held: Booleans, dt: float, damping: tuple[float, float], kind: str,
+        near: Any,
+    ) -> KeptSolvers:  # fmt: skip
+        """What solves with that tangent in steps; see `KeptSolvers`."""
+        return KeptSolvers(self._stiffness, mass, held, dt, damping, kind, near)
 
     def put(self, before: Floats, after: Floats) -> None:
         """Nothing: the tangent is the same everywhere."""
-
-    def add_to(self, matrix: Any) -> None:
-        """Add the tangent to a matrix that has its pattern."""
-        matrix.axpy(0.5 + self._retarded, self._stiffness, _SUBSET)
 
     def energy(self, displacement: Floats) -> float:
         """Elastic energy, the part of the nodes of this rank [J] (collective)."""
@@ -81,30 +80,3 @@ class SmallStrain:
         """Free PETSc's objects."""
         for thing in (self._stiffness, self._source, self._image):
             thing.destroy()
-
-
-class _Tangent:
-    """As `impactfem.fem.RepeatedMatrix`, of a body whose stiffness stays.
-
-    Attributes:
-        matrix: The PETSc matrix.
-    """
-
-    def __init__(self, strain: SmallStrain, stiffness: Any, fixed: Any, held: Booleans) -> None:
-        self._strain, self._fixed = strain, fixed
-        self.matrix = fixed.copy()
-        self.matrix.axpy(1.0, stiffness, _DIFFERENT)
-        self.matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-        self._held = (np.flatnonzero(held) + fixed.getOwnershipRange()[0]).astype(PETSc.IntType)
-
-    def assemble(self, factor: float) -> None:
-        """Add the stiffness and a multiple of the fixed matrix up (collective)."""
-        self.matrix.zeroEntries()
-        self._strain.add_to(self.matrix)
-        self.matrix.axpy(factor, self._fixed, _SUBSET)
-        self.matrix.zeroRowsColumns(self._held, diag=1.0)
-
-    def destroy(self) -> None:
-        """Free the PETSc matrix, and those of the body."""
-        self.matrix.destroy()
-        self._strain.destroy()

@@ -1,10 +1,13 @@
 """Two discs that meet aslant: momentum, angular momentum, energy, no penetration, no pulling."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from solid_pairs import EXPLICIT, block, disc, scene
 
 import impactfem
+from impactfem import Contact
 from impactfem.errors import SceneError
 from impactfem.marching.composite import Composite
 
@@ -53,7 +56,9 @@ def test_linear_momentum_is_kept_whatever_moves(method, normals):
     np.testing.assert_allclose(momentum, momentum[:1].repeat(len(momentum), 0), atol=1e-12)
     assert result.history["contact_force"].values.min() >= 0.0
     if method != "moreau_jean":  # which acts on speeds
-        assert result.history["gap"].values.min() >= -1e-12
+        followed = (method, normals) == ("conserving", "updated")  # holds what it finds closed
+        deepest = 0.02 * 0.5 if followed else 1e-12  # of facets that pass
+        assert result.history["gap"].values.min() >= -deepest
 
 
 def spins(monkeypatch, case, *, current):
@@ -96,12 +101,33 @@ def test_angular_momentum_of_blocks_is_kept(monkeypatch):
     np.testing.assert_allclose(found, found[0], atol=1e-10 * 0.1)
 
 
-def test_angular_momentum_of_large_sliding(monkeypatch):
-    # Stiffness knows the undeformed places only: about the present ones internal forces turn, too,
-    # by strain times displacement. What is left after the contact is of that order.
-    found = spins(monkeypatch, discs("conserving", "updated"), current=True)
-    assert np.abs(found - found[0]).max() <= 5e-3 * abs(found[0])
-    assert abs(found[-1] - found[0]) <= 2e-3 * abs(found[0])
+def kept(result):
+    """Drifts of energy and angular momentum, of their size."""
+    history = result.history
+    energy, turned = history["total_energy"].values, history["angular_momentum"].values
+    rubbed = history["friction_work"].values if "friction_work" in history else 0.0
+    scale = np.abs(turned).max()
+    return np.ptp(energy - rubbed) / energy[0], np.ptp(turned) / scale
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_pairs_that_follow_keep_energy_and_angular_momentum(friction):
+    # Moments are about places that move with the centres: small strains know no others.
+    case = discs("conserving", "updated", dt=0.03)
+    if friction:
+        case = replace(
+            case, contacts=(Contact(between=("light", "heavy"), friction_coefficient=friction),)
+        )
+    result = impactfem.solve(case)
+    assert result.history["contact_force"].values.max() > 1e-3
+    energy, turned = kept(result)
+    assert energy <= 1e-10
+    assert turned <= 1e-11
+    energy, turned = kept(
+        impactfem.solve(replace(case, solve=replace(case.solve, method="massless")))
+    )
+    assert energy > 1e-5  # layers that are linear in the forces
+    assert turned > 1e-5
 
 
 @pytest.mark.parametrize("method", ["conserving", "explicit"])
@@ -119,7 +145,7 @@ def test_energy_of_massless_contact_never_grows():
 def test_energy_of_large_sliding_is_right_to_the_order_of_the_step():
     changes = []
     for dt in (0.02, 0.01):
-        result = impactfem.solve(discs("conserving", "updated", 0.06, dt=dt))
+        result = impactfem.solve(discs("massless", "updated", 0.06, dt=dt))
         energy = result.history["total_energy"].values
         changes.append(np.ptp(energy) / energy[0])
     assert changes[0] <= 3e-3
