@@ -18,13 +18,15 @@ from typing import Any
 import impactfem
 from impactfem.marching.level_march import LevelMarch
 from impactfem.system.element_forces import ElementForces
+from impactfem.system.inward import Inward
 from impactfem.system.surface_layer import SurfaceLayer
 
 SIZES = (0.0062, 0.0037, 0.0028)
 PARTS = {
     "pass": (ElementForces, "forces"), "layer": (SurfaceLayer, "forces"),
     "solver": (SurfaceLayer, "solve"), "tangent": (SurfaceLayer, "renew"),
-    "squeeze": (ElementForces, "rate"), "step": (LevelMarch, "_advance"),
+    "inward": (Inward, "forces"), "squeeze": (ElementForces, "rate"),
+    "step": (LevelMarch, "_advance"),
 }  # fmt: skip
 
 
@@ -78,7 +80,7 @@ def timed() -> Iterator[dict[str, list[float]]]:
 def main(sizes: Sequence[float]) -> None:
     """Print a table: nodes, contact nodes, and what a step costs in passes."""
     impactfem.solve(ball(0.0125))  # compiles
-    print("nodes contact  ns/cell  ms/step  passes:  step  " + "  ".join(list(PARTS)[1:5]))
+    print("nodes contact  ns/cell  ms/step  passes:  step  " + "  ".join(list(PARTS)[1:6]))
     for size in sizes:
         with timed() as times:
             result = impactfem.solve(ball(size))
@@ -86,7 +88,7 @@ def main(sizes: Sequence[float]) -> None:
         # Medians of processor time: others use the machine, too.
         bare, step = median(times["pass"]), median(times["step"])
         steps = len(times["step"])
-        shares = [sum(times[name]) / steps / bare for name in list(PARTS)[1:5]]
+        shares = [sum(times[name]) / steps / bare for name in list(PARTS)[1:6]]
         told = "  ".join(f"{share:6.2f}" for share in shares)
         cells = 1e9 * bare / details["cells"]
         print(

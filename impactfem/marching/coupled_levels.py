@@ -83,6 +83,7 @@ class CoupledLevels(LevelMarch):
         none, nowhere = np.zeros(count, dtype=bool), np.zeros_like(place)
         self._needed = np.zeros(len(held))
         force, before = np.zeros_like(last.force), np.inf
+        slow = SLOW[dim] + interior.lag
         for iterate in range(1, MOST + 1):
             if iterate <= _PAIRED:
                 base, (gap, _) = place, gaps.at(place, place, place, time)
@@ -94,7 +95,7 @@ class CoupledLevels(LevelMarch):
             interior.move_surface(place)
             right = interior.unbalanced() - gaps.spread(in_space(directions, force))
             size = float(np.linalg.norm(right))
-            falls = size <= max(SLOW[dim] * before, interior.rounding)
+            falls = size <= max(slow * before, interior.rounding)
             if self._stale or (iterate > 1 and not falls):
                 interior.renew()
                 self._stale = False

@@ -29,6 +29,7 @@ from impactfem.system.elastic import ElasticSystem
 from impactfem.system.element_forces import ElementForces
 from impactfem.system.finite_statics import FiniteAtRest
 from impactfem.system.finite_strain import FiniteStrain
+from impactfem.system.following import LevelPressures
 from impactfem.system.inward import Inward
 from impactfem.system.moments import lumped_moments
 from impactfem.system.surface import SurfaceNodes
@@ -43,6 +44,7 @@ _STABLE = 0.9  # share of the stable step up to which layers are taken whole
 _PIECES = 64  # of a layer at most
 _SQUEEZE = 0.1  # change of the least det F after which the stable step is looked at anew
 _ROUNDING = 1e-14  # of what moves the stiffest node as far as the body is large
+_LAGGING = 0.5  # see `FiniteLeapfrog.lag`
 _OFTEN = 200  # steps after which it is in any case
 
 
@@ -96,6 +98,13 @@ class FiniteLeapfrog(FiniteBody):
         self._surface_now = surface.gather(self.displacement)
         self._older = [self._surface_now, self._surface_now]
         self._tangent_at: Floats | None = None
+        self._following = (
+            LevelPressures(system.nodes, solid, system.following, elements.place)
+            if system.following.any
+            else None
+        )
+        self._driven = self._drive.is_active or self._following is not None
+        self._dead = np.zeros_like(mass)
         self._load, self._surface_load = np.zeros_like(mass), np.zeros_like(self._surface_now)
         self._force, self._internal = np.zeros_like(mass), np.zeros_like(mass)
         self._acceleration = np.zeros_like(mass)
@@ -107,6 +116,7 @@ class FiniteLeapfrog(FiniteBody):
         diagonal = system.stiffness.getDiagonal()
         stiffest = float(np.abs(diagonal.getArray()).max(initial=0.0))
         diagonal.destroy()
+        self._level(0.0)
         self.rounding = _ROUNDING * system.comm.allreduce(stiffest, op=MPI.MAX) * self.size
 
     def at_rest(self, name: str, gravity: Floats, spin: Floats) -> FiniteAtRest:
@@ -154,7 +164,7 @@ class FiniteLeapfrog(FiniteBody):
         step = self._step = end - start
         slow = 0.5 * self._system.rayleigh_mass * step
         drive = self._drive
-        self._before = self.displacement.copy() if drive.is_active else self.displacement
+        self._before = self.displacement.copy() if self._driven else self.displacement
         drifted(self.displacement, self.velocity, self._acceleration, self._inverse, step, slow)
         if drive.has_moved:
             self.displacement[drive.moved] = self._system.supports.motion(end)[0]
@@ -170,8 +180,10 @@ class FiniteLeapfrog(FiniteBody):
         """Loads at a time (collective)."""
         self._last_load = self._load
         if self._drive.is_active:
-            self._load = self._drive.load(time)
+            self._load = self._dead = self._drive.load(time)
             self._surface_load = self._surface.gather(self._load)
+        if self._following is not None:
+            self._following.put(time)
         half = 0.5 * self.dt
         self._pull = self._drive.gravity(max(0.0, time - half), time + half)
 
@@ -187,7 +199,17 @@ class FiniteLeapfrog(FiniteBody):
             ConvergenceError: A cell is turned inside out.
         """
         found = self._layer.forces() - self._surface_load
+        if self._following is not None:
+            found -= self._surface.gather(self._following.forces())
         return np.where(self._free, found, 0.0)
+
+    @property
+    def lag(self) -> float:
+        """Share of forces that an iterate leaves as the tangent knows no pressures (collective)."""
+        if self._following is None:
+            return 0.0
+        largest = self._system.comm.allreduce(self._following.largest, op=MPI.MAX)
+        return float(min(_LAGGING, 2.0 * largest / self._solid.shear_modulus))
 
     def renew(self) -> None:
         """Take the tangent of the surface where the body is now (collective)."""
@@ -215,8 +237,11 @@ class FiniteLeapfrog(FiniteBody):
                 f"a cell is turned inside out (det F = {self._least:.2g}): give a smaller "
                 'solve.courant, smaller elements, or method = "conserving"'
             )
+        if self._following is not None:
+            pushed = self._following.forces()
+            self._load = self._dead + np.where(self._system.constrained, 0.0, pushed)
         self._last_force, self._force = self._force, self._load - self._internal
-        found = self._surface.gather(self._internal) - self._surface_load
+        found = -self._surface.gather(self._force)
         return np.where(self._free, found, 0.0)
 
     def receive(self, left: Floats, *, first: bool = False) -> None:
@@ -247,7 +272,7 @@ class FiniteLeapfrog(FiniteBody):
         self._surface.spread(self._surface_now, self.displacement)
         drift = (self._surface_now - self._older[0]) / step
         self._surface.spread(np.where(self._free, drift, 0.0), self.velocity)
-        if self._drive.is_active:
+        if self._driven:
             way, held = self.displacement - self._before, self._drive.moved
             self.velocity[held] = way[held] / step
             self._work += 0.5 * float((self._last_load + self._load) @ way)

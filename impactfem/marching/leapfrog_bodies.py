@@ -36,6 +36,10 @@ class LevelStepper(Stepper, Protocol):
     def rounding(self) -> float:
         """Of forces on the surface [N]."""
 
+    @property
+    def lag(self) -> float:
+        """Share of forces that an iterate leaves as tangents know no pressures (collective)."""
+
     def pieces(self) -> int:
         """Steps that the next layer takes (collective)."""
 
@@ -89,6 +93,11 @@ class LeapfrogBodies(Bodies[LevelStepper]):
     def rounding(self) -> float:
         """The largest of them."""
         return max(part.rounding for part in self.parts)
+
+    @property
+    def lag(self) -> float:
+        """The largest of them."""
+        return max(part.lag for part in self.parts)
 
     def pieces(self) -> int:
         """Steps that the next layer takes: those of the body that needs most."""

@@ -178,6 +178,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
         active = may.copy()
         self._put(place, active, time)
         before, dim = np.inf, place.shape[1]
+        slow = SLOW[dim] + interior.lag
         for iterate in range(1, MOST + 1):
             interior.move_surface(place)
             right = interior.unbalanced()
@@ -187,7 +188,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
             new = may & (self._gap <= held + self.tolerance) & (push > 0.0)
             same, active = bool((new == active).all()), new
             size = self._size(right, active, push)
-            falls = size <= max(SLOW[dim] * before, interior.rounding)
+            falls = size <= max(slow * before, interior.rounding)
             if self._stale or (same and not falls):
                 interior.renew()
                 self._stale = False

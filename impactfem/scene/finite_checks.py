@@ -1,9 +1,13 @@
 """Checks of scenes with a body under finite strain: what such bodies can do and meet."""
 
+import math
+
 from impactfem.methods import METHODS
 from impactfem.scene.content import Content
 from impactfem.scene.pairing import body_pairs, obstacles_of
 from impactfem.scene.schema import KeyedError
+from impactfem.scene.solid_keys import NEARLY_INCOMPRESSIBLE
+from impactfem.scene.solids import Solid
 from impactfem.scene.values import show
 
 
@@ -100,9 +104,27 @@ def _check_explicit(scene: Content) -> None:
                 f"body[{place}]", "rayleigh_stiffness", f"{text}by mass only: {remedy}"
             )
         if solid.is_finite and solid.keeps_volume:
-            text = f" = {solid.poisson_ratio}: explicit steps under finite strain have no mean "
-            text += 'dilatation, without which it locks: give solve.method = "conserving".'
-            raise KeyedError(f"body[{place}]", "poisson_ratio", text)
-        if solid.following:
-            text = ": explicit steps under finite strain have none that follow the surface: "
-            raise KeyedError(f"body[{place}]", "pressures", text + remedy)
+            _refuse_volume(place, solid)
+
+
+def _refuse_volume(place: int, solid: Solid) -> None:
+    """Refuse a nearly incompressible body, by the key that makes it one.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    ratio = solid.poisson_ratio
+    if ratio <= NEARLY_INCOMPRESSIBLE:
+        text = f" = {show(solid.element)}: explicit steps under finite strain have standard "
+        text += 'elements only: remove it, or give solve.method = "conserving".'
+        raise KeyedError(f"body[{place}]", "element", text)
+    shorter = math.sqrt(_waves(ratio) / _waves(NEARLY_INCOMPRESSIBLE))
+    text = f" = {ratio}: standard elements would lock, and explicit steps would have to be "
+    text += f"{shorter:.2g} times as short as those of {NEARLY_INCOMPRESSIBLE}: give "
+    text += f'solve.method = "conserving", or at most {NEARLY_INCOMPRESSIBLE}.'
+    raise KeyedError(f"body[{place}]", "poisson_ratio", text)
+
+
+def _waves(ratio: float) -> float:
+    """Square of the speed of pressure waves, over E / rho."""
+    return (1.0 - ratio) / ((1.0 + ratio) * (1.0 - 2.0 * ratio))

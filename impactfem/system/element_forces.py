@@ -23,7 +23,8 @@ class ElementForces:
 
     Attributes:
         cells: Nodes of each cell that this rank owns, (cells, corners).
-        displacement: Of the nodes of this rank, owned and ghosts, which callers set, (nodes, dim).
+        place: Displacement of the nodes of this rank, owned and ghosts, which callers set [m].
+        displacement: The same as an array, (nodes, dim).
     """
 
     def __init__(self, nodes: Nodes, solid: Any) -> None:
@@ -46,20 +47,20 @@ class ElementForces:
         self._kernel = space_forces if nodes.dim == 3 else plane_forces
         self._data = _tabulated(nodes, self.cells, solid)
         # Vectors that DOLFINx exchanges between ranks.
-        self._place, self._force = (dolfinx_fem.Function(nodes.space) for _ in range(2))
-        self.displacement = self._place.x.array.reshape(-1, nodes.dim)
+        self.place, self._force = (dolfinx_fem.Function(nodes.space) for _ in range(2))
+        self.displacement = self.place.x.array.reshape(-1, nodes.dim)
         self._forces = self._force.x.array.reshape(-1, nodes.dim)
         self._owned = nodes.owned * nodes.dim
 
     def put(self, values: Floats) -> None:
         """Set the displacement of the owned dofs, and that of ghosts with it (collective)."""
-        self._place.x.array[: self._owned] = values
+        self.place.x.array[: self._owned] = values
         self.share()
 
     def share(self) -> None:
         """Take the displacement of ghosts from the ranks that own them (collective)."""
         if self._comm.size > 1:
-            self._place.x.scatter_forward()
+            self.place.x.scatter_forward()
 
     def forces(self) -> tuple[Floats, float, float]:
         """Forces dW/du on the owned dofs [N], energy of this rank [J], least det F of all ranks.

@@ -6,11 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem import fem
 from impactfem.fem import dolfinx_fem
-from impactfem.forms.finite_strain import FiniteForms
+from impactfem.forms.finite_strain import LAWS, FiniteForms
 from impactfem.system.loads import FormulaValues
+from impactfem.system.matrices import body_forms
 from impactfem.system.nodes import Nodes
 from impactfem.system.supports import surface_facets
+
+Floats = NDArray[np.float64]
 
 
 class FollowingPressures:
@@ -60,6 +64,12 @@ class FollowingPressures:
         for function, values, used in self._values:
             function.x.array[used] = 0.5 * (values.at(start) + values.at(end))
 
+    @property
+    def largest(self) -> float:
+        """The largest of their values on this rank [Pa]."""
+        each = (function.x.array for function, _, _ in self._values)
+        return max((float(np.abs(values).max(initial=0.0)) for values in each), default=0.0)
+
     def form(self, forms: FiniteForms, before: Any, after: Any) -> Any:
         """Linear form of their forces in a step between two displacements; there must be any."""
         each = (
@@ -69,3 +79,35 @@ class FollowingPressures:
             for (value, _, _), (number, _) in zip(self._values, self._facets, strict=True)
         )
         return sum(each)
+
+
+class LevelPressures:
+    """Forces of pressures that follow a surface, where a displacement has it."""
+
+    def __init__(
+        self, nodes: Nodes, solid: Any, following: FollowingPressures, displacement: Any
+    ) -> None:
+        """Compile the form (collective).
+
+        Args:
+            nodes: Nodes of the body.
+            solid: `impactfem.scene.solids.Solid` with ``strain = "finite"``.
+            following: Its pressures, of which there are some.
+            displacement: Function of the nodes' space; its ghosts are up to date.
+        """
+        forms = FiniteForms(body_forms(nodes, solid), LAWS[solid.material], 0.0, 0.0)
+        self._following = following
+        self._form = fem.compile_form(following.form(forms, displacement, displacement))
+
+    def put(self, time: float) -> None:
+        """Take their values at a time [s] (collective)."""
+        self._following.put(time, time)
+
+    @property
+    def largest(self) -> float:
+        """The largest value on this rank [Pa]."""
+        return self._following.largest
+
+    def forces(self) -> Floats:
+        """Forces on the owned dofs [N] (collective)."""
+        return fem.assemble_vector(self._form)

@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix
 from impactfem.fem import MPI, gather
 from impactfem.system.element_forces import ElementForces
 from impactfem.system.nodes import Nodes
+from impactfem.system.surface_kernels import accelerate_turning, moments
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -49,7 +50,7 @@ class Inward:
         self._turns = turns and len(canonical) > 0
         self._ring = np.flatnonzero(np.diff(self._weights.indptr) > 0)
         self._own = nodes.positions[: nodes.owned][self._ring]
-        self._masses = masses[self._ring].min(axis=1, initial=np.inf, keepdims=True)
+        self._masses = masses[self._ring].min(axis=1, initial=np.inf)
 
     def forces(self, left: Floats, surface: Floats, displacement: Floats) -> Floats:
         """Forces on the owned dofs by some on the contact nodes (count, dim) [N] (collective).
@@ -61,41 +62,40 @@ class Inward:
         """
         found: Floats = self._weights @ left
         if self._turns and left.any():
-            there = self._places + surface
-            middle = there.mean(axis=0)
-            ring, masses = self._ring, self._masses
-            arms = self._own + displacement.reshape(-1, self._dim)[ring] - middle
-            heavy = masses * arms
-            own = np.vstack([arms.T @ heavy, heavy.sum(axis=0), arms.T @ found[ring]])
-            sums = np.vstack([own, np.full(self._dim, masses.sum())])
+            there, u = self._places + surface, displacement.reshape(-1, self._dim)
+            middle, sums = there.mean(axis=0), np.zeros((2 * self._dim + 2, self._dim))
+            own = self._ring, self._own, self._masses, u, found
+            moments(*own, middle, sums)
             if self._comm.size > 1:
                 self._comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
-            found[ring] += masses * self._turning(sums, (there - middle).T @ left, arms)
+            centre, turn = _turning(sums, (there - middle).T @ left)
+            accelerate_turning(*own, middle + centre, turn)
         return found.ravel()
 
-    def _turning(self, sums: Floats, wanted: Floats, arms: Floats) -> Floats:
-        """Accelerations of the nodes that give the moment that is lacking, (ring, dim)."""
-        dim = self._dim
-        second, first, given = sums[:dim], sums[dim], sums[dim + 1 : -1]
-        mass = sums[-1, 0] or 1.0
-        centre = first / mass
-        second = second - np.outer(first, centre)
-        lack = wanted - given
-        lack = lack - lack.T  # x_i p_j - x_j p_i
-        # An acceleration A a with A = -A^T has the moment second A^T - A second.
-        trace = np.trace(second)
-        if dim == 2:
-            if not trace > 0.0:
-                return np.zeros_like(arms)
-            turn = np.array([[0.0, -lack[0, 1]], [lack[0, 1], 0.0]]) / trace
-        else:
-            inertia = trace * np.eye(3) - second
-            if not np.linalg.eigvalsh(inertia)[0] > _FLAT * trace:
-                return np.zeros_like(arms)
-            x, y, z = np.linalg.solve(inertia, [lack[1, 2], lack[2, 0], lack[0, 1]])
-            turn = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        found: Floats = (arms - centre) @ turn.T
-        return found
+
+def _turning(sums: Floats, wanted: Floats) -> tuple[Floats, Floats]:
+    """Centre of the nodes, and A of accelerations A a with the moment that is lacking, A = -A^T.
+
+    Args:
+        sums: As `moments` has them.
+        wanted: Sum of a f^T of the forces that were handed.
+    """
+    dim = sums.shape[1]
+    mass = sums[-1, 0] or 1.0
+    centre = sums[dim] / mass
+    second = sums[:dim] - np.outer(sums[dim], centre)
+    lack = wanted - sums[dim + 1 : -1]
+    lack = lack - lack.T  # x_i p_j - x_j p_i
+    trace, turn = np.trace(second), np.zeros((dim, dim))
+    if dim == 2 and trace > 0.0:
+        turn[1, 0] = lack[0, 1] / trace
+    elif dim == 3:
+        inertia = trace * np.eye(3) - second
+        if np.linalg.eigvalsh(inertia)[0] > _FLAT * trace:
+            turn[2, 1], turn[0, 2], turn[1, 0] = np.linalg.solve(
+                inertia, [lack[1, 2], lack[2, 0], lack[0, 1]]
+            )
+    return centre, turn - turn.T
 
 
 def _weights(elements: ElementForces, nodes: Nodes, canonical: Integers) -> csr_matrix:

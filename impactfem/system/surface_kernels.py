@@ -1,4 +1,4 @@
-"""Conjugate gradients for massless nodes in blocks of three, along directions that are free."""
+"""Loops for massless nodes: conjugate gradients in blocks of three, and what nodes inside take."""
 
 import numpy as np
 
@@ -100,3 +100,41 @@ def _preconditioned(inverse, free, held, normal, r, z):
         z[i, 0], z[i, 1], z[i, 2] = a, b, c
         product += u * a + v * b + w * c
     return product
+
+
+@fused
+def moments(ring, places, masses, u, forces, middle, out):
+    """Sum up masses and moments of some nodes, with their arms a from a place.
+
+    Args:
+        ring: The nodes, (ring,).
+        places: Of these, undeformed [m], (ring, dim).
+        masses: (ring,).
+        u: Displacement of all nodes [m], (nodes, dim).
+        forces: On all nodes, (nodes, dim).
+        middle: The place, (dim,).
+        out: Filled with sums of m a a^T, m a, a f^T and m, (2 dim + 2, dim).
+    """
+    dim = len(middle)
+    out[:] = 0.0
+    for k in range(len(ring)):
+        node, mass = ring[k], masses[k]
+        for i in range(dim):
+            arm = places[k, i] + u[node, i] - middle[i]
+            out[dim, i] += mass * arm
+            for j in range(dim):
+                out[i, j] += mass * arm * (places[k, j] + u[node, j] - middle[j])
+                out[dim + 1 + i, j] += arm * forces[node, j]
+            out[2 * dim + 1, i] += mass
+
+
+@fused
+def accelerate_turning(ring, places, masses, u, forces, centre, turn):
+    """Add masses times accelerations A (x - centre) to forces; see `moments`."""
+    dim = len(centre)
+    for k in range(len(ring)):
+        node = ring[k]
+        for j in range(dim):
+            arm = masses[k] * (places[k, j] + u[node, j] - centre[j])
+            for i in range(dim):
+                forces[node, i] += turn[i, j] * arm

@@ -61,6 +61,13 @@ def rolling(method, duration=4.0, **solve):
     return scene(body, [BALL, slope], duration, [0.0, -0.05], settings, {})
 
 
+def pumped(method, duration=4.0, **solve):
+    """The disc of `rolling` with a pressure that follows its rim."""
+    table = rolling(method, duration, **solve).to_dict()
+    table["body"][0]["pressures"] = [{"surface": "rim", "value": "0.03*sin(3*t)"}]
+    return impactfem.Scene.from_dict(table)
+
+
 def resting(method, **solve):
     """A block on a floor, pressed aslant, that lies at rest and then is thrown up and turned."""
     body = {

@@ -147,8 +147,9 @@ def test_squeezed_cells_get_shorter_steps_or_an_end(monkeypatch):
     ("body", "more", "key"),
     [
         ({"rayleigh_stiffness": 1e-5}, {}, "body[0].rayleigh_stiffness"),
-        ({"pressures": [{"surface": "rim", "value": "1"}]}, {}, "body[0].pressures"),
         ({"degree": 2}, {}, "degree = 2"),
+        ({"element": "mean_dilatation", "cells": "hexahedron"}, {}, "body[0].element"),
+        ({"poisson_ratio": 0.499, "cells": "hexahedron"}, {}, "6.6 times as short"),
     ],
 )  # fmt: skip
 def test_what_explicit_steps_do_not_do_is_refused_by_its_key(body, more, key):

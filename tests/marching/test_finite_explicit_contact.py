@@ -1,4 +1,4 @@
-"""Explicit steps under finite strain: bodies that rub, roll and meet."""
+"""Explicit steps under finite strain: bodies that rub, roll, meet, and are pressed."""
 
 import numpy as np
 import pytest
@@ -165,3 +165,43 @@ def test_balls_that_rub_off_centre_in_space_keep_all_momenta():
     for values in kept[3:]:
         assert spread(values) <= 1e-11 * np.abs(kept[5]).max()
     assert spread(missing(result)) <= 0.01
+
+
+def pressed(method, **load):
+    body = {
+        "velocity": [1.0, 0.0], "angular_velocity": 60.0, "mesh_size": 0.02,
+        "pressures": [{"surface": "rim", "value": "5e4*sin(300*t)"} | load],
+    }  # fmt: skip
+    solve = EXPLICIT if method == "explicit" else {"method": method}
+    return impactfem.solve(scene(0.01, body, {"point": [0.0, -3.0]}, solve))
+
+
+def test_pressures_follow_a_body_that_turns():
+    result = pressed("explicit")
+    names = ("total_energy", "angular_momentum", "momentum.x", "momentum.y")
+    energy, spun, x, y = columns(result, *names)
+    assert spread(spun) <= 1e-12 * spun.max()
+    assert max(spread(x), spread(y)) <= 1e-12 * x.max()
+    assert spread(energy) <= 3e-3 * energy[0]  # of second order in the step
+    dead = pressed("explicit", follows=False)  # which turns a body that has turned
+    assert spread(next(columns(dead, "angular_momentum"))) >= 1e-2 * spun.max()
+    ends = [
+        [values.max() for values in columns(each, "elastic_energy", "disc.angle", "disc.spin")]
+        for each in (result, pressed("conserving"))
+    ]
+    assert ends[0] == pytest.approx(ends[1], rel=0.03)  # masses lie elsewhere
+
+
+def test_pressures_in_space_have_no_moment():
+    """Implicit steps have one of third order in the step: 1e-5 here."""
+    ball = {
+        "model": "3d", "mesh_size": 0.02, "velocity": [0.0, 0.0, 0.0],
+        "angular_velocity": [0.0, 60.0, 30.0], "shape": {"kind": "sphere", "radius": 0.05},
+        "pressures": [{"surface": "surface", "value": "5e4*sin(300*t)"}],
+    }  # fmt: skip
+    floor = {"point": [0.0, 0.0, -1.0], "normal": [0.0, 0.0, 1.0]}
+    result = impactfem.solve(scene(0.006, ball, floor, EXPLICIT))
+    spun, upright, other = columns(
+        result, "angular_momentum.y", "angular_momentum.z", "angular_momentum.x"
+    )
+    assert max(map(spread, (spun, upright, other))) <= 1e-12 * spun.max()

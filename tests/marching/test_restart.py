@@ -13,6 +13,7 @@ from moving_scenes import (
     driven,
     finite,
     forget,
+    pumped,
     rolling,
     rubbing,
     scene,
@@ -56,6 +57,7 @@ def test_a_continued_run_equals_the_whole_one(made, method, tmp_path, monkeypatc
         (rubbing, "conserving"),
         (rolling, "explicit"),
         (rubbing, "explicit"),
+        (pumped, "explicit"),
     ],
 )
 def test_finite_strain_continues_too(made, method, tmp_path, monkeypatch):

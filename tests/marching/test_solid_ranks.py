@@ -11,6 +11,7 @@ from moving_scenes import (
     finite,
     forget,
     pair,
+    pumped,
     resting,
     rolling,
     rubbing,
@@ -125,6 +126,7 @@ def test_driven_bodies_agree(method, monkeypatch):
         (rubbing, "conserving"),
         (rolling, "explicit"),
         (rubbing, "explicit"),
+        (pumped, "explicit"),
     ],
 )
 def test_bodies_under_finite_strain_agree(made, method, monkeypatch):
