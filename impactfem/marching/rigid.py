@@ -35,7 +35,7 @@ class RigidMidpoint(FewInterior):
         self._dim, count = bodies.dim, len(self._start)
         self._mass, self._inverse = bodies.masses[0], np.linalg.inv(bodies.inertia)
         self.massive = self.volatile = np.ones(count, dtype=bool)
-        self.rolling = bool(bodies.radius.any())
+        self.rolling = bool(bodies.rolling.any())
         self._offset = np.zeros((count, 3))  # from nodes to where they touch
         self._ahead, self._half = self._v.copy(), np.zeros(3)
         self._begin()
@@ -123,7 +123,7 @@ class RigidMidpoint(FewInterior):
         Args:
             normals: Of the gaps of nodes, towards them, (count, dim).
         """
-        self._offset = -self.bodies.radius[:, None] * in_space(normals)
+        self._offset = -self.bodies.rolling[:, None] * in_space(normals)
         self._acting = self.bodies.arms @ self._middle.T + self._offset
         spin = self._turn @ (0.5 * (self._split(self._v)[1] + self._split(self._ahead)[1]))
         return np.asarray((self.dt * self._offset @ _skew(spin).T)[:, : self._dim])
@@ -212,7 +212,7 @@ class RigidMidpoint(FewInterior):
         others = np.linalg.solve(edges, (point - corners[:, 0])[:, :, None])[:, :, 0]
         shares = np.hstack([1.0 - others.sum(axis=1, keepdims=True), others])
         at = int(np.argmax(shares.min(axis=1)))
-        inside = bool(shares[at].min() >= -(_ROUND if self.rolling else _NEAR))
+        inside = bool(shares[at].min() >= -(_ROUND if self.bodies.radius.any() else _NEAR))
         if inside:
             return cells[at], shares[at], True
         nearest = int(np.argmin(np.linalg.norm(places - point, axis=1)))

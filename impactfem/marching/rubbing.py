@@ -25,11 +25,14 @@ class Friction:
         coefficients: mu of each gap, shape (pairs,).
         tolerance: Rounding level of places [m].
         max_iterations: Limit of linear systems of a layer.
+        rebound: Share of the slip that impacts of nodes with mass reverse, as far as the cone
+            allows, shape (pairs,).
     """
 
     coefficients: Floats
     tolerance: float
     max_iterations: int
+    rebound: Floats
 
 
 @dataclass

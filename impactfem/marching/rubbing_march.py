@@ -126,6 +126,9 @@ class RubbingMarch(SolidMarch):
         moved = (gaps.shift(time) - gaps.shift(time - dt)) / dt
         slid: Floats = 0.5 * dt * (after - moved)
         rebound = self._rebound(normals, before, after)
+        if (lively := self._rubbing.law.rebound).any():
+            arriving = np.where(self._arriving, lively, 0.0)[:, None]
+            slid = slid + 0.5 * dt * arriving * (before - moved)
         rebound = np.where(np.isnan(ends), rebound, ends)
         along = rebound - np.einsum("ij,ij->i", normals, slid)
         return np.asarray(slid + along[:, None] * normals)

@@ -159,9 +159,10 @@ def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
     found: list[BallMeeting] = []
     for label, *both in named_body_pairs(model.scene):
         # A law names the ends that meet; without any all do.
+        names = [name for name, _ in both]
         first, second = (
-            sides[name](on or ("",) if asked else None) if name in sides else None
-            for name, on in both
+            sides[name](on or ("",) if asked else None, other) if name in sides else None
+            for (name, on), other in zip(both, reversed(names), strict=True)
         )
         if isinstance(first, _Faces) and isinstance(second, _Faces):
             continue
@@ -176,8 +177,9 @@ def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
     return found
 
 
-type _Side = Callable[[Sequence[str] | None], _Balls | _Faces]
-"""What a body offers to another one, by the surfaces that a contact law names; None without one."""
+type _Side = Callable[[Sequence[str] | None, str], _Balls | _Faces]
+"""What a body offers to another one, by the surfaces that a contact law names, None without one,
+and by the name of the other one."""
 
 
 def _sides(model: Bodies, offsets: Sequence[int]) -> dict[str, _Side]:
@@ -188,13 +190,13 @@ def _sides(model: Bodies, offsets: Sequence[int]) -> dict[str, _Side]:
         numbers = model.parts[k].outside.numbers[side.nodes]
         nodes = np.searchsorted(model.numbers[k], numbers) + offsets[k]
         whole = _Faces(model.parts[k].solid.name, nodes, side.surface)
-        return lambda _: whole
+        return lambda *_: whole
 
     def balls(bodies: FewBodies, body: int, start: int) -> _Side:
         places, lines = bodies.places(bodies.position), bodies.lines_of(body)
 
-        def some(surfaces: Sequence[str] | None) -> _Balls:
-            own = bodies.meeting(body, surfaces)
+        def some(surfaces: Sequence[str] | None, other: str) -> _Balls:
+            own = bodies.meeting(body, surfaces, (other, 0))
             parts = own + start, bodies.radius[own], lines, bodies.facing[own], places[own]
             return _Balls(bodies.names[body], *parts)
 
@@ -369,7 +371,7 @@ def obstacle_meetings(model: Bodies) -> list[ObstacleMeeting]:
             faces = (pair for o in obstacles_of(model.scene, name) for pair in enumerate(_faces(o)))
             for face, obstacle in faces:
                 on = surfaces_on(model.scene, name, obstacle.name)
-                own = bodies.beside(body, on, (obstacle.name, face))
+                own = bodies.meeting(body, on, (obstacle.name, face))
                 own = own[bodies.touching[own]]
                 radius = bodies.shell[own]
                 balls = Balls.beside(obstacle, places[own], radius)

@@ -135,7 +135,8 @@ def law_findings(scene: Scene) -> list[Finding]:
     """What is not settled of the laws of impact."""
     dead = sum(not body.waves for body in scene.bodies)
     if scene.contacts or dead + bool(dead and scene.obstacles) < 2:
-        both = [e for e in scene.contacts if e.restitution > 0.0 and e.friction_coefficient > 0.0]
+        rubs = [e for e in scene.contacts if e.friction_coefficient > 0.0]
+        both = [e for e in rubs if e.restitution > 0.0 and not e.tangential_restitution]
         if not both:
             return []
         text = (

@@ -133,7 +133,10 @@ class Contacts:
             most: Limit of linear systems of a layer.
         """
         found = self._each(scene, lambda law: law.friction_coefficient)
-        return Friction(found, tolerance, most) if found.any() else None
+        if not found.any():
+            return None
+        rebound = self._each(scene, lambda law: law.tangential_restitution)
+        return Friction(found, tolerance, most, rebound)
 
     def restitution(self, scene: Scene) -> Floats | None:
         """Newton's e of the gaps; None if it is 0 everywhere."""

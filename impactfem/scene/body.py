@@ -23,7 +23,6 @@ class BodyKind:
         marches_alone: Whether the march takes it without other kinds, where its own does not do.
         waves: Whether it has waves, and rebounds by its own elasticity.
         meets_alike: Whether it meets others of its kind by methods of the kind.
-        meets_bodies: Whether it may meet other bodies, not only obstacles.
         may_meet_nothing: Whether its motion is worth a run where there is nothing to hit.
         settles: Whether it can start in equilibrium (``start = "static"``).
         substeps: Whether its steps can be of any length, as beside bodies under finite strain.
@@ -37,7 +36,6 @@ class BodyKind:
     marches_alone: ClassVar[bool] = True
     waves: ClassVar[bool] = False
     meets_alike: ClassVar[bool] = False
-    meets_bodies: ClassVar[bool] = True
     may_meet_nothing: ClassVar[bool] = False
     settles: ClassVar[bool] = False
     substeps: ClassVar[bool] = True
@@ -47,8 +45,13 @@ class BodyKind:
     mesh: str | None = None
 
     @property
+    def rolls(self) -> bool:
+        """Whether it is a ball that turns, and touches with different places of its surface."""
+        return False
+
+    @property
     def has_corners(self) -> bool:
-        """Whether it has edges and faces, but touches obstacles with its corners only."""
+        """Whether it has edges and faces, but meets obstacles only, with its corners."""
         return False
 
     def check_beside(self, bodies: Sequence[Any]) -> None:

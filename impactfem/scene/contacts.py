@@ -33,10 +33,15 @@ class Contact:
     )
     restitution: float = key(
         Real(at_least=0),
-        "Newton's coefficient of restitution, 0 to 1 (point, rod, beam)",
+        "Newton's coefficient of restitution, 0 to 1 (point, rod, beam, rigid)",
         default=0.0,
     )
     friction_coefficient: float = key(Real(at_least=0), "Coulomb's coefficient", default=0.0)
+    tangential_restitution: float = key(
+        Real(at_least=0),
+        "share of the slip that an impact reverses as far as friction can, 0 to 1 (1: superball)",
+        default=0.0,
+    )
 
     def __post_init__(self) -> None:
         check_fields(self, self.heading)
@@ -48,7 +53,12 @@ class Contact:
                 f" = {show(list(self.between))}: a body in contact with itself is not available; "
             )
             raise KeyedError(self.heading, "between", f"{text}name two.")
-        if self.restitution > 1.0:
-            text = f" = {show(self.restitution)} is not allowed: an impact would gain energy; "
-            text += "give a number from 0 (no rebound) to 1 (no loss)."
-            raise KeyedError(self.heading, "restitution", text)
+        for name in ("restitution", "tangential_restitution"):
+            if (value := getattr(self, name)) > 1.0:
+                text = f" = {show(value)} is not allowed: an impact would gain energy; "
+                text += "give a number from 0 (no rebound) to 1 (no loss)."
+                raise KeyedError(self.heading, name, text)
+        if self.tangential_restitution and not self.friction_coefficient:
+            text = f" = {show(self.tangential_restitution)} needs friction_coefficient: without "
+            text += "friction nothing acts along the surface; give it (large where nothing slips)."
+            raise KeyedError(self.heading, "tangential_restitution", text)

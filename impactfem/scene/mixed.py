@@ -10,7 +10,7 @@ from impactfem.methods import METHODS
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import Content
 from impactfem.scene.pair_checks import check_sides, check_twice
-from impactfem.scene.pairing import named_body_pairs, obstacles_of, side_of
+from impactfem.scene.pairing import law_of, named_body_pairs, obstacles_of, side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -64,15 +64,20 @@ def check_dimensions(scene: Content) -> None:
 
 
 def _check_partners(scene: Content) -> None:
-    """Refuse contact of bodies that meet obstacles only, and of these with what is not found."""
-    meets = {body.name: body.meets_bodies for body in scene.bodies}
-    for name, (one, _), (two, _) in named_body_pairs(scene):
-        if meets[one] and meets[two]:
-            continue
-        lonely = one if not meets[one] else two
-        text = f" of {one} and {two} ({name}) is not available: the rigid body {lonely} meets "
-        text += "obstacles only; remove it, and list the pairs that may meet by [[contact]]."
-        raise KeyedError("contact", "", text)
+    """Refuse contact of edges and faces of rigid bodies, and friction of balls with waves."""
+    bodies = {body.name: body for body in scene.bodies}
+    for name, *sides in named_body_pairs(scene):
+        one, two = (bodies[body] for body, _ in sides)
+        what = f" of {one.name} and {two.name} ({name}) is not available: "
+        for body, other in ((one, two), (two, one)):
+            if body.has_corners:
+                text = f"{body.name} has edges and faces, and meets obstacles only; remove it, and "
+                text += "list the pairs that may meet by [[contact]]."
+                raise KeyedError("contact", "", what + text)
+            law = law_of(scene, one.name, two.name)
+            if body.rolls and other.waves and law is not None and law.friction_coefficient:
+                text = f"with friction, as {other.name} has waves; remove friction_coefficient."
+                raise KeyedError("contact", "", what + text)
     for body in (body for body in scene.bodies if body.has_corners):
         for obstacle in obstacles_of(scene, body.name):
             if not obstacle.meets_corners:
@@ -84,14 +89,13 @@ def _check_partners(scene: Content) -> None:
 
 def _check_contact(scene: Content, contact: Contact, where: str) -> None:
     check_sides(scene, contact, where)
-    if contact.restitution == 0.0:
-        return
     waves = {body.name: body.waves for body in scene.bodies}
     for entry in contact.between:
         name, _ = side_of(entry)
-        if waves.get(name, False):
-            text = f" = {show(contact.restitution)}: {name} rebounds by its own elasticity, "
-            raise KeyedError(where, "restitution", f"{text}which needs no such law; remove it.")
+        for law in ("restitution", "tangential_restitution"):
+            if waves.get(name, False) and (value := getattr(contact, law)):
+                text = f" = {show(value)}: {name} rebounds by its own elasticity, "
+                raise KeyedError(where, law, f"{text}which needs no such law; remove it.")
 
 
 def _check_method(scene: Content) -> None:

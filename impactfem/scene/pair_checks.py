@@ -34,9 +34,10 @@ def check_pairs(scene: Content) -> None:
 
 def _check_contact(scene: Content, contact: Contact, where: str) -> None:
     check_sides(scene, contact, where)
-    if contact.restitution > 0.0:
-        text = f" = {show(contact.restitution)} is for points, rods and beams: solids rebound by "
-        raise KeyedError(where, "restitution", f"{text}their own elasticity; remove it.")
+    for law in ("restitution", "tangential_restitution"):
+        if value := getattr(contact, law):
+            text = f" = {show(value)} is for points, rods, beams and rigid bodies: solids rebound "
+            raise KeyedError(where, law, f"{text}by their own elasticity; remove it.")
 
 
 def check_sides(scene: Content, contact: Contact, where: str) -> None:

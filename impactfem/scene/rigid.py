@@ -37,7 +37,6 @@ class RigidBody(BodyKind):
 
     kind: ClassVar[str] = "rigid"
     solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
-    meets_bodies: ClassVar[bool] = False
     may_meet_nothing: ClassVar[bool] = True
     substeps: ClassVar[bool] = False
 
@@ -132,6 +131,11 @@ class RigidBody(BodyKind):
     def dim(self) -> int:
         """Number of coordinates."""
         return self.shape.dim
+
+    @property
+    def rolls(self) -> bool:
+        """Whether it is a ball or disc."""
+        return not self.has_corners
 
     @property
     def has_corners(self) -> bool:

@@ -92,31 +92,22 @@ class FewBodies:
         """Contact nodes of one of the bodies."""
         return np.flatnonzero(self.body == body)
 
-    def meeting(self, body: int, surfaces: Sequence[str] | None) -> Integers:
-        """Contact nodes of one of the bodies that may meet others.
+    def meeting(
+        self,
+        body: int,
+        surfaces: Sequence[str] | None,
+        partner: tuple[str, int],  # noqa: ARG002  (of bodies that roll)
+    ) -> Integers:
+        """Contact nodes of one of the bodies that may meet another body, or an obstacle.
 
         Args:
             body: Its place.
             surfaces: Those that a contact law names, "" for the bare body; None: there is no law.
+            partner: What it meets, by its name, and which face of it.
         """
         if not self.ends:
             return self.nodes_of(body)
         return np.concatenate([self.ends[name] for name in surfaces or self.ends])
-
-    def beside(
-        self,
-        body: int,
-        surfaces: Sequence[str] | None,
-        face: tuple[str, int],  # noqa: ARG002
-    ) -> Integers:
-        """Contact nodes of one of the bodies that may meet an obstacle.
-
-        Args:
-            body: Its place.
-            surfaces: As for `meeting`.
-            face: Name of the obstacle, and which of its faces.
-        """
-        return self.meeting(body, surfaces)
 
     def lines_of(self, body: int) -> Integers:
         """Lines of one of the bodies, by places among its own nodes, (lines, 2)."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.scene import RigidBody, Scene
-from impactfem.scene.pairing import obstacles_of
+from impactfem.scene.pairing import named_body_pairs, obstacles_of
 from impactfem.scene.rigid_keys import rotation
 from impactfem.system.few import FewBodies
 
@@ -28,19 +28,22 @@ class Rigid(FewBodies):
     """A rigid body.
 
     A ball (a disc, the ends of a capsule) rolls: it touches different things at different places of
-    its surface. So each obstacle has a contact node of its own at its centre.
+    its surface. So each obstacle and body has a contact node of its own at its centre.
 
     Attributes:
         inertia: About the centre along the axes of the body [kg m^2], (3, 3).
         arms: From the centre to the contact nodes along the axes of the body [m], (nodes, 3).
-        beside_of: Contact nodes that meet a face of an obstacle, by its name and the face's number.
+        meets: Contact nodes that meet a body or obstacle, by its name and the number of its face.
+        rolling: Radius with which nodes roll [m], (nodes,): that of their balls but beside solids,
+            which they may touch at several places, without friction.
         loads: What acts besides gravity; None if nothing does.
         picture: Points [m], (points, 3), along the axes of the body, and cells of its picture.
     """
 
     inertia: Floats
     arms: Floats
-    beside_of: Mapping[tuple[str, int], Integers]
+    meets: Mapping[tuple[str, int], Integers]
+    rolling: Floats
     loads: Loads | None
     picture: tuple[Floats, Integers]
 
@@ -51,9 +54,14 @@ class Rigid(FewBodies):
             return {"inertia": float(self.inertia[2, 2])}
         return {"inertia": self.inertia.tolist()}
 
-    def beside(self, body: int, surfaces: Sequence[str] | None, face: tuple[str, int]) -> Integers:  # noqa: ARG002
-        """Contact nodes that may meet a face of an obstacle."""
-        return self.beside_of[face]
+    def meeting(
+        self,
+        body: int,  # noqa: ARG002  (it is one)
+        surfaces: Sequence[str] | None,  # noqa: ARG002  (it has none)
+        partner: tuple[str, int],
+    ) -> Integers:
+        """Contact nodes that may meet a body, or a face of an obstacle."""
+        return self.meets[partner]
 
 
 def frame(q: Floats) -> tuple[Floats, Floats]:
@@ -79,10 +87,21 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         for obstacle in obstacles_of(scene, body.name)
         for face in range(1 if obstacle.other_gap(np.zeros((0, dim))) is None else 2)
     ]
+    waves = {other.name: other.waves for other in scene.bodies}
+    partners = [
+        (other, 0)
+        for _, (one, _), (two, _) in named_body_pairs(scene)
+        for name, other in ((one, two), (two, one))
+        if name == body.name
+    ]
+    partners = list(dict.fromkeys([*faces, *partners]))
     rolls = bool(form.radius.any())
-    copies, count = max(1, len(faces)) if rolls else 1, len(form.nodes)
+    copies, count = max(1, len(partners)) if rolls else 1, len(form.nodes)
     own = np.arange(count)
-    beside = {face: own + count * k * rolls for k, face in enumerate(faces)}
+    meets = {partner: own + count * k * rolls for k, partner in enumerate(partners)}
+    rolling = np.tile(form.radius, copies)
+    for (name, _), nodes in meets.items():
+        rolling[nodes] *= not waves.get(name, False)
     arms = in_space(np.tile(form.nodes - center, (copies, 1)))
     radius = np.tile(form.radius, copies)
     inertia, turned = np.eye(3), np.array([body.angle])
@@ -119,7 +138,8 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         words=f"a rigid {body.shape.kind}",
         inertia=inertia,
         arms=arms,
-        beside_of=beside,
+        meets=meets,
+        rolling=rolling,
         loads=_loads(body),
         picture=(in_space(form.points - center), form.cells),
     )

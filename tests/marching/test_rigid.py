@@ -278,8 +278,10 @@ def test_contacts_that_are_not_there_yet_are_refused():
     two = tumbling()
     two["body"].append(two["body"][0] | {"name": "c"})
     two["contact"] = []
-    with pytest.raises(SceneError, match="meets obstacles only; remove it, and list the pairs"):
+    with pytest.raises(SceneError, match="edges and faces, and meets obstacles only; remove it"):
         Scene.from_dict(two)
+    with pytest.raises(SceneError, match="needs friction_coefficient: without friction"):
+        Contact(between=["a", "b"], tangential_restitution=1.0)
     edge = tumbling()
     edge["obstacle"].append({"kind": "box", "name": "step", "size": [1, 1, 1], "center": [3, 0, 0]})
     edge["contact"].append({"between": ["b", "step"]})
@@ -302,3 +304,97 @@ def test_two_ranks_do_the_same(monkeypatch):
         np.testing.assert_allclose(
             both.history[name].values, one.history[name].values, rtol=1e-10, atol=1e-10
         )
+
+
+def test_a_superball_bounces_between_floor_and_ceiling():
+    """R. L. Garwin, Am. J. Phys. 37 (1969) 88-92: (v, Rw) -> (3 v - 4 Rw, -10 v - 3 Rw) / 7."""
+    ball = RigidBody(
+        name="b", shape={**SPHERE, "center": [0.0, 0.2, 0.0]}, mass=1.0, velocity=[1.0, -2.0, 0.0],
+        angular_velocity=[0.0, 0.0, 5.0],
+    )  # fmt: skip
+    ceiling = HalfSpace(name="ceiling", point=[0.0, 0.5, 0.0], normal=[0.0, -1.0, 0.0])
+    law = {"friction_coefficient": 100.0, "restitution": 1.0, "tangential_restitution": 1.0}
+    scene = Scene(
+        title="superball", duration=0.45, bodies=[ball], obstacles=[floor(3), ceiling],
+        contacts=[Contact(between=["b", name], **law) for name in ("floor", "ceiling")],
+        solve=Solve(dt=2e-3, estimate=False), output=Output(fields=[]),
+    )  # fmt: skip
+    result = impactfem.solve(scene)
+    v, spun = column(result, "b.vx"), 0.1 * column(result, "b.wz")
+    after = np.flatnonzero(np.abs(np.diff(v)) > 1e-9) + 1
+    assert len(after) == 3
+    speed, turning = 1.0, 0.5
+    for row, side in zip(after, (1.0, -1.0, 1.0), strict=True):  # at a ceiling Rw counts backwards
+        turning *= side
+        speed, turning = (3 * speed - 4 * turning) / 7, (-10 * speed - 3 * turning) / 7
+        turning *= side
+        assert v[row] == pytest.approx(speed, rel=1e-12)
+        assert spun[row] == pytest.approx(turning, rel=1e-12)
+    energy = column(result, "kinetic_energy")
+    assert np.ptp(energy) < 1e-12 * energy[0]
+
+
+@pytest.mark.parametrize("mu", [0.1, 10.0])
+def test_balls_that_strike_aslant_keep_their_momenta(mu):
+    one = RigidBody(
+        name="a", shape={"kind": "sphere", "radius": 0.1}, mass=1.0, velocity=[1.0, 0.3, 0.0],
+        angular_velocity=[1.0, 2.0, 3.0],
+    )  # fmt: skip
+    two = RigidBody(
+        name="b", shape={"kind": "sphere", "radius": 0.15, "center": [0.27, 0.1, 0.05]}, mass=2.0
+    )
+    law = Contact(between=["a", "b"], friction_coefficient=mu, restitution=0.5)
+    scene = Scene(
+        title="balls", duration=0.06, bodies=[one, two], contacts=[law],
+        solve=Solve(dt=1e-4, estimate=False), output=Output(fields=[]),
+    )  # fmt: skip
+    result = impactfem.solve(scene)
+    (hit,) = np.flatnonzero(column(result, "contact_impulse"))
+    momentum = column(result, *(f"momentum.{axis}" for axis in "xyz"))
+    spun = column(result, *(f"angular_momentum.{axis}" for axis in "xyz"))
+    assert np.abs(momentum - momentum[0]).max() < 1e-13
+    # Both sides are pushed where they touch: apart by what impacts that are not located leave.
+    gap = np.abs(column(result, "gap.a.b")[hit - 1 : hit + 1]).max()
+    assert np.abs(spun - spun[0]).max() <= gap * np.linalg.norm(momentum[0])
+
+    def slips(row):
+        place, speed, spin = (
+            [column(result, *(f"{name}.{prefix}{axis}" for axis in "xyz"))[row] for name in "ab"]
+            for prefix in ("", "v", "w")
+        )
+        normal = (place[0] - place[1]) / np.linalg.norm(place[0] - place[1])
+        slip = speed[0] - speed[1] - np.cross(0.1 * spin[0] + 0.15 * spin[1], normal)
+        return normal @ slip, slip - normal * (normal @ slip)
+
+    (closing, rubbing), (opening, left) = slips(hit - 1), slips(hit)
+    assert opening == pytest.approx(-0.5 * closing, rel=1e-3)
+    # Effective masses: 2/3 along the normal, 2/7 of it along the surface.
+    whole = 1.5 * abs(closing) * 2 / 3
+    needed = np.linalg.norm(rubbing) * 2 / 3 * 2 / 7
+    share = min(1.0, mu * whole / needed)
+    np.testing.assert_allclose(left, (1.0 - share) * rubbing, atol=1e-3)
+
+
+@pytest.mark.slow
+def test_a_rigid_disc_strikes_a_solid_as_a_point_with_its_radius_does():
+    block = {
+        "kind": "solid", "name": "s", "model": "plane_strain", "density": 500.0, "strain": "small",
+        "youngs_modulus": 1e7, "poisson_ratio": 0.3, "mesh_size": 0.05,
+        "shape": {"kind": "block", "size": [0.3, 0.1], "corner": [-0.15, -0.1]},
+    }  # fmt: skip
+    round_body = {"name": "b", "mass": 2.0, "velocity": [0.3, -1.0]}
+    found = []
+    for how in (
+        {"kind": "point", "position": [0.01, 0.121], "radius": 0.12},
+        {"kind": "rigid", "shape": {"kind": "disc", "radius": 0.12, "center": [0.01, 0.121]}},
+    ):
+        scene = Scene.from_dict(
+            {
+                "title": "disc", "duration": 0.02, "body": [block, round_body | how],
+                "contact": [{"between": ["s", "b"]}], "solve": {"dt": 2e-4, "estimate": False},
+                "output": {"fields": []},
+            }
+        )  # fmt: skip
+        found.append(column(impactfem.solve(scene), "b.vy", "b.vx", "s.vy", "contact_force"))
+    assert found[0][:, 3].max() > 0.0
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-9, atol=1e-9 * np.abs(found[0]).max())
