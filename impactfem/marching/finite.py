@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from impactfem.system.step_solvers import StepSolver
 
 Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
 
 _SHARE = 1e-3  # of the inertia that sets the scale of forces, where a body flies without strain
 _SLOW = 0.1  # share of its fault that an iterate may leave before the tangent is renewed
@@ -112,6 +113,16 @@ class FiniteMidpoint(FiniteBody):
     def generation(self) -> int:
         """Of the tangent: answers to forces change with it."""
         return self._solvers.generation
+
+    @property
+    def massive(self) -> Booleans:
+        """None of the contact nodes, (count,)."""
+        return np.zeros(self._surface.count, dtype=bool)
+
+    @property
+    def surface_velocity(self) -> Floats:
+        """Not asked for where there is no mass, (count, dim)."""
+        return np.zeros((self._surface.count, self._system.dim))
 
     @property
     def surface_iterate(self) -> Floats:

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from impactfem.contact.complementarity import Solver
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding
+from impactfem.marching.finite_body import inertia_findings
 from impactfem.marching.layers import ContactGaps
 from impactfem.marching.leapfrog_bodies import LevelStepper
 from impactfem.marching.level_forces import LevelForces
-from impactfem.marching.newton_march import inertia_findings
 from impactfem.marching.newton_steps import LayerSums
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.time_loop import ContactState, TimeLoop

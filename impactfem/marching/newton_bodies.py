@@ -9,6 +9,7 @@ from impactfem.marching.composite import Bodies
 from impactfem.marching.layers import Stepper
 
 Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
 
 
 class NewtonStepper(Stepper, Protocol):
@@ -20,6 +21,9 @@ class NewtonStepper(Stepper, Protocol):
     Attributes:
         generation: Of the tangent: answers to forces change with it.
         missing: Shares of the moments of inertia that the bodies' masses have not, by name.
+        massive: Contact nodes whose mass makes impacts, (count,).
+        surface_velocity: Of the contact nodes at the start of the step, 0 without mass [m/s],
+            (count, dim).
     """
 
     @property
@@ -28,6 +32,14 @@ class NewtonStepper(Stepper, Protocol):
 
     @property
     def missing(self) -> dict[str, float]:
+        """See above."""
+
+    @property
+    def massive(self) -> Booleans:
+        """See above."""
+
+    @property
+    def surface_velocity(self) -> Floats:
         """See above."""
 
     @property
@@ -81,6 +93,16 @@ class NewtonBodies(Bodies[NewtonStepper]):
     def missing(self) -> dict[str, float]:
         """Shares of the moments of inertia that their masses have not, by name."""
         return {name: share for part in self.parts for name, share in part.missing.items()}
+
+    @property
+    def massive(self) -> Booleans:
+        """Contact nodes with mass, (count,)."""
+        return np.concatenate([part.massive for part in self.parts])
+
+    @property
+    def surface_velocity(self) -> Floats:
+        """Of the contact nodes at the start of the step, 0 without mass [m/s], (count, dim)."""
+        return np.concatenate([part.surface_velocity for part in self.parts])
 
     @property
     def surface_iterate(self) -> Floats:

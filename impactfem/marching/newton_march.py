@@ -25,9 +25,11 @@ from impactfem.contact.complementarity import Solver
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.friction_newton import ConeProblem, solve_cones
 from impactfem.errors import ConvergenceError
-from impactfem.findings import Finding, by_limits, percent
+from impactfem.findings import Finding
+from impactfem.marching.finite_body import inertia_findings
 from impactfem.marching.layers import ContactGaps
 from impactfem.marching.newton_bodies import NewtonStepper
+from impactfem.marching.newton_impacts import arriving, obstacle_speed, way_ahead
 from impactfem.marching.newton_steps import LayerSums, Step
 from impactfem.marching.rubbing import Friction, frames, in_space, turned
 from impactfem.marching.schemes import SolidScheme
@@ -37,7 +39,6 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
-_INERTIA_LIMITS = (0.01, 0.1)  # shares of the moment of inertia that masses miss
 _ITERATES = 25
 _PAIRED = 1  # iterates that still change who meets whom: all would keep others from settling
 _SHORTEST = 2.0**-10  # of a layer
@@ -45,17 +46,6 @@ _NEAR = 0.005  # of a layer, less than `_CLOSED`: cuts nearer to the ends of a s
 _CUTS = 32  # of a layer at nodes that close
 _TRIES = 3  # of a step: gaps between bodies may jump, where others face each other than before
 _CLOSED = 0.01  # of the largest change of a gap in a layer: gaps up to it count as closed
-
-
-def inertia_findings(missed: Mapping[str, float]) -> tuple[Finding, ...]:
-    """Bodies whose masses miss too much of the moment of inertia; shares by their names."""
-    found: list[Finding] = []
-    remedy = "take smaller elements, or name the surfaces that may touch (contact_surfaces)"
-    for name, missing in missed.items():
-        text = f"the masses inside {name} have {percent(missing)} too little moment of "
-        text += "inertia: nodes that may touch carry none, and it is few elements thick"
-        found += by_limits("setting", missing, _INERTIA_LIMITS, text, "", remedy)
-    return tuple(found)
 
 
 class NewtonMarch(TimeLoop[NewtonStepper]):
@@ -72,6 +62,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         tolerance: float,
         rest: tuple[Floats, Floats] | None = None,
         friction: Friction | None = None,
+        restitution: Floats | None = None,
     ) -> None:
         """Begin at t = 0.
 
@@ -85,7 +76,10 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             tolerance: See there.
             rest: See there.
             friction: Coulomb's law; None without.
+            restitution: Newton's e of each gap between nodes with mass, (gaps,); None: 0.
         """
+        self._massive = interior.massive
+        self._by_mass, self._restitution = bool(self._massive.any()), restitution
         self._friction = friction
         self._rubs = friction is not None
         self._generation = -1
@@ -142,7 +136,10 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
                 continue
             interior.accept()
             done.add(step, stop - time)
-            last, self._normals = step.force[:, 0], step.directions[:, 0]
+            last, self._normals = (
+                np.where(step.struck, 0.0, step.force[:, 0]),
+                step.directions[:, 0],
+            )
             self._tangential = in_space(step.directions[:, 1:], step.force[:, 1:])
             time, span = stop, dt if tries else min(dt, 2.0 * span)
             cuts, tries = cuts - tries, 0
@@ -152,6 +149,9 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         self.rows.put(self.layer, interior.finish(layer, static))
         self.rows.obstacle_work[self.layer] = done.obstacles
         self.rows.friction_work[self.layer] = done.friction
+        self.rows.impact_work[self.layer] = done.impacts
+        self.rows.impact[self.layer] = done.impulse[done.struck].sum()
+        self._impulsive = done.struck
         self.contact = ContactState(last, before, state.multiplier, state.gap, static)
         self._done, self._mean = done, done.vectors / dt
         force: Floats = done.impulse / dt
@@ -218,7 +218,9 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
 
     def _vectors(self, lasting: Floats) -> Floats:
         """Mean forces of the layer in the gaps as vectors, (gaps, dim) [N]."""
-        return super()._vectors(lasting) if self._mean is None else self._mean
+        if self._mean is None:
+            return super()._vectors(lasting)
+        return np.where(self._impulsive[:, None], 0.0, self._mean)
 
     def _closing(
         self, before: Floats, closed: Booleans, then: Floats, start: float, end: float
@@ -264,6 +266,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         interior.begin(start, end)
         self._known = {}
         force: Floats | None = None
+        massive = arrived = np.zeros(len(before), dtype=bool)
         for iteration in range(_ITERATES):
             place = interior.surface_iterate
             middle = 0.5 * (begin + place)
@@ -280,13 +283,35 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             left = interior.unbalanced(gaps.spread(in_space(directions, force)))
             apart = way.copy()
             apart[:, 0] += room
+            if self._by_mass:
+                massive = gaps.only_on(self._massive)
+                may = np.where(massive, closed, may)
+                speed = self._speed(directions, start, end - start)
+                ahead = way_ahead(speed, self._lively, end - start)
+                apart[massive] = (way + ahead)[massive]
             if left <= 1.0 and self._missed(apart, force, may) <= self.tolerance:
-                return Step(directions, force, way, iteration, shift)
+                massive = massive & (force[:, 0] > 0.0)
+                struck = massive & (massive & arrived).any()
+                return Step(directions, force, way, iteration, shift, massive, struck)
             free = turned(directions, gaps.relative(interior.linearise()))
+            if self._by_mass and not iteration:
+                fresh = massive & closed & (last == 0.0)
+                arrived = fresh & arriving(speed[:, 0], (way + free)[:, 0], end - start)
             new = self._obeying(apart + free, directions, force, may)
             interior.correct(gaps.spread(in_space(directions, new - force)))
             force = new
         raise ConvergenceError(f"{_ITERATES} iterates")
+
+    def _speed(self, directions: Floats, start: float, step: float) -> Floats:
+        """Speeds in the gaps at the start of a step, along its directions [m/s], (gaps, ways)."""
+        moved = obstacle_speed(self._gaps.shift, start, step)
+        return turned(directions, self._gaps.relative(self.interior.surface_velocity) - moved)
+
+    @property
+    def _lively(self) -> Floats:
+        """Newton's e, (gaps,)."""
+        none = np.zeros(len(self.contact.gap))
+        return none if self._restitution is None else self._restitution
 
     def _missed(self, apart: Floats, force: Floats, may: Booleans) -> float:
         """How far the increments are from the law [m].

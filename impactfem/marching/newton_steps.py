@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from impactfem.marching.rubbing import in_space, told
 
 Floats = NDArray[np.float64]
+Booleans = NDArray[np.bool_]
 
 
 @dataclass
@@ -20,6 +21,8 @@ class Step:
         way: Increments along them [m], (gaps, ways).
         iterations: Of Newton's method.
         shift: Ways of the obstacles [m], (gaps, dim).
+        massive: Pressed gaps whose nodes all have mass, (gaps,).
+        struck: Those of them in which nodes arrived with a speed, or others did at once, (gaps,).
     """
 
     directions: Floats
@@ -27,6 +30,8 @@ class Step:
     way: Floats
     iterations: int
     shift: Floats
+    massive: Booleans
+    struck: Booleans
 
 
 class LayerSums:
@@ -38,6 +43,8 @@ class LayerSums:
         rubbed: Of friction, as `told` has it [N s], (gaps, 1 or 3).
         slid: Ways while pressed [m], (gaps,).
         friction, obstacles: Work of friction and of moving obstacles on the bodies [J].
+        struck: Gaps with impacts between nodes with mass, (gaps,).
+        impacts: What impacts have taken, and what rubs in them [J], <= 0.
         iterations: Of Newton's method.
     """
 
@@ -45,6 +52,7 @@ class LayerSums:
         self.impulse, self.vectors = np.zeros(gaps), np.zeros((gaps, dim))
         self.rubbed, self.slid = np.zeros((gaps, dim * (dim - 1) // 2)), np.zeros(gaps)
         self.friction, self.obstacles, self.iterations = 0.0, 0.0, 0
+        self.struck, self.impacts = np.zeros(gaps, dtype=bool), 0.0
 
     def add(self, step: Step, span: float) -> None:
         """A step of so many seconds."""
@@ -53,8 +61,11 @@ class LayerSums:
         self.vectors += span * vectors
         self.obstacles += float((vectors * step.shift).sum())
         self.iterations += step.iterations
+        self.struck |= step.struck
+        work = step.force * step.way
+        self.impacts += float(work[step.massive, 0].sum() + work[step.struck, 1:].sum())
         if step.force.shape[1] > 1:
-            self.friction += float((step.force[:, 1:] * step.way[:, 1:]).sum())
+            self.friction += float(work[~step.struck, 1:].sum())
             acting, way = told(step.directions, step.force, step.way[:, 1:])
             self.rubbed += span * acting[:, 1:]
             self.slid += np.where(step.force[:, 0] > 0.0, way, 0.0)

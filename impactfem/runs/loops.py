@@ -135,7 +135,8 @@ def make_loop(
             bodies[0] if alone else NewtonBodies([*bodies, *cast("Sequence[FewNewton]", few)])
         )
         started, rest = _brought_to_rest(bodies, interior, model, surfaces, settings, progress)
-        newton = NewtonMarch(model.comm, interior, *settings, rest, law)
+        lively = contacts.restitution(scene)
+        newton = NewtonMarch(model.comm, interior, *settings, rest, law, lively)
         return Loop(newton, gaps, contacts, offsets, started)
     solids = [_interior(*parts, scheme, dt, kind) for parts in each]
     composite = Composite([*solids, *few], [_free(*parts[:2]) for parts in each])

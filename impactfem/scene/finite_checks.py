@@ -4,7 +4,6 @@ import math
 
 from impactfem.methods import METHODS
 from impactfem.scene.content import Content
-from impactfem.scene.pairing import body_pairs, obstacles_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.solid_keys import NEARLY_INCOMPRESSIBLE
 from impactfem.scene.solids import Solid
@@ -31,35 +30,10 @@ def _check_company(scene: Content, name: str) -> None:
     """Refuse bodies that one under finite strain does not meet."""
     for place, body in enumerate(scene.bodies):
         if not body.substeps:
-            text = f" = {show(body.kind)}: {body.name} is marched in steps that stay, but {name} "
-            text += 'has finite strain, whose steps are cut: give strain = "small", or a rod.'
+            text = f" = {show(body.kind)}: {body.name} is marched in steps that stay, as its waves "
+            text += f"or turns ask for, but {name} has finite strain, whose steps are cut where "
+            text += 'nodes close: give strain = "small", or make it a solid or a rod.'
             raise KeyedError(f"body[{place}]", "kind", text)
-    # Without mass on contact nodes there are no impacts, whose law steps that are cut do not know.
-    solids = {solid.name for solid in scene.solids}
-    for (one, _), (two, _) in body_pairs(scene):
-        if not {one, two} & solids:
-            _refuse_impacts(scene, one, two, name)
-    for body in scene.bodies:
-        for obstacle in () if body.name in solids else obstacles_of(scene, body.name):
-            _refuse_impacts(scene, body.name, obstacle.name, name)
-    for index, contact in enumerate(scene.contacts):
-        if contact.restitution:
-            text = f" = {contact.restitution}: {name} has finite strain, beside which bodies "
-            text += "rebound by their elasticity only: remove it."
-            raise KeyedError(f"contact[{index}]", "restitution", text)
-
-
-def _refuse_impacts(scene: Content, one: str, two: str, name: str) -> None:
-    """Refuse a pair of which neither is a solid.
-
-    Raises:
-        KeyedError: naming the first body.
-    """
-    place = next(k for k, body in enumerate(scene.bodies) if body.name == one)
-    text = f" = {show(scene.bodies[place].kind)}: {one} may meet {two}, but beside {name}, which "
-    text += "has finite strain, bodies without a mesh meet solids only: name the pairs that may "
-    text += 'meet by [[contact]], or give strain = "small".'
-    raise KeyedError(f"body[{place}]", "kind", text)
 
 
 def _check_settings(scene: Content, name: str) -> None:

@@ -309,27 +309,6 @@ def test_bars_are_refused():
         impactfem.Scene.from_dict(data)
 
 
-@pytest.mark.parametrize(
-    ("more", "key"),
-    [
-        ({}, r"body\[1\].kind"),  # the floor
-        ({"contact": [{"between": ["disc", "floor"]}, {"between": ["ball", "other"]}]},
-         r"body\[1\].kind"),
-        ({"contact": [{"between": ["disc", "ball"], "restitution": 0.5}]}, r"contact\[0\]"),
-    ],
-)  # fmt: skip
-def test_impacts_of_bodies_without_meshes_are_refused(more, key):
-    """Their law is one of speeds; steps under finite strain know increments of gaps."""
-    data = scene(0.01).to_dict()
-    ball = {
-        "kind": "point", "name": "ball", "mass": 1.0, "position": [0.0, 0.13], "radius": 0.02,
-    }  # fmt: skip
-    data["body"] = [RUBBER, ball, ball | {"name": "other", "position": [0.0, 0.2]}]
-    with pytest.raises(SceneError, match=key):
-        impactfem.Scene.from_dict(data | more)
-    impactfem.Scene.from_dict(data | {"contact": [{"between": ["disc", "ball"]}]})
-
-
 def test_a_law_that_collapses_is_told():
     """St. Venant's and Kirchhoff's law loses its stiffness where a cell is pressed to 58 %."""
     hard = {"material": "linear", "strain": "finite", "velocity": [0.0, -10.0]}
