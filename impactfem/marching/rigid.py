@@ -4,6 +4,7 @@ The force F of a layer on a contact node acts where the body touches amid the la
 from its centre: it gives the impulse dt F and the impulse of its moment dt a x F.
 """
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -35,22 +36,41 @@ class RigidMidpoint(FewInterior):
         self._dim, count = bodies.dim, len(self._start)
         self._mass, self._inverse = bodies.masses[0], np.linalg.inv(bodies.inertia)
         self.massive = self.volatile = np.ones(count, dtype=bool)
-        self.rolling = bool(bodies.rolling.any())
+        self.rolling = bool(bodies.rolling.any()) or bodies.rims is not None
         self._offset = np.zeros((count, 3))  # from nodes to where they touch
         self._ahead, self._half = self._v.copy(), np.zeros(3)
         self._begin()
         self._end = self._middle = self._turn
         self._freedom = self._turn @ self._inverse @ self._turn.T  # of the spin in space
-        self._acting = bodies.arms @ self._turn.T
+        # Of what rims touch, and where on them.
+        self._normals, self._lowest = bodies.normals, bodies.lowest
+        self._acting = self._arms(self._turn)
+        self._begun = self._around(self._turn)
+
+    def _arms(self, turn: Floats) -> Floats:
+        """From the centre to the contact nodes [m], (nodes, 3)."""
+        return np.asarray(self.bodies.arms @ turn.T + self._around(turn))
+
+    def _around(self, turn: Floats) -> Floats:
+        """The part of them along the rims."""
+        rims = self.bodies.rims
+        return _NOWHERE if rims is None else rims.arms(turn, self._normals, self._lowest)
 
     def _begin(self) -> None:
         """What the next layer starts from."""
         self._centre, self._turn = frame(self._q)
         self._pushed, self._turned = np.zeros(3), np.zeros(3)
 
+    def memory(self) -> dict[str, Floats]:
+        """Coordinates, their rates, and what rims touch."""
+        rims = {"normals": self._normals.copy(), "lowest": self._lowest.copy()}
+        return super().memory() | rims
+
     def remember(self, memory: Mapping[str, Floats]) -> None:
         """Go on from what `memory` gave."""
         super().remember(memory)
+        self._normals, self._lowest = memory["normals"].copy(), memory["lowest"].copy()
+        self._ahead = self._v.copy()
         self._begin()
 
     def _split(self, rates: Floats) -> tuple[Floats, Floats]:
@@ -62,7 +82,7 @@ class RigidMidpoint(FewInterior):
     def _velocities(self, turn: Floats, rates: Floats, offset: Floats) -> Floats:
         """Of places of the body with the arms of the contact nodes and more [m/s], (nodes, dim)."""
         speed, spin = self._split(rates)
-        arms = self.bodies.arms @ turn.T + offset
+        arms = self._arms(turn) + offset
         return np.asarray((speed + arms @ _skew(turn @ spin).T)[:, : self._dim])
 
     @property
@@ -76,14 +96,17 @@ class RigidMidpoint(FewInterior):
         return self._places(self._centre, self._turn) - self._start
 
     def _places(self, centre: Floats, turn: Floats) -> Floats:
-        return np.asarray((centre + self.bodies.arms @ turn.T)[:, : self._dim])
+        return np.asarray((centre + self._arms(turn))[:, : self._dim])
 
     def predict(self, layer: int) -> Floats:
         """Solve the layer without contact forces."""
         self._time, pull = (layer + 0.5) * self.dt, self.gravity(layer)
         self._weight = self._mass * in_space(pull)
         self._settle()
-        self._acting = self.bodies.arms @ self._middle.T + self._offset
+        if (rims := self.bodies.rims) is not None:
+            self._begun = self._around(self._turn)
+            self._lowest = rims.lowest(self._end, self._normals, self._lowest, -1.0)
+        self._acting = self._arms(self._middle) + self._offset
         speed = 0.5 * self.dt * (self._split(self._v)[0] + self._split(self._ahead)[0])
         return self._places(self._centre + speed, self._end) - self._start
 
@@ -123,10 +146,15 @@ class RigidMidpoint(FewInterior):
         Args:
             normals: Of the gaps of nodes, towards them, (count, dim).
         """
-        self._offset = -self.bodies.rolling[:, None] * in_space(normals)
-        self._acting = self.bodies.arms @ self._middle.T + self._offset
+        towards = in_space(normals)
+        self._offset = -self.bodies.rolling[:, None] * towards
+        self._acting = self._arms(self._middle) + self._offset
         spin = self._turn @ (0.5 * (self._split(self._v)[1] + self._split(self._ahead)[1]))
-        return np.asarray((self.dt * self._offset @ _skew(spin).T)[:, : self._dim])
+        beyond = self._around(self._middle) + self._offset
+        moved = self._around(self._end) - self._begun
+        ways = self.dt * beyond @ _skew(spin).T - moved
+        self._normals = towards if self.bodies.rims else self._normals
+        return np.asarray(ways[:, : self._dim])
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)
         """Velocities where nodes touch at both ends of the layer without contact forces."""
@@ -263,6 +291,11 @@ def _moments(arms: Floats, forces: Floats) -> Floats:
 
 def _turned(quaternion: Floats, half: Floats) -> Floats:
     """A unit quaternion turned further, about an axis of the body by 2 atan |half|."""
-    w, v = quaternion[0], quaternion[1:]
-    found = np.concatenate([[w - v @ half], w * half + v + _skew(v) @ half])
-    return np.asarray(found / np.linalg.norm(found))
+    (w, x, y, z), (a, b, c) = quaternion.tolist(), half.tolist()
+    found = [
+        w - x * a - y * b - z * c,
+        w * a + x + y * c - z * b,
+        w * b + y + z * a - x * c,
+        w * c + z + x * b - y * a,
+    ]
+    return np.array(found) / math.hypot(*found)

@@ -46,6 +46,8 @@ def turn(inertia, inverse, rotation, spin, impulse, dt):
     """
     own = rotation.T @ impulse
     new = spin.copy()
+    # Of what rounding is told by: impulses may stop a body but for that.
+    given = max(np.abs(spin).max(), np.abs(inverse @ own).max())
     half, stretch = _stretched(spin, new, dt)
     found = False
     for k in range(_MOST):
@@ -58,7 +60,7 @@ def turn(inertia, inverse, rotation, spin, impulse, dt):
         change = np.linalg.solve(tangent, missing)
         new = new - change
         half, stretch = _stretched(spin, new, dt)
-        size, left = np.abs(new).max(), np.abs(change).max()
+        size, left = max(given, np.abs(new).max()), np.abs(change).max()
         if not stretch > 0.0:
             break
         if left <= _SETTLED * size or (k > _FEW and left <= _FINE * size):

@@ -7,7 +7,7 @@ determinant of their corners, int x x^T = det / (d + 2)! (sum of a a^T, and s s^
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from impactfem.scene.rigid_shapes import Capsule, Hull
 from impactfem.scene.schema import KeyedError
-from impactfem.scene.shapes import Block, Disc, Ring, Sphere
+from impactfem.scene.shapes import Block, Cylinder, Disc, Ring, Sphere
 from impactfem.scene.values import show
 
 Floats = NDArray[np.float64]
@@ -23,6 +23,7 @@ Integers = NDArray[np.int64]
 
 _FLAT = 1e-9  # volume of a hull, as a share of that of a cube of its size, that counts as none
 _ROUND = 48  # corners of circles in pictures
+_ALONG_RIM = 8  # places of a rim that can touch at once: its lowest one, and others beside it
 
 
 @dataclass(frozen=True)
@@ -33,10 +34,13 @@ class Form:
         volume: Area [m^2] or volume [m^3].
         centre: Of the volume [m], (dim,).
         second: Second moments about it, [m^4] or [m^5], (dim, dim).
-        nodes: What can touch [m], (nodes, dim): corners, and centres of balls.
+        nodes: What can touch [m], (nodes, dim): corners, and centres of balls and of rims.
         radius: Of balls around the nodes [m], (nodes,).
         points: Of a picture [m], (points, dim).
         cells: Triangles, in space tetrahedra, of the picture, (cells, dim + 1).
+        rim: Of places on circles around the nodes, from the lowest one on: radius [m] times cosine
+            and sine of the angle, (nodes, 2); empty without any.
+        axis: Of the circles, (3,).
     """
 
     volume: float
@@ -46,6 +50,8 @@ class Form:
     radius: Floats
     points: Floats
     cells: Integers
+    rim: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    axis: Floats = field(default_factory=lambda: np.zeros(3))
 
     @property
     def dim(self) -> int:
@@ -54,8 +60,10 @@ class Form:
 
     @property
     def reach(self) -> Floats:
-        """How far nodes with their balls reach from the centre [m], (nodes,)."""
-        return np.asarray(np.linalg.norm(self.nodes - self.centre, axis=1) + self.radius)
+        """How far nodes with their balls and rims reach from the centre [m], (nodes,)."""
+        around = np.linalg.norm(self.rim, axis=1) if len(self.rim) else 0.0
+        apart = np.linalg.norm(self.nodes - self.centre, axis=1)
+        return np.asarray(np.hypot(apart, around) + self.radius)
 
     def turned(self, angle: float) -> "Form":
         """Turned about the line through its centre along z."""
@@ -69,6 +77,7 @@ class Form:
             second=turn @ self.second @ turn.T,
             nodes=about + (self.nodes - about) @ turn.T,
             points=about + (self.points - about) @ turn.T,
+            axis=turn @ self.axis if self.dim == 3 else self.axis,
         )
 
 
@@ -155,6 +164,23 @@ def _ball(shape: Sphere) -> Form:
     return _round(np.asarray(shape.center, dtype=float), second, volume, shape.radius)
 
 
+def _cylinder(shape: Cylinder) -> Form:
+    r, height, centre = shape.radius, shape.height, np.asarray(shape.centre, dtype=float)
+    volume = math.pi * r**2 * height
+    second = volume * np.diag([r**2 / 4.0, height**2 / 12.0, r**2 / 4.0])
+    ends = centre + 0.5 * height * np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+    angle = 2.0 * np.pi * np.arange(_ROUND) / _ROUND
+    circle = r * np.stack([np.cos(angle), np.zeros(_ROUND), np.sin(angle)], axis=1)
+    seen = _hull_of(np.vstack([end + circle for end in ends]))
+    around = 2.0 * np.pi * np.arange(_ALONG_RIM) / _ALONG_RIM
+    rim = r * np.stack([np.cos(around), np.sin(around)], axis=1)
+    nodes = np.repeat(ends, _ALONG_RIM, axis=0)
+    return Form(
+        volume, centre, second, nodes, np.zeros(len(nodes)), seen.points, seen.cells,
+        np.tile(rim, (2, 1)), np.array([0.0, 1.0, 0.0]),
+    )  # fmt: skip
+
+
 def _capsule(shape: Capsule) -> Form:
     r, length, dim = shape.radius, shape.length, shape.dim
     along = np.array([0.0, 1.0, 0.0][:dim] if shape.axis is None else shape.axis, dtype=float)
@@ -219,6 +245,7 @@ def _sphere() -> Floats:
 
 _FORMS: Mapping[type, Callable[[Any], Form]] = {
     Block: _block,
+    Cylinder: _cylinder,
     Disc: _disc,
     Ring: _disc,
     Sphere: _ball,

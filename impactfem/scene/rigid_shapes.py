@@ -8,7 +8,7 @@ from impactfem.scene.inline import ListOf, Vector
 from impactfem.scene.kinds import Real
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.shape import Shape
-from impactfem.scene.shapes import Block, Disc, Ring, Sphere
+from impactfem.scene.shapes import SHAPES
 from impactfem.scene.values import show
 
 
@@ -84,4 +84,4 @@ class Hull:
 
 type RigidShape = Shape | Capsule | Hull
 
-RIGID_SHAPES = (Block, Disc, Ring, Sphere, Capsule, Hull)
+RIGID_SHAPES = (*SHAPES, Capsule, Hull)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.scene import RigidBody, Scene
+from impactfem.scene.obstacles.base import RigidObstacle
 from impactfem.scene.pairing import named_body_pairs, obstacles_of
 from impactfem.scene.rigid_keys import rotation
 from impactfem.system.few import FewBodies
@@ -21,6 +22,47 @@ Integers = NDArray[np.int64]
 
 type Loads = Callable[[float, Floats, Floats, Floats], tuple[Floats, Floats]]
 """Force [N] and moment [N m], (3,) each, by time, centre, velocity and spin in space."""
+
+
+_LEVEL = 1e-9  # sine of the angle to an obstacle below which a rim lies flat on it
+_NEAR = 0.5  # least cosine between lowest directions in a layer: a rim that rocks has others
+
+
+@dataclass(frozen=True)
+class Rims:
+    """Places on circles about an axis of a body, the lowest one and others at angles from it.
+
+    Attributes:
+        axis: Of the circles, along the axes of the body, (3,).
+        shares: Radius times cosine and sine of the angles [m], (nodes, 2).
+    """
+
+    axis: Floats
+    shares: Floats
+
+    def lowest(self, turn: Floats, normals: Floats, known: Floats, near: float) -> Floats:
+        """Directions from the centres of the circles to what is nearest, (nodes, 3).
+
+        Args:
+            turn: Rotation of the body.
+            normals: Of what each place may touch, towards it, (nodes, 3).
+            known: Directions that are taken where circles lie flat, or where others would be
+                farther off than so, (nodes, 3).
+            near: Least cosine of the angle from these.
+        """
+        axis = turn @ self.axis
+        down, other = (each - (each @ axis)[:, None] * axis for each in (-normals, known))
+        size = np.linalg.norm(down, axis=1, keepdims=True)
+        other = other / np.maximum(np.linalg.norm(other, axis=1, keepdims=True), _LEVEL)
+        down = down / np.maximum(size, _LEVEL)
+        clear = (size > _LEVEL) & ((down * other).sum(axis=1, keepdims=True) >= near)
+        return np.where(clear, down, other)
+
+    def arms(self, turn: Floats, normals: Floats, known: Floats) -> Floats:
+        """From the centres of the circles to the places [m], (nodes, 3); all near known ones."""
+        down = self.lowest(turn, normals, known, _NEAR)
+        across = np.cross(turn @ self.axis, down)
+        return np.asarray(self.shares[:, :1] * down + self.shares[:, 1:] * across)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +78,9 @@ class Rigid(FewBodies):
         meets: Contact nodes that meet a body or obstacle, by its name and the number of its face.
         rolling: Radius with which nodes roll [m], (nodes,): that of their balls but beside solids,
             which they may touch at several places, without friction.
+        rims: What of the nodes are places on circles around `arms`; None if nothing is.
+        normals, lowest: Of what these may touch at t = 0, towards them, and their directions from
+            the axis, (nodes, 3).
         loads: What acts besides gravity; None if nothing does.
         picture: Points [m], (points, 3), along the axes of the body, and cells of its picture.
     """
@@ -44,6 +89,9 @@ class Rigid(FewBodies):
     arms: Floats
     meets: Mapping[tuple[str, int], Integers]
     rolling: Floats
+    rims: Rims | None
+    normals: Floats
+    lowest: Floats
     loads: Loads | None
     picture: tuple[Floats, Integers]
 
@@ -82,9 +130,10 @@ def in_space(values: Floats) -> Floats:
 def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
     """A rigid body of a scene: mass, inertia, and contact nodes for the obstacles it may meet."""
     form, center, dim = body.form, body.center, body.dim
+    obstacles = {obstacle.name: obstacle for obstacle in obstacles_of(scene, body.name)}
     faces = [
-        (obstacle.name, face)
-        for obstacle in obstacles_of(scene, body.name)
+        (name, face)
+        for name, obstacle in obstacles.items()
         for face in range(1 if obstacle.other_gap(np.zeros((0, dim))) is None else 2)
     ]
     waves = {other.name: other.waves for other in scene.bodies}
@@ -95,7 +144,7 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         if name == body.name
     ]
     partners = list(dict.fromkeys([*faces, *partners]))
-    rolls = bool(form.radius.any())
+    rolls = bool(form.radius.any() or len(form.rim))
     copies, count = max(1, len(partners)) if rolls else 1, len(form.nodes)
     own = np.arange(count)
     meets = {partner: own + count * k * rolls for k, partner in enumerate(partners)}
@@ -113,9 +162,20 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
     if dim == 3:
         velocity = np.concatenate([velocity[:3], rotation(turned).T @ velocity[3:]])
 
+    middle, turn = frame(position)
+    rims = Rims(form.axis, np.tile(form.rim, (copies, 1))) if len(form.rim) else None
+    normals = np.zeros((len(arms), 3))
+    lowest = normals + turn @ np.cross(form.axis, np.eye(3)[np.argmin(np.abs(form.axis))])
+    for _ in range(_LOOKS if rims else 0):
+        for (name, _), nodes in meets.items():
+            there = middle + arms @ turn.T + (rims.arms(turn, normals, lowest) if rims else 0.0)
+            normals[nodes] = obstacles[name].gap(there[nodes] - _moved(obstacles[name]))[1]
+        lowest = rims.lowest(turn, normals, lowest, -1.0) if rims else lowest
+
     def places(q: Floats) -> Floats:
         middle, turn = frame(q)
-        return np.asarray((middle + arms @ turn.T)[:, :dim])
+        around = rims.arms(turn, normals, lowest) if rims else 0.0
+        return np.asarray((middle + arms @ turn.T + around)[:, :dim])
 
     spin = float(np.linalg.norm(velocity[dim:]))
     return Rigid(
@@ -140,9 +200,21 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         arms=arms,
         meets=meets,
         rolling=rolling,
+        rims=rims,
+        normals=normals,
+        lowest=lowest,
         loads=_loads(body),
         picture=(in_space(form.points - center), form.cells),
     )
+
+
+_LOOKS = 4  # for what is nearest to the lowest place of a rim at t = 0
+
+
+def _moved(obstacle: RigidObstacle) -> Floats | float:
+    """Displacement of an obstacle at t = 0 [m]."""
+    moved = obstacle.offset(0.0)
+    return 0.0 if moved is None else moved
 
 
 def _loads(body: RigidBody) -> Loads | None:

@@ -21,6 +21,8 @@ from impactfem import (
 
 G = 9.81
 SPHERE = {"kind": "sphere", "radius": 0.1, "center": [0.0, 0.1, 0.0]}
+ROLLER = {"kind": "cylinder", "radius": 0.1, "height": 0.3, "center": [0.0, -0.05, 0.0],
+          "angle": np.pi / 2}  # fmt: skip
 DISC = {"kind": "disc", "radius": 0.1, "center": [0.0, 0.1]}
 
 
@@ -76,7 +78,7 @@ def test_the_free_top_tumbles_on_time_and_keeps_energy_and_momentum():
     ("shape", "inertia", "share"), [(SPHERE, None, 5 / 7), (DISC, None, 2 / 3), (DISC, 0.01, 0.5)]
 )
 def test_what_slides_comes_to_roll(shape, inertia, share):
-    dim, speed = len(shape["center"]), 3.0
+    dim, speed = len(shape["center"]), 3.0  # a roller's axis is x
     still = [0.0] * (dim - 2)
     body = RigidBody(
         name="b", shape=shape, mass=1.0, inertia=inertia, velocity=[speed, 0.0, *still]
@@ -130,6 +132,41 @@ def test_the_impulses_of_a_dropped_rod(mu, impulse, spin):
     assert column(result, "b.vy")[-1] + 1.0 == pytest.approx(impulse[1], rel=1e-6)
     if spin is not None:
         assert column(result, "b.spin")[-1] == pytest.approx(spin, rel=1e-6)
+
+
+def test_a_roller_slides_until_it_rolls_on_both_rims():
+    roller = RigidBody(name="b", shape=ROLLER, mass=1.0, velocity=[0.0, 0.0, 3.0])
+    result = run(roller, 0.6, 4e-3, [0.0, -G, 0.0], [floor(3)], 0.2)
+    assert column(result, "b.vz")[-1] == pytest.approx(2.0, rel=1e-12)
+    assert column(result, "b.wx")[-1] == pytest.approx(20.0, rel=1e-12)
+    assert np.ptp(column(result, "b.y")) < 1e-12
+    assert result.summary["energy"]["taken"]["friction"] == pytest.approx(1.5, rel=1e-10)
+
+
+def test_a_flat_cylinder_slides_on_its_rim():
+    shape = {"kind": "cylinder", "radius": 0.1, "height": 0.05}
+    result = run(
+        RigidBody(name="b", shape=shape, mass=1.0, velocity=[1.0, 0.0, 0.0]),
+        0.2, 4e-3, [0.0, -G, 0.0], [floor(3)], 0.2,
+    )  # fmt: skip
+    assert column(result, "b.vx")[-1] == pytest.approx(1.0 - 0.04 * G, rel=1e-9)
+    assert np.ptp(column(result, "b.y")) < 1e-9
+
+
+def test_a_tilted_coin_touches_with_the_lowest_place_of_its_rim():
+    lean, shape = 0.3, {"kind": "cylinder", "radius": 0.1, "height": 0.02}
+    coin = RigidBody(
+        name="b", shape={**shape, "center": [0.0, 0.2, 0.0]}, mass=1.0,
+        orientation={"axis": [1.0, 0.0, 0.0], "angle": lean}, angular_velocity=[0.0, 20.0, 0.0],
+    )  # fmt: skip
+    result = run(coin, 0.3, 1e-3, [0.0, -G, 0.0], [floor(3)], e=1.0)
+    quaternion = column(result, *(f"b.q{c}" for c in "wxyz"))
+    axis = Rotation.from_quat(np.roll(quaternion, -1, axis=1)).apply([0.0, 1.0, 0.0])[:, 1]
+    low = column(result, "b.y") - 0.01 * np.abs(axis) - 0.1 * np.sqrt(1.0 - axis**2)
+    np.testing.assert_allclose(column(result, "gap.b.floor"), low, atol=2e-5)
+    assert result.summary["contact"]["impulse"] > 1.0
+    energy = column(result, "total_energy")
+    assert np.abs(energy - energy[0]).max() < 2e-3 * energy[0]
 
 
 def test_a_rocking_block_loses_what_housner_says():
@@ -200,7 +237,8 @@ def tumbling():
         "body": [
             {"kind": "rigid", "name": "b", "shape": shape, "density": 500.0,
              "orientation": {"axis": [1.0, 1.0, 0.0], "angle": 0.2},
-             "velocity": [1.0, -1.0, 0.0], "angular_velocity": [1.0, 2.0, 3.0]},
+             "velocity": [1.0, -1.0, 0.0], "angular_velocity": [1.0, 2.0, 3.0],
+             "force": ["-0.2*vx", "0", "0"], "moment": ["0", "-0.01*wy", "0"]},
         ],
         "obstacle": [{"kind": "half_space", "name": "floor", "point": [0.0, 0.0, 0.0],
                       "normal": [0.0, 1.0, 0.0]}],
@@ -210,8 +248,12 @@ def tumbling():
     }  # fmt: skip
 
 
-def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
-    scene = Scene.from_dict(tumbling())
+@pytest.mark.parametrize("shape", [None, {"kind": "cylinder", "radius": 0.08, "height": 0.1}])
+def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch, shape):
+    data = tumbling()
+    if shape is not None:
+        data["body"][0] |= {"shape": {**shape, "center": [0.1, 0.1, 0.07]}}
+    scene = Scene.from_dict(data)
     whole = impactfem.solve(scene)
     assert whole.summary["contact"]["impulse"] > 0.0
     with stopping(monkeypatch, 67):
