@@ -38,6 +38,7 @@ _STEPS = 25  # of Newton from one start; the method needs 3 to 8 where it conver
 # Frozen bounds before each further attempt, and the share of a new bound that is taken.
 _ATTEMPTS = ((5, 0.5), (20, 0.5), (80, 0.25), (320, 0.1))
 _SWEEPS = 200
+_HELD = 1e-12  # share of the largest compliance below which a direction does not yield
 _DEPENDENT = 1e-6  # least eigenvalue of the matrix with unit diagonal
 _COMPLIANCES = (1e-10, 1e-8, 1e-6)
 """Where forces depend on each other, as those along a rod at both of its ends, Newton's systems
@@ -91,6 +92,7 @@ def solve_cones(
     Raises:
         ConvergenceError: Neither Newton's method nor the fixed point has found them.
     """
+    problem, start = _yielding(problem, start)
     force, missed, total = _newton(problem, start, tolerance, max_iterations)
     given, shares = problem, iter(_COMPLIANCES if missed > 1.0 and _is_singular(problem) else ())
     while missed > 1.0 and (share := next(shares, None)) is not None:
@@ -111,6 +113,20 @@ def solve_cones(
             "smaller one, or a smaller solve.dt"
         )
     return _without_traces(given, force), total
+
+
+def _yielding(problem: ConeProblem, start: Floats) -> tuple[ConeProblem, Floats]:
+    """The same where directions that supports hold, as across an axis, get no force."""
+    matrix, diagonal = problem.matrix, np.diag(problem.matrix)
+    largest = diagonal.max(initial=0.0)
+    fixed = diagonal <= _HELD * largest
+    if not fixed.any():
+        return problem, start
+    held = fixed.reshape(start.shape)
+    own = np.where(fixed, largest or 1.0, 0.0)
+    offset = np.where(held, 0.0, problem.offset)
+    matrix = np.where(fixed[:, None] | fixed, 0.0, matrix) + np.diag(own)
+    return replace(problem, matrix=matrix, offset=offset), np.where(held, 0.0, start)
 
 
 def _is_singular(problem: ConeProblem) -> bool:

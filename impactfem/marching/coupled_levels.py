@@ -21,19 +21,17 @@ from numpy.typing import NDArray
 
 from impactfem.contact.complementarity import Solver
 from impactfem.contact.followed_pair import FAR
-from impactfem.contact.friction_newton import ConeProblem, solve_cones
 from impactfem.errors import ConvergenceError
 from impactfem.marching.layers import ContactGaps
 from impactfem.marching.leapfrog_bodies import LevelStepper
 from impactfem.marching.level_forces import LevelForces
 from impactfem.marching.level_march import MOST, SLOW, USUAL, LevelMarch
-from impactfem.marching.rubbing import Friction, frames, in_space, turned
+from impactfem.marching.rubbing import Friction, frames, in_space, obeying, turned
 from impactfem.marching.schemes import SolidScheme
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_PAIRED = 2  # iterates that look again who meets whom
 _REGULAR = 1e-12  # share of the largest compliance below which a gap does not yield
 
 
@@ -85,7 +83,7 @@ class CoupledLevels(LevelMarch):
         force, before = np.zeros_like(last.force), np.inf
         slow = SLOW[dim] + interior.lag
         for iterate in range(1, MOST + 1):
-            if iterate <= _PAIRED:
+            if iterate == 1:  # the guess is of third order: who meets whom is found by it
                 base, (gap, _) = place, gaps.at(place, place, place, time)
                 rows = np.flatnonzero(~np.isnan(held) & (gap < 0.5 * FAR))
                 shift = gaps.shift(time) - gaps.shift(start)
@@ -145,7 +143,6 @@ class CoupledLevels(LevelMarch):
         matrix = act @ answers[:, :, nodes].reshape(size, size) @ act.T
         ways, found = way.shape[1], np.zeros_like(force)
         own = force[rows]
-        own[:, 0] = np.where(np.diag(matrix)[::ways] > 0.0, own[:, 0], 0.0)
         matrix = 0.5 * (matrix + matrix.T)
         offset = way[rows] - (matrix @ own.ravel()).reshape(own.shape)
         if first:
@@ -153,18 +150,10 @@ class CoupledLevels(LevelMarch):
             inner = matrix[::ways, ::ways][np.ix_(pressed, pressed)]
             still = np.linalg.lstsq(inner, -offset[pressed, 0], rcond=_REGULAR)[0]
             self._needed[rows[pressed]] = still
-        found[rows] = solved = self._solved(matrix, offset, rows, own)
+        solved = obeying(matrix, offset, rows, own, self._friction, self._solver)
+        found[rows] = solved
         change = (solved - force[rows]).ravel() @ act
         return found, (change @ answers.reshape(size, -1)).reshape(answers.shape[2:])
-
-    def _solved(self, matrix: Floats, offset: Floats, rows: Integers, start: Floats) -> Floats:
-        """Forces in some gaps whose increments are offset + matrix force, (rows, ways)."""
-        if self._friction is None:
-            normal, _ = self._solver(matrix, offset[:, 0], start[:, 0] > 0.0)
-            return np.asarray(normal[:, None])
-        law, none = self._friction, np.zeros(len(rows))
-        problem = ConeProblem(matrix, offset, law.coefficients[rows], none)
-        return solve_cones(problem, start, law.tolerance, law.max_iterations)[0]
 
     def _balance(self, *, first: bool = False) -> None:
         """Find what the forces of a level leave, which goes inside (collective)."""

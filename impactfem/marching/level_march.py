@@ -52,7 +52,6 @@ class LevelMarch(TimeLoop[LevelStepper]):
         rest: tuple[Floats, Floats] | None = None,
     ) -> None:
         """Balance the initial state; see `TimeLoop`."""
-        self._done: LayerSums | None = None
         super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, rest)
         self._nodes = gaps.entries(np.arange(len(self.contact.gap)))[1]
         self._force = self.contact.multiplier.copy()
@@ -113,18 +112,6 @@ class LevelMarch(TimeLoop[LevelStepper]):
     def _directed(self, normals: Floats) -> Floats:
         """Directions of forces in the gaps, (gaps, ways, dim)."""
         return normals[:, None]
-
-    def _close_pairs(self, row: int, force: Floats, struck: Floats) -> None:
-        """Store what pairs have of the forces, gaps and slip."""
-        super()._close_pairs(row, force, struck)
-        if self._done is not None and self._rubs:
-            rubbed = np.column_stack([force, self._done.rubbed / self.interior.dt])
-            self._close_rubbing(row, np.arange(len(force)), rubbed, self._done.slid)
-
-    def _vectors(self, lasting: Floats) -> Floats:
-        """Mean forces of the layer in the gaps as vectors, (gaps, dim) [N]."""
-        done = self._done
-        return super()._vectors(lasting) if done is None else done.vectors / self.interior.dt
 
     def _advance(self) -> Floats:
         """One layer; returns its mean contact forces [N]."""

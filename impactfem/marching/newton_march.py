@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 from impactfem.contact.complementarity import Solver
 from impactfem.contact.followed_pair import FAR
-from impactfem.contact.friction_newton import ConeProblem, solve_cones
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding
 from impactfem.marching.finite_body import inertia_findings
@@ -31,7 +30,7 @@ from impactfem.marching.layers import ContactGaps
 from impactfem.marching.newton_bodies import NewtonStepper
 from impactfem.marching.newton_impacts import arriving, obstacle_speed, way_ahead
 from impactfem.marching.newton_steps import LayerSums, Step
-from impactfem.marching.rubbing import Friction, frames, in_space, turned
+from impactfem.marching.rubbing import Friction, frames, in_space, obeying, turned
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.time_loop import ContactState, TimeLoop
 
@@ -84,9 +83,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         self._rubs = friction is not None
         self._generation = -1
         self._known: dict[int, Floats] = {}
-        self._mean: Floats | None = None
         self._looked: tuple[float, Floats, Floats] | None = None  # time, place, and gaps there
-        self._done: LayerSums | None = None
         super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, rest)
         self._tangential = np.zeros_like(self._normals)  # of the last step [N], (gaps, dim)
 
@@ -153,7 +150,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         self.rows.impact[self.layer] = done.impulse[done.struck].sum()
         self._impulsive = done.struck
         self.contact = ContactState(last, before, state.multiplier, state.gap, static)
-        self._done, self._mean = done, done.vectors / dt
+        self._done = done
         force: Floats = done.impulse / dt
         self._close_row(self.layer, force, done.iterations)
         return force
@@ -208,19 +205,6 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             if share < 1.0:
                 return None, share
         return step, 1.0
-
-    def _close_pairs(self, row: int, force: Floats, struck: Floats) -> None:
-        """Store what pairs have of the forces, gaps and slip."""
-        super()._close_pairs(row, force, struck)
-        if self._done is not None and self._rubs:
-            rubbed = np.column_stack([force, self._done.rubbed / self.interior.dt])
-            self._close_rubbing(row, np.arange(len(force)), rubbed, self._done.slid)
-
-    def _vectors(self, lasting: Floats) -> Floats:
-        """Mean forces of the layer in the gaps as vectors, (gaps, dim) [N]."""
-        if self._mean is None:
-            return super()._vectors(lasting)
-        return np.where(self._impulsive[:, None], 0.0, self._mean)
 
     def _closing(
         self, before: Floats, closed: Booleans, then: Floats, start: float, end: float
@@ -359,7 +343,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             matrix = 0.5 * (matrix + matrix.T)
             own = force[rows]
             offset = apart[rows] - (matrix @ own.ravel()).reshape(own.shape)
-            solved = self._solved(matrix, offset, rows, own)
+            solved = obeying(matrix, offset, rows, own, self._friction, self._solver)
             after = apart[:, 0] + np.einsum("jb,jbi->i", solved - own, answers[..., 0])
             missed = may & (after < -self.tolerance)
             missed[rows] = False
@@ -368,15 +352,6 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
                 return found
             rows = np.union1d(rows, np.flatnonzero(missed))
         return found
-
-    def _solved(self, matrix: Floats, offset: Floats, rows: Integers, start: Floats) -> Floats:
-        """Forces in some gaps whose increments are offset + matrix force, (rows, ways)."""
-        if self._friction is None:
-            normal, _ = self._solver(matrix, offset[:, 0], start[:, 0] > 0.0)
-            return np.asarray(normal[:, None])
-        law, none = self._friction, np.zeros(len(rows))
-        problem = ConeProblem(matrix, offset, law.coefficients[rows], none)
-        return solve_cones(problem, start, law.tolerance, law.max_iterations)[0]
 
     def _answers_to(self, rows: Integers, directions: Floats) -> Floats:
         """Increments by unit forces in some gaps, (rows, ways, gaps, ways).

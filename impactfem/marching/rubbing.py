@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.complementarity import Halfway
+from impactfem.contact.complementarity import Halfway, Solver
 from impactfem.contact.friction import (
     FrictionContact,
     solve_friction_layer,
     solve_friction_layer_at_speed,
 )
+from impactfem.contact.friction_newton import ConeProblem, solve_cones
 from impactfem.marching.schemes import SolidScheme
 
 Floats = NDArray[np.float64]
@@ -138,6 +139,34 @@ def rub(
         return solve_friction_layer(free, response, compliance, *rest)
     halfway = Halfway(layer.fast, turned(layer.frames, layer.halfway), layer.ends)
     return solve_friction_layer_at_speed(free, halfway, response, compliance, *rest)
+
+
+def obeying(
+    matrix: Floats,
+    offset: Floats,
+    rows: Integers,
+    start: Floats,
+    law: Friction | None,
+    solver: Solver,
+) -> Floats:
+    """Forces in some gaps for which the law of contact and friction holds, (rows, ways).
+
+    Args:
+        matrix: Their increments by forces [m/N], (rows ways, rows ways).
+        offset: Increments without any [m], (rows, ways).
+        rows: The gaps.
+        start: Forces to begin with [N], (rows, ways).
+        law: Coulomb's; None without, where only normal forces are.
+        solver: Of gaps without friction.
+
+    Raises:
+        ConvergenceError: They were not found.
+    """
+    if law is None:
+        normal, _ = solver(matrix, offset[:, 0], start[:, 0] > 0.0)
+        return np.asarray(normal[:, None])
+    problem = ConeProblem(matrix, offset, law.coefficients[rows], np.zeros(len(rows)))
+    return solve_cones(problem, start, law.tolerance, law.max_iterations)[0]
 
 
 def told(directions: Floats, force: Floats, way: Floats) -> tuple[Floats, Floats]:

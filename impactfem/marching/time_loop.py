@@ -13,6 +13,7 @@ from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI
 from impactfem.findings import Finding
 from impactfem.marching.layers import ContactGaps, Stepper
+from impactfem.marching.newton_steps import LayerSums
 from impactfem.marching.rows import Level, Rows
 from impactfem.marching.schemes import SolidScheme
 
@@ -55,6 +56,7 @@ class TimeLoop[I: Stepper](ABC):
     """
 
     _rubs = False  # whether there is friction
+    _done: LayerSums | None = None  # of the last layer, where its steps sum up
 
     def __init__(
         self,
@@ -186,6 +188,8 @@ class TimeLoop[I: Stepper](ABC):
 
     def _vectors(self, lasting: Floats) -> Floats:
         """Forces in the gaps as vectors (pairs, dim), of their normal parts (pairs,) [N]."""
+        if self._done is not None:
+            return np.where(self._impulsive[:, None], 0.0, self._done.vectors / self.interior.dt)
         return lasting[:, None] * self._normals
 
     def _pressed_work(self, way: Floats) -> float:
@@ -208,7 +212,10 @@ class TimeLoop[I: Stepper](ABC):
             rows.contact_energy[row] = 0.5 * pressed
 
     def _close_pairs(self, row: int, force: Floats, struck: Floats) -> None:
-        """Store what pairs have of lasting forces, of those of impacts, and of gaps."""
+        """Store what pairs have of lasting forces, of those of impacts, of gaps and of slip."""
+        if self._done is not None and self._rubs:
+            rubbed = np.column_stack([force, self._done.rubbed / self.interior.dt])
+            self._close_rubbing(row, np.arange(len(force)), rubbed, self._done.slid)
         rows, count = self.rows, len(self._gaps.pairs)
         if count == 1:  # they have all
             rows.pair_force[row], rows.pair_gap[row] = rows.force[row], rows.gap[row]

@@ -113,6 +113,22 @@ def test_a_moving_floor_drags_a_block_along():
     assert spread(missing(result)) <= 1e-2
 
 
+@pytest.mark.parametrize("solve", [EXPLICIT, {"method": "conserving"}])
+def test_a_block_with_an_axis_rubs(solve):
+    """Friction has no direction across the axis: with it neither method found a force."""
+    block = {
+        "model": "axisymmetric", "mesh_size": 0.01,
+        "shape": {"kind": "block", "size": [0.05, 0.04], "corner": [0.0, 0.0005]},
+    }  # fmt: skip
+    contact = [{"between": ["disc", "floor"], "friction_coefficient": 0.5}]
+    result = impactfem.solve(scene(0.002, block, (), solve, contact=contact))
+    force, work = columns(result, "contact_force", "friction_work")
+    assert result.summary["status"] == "completed"
+    assert force.max() > 300.0
+    assert work[-1] < 0.0
+    assert spread(missing(result)) <= 2e-3
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("friction", "spin"), [(0.0, 0.0), (0.3, 40.0)])
 def test_discs_that_meet_off_centre_keep_all_momenta(friction, spin):
