@@ -43,6 +43,11 @@ def test_a_spinning_disc_leaves_as_with_implicit_steps():
     (kept,) = columns(result, "friction_work")
     assert np.diff(kept).max() <= 1e-5 * energy
     assert np.abs(missing(result) - missing(result)[0]).max() <= 3e-4
+    # Growth is told of what friction leaves: the energy itself only falls.
+    (total,) = columns(result, "total_energy")
+    grown = (total - total[0] - kept).max() / total[0]
+    assert grown > (total / total[0] - 1.0).max() + 2e-5
+    assert result.summary["energy"]["max_relative_growth"] == pytest.approx(grown, rel=1e-6)
 
 
 def test_forces_obey_the_cone_at_each_level(monkeypatch):
@@ -101,6 +106,7 @@ def test_a_disc_slides_and_then_rolls():
     assert -1e-2 <= balance.min() <= balance.max() <= 1e-3
 
 
+@pytest.mark.slow
 def test_a_moving_floor_drags_a_block_along():
     """mu g t of speed while it slips; the work of the floor is counted."""
     block = {
