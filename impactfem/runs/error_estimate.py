@@ -100,7 +100,7 @@ class Track:
 
 def turning(scene: Scene, bodies: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
     """Those of some bodies, by name, whose rotation counts: they may turn far."""
-    return {solid.name: bodies[solid.name] for solid in scene.solids if solid.is_finite}
+    return {body.name: bodies[body.name] for body in scene.bodies if body.turns_far}
 
 
 def turned(history: Table, name: str, body: Mapping[str, Any]) -> list[Floats]:

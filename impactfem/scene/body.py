@@ -45,6 +45,11 @@ class BodyKind:
     mesh: str | None = None
 
     @property
+    def turns_far(self) -> bool:
+        """Whether its rotation may be any, and counts in its error."""
+        return False
+
+    @property
     def rolls(self) -> bool:
         """Whether it is a ball that turns, and touches with different places of its surface."""
         return False

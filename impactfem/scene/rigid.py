@@ -133,6 +133,11 @@ class RigidBody(BodyKind):
         return self.shape.dim
 
     @property
+    def turns_far(self) -> bool:
+        """It may."""
+        return True
+
+    @property
     def rolls(self) -> bool:
         """Whether it is a ball or disc."""
         return not self.has_corners

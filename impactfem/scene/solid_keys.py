@@ -218,6 +218,11 @@ class SolidKeys(BodyKind):
         return self.strain == "finite" or (self.strain is None and self.material != "linear")
 
     @property
+    def turns_far(self) -> bool:
+        """Under finite strain."""
+        return self.is_finite
+
+    @property
     def keeps_volume(self) -> bool:
         """Whether its elements keep their volume in the mean only: it is nearly incompressible."""
         if self.model == "plane_stress":  # it gives way across

@@ -440,3 +440,21 @@ def test_a_rigid_disc_strikes_a_solid_as_a_point_with_its_radius_does():
         found.append(column(impactfem.solve(scene), "b.vy", "b.vx", "s.vy", "contact_force"))
     assert found[0][:, 3].max() > 0.0
     np.testing.assert_allclose(found[1], found[0], rtol=1e-9, atol=1e-9 * np.abs(found[0]).max())
+
+
+def test_the_estimated_error_of_a_free_top_is_that_of_its_rotation():
+    top = RigidBody(
+        name="b", shape={"kind": "block", "size": [1.0, 1.0, 1.0]}, mass=1.0,
+        inertia=[1.0, 2.0, 3.0], angular_velocity=[1e-3, 1.0, 1e-3],
+    )  # fmt: skip
+    scene = Scene(title="top", duration=20.0, bodies=[top], solve=Solve(dt=0.1))
+    result = impactfem.solve(scene.with_settings(["output.fields=[]"]))
+    assert not impactfem.plan(scene).findings
+    fine = impactfem.solve(scene.with_settings(["solve.dt=0.02", "solve.estimate=false"]))
+    turns = [
+        Rotation.from_quat(np.roll(column(each, *(f"b.q{c}" for c in "wxyz"))[::steps], -1, axis=1))
+        for each, steps in ((result, 1), (fine, 5))
+    ]
+    apart = (turns[0] * turns[1].inv()).magnitude().max()
+    told = result.summary["error"]["displacement_max"]
+    assert 0.2 * apart < told < 2.0 * apart
