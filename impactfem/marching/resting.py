@@ -1,6 +1,7 @@
-"""What a start at rest asks of a body, linear or not."""
+"""What a start at rest asks of a body, linear or not, and what it finds."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -64,3 +65,44 @@ class Resting(Protocol):
 
     def destroy(self) -> None:
         """Free what PETSc holds."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Where bodies are at rest.
+
+    Attributes:
+        places: Displacements of the owned dofs of each body [m].
+        surface: Displacements of all contact nodes [m], (nodes, dim).
+        multiplier: Forces in the gaps [N], (gaps,).
+        forces: These on the contact nodes [N], (nodes, dim).
+        residual: Forces that are left, as a share of those that act.
+        iterations: Passes, and linear systems of the active sets in them.
+        shifted: How far each body was moved rigidly, and how far nodes besides [m].
+        neutral: Bodies on which small forces work that nothing holds: these as a share of all, and
+            the motion that they drive.
+    """
+
+    places: tuple[Floats, ...]
+    surface: Floats
+    multiplier: Floats
+    forces: Floats
+    residual: float
+    iterations: tuple[int, int]
+    shifted: dict[str, tuple[float, float]]
+    neutral: dict[str, tuple[float, str]]
+
+
+def polished(compliance: Floats, gap: Floats, force: Floats) -> Floats:
+    """Forces that close what rounding has left open: free bodies answer with large numbers.
+
+    Args:
+        compliance: Of the gaps [m/N], (k, k).
+        gap: Gaps that the forces leave [m], (k,).
+        force: [N], (k,).
+    """
+    closed = np.flatnonzero(force > 0.0)
+    change = np.linalg.lstsq(compliance[np.ix_(closed, closed)], -gap[closed])[0]
+    found = force.copy()
+    found[closed] = np.maximum(force[closed] + change, 0.0)
+    return found

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from impactfem.contact.complementarity import Solver
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.layers import ContactGaps, Stepper
-from impactfem.marching.resting import Resting
-from impactfem.marching.static_start import Rest, StaticStart
+from impactfem.marching.resting import Rest, Resting
+from impactfem.marching.static_start import StaticStart
 from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.planning.solid_choices import fitting_solver
 from impactfem.result.whole import Whole

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 import impactfem
-from impactfem.errors import SceneError
+from impactfem.errors import ConvergenceError, SceneError
 from impactfem.scene import Scene
 
 FLOOR = {"name": "floor", "kind": "half_space", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+DISC = {"kind": "disc", "radius": 0.5, "center": [0.0, 0.5]}
 BLOCK = {"kind": "block", "size": [1.0, 0.5], "corner": [0.0, 0.0]}
 
 
@@ -72,18 +73,45 @@ def test_what_nothing_holds_is_named():
         impactfem.solve(scene({}, (0.0, -0.1), slope))
 
 
+def part(name, bottom, height, size):
+    """A block as wide as the others, of which the left side may slide up and down."""
+    return {
+        "name": name, "kind": "solid", "model": "plane_strain", "strain": "finite",
+        "material": "neo_hookean", "density": 1.0, "youngs_modulus": 1.0, "poisson_ratio": 0.3,
+        "shape": {"kind": "block", "size": [1.0, height], "corner": [0.0, bottom]},
+        "mesh_size": size, "supports": [{"surface": "left", "kind": "motion", "value": ["0", ""]}],
+    }  # fmt: skip
+
+
+@pytest.mark.slow
+def test_blocks_that_press_each_other_hard_are_found_in_parts_of_passes():
+    """By 17 % of their height at once: as one block is, whose state is known to be uniform."""
+    pressed = {"pressures": [{"surface": "top", "value": 0.2}]}
+    ends = []
+    for bodies in (
+        [part("one", 0.0, 0.8, 0.2) | pressed],
+        [part("low", 0.0, 0.4, 0.12), part("high", 0.4, 0.4, 0.17) | pressed],
+    ):
+        result = impactfem.solve(
+            Scene.from_dict(scene({}).to_dict() | {"duration": 0.05, "body": bodies})
+        )
+        ends.append((column(result, "elastic_energy")[0], column(result, "contact_force")[0]))
+    assert ends[1][0] == pytest.approx(ends[0][0], rel=1e-6)
+    assert ends[1][1] == pytest.approx(2.0 * ends[0][1], rel=1e-6)  # floor and interface
+
+
+@pytest.mark.slow
+def test_a_start_that_is_not_found_tells_how_far_it_came():
+    with pytest.raises(ConvergenceError, match=r"no .*with forces that grow .* of them were"):
+        impactfem.solve(scene({"shape": DISC}, (0.0, -30.0)))
+
+
 @pytest.mark.parametrize(("cells", "degree"), [("simplex", 1), ("hexahedron", 1), ("simplex", 2)])
 def test_pressed_blocks_of_other_meshes_are_as_one(cells, degree):
     """The patch test: one stress everywhere, though nodes do not match."""
 
     def block(name, bottom, height, size):
-        return {
-            "name": name, "kind": "solid", "model": "plane_strain", "strain": "finite",
-            "material": "neo_hookean", "density": 1.0, "youngs_modulus": 1.0, "poisson_ratio": 0.3,
-            "shape": {"kind": "block", "size": [1.0, height], "corner": [0.0, bottom]},
-            "mesh_size": size, "cells": cells, "degree": degree,
-            "supports": [{"surface": "left", "kind": "motion", "value": ["0", ""]}],
-        }  # fmt: skip
+        return part(name, bottom, height, size) | {"cells": cells, "degree": degree}
 
     pressed = {"pressures": [{"surface": "top", "value": 0.02}]}
     ends = []
