@@ -146,7 +146,9 @@ def memory_mib(sizes: Sequence[Size], linear_solver: str) -> float:
 
 _KERNEL_SECONDS = {2: 4e-7, 3: 9e-7}  # of a node in an explicit step under finite strain
 _ITERATES = 2.0  # times a linear layer, measured 1.6 to 2.7
-_NEWTON_SECONDS = 1.2e-5  # of an unknown in a step under finite strain, without factorisation
+# Of an unknown in a step under finite strain, without factorisation: its iterates, and answers of
+# contact nodes.
+_NEWTON_SECONDS = {2: 5e-6, 3: 3.5e-5}
 
 
 def seconds(
@@ -174,7 +176,7 @@ def seconds(
     if finite and linear_solver == "none":
         step += _KERNEL_SECONDS[size.dim] * size.nodes / ranks
     elif finite:
-        step += factorisation_work(size) * product + _NEWTON_SECONDS * size.unknowns
+        step += factorisation_work(size) * product + _NEWTON_SECONDS[size.dim] * size.unknowns
     elif iterates:
         step *= _ITERATES
     return start + once * product + steps * step

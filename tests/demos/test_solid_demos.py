@@ -84,6 +84,24 @@ def test_discs_rub_as_the_page_says():
     assert np.ptp(energy - rubbed) < 1e-10 * energy[0]
 
 
+@pytest.mark.slow
+def test_ball_rolls_away_as_its_page_says():
+    page = (DEMOS / "rolling_ball" / "README.md").read_text(encoding="utf-8")
+    scene = impactfem.Scene.from_toml(DEMOS / "rolling_ball" / "scene.toml")
+    result = impactfem.solve(scene.with_settings({"output.fields": []}), estimate=False)
+    _, contacts, struck, last, _, ratio = re.search(r"(?m)^\| (disc) .*\|$", page)[0].split("|")[
+        1:7
+    ]
+    intervals = np.array(result.summary["contact"]["intervals"])[:3]
+    said = re.findall(r"(\d+\.\d) to (\d+\.\d)", contacts)
+    assert intervals * 1e3 == pytest.approx(np.array(said, dtype=float), abs=0.25)
+    free = result.history.sel(time=[0.15, 0.28], method="nearest")
+    speed, spin = free["ball.vx"].values[1], -free["ball.spin"].values
+    assert spin[0] == pytest.approx(float(struck.split()[0]), abs=0.1)
+    assert speed == pytest.approx(float(last.split()[0]), abs=2e-3)
+    assert speed / (0.05 * spin[1]) == pytest.approx(float(ratio), abs=2e-3)
+
+
 def cells(row):
     """Numbers of a row of the page's table."""
     page = (DEMOS / "elastic_sphere" / "README.md").read_text(encoding="utf-8")

@@ -76,3 +76,36 @@ def test_what_turned_beyond_small_strains_keeps_its_energy(shape, velocity, obst
     assert np.ptp(energy) <= 1e-10 * energy[0]
     assert result.summary["bodies"]["body"]["rotation_max"] > 0.3
     assert result.summary["status"] == "completed"
+
+
+CUBE = {"size": [0.1, 0.1, 0.1], "corner": [0.001, 0.001, 0.001]}
+BOX = {"size": [0.12, 0.06, 0.03], "corner": [0.0, 0.0, 1.0]}
+
+
+@pytest.mark.slow
+def test_a_cube_on_its_corner_is_thrown_straight_back():
+    body = {"model": "3d", "cells": "hexahedron", "mesh_size": 1 / 30, "velocity": [-0.8] * 3,
+            "shape": CUBE | {"kind": "block"}}  # fmt: skip
+    result = solved(body, FLOOR | {"point": [0.0] * 3, "normal": [3**-0.5] * 3}, 0.03, 1e-3)
+    rows = result.history
+    energy = rows["total_energy"].values
+    speeds = np.array([rows[f"body.v{axis}"].values[-1] for axis in "xyz"])
+    assert np.ptp(energy) <= 1e-10 * energy[0]
+    assert rows["contact_force"].values[-1] == 0.0
+    assert 0.3 < speeds[0] < 0.8  # the rest is vibration
+    assert np.ptp(speeds) < 1e-9
+    turned = [rows[f"angular_momentum.{axis}"].values for axis in "xyz"]
+    assert np.abs(turned).max() < 1e-11 * abs(rows["momentum"].values[0])
+
+
+@pytest.mark.slow
+def test_a_box_that_spins_about_its_middle_axis_keeps_its_angular_momentum():
+    body = {"model": "3d", "cells": "hexahedron", "mesh_size": 0.015,
+            "shape": BOX | {"kind": "block"}, "angular_velocity": [0.3, 30.0, 0.0]}  # fmt: skip
+    result = solved(body, FLOOR | {"point": [0.0] * 3, "normal": [0.0, 0.0, 1.0]}, 0.1, 2e-3)
+    rows = result.history
+    energy = rows["total_energy"].values
+    assert np.ptp(energy) <= 1e-10 * energy[0]
+    turned = np.array([rows[f"angular_momentum.{axis}"].values for axis in "xyz"])
+    assert np.ptp(turned, axis=1).max() <= 1e-10 * turned[1, 0]
+    assert result.summary["bodies"]["body"]["rotation_max"] > 2.0
