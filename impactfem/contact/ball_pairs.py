@@ -14,7 +14,7 @@ from scipy.sparse import csr_matrix
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.mortar_surface import Surface
-from impactfem.contact.pairs import Meeting
+from impactfem.contact.pairs import NOTHING, Meeting
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -92,9 +92,9 @@ class BallPair:
     far: float = FAR
 
     follows = True
-    seen = None  # it depends on no earlier layer
+    memory = NOTHING
 
-    def look_from(self, places: Floats | None) -> None:
+    def recall(self, memory: Floats) -> None:
         """Nothing: it is looked at anew each time."""
 
     @property

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from impactfem.contact.boundary import Boundary
 from impactfem.contact.followed_pair import FollowedPair, along_ways, pair_weights
-from impactfem.contact.mortar import MortarPairs, mortar
+from impactfem.contact.mortar import MortarPairs, faces_in_reach, mortar
 from impactfem.contact.mortar_surface import Kind, Surface, surface
-from impactfem.contact.pairs import Meet, Meeting
+from impactfem.contact.pairs import NOTHING, Meet, Meeting
+from impactfem.contact.self_pairs import WithinBody
 from impactfem.errors import SceneError
 
 Floats = NDArray[np.float64]
@@ -61,6 +62,7 @@ class SurfacePair:
         updated: Whether the pair follows the bodies.
         thickness: Of plane bodies [m].
         axisymmetric: Whether the first coordinate is the radius.
+        within: Of a body that may meet itself, which of its faces may meet.
     """
 
     bodies: tuple[int, int]
@@ -73,6 +75,7 @@ class SurfacePair:
     updated: bool
     thickness: float
     axisymmetric: bool
+    within: WithinBody | None = None
 
     @property
     def nodes(self) -> tuple[Integers, Integers]:
@@ -84,19 +87,26 @@ class SurfacePair:
         """Both at t = 0."""
         return self.sides[0].surface, self.sides[1].surface
 
-    def met(self, points: Sequence[Floats], reach: float | None = None) -> MortarPairs:
+    def roles(self) -> Integers:
+        """Which faces carry before any contact; see `WithinBody.meeting`."""
+        return np.zeros(0, dtype=np.int64) if self.within is None else self.within.roles()
+
+    def met(
+        self, points: Sequence[Floats], reach: float | None = None, roles: Integers | None = None
+    ) -> MortarPairs:
         """Weighted gaps with the nodes of both sides at some places, (nodes, dim) each.
 
         Args:
             points: The places [m].
             reach: Distance from which faces are looked at, if less than that of the pair [m].
+            roles: Which faces carried last, of a body that may meet itself; changed.
         """
         carrier, other = (
             side.surface.moved(place) for side, place in zip(self.sides, points, strict=True)
         )
-        return mortar(
-            carrier, other, reach=self.reach if reach is None else min(reach, self.reach),
-            thickness=self.thickness, axisymmetric=self.axisymmetric,
+        return _met(
+            carrier, other, self.reach if reach is None else min(reach, self.reach),
+            self.thickness, self.within, roles, axisymmetric=self.axisymmetric,
         )  # fmt: skip
 
     def meeting(self, rows: Sequence[Integers], total: int) -> Meet:
@@ -116,10 +126,11 @@ class FixedPair:
     pair: SurfacePair
     rows: Sequence[Integers]
     total: int
-    seen: Floats | None = None  # it depends on no earlier layer
-    follows: bool = False
 
-    def look_from(self, places: Floats | None) -> None:
+    memory = NOTHING
+    follows = False
+
+    def recall(self, memory: Floats) -> None:
         """Nothing: these surfaces are looked at once."""
 
     def __call__(self, places: Floats, acting: Floats) -> Meeting:  # noqa: ARG002  (fixed)
@@ -168,19 +179,22 @@ def make_pair(
     sides = [Side.of(*faces[k]) for k in order]
     name = names[order[0]], names[order[1]]
     extent = max(float(np.ptp(side.surface.points, axis=0).max()) for side in sides)
-    found = mortar(
-        sides[0].surface, sides[1].surface, reach=min(reach, 1e3 * extent), thickness=thickness,
+    within = None
+    if bodies[0] == bodies[1]:
+        within = WithinBody.of(faces[0][0], [faces[k][2] for k in order])
+    found = _met(
+        sides[0].surface, sides[1].surface, min(reach, 1e3 * extent), thickness, within,
         axisymmetric=axisymmetric,
     )  # fmt: skip
-    if not len(found.gap):
+    if not len(found.gap) and within is None:
         return None
-    worst = int(np.argmin(found.gap))
-    if found.gap[worst] < -_ROUNDING * extent:
-        place = sides[0].surface.points[found.nodes[worst]]
-        raise SceneError(
-            f"bodies {name[0]} and {name[1]} overlap by {-found.gap[worst]:.4g} m at t = 0 near "
-            f"({', '.join(f'{x:.4g}' for x in place)}): move one of them"
-        )
+    worst = int(np.argmin(found.gap)) if len(found.gap) else None
+    if worst is not None and found.gap[worst] < -_ROUNDING * extent:
+        place = ", ".join(f"{x:.4g}" for x in sides[0].surface.points[found.nodes[worst]])
+        depth = f"by {-found.gap[worst]:.4g} m at t = 0 near ({place})"
+        if within is not None:
+            raise SceneError(f"body {name[0]} overlaps itself {depth}: mend its mesh")
+        raise SceneError(f"bodies {name[0]} and {name[1]} overlap {depth}: move one of them")
     if not updated:
         # Only faces with a node that carries weight can take part.
         used = [np.unique(w.indices) for w in (found.carrier_weights, found.other_weights)]
@@ -188,9 +202,11 @@ def make_pair(
             _part(side, faces[k], nodes) for side, k, nodes in zip(sides, order, used, strict=True)
         ]
     why = f"{name[0]} carries the multipliers: its faces are the smaller ones"
+    if within is not None:
+        why = f"{name[0]} meets itself: of two patches that face each other one carries"
     pair = SurfacePair(
         (bodies[order[0]], bodies[order[1]]), name, label, (sides[0], sides[1]), 0, why,
-        min(reach, 1e3 * extent), updated, thickness, axisymmetric,
+        min(reach, 1e3 * extent), updated, thickness, axisymmetric, within,
     )  # fmt: skip
     count = len(np.unique(sides[0].surface.corners))
     if not updated:
@@ -204,3 +220,23 @@ def _part(side: Side, faces: tuple[Boundary, Floats, Booleans], used: Integers) 
     marked = np.zeros(len(outside.numbers), dtype=bool)
     marked[side.nodes[used]] = True
     return Side.of(outside, places, asked & marked[outside.faces].all(axis=1))
+
+
+def _met(
+    carrier: Surface,
+    other: Surface,
+    reach: float,
+    thickness: float,
+    within: WithinBody | None,
+    roles: Integers | None = None,
+    *,
+    axisymmetric: bool,
+) -> MortarPairs:
+    """How two surfaces meet at the places of their nodes; of one body as it says."""
+    pairs = None
+    if within is not None:
+        seen = faces_in_reach(carrier, other, reach)
+        pairs = within.meeting(seen, within.roles() if roles is None else roles)
+    return mortar(
+        carrier, other, reach, thickness=thickness, axisymmetric=axisymmetric, pairs=pairs
+    )

@@ -1,5 +1,6 @@
 """Gaps between two surfaces in terms of all contact nodes, and pairs that follow their bodies."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
@@ -34,7 +35,12 @@ class Opposite(Protocol):
     def reach(self) -> float:
         """The distance [m]."""
 
-    def met(self, points: Sequence[Floats], reach: float | None = None) -> MortarPairs:
+    def roles(self) -> Integers:
+        """Which faces carry before any contact, where a body may meet itself."""
+
+    def met(
+        self, points: Sequence[Floats], reach: float | None = None, roles: Integers | None = None
+    ) -> MortarPairs:
         """Weighted gaps with the nodes of both at some places (nodes, dim) [m]."""
 
 
@@ -54,18 +60,23 @@ class FollowedPair:
         self._pair, self._rows, self._total = pair, tuple(rows), total
         self._corners = np.unique(pair.surfaces[0].corners)
         self._near = 2.0 * max(map(_largest, pair.surfaces))
+        self._shape = total, pair.surfaces[0].dim
+        self._roles = pair.roles()
         self._last: tuple[Floats, Meeting, float] | None = None
 
     @property
-    def seen(self) -> Floats | None:
-        """Where the bodies were looked at while they were apart; see `Meet`."""
-        return None if self._last is None else self._last[0]
+    def memory(self) -> Floats:
+        """Where the bodies were looked at while apart, else NaN; which faces carried last."""
+        places = np.full(self._shape, np.nan) if self._last is None else self._last[0]
+        return np.concatenate([places.ravel(), self._roles])
 
-    def look_from(self, places: Floats | None) -> None:
-        """Go on as if the bodies had last been looked at there; None: as if they never had."""
+    def recall(self, memory: Floats) -> None:
+        """Look again from where the bodies were looked at."""
+        places = memory[: math.prod(self._shape)].reshape(self._shape)
         self._last = None
-        if places is not None:
+        if not np.isnan(places).any():
             self(places, places)
+        self._roles[:] = memory[places.size :]
 
     def __call__(self, places: Floats, acting: Floats) -> Meeting:  # noqa: ARG002  (first order)
         """How the surfaces meet with all contact nodes at some places (nodes, dim)."""
@@ -77,10 +88,10 @@ class FollowedPair:
                 change = np.einsum("ij,ij->i", met.normal, met.weights @ moved)
                 return replace(met, gap=met.gap + change)
         points = [places[own] for own in self._rows]
-        found = self._pair.met(points, self._near)
+        found = self._pair.met(points, self._near, self._roles)
         self._last = None
         if not len(found.gap):
-            found = self._pair.met(points)
+            found = self._pair.met(points, None, self._roles)
             distance = float(found.gap.min(initial=self._pair.reach))
             if distance > self._near:
                 self._last = places.copy(), self._spread(found, places), distance
@@ -96,8 +107,12 @@ class FollowedPair:
         area[at] = found.area
         weights = pair_weights(found, self._rows, at, (count, self._total))
         other = self._pair.surfaces[1].moved(places[self._rows[1]])
-        normal[at] = opposite_normals(other, found)
-        gap[at] = np.einsum("ij,ij->i", normal[at], weights[at] @ places)
+        ways, opposite = weights[at] @ places, opposite_normals(other, found)
+        along = np.einsum("ij,ij->i", opposite, ways)
+        # Far off, what is seen aslant may turn its back to the way.
+        turned = (along < 0.0) & (found.gap > self._near)
+        normal[at] = np.where(turned[:, None], found.normal, opposite)
+        gap[at] = np.where(turned, found.gap, along)
         return Meeting(weights, gap, normal, area, self._patch(found, at))
 
     def _patch(self, found: MortarPairs, at: Integers) -> csr_matrix:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from impactfem.contact.pairs import Meeting
+from impactfem.contact.pairs import NOTHING, Meeting
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -28,7 +28,7 @@ class LinePair:
     total: int
 
     follows = False  # weights and normal stay
-    seen = None
+    memory = NOTHING
     count = 1
     thickness = np.inf  # nothing can pass through
 
@@ -37,7 +37,7 @@ class LinePair:
         """Both nodes."""
         return np.array([self.lower, self.upper])
 
-    def look_from(self, places: Floats | None) -> None:
+    def recall(self, memory: Floats) -> None:
         """Nothing: it stays."""
 
     def __call__(self, places: Floats, acting: Floats) -> Meeting:  # noqa: ARG002  (others ask)

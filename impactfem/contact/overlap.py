@@ -15,6 +15,9 @@ from impactfem.contact.boundary import Boundary
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
+HALF_FACE = 0.5
+"""Depth below faces, share of their width, at which a body in contact with itself is wrong."""
+
 _BELOW = 0.02  # of the width of a face: how far below it the points lie
 _AT_ONCE = 2_000_000  # angles
 _TRIANGLES = {3: [[0, 1, 2]], 4: [[0, 1, 2], [1, 3, 2]]}  # DOLFINx's order of corners
@@ -51,7 +54,7 @@ def overlap(
     return max(found, key=lambda entry: entry[0], default=None)
 
 
-def folded(body: Boundary, places: Floats) -> Floats | None:
+def folded(body: Boundary, places: Floats, depth: float = _BELOW) -> Floats | None:
     """Where a body lies in itself, a place (dim,); None if it does not.
 
     Points below its faces are in it once, unless another part of it lies there too.
@@ -59,8 +62,9 @@ def folded(body: Boundary, places: Floats) -> Floats | None:
     Args:
         body: Its outside.
         places: Of its nodes [m], shape (nodes, dim).
+        depth: How far below the faces the points are, share of their width.
     """
-    middles, below = _below(body, places)
+    middles, below = _below(body, places, depth)
     twice = np.flatnonzero(_turns(body, places, below) > 1.5)
     return middles[twice[0]] if len(twice) else None
 
@@ -70,10 +74,10 @@ def inside(body: Boundary, places: Floats, points: Floats) -> Booleans:
     return np.asarray(_turns(body, places, points) > 0.5)
 
 
-def _below(body: Boundary, places: Floats) -> tuple[Floats, Floats]:
+def _below(body: Boundary, places: Floats, depth: float = _BELOW) -> tuple[Floats, Floats]:
     """Middles of the faces and points just below them, (faces, dim) each."""
     middles = places[_corners(body)].mean(axis=1)
-    return middles, middles - (_BELOW * _width(body))[:, None] * outward_normals(body, places)
+    return middles, middles - (depth * _width(body))[:, None] * outward_normals(body, places)
 
 
 def outward_normals(body: Boundary, places: Floats) -> Floats:

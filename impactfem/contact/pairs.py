@@ -37,6 +37,9 @@ class Meeting:
     patch: csr_matrix | None = None
 
 
+NOTHING: Floats = np.zeros(0)
+"""Memory of what depends on no earlier answer."""
+
 _ENTRIES = 4096  # of weights that are kept as an array
 
 
@@ -52,11 +55,11 @@ class Meet(Protocol):
         """See above."""
 
     @property
-    def seen(self) -> Floats | None:
-        """Places of an earlier layer (nodes, dim) that the next answer depends on, if any."""
+    def memory(self) -> Floats:
+        """What of earlier answers the next one depends on, always as many numbers, (numbers,)."""
 
-    def look_from(self, places: Floats | None) -> None:
-        """Go on as after an answer for these places."""
+    def recall(self, memory: Floats) -> None:
+        """Go on from what `memory` was."""
 
     def __call__(self, places: Floats, acting: Floats) -> Meeting:
         """How they meet with the contact nodes at some places, forces acting at others [m]."""
@@ -309,15 +312,16 @@ class PairGaps:
         return place, pressure, pressed
 
     def memory(self) -> dict[str, Floats]:
-        """Places that pairs go by until they have moved from them; NaN without any."""
-        none = np.full_like(self._places, np.nan)
-        seen = [none if meet.seen is None else meet.seen for meet in self._meetings]
-        return {"seen": np.array(seen).reshape(-1, *self._places.shape)}
+        """What the answers of pairs depend on besides places."""
+        return {"met": np.concatenate([np.zeros(0), *(meet.memory for meet in self._meetings)])}
 
     def remember(self, memory: Mapping[str, Floats]) -> None:
-        """Look again from where pairs were looked at."""
-        for meet, places in zip(self._meetings, memory["seen"], strict=True):
-            meet.look_from(None if np.isnan(places).any() else places)
+        """Go on from what pairs went by."""
+        first = 0
+        for meet in self._meetings:
+            last = first + len(meet.memory)
+            meet.recall(memory["met"][first:last])
+            first = last
 
     def advance(self, normals: Floats, time: float) -> Floats:
         """How far obstacles have moved towards the nodes since t = 0 [m], (pairs,)."""

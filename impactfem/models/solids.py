@@ -138,7 +138,8 @@ class SolidsModel:
             if one not in names or two not in names:
                 continue
             a, b = names.index(one), names.index(two)
-            self._check_apart(a, b)
+            if a != b:
+                self._check_apart(a, b)
             pair = make_pair(
                 (a, b),
                 tuple(self.faces(k, surfaces) for k, surfaces in ((a, first), (b, second))),
@@ -152,6 +153,11 @@ class SolidsModel:
             if pair is not None:
                 found.append(pair)
         return tuple(found)
+
+    @property
+    def self_meeting(self) -> frozenset[str]:
+        """Names of solids that may meet themselves."""
+        return frozenset(pair.names[0] for pair in self.pairs if pair.within is not None)
 
     @cached_property
     def probes(self) -> tuple[tuple[Probe, int, Located], ...]:

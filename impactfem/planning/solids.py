@@ -33,9 +33,10 @@ from impactfem.planning.solid_costs import (
     seconds,
 )
 from impactfem.planning.solid_plan import MarchNumbers, in_words
-from impactfem.planning.strains import finite_instead, told
+from impactfem.planning.strains import finite_instead, told, with_strains
 from impactfem.planning.wholes import find_whole
 from impactfem.scene import Scene
+from impactfem.scene.pairing import self_meeting
 from impactfem.scene.solids import Solid
 
 _STARTS = {
@@ -66,6 +67,7 @@ def plan_solids(scene: Scene) -> Plan[MarchNumbers]:
         SceneError: The settings cannot work, or need more memory than the machine has.
         MeshError: A mesh cannot be made.
     """
+    scene = with_strains(scene, self_meeting(scene))
     made = _plan(scene)
     other = finite_instead(scene, made.findings)
     if other is None:

@@ -19,6 +19,7 @@ from impactfem.report.skin import Skin, Snapshot, union
 from impactfem.report.space_picture import Camera, SpacePainter, skin_of
 from impactfem.result import Record
 from impactfem.result.whole import Whole
+from impactfem.scene.pairing import self_meeting
 
 Floats = NDArray[np.float64]
 type Painter = PlanePainter | SpacePainter
@@ -61,7 +62,7 @@ def survey(
 def _painter(result: Record, skin: Skin) -> Painter:
     if skin.dim == 2:
         turned = any(solid.is_axisymmetric for solid in result.scene.solids)
-        several = len(result.scene.bodies) > 1
+        several = len(result.scene.bodies) > 1 or bool(self_meeting(result.scene))
         return PlanePainter(skin, result.scene.obstacles, turned, several=several)
     return SpacePainter(skin, result.scene.obstacles, Camera.of(result.scene))
 

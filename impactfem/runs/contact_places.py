@@ -135,9 +135,10 @@ class ContactPlaces:
         )  # fmt: skip
         spins = np.concatenate(each[-1], axis=1)
         weight = np.where(self.bodies[nodes] == self.first[pairs[gap]], weights, 0.0)
-        # Those of a side sum up to 1 where it carries the forces, else to -1.
-        sign = np.sign(np.bincount(gap, weight, len(pairs)))
-        amount = weight * (sign * forces)[gap]
+        # Those of a side sum up to 1 where it carries the forces, else to -1; where a body meets
+        # itself, both sides to 0: the place is that on the side that carries.
+        whole = np.rint(np.bincount(gap, weight, len(pairs)))[gap]
+        amount = np.where(whole == 0.0, np.maximum(weight, 0.0), whole * weight) * forces[gap]
         power = np.einsum("ned,ed->en", spins, weight[:, None] * vectors[gap])
         rows, count = self.march.rows, len(self.first)
         at = (np.repeat(np.arange(len(layers)) * count, counts) + pairs)[gap]

@@ -104,7 +104,7 @@ def make_loop(
     contacts = Contacts.of(model, surfaces, offsets)
     law = contacts.friction(scene, tolerance, 50 * numbers.max_iterations)
     # Nodes that each have a gap of their own: nothing has to be weighed.
-    alone = len(each) == 1 and not few and law is None
+    alone = len(each) == 1 and not few and law is None and not contacts.pairs
     gaps: ContactGaps = contacts.obstacles[0].gaps if alone else contacts.gaps()
     solver, kind = _solver(numbers, tolerance), numbers.linear_solver
     settings = (scheme, gaps, solver, layers, tolerance)

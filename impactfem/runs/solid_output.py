@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.overlap import folded, overlap
+from impactfem.contact.overlap import HALF_FACE, folded, overlap
 from impactfem.contact.watch import penetration_of_others
 from impactfem.errors import SceneError
 from impactfem.fem import cell_nodes, on_root
@@ -229,7 +229,8 @@ class Watch:
         """Look at the bodies of a model every so many layers."""
         self.axes = axes
         self._comm, self._parts, self._every = model.comm, model.parts, every
-        self._pairs = [pair.bodies for pair in model.pairs]
+        self._pairs = [pair.bodies for pair in model.pairs if pair.within is None]
+        self._itself = model.self_meeting
         parts = model.parts
         self._cuts = np.cumsum([0, *(len(part.system.constrained) for part in parts)])
         self.depth = self.overlap = 0.0
@@ -268,7 +269,9 @@ class Watch:
         """Look at each body that may bend at will (collective)."""
         for part, moved in zip(self._parts, displacements, strict=True):
             if part.solid.is_finite and part.solid.name not in self.folds:
-                place = folded(part.outside, part.places_at(moved))
+                # Gaps are means over faces: what meets itself may lie a little in itself.
+                depth = (HALF_FACE,) if part.solid.name in self._itself else ()
+                place = folded(part.outside, part.places_at(moved), *depth)
                 if place is not None:
                     where = ", ".join(f"{value:.4g}" for value in place)
                     self.folds[part.solid.name] = f"near ({where}) m at t = {time:.4g} s"

@@ -214,8 +214,11 @@ def _overlap_findings(model: SolidsModel, watch: Watch) -> tuple[Finding, ...]:
     remedy = "take smaller elements where they meet"
     found = by_limits("penetration", share, PENETRATION_LIMITS, text, remedy=remedy)
     for name, where in watch.folds.items():
-        text = f"{name} lies in itself {where}: contact of a body with itself is not computed"
-        remedy = "end the run before, or make two bodies of it that may meet"
+        text = f"{name} lies in itself {where}: contact of a body with itself was not asked for"
+        remedy = f'give [[contact]] between = ["{name}", "{name}"]'
+        if name in model.self_meeting:
+            text = f"{name} lies in itself {where}, by more than half a face"
+            remedy = "take smaller elements where it does, and smaller steps"
         found += (Finding("penetration", "fault", text, name, remedy=remedy),)
     return found
 

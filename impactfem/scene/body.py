@@ -67,6 +67,11 @@ class BodyKind:
         """
 
     @property
+    def meets_itself(self) -> bool:
+        """Whether it may bend so far that it strikes itself, and the march knows it."""
+        return False
+
+    @property
     def surface_names(self) -> tuple[str, ...] | None:
         """Names of its surfaces in ``between``; None if they are not known yet."""
         return ()

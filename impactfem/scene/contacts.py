@@ -13,7 +13,7 @@ from impactfem.scene.values import show
 @table("[[contact]]")
 @dataclass(frozen=True, kw_only=True)
 class Contact:
-    """A pair that may meet: two bodies, or a body and an obstacle.
+    """A pair that may meet: two bodies, a body and an obstacle, or a body and itself.
 
     Raises:
         SceneError: a value is missing or not allowed.
@@ -29,7 +29,8 @@ class Contact:
     )
     between: Sequence[str] = key(
         ListOf(SideName(), at_least=2),
-        "names of two bodies, or of a body and an obstacle; a surface of a solid as ball/skin",
+        "names of two bodies, or of a body and an obstacle; a surface of a solid as ball/skin; "
+        "twice the same solid, of finite strain, where it may meet itself",
     )
     restitution: float = key(
         Real(at_least=0),
@@ -48,11 +49,6 @@ class Contact:
         if len(self.between) != 2:
             text = f" = {show(list(self.between))} has {len(self.between)} names: give two."
             raise KeyedError(self.heading, "between", text)
-        if self.between[0] == self.between[1]:
-            text = (
-                f" = {show(list(self.between))}: a body in contact with itself is not available; "
-            )
-            raise KeyedError(self.heading, "between", f"{text}name two.")
         for name in ("restitution", "tangential_restitution"):
             if (value := getattr(self, name)) > 1.0:
                 text = f" = {show(value)} is not allowed: an impact would gain energy; "

@@ -12,7 +12,8 @@ from impactfem.scene.finite_checks import check_finite
 from impactfem.scene.loads import PiecewiseConstant
 from impactfem.scene.mixed import check_dimensions, check_mixed
 from impactfem.scene.obstacle_checks import check_gravity, check_obstacles
-from impactfem.scene.pair_checks import check_pairs
+from impactfem.scene.pair_checks import check_itself, check_pairs
+from impactfem.scene.pairing import self_meeting
 from impactfem.scene.probe_checks import check_probes
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
@@ -52,6 +53,7 @@ def check_scene(scene: Content, gravity: object) -> None:
         KeyedError: naming the key.
     """
     _check_names(scene)
+    check_itself(scene)
     _check_counts(scene)
     if len(scene.bars) > 1:
         check_bar_row(scene)
@@ -132,7 +134,7 @@ def _check_counts(scene: Content) -> None:
             raise KeyedError(f"body[{index}]", "point", f"{text}x axis; give gap instead.")
     if len(scene.bodies) > 1 or not all(body.waves for body in scene.bodies):
         return
-    if not scene.obstacles:
+    if not scene.obstacles and not self_meeting(scene):
         kind = "wall" if scene.bars else "half_space"
         text = " is missing: there is none (obstacle = []); give one or more [[obstacle]], as "
         text += f"kind = {show(kind)}."

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 
+from impactfem.methods import METHODS
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import Content
 from impactfem.scene.nearest import nearest
@@ -40,6 +41,27 @@ def _check_contact(scene: Content, contact: Contact, where: str) -> None:
             raise KeyedError(where, law, f"{text}by their own elasticity; remove it.")
 
 
+def check_itself(scene: Content) -> None:
+    """Refuse bodies that meet themselves and cannot.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    for index, contact in enumerate(scene.contacts):
+        (one, _), (two, _) = map(side_of, contact.between)
+        if one != two:
+            continue
+        shown = f" = {show(list(contact.between))}: {one} cannot meet itself"
+        body = next((body for body in scene.bodies if body.name == one), None)
+        if body is None or not body.meets_itself:
+            text = f'{shown}; name two, or give a solid with strain = "finite".'
+            raise KeyedError(f"contact[{index}]", "between", text)
+        method = scene.solve.method
+        if method is not None and METHODS[method].stable == "limited":
+            text = f'{shown} in explicit steps; give solve.method = "conserving".'
+            raise KeyedError(f"contact[{index}]", "between", text)
+
+
 def check_sides(scene: Content, contact: Contact, where: str) -> None:
     """Refuse names that are none, and surfaces that a body does not have.
 
@@ -55,9 +77,6 @@ def check_sides(scene: Content, contact: Contact, where: str) -> None:
             known = [*(b.name for b in scene.bodies), *(o.name for o in scene.obstacles)]
             text = f" = {shown}: there is no {show(name)}; {_meant(name, known)}"
             raise KeyedError(where, "between", text)
-    if names[0] == names[1]:
-        text = f" = {shown}: a body in contact with itself is not available; name two bodies."
-        raise KeyedError(where, "between", text)
     if not bodies & set(names):
         raise KeyedError(where, "between", f" = {shown} are two obstacles: name a body and one.")
     for entry in contact.between:

@@ -54,6 +54,11 @@ def body_pairs(scene: Content) -> list[tuple[Side, Side]]:
     return [(one, two) for _, one, two in named_body_pairs(scene)]
 
 
+def self_meeting(scene: Content) -> list[str]:
+    """Bodies that may meet themselves, by the contact laws."""
+    return [one for (one, _), (two, _) in body_pairs(scene) if one == two]
+
+
 def law_of(scene: Content, one: str, two: str) -> "Contact | None":
     """The law between two names; None where none is given."""
     for entry in scene.contacts:

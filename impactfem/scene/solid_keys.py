@@ -223,6 +223,11 @@ class SolidKeys(BodyKind):
         return self.is_finite
 
     @property
+    def meets_itself(self) -> bool:
+        """Whether it may bend into itself: the plan takes finite strain where none is said."""
+        return self.is_finite or self.strain is None
+
+    @property
     def keeps_volume(self) -> bool:
         """Whether its elements keep their volume in the mean only: it is nearly incompressible."""
         if self.model == "plane_stress":  # it gives way across

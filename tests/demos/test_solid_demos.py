@@ -102,6 +102,25 @@ def test_ball_rolls_away_as_its_page_says():
     assert speed / (0.05 * spin[1]) == pytest.approx(float(ratio), abs=2e-3)
 
 
+@pytest.mark.slow
+def test_a_ring_folds_as_the_page_says():
+    page = (DEMOS / "folding_ring" / "README.md").read_text(encoding="utf-8")
+    scene = impactfem.Scene.from_toml(DEMOS / "folding_ring" / "scene.toml")
+    result = impactfem.solve(scene.with_settings({"output.fields": []}), estimate=False)
+    intervals = np.array(result.summary["contact"]["intervals"])
+    said = re.findall(r"from (\d+\.\d) to (\d+\.\d) ms", page)
+    assert intervals * 1e3 == pytest.approx(np.array(said, dtype=float), abs=0.11)
+    energy, rubbed, spun = (
+        result.history[name].values
+        for name in ("total_energy", "friction_work", "angular_momentum")
+    )
+    taken, first = map(float, re.search(r"takes, (\S+) J of (\S+) J", page).groups())
+    assert -rubbed[-1] == pytest.approx(taken, abs=0.03)
+    assert energy[0] == pytest.approx(first, abs=0.1)
+    assert np.ptp(energy - rubbed) < 1e-10 * energy[0]
+    assert np.ptp(spun) < 1e-11 * abs(spun[0])
+
+
 def cells(row):
     """Numbers of a row of the page's table."""
     page = (DEMOS / "elastic_sphere" / "README.md").read_text(encoding="utf-8")

@@ -145,6 +145,27 @@ def pair(method, normals, friction, **more):
     )  # fmt: skip
 
 
+def folding(method="conserving", friction=0.3, between=("ring", "ring"), **more):
+    """A spinning ring in free flight, pinched so fast that it strikes itself."""
+    body = {
+        "name": "ring", "kind": "solid", "model": "plane_strain", "mesh_size": 0.005,
+        "strain": "finite", "material": "neo_hookean", "density": 1100.0, "youngs_modulus": 1e6,
+        "poisson_ratio": 0.4, "angular_velocity": 30.0,
+        "shape": {
+            "kind": "ring", "inner_radius": 0.037, "radius": 0.05, "center": [0.01, 0.02]
+        },
+        "velocity": ["0.3 + 57*(x - 0.01)", "-190*(y - 0.02)"],
+    }  # fmt: skip
+    return impactfem.Scene.from_dict(
+        {
+            "title": "a ring that folds", "duration": 0.014, "body": [body],
+            "contact": [{"between": list(between), "friction_coefficient": friction}],
+            "solve": {"method": method, "dt": 2e-4, "estimate": False},
+            "output": {"fields": [], "checkpoint": 4},
+        } | more
+    )  # fmt: skip
+
+
 class Stopped(BaseException):
     """What ends a march between two layers in a test."""
 

@@ -42,7 +42,7 @@ def test_a_checkpoint_has_what_every_body_needs(tmp_path, monkeypatch):
     with np.load(tmp_path / FILE) as file:
         names = set(file.files)
         nodes = len(file["node.displacement"])
-    wanted = {"node.velocity", "march.tangential", "march.place", "march.seen", "march.surface"}
+    wanted = {"node.velocity", "march.tangential", "march.place", "march.met", "march.surface"}
     assert wanted <= names
     found = solve(case, restart=tmp_path)
     assert nodes == found.summary["details"]["nodes"]

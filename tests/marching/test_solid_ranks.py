@@ -9,6 +9,7 @@ from moving_scenes import (
     differences,
     driven,
     finite,
+    folding,
     forget,
     pair,
     pumped,
@@ -131,6 +132,11 @@ def test_driven_bodies_agree(method, monkeypatch):
 )
 def test_bodies_under_finite_strain_agree(made, method, monkeypatch):
     compare(finite(made, method), monkeypatch)
+
+
+@pytest.mark.parallel(RANKS)
+def test_a_ring_that_strikes_itself_agrees(monkeypatch):
+    compare(folding(duration=0.0104), monkeypatch)
 
 
 @pytest.mark.parallel(RANKS)

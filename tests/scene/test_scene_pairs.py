@@ -60,8 +60,7 @@ def test_one_body_may_meet_another_at_several_surfaces():
 
 
 CONTACTS = {
-    "itself": ([("left", "left", {})], ['contact[0].between = ["left", "left"]', "itself", "two"]),
-    "own surfaces": ([("left/top", "left/right", {})], ["in contact with itself", "two bodies"]),
+    "an obstacle and itself": ([("floor", "floor", {})], ["floor cannot meet itself", "name two"]),
     "unknown body": ([("left", "rihgt", {})], ['no "rihgt"', 'did you mean "right"']),
     "unknown, far": ([("left", "xyz", {})], ['no "xyz"', "Give one of left, middle, right, floor"]),
     "unknown surface": (

@@ -1,0 +1,89 @@
+"""A body under finite strain that strikes itself: energy, momenta, no penetration."""
+
+import numpy as np
+import pytest
+from moving_scenes import differences, folding, stopping
+
+import impactfem
+from impactfem.errors import SceneError
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("method", "friction"), [("conserving", 0.0), ("massless", 0.3)])
+def test_a_ring_that_strikes_itself_keeps_all_momenta(method, friction):
+    result = impactfem.solve(folding(method, friction))
+    force, energy, rubbed, spun, x, y, gap, turned = (
+        result.history[name].values
+        for name in (
+            "force.ring.ring", "total_energy", "friction_work", "angular_momentum", "momentum.x",
+            "momentum.y", "gap.ring.ring", "moment.ring.ring",
+        )
+    )  # fmt: skip
+    assert force.max() > 1000.0
+    assert force[-1] == 0.0  # it has opened again
+    own = result.summary["bodies"]["ring"]["mass"] * 1.0  # kg m/s at 1 m/s
+    assert max(np.ptp(x), np.ptp(y)) <= 1e-11 * own
+    assert np.ptp(spun) <= 1e-11 * abs(spun[0])
+    kept = (energy - rubbed) / energy[0]
+    assert np.diff(kept).max() <= 1e-12
+    if method == "conserving":
+        assert np.ptp(kept) <= 1e-10
+    assert (rubbed[-1] < -1e-3 * energy[0]) == (friction > 0.0)
+    assert np.nanmin(gap) >= -5e-4 * 0.1
+    assert np.abs(turned).max() <= 1e-3 * force.max() * 0.05  # of its own forces
+    assert not any(
+        found["code"] == "penetration" for found in result.summary["verdict"]["findings"]
+    )
+
+
+@pytest.mark.slow
+def test_without_a_law_it_passes_through_itself_and_says_so():
+    body = folding().to_dict()
+    floor = {"kind": "half_space", "point": [0.0, -1.0], "normal": [0.0, 1.0]}
+    alone = {key: value for key, value in body.items() if key != "contact"}
+    result = impactfem.solve(impactfem.Scene.from_dict(alone | {"obstacle": [floor]}))
+    (found,) = (
+        found for found in result.summary["verdict"]["findings"] if found["code"] == "penetration"
+    )
+    assert "contact of a body with itself was not asked for" in found["text"]
+    assert found["remedy"] == 'give [[contact]] between = ["ring", "ring"]'
+    assert result.summary["verdict"]["level"] == "do_not_trust"
+
+
+@pytest.mark.slow
+def test_a_continued_run_equals_the_whole_one(tmp_path, monkeypatch):
+    case = folding()
+    whole = impactfem.solve(case)
+    for layer in (40, 58):  # far from contact, and in it
+        with stopping(monkeypatch, layer):
+            impactfem.solve(case, checkpoints=tmp_path)
+        again = impactfem.solve(case, checkpoints=tmp_path, restart=tmp_path)
+        assert differences(whole, again) == {}
+
+
+def test_the_plan_takes_finite_strain_where_a_body_may_meet_itself():
+    table = folding().to_dict()
+    table["body"][0] |= {"strain": None, "material": "linear"}
+    table["body"][0].pop("strain")
+    plan = impactfem.plan(impactfem.Scene.from_dict(table))
+    assert plan.numbers.strains == ("finite",)
+    assert "ring meets itself" in plan.reasons["contact ring and ring"]
+
+
+@pytest.mark.parametrize(
+    ("change", "parts"),
+    [
+        ({"strain": "small", "material": "linear"}, ["ring cannot meet itself", '"finite"']),
+        ({"method": "explicit"}, ["ring cannot meet itself in explicit steps", '"conserving"']),
+    ],
+)
+def test_what_cannot_meet_itself_is_refused(change, parts):
+    table = folding().to_dict()
+    place = table["solve"] if "method" in change else table["body"][0]
+    place |= change
+    if "method" in change:
+        place.pop("dt")
+    with pytest.raises(SceneError) as error:
+        impactfem.Scene.from_dict(table)
+    for part in parts:
+        assert part in str(error.value)
