@@ -174,11 +174,13 @@ class Skin:
 
     @cached_property
     def is_stressed(self) -> NDArray[np.bool_]:
-        """Whether a node is one of a solid, shape (nodes,)."""
+        """Whether a node is one of an elastic solid, shape (nodes,)."""
         images = 2 ** len(self.mirrors)
         count = len(self.points) // images
         found = np.zeros(count, dtype=bool)
         found[self.triangles % count] = True  # the first image may be the one left out
+        if "von_mises" in self.fields.point_data:  # rigid bodies have cells, but no stress
+            found &= ~np.isnan(self.fields.read(0, "von_mises")["von_mises"])
         return np.tile(found, images)
 
     def snapshot(self, layer: int) -> Snapshot:
@@ -186,10 +188,7 @@ class Skin:
         known = [name for name in _SHOWN if name in self.fields.point_data]
         values = self.fields.read(layer, *known)
         count = len(values["displacement"])
-        known_stress = values.get("von_mises", np.zeros(count))
-        # Rigid bodies have cells, but no stress.
-        rigid = np.isnan(known_stress) & np.isfinite(values["displacement"]).all(axis=1)
-        stress = np.where(self.is_stressed[:count] & ~rigid, known_stress, 0.0)
+        stress = np.where(self.is_stressed[:count], values.get("von_mises", np.zeros(count)), 0.0)
         touching = np.isfinite(values.get("gap", np.full(count, np.nan)))
         pressure = np.zeros(count)
         if "contact_pressure" in values:
