@@ -121,6 +121,29 @@ def test_a_ring_folds_as_the_page_says():
     assert np.ptp(spun) < 1e-11 * abs(spun[0])
 
 
+@pytest.mark.slow
+def test_a_strip_buckles_as_the_page_says():
+    page = (DEMOS / "buckling_strip" / "README.md").read_text(encoding="utf-8")
+    scene = impactfem.Scene.from_toml(DEMOS / "buckling_strip" / "scene.toml")
+    scene = scene.with_settings({"output.fields": []})
+    euler = 4.0 * np.pi**2 / 12.0 * 0.04**2  # strain
+    sags = []
+    for share in (0.0, 0.5):
+        table = scene.to_dict() | {"duration": 1e-3}
+        table["body"][0]["supports"][1]["value"] = [repr(-0.1 * share * euler), "0"]
+        held = impactfem.solve(impactfem.Scene.from_dict(table))
+        sags.append(held.history["middle.uy"].values[0])
+    bending = 1e6 / 0.84 * 0.004**3 / 12.0
+    assert -sags[0] == pytest.approx(1100.0 * 0.004 * 0.1**4 / (384.0 * bending), rel=0.012)
+    more = float(re.search(r"sags \S+, (\S+) and", page)[1])
+    assert sags[1] / sags[0] == pytest.approx(more, abs=2e-3)
+    result = impactfem.solve(scene.with_settings({"duration": 0.165}))
+    said = re.findall(r"from (\d+\.\d) to (\d+\.\d) ms", page)
+    struck = 1e3 * np.array(result.summary["contact"]["intervals"])
+    assert struck[0] == pytest.approx(list(map(float, said[0])), abs=0.6)
+    assert struck[1, 0] == pytest.approx(float(said[1][0]), abs=0.6)
+
+
 def cells(row):
     """Numbers of a row of the page's table."""
     page = (DEMOS / "elastic_sphere" / "README.md").read_text(encoding="utf-8")
