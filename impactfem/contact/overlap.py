@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.boundary import Boundary
+from impactfem.contact.self_pairs import WithinBody
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -54,18 +55,24 @@ def overlap(
     return max(found, key=lambda entry: entry[0], default=None)
 
 
-def folded(body: Boundary, places: Floats, depth: float = _BELOW) -> Floats | None:
+def folded(
+    body: Boundary, places: Floats, within: WithinBody, depth: float = _BELOW
+) -> Floats | None:
     """Where a body lies in itself, a place (dim,); None if it does not.
 
-    Points below its faces are in it once, unless another part of it lies there too.
+    Points below its faces are in it once, unless another part of it lies there too. It is asked of
+    faces to which others have come close that were far along the outside: all others lie in it as
+    they did.
 
     Args:
         body: Its outside.
         places: Of its nodes [m], shape (nodes, dim).
+        within: Which of its faces may meet.
         depth: How far below the faces the points are, share of their width.
     """
     middles, below = _below(body, places, depth)
-    twice = np.flatnonzero(_turns(body, places, below) > 1.5)
+    some = within.close(middles, _width(body))
+    twice = some[_turns(body, places, below[some]) > 1.5]
     return middles[twice[0]] if len(twice) else None
 
 

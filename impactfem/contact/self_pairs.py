@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
+from scipy.spatial import KDTree
 
 from impactfem.contact.boundary import Boundary
 
@@ -89,17 +90,34 @@ class WithinBody:
             roles: Of all faces, changed: 1 where it carried last, -1 where the other did.
         """
         f, g = (side[column] for side, column in zip(self.sides, pairs.T, strict=True))
+        kept = self._may(f, g)
+        if np.array_equal(*self.sides):
+            kept[kept] = self._carries(f[kept], g[kept], roles)
+        found: Integers = pairs[kept]
+        return found
+
+    def close(self, middles: Floats, widths: Floats) -> Integers:
+        """Faces that others which they may meet have come close to, (faces,).
+
+        Args:
+            middles: Where the faces are [m], (all faces, dim).
+            widths: Of the faces [m], (all faces,).
+        """
+        near = KDTree(middles).query_ball_point(middles, 2.0 * widths)
+        f = np.repeat(np.arange(len(middles)), list(map(len, near)))
+        g = np.concatenate([np.zeros(0, dtype=np.int64), *near]).astype(np.int64)
+        met = self._may(f, g) | self._may(g, f)
+        return np.unique(np.concatenate([f[met], g[met]]))
+
+    def _may(self, f: Integers, g: Integers) -> Booleans:
+        """Whether faces are far enough from others in the undeformed body to meet them."""
         keys = f * len(self.order) + g
         at = np.searchsorted(self.near, keys)
         apart = self.near[np.minimum(at, len(self.near) - 1)] != keys
         way = self.centres[g] - self.centres[f]
         behind = np.einsum("pd,pd->p", way, self.normals[f]) < 0.0
         close = np.linalg.norm(way, axis=1) < 0.5 * _WALL * (self.widths[f] + self.widths[g])
-        kept = apart & ~(behind & close)
-        if np.array_equal(*self.sides):
-            kept[kept] = self._carries(f[kept], g[kept], roles)
-        found: Integers = pairs[kept]
-        return found
+        return np.asarray(apart & ~(behind & close))
 
     def _carries(self, f: Integers, g: Integers, roles: Integers) -> Booleans:
         """Whether the first of two faces that see each other carries, (pairs,)."""

@@ -14,6 +14,7 @@ from impactfem.contact.body_pairs import Side, SurfacePair, make_pair
 from impactfem.contact.boundary import Boundary, boundary, everywhere
 from impactfem.contact.overlap import overlap
 from impactfem.contact.reach import Reach
+from impactfem.contact.self_pairs import WithinBody
 from impactfem.contact.surfaces import ContactNodes
 from impactfem.errors import SceneError
 from impactfem.fem import MPI
@@ -70,6 +71,12 @@ class SolidPart:
         """Its faces, on every rank (collective at the first use)."""
         solid = self.solid
         return boundary(self.mesh, thickness=solid.thickness, axisymmetric=solid.is_axisymmetric)
+
+    @cached_property
+    def within(self) -> WithinBody:
+        """Which faces of the outside may meet others of it."""
+        every = np.ones(len(self.outside.faces), dtype=bool)
+        return WithinBody.of(self.outside, (every, every))
 
     @cached_property
     def places(self) -> Floats:

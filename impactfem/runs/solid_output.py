@@ -271,7 +271,7 @@ class Watch:
             if part.solid.is_finite and part.solid.name not in self.folds:
                 # Gaps are means over faces: what meets itself may lie a little in itself.
                 depth = (HALF_FACE,) if part.solid.name in self._itself else ()
-                place = folded(part.outside, part.places_at(moved), *depth)
+                place = folded(part.outside, part.places_at(moved), part.within, *depth)
                 if place is not None:
                     where = ", ".join(f"{value:.4g}" for value in place)
                     self.folds[part.solid.name] = f"near ({where}) m at t = {time:.4g} s"

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from impactfem.contact.boundary import Boundary
 from impactfem.contact.overlap import folded, inside, overlap
+from impactfem.contact.self_pairs import WithinBody
 
 
 def polygon(points):
@@ -121,7 +122,12 @@ def test_a_body_that_is_bent_into_itself_is_seen():
         arms = radius - strip.points[:, 1]
         return np.stack([arms * np.sin(angle), radius - arms * np.cos(angle)], axis=1)
 
-    assert folded(strip, strip.points) is None
-    assert folded(strip, bent(0.95)) is None
-    assert folded(strip, bent(1.05)) is not None
-    assert folded(box([0, 0, 0], [1, 1, 1]), box([0, 0, 0], [1, 2, 1]).points) is None
+    def within(body):
+        every = np.ones(len(body.faces), dtype=bool)
+        return WithinBody.of(body, (every, every))
+
+    assert folded(strip, strip.points, within(strip)) is None
+    assert folded(strip, bent(0.95), within(strip)) is None
+    assert folded(strip, bent(1.05), within(strip)) is not None
+    cube = box([0, 0, 0], [1, 1, 1])
+    assert folded(cube, box([0, 0, 0], [1, 2, 1]).points, within(cube)) is None
