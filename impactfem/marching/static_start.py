@@ -47,6 +47,11 @@ _MOST = 80  # passes
 _HALVINGS = 12  # of a step after which a body is not what it was
 
 
+type Arms = Callable[[Floats, Sequence[Floats]], Floats]
+"""Displacements of contact nodes that moments go by, (nodes, dim), by the true ones and those of
+the owned dofs of each body."""
+
+
 class StaticStart:
     """The search for a `Rest`."""
 
@@ -58,6 +63,7 @@ class StaticStart:
         gaps: ContactGaps,
         solver: Solver,
         tolerance: float,
+        arms: Arms | None = None,
     ) -> None:
         """Begin where the bodies are.
 
@@ -68,7 +74,9 @@ class StaticStart:
             gaps: Distances from obstacles and other bodies.
             solver: Of complementarity problems.
             tolerance: Rounding level of gaps [m].
+            arms: By which the march turns the directions of gaps; None if it does not.
         """
+        self._arms = arms
         self._comm, self._bodies, self._owns = comm, bodies, owns
         self._gaps, self._solver, self._tolerance = gaps, solver, tolerance
         self._places = [body.start.copy() for body in bodies]
@@ -196,7 +204,10 @@ class StaticStart:
     def _look(self) -> tuple[Floats, Floats]:
         """Gaps and normals where the bodies are."""
         there = self._surface(self._places)
-        return self._gaps.at(there, there, there, 0.0)
+        gap, normals = self._gaps.at(there, there, there, 0.0)
+        if self._arms is not None:
+            normals = self._gaps.normals_at(there, 0.0, self._arms(there, self._places))
+        return gap, normals
 
     def _surface(self, values: Sequence[Floats]) -> Floats:
         """Of all contact nodes, by the values of the owned dofs of each body."""

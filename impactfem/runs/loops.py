@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -185,8 +186,18 @@ def _brought_to_rest(
         body.at_rest(part.solid.name, gravity, spin)
         for body, part, spin in zip(bodies, model.parts, spins, strict=True)
     ]
+    ends = np.cumsum([0, *(surface.count for surface in surfaces)])
+
+    def arms(there: Floats, places: Sequence[Floats]) -> Floats:
+        """As the march has them: bodies of small strains turn none, they move with the centre."""
+        found = there.copy()
+        for part, place, own in zip(model.parts, places, pairwise(ends), strict=True):
+            if not part.solid.is_finite:
+                found[slice(*own)] = part.system.mean(place)
+        return found
+
     started = start_at_rest(
-        model, resting, surfaces, interior, np.zeros_like, gaps, solver, tolerance
+        model, resting, surfaces, interior, np.zeros_like, gaps, solver, tolerance, arms
     )
     for body, spin in zip(bodies, spins, strict=True):
         body.turn(spin)

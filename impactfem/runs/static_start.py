@@ -11,7 +11,7 @@ from impactfem.contact.complementarity import Solver
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.layers import ContactGaps, Stepper
 from impactfem.marching.resting import Rest, Resting
-from impactfem.marching.static_start import StaticStart
+from impactfem.marching.static_start import Arms, StaticStart
 from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.planning.solid_choices import fitting_solver
 from impactfem.result.whole import Whole
@@ -115,6 +115,7 @@ def start_at_rest(
     gaps: ContactGaps,
     solver: Solver,
     tolerance: float,
+    arms: Arms | None = None,
 ) -> Started:
     """Move interiors to equilibrium (collective).
 
@@ -127,6 +128,7 @@ def start_at_rest(
         gaps: Of all of them.
         solver: Of complementarity problems.
         tolerance: Rounding level of gaps [m].
+        arms: By which the march turns directions of gaps; see `StaticStart`.
 
     Raises:
         SceneError: Loads drive a body that nothing holds.
@@ -135,7 +137,7 @@ def start_at_rest(
     ends = np.cumsum([surface.count for surface in surfaces]).tolist()
     owns = [slice(end - s.count, end) for s, end in zip(surfaces, ends, strict=True)]
     try:
-        rest = StaticStart(model.comm, bodies, owns, gaps, solver, tolerance).find()
+        rest = StaticStart(model.comm, bodies, owns, gaps, solver, tolerance, arms).find()
     finally:
         for body in bodies:
             body.destroy()
