@@ -161,11 +161,6 @@ class SolidsModel:
                 found.append(pair)
         return tuple(found)
 
-    @property
-    def self_meeting(self) -> frozenset[str]:
-        """Names of solids that may meet themselves."""
-        return frozenset(pair.names[0] for pair in self.pairs if pair.within is not None)
-
     @cached_property
     def probes(self) -> tuple[tuple[Probe, int, Located], ...]:
         """The probes of the scene, the place of each one's body and where in it they are.

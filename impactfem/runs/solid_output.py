@@ -23,6 +23,7 @@ from impactfem.result.cell_kinds import KINDS
 from impactfem.result.shapes import VECTOR, Shape, joined
 from impactfem.result.spool import POINT_DATA, FieldSpool
 from impactfem.runs.axis_watch import AxisWatch
+from impactfem.scene.pairing import self_meeting
 from impactfem.system.stress import NodalFields
 
 Floats = NDArray[np.float64]
@@ -230,7 +231,7 @@ class Watch:
         self.axes = axes
         self._comm, self._parts, self._every = model.comm, model.parts, every
         self._pairs = [pair.bodies for pair in model.pairs if pair.within is None]
-        self._itself = model.self_meeting
+        self._itself = self_meeting(model.scene)
         parts = model.parts
         self._cuts = np.cumsum([0, *(len(part.system.constrained) for part in parts)])
         self.depth = self.overlap = 0.0

@@ -30,7 +30,7 @@ from impactfem.runs.solid_output import Watch
 from impactfem.runs.solid_probes import SolidProbes
 from impactfem.runs.static_start import Started
 from impactfem.runs.verdict import PENETRATION_LIMITS
-from impactfem.scene.pairing import named_body_pairs
+from impactfem.scene.pairing import named_body_pairs, self_meeting
 
 Floats = NDArray[np.float64]
 
@@ -216,7 +216,7 @@ def _overlap_findings(model: SolidsModel, watch: Watch) -> tuple[Finding, ...]:
     for name, where in watch.folds.items():
         text = f"{name} lies in itself {where}: contact of a body with itself was not asked for"
         remedy = f'give [[contact]] between = ["{name}", "{name}"]'
-        if name in model.self_meeting:
+        if name in self_meeting(model.scene):
             text = f"{name} lies in itself {where}, by more than half a face"
             remedy = "take smaller elements where it does, and smaller steps"
         found += (Finding("penetration", "fault", text, name, remedy=remedy),)
