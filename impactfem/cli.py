@@ -216,6 +216,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     bench.add_argument("--hard", action="store_true", help="run the board of hard cases instead")
     bench.add_argument(
+        "--schemes", action="store_true",
+        help="measure order, stability and cost of textbook schemes instead",
+    )  # fmt: skip
+    bench.add_argument(
         "--methods", metavar="A,B", help="methods, with settings as dg@degree=1,fitted=true"
     )
     bench.add_argument("--sizes", metavar="N,M",

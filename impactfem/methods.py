@@ -147,6 +147,32 @@ METHODS: Mapping[str, Method] = {
         bodies=VIBRO,
         lively=True,
     ),
+    "energy_momentum": Method(
+        "discrete gradient of mean values: energy of smooth motions, and momenta of coordinates "
+        "that it does not depend on, to rounding over any horizon; second order, of impacts first; "
+        "dense systems in Python",
+        bodies=VIBRO,
+    ),
+    **{
+        name: Method(f"TEACHING CONTROL: {text}", plannable=False, bodies=VIBRO)
+        for name, text in (
+            ("explicit_euler", "first order; amplitudes of vibrations grow in every step"),
+            ("implicit_euler", "first order; stable at any step, but it damps what vibrates"),
+            (
+                "symplectic_euler",
+                "first order; energy is bounded up to h omega = 2, where it breaks down",
+            ),
+            (
+                "midpoint",
+                "second order; linear vibrations keep their energy at any step, the period grows",
+            ),
+            ("trapezoid", "second order; of linear systems the midpoint rule in other clothes"),
+            (
+                "rk4",
+                "fourth order, of Kutta; stable up to h omega = 2.828; loses energy slowly",
+            ),
+        )
+    },
 }
 """Methods by name."""
 

@@ -1,4 +1,4 @@
-"""The sub-command bench: a work-precision study of a scene, or the board of hard cases."""
+"""The sub-command bench: a work-precision study of a scene, hard cases, or textbook schemes."""
 
 import argparse
 from collections.abc import Callable
@@ -8,6 +8,7 @@ from impactfem.errors import SceneError
 from impactfem.scene import Scene
 from impactfem.shipped import find_scene
 from impactfem.studies.hard.cases import hard_cases
+from impactfem.studies.schemes import scheme_study
 from impactfem.studies.variant import Variant
 from impactfem.studies.work_precision import work_precision
 
@@ -32,8 +33,10 @@ def bench(given: argparse.Namespace, say: Callable[[str], None]) -> bool:
     names = None if given.methods is None else Variant.split(given.methods)
     if given.hard:
         return _board(names, given.out, say)
+    if given.schemes:
+        return _schemes(names, given.out, say)
     if given.scene is None:
-        raise SceneError("bench: no scene is given; name one, or use --hard")
+        raise SceneError("bench: no scene is given; name one, or use --hard or --schemes")
     scene = Scene.from_toml(find_scene(given.scene))
     methods, sizes = DEFAULTS[scene.solver]
     names = names or Variant.split(methods)
@@ -56,6 +59,14 @@ def _board(names: list[str] | None, out: Path | None, say: Callable[[str], None]
         + (f"; {shown} of the negative control fail, as they must" if shown else "")
     )
     return not failures
+
+
+def _schemes(names: list[str] | None, out: Path | None, say: Callable[[str], None]) -> bool:
+    study = scheme_study(names)
+    say(study.markdown())
+    if out is not None:
+        say("\n" + "\n".join(str(path) for path in study.save(out)))
+    return True
 
 
 def _sizes(text: str) -> list[int]:

@@ -8,7 +8,6 @@ t, u and p = M(u) u', here of t, u and v = u'.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,14 +15,19 @@ from numpy.typing import ArrayLike, NDArray
 from impactfem.errors import SceneError
 from impactfem.scene.breaks import Break
 from impactfem.scene.signal import Signal
+from impactfem.system.derivatives import MatrixRate, differentiate
+from impactfem.system.generalized_input import (
+    Constraints,
+    as_function,
+    constant_mass,
+    friction_of,
+    restitution_of,
+    square,
+)
 
 Floats = NDArray[np.float64]
 Mass = Callable[[Floats], ArrayLike]
 Force = Callable[[float, Floats, Floats], ArrayLike]
-Constraints = Callable[[Floats], ArrayLike] | Sequence[Callable[[Floats], Any]]
-
-_COMPLEX_STEP = 1e-30
-_REAL_STEP = 6e-6  # about eps^(1/3): the error of central differences is 1e-10 of the curvature
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,8 @@ class GeneralizedSystem:
         mass: M(u) as a function u (d,) -> (d, d), or a constant: (d, d), (d,) for a diagonal, or
             a number. Symmetric positive definite.
         force: f(t, u, v) -> (d,): applied forces, with the inertial ones that depend on v.
-        constraints: phi(u) -> (J,), or J functions phi_j(u) -> number; >= 0 where allowed.
+        constraints: phi(u) -> (J,), or J functions phi_j(u) -> number; >= 0 where allowed; None:
+            there are none.
         restitution: Newton's e in [0, 1]: a number, or one a constraint.
         jacobian: d phi / d u as a function u -> (J, d); None for complex steps, or central
             differences where phi takes no complex numbers.
@@ -64,7 +69,7 @@ class GeneralizedSystem:
         *,
         mass: Mass | ArrayLike,
         force: Force,
-        constraints: Constraints,
+        constraints: Constraints | None = None,
         restitution: float | Sequence[float] = 0.0,
         jacobian: Callable[[Floats], ArrayLike] | None = None,
         friction: float | Sequence[float] = 0.0,
@@ -74,18 +79,19 @@ class GeneralizedSystem:
         dofs: int | None = None,
         names: Sequence[str] | None = None,
     ) -> None:
-        self._mass = None if callable(mass) else _constant_mass(mass)
+        self._mass = None if callable(mass) else constant_mass(mass)
         self._mass_function: Mass | None = mass if callable(mass) else None
         if self._mass is None and dofs is None:
             raise SceneError("GeneralizedSystem: mass is a function; give dofs, the length of u")
         self.dofs: int = len(self._mass) if self._mass is not None else int(dofs or 0)
+        self._mass_rates = MatrixRate(mass) if callable(mass) else None
         self._force = force
-        self.constraint_function = _as_function(constraints)
+        self.constraint_function = as_function(constraints)
         self._given_jacobian = jacobian
         self.names = tuple(names or (f"u[{i}]" for i in range(self.dofs)))
         count = len(self._constraints_at(np.zeros(self.dofs)))
-        self.restitution: Floats = _restitution(restitution, count)
-        self.friction: Floats = _friction(friction, count)
+        self.restitution: Floats = restitution_of(restitution, count)
+        self.friction: Floats = friction_of(friction, count)
         self._slip = slip
         if self.friction.any() and slip is None:
             raise SceneError("GeneralizedSystem: friction needs slip, a function u -> (J, d)")
@@ -114,6 +120,12 @@ class GeneralizedSystem:
         given = self._mass_function
         matrix = np.asarray(given(u) if given else None, dtype=float)
         return np.diag(matrix) if matrix.ndim == 1 else np.atleast_2d(matrix)
+
+    def mass_rate(self, u: Floats, v: Floats) -> Floats:
+        """Rate of M along a motion, shape (d, d), by complex steps or differences."""
+        if self._mass_rates is None:
+            return np.zeros((self.dofs, self.dofs))
+        return self._mass_rates(u, v)
 
     def force(self, t: float, u: Floats, v: Floats) -> Floats:
         """Forces f(t, u, v), shape (d,)."""
@@ -235,12 +247,12 @@ class LinearSystem(GeneralizedSystem):
         potential: Callable[[float, Floats], float] | None = None,
         names: Sequence[str] | None = None,
     ) -> None:
-        matrix = _constant_mass(mass)
+        matrix = constant_mass(mass)
         d = len(matrix)
         self.normals: Floats = np.atleast_2d(np.asarray(normals, dtype=float))
         self.offsets: Floats = np.atleast_1d(np.asarray(offsets, dtype=float))
-        self.stiffness = _square("stiffness", stiffness, d)
-        self.damping = _square("damping", damping, d)
+        self.stiffness = square("stiffness", stiffness, d)
+        self.damping = square("damping", damping, d)
         if self.normals.shape != (len(self.offsets), d):
             raise SceneError(
                 f"LinearSystem: normals has shape {self.normals.shape}, offsets "
@@ -285,32 +297,6 @@ class LinearSystem(GeneralizedSystem):
         return float(0.5 * u @ (self.stiffness @ u) - constant @ u)
 
 
-def differentiate(phi: Callable[[Any], Any], u: Floats) -> Floats:
-    """Jacobian of phi (d,) -> (J,) at u, shape (J, d).
-
-    By complex steps, exact to rounding, if phi takes complex numbers and its answers agree with
-    differences; else by central differences.
-    """
-    real = np.stack(
-        [
-            (np.atleast_1d(phi(u + h)) - np.atleast_1d(phi(u - h))) / (2.0 * h.max())
-            for h in _steps(u)
-        ],
-        axis=1,
-    ).astype(float)
-    try:
-        columns = [
-            np.imag(np.atleast_1d(phi(u + 1j * _COMPLEX_STEP * row))) / _COMPLEX_STEP
-            for row in np.eye(len(u))
-        ]
-    except TypeError:
-        return real
-    complex_one = np.stack(columns, axis=1).astype(float)
-    size = max(1.0, float(np.abs(real).max(initial=0.0)))
-    # abs, min and max drop the imaginary part: then the complex step is wrong, not inaccurate.
-    return complex_one if np.abs(complex_one - real).max(initial=0.0) <= 1e-5 * size else real
-
-
 def factor_mass(system: GeneralizedSystem, u: Floats, t: float | None = None) -> Floats:
     """Lower Cholesky factor of M(u), shape (d, d).
 
@@ -341,71 +327,3 @@ def factor_mass(system: GeneralizedSystem, u: Floats, t: float | None = None) ->
             f"{least:.6g}; give a symmetric positive definite matrix"
         ) from None
     return factor
-
-
-def _constant_mass(mass: ArrayLike) -> Floats:
-    matrix = np.asarray(mass, dtype=float)
-    if matrix.ndim == 0:
-        matrix = matrix.reshape(1, 1)
-    if matrix.ndim == 1:
-        matrix = np.diag(matrix)
-    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not len(matrix):
-        raise SceneError(f"mass has shape {matrix.shape}; give (d, d), (d,) or a number")
-    return matrix
-
-
-def _square(name: str, matrix: ArrayLike | None, d: int) -> Floats:
-    if matrix is None:
-        return np.zeros((d, d))
-    found = np.asarray(matrix, dtype=float)
-    if found.ndim == 0:
-        found = found.reshape(1, 1)
-    if found.ndim == 1:
-        found = np.diag(found)
-    if found.shape != (d, d):
-        raise SceneError(f"LinearSystem: {name} has shape {found.shape}; give ({d}, {d})")
-    return found
-
-
-def _as_function(constraints: Constraints) -> Callable[[Any], Any]:
-    if callable(constraints):
-        return constraints
-    functions = tuple(constraints)
-    if not functions or not all(callable(entry) for entry in functions):
-        raise SceneError(
-            f"constraints = {constraints!r}: give a function u -> (J,), or a list of functions"
-        )
-    return lambda u: np.array([entry(u) for entry in functions])
-
-
-def _friction(given: float | Sequence[float], count: int) -> Floats:
-    values = np.asarray(given, dtype=float)
-    values = np.full(count, values) if values.ndim == 0 else values
-    if values.shape != (count,):
-        raise SceneError(f"friction has {values.size} entries for {count} constraints")
-    bad = np.flatnonzero(~((values >= 0.0) & np.isfinite(values)))
-    if len(bad):
-        raise SceneError(
-            f"friction = {values[bad[0]]:g} of constraint {bad[0]} is not allowed: give a number "
-            ">= 0"
-        )
-    return values
-
-
-def _restitution(given: float | Sequence[float], count: int) -> Floats:
-    values = np.asarray(given, dtype=float)
-    if values.ndim == 0:
-        values = np.full(count, float(values))
-    if values.shape != (count,):
-        raise SceneError(f"restitution has {values.size} entries for {count} constraints")
-    bad = np.flatnonzero(~((values >= 0.0) & (values <= 1.0)))
-    if len(bad):
-        raise SceneError(
-            f"restitution = {values[bad[0]]:g} of constraint {bad[0]} is not allowed: give a "
-            "number from 0 (no rebound) to 1 (no loss)"
-        )
-    return values
-
-
-def _steps(u: Floats) -> Floats:
-    return np.diag(_REAL_STEP * np.maximum(1.0, np.abs(u)))

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
-from impactfem.system.generalized import GeneralizedSystem, differentiate, factor_mass
+from impactfem.system.derivatives import differentiate
+from impactfem.system.generalized import GeneralizedSystem, factor_mass
 
 Floats = NDArray[np.float64]
 

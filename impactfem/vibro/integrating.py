@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, fields, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem
 from impactfem.vibro.event_driven import EventSettings, integrate_events
 from impactfem.vibro.position_level import PositionSettings, integrate_positions
+from impactfem.vibro.textbook import SCHEMES, TextbookSettings, integrate_textbook
 from impactfem.vibro.together import find_together
 from impactfem.vibro.velocity_level import VelocitySettings, integrate_velocities
 
@@ -27,6 +29,9 @@ INTEGRATORS: Mapping[str, _Entry] = {
     "event_driven": _Entry(EventSettings, integrate_events),
     "paoli_schatzman": _Entry(PositionSettings, integrate_positions),
     "moreau_jean": _Entry(VelocitySettings, integrate_velocities, rubs=True),
+    **{
+        name: _Entry(TextbookSettings, partial(integrate_textbook, scheme=name)) for name in SCHEMES
+    },
 }
 """Settings and function of each method."""
 
@@ -47,9 +52,11 @@ def integrate(
         position: u at t = 0, shape (d,).
         velocity: u' at t = 0, shape (d,).
         duration: [s].
-        method: "event_driven", "paoli_schatzman" or "moreau_jean".
-        **settings: Those of the method: see `EventSettings`, `PositionSettings` and
-            `VelocitySettings`. All but the first need ``dt``.
+        method: "event_driven", "paoli_schatzman", "moreau_jean", "energy_momentum", or as a control
+            "explicit_euler", "implicit_euler", "symplectic_euler", "midpoint", "trapezoid", "rk4".
+        **settings: Those of the method: see `EventSettings`, `PositionSettings`,
+            `VelocitySettings` and, of all others, `TextbookSettings`. All but the first need
+            ``dt``.
 
     Returns:
         The motion. Where coupled constraints are hit within the resolution of the method, an

@@ -35,18 +35,17 @@ from impactfem.system.frequency import highest_frequency
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem, factor_mass
 from impactfem.system.start_checks import check_start
 from impactfem.vibro.kicks import Kicks
-from impactfem.vibro.position_kernels import ROUNDING, march_velocities, note
+from impactfem.vibro.position_kernels import ROUNDING, march_velocities
+from impactfem.vibro.stepping import Stepped, Walls, march
 from impactfem.vibro.vibro_rows import (
     LinearMarch,
     count_steps,
     empty_rows,
-    pushed,
     row_levels,
     row_times,
     solve_impulses,
     starting_episodes,
     trajectory,
-    unfinished,
 )
 
 Floats = NDArray[np.float64]
@@ -114,7 +113,11 @@ def integrate_velocities(
             f"scheme is stable for dt < {_LIMIT * h / number:.6g} s = 2 / omega_max; use a smaller "
             "dt, or the event-driven method"
         )
-    return _general(system, u, v, steps, h, settings)
+    theta = settings.theta
+    return march(
+        system, (u, v), (steps, h, settings.every),
+        lambda t, u, v, walls: _step(system, t, h, theta, u, v, walls), {"theta": theta},
+    )  # fmt: skip
 
 
 def check_theta(theta: float) -> float:
@@ -186,55 +189,10 @@ def _linear(
     )
 
 
-def _general(
-    system: GeneralizedSystem,
-    u: Floats,
-    v: Floats,
-    steps: int,
-    h: float,
-    settings: VelocitySettings,
-) -> Trajectory:
-    theta, every, count = settings.theta, settings.every, system.num_constraints
-    rows = empty_rows(system, steps, every)
-    episodes, total, worst = starting_episodes(system, u, v), np.zeros(2 * count), 0.0
-    room = np.zeros((count, 5))
-    impacts: list[tuple[float, ...]] = []
-    kicks, rubbed = Kicks(system, steps, h), 0.0
-    for m in range(steps + 1):
-        t = m * h
-        gap = system.gap(t, u)
-        worst = min(worst, float(gap.min(initial=0.0)))
-        if m % every == 0 or m == steps:
-            row = -(-m // every)
-            rows[0][row], rows[1][row], rows[2][row], rows[3][row] = u, v, gap, total
-        ends = np.stack([system.motion_rate(t), system.motion_rate(t + h)])
-        (wall,), (wall_new,) = kicks.rates(ends, m)
-        new, impulse, speed, after, work = _step(system, t, h, u, v, (wall, wall_new))
-        rubbed += work
-        total += pushed(impulse, episodes)
-        written = 0
-        for c in range(count):
-            when = t + (min(max(gap[c] / -speed[c], 0.0), h) if speed[c] < 0.0 else 0.0)
-            written = note(c, impulse[c], when, speed[c], after[c], episodes, room, written)
-        impacts.extend(map(tuple, room[:written]))
-        u, v = u + h * (v + theta * (new - v)), new
-    impacts.extend(unfinished(episodes))
-    details = {"dt": h, "theta": theta, "max_penetration": max(0.0, -worst)}
-    if system.friction.any():
-        details["friction_work"] = rubbed
-    effort = Effort(num_unknowns=system.dofs, details=details)
-    return trajectory(system, row_times(row_levels(steps, every), h), rows, impacts, effort)
-
-
 def _step(
-    system: GeneralizedSystem, t: float, h: float, u: Floats, v: Floats,
-    walls: tuple[Floats, Floats],
-) -> tuple[Floats, Floats, Floats, Floats, float]:  # fmt: skip
-    """v^{m+1}, P, normal velocities before and after, and the work of friction [J].
-
-    Velocities in f are found by fixed point. ``walls`` are the velocities of the walls before and
-    after, each of shape (J,).
-    """
+    system: GeneralizedSystem, t: float, h: float, theta: float, u: Floats, v: Floats, walls: Walls
+) -> Stepped:
+    """One step; velocities in f are found by fixed point."""
     middle = u + 0.5 * h * v
     factor = factor_mass(system, middle, t)
     tolerance = ROUNDING * float(np.abs(middle).max())
@@ -273,7 +231,8 @@ def _step(
             after[closed] = (jacobian @ new - rate)[normal]
             along = pushing * (0.5 * jacobian @ (v + new))
             work = float(along.sum() - along[normal].sum())
-            return new, impulse, speed, after, work
+            end = u + h * (v + theta * (new - v))
+            return Stepped(end, new, impulse, speed, after, work)
         force = following
     raise ConvergenceError(
         f"the forces that depend on velocity did not settle in {_MAX_FIXED_POINT} iterations at "

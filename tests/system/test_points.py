@@ -5,11 +5,8 @@ import pytest
 
 from impactfem.errors import SceneError
 from impactfem.scene import Contact, HalfSpace, Point, RigidCylinder, RigidSphere, Scene, Spring
-from impactfem.system.generalized import (
-    GeneralizedSystem,
-    LinearSystem,
-    differentiate,
-)
+from impactfem.system.derivatives import differentiate
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.system.points import points_system, start_state
 from impactfem.system.start_checks import check_start
 

@@ -10,7 +10,8 @@ from impactfem import SceneError
 from impactfem.contact.impact_law import resolve_impact
 from impactfem.scene.beams import Rod
 from impactfem.scene.obstacles import HalfSpace
-from impactfem.system.generalized import differentiate, factor_mass
+from impactfem.system.derivatives import differentiate
+from impactfem.system.generalized import factor_mass
 from impactfem.system.rod import rod_system
 from impactfem.system.start_checks import check_start
 
