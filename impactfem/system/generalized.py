@@ -23,6 +23,7 @@ from impactfem.system.generalized_input import (
     friction_of,
     restitution_of,
     square,
+    static_friction_of,
 )
 
 Floats = NDArray[np.float64]
@@ -57,6 +58,9 @@ class GeneralizedSystem:
         dofs: Number d of coordinates; needed only if no constant mass matrix tells it.
         names: Names of the coordinates, for messages.
         friction: Coulomb's coefficient: a number, or one a constraint.
+        static_friction: Coulomb's coefficient of what sticks, >= friction; None: the same.
+        tangential_restitution: With friction, the share in [0, 1] of the tangential velocity that
+            an impact turns back: a number, or one a constraint; 1: a superball.
         slip: With friction, how what touches slides: a function u -> (J, d) whose rows times u' are
             velocities along the one tangent of each constraint, or (J, 2, d) along two.
 
@@ -73,6 +77,8 @@ class GeneralizedSystem:
         restitution: float | Sequence[float] = 0.0,
         jacobian: Callable[[Floats], ArrayLike] | None = None,
         friction: float | Sequence[float] = 0.0,
+        static_friction: float | Sequence[float] | None = None,
+        tangential_restitution: float | Sequence[float] = 0.0,
         slip: Callable[[Floats], ArrayLike] | None = None,
         motion: Sequence[Signal] | None = None,
         potential: Callable[[float, Floats], float] | None = None,
@@ -92,8 +98,11 @@ class GeneralizedSystem:
         count = len(self._constraints_at(np.zeros(self.dofs)))
         self.restitution: Floats = restitution_of(restitution, count)
         self.friction: Floats = friction_of(friction, count)
+        self.static_friction: Floats = static_friction_of(static_friction, self.friction)
+        given = restitution_of(tangential_restitution, count, "tangential_restitution")
+        self.tangential_restitution: Floats = given
         self._slip = slip
-        if self.friction.any() and slip is None:
+        if self.static_friction.any() and slip is None:
             raise SceneError("GeneralizedSystem: friction needs slip, a function u -> (J, d)")
         self.motion = tuple(motion) if motion is not None else (Signal(),) * count
         if len(self.motion) != count:
@@ -186,6 +195,14 @@ class GeneralizedSystem:
             )
         return rows
 
+    def slip_curvature(self, u: Floats, v: Floats) -> Floats:
+        """Part (d slip / dt) v of the rates of the tangential velocities, (J, tangents)."""
+        speed = float(np.abs(v).max(initial=0.0))
+        if speed == 0.0:
+            return np.zeros(self.slip(u).shape[:2])
+        h = 1e-6 * max(1.0, float(np.abs(u).max(initial=0.0))) / speed
+        return np.asarray((self.slip(u + h * v) - self.slip(u - h * v)) @ v / (2.0 * h))
+
     def gap_rate(self, t: float, u: Floats, v: Floats) -> Floats:
         """Normal velocities J v - b'(t), shape (J,)."""
         return self.jacobian(u) @ v - self.motion_rate(t)
@@ -222,6 +239,8 @@ class LinearSystem(GeneralizedSystem):
         offsets: c (J,).
         restitution: As for `GeneralizedSystem`.
         friction: As for `GeneralizedSystem`.
+        static_friction: As for `GeneralizedSystem`.
+        tangential_restitution: As for `GeneralizedSystem`.
         slip: As for `GeneralizedSystem`.
         motion: As for `GeneralizedSystem`.
         potential: As for `GeneralizedSystem`; that of K and constant loads if None.
@@ -242,6 +261,8 @@ class LinearSystem(GeneralizedSystem):
         load: Sequence[Signal | float] | None = None,
         restitution: float | Sequence[float] = 0.0,
         friction: float | Sequence[float] = 0.0,
+        static_friction: float | Sequence[float] | None = None,
+        tangential_restitution: float | Sequence[float] = 0.0,
         slip: Callable[[Floats], ArrayLike] | None = None,
         motion: Sequence[Signal] | None = None,
         potential: Callable[[float, Floats], float] | None = None,
@@ -269,6 +290,8 @@ class LinearSystem(GeneralizedSystem):
             restitution=restitution,
             jacobian=lambda _: self.normals,
             friction=friction,
+            static_friction=static_friction,
+            tangential_restitution=tangential_restitution,
             slip=slip,
             motion=motion,
             potential=potential or self._linear_potential,

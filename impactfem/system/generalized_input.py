@@ -83,7 +83,7 @@ def friction_of(given: float | Sequence[float], count: int) -> Floats:
     return values
 
 
-def restitution_of(given: float | Sequence[float], count: int) -> Floats:
+def restitution_of(given: float | Sequence[float], count: int, name: str = "restitution") -> Floats:
     """Coefficients of restitution, (count,).
 
     Raises:
@@ -93,11 +93,29 @@ def restitution_of(given: float | Sequence[float], count: int) -> Floats:
     if values.ndim == 0:
         values = np.full(count, float(values))
     if values.shape != (count,):
-        raise SceneError(f"restitution has {values.size} entries for {count} constraints")
+        raise SceneError(f"{name} has {values.size} entries for {count} constraints")
     bad = np.flatnonzero(~((values >= 0.0) & (values <= 1.0)))
     if len(bad):
         raise SceneError(
-            f"restitution = {values[bad[0]]:g} of constraint {bad[0]} is not allowed: give a "
+            f"{name} = {values[bad[0]]:g} of constraint {bad[0]} is not allowed: give a "
             "number from 0 (no rebound) to 1 (no loss)"
+        )
+    return values
+
+
+def static_friction_of(given: float | Sequence[float] | None, friction: Floats) -> Floats:
+    """Coefficients of what sticks, (count,).
+
+    Raises:
+        SceneError: One is below that of what slides.
+    """
+    if given is None:
+        return friction.copy()
+    values = friction_of(given, len(friction))
+    low = np.flatnonzero(values < friction)
+    if len(low):
+        raise SceneError(
+            f"static_friction = {values[low[0]]:g} of constraint {low[0]} is below friction = "
+            f"{friction[low[0]]:g}: give at least that"
         )
     return values

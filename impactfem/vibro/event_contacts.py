@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem, factor_mass
 from impactfem.vibro.event_choice import Onset, accumulate, independent, lasting, signs, stay
 from impactfem.vibro.event_constrained import constrained
+from impactfem.vibro.event_motion import End, Motion
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -54,6 +56,7 @@ class Contacts:
         spell_count: Number of lasting contacts.
         dropped_speed: Largest normal speed set to 0 by sticking.
         dropped_energy: Energy [J] lost by that.
+        work: Of friction in impacts [J].
     """
 
     system: GeneralizedSystem
@@ -69,6 +72,7 @@ class Contacts:
     spell_count: int = 0
     dropped_speed: float = 0.0
     dropped_energy: float = 0.0
+    work: float = 0.0
     _lasting: dict[int, list[float]] = field(default_factory=dict)
 
     @property
@@ -77,9 +81,18 @@ class Contacts:
         given = self.stick_speed
         return self.share * self.fastest if given is None else given
 
+    def motion(self, rtol: float) -> Motion:
+        """The equations of motion with the closed constraints, flown to this relative tolerance."""
+        return Motion(self.system, self.closed, rtol)
+
+    @property
+    def details(self) -> dict[str, Any]:
+        """What else the effort tells."""
+        return {}
+
     def settle(
         self, t: float, u: Floats, v: Floats, near: Booleans, begin: Begin,
-        released: int | None = None, earlier: Floats | None = None,
+        released: End | None = None, earlier: Floats | None = None,
     ) -> tuple[Floats, Floats, list[Row], Floats]:  # fmt: skip
         """Treat an event.
 
@@ -89,7 +102,7 @@ class Contacts:
             v: Velocity just before, shape (d,).
             near: Which constraints are closed to rounding, shape (J,) of bool.
             begin: How gaps and forces begin at t, u, v with given closed constraints.
-            released: Constraint whose contact force has just vanished.
+            released: What has just ended a flight.
             earlier: Rates of the motions just before (J,), where they have just changed: what is
                 in contact is struck or left by that.
 
@@ -124,7 +137,8 @@ class Contacts:
         applied = cho_solve((factor, True), load)
         curvature = system.gap_curvature(t, u, v)
         state = mass, factor, jacobian, load, applied, curvature
-        guess, _ = independent(jacobian, lasting(state, slow[slow != released]))
+        loosened = released.constraint if released else -1
+        guess, _ = independent(jacobian, lasting(state, slow[slow != loosened]))
         closed, implied, order = stay(partial(begin, t, u, v), jacobian, guess, slow)
         back = [j for j in closed if speed[j] > noise[j]]  # rebounds that are dropped
         tails: dict[int, float] = {}

@@ -17,6 +17,7 @@ from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.system.start_checks import check_start
 from impactfem.vibro.event_contacts import Contacts
+from impactfem.vibro.event_friction import RubbingContacts
 from impactfem.vibro.event_general import fly_general
 from impactfem.vibro.event_linear import fly_linear
 from impactfem.vibro.event_record import Record
@@ -79,6 +80,25 @@ class EventSettings:
         return 1e-9 * duration
 
 
+def check_friction(system: GeneralizedSystem, u: Floats, impact_law: Law) -> None:
+    """Refuse friction that this method does not know.
+
+    Raises:
+        SceneError: It acts along two tangents, or impacts are to be shared by turns.
+    """
+    if not system.static_friction.any():
+        return
+    if system.slip(u).shape[1] > 1:
+        raise SceneError(
+            "slip has two tangents: event_driven takes friction along one; use method = "
+            '"moreau_jean"'
+        )
+    if impact_law != "simultaneous":
+        raise SceneError(
+            f'impact_law = "{impact_law}" knows no friction: use impact_law = "simultaneous"'
+        )
+
+
 def integrate_events(
     system: GeneralizedSystem,
     position: ArrayLike,
@@ -111,12 +131,16 @@ def integrate_events(
     if not 0.0 < duration < math.inf:
         raise SceneError(f"duration = {duration}: give a time > 0")
     check_start(system, u, v)
+    check_friction(system, u, settings.impact_law)
     record = Record(system, duration, settings.rows, settings.max_impacts, settings.keep_impacts)
-    exact = isinstance(system, LinearSystem) and system.is_exact
+    rubs = bool(system.static_friction.any())
+    exact = isinstance(system, LinearSystem) and system.is_exact and not rubs
     share = EXACT_SHARE if exact else GENERAL_SHARE
-    contacts = Contacts(system, settings.impact_law, settings.stick_speed, share)
-    if isinstance(system, LinearSystem) and system.is_exact:
+    kind = RubbingContacts if rubs else Contacts
+    contacts = kind(system, settings.impact_law, settings.stick_speed, share)
+    if isinstance(system, LinearSystem) and exact:
         fly_linear(system, u, v, duration, contacts, record)
     else:
         fly_general(system, u, v, duration, contacts, record, (settings.rtol, settings.atol))
+    record.rubbed += contacts.work
     return record.trajectory(contacts)

@@ -8,7 +8,6 @@ the steps of the integrator, which resolve the motion, make that unlikely.
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +17,8 @@ from scipy.optimize import brentq
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem
 from impactfem.vibro.event_choice import Onset
-from impactfem.vibro.event_constrained import constrained
 from impactfem.vibro.event_contacts import Contacts
+from impactfem.vibro.event_motion import Motion
 from impactfem.vibro.event_record import Record
 
 Floats = NDArray[np.float64]
@@ -27,67 +26,10 @@ Curve = Callable[[float], float]
 
 _SAMPLES = 8
 _EPS = 2.0**-52
-_LOOSE = 1e-12  # share of the forces that counts as their rounding
 _LATER = 1e-3  # of a step of the integrator: where an acceleration is looked at that begins as 0
 _FIRST = 1e-6  # of the duration, before the first step
 _DRIFT = 1e-9  # gap of closed constraints, as a share of the lengths, that is taken away
 _MAX_STALL = 1000
-
-
-@dataclass(frozen=True)
-class _Motion:
-    """Equations of motion with given closed constraints; y = (u, v, integrals of the forces)."""
-
-    system: GeneralizedSystem
-    closed: tuple[int, ...]
-    rtol: float
-
-    def forces(self, t: float, u: Floats, v: Floats) -> tuple[Floats, Floats]:
-        """Acceleration (d,), contact forces (S,) [N]."""
-        system, rows = self.system, list(self.closed)
-        mass, load = system.mass(u), system.force(t, u, v)
-        if not rows:
-            return np.linalg.solve(mass, load), np.zeros(0)
-        normals = system.jacobian(u)[rows]
-        bend = system.gap_curvature(t, u, v)[rows]
-        found, pressed = constrained(mass, normals, load[:, None], bend[:, None])
-        return found[:, 0], pressed[:, 0]
-
-    def doubts(self, t: float, u: Floats, v: Floats) -> tuple[Floats, Floats]:
-        """Rounding of second rates of the gaps (J,) and of forces (S,), by that of the state."""
-        system, d, rows = self.system, len(u), list(self.closed)
-        load, y = system.force(t, u, v), np.concatenate([u, v])
-        size = _LOOSE * np.abs(load)
-        for i in np.flatnonzero(y):
-            other = y.copy()
-            other[i] *= 1.0 + self.rtol
-            size = size + np.abs(system.force(t, other[:d], other[d:]) - load)
-        jacobian, inverse = system.jacobian(u), np.linalg.inv(system.mass(u))
-        bend = _LOOSE * np.abs(system.gap_curvature(t, u, v))
-        gaps = np.abs(jacobian) @ (np.abs(inverse) @ size) + bend
-        answers = jacobian @ inverse @ jacobian[rows].T
-        forces = np.abs(np.linalg.inv(answers[rows])) @ gaps[rows]
-        return gaps + np.abs(answers) @ forces, forces
-
-    def onset(self, t: float, u: Floats, v: Floats, later: float) -> Onset:
-        """How gaps and forces begin: their second rates and forces now, and a little later."""
-        gaps, forces = [], []
-        a = self.forces(t, u, v)[0]
-        for s in (0.0, later):
-            at = t + s, u + s * v + 0.5 * s * s * a, v + s * a
-            rate, pressed = self.forces(*at)
-            gaps.append(self.system.jacobian(at[1]) @ rate + self.system.gap_curvature(*at))
-            forces.append(pressed)
-        open_doubt, force_doubt = self.doubts(t, u, v)
-        return Onset(
-            np.array(gaps), np.tile(open_doubt, (2, 1)),
-            np.array(forces), np.tile(force_doubt, (2, 1)),
-        )  # fmt: skip
-
-    def __call__(self, t: float, y: Floats) -> Floats:
-        d = self.system.dofs
-        acceleration, pressed = self.forces(t, y[:d], y[d : 2 * d])
-        return np.concatenate([y[d : 2 * d], acceleration, pressed])
 
 
 def fly_general(
@@ -118,21 +60,21 @@ def fly_general(
         def begin(
             t: float, u: Floats, v: Floats, closed: tuple[int, ...], later: float = later
         ) -> Onset:
-            return _Motion(system, closed, tolerances[0]).onset(t, u, v, later)
+            return Motion(system, closed, tolerances[0]).onset(t, u, v, later)
 
         u, v, impacts, impulses = contacts.settle(t, u, v, near, begin, released, earlier)
         record.add(impacts, impulses, row)
         if t >= duration:
             record.fill(row, u, v)
             return
-        motion = _Motion(system, contacts.closed, tolerances[0])
+        motion = contacts.motion(tolerances[0])
         start, stop = t, kicks[0].at.before if kicks else duration
         t, y, row, watched, step = _flight(
-            motion, t, np.concatenate([u, v, np.zeros(len(motion.closed))]), stop, contacts,
+            motion, t, np.concatenate([u, v, np.zeros(motion.integrals)]), stop, contacts,
             record, row, tolerances, step,
         )  # fmt: skip
         u, v = y[:d].copy(), y[d : 2 * d].copy()
-        released = motion.closed[-2 - watched] if watched <= -2 else None
+        released = motion.ended(-2 - watched) if watched <= -2 else None
         stalled = stalled + 1 if t == start else 0
         if stalled > _MAX_STALL:
             raise ConvergenceError(
@@ -142,7 +84,7 @@ def fly_general(
 
 
 def _flight(
-    motion: _Motion, t: float, y: Floats, stop: float, contacts: Contacts, record: Record,
+    motion: Motion, t: float, y: Floats, stop: float, contacts: Contacts, record: Record,
     row: int, tolerances: tuple[float, float], step: float | None,
 ) -> tuple[float, Floats, int, int, float]:  # fmt: skip
     """One flight up to the next event.
@@ -155,8 +97,8 @@ def _flight(
     rtol, atol = tolerances
     first = min(step, stop - t) if step else None
     solver = DOP853(motion, t, y, stop, rtol=rtol, atol=atol, first_step=first)
-    held = np.zeros(len(motion.closed))
-    loose = motion.doubts(t, y[:d], y[d : 2 * d])[1] if motion.closed else held
+    held, pushes = np.zeros(len(motion.closed)), slice(2 * d, 2 * d + len(motion.closed))
+    loose = motion.loose(t, y[:d], y[d : 2 * d])
     fresh = t
     while True:
         before = solver.t
@@ -172,8 +114,8 @@ def _flight(
         while row < len(record.times) and record.times[row] < now:
             at = dense(record.times[row])
             record.fill(row, at[:d], at[d : 2 * d])
-            record.lasting[row, list(motion.closed)] += at[2 * d :] - held
-            held = at[2 * d :]
+            record.lasting[row, list(motion.closed)] += at[pushes] - held
+            held = at[pushes]
             row += 1
         end = dense(now) if event != -1 else solver.y
         if motion.closed:
@@ -184,14 +126,14 @@ def _flight(
         drift = float(np.abs(system.gap(now, end[:d])[list(motion.closed)]).max(initial=0.0))
         drifted = drift > _DRIFT * max(1e-300, float(np.abs(end[:d]).max()))
         if event != -1 or solver.status == "finished" or drifted:
-            record.lasting[min(row, len(record.times) - 1), list(motion.closed)] += (
-                end[2 * d :] - held
-            )
+            last = min(row, len(record.times) - 1)
+            record.lasting[last, list(motion.closed)] += end[pushes] - held
+            record.rubbed += float(end[pushes.stop :].sum())
             return now, end, row, event, solver.step_size or step or 0.0
 
 
 def _first_event(
-    motion: _Motion, contacts: Contacts, dense: Callable[[float], Floats],
+    motion: Motion, contacts: Contacts, dense: Callable[[float], Floats],
     start: float, end: float, fresh: float, loose: Floats,
 ) -> tuple[float, int]:  # fmt: skip
     """Time and event of the first event in a step; the end and -1 if there is none."""
@@ -216,17 +158,17 @@ def _first_event(
         at = _first_closing(gap, rate, samples, gaps[:, j], rates[:, j], order)
         if at is not None and (at < best or event == -1):
             best, event = at, j
-    for i in range(len(motion.closed)):
+    guarded = np.array([motion.guards(s, *y) for s, y in zip(samples, states, strict=True)])
+    for i in range(len(loose)):
 
-        def force(s: float, i: int = i) -> float:
+        def guard(s: float, i: int = i) -> float:
             y = dense(s)
-            return float(motion.forces(s, y[:d], y[d : 2 * d])[1][i] + loose[i])
+            return float(motion.guards(s, y[:d], y[d : 2 * d])[i] + loose[i])
 
-        values = [force(s) for s in samples]
-        falls = [k for k in range(_SAMPLES + 1) if values[k] < 0.0]
-        if falls:
-            k = falls[0]
-            at = samples[0] if k == 0 else _root(force, samples[k - 1], samples[k])
+        falls = np.flatnonzero(guarded[:, i] + loose[i] < 0.0)
+        if len(falls):
+            k = int(falls[0])
+            at = samples[0] if k == 0 else _root(guard, samples[k - 1], samples[k])
             if at < best or event == -1:
                 best, event = at, -2 - i
     return float(best), event

@@ -10,6 +10,7 @@ from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import LinearSystem
 from impactfem.vibro.event_choice import Onset
 from impactfem.vibro.event_contacts import MAX_SPELLS, Contacts
+from impactfem.vibro.event_motion import End
 from impactfem.vibro.event_record import Record
 from impactfem.vibro.flight_alone import STALLED, fly_alone
 from impactfem.vibro.flight_kernels import BROKEN, DONE, FULL, fly, refresh
@@ -64,7 +65,8 @@ class _Run:
         near = self.record.near(self.time, u, v)
         if event is not None:
             near[event] = True
-        u, v, impacts, impulses = self.contacts.settle(self.time, u, v, near, self.begin, released)
+        end = None if released is None else End(released)
+        u, v, impacts, impulses = self.contacts.settle(self.time, u, v, near, self.begin, end)
         self.record.add(impacts, impulses, int(self.counts[0]))
         self.put(u, v)
         self.clock[1] = self.contacts.fastest

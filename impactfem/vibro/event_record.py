@@ -37,6 +37,7 @@ class Record:
         peak: Largest sum of these forces so far [N].
         count: Impacts so far.
         steps: Substeps so far.
+        rubbed: Work of friction so far [J].
     """
 
     def __init__(
@@ -52,6 +53,7 @@ class Record:
         self.peak = 0.0
         self.count = 0
         self.steps = 0
+        self.rubbed = 0.0
         self._max, self._keep = max_impacts, keep
         self._tables: deque[Floats] = deque()
         self._held = 0
@@ -140,4 +142,6 @@ class Record:
             "spells": contacts.spell_count,
             "stuck_at_speed": contacts.dropped_speed,
             "energy_dropped": contacts.dropped_energy,
+            **({"friction_work": self.rubbed} if self.system.static_friction.any() else {}),
+            **contacts.details,
         }

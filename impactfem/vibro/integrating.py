@@ -23,10 +23,11 @@ class _Entry(NamedTuple):
     settings: type[Any]
     integrate: Callable[..., Trajectory]
     rubs: bool = False  # whether it knows friction
+    sticks: bool = False  # whether it knows static friction and tangential restitution
 
 
 INTEGRATORS: Mapping[str, _Entry] = {
-    "event_driven": _Entry(EventSettings, integrate_events),
+    "event_driven": _Entry(EventSettings, integrate_events, rubs=True, sticks=True),
     "paoli_schatzman": _Entry(PositionSettings, integrate_positions),
     "moreau_jean": _Entry(VelocitySettings, integrate_velocities, rubs=True),
     **{
@@ -71,9 +72,7 @@ def integrate(
     if not (np.isfinite(duration) and duration > 0.0):
         raise SceneError(f"duration = {duration} is not allowed: give a finite number > 0")
     entry = INTEGRATORS[method]
-    if system.friction.any() and not entry.rubs:
-        fitting = " or ".join(f'"{name}"' for name, other in INTEGRATORS.items() if other.rubs)
-        raise SceneError(f'method = "{method}" knows no friction: give {fitting}')
+    _check_laws(system, method)
     known = [field.name for field in fields(entry.settings)]
     for name in settings:
         if name not in known:
@@ -89,9 +88,35 @@ def integrate(
     chosen = entry.settings(**settings)
     u, v = (np.atleast_1d(np.asarray(value, dtype=float)) for value in (position, velocity))
     motion = entry.integrate(system, u, v, float(duration), chosen)
+    several = motion.effort.details.get("friction_nonunique")
+    if several is not None:
+        text = (
+            f"friction leaves {several['solutions']} motions at t = {several['time']:.6g} s; taken "
+            f"is the one in which constraint {several['taken']}"
+        )
+        warnings.warn(text, ImpactWarning, stacklevel=2)
     together = find_together(system, motion, chosen.resolution(duration))
     if together is None:
         return motion
     warnings.warn(together.text(), ImpactWarning, stacklevel=2)
     details = {**motion.effort.details, "together": asdict(together)}
     return replace(motion, effort=replace(motion.effort, details=details))
+
+
+def _check_laws(system: GeneralizedSystem, method: str) -> None:
+    """Refuse laws of contact that a method does not know.
+
+    Raises:
+        SceneError: There is one.
+    """
+    entry = INTEGRATORS[method]
+    if system.static_friction.any() and not entry.rubs:
+        fitting = " or ".join(f'"{name}"' for name, other in INTEGRATORS.items() if other.rubs)
+        raise SceneError(f'method = "{method}" knows no friction: give {fitting}')
+    special = {
+        "static_friction": (system.static_friction > system.friction).any(),
+        "tangential_restitution": system.tangential_restitution.any(),
+    }
+    for name in (name for name, given in special.items() if given and not entry.sticks):
+        fitting = " or ".join(f'"{name}"' for name, other in INTEGRATORS.items() if other.sticks)
+        raise SceneError(f'method = "{method}" knows no {name}: give method = {fitting}')

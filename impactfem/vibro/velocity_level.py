@@ -26,7 +26,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, lu_factor, lu_solve
 
-from impactfem.contact.friction_newton import ConeProblem, solve_cones
 from impactfem.contact.impact_law import Law, delassus
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.result.bar_motion import Effort
@@ -39,11 +38,11 @@ from impactfem.vibro.position_kernels import ROUNDING, march_velocities
 from impactfem.vibro.stepping import Stepped, Walls, march
 from impactfem.vibro.vibro_rows import (
     LinearMarch,
+    cone_impulses,
     count_steps,
     empty_rows,
     row_levels,
     row_times,
-    solve_impulses,
     starting_episodes,
     trajectory,
 )
@@ -52,7 +51,6 @@ Floats = NDArray[np.float64]
 
 _LIMIT = 2.0  # h omega_max up to which forces at the midpoint are stable
 _MAX_FIXED_POINT = 100
-_MAX_SYSTEMS = 5000  # linear ones of a step with friction
 
 
 @dataclass(frozen=True)
@@ -217,7 +215,7 @@ def _step(
     for _ in range(_MAX_FIXED_POINT):
         free = v + h * (inverse @ force)
         offset = jacobian @ free - rate + arriving
-        pushing = _impulses(coupling, offset, friction, tangents)
+        pushing = cone_impulses(coupling, offset, friction, tangents)
         impulse[closed] = pushing[normal]
         new = free + answers @ pushing
         following = system.force(t + 0.5 * h, middle, 0.5 * (v + new))
@@ -238,17 +236,3 @@ def _step(
         f"the forces that depend on velocity did not settle in {_MAX_FIXED_POINT} iterations at "
         f"t = {t:.6g} s (last change {moved:.1e}); use a smaller dt"
     )
-
-
-def _impulses(coupling: Floats, offset: Floats, friction: Floats, tangents: int) -> Floats:
-    """Impulses of the closed constraints, each followed by those along its tangents.
-
-    Normal ones obey 0 <= P _|_ offset + coupling P >= 0, tangential ones Coulomb's cone.
-    """
-    if not tangents:
-        return solve_impulses(coupling, offset)
-    each = offset.reshape(-1, 1 + tangents)
-    none = np.zeros(len(friction))
-    problem = ConeProblem(0.5 * (coupling + coupling.T), each, friction, none)
-    tolerance = ROUNDING * float(np.abs(offset).max(initial=0.0))
-    return solve_cones(problem, np.zeros_like(each), tolerance, _MAX_SYSTEMS)[0].ravel()

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.friction_newton import ConeProblem, solve_cones
 from impactfem.contact.impact_law import Law, complementarity
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Impacts, Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
-from impactfem.vibro.position_kernels import lasts
+from impactfem.vibro.position_kernels import ROUNDING, lasts
 
 Floats = NDArray[np.float64]
 Arrays = tuple[Floats, Floats, Floats, Floats]
@@ -26,6 +27,7 @@ _ROOM = 4096  # events between two visits of Python
 _MOST_STEPS = 32768  # steps whose loads are tabulated at once
 _WINDOW = 4.0  # steps over which a force is a mean
 _RESTS = 1e-12  # share of the lengths and speeds that is no distance and no motion
+_MAX_SYSTEMS = 5000  # linear ones of a step with friction
 _MAX_SWEEPS = 200  # of the splitting for gyroscopic or follower forces
 
 
@@ -207,6 +209,20 @@ def solve_impulses(coupling: Floats, offset: Floats) -> Floats:
         f"contact: the impulses of {len(closed)} constraints were not found in {_MAX_SWEEPS} "
         "sweeps, for forces without potential; use a smaller dt"
     )
+
+
+def cone_impulses(coupling: Floats, offset: Floats, friction: Floats, tangents: int) -> Floats:
+    """Impulses of the closed constraints, each followed by those along its tangents.
+
+    Normal ones obey 0 <= P _|_ offset + coupling P >= 0, tangential ones Coulomb's cone.
+    """
+    if not tangents:
+        return solve_impulses(coupling, offset)
+    each = offset.reshape(-1, 1 + tangents)
+    none = np.zeros(len(friction))
+    problem = ConeProblem(0.5 * (coupling + coupling.T), each, friction, none)
+    tolerance = ROUNDING * float(np.abs(offset).max(initial=0.0))
+    return solve_cones(problem, np.zeros_like(each), tolerance, _MAX_SYSTEMS)[0].ravel()
 
 
 @dataclass

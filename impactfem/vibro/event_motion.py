@@ -1,0 +1,102 @@
+"""Equations of motion between events, with the constraints that are closed."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.system.generalized import GeneralizedSystem
+from impactfem.vibro.event_choice import Onset
+from impactfem.vibro.event_constrained import constrained
+
+Floats = NDArray[np.float64]
+
+_LOOSE = 1e-12  # share of the forces that counts as their rounding
+
+
+@dataclass(frozen=True)
+class End:
+    """Why a flight with closed constraints ends.
+
+    Attributes:
+        constraint: Which of them ends it.
+        how: Its force vanishes, what stuck slips, or what slipped stops.
+    """
+
+    constraint: int
+    how: Literal["lifts", "slips", "stops"] = "lifts"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Equations of motion with given closed constraints; y = (u, v, integrals of the forces)."""
+
+    system: GeneralizedSystem
+    closed: tuple[int, ...]
+    rtol: float
+
+    def forces(self, t: float, u: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """Acceleration (d,), contact forces (S,) [N]."""
+        system, rows = self.system, list(self.closed)
+        mass, load = system.mass(u), system.force(t, u, v)
+        if not rows:
+            return np.linalg.solve(mass, load), np.zeros(0)
+        normals = system.jacobian(u)[rows]
+        bend = system.gap_curvature(t, u, v)[rows]
+        found, pressed = constrained(mass, normals, load[:, None], bend[:, None])
+        return found[:, 0], pressed[:, 0]
+
+    def doubts(self, t: float, u: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """Rounding of second rates of the gaps (J,) and of forces (S,), by that of the state."""
+        system, d, rows = self.system, len(u), list(self.closed)
+        load, y = system.force(t, u, v), np.concatenate([u, v])
+        size = _LOOSE * np.abs(load)
+        for i in np.flatnonzero(y):
+            other = y.copy()
+            other[i] *= 1.0 + self.rtol
+            size = size + np.abs(system.force(t, other[:d], other[d:]) - load)
+        jacobian, inverse = system.jacobian(u), np.linalg.inv(system.mass(u))
+        bend = _LOOSE * np.abs(system.gap_curvature(t, u, v))
+        gaps = np.abs(jacobian) @ (np.abs(inverse) @ size) + bend
+        answers = jacobian @ inverse @ jacobian[rows].T
+        forces = np.abs(np.linalg.inv(answers[rows])) @ gaps[rows]
+        return gaps + np.abs(answers) @ forces, forces
+
+    def onset(self, t: float, u: Floats, v: Floats, later: float) -> Onset:
+        """How gaps and forces begin: their second rates and forces now, and a little later."""
+        gaps, forces = [], []
+        a = self.forces(t, u, v)[0]
+        for s in (0.0, later):
+            at = t + s, u + s * v + 0.5 * s * s * a, v + s * a
+            rate, pressed = self.forces(*at)
+            gaps.append(self.system.jacobian(at[1]) @ rate + self.system.gap_curvature(*at))
+            forces.append(pressed)
+        open_doubt, force_doubt = self.doubts(t, u, v)
+        return Onset(
+            np.array(gaps), np.tile(open_doubt, (2, 1)),
+            np.array(forces), np.tile(force_doubt, (2, 1)),
+        )  # fmt: skip
+
+    @property
+    def integrals(self) -> int:
+        """Number of integrals behind u and v: of the forces of closed constraints, first of all."""
+        return len(self.closed)
+
+    def __call__(self, t: float, y: Floats) -> Floats:
+        """Rates of u, v and the integrals."""
+        d = self.system.dofs
+        acceleration, pressed = self.forces(t, y[:d], y[d : 2 * d])
+        return np.concatenate([y[d : 2 * d], acceleration, pressed])
+
+    def loose(self, t: float, u: Floats, v: Floats) -> Floats:
+        """How far below 0 `guards` may fall by rounding."""
+        return self.doubts(t, u, v)[1] if self.closed else np.zeros(0)
+
+    def guards(self, t: float, u: Floats, v: Floats) -> Floats:
+        """What must not fall below 0 while these constraints are closed: their forces."""
+        return self.forces(t, u, v)[1]
+
+    def ended(self, guard: int) -> End:
+        """What ends with a guard."""
+        return End(self.closed[guard])
