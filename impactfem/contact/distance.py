@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impactfem.errors import SceneError
+from impactfem.scene.obstacles.rotation import gap_at, placement
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -30,11 +30,10 @@ def signed_distance(obstacle: Any, points: ArrayLike, time: float) -> Field:
         gradient of the gap, shape (points, dim).
 
     Raises:
-        SceneError: The motion of the obstacle has no finite value at that time.
+        SceneError: The place of the obstacle has no finite value at that time.
     """
     places = np.asarray(points, dtype=np.float64)
-    found: Field = obstacle.gap(places - translation(obstacle, time))
-    return found
+    return gap_at(obstacle, places, time)
 
 
 def nearest_obstacle(
@@ -61,27 +60,9 @@ def nearest_obstacle(
     return index, gap, normal
 
 
-def translation(obstacle: Any, time: float) -> Floats | float:
-    """Displacement of an obstacle [m] at a time [s], shape (dim,); 0 for one at rest.
-
-    Raises:
-        SceneError: It is not finite.
-    """
-    if obstacle.motion is None:
-        return 0.0
-    moved = np.array([formula(t=time) for formula in obstacle.motion], dtype=np.float64)
-    if not np.isfinite(moved).all():
-        text = [formula.text for formula in obstacle.motion]
-        raise SceneError(
-            f"obstacle {obstacle.name!r}: motion = {text} is not finite at t = {time:g} s; "
-            "change the formula or the duration"
-        )
-    return moved
-
-
 def on_a_line(obstacle: Any, times: Floats) -> tuple[Floats, float]:
     """Places [m] of an obstacle of points on a line, (times,); the side of the body, -1 or 1."""
     gap, normal = obstacle.gap(np.zeros((1, 1)))
     side = float(normal[0, 0])
-    moved = np.array([np.zeros(1) + translation(obstacle, float(t)) for t in times])
+    moved = np.array([placement(obstacle, float(t)).moved(np.zeros(1)) for t in times])
     return moved[:, 0] - side * float(gap[0]), side

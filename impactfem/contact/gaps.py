@@ -1,6 +1,6 @@
 """Gaps and normals of contact nodes, by their initial place or by their present one."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from impactfem.contact.distance import nearest_obstacle, signed_distance, translation
+from impactfem.contact.distance import nearest_obstacle, signed_distance
 from impactfem.contact.responses import Columns, Responses
+from impactfem.scene.obstacles.rotation import placement
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -93,6 +94,23 @@ class Gaps:
         self._positions, self._initial = contact.positions - initial, initial
         self._nearest, self._gap, self._normal = contact.obstacle, contact.gap, contact.normal
         self.pressures = contact.pressures
+        self.moves = any(obstacle.moves for obstacle in obstacles)
+        # What the nodes are nearest to, on the obstacles at rest.
+        self._facing = np.zeros_like(self._normal)
+        self._face(contact.positions, contact.gap + radius, self._normal, 0.0)
+
+    def _moving(self) -> Iterator[tuple[NDArray[np.bool_], Any]]:
+        """Which gaps are those of each obstacle that moves, (count,), and the obstacle."""
+        for index, obstacle in enumerate(self._obstacles):
+            if obstacle.moves:
+                yield self._nearest == index, obstacle
+
+    def _face(self, places: Floats, distance: Floats, normal: Floats, time: float) -> None:
+        """Keep what nodes at some places are nearest to, on obstacles that turn."""
+        for mine, obstacle in self._moving():
+            if obstacle.rotation is not None:
+                on = places[mine] - distance[mine, None] * normal[mine]
+                self._facing[mine] = placement(obstacle, time).back(on)
 
     @property
     def normals(self) -> Floats | None:
@@ -132,7 +150,13 @@ class Gaps:
         return np.arange(len(rows)), rows, np.ones(len(rows))
 
     def at(
-        self, displacement: Floats, begin: Floats, last: Floats, time: float, back: float = 0.5
+        self,
+        displacement: Floats,
+        begin: Floats,
+        last: Floats,
+        time: float,
+        back: float = 0.5,
+        span: float = 0.0,
     ) -> tuple[Floats, Floats]:
         """Gaps (count,) and normals (count, dim) for displacements at a time.
 
@@ -142,26 +166,26 @@ class Gaps:
             last: With contact forces, one layer earlier.
             time: [s].
             back: Where on the way the forces act, from its end (0) to its start (1).
+            span: How long the way takes [s].
         """
         if not self.updated:
             gap = self._gap + np.einsum("ij,ij->i", self._normal, displacement - self._initial)
-            for index, obstacle in enumerate(self._obstacles):
-                shift = translation(obstacle, time) - translation(obstacle, 0.0)
-                if np.any(shift):
-                    mine = self._nearest == index
-                    gap[mine] -= self._normal[mine] @ np.asarray(shift)
-            return gap, self._normal
+            moved = np.einsum("ij,ij->i", self._normal, self.shift(time))
+            return gap - moved, self._normal
         # Distances where the node is bound to go, normals where the forces act on the way: amid it,
         # their work is that of the change of distance, but for the cube of the way.
         static = last - begin
         there = self._positions + displacement + static
         self._nearest, gap, normal = nearest_obstacle(self._obstacles, there, time)
+        acting, when, near = there, time, gap
         if displacement is not begin:
-            acting = there - back * (displacement - begin)
+            acting, when = there - back * (displacement - begin), time - back * span
+            near = np.empty_like(gap)
             for index, obstacle in enumerate(self._obstacles):
                 mine = self._nearest == index
                 if mine.any():
-                    normal[mine] = signed_distance(obstacle, acting[mine], time)[1]
+                    near[mine], normal[mine] = signed_distance(obstacle, acting[mine], when)
+        self._face(acting, near, normal, when)
         return gap - self._radius - np.einsum("ij,ij->i", normal, static), normal
 
     def normals_at(
@@ -177,31 +201,16 @@ class Gaps:
         """Whether a gap weighs no other nodes than some: here each has its own."""
         return nodes
 
-    def advance(self, normals: Floats, time: float) -> Floats:
-        """How far each node's obstacle has moved towards it since t = 0 [m], shape (count,)."""
-        moved = np.zeros(len(normals))
-        for index, obstacle in enumerate(self._obstacles):
-            if obstacle.motion is not None:
-                mine = self._nearest == index
-                shift = np.asarray(translation(obstacle, time)) - translation(obstacle, 0.0)
-                moved[mine] = normals[mine] @ shift
-        return moved
-
     def shift(self, time: float) -> Floats:
-        """Displacement of each node's obstacle since t = 0 [m], (count, dim)."""
-        moved = np.zeros_like(self._normal)
-        for index, obstacle in enumerate(self._obstacles):
-            if obstacle.motion is not None:
-                way = np.asarray(translation(obstacle, time)) - translation(obstacle, 0.0)
-                moved[self._nearest == index] = way
-        return moved
+        """How far what each node is nearest to has moved with its obstacle since t = 0 [m].
 
-    def speed(self, normals: Floats, time: float, dt: float) -> Floats:
-        """Speed of each node's obstacle towards it [m/s], over a step about the time, (count,)."""
-        if all(obstacle.motion is None for obstacle in self._obstacles):
-            return np.zeros(len(normals))
-        later, earlier = (self.advance(normals, time + 0.5 * sign * dt) for sign in (1, -1))
-        return (later - earlier) / dt
+        What that is `at` has found, on the way where forces act; shape (count, dim).
+        """
+        moved = np.zeros_like(self._normal)
+        for mine, obstacle in self._moving():
+            now, first = placement(obstacle, time), placement(obstacle, 0.0)
+            moved[mine] = now.since(first, self._facing[mine])
+        return moved
 
     def nodal(self, force: Floats, gap: Floats) -> tuple[Floats, Floats, Floats]:
         """Gap [m], pressure [Pa] and whether pressed (1 or 0), of the contact nodes."""

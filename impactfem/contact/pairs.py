@@ -1,6 +1,6 @@
 """Gaps of several bodies: each to its obstacles, and between surfaces of two of them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -242,14 +242,20 @@ class PairGaps:
         return gap, self._weights.indices[at], self._weights.data[at]
 
     def at(
-        self, displacement: Floats, begin: Floats, last: Floats, time: float, back: float = 0.5
+        self,
+        displacement: Floats,
+        begin: Floats,
+        last: Floats,
+        time: float,
+        back: float = 0.5,
+        span: float = 0.0,
     ) -> tuple[Floats, Floats]:
         """Gaps (pairs,) and normals (pairs, dim); see `Gaps.at`."""
         self._turning = None
         gaps, normals = [np.zeros(0)], [np.zeros((0, displacement.shape[1]))]
         for own, chosen, obstacle in self._obstacles:
             parts = (displacement[own][chosen], begin[own][chosen], last[own][chosen])
-            gap, normal = obstacle.at(*parts, time, back)
+            gap, normal = obstacle.at(*parts, time, back, span)
             gaps.append(gap)
             normals.append(normal)
         static = last - begin
@@ -279,10 +285,11 @@ class PairGaps:
         return found
 
     def shift(self, time: float) -> Floats:
-        """Displacement of the obstacles since t = 0 [m], (pairs, dim); 0 between bodies."""
+        """Displacement of what nodes face on obstacles since t = 0 [m], (pairs, dim)."""
         moved, first = np.zeros((self._weights.shape[0], self._places.shape[1])), 0
         for _, chosen, gaps in self._obstacles:
-            moved[first : first + len(chosen)] = gaps.shift(time)
+            if gaps.moves:
+                moved[first : first + len(chosen)] = gaps.shift(time)
             first += len(chosen)
         return moved
 
@@ -322,22 +329,6 @@ class PairGaps:
             last = first + len(meet.memory)
             meet.recall(memory["met"][first:last])
             first = last
-
-    def advance(self, normals: Floats, time: float) -> Floats:
-        """How far obstacles have moved towards the nodes since t = 0 [m], (pairs,)."""
-        return self._of_obstacles(normals, lambda gaps, part: gaps.advance(part, time))
-
-    def speed(self, normals: Floats, time: float, dt: float) -> Floats:
-        """Speed of obstacles towards the nodes [m/s], (pairs,)."""
-        return self._of_obstacles(normals, lambda gaps, part: gaps.speed(part, time, dt))
-
-    def _of_obstacles(self, normals: Floats, what: Callable[[Gaps, Floats], Floats]) -> Floats:
-        found, first = np.zeros(len(normals)), 0
-        for _, chosen, gaps in self._obstacles:
-            part = slice(first, first + len(chosen))
-            found[part] = what(gaps, normals[part])
-            first = part.stop
-        return found
 
 
 def _along(ways: Floats, normals: Floats) -> Floats:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from impactfem.contact.distance import translation
+from impactfem.scene.obstacles.rotation import placement
 
 _SAMPLES = 1001  # times at which the motion of an obstacle is looked at
 _WAVES = 2.0
@@ -66,7 +66,7 @@ def reach(
     for obstacle in obstacles:
         if obstacle.motion is not None:
             moments = np.linspace(0.0, duration, _SAMPLES)
-            way = np.array([translation(obstacle, float(t)) for t in moments])
+            way = np.array([placement(obstacle, float(t)).shift for t in moments])
             steps = np.linalg.norm(np.diff(way, axis=0), axis=1)
             furthest = max(furthest, float(np.linalg.norm(way - way[0], axis=1).max()))
             fastest = max(fastest, float(steps.max()) / float(moments[1]))

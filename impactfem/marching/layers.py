@@ -260,9 +260,18 @@ class ContactGaps(Protocol):
         """Whether a gap weighs no other nodes than some (nodes,), (pairs,)."""
 
     def at(
-        self, displacement: Floats, begin: Floats, last: Floats, time: float, back: float = 0.5
+        self,
+        displacement: Floats,
+        begin: Floats,
+        last: Floats,
+        time: float,
+        back: float = 0.5,
+        span: float = 0.0,
     ) -> tuple[Floats, Floats]:
-        """Gaps (pairs,) and normals (pairs, dim) for displacements at a time."""
+        """Gaps (pairs,) and normals (pairs, dim) for displacements at a time.
+
+        See `impactfem.contact.gaps.Gaps.at`.
+        """
 
     def normals_at(self, displacement: Floats, time: float, arms: Floats | None = None) -> Floats:
         """Normals (pairs, dim) amid a step, where nodes are by an iterate; who meets whom stays.
@@ -276,14 +285,11 @@ class ContactGaps(Protocol):
             arms: Displacements that moments go by [m], (nodes, dim); None: the same.
         """
 
-    def advance(self, normals: Floats, time: float) -> Floats:
-        """How far obstacles have moved towards the nodes since t = 0 [m], (pairs,)."""
-
     def shift(self, time: float) -> Floats:
-        """Displacement of each gap's obstacle since t = 0 [m], (pairs, dim)."""
+        """How far what each gap's node faces has moved with its obstacle since t = 0 [m].
 
-    def speed(self, normals: Floats, time: float, dt: float) -> Floats:
-        """Speed of obstacles towards the nodes [m/s], (pairs,)."""
+        What that is `at` has found, so that differences tell its way; (pairs, dim).
+        """
 
     def nodal(self, force: Floats, gap: Floats) -> tuple[Floats, Floats, Floats]:
         """Gap [m], pressure [Pa] and whether pressed (1 or 0), of the contact nodes, (nodes,) each.

@@ -246,7 +246,6 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         may = closed if holds else np.ones(len(before), dtype=bool)
         room = np.zeros(len(before)) if holds else np.maximum(before, 0.0)
         middle_time = 0.5 * (start + end)
-        shift = gaps.shift(end) - gaps.shift(start)
         interior.begin(start, end)
         self._known = {}
         force: Floats | None = None
@@ -258,6 +257,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
                 gaps.at(middle, middle, middle, middle_time)
                 self._looked = None
             normals = gaps.normals_at(middle, middle_time, interior.arms(middle))
+            shift = gaps.shift(end) - gaps.shift(start)  # of what nodes now face
             directions = frames(normals) if self._rubs else normals[:, None, :]
             if force is None:
                 force = turned(directions, self._tangential)

@@ -120,15 +120,14 @@ class RubbingMarch(SolidMarch):
             ends: Gaps of ends of bars [m], NaN elsewhere, (pairs,).
         """
         gaps, dt = self._gaps, self.interior.dt
-        time = (self.layer + 1) * dt
         before, after = (gaps.relative(each) for each in self.interior.contact_speeds(way))
         # Tangentially the speed at the end, against that of what is touched.
-        moved = (gaps.shift(time) - gaps.shift(time - dt)) / dt
-        slid: Floats = 0.5 * dt * (after - moved)
+        earlier, later = self._obstacle_speeds()
+        slid: Floats = 0.5 * dt * (after - later)
         rebound = self._rebound(normals, before, after)
         if (lively := self._rubbing.law.rebound).any():
             arriving = np.where(self._arriving, lively, 0.0)[:, None]
-            slid = slid + 0.5 * dt * arriving * (before - moved)
+            slid = slid + 0.5 * dt * arriving * (before - earlier)
         rebound = np.where(np.isnan(ends), rebound, ends)
         along = rebound - np.einsum("ij,ij->i", normals, slid)
         return np.asarray(slid + along[:, None] * normals)

@@ -57,6 +57,7 @@ class SolidMarch(TimeLoop[Interior]):
         self._radiating = interior.radiating
         self._by_mass, self._changes = bool(self._massive.any()), bool(self._volatile.any())
         self.interior, self._gaps = interior, gaps
+        self._led: Floats | None = None  # ways of obstacles by the law of speeds
         self._rolled = np.zeros(1)  # what surfaces move in a layer besides the contact nodes
         self._responses = self._answers()
         super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, rest)
@@ -107,7 +108,8 @@ class SolidMarch(TimeLoop[Interior]):
         free = interior.predict(layer)
         # Forces of explicit layers act at their start, amid two steps.
         explicit = self._scheme.explicit
-        gap, normals = self._gaps.at(free, begin, last, time, back=1.0 if explicit else 0.5)
+        back = 1.0 if explicit else 0.5
+        gap, normals = self._gaps.at(free, begin, last, time, back, interior.dt)
         if interior.rolling:
             self._rolled = cast("Rolling", interior).touched(self._gaps.spread(normals))
         if self._changes:
@@ -119,9 +121,8 @@ class SolidMarch(TimeLoop[Interior]):
         self._struck(force, gap)
         half = 0.5 if explicit else 1.0
         # Along the normals of this layer: others would make work of their turning.
-        before = max(0.0, time - interior.dt / half)
-        way = self._gaps.advance(normals, time) - self._gaps.advance(normals, before)
-        self.rows.obstacle_work[self.layer] = half * float(force @ way)
+        led = _along(normals, self._obstacle_way(time, half))
+        self.rows.obstacle_work[self.layer] = half * float(force @ led)
         self._end_layer(time, half, interior.surface_displacement + static)
         self.contact = ContactState(multiplier, true, state.multiplier, state.gap, static)
         self._normals = normals
@@ -169,15 +170,31 @@ class SolidMarch(TimeLoop[Interior]):
             before: At the start of the layer [m/s], (pairs, dim).
             after: At its end [m/s], (pairs, dim).
         """
-        gaps, dt = self._gaps, self.interior.dt
-        time = (self.layer + 1) * dt
-        one, two = (np.einsum("ij,ij->i", normals, speed) for speed in (before, after))
-        one -= gaps.speed(normals, max(time - dt, 0.5 * dt), dt)
-        two -= gaps.speed(normals, time, dt)
+        dt = self.interior.dt
+        first, second = self._obstacle_speeds()
+        self._led = 0.5 * dt * (first + second)
+        one, two = _along(normals, before - first), _along(normals, after - second)
         self._mean_way = 0.5 * dt * (one + two)
         self._arriving = one < -np.abs(two - one)  # faster than forces make in one layer
         lively = np.zeros(len(normals)) if self._restitution is None else self._restitution
         return rebound(one, two, lively, dt)
+
+    def _obstacle_speeds(self) -> tuple[Floats, Floats]:
+        """Of what gaps face on obstacles, at both ends of the layer [m/s], (pairs, dim) each."""
+        gaps, dt = self._gaps, self.interior.dt
+        time, before = (self.layer + 1) * dt, max(self.layer * dt, 0.5 * dt)
+        one, two = (
+            (gaps.shift(when + 0.5 * dt) - gaps.shift(when - 0.5 * dt)) / dt
+            for when in (before, time)
+        )
+        return one, two
+
+    def _obstacle_way(self, time: float, half: float) -> Floats:
+        """Way of what gaps face on obstacles in the layer, or over two, [m], (pairs, dim)."""
+        way = self._gaps.shift(time) - self._gaps.shift(max(0.0, time - self.interior.dt / half))
+        led, self._led = self._led, None
+        # Where their law acts on speeds as it measures them.
+        return way if led is None else np.where(self._fast[:, None], led / half, way)
 
     def _end_layer(self, time: float, part: float, place: Floats) -> None:
         """Called when a layer has ended; for friction."""
@@ -272,3 +289,9 @@ class SolidMarch(TimeLoop[Interior]):
         if not halfway.rows.any():
             return solve_layer(gap, response, compliance, before, rule, solver)
         return solve_layer_at_speed(gap, halfway, response, compliance, before, rule, solver)
+
+
+def _along(normals: Floats, vectors: Floats) -> Floats:
+    """Components of vectors along normals, (pairs,)."""
+    found: Floats = np.einsum("ij,ij->i", normals, vectors)
+    return found

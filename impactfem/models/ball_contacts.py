@@ -322,8 +322,16 @@ class _OtherFace:
         return self.obstacle.name
 
     @property
+    def moves(self) -> bool:
+        return self.obstacle.moves
+
+    @property
     def motion(self) -> Any:
         return self.obstacle.motion
+
+    @property
+    def rotation(self) -> Any:
+        return self.obstacle.rotation
 
     def gap(self, points: Floats) -> tuple[Floats, Floats]:
         found = self.obstacle.other_gap(points)

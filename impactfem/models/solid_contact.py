@@ -24,7 +24,7 @@ def reach_of(
     gravity = scene.vector_gravity
     return reach(
         speed, gravity.times, gravity.values, obstacles, scene.duration,
-        driven=_driven(scene, solid),
+        driven=_driven(scene, solid, obstacles),
     )  # fmt: skip
 
 
@@ -73,12 +73,14 @@ def contact_of(
         comm, outside, obstacles, system.numbers, system.constrained, system.displacement, bound,
         name=solid.name, surfaces=surfaces_of(scene, solid, obstacles),
         symmetry=cuts, axisymmetric=solid.is_axisymmetric,
-        turns=solid.is_finite,
+        turns=solid.is_finite or any(obstacle.rotation for obstacle in obstacles),
     )  # fmt: skip
 
 
-def _driven(scene: Scene, solid: Solid) -> str | None:
+def _driven(scene: Scene, solid: Solid, obstacles: Sequence[Any]) -> str | None:
     """What moves a solid besides its own speed and gravity; None if nothing does."""
+    if any(obstacle.rotation for obstacle in obstacles):
+        return "an obstacle that turns"
     if any(support.moves for support in solid.supports):
         return "moving supports"
     if solid.tractions or solid.pressures:

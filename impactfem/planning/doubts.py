@@ -121,7 +121,7 @@ def _path(scene: Scene, body: Any, times: Floats) -> _Path | None:
 def _may_meet(path: _Path, obstacle: Any) -> bool:
     """Whether a box may meet an obstacle; true if it is not known."""
     plane, core = obstacle.plane, obstacle.core
-    if obstacle.motion is not None:
+    if obstacle.moves:
         return True
     if plane is not None:
         height = (path.centres - np.asarray(plane.point)) @ np.asarray(plane.normal)

@@ -136,6 +136,8 @@ def _obstacles_mirror(scene: Scene, axis: int) -> bool:
 
 
 def _moves_as_image(scene: Scene, one: Rigid, other: Rigid, axis: int) -> bool:
+    if one.rotation or other.rotation:
+        return False
     if one.motion is None or other.motion is None:
         return one.motion is other.motion
     return _mirrored(scene, one.motion, other.motion, axis)

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.scene.obstacles.rotation import placement
+
 if TYPE_CHECKING:
     from impactfem.contact.body_pairs import SurfacePair
     from impactfem.models.solids import SolidPart, SolidsModel
@@ -34,7 +36,8 @@ def choose_normals(model: "SolidsModel", reasons: dict[str, str]) -> bool:
     if asked is not None:
         reasons["normals"] = "as asked"
         return asked == "updated"
-    follows = _finite(model) or _turning(model) or _sliding(model) or _over_curves(model)
+    looks = (_finite, _turned, _turning, _sliding, _over_curves)
+    follows = next(filter(None, (look(model) for look in looks)), "")
     reasons["normals"] = follows or _why_fixed(model)
     return bool(follows)
 
@@ -43,6 +46,14 @@ def _finite(model: "SolidsModel") -> str:
     for part in model.parts:
         if part.solid.is_finite:
             return f"updated: {part.solid.name} may turn at will, distances follow its nodes"
+    return ""
+
+
+def _turned(model: "SolidsModel") -> str:
+    for part in model.parts:
+        for obstacle in part.obstacles:
+            if obstacle.rotation:
+                return f"updated in each layer: {obstacle.name} turns, and its normals with it"
     return ""
 
 
@@ -131,9 +142,9 @@ def _way_over(part: "SolidPart", normal: Floats) -> float:
         pulls = (_across(gravity.at(t), normal) for t in gravity.times)
         way += 0.5 * max(pulls) * duration**2
     for obstacle in part.obstacles:
-        start, end = obstacle.offset(0.0), obstacle.offset(duration)
-        if start is not None and end is not None:
-            way += _across(end - start, normal)
+        if obstacle.motion is not None:
+            shift = placement(obstacle, duration).shift - placement(obstacle, 0.0).shift
+            way += _across(np.asarray(shift), normal)
     return way
 
 

@@ -57,7 +57,7 @@ def _bar(scene: Scene) -> str:
         return ""
     (obstacle,) = scene.rigid_obstacles
     plane = obstacle.plane
-    if plane is None or obstacle.motion or not _is_plainly_loaded(solid):
+    if plane is None or obstacle.moves or not _is_plainly_loaded(solid):
         return ""
     normal = np.array(plane.normal)
     axis = int(np.argmax(np.abs(normal)))
@@ -154,6 +154,8 @@ def _axisymmetric(scene: Scene) -> str:
 
 def _is_revolved(obstacle: Rigid, centre: np.ndarray, size: float) -> bool:
     """Whether an obstacle is round about the vertical through a point, and moves along it."""
+    if obstacle.rotation:
+        return False
     if obstacle.motion is not None and not (
         is_zero(obstacle.motion[0]) and is_zero(obstacle.motion[2])
     ):
@@ -192,7 +194,7 @@ def _plane_strain(scene: Scene) -> str:
 
 def _runs_along_z(obstacle: Rigid, low: float, high: float) -> bool:
     """Whether an obstacle is the same at all z from low to high."""
-    if obstacle.motion is not None and not is_zero(obstacle.motion[2]):
+    if obstacle.rotation or (obstacle.motion is not None and not is_zero(obstacle.motion[2])):
         return False
     return obstacle.runs_along_z(low, high)
 

@@ -97,6 +97,8 @@ def _is_symmetric(scene: Scene, mirror: Mirror) -> bool:
 
 
 def _images(one: Rigid, other: Rigid, mirror: Mirror) -> bool:
+    if one.rotation or other.rotation:
+        return False
     if one.motion is not None or other.motion is not None:
         across = None if one.motion is None else one.motion[mirror.axis]
         stays = across is not None and across.is_constant and float(across(t=0.0)) == 0.0

@@ -133,8 +133,8 @@ def _bodies(result: Record, fields: Snapshots, moments: Nodes) -> LineReel | Non
     listed = [body.name for body in result.scene.bodies]  # as the paths below are coloured
     tints = [colour(listed.index(name)) for name in layout.names]
     pieces = PolyCollection([], facecolors=tints, linewidths=0)
-    stay = [entry for entry in result.scene.rigid_obstacles if entry.motion is None]
-    move = [entry for entry in result.scene.rigid_obstacles if entry.motion is not None]
+    stay = [entry for entry in result.scene.rigid_obstacles if not entry.moves]
+    move = [entry for entry in result.scene.rigid_obstacles if entry.moves]
     _walls(above, stay, 0.0)
     if (panel := motion(result)) is not None:
         draw_panel(below, panel)

@@ -119,7 +119,7 @@ class PlanePainter:
 
     @property
     def _moves(self) -> bool:
-        return any(obstacle.motion is not None for obstacle in self.obstacles)
+        return any(obstacle.moves for obstacle in self.obstacles)
 
     def _pressure(self, snapshot: Snapshot, ends: Floats) -> PolyCollection:
         """The pressure as an area beyond the contact face, drawn into the obstacle."""

@@ -13,7 +13,6 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
-from impactfem.contact.distance import translation
 from impactfem.report.plane_picture import draw_arrows
 from impactfem.report.skin import Skin, Snapshot, normals, union
 from impactfem.report.slender_picture import reach, slender, widened
@@ -21,6 +20,7 @@ from impactfem.result import Record, Snapshots
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
 from impactfem.scene.obstacles.faces import spacing
+from impactfem.scene.obstacles.rotation import Placement, placement
 
 Floats = NDArray[np.float64]
 
@@ -140,11 +140,11 @@ class SpacePainter:
         faces, colours = [snapshot.place[self.skin.triangles]], [self._colours(snapshot)]
         centre = 0.5 * (snapshot.place.min(axis=0) + snapshot.place.max(axis=0))
         for obstacle in self.obstacles:
-            shift = np.zeros(3) + translation(obstacle, snapshot.time)
+            at = placement(obstacle, snapshot.time)
             if obstacle.plane_normal is not None:
-                artists += self._plane(axes, obstacle, shift, centre)
+                artists += self._plane(axes, obstacle, at, centre)
                 continue
-            patches = obstacle.faces(centre - shift, 2.0 * self.skin.size) + shift
+            patches = at.moved(obstacle.faces(at.back(centre), 2.0 * self.skin.size))
             faces.append(patches)
             shade = 0.6 + 0.4 * np.abs(_unit_normals(patches) @ self._light)
             colours.append(
@@ -185,10 +185,10 @@ class SpacePainter:
         colours[:, :3] *= (0.8 + 0.2 * np.clip(normal @ self._light, 0.0, 1.0))[:, None]
         return colours
 
-    def _plane(self, axes: Axes, obstacle: Any, shift: Floats, centre: Floats) -> list[Artist]:
+    def _plane(self, axes: Axes, obstacle: Any, at: Placement, centre: Floats) -> list[Artist]:
         """A part of the plane below the body; what shows its front lies behind all bodies."""
-        corners, lines = obstacle.grid(shift, centre, self._reach)
-        front = float(np.array(obstacle.unit_normal) @ self.camera.towards) > 0.0
+        corners, lines = map(at.moved, obstacle.grid(at.back(centre), self._reach))
+        front = float(at.turned(np.array(obstacle.unit_normal)) @ self.camera.towards) > 0.0
         plane = PolyCollection(
             [self.camera.flat(corners)], facecolors=_FLOOR if front else "none",
             edgecolors=_GRID, linewidths=0.8, zorder=0.5,

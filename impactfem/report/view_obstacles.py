@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.distance import on_a_line, signed_distance, translation
+from impactfem.contact.distance import on_a_line, signed_distance
 from impactfem.result.grids import load_pyvista
+from impactfem.scene.obstacles.rotation import placement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -75,10 +76,11 @@ def _in_the_plane(
 def _in_space(
     obstacle: Any, time: float, centre: Floats, reach: float
 ) -> "Iterator[tuple[pv.DataSet, dict[str, Any]]]":
-    pyvista, shift = load_pyvista(), np.zeros(3) + translation(obstacle, time)
-    faces = obstacle.faces(centre, reach) + shift
+    pyvista, at = load_pyvista(), placement(obstacle, time)
+    around = at.back(centre)
+    faces = at.moved(obstacle.faces(around, reach))
     yield _joined(pyvista, faces, "faces"), _SOLID
-    lines = obstacle.lines(centre, reach) + shift
+    lines = at.moved(obstacle.lines(around, reach))
     yield _joined(pyvista, lines, "lines"), _LINES
 
 

@@ -14,6 +14,7 @@ from impactfem.scene.obstacles import (
     RigidSphere,
     Wall,
 )
+from impactfem.scene.obstacles.rotation import Rotation
 from impactfem.scene.points import Point, Spring
 from impactfem.scene.probes import Probe
 from impactfem.scene.rigid import RigidBody
@@ -53,6 +54,7 @@ __all__ = [
     "RigidSphere",
     "Ring",
     "Rod",
+    "Rotation",
     "Scene",
     "Solid",
     "Solve",

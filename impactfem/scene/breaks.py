@@ -66,14 +66,17 @@ def find_breaks(formula: Formula, end: float) -> tuple[Break, ...]:
     return tuple(breaks)
 
 
-def check_motion(where: str, name: str, formulas: Sequence[Formula | None], end: float) -> None:
+def check_motion(
+    where: str, name: str, formulas: Sequence[Formula | None], end: float, unit: str = "m"
+) -> None:
     """Refuse motions of obstacles and supports that jump, or whose velocity is not finite.
 
     Args:
         where: Table of the motion, for messages.
         name: Its key.
-        formulas: Displacements in t [m]; None where there is none.
+        formulas: Displacements in t [m], or angles [rad]; None where there is none.
         end: Duration [s].
+        unit: Of the formulas.
 
     Raises:
         KeyedError: Naming the key, the value, the time and the remedy.
@@ -89,14 +92,16 @@ def check_motion(where: str, name: str, formulas: Sequence[Formula | None], end:
         if not why:
             scale = float(np.ptp(values)), float(np.abs(values).max())
             for at in find_breaks(formula, end):
-                why, remedy = _fault(formula, at, end, scale)
+                why, remedy = _fault(formula, at, end, scale, unit)
                 if why:
                     break
         if why:
             raise KeyedError(where, name, f" = {show(formula.text)} {why}: {remedy}.")
 
 
-def _fault(formula: Formula, at: Break, end: float, scale: tuple[float, float]) -> tuple[str, str]:
+def _fault(
+    formula: Formula, at: Break, end: float, scale: tuple[float, float], unit: str
+) -> tuple[str, str]:
     """What is wrong with a break, and what to do; empty if nothing is."""
     span, when = at.after - at.before, f"{at.after:.6g}" if at.after > 1e-12 * end else "0"
     if span > _WIDEST * end:
@@ -118,7 +123,7 @@ def _fault(formula: Formula, at: Break, end: float, scale: tuple[float, float]) 
     if not abs(two - one) <= _ROUNDING * scale[0] + 1e3 * np.finfo(float).eps * scale[1]:
         ramp = f"{two - one:.6g}*max(0, min(1, (t - {when})/{0.01 * end:g}))"
         return (
-            f"jumps from {one:.6g} to {two:.6g} m at t = {when} s, at an infinite speed",
+            f"jumps from {one:.6g} to {two:.6g} {unit} at t = {when} s, at an infinite speed",
             f"let it move in a finite time, as by {ramp}",
         )
     return "", ""

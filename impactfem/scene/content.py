@@ -212,6 +212,8 @@ def why_marched(scene: Content) -> str | None:
 
 def _of_obstacle(scene: Content, obstacle: Obstacle) -> str | None:
     """What of an obstacle other methods do not know, in words."""
+    if obstacle.rotation:
+        return f"the rotation of {obstacle.name}"
     found, points = None, all(body.meets_alike for body in scene.bodies)
     if not obstacle.is_smooth:
         found = f"the corners of {obstacle.name}"

@@ -3,6 +3,7 @@
 from impactfem.scene.breaks import check_motion
 from impactfem.scene.content import Content
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
+from impactfem.scene.obstacles import Rigid
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -30,6 +31,20 @@ def check_obstacles(scene: Content) -> None:
             raise error.moved(where) from None
         if obstacle.motion is not None:
             check_motion(where, "motion", obstacle.motion, scene.duration)
+        if obstacle.rotation is not None:
+            angle = [obstacle.rotation.angle]
+            check_motion(where, "rotation.angle", angle, scene.duration, "rad")
+            _check_turning(scene, where, obstacle)
+
+
+def _check_turning(scene: Content, where: str, obstacle: Rigid) -> None:
+    """Refuse rotations that bodies or settings do not follow."""
+    if any(solid.is_axisymmetric for solid in scene.solids):
+        text = ": the body is axisymmetric and does not twist; remove it, or give a body in space."
+        raise KeyedError(where, "rotation", text)
+    if scene.solve.normals == "fixed":
+        text = f' = "fixed", but {obstacle.name} turns and its normals with it: remove it.'
+        raise KeyedError("solve", "normals", text)
 
 
 def check_gravity(scene: Content, given: object) -> None:

@@ -203,7 +203,8 @@ def _hint(name: str, known: list[str], own: str) -> str:
         kinds = " or ".join(show(_TABLES[heading].kind) for heading in siblings)  # type: ignore[attr-defined]
         return f"only kind = {kinds} has it; {meant}"
     if _family(own) == "[[obstacle]] with " and {*map(_family, homes)} == {"[[body]] with "}:
-        return "it belongs to bodies, and obstacles move by motion only; remove it, or give a body."
+        text = "it belongs to bodies, and obstacles move by motion and rotation only; remove it, or"
+        return f"{text} give a body."
     if homes:
         return f"it belongs to {' or '.join(homes[:3])}; move it there."
     elsewhere = next((other for other in same_as(name) if _homes(other)), "")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.scene import RigidBody, Scene
-from impactfem.scene.obstacles.base import RigidObstacle
+from impactfem.scene.obstacles.rotation import gap_at
 from impactfem.scene.pairing import named_body_pairs, obstacles_of
 from impactfem.scene.rigid_keys import rotation
 from impactfem.system.few import FewBodies
@@ -169,7 +169,7 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
     for _ in range(_LOOKS if rims else 0):
         for (name, _), nodes in meets.items():
             there = middle + arms @ turn.T + (rims.arms(turn, normals, lowest) if rims else 0.0)
-            normals[nodes] = obstacles[name].gap(there[nodes] - _moved(obstacles[name]))[1]
+            normals[nodes] = gap_at(obstacles[name], there[nodes], 0.0)[1]
         lowest = rims.lowest(turn, normals, lowest, -1.0) if rims else lowest
 
     def places(q: Floats) -> Floats:
@@ -209,12 +209,6 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
 
 
 _LOOKS = 4  # for what is nearest to the lowest place of a rim at t = 0
-
-
-def _moved(obstacle: RigidObstacle) -> Floats | float:
-    """Displacement of an obstacle at t = 0 [m]."""
-    moved = obstacle.offset(0.0)
-    return 0.0 if moved is None else moved
 
 
 def _loads(body: RigidBody) -> Loads | None:

@@ -29,7 +29,7 @@ def planes(half_spaces: HalfSpace | Sequence[HalfSpace]) -> tuple[Floats, Floats
         raise SceneError("half_spaces is empty: give at least one half_space")
     for entry in given:
         entry.check_dimension(2)
-        if entry.motion is not None:
+        if entry.moves:
             raise SceneError(
                 f'half_space "{entry.name}": motion is not available for rods and beams; remove it'
             )

@@ -274,6 +274,28 @@ def test_obstacles_of_space_lie_on_their_surface_and_move():
     assert "way" not in drawn[1]
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_obstacles_that_turn_are_drawn_turned(dim):
+    more = [0.0] * (dim - 2)
+    axis = {"axis": [0.0, 0.0, 1.0]} if dim == 3 else {}
+    box = RigidBox(
+        center=[0.5, 0.0, *more], size=[0.4, 0.2, *[1.0] * (dim - 2)],
+        motion=["0.1*t", "0", *more],
+        rotation={"point": [0.2, 0.1, *more], "angle": "2*t", **axis},
+    )  # fmt: skip
+    times = np.array([0.0, 0.7])
+    if dim == 2:
+        (drawn,) = plane_obstacles([box], times)
+        rest = np.array(drawn["points"]).reshape(-1, 2)
+    else:
+        (drawn,) = space_obstacles([box], times, np.zeros(3), 1.0)
+        rest = unpacked(drawn["corners"]).reshape(-1, 3)
+    turn = np.array(drawn["turn"]).reshape(2, dim, dim)[1]
+    there = rest @ turn.T + np.array(drawn["way"]).reshape(2, dim)[1]
+    assert np.abs(signed_distance(box, there, 0.7)[0]).max() < 1e-4
+    assert np.abs(signed_distance(box, rest, 0.7)[0]).max() > 0.1
+
+
 def test_a_beam_is_drawn_where_its_nodes_are():
     """Its true shape, which no parabola through its ends has."""
     result = solve(Scene.from_toml(find_scene("dropped_beam")))

@@ -38,6 +38,7 @@ TABLES = {
     "refine = [{ ... }]": language.Refinement,
     "springs = [{ ... }]": language.Spring,
     "orientation = { ... }": language.Orientation,
+    "rotation = { ... }": language.Rotation,
 }
 
 

@@ -32,6 +32,7 @@ from impactfem.scene import (
     Wall,
 )
 from impactfem.scene.json_schema import json_schema
+from impactfem.scene.obstacles.rotation import placement
 
 VALIDATOR = jsonschema.Draft7Validator(json_schema())
 STEEL = {"density": 7800.0, "youngs_modulus": 2.1e11, "poisson_ratio": 0.3}
@@ -144,8 +145,8 @@ def test_obstacles():
     pin = RigidCylinder(point=[0, 0, 0], axis=[0, 0, 2], radius=1)
     assert pin.unit_axis == (0.0, 0.0, 1.0)
     moving = floor(motion=["0", "0.01*sin(t)"])
-    assert floor().offset(1.0) is None
-    np.testing.assert_allclose(moving.offset(math.pi / 2), [0, 0.01])
+    assert not floor().moves
+    np.testing.assert_allclose(placement(moving, math.pi / 2).shift, [0, 0.01])
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.distance import on_a_line, translation
+from impactfem.contact.distance import on_a_line
 from impactfem.report.page.chart import numbers
 from impactfem.report.page.motion_data import packed, packed_indices
+from impactfem.scene.obstacles.rotation import placement
 
 Floats = NDArray[np.float64]
 
@@ -16,7 +17,7 @@ _PLACES = ("point", "points", "normal")
 
 
 def plane_obstacles(obstacles: Sequence[Any], times: Floats) -> list[dict[str, Any]]:
-    """Obstacles in the plane at rest, and the way of those that move, shape (frames, 2)."""
+    """Obstacles in the plane at rest, and places of those that move; see `_way`."""
     return [_outline(obstacle) | _way(obstacle, times) for obstacle in obstacles]
 
 
@@ -34,7 +35,7 @@ def line_obstacles(obstacles: Sequence[Any], times: Floats) -> list[dict[str, An
 def space_obstacles(
     obstacles: Sequence[Any], times: Floats, centre: Floats, reach: float
 ) -> list[dict[str, Any]]:
-    """Surfaces of obstacles in space at rest, and the way of those that move, shape (frames, 3).
+    """Surfaces of obstacles in space at rest, and places of those that move; see `_way`.
 
     Args:
         obstacles: Of a scene in space.
@@ -66,6 +67,14 @@ def _outline(obstacle: Any) -> dict[str, Any]:
 
 
 def _way(obstacle: Any, times: Floats) -> dict[str, Any]:
-    if obstacle.motion is None:
+    """What places X of an obstacle at rest are at some times, turn X + way.
+
+    Its shapes are (frames, dim, dim) and (frames, dim); no turn of those that only shift.
+    """
+    if not obstacle.moves:
         return {}
-    return {"way": numbers([np.atleast_1d(translation(obstacle, float(t))) for t in times])}
+    placed = [placement(obstacle, float(t)) for t in times]
+    dim = obstacle.rotation.dim if obstacle.rotation else len(obstacle.motion)
+    found = {"way": numbers([at.moved(np.zeros(dim)) for at in placed])}
+    turns = [at.turn.ravel() for at in placed if at.turn is not None]
+    return found | ({"turn": numbers(turns)} if turns else {})

@@ -5,13 +5,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.distance import on_a_line, translation
+from impactfem.contact.distance import on_a_line
 from impactfem.report.page.chart import numbers
 from impactfem.report.page.motion_data import telling_frames
 from impactfem.report.page.motion_obstacles import plane_obstacles
 from impactfem.report.panel import evenly
 from impactfem.report.space_picture import Camera
 from impactfem.result import Record
+from impactfem.scene.obstacles.rotation import placement
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -139,19 +140,27 @@ def _outlines(
     centre, reach = 0.5 * (low + high), 0.7 * float(np.max(high - low)) or 1.0
     made: list[dict[str, Any]] = []
     for obstacle in result.scene.rigid_obstacles:
-        faces = obstacle.faces(centre, reach)
-        lines = [*_rim(faces), *obstacle.lines(centre, reach)]
-        if not lines:  # closed
-            seen = np.unique(camera.flat(faces.reshape(-1, 3)).round(12), axis=0)
-            hull = _hull(seen)
-            made.append({"lines": [numbers(seen[np.append(hull, hull[0])])]})
+        faces, lines = obstacle.faces(centre, reach), obstacle.lines(centre, reach)
+        placed = [placement(obstacle, float(t)) for t in times]
+        if obstacle.rotation:
+            each = [_drawn(camera, at.moved(faces), at.moved(lines)) for at in placed]
+            made.append({"lines": each[0], "frames": each})
             continue
-        made.append({"lines": [numbers(camera.flat(line)) for line in lines]})
-    for entry, obstacle in zip(made, result.scene.rigid_obstacles, strict=True):
-        if obstacle.motion is not None:
-            ways = np.array([np.zeros(3) + translation(obstacle, float(t)) for t in times])
-            entry["way"] = numbers(camera.flat(ways))
+        made.append({"lines": _drawn(camera, faces, lines)})
+        if obstacle.moves:
+            ways = np.array([at.moved(np.zeros(3)) for at in placed])
+            made[-1]["way"] = numbers(camera.flat(ways))
     return made
+
+
+def _drawn(camera: Camera, faces: Floats, lines: Floats) -> list[list[float | None]]:
+    """Lines of an obstacle as the camera sees it; of a closed one its outline."""
+    shown = [*_rim(faces), *lines]
+    if not shown:
+        seen = np.unique(camera.flat(faces.reshape(-1, 3)).round(12), axis=0)
+        hull = _hull(seen)
+        return [numbers(seen[np.append(hull, hull[0])])]
+    return [numbers(camera.flat(line)) for line in shown]
 
 
 def _rim(faces: Floats) -> Floats:

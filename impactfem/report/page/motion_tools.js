@@ -115,19 +115,21 @@ const impactfemTools = (function () {
   function drawObstacles(ctx, map, obstacles, frame, width, height, mirror) {
     const far = 2 * (width + height) / map.scale;
     for (const o of obstacles) {
-      const dx = o.way ? o.way[2 * frame] : 0, dy = o.way ? o.way[2 * frame + 1] : 0;
+      const [dx, dy] = o.way ? o.way.slice(2 * frame, 2 * frame + 2) : [0, 0], [a, b, c, d] = o.turn ? o.turn.slice(4 * frame, 4 * frame + 4) : [1, 0, 0, 1];
+      const at = (x, y) => [a * x + b * y + dx, c * x + d * y + dy];
       const path = new Path2D();
       let fill = true;
       if (o.shape === "half") {
-        const [nx, ny] = o.normal, px = o.point[0] + dx, py = o.point[1] + dy, along = -ny * (map.cx - px) + nx * (map.cy - py);
+        const [u, v] = o.normal, nx = a * u + b * v, ny = c * u + d * v, [px, py] = at(...o.point), along = -ny * (map.cx - px) + nx * (map.cy - py);
         const bx = px - ny * along, by = py + nx * along;
         [[-1, 0], [1, 0], [1, -1], [-1, -1]].forEach(([s, d], k) =>
           path[k ? "lineTo" : "moveTo"](map.X(bx - s * far * ny + d * far * nx), map.Y(by + s * far * nx + d * far * ny)));
         path.closePath();
       } else if (o.shape === "circle") {
-        path.arc(map.X(o.point[0] + dx), map.Y(o.point[1] + dy), o.radius * map.scale, 0, 2 * Math.PI);
+        const [px, py] = at(...o.point);
+        path.arc(map.X(px), map.Y(py), o.radius * map.scale, 0, 2 * Math.PI);
       } else {
-        for (let k = 0; k < o.points.length; k += 2) path[k ? "lineTo" : "moveTo"](map.X(o.points[k] + dx), map.Y(o.points[k + 1] + dy));
+        for (let k = 0; k < o.points.length; k += 2) { const [px, py] = at(o.points[k], o.points[k + 1]); path[k ? "lineTo" : "moveTo"](map.X(px), map.Y(py)); }
         fill = o.closed;
       }
       if (o.inside) path.rect(-10, -10, width + 20, height + 20);
@@ -138,6 +140,13 @@ const impactfemTools = (function () {
       ctx.lineWidth = fill ? 1 : 3;
       if (fill) ctx.fill(path, "evenodd");
       ctx.stroke(path);
+      if (o.shape === "circle" && o.turn) { // a mark in what turns
+        const mark = o.radius * (o.inside ? 1.06 : 0.94), [px, py] = o.point;
+        ctx.beginPath();
+        [at(px + o.radius, py), at(px + mark, py)].forEach(([x, y], k) => ctx[k ? "lineTo" : "moveTo"](map.X(x), map.Y(y)));
+        ctx.lineWidth = 3;
+        ctx.stroke();
+      }
       ctx.restore();
     }
   }

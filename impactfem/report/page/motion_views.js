@@ -109,12 +109,12 @@ const impactfemViews = (function () {
     for (const o of data.obstacles) {
       const at = unpack(o.corners).map((v) => v / size), xyz = [0, 1, 2].map((a) => at.filter((_, k) => k % 3 === a));
       traces.push({...mesh(xyz, Array.from(unpack(o.triangles))), color: "#bbbbbb", opacity: o.lines.length ? 0.35 : 1, showscale: false});
-      ways.push({xyz, way: o.way});
+      ways.push({xyz, way: o.way, turn: o.turn});
       const line = [[], [], []];
       for (let k = 0; k < o.lines.length; k += 6) for (let a = 0; a < 3; a++) line[a].push(o.lines[k + a] / size, o.lines[k + 3 + a] / size, null);
       if (o.lines.length) {
         traces.push({type: "scatter3d", mode: "lines", x: line[0], y: line[1], z: line[2], line: {color: "#999999", width: 1}, hoverinfo: "skip", showlegend: false});
-        ways.push({xyz: line, way: o.way});
+        ways.push({xyz: line, way: o.way, turn: o.turn});
       }
     }
     for (let f = 0; f < data.times.length; f++) parts(f).forEach((axis, a) => axis.forEach((v) => { box[a][0] = Math.min(box[a][0], v); box[a][1] = Math.max(box[a][1], v); }));
@@ -131,7 +131,8 @@ const impactfemViews = (function () {
       if (rest) Plotly.restyle(pane, {x: [x], y: [y], z: [z]}, [1]);
       ways.forEach((o, k) => {
         if (!o.way) return;
-        const shifted = o.xyz.map((axis, a) => Array.from(axis, (v) => (v === null ? null : v + o.way[3 * f + a] / size)));
+        const [u, v, w] = o.xyz, m = o.turn ? o.turn.slice(9 * f, 9 * f + 9) : [1, 0, 0, 0, 1, 0, 0, 0, 1];
+        const shifted = [0, 1, 2].map((a) => Array.from(u, (_, n) => (u[n] === null ? null : m[3 * a] * u[n] + m[3 * a + 1] * v[n] + m[3 * a + 2] * w[n] + o.way[3 * f + a] / size)));
         Plotly.restyle(pane, {x: [shifted[0]], y: [shifted[1]], z: [shifted[2]]}, [k + 1 + rest]);
       });
     };
@@ -196,7 +197,7 @@ const impactfemViews = (function () {
         for (let k = from; k <= to; k++) ctx[k === from ? "moveTo" : "lineTo"](map.X(at(2 * k)), map.Y(at(2 * k + 1)));
         ctx.stroke();
       };
-      for (const o of data.outlines || []) for (const flat of o.lines) chain(0, flat.length / 2 - 1, (k) => flat[k] + (o.way ? o.way[2 * f + k % 2] : 0), "#aaaaaa", 1);
+      for (const o of data.outlines || []) for (const flat of o.frames ? o.frames[f] : o.lines) chain(0, flat.length / 2 - 1, (k) => flat[k] + (o.way ? o.way[2 * f + k % 2] : 0), "#aaaaaa", 1);
       if (pole) {
         ctx.lineCap = data.round ? "round" : "butt";
         chain(0, count - 1, (k) => place(f, k), "#9db8d8", Math.max(3, data.thickness * map.scale));

@@ -47,6 +47,18 @@ def _bracketed(texts: Sequence[str], unit: str) -> str:
     return f"{shown} {unit}".strip()
 
 
+def goings(obstacle: Any) -> str:
+    """How an obstacle moves and turns, after its name; empty of one at rest."""
+    parts = []
+    if obstacle.motion is not None:
+        parts.append(f"moves by {formulas(obstacle.motion, 'm')}")
+    if (turning := obstacle.rotation) is not None:
+        along = "" if turning.axis is None else f" along {vector(turning.axis)}"
+        about = f"{vector(turning.point, 'm')}{along}"
+        parts.append(f"turns by {formulas([turning.angle], 'rad')} about {about}")
+    return " and ".join(parts)
+
+
 def formula(entry: Formula) -> str:
     """A formula as it was given; a plain number is shortened."""
     plain = entry.plain

@@ -14,7 +14,7 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from impactfem.contact.distance import signed_distance
-from impactfem.report.page.numbers import constant, formulas, quantity, vector
+from impactfem.report.page.numbers import constant, formulas, goings, quantity, vector
 from impactfem.report.page.outlines import outline_of, supported_lines
 from impactfem.report.page.outlooks import Ball
 from impactfem.report.page.sketch import (
@@ -254,9 +254,9 @@ def _finish(axes: Axes, scene: Scene, size: float, x_label: str) -> None:
         arrow(axes, start - np.maximum(way, 0.0), way, GRAVITY)
         place = start + np.array([-0.14 * size, 0.5 * min(way[1], 0.0)])
         label(axes, place, f"gravity\n{quantity(strength, 'm/s²', 4)}", GRAVITY)
-    moving = [o for o in scene.rigid_obstacles if o.motion is not None]
+    moving = [o for o in scene.rigid_obstacles if o.moves]
     for k, obstacle in enumerate(moving[:3]):
-        text = f"{obstacle.name} moves by {formulas(obstacle.motion or (), 'm')}"
+        text = f"{obstacle.name} {goings(obstacle)}"
         axes.text(0.01, 0.02 + 0.06 * k, text, transform=axes.transAxes, fontsize=8.5,
                   color=VELOCITY, parse_math=False, zorder=7)  # fmt: skip
     axes.set_xlabel(x_label)

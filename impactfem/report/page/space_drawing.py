@@ -85,7 +85,7 @@ def draw_points_in_space(scene: Scene) -> Figure:
     axes.set_aspect("equal")
     axes.set_axis_off()
     for plane in planes:
-        corners, lines = plane.grid(np.zeros(3), centre, 0.8 * reach)
+        corners, lines = plane.grid(centre, 0.8 * reach)
         axes.add_collection(PolyCollection([camera.flat(corners)], facecolors="0.92",
                                            edgecolors="0.7", alpha=0.7, zorder=0.5))  # fmt: skip
         axes.add_collection(LineCollection(list(camera.flat(lines)), colors="0.8", linewidths=0.5,

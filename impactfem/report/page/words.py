@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from impactfem.report.page.bodies_in_words import body_in_words
-from impactfem.report.page.numbers import formulas, number, quantity, vector
+from impactfem.report.page.numbers import goings, number, quantity, vector
 from impactfem.scene import Scene
 from impactfem.scene.loads import PiecewiseConstant
 from impactfem.scene.pairing import side_of
@@ -37,10 +37,8 @@ def _rest(count: int, subject: str) -> Lines:
 
 def _obstacle(scene: Scene, obstacle: Any) -> str:
     text = _OBSTACLES[obstacle.kind](scene, obstacle)
-    motion = getattr(obstacle, "motion", None)
-    if motion is None:
-        return f"{text} It is rigid and at rest."
-    return f"{text} It is rigid and moves by {formulas(motion, 'm')} as t goes on."
+    going = goings(obstacle)
+    return f"{text} It is rigid and {f'{going} as t goes on' if going else 'at rest'}."
 
 
 def _wall(scene: Scene, _: Any) -> str:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import Formulas
 from impactfem.scene.obstacles.mirror import Mirror
+from impactfem.scene.obstacles.rotation import Rotation
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -69,6 +70,7 @@ class RigidObstacle:
     is_smooth: ClassVar[bool] = True
     name: str
     motion: tuple[Formula, ...] | None
+    rotation: Rotation | None = None
     _vectors: ClassVar[tuple[str, ...]] = ()
 
     def check_dimension(self, dim: int) -> None:
@@ -83,12 +85,16 @@ class RigidObstacle:
                 shown = show([entry.plain for entry in value] if name == "motion" else list(value))
                 text = f" = {shown} has {len(value)} entries, but the body has {dim} coordinates"
                 raise KeyedError(self.kind, name, f"{text}: give {dim}.")
+        if self.rotation is not None and self.rotation.dim != dim:
+            fitting = "point and axis with 3 entries" if dim == 3 else f"a point with {dim}"
+            text = f" has {self.rotation.dim} coordinates, but the body has {dim}: "
+            text += f"give {fitting}." if dim > 1 else "on a line nothing turns; remove it."
+            raise KeyedError(self.kind, "rotation", text)
 
-    def offset(self, t: float) -> Floats | None:
-        """Displacement [m] of the obstacle at time t (dim,); None when it is at rest."""
-        if self.motion is None:
-            return None
-        return np.array([float(entry(t=t)) for entry in self.motion])
+    @property
+    def moves(self) -> bool:
+        """Whether it moves or turns."""
+        return self.motion is not None or self.rotation is not None
 
     @property
     def in_space(self) -> "RigidObstacle":

@@ -1,7 +1,7 @@
 """A box, or a rectangle in the plane."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -22,6 +22,7 @@ from impactfem.scene.obstacles.base import (
 )
 from impactfem.scene.obstacles.faces import facing, patches
 from impactfem.scene.obstacles.mirror import EQUAL, Mirror
+from impactfem.scene.obstacles.rotation import ROTATION, ROTATION_KIND, Rotation
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import degrees_hint
 
@@ -48,6 +49,9 @@ class RigidBox(RigidObstacle):
     motion: tuple[Formula, ...] | None = key(
         MOTION_KIND, MOTION, unit="m", default=None, absent="at rest"
     )
+    rotation: Rotation | None = key(  # noqa: RUF009  # a field
+        ROTATION_KIND, ROTATION, default=None, absent="none"
+    )
 
     if TYPE_CHECKING:
 
@@ -59,6 +63,7 @@ class RigidBox(RigidObstacle):
             angle: float = 0.0,
             name: str = "box",
             motion: Motion | None = None,
+            rotation: Rotation | Mapping[str, Any] | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:

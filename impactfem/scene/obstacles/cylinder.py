@@ -1,6 +1,6 @@
 """An endless round cylinder, or the bore of one."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -24,6 +24,7 @@ from impactfem.scene.obstacles.base import (
 )
 from impactfem.scene.obstacles.faces import AROUND, HIGH, facing, patches, square_to
 from impactfem.scene.obstacles.mirror import Mirror
+from impactfem.scene.obstacles.rotation import ROTATION, ROTATION_KIND, Rotation
 from impactfem.scene.obstacles.round import RoundObstacle, upwards
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
@@ -54,6 +55,9 @@ class RigidCylinder(RoundObstacle):
     motion: tuple[Formula, ...] | None = key(
         MOTION_KIND, MOTION, unit="m", default=None, absent="at rest"
     )
+    rotation: Rotation | None = key(  # noqa: RUF009  # a field
+        ROTATION_KIND, ROTATION, default=None, absent="none"
+    )
 
     if TYPE_CHECKING:
 
@@ -66,6 +70,7 @@ class RigidCylinder(RoundObstacle):
             side: str = "outside",
             name: str = "cylinder",
             motion: Motion | None = None,
+            rotation: Rotation | Mapping[str, Any] | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:

@@ -1,6 +1,6 @@
 """Everything behind a plane."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -22,6 +22,7 @@ from impactfem.scene.obstacles.base import (
 )
 from impactfem.scene.obstacles.faces import spacing, square_to
 from impactfem.scene.obstacles.mirror import EQUAL, Mirror
+from impactfem.scene.obstacles.rotation import ROTATION, ROTATION_KIND, Rotation
 from impactfem.scene.schema import check_fields, key, table
 
 
@@ -45,6 +46,9 @@ class HalfSpace(RigidObstacle):
     motion: tuple[Formula, ...] | None = key(
         Formulas(("t",), lengths=(1, 2, 3)), MOTION, unit="m", default=None, absent="at rest"
     )
+    rotation: Rotation | None = key(  # noqa: RUF009  # a field
+        ROTATION_KIND, ROTATION, default=None, absent="none"
+    )
 
     if TYPE_CHECKING:  # type checkers learn that numbers and texts may be given for formulas
 
@@ -55,6 +59,7 @@ class HalfSpace(RigidObstacle):
             normal: Sequence[float],
             name: str = "half_space",
             motion: Motion | None = None,
+            rotation: Rotation | Mapping[str, Any] | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -98,24 +103,23 @@ class HalfSpace(RigidObstacle):
 
     def faces(self, centre: Floats, reach: float) -> Floats:
         """A square below the body, as two triangles."""
-        corners = self.grid(np.zeros(3), centre, reach)[0]
+        corners = self.grid(centre, reach)[0]
         found: Floats = corners[np.array([[0, 1, 2], [0, 2, 3]])]
         return found
 
     def lines(self, centre: Floats, reach: float) -> Floats:
         """Lines at round distances on that square, (lines, 2, 3)."""
-        return self.grid(np.zeros(3), centre, reach)[1]
+        return self.grid(centre, reach)[1]
 
     def outline(self) -> dict[str, Any]:
         """Its outline in the plane at rest, as moving pictures take it."""
         return {"shape": "half", "point": self.point, "normal": self.unit_normal}
 
-    def grid(self, shift: Floats, centre: Floats, reach: float) -> tuple[Floats, Floats]:
+    def grid(self, centre: Floats, reach: float) -> tuple[Floats, Floats]:
         """A square of its plane below a body, with lines at round distances.
 
         Args:
-            shift: Its displacement [m], shape (3,).
-            centre: Where the body is [m].
+            centre: Where the body is [m], as the plane at rest sees it.
             reach: Half the edge of the square [m].
 
         Returns:
@@ -123,7 +127,7 @@ class HalfSpace(RigidObstacle):
         """
         normal = np.array(self.unit_normal)
         first, second = square_to(normal)
-        origin = np.array(self.point, dtype=np.float64) + shift
+        origin = np.array(self.point, dtype=np.float64)
         step = spacing(reach)
         # Lines stand still while the body moves along the plane.
         u, v = (centre - origin) @ first, (centre - origin) @ second

@@ -1,7 +1,7 @@
 """A chain of straight pieces in the plane, extruded in space."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -24,6 +24,7 @@ from impactfem.scene.obstacles.base import (
 )
 from impactfem.scene.obstacles.faces import HIGH, facing, patches
 from impactfem.scene.obstacles.mirror import Mirror
+from impactfem.scene.obstacles.rotation import ROTATION, ROTATION_KIND, Rotation
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
 
@@ -54,6 +55,9 @@ class RigidPolyline(RigidObstacle):
     motion: tuple[Formula, ...] | None = key(
         MOTION_KIND, MOTION, unit="m", default=None, absent="at rest"
     )
+    rotation: Rotation | None = key(  # noqa: RUF009  # a field
+        ROTATION_KIND, ROTATION, default=None, absent="none"
+    )
 
     if TYPE_CHECKING:
 
@@ -63,6 +67,7 @@ class RigidPolyline(RigidObstacle):
             points: Sequence[Sequence[float]],
             name: str = "polyline",
             motion: Motion | None = None,
+            rotation: Rotation | Mapping[str, Any] | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:

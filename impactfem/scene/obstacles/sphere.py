@@ -1,6 +1,6 @@
 """A ball, or the hollow around one."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -22,6 +22,7 @@ from impactfem.scene.obstacles.base import (
 )
 from impactfem.scene.obstacles.faces import AROUND, HIGH, facing, patches
 from impactfem.scene.obstacles.mirror import Mirror
+from impactfem.scene.obstacles.rotation import ROTATION, ROTATION_KIND, Rotation
 from impactfem.scene.obstacles.round import RoundObstacle, upwards
 from impactfem.scene.schema import check_fields, key, table
 
@@ -45,6 +46,9 @@ class RigidSphere(RoundObstacle):
     motion: tuple[Formula, ...] | None = key(
         MOTION_KIND, MOTION, unit="m", default=None, absent="at rest"
     )
+    rotation: Rotation | None = key(  # noqa: RUF009  # a field
+        ROTATION_KIND, ROTATION, default=None, absent="none"
+    )
 
     if TYPE_CHECKING:
 
@@ -56,6 +60,7 @@ class RigidSphere(RoundObstacle):
             side: str = "outside",
             name: str = "sphere",
             motion: Motion | None = None,
+            rotation: Rotation | Mapping[str, Any] | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:

@@ -25,6 +25,8 @@ class Wall:
     is_smooth: ClassVar[bool] = True
     is_flat: ClassVar[bool] = True
     motion: ClassVar[None] = None
+    rotation: ClassVar[None] = None
+    moves: ClassVar[bool] = False
 
     name: str = key(Name(), "name of the wall", default="wall")
 
