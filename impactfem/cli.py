@@ -186,6 +186,11 @@ def _parser() -> argparse.ArgumentParser:
     plan = command(commands.plan, scene=None)
     plan.add_argument("--json", action="store_true", help="print the plan as JSON")
     command(commands.validate, scene=None)
+    kinematics = command(commands.kinematics, scene=None)
+    kinematics.add_argument(
+        "--out", metavar="DIR", type=_folder,
+        help="folder of kinematics.json and kinematics.png (default results/NAME_kinematics)",
+    )  # fmt: skip
     command(commands.methods)
     command(commands.scenes)
     schema = command(commands.schema)

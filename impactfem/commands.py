@@ -15,6 +15,7 @@ from impactfem.signals import InterruptedRunError, held_back
 if TYPE_CHECKING:
     from impactfem.facade import Result
     from impactfem.log import Progress
+    from impactfem.models.kinematics import Kinematics
     from impactfem.planning import Plan
     from impactfem.scene import Scene
 
@@ -191,6 +192,47 @@ def validate(given: argparse.Namespace) -> int:
         read_mesh(MPI.COMM_WORLD, scene.mesh_path, bar.length, scene.duration, bar.wave_speed)
     say("\n".join([f"{path}: in order ({scene.title})", *(f"warning: {w}" for w in warnings)]))
     return DONE
+
+
+def kinematics(given: argparse.Namespace) -> int:
+    """Say where the frames of mechanisms are at t = 0, and draw them."""
+    from impactfem.models.kinematics import kinematics as kinematics_of  # noqa: PLC0415
+    from impactfem.report.table import kinematics_table  # noqa: PLC0415
+
+    path, scene = _read(given)
+    _load_finite_elements()
+    found = kinematics_of(scene)
+    folder = given.out or Path("results") / f"{_name(path)}_kinematics"
+    on_root(lambda: _write_kinematics(scene, found, folder))
+    say(f"{kinematics_table(found)}\n\nwritten to {folder}")
+    missed = [each for each in found if each.inverse is not None and not each.inverse.solved]
+    for each in missed:
+        if each.inverse is not None:
+            complain(
+                f"{each.name}.place cannot be reached: the nearest is {each.inverse.residual:.4g} m"
+                " off; give another target, method, or positions in joints to begin from"
+            )
+    return NOT_TRUSTED if missed else DONE
+
+
+def _write_kinematics(scene: "Scene", found: "tuple[Kinematics, ...]", folder: Path) -> None:
+    """Write kinematics.json, of several mechanisms by name, and kinematics.png.
+
+    Raises:
+        OutputError: They cannot be written.
+    """
+    from impactfem.report.mechanism_picture import mechanism_picture  # noqa: PLC0415
+    from impactfem.report.sheet import write_png  # noqa: PLC0415
+
+    each = {one.name: one.as_json() for one in found}
+    told = each if len(each) > 1 else each[found[0].name]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "kinematics.json").write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        write_png(mechanism_picture(scene, found), folder / "kinematics.png")
+    except OSError as error:
+        why = f"{folder}: cannot be written ({error.strerror}); choose another folder (--out)"
+        raise OutputError(why) from None
 
 
 def methods(_: argparse.Namespace) -> int:

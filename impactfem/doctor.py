@@ -39,6 +39,9 @@ def examine() -> tuple[list[tuple[str, str]], list[str]]:
         if found.startswith(("missing", "broken")):
             faults.append(f"{name} is {found}: pip install --force-reinstall {name}")
     rows += _finite_elements(faults)
+    robots = _version("pinocchio")
+    needed = "missing; mechanisms need it: pip install impactfem[robots]"
+    rows.append(("pinocchio", needed if robots == "missing" else robots))
     rows += [("compiler", _compiler(faults)), ("gmsh", _gmsh(faults))]
     rows += [("cache of forms", _forms(faults)), ("cache of loops", _loops())]
     rows += [("report.html", _report(faults)), ("rendering", _rendering())]

@@ -137,9 +137,10 @@ def _source(kind: str) -> Path:
 
 
 def _meshes(source: Path) -> Sequence[Path]:
-    """Mesh files beside a starter that it names."""
+    """Mesh files and mechanisms beside a starter that it names."""
     data = tomllib.loads(source.read_text(encoding="utf-8"))
-    meshes = [entry["mesh"] for entry in data["body"] if "mesh" in entry]
+    keys = ("mesh", "file")
+    meshes = [entry[key] for entry in data["body"] for key in keys if key in entry]
     return [source.parent / name for name in dict.fromkeys(meshes)]
 
 

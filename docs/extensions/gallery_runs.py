@@ -21,6 +21,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,14 @@ def find_runs(out: Path = DEFAULT) -> list[Run]:
     return runs
 
 
+def missing(scene: Path) -> str:
+    """Why a scene cannot be run here, in words; empty if it can: one that needs an extra."""
+    text = scene.read_text(encoding="utf-8")
+    if 'kind = "mechanism"' in text and find_spec("pinocchio") is None:
+        return "Pinocchio is not installed (impactfem[robots])"
+    return ""
+
+
 def _digest(paths: Iterable[Path]) -> str:
     """Of names and contents of files."""
     found = hashlib.sha256()
@@ -103,9 +112,14 @@ def sources() -> str:
     return hashlib.sha256("\n".join([_digest([*package, *meshes]), *versions]).encode()).hexdigest()
 
 
+def _own(run: Run) -> list[Path]:
+    """The scene, and what it reads from its folder."""
+    return [run.scene, *run.demo.glob("*.urdf")]
+
+
 def is_current(run: Run, digest: str) -> bool:
     """Whether the stored results are those of the present sources (`digest` of `sources`)."""
-    return bool(run.stamp) and run.stamp.get("sources") == digest + _digest([run.scene])
+    return bool(run.stamp) and run.stamp.get("sources") == digest + _digest(_own(run))
 
 
 def execute(run: Run, digest: str) -> None:
@@ -116,7 +130,7 @@ def execute(run: Run, digest: str) -> None:
     """
     shutil.rmtree(run.folder, ignore_errors=True)
     run.folder.with_suffix(".json").unlink(missing_ok=True)
-    state = digest + _digest([run.scene])
+    state = digest + _digest(_own(run))
     environment = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"} | dict(os.environ)
     command = [sys.executable, "-m", *run.command.split(), "--out", str(run.folder), "--quiet"]
     start = time.perf_counter()
@@ -157,6 +171,9 @@ def execute_all(
         if not runs:
             raise GalleryError("there is no demos/*/scene.toml of that name")
         due = [run for run in runs if not is_current(run, digest)]
+        for run in [run for run in due if missing(run.scene)]:
+            print(f"{run.name}: skipped, {missing(run.scene)}", flush=True)
+            due.remove(run)
         due.sort(key=lambda run: -run.stamp.get("seconds", float("inf")))
         faults = []
         with ThreadPoolExecutor(jobs) as pool:

@@ -14,7 +14,12 @@ PAGES = ROOT / "docs" / "generated" / "gallery"
 LINK = re.compile(r"(?<=\]\()(?!https?:|mailto:|#)([^)#\s]+)(#[^)\s]*)?(?=\))")
 GREEK = {"omega": "ω", "mu": "µ", "alpha": "α", "beta": "β"}
 SHORT, LONG = 45, 150  # characters of a sentence that says too little alone, of one to cut
-GROUPS = {"bar": "Bars", "solid": "Solids", "point": "Points, rods and beams"}
+GROUPS = {
+    "bar": "Bars",
+    "solid": "Solids",
+    "point": "Points, rods and beams",
+    "mechanism": "Mechanisms",
+}
 MIXED = "Bodies of different kinds"
 NO_SCENE = "Without a scene"
 

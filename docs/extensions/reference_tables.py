@@ -5,7 +5,14 @@ import re
 from md_tables import code, table
 
 from impactfem.findings import CODES
-from impactfem.result.history import ANGULAR, BODY_COLUMNS, COLUMNS, PAIR_COLUMNS, PROBE_COLUMNS
+from impactfem.result.history import (
+    ANGULAR,
+    BODY_COLUMNS,
+    COLUMNS,
+    JOINT_COLUMNS,
+    PAIR_COLUMNS,
+    PROBE_COLUMNS,
+)
 from impactfem.scene.schema import describe
 
 KEY = '<a class="key" id="{place}" href="#{place}"><code>{key}</code></a>'
@@ -49,4 +56,5 @@ def history_columns() -> str:
     rows += [(code(f"NAME.{name}"), *told) for name, told in BODY_COLUMNS.items()]
     rows += [(code(f"{name}.PAIR"), *told) for name, told in PAIR_COLUMNS.items()]
     rows += [(code(f"PROBE.{name}"), *told) for name, told in PROBE_COLUMNS.items()]
+    rows += [(code(f"NAME.JOINT.{name}"), *told) for name, told in JOINT_COLUMNS.items()]
     return table(("column", "unit", "meaning"), rows)

@@ -120,6 +120,10 @@ class FewInterior:
         """Axial stress at these nodes [Pa], (nodes,); NaN if it is not known."""
         return np.full(1, np.nan)
 
+    def told(self) -> dict[str, dict[str, float]]:
+        """Figures of a level besides those of bodies, by first and last part of their columns."""
+        return {}
+
     @property
     def surface_velocity(self) -> Floats:
         """Of the contact nodes [m/s], (count, dim)."""

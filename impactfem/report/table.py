@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from impactfem.report.page.numbers import largest
 
 if TYPE_CHECKING:
+    from impactfem.models.kinematics import Kinematics
     from impactfem.planning import Plan
     from impactfem.result.compare import Comparison
 
@@ -32,6 +33,20 @@ def plan_table(plan: "Plan[Any]") -> str:
         rows.append(("predicted error", f"{plan.predicted_error:.2g} of the displacement"))
     rows += [(finding.severity, finding.sentence) for finding in plan.findings]
     return table(rows, "Plan")
+
+
+def kinematics_table(mechanisms: "Sequence[Kinematics]") -> str:
+    """Joints, frames and inverse kinematics of mechanisms at t = 0."""
+    found = []
+    for each in mechanisms:
+        rows = [(f"joint {name}", _number(value)) for name, value in each.joints.items()]
+        for name, frame in each.frames.items():
+            rows.append((f"frame {name}", ", ".join(map(_number, frame.position.tolist())) + " m"))
+        if (inverse := each.inverse) is not None:
+            text = f"{inverse.method}, {inverse.iterations} iterations, {_number(inverse.residual)}"
+            rows.append(("inverse", f"{text} m left"))
+        found.append(table(rows, each.name))
+    return "\n\n".join(found)
 
 
 def summary_table(summary: Mapping[str, Any]) -> str:

@@ -111,6 +111,16 @@ PROBE_COLUMNS: Mapping[str, tuple[str, str]] = {
 }
 """Columns ``NAME.ux`` of each probe: unit and meaning."""
 
+LOST = "lost"
+"""Last part of the columns of what joints have taken."""
+
+JOINT_COLUMNS: Mapping[str, tuple[str, str]] = {
+    "q": ("rad or m", "position of the joint, counted over turns"),
+    "v": ("rad/s or m/s", "its rate"),
+    LOST: ("J", "energy that its damper, friction and limits have taken since t = 0"),
+}
+"""Columns ``BODY.JOINT.q`` of each joint of a mechanism: unit and meaning."""
+
 MOST_PAIRS = 100
 """Number of pairs up to which each has columns of its own."""
 
@@ -227,7 +237,8 @@ def make_history(columns: Columns) -> Table:
     for probe, found in columns.probes.items():
         for part, told in found.items():
             name = f"{probe}.{part}"
-            unit, text = PROBE_COLUMNS[f"{part[0]}{'xx' if part[0] == 's' else 'x'}"]
+            kind = f"{part[0]}{'xx' if part[0] == 's' else 'x'}"
+            unit, text = JOINT_COLUMNS.get(part) or PROBE_COLUMNS[kind]
             series[name] = _series(name, told, unit, text, f"{part} at {probe}")
     return Table.over_time(columns.time, series)
 

@@ -21,6 +21,7 @@ from impactfem.marching.layers import ContactGaps, Interior, Stepper
 from impactfem.marching.leapfrog import Leapfrog
 from impactfem.marching.leapfrog_bodies import LeapfrogBodies, LevelStepper
 from impactfem.marching.level_march import LevelMarch
+from impactfem.marching.mechanism import MechanismMidpoint
 from impactfem.marching.midpoint import Midpoint
 from impactfem.marching.newton_bodies import NewtonBodies, NewtonStepper
 from impactfem.marching.newton_march import NewtonMarch
@@ -44,6 +45,9 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 _LAYERS = 100  # whose way tells how coordinates round
+
+type Marched = FewMidpoint | WaveBar | RigidMidpoint | MechanismMidpoint
+"""What marches bodies without meshes."""
 
 Discretised = tuple[SolidPart, SurfaceNodes, Any]
 """A solid, its contact nodes on this rank, and what moves mass off these."""
@@ -75,7 +79,7 @@ def make_loop(
     scheme: SolidScheme,
     iterates: bool,
     each: Sequence[Discretised],
-    few: Sequence[FewMidpoint | WaveBar | RigidMidpoint],
+    few: Sequence[Marched],
     steps: tuple[float, int, float | None],
     progress: Progress,
 ) -> Loop:

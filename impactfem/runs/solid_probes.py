@@ -79,6 +79,7 @@ class SolidProbes:
             the other, (columns, 2 dofs).
         laws: Of stresses that are not linear, by probe: the columns are what these need.
         axes: Probes of bodies without meshes, whose columns follow.
+        few: Bodies without meshes, which may tell of joints.
     """
 
     march: TimeLoop[Any]
@@ -86,6 +87,7 @@ class SolidProbes:
     weights: csr_matrix
     laws: Mapping[str, TrueStress]
     axes: tuple[AxisProbe, ...] = ()
+    few: tuple[FewInterior, ...] = ()
 
     @classmethod
     def of(
@@ -117,18 +119,23 @@ class SolidProbes:
         shape = len(names), 2 * dim * len(own)
         weights = csr_matrix(entries, shape=shape)
         names += [(axis.probe.name, column) for axis in axes for column in axis.columns]
+        names += [
+            (name, part) for each in few for name, told in each.told().items() for part in told
+        ]
         march.rows.probes = np.zeros((march.layers + 1, len(names)))
         laws = {
             probe.name: located.law
             for probe, _, located in model.probes
             if located.law is not None and "stress" in probe.quantities
         }
-        return cls(march, tuple(names), weights, laws, axes)
+        return cls(march, tuple(names), weights, laws, axes, tuple(few))
 
     def __call__(self, level: Level) -> None:
         """Keep a level."""
         moved = np.concatenate([level.displacement, level.velocity])
         values = [self.weights @ moved, *(axis.values() for axis in self.axes)]
+        for each in self.few:
+            values += [each.counts * np.array([*of.values()]) for of in each.told().values()]
         self.march.rows.probes[level.layer] = np.concatenate(values)
 
     def columns(self, values: Floats) -> dict[str, dict[str, Floats]]:

@@ -20,7 +20,7 @@ from impactfem.planning.model_limits import CODES as MODEL_CODES
 from impactfem.planning.model_limits import measured_findings
 from impactfem.result.attitude import attitude
 from impactfem.result.bar_motion import Effort
-from impactfem.result.history import BodyMotion, Columns, PairMotion, make_history
+from impactfem.result.history import LOST, BodyMotion, Columns, PairMotion, make_history
 from impactfem.result.table import Series, Table
 from impactfem.result.whole import Whole
 from impactfem.runs.contact_places import ContactPlaces
@@ -98,6 +98,7 @@ def solids_motion(
     momentum, angular, bodies = body_motions(
         model, march, each, attitudes, whole, placed, explicit=explicit
     )
+    told = probes.columns(total(model.comm, rows.probes))
     history = make_history(
         Columns(
             time=march.interior.dt * np.arange(done, dtype=np.float64),
@@ -113,7 +114,7 @@ def solids_motion(
             active=rows.active,
             bodies=bodies,
             pairs=pair_motions(model, scheme, march, rows, whole, touching, bodies),
-            probes=probes.columns(total(model.comm, rows.probes)),
+            probes=told,
         )
     )
     if model.few:
@@ -125,7 +126,8 @@ def solids_motion(
     finite = all(bool(np.isfinite(history[name].values).all()) for name in _MOVING) and bool(
         np.isfinite(together).all()
     )
-    effort = _effort(model, march, rows, watch, limits, limit, whole, size, bodies)
+    taken = _taken(rows, told)
+    effort = _effort(model, march, rows, watch, limits, limit, whole, size, bodies, taken)
     if started is not None:
         effort = replace(
             effort,
@@ -133,6 +135,13 @@ def solids_motion(
             findings=(*effort.findings, *started.findings()),
         )
     return SolidsMotion(history, effort, finite)
+
+
+def _taken(rows: Rows, told: Mapping[str, Mapping[str, Floats]]) -> dict[str, float]:
+    """What has taken energy, by name [J]."""
+    joints = [columns[LOST][-1] for columns in told.values() if LOST in columns]
+    found = {"impacts": -float(rows.impact_work.sum()), "joints": float(sum(joints))}
+    return {name: energy for name, energy in found.items() if energy}
 
 
 _IMPACTS = "impulses of impacts between bodies without massless nodes during (t_{m-1}, t_m]"
@@ -149,8 +158,9 @@ def _effort(
     whole: Whole,
     size: float,
     bodies: Mapping[str, BodyMotion],
+    taken: Mapping[str, float],
 ) -> Effort:
-    """How the march got there; arguments as of `solids_motion`, and the motions of the bodies."""
+    """How the march got there; arguments as of `solids_motion`, motions, and energy taken."""
     figures, parts = limits.figures(), model.parts
     iterations = rows.iterations[rows.iterations > 0]
     return Effort(
@@ -168,7 +178,7 @@ def _effort(
             "mean_iterations_in_contact": float(iterations.mean()) if len(iterations) else 0.0,
             "carriers": {" and ".join(p.names): p.names[0] for p in model.pairs},
             "friction_work": float(rows.friction_work.sum()),
-            "energy_taken": {"impacts": -float(taken)} if (taken := rows.impact_work.sum()) else {},
+            "energy_taken": taken,
             "penetration_elsewhere": watch.depth,
             "watch": watch.message,
             "overlap": watch.overlap,

@@ -17,6 +17,7 @@ from impactfem.marching.collect import Collector
 from impactfem.marching.few import FewMidpoint
 from impactfem.marching.few_newton import FewNewton
 from impactfem.marching.layers import ContactGaps
+from impactfem.marching.mechanism import MechanismMidpoint
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.rigid import RigidMidpoint
 from impactfem.marching.rows import Level
@@ -30,7 +31,7 @@ from impactfem.result.stored_snapshots import StoredSnapshots
 from impactfem.runs.axis_watch import AxisWatch
 from impactfem.runs.contact_places import ContactPlaces
 from impactfem.runs.line_looks import line_looks
-from impactfem.runs.loops import make_loop
+from impactfem.runs.loops import Marched, make_loop
 from impactfem.runs.solid_output import FieldOutput, Followed, Watch, followed, open_spool
 from impactfem.runs.solid_probes import SolidProbes
 from impactfem.runs.solid_rows import SolidsMotion, solids_motion
@@ -39,6 +40,7 @@ from impactfem.scene import Scene
 from impactfem.system.few import ElasticBar, FewBodies, Lumped
 from impactfem.system.inside import check_inside
 from impactfem.system.massless import mass_transfer
+from impactfem.system.mechanism import Arm
 from impactfem.system.rigid import Rigid
 from impactfem.system.stretches import Stretches
 
@@ -49,10 +51,11 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-_INTERIORS: "Mapping[type[FewBodies], Callable[..., FewMidpoint | WaveBar | RigidMidpoint]]" = {
+_INTERIORS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
     Lumped: FewMidpoint,
     ElasticBar: WaveBar,
     Rigid: RigidMidpoint,
+    Arm: MechanismMidpoint,
 }
 """How bodies without meshes are marched."""
 
@@ -132,7 +135,7 @@ def run_solids(
         )
         probes = SolidProbes.of(march, model, few)
         touching = ContactPlaces.of(march, loop.gaps, loop.contacts, model)
-        looking: list[Callable[[Level], None]] = [probes] if scene.probes else []
+        looking: list[Callable[[Level], None]] = [probes] if probes.names else []
         looking += [touching] if touching else []
         others = [
             body

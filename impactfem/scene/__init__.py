@@ -6,6 +6,7 @@ from impactfem.scene.boundary import Pressure, Support, Traction
 from impactfem.scene.contacts import Contact
 from impactfem.scene.formula import Formula
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
+from impactfem.scene.mechanism import JointStart, Mechanism, Place
 from impactfem.scene.obstacles import (
     HalfSpace,
     RigidBox,
@@ -39,10 +40,13 @@ __all__ = [
     "Formula",
     "HalfSpace",
     "Hull",
+    "JointStart",
+    "Mechanism",
     "Orientation",
     "Output",
     "PiecewiseConstant",
     "PiecewiseVector",
+    "Place",
     "Point",
     "Pressure",
     "Probe",

@@ -13,6 +13,7 @@ from impactfem.scene.body import Solver
 from impactfem.scene.contacts import Contact
 from impactfem.scene.kinds import Choice, Line, Real
 from impactfem.scene.loads import LoadKind, PiecewiseConstant, PiecewiseVector
+from impactfem.scene.mechanism import Mechanism
 from impactfem.scene.obstacles import OBSTACLES, Rigid, Wall
 from impactfem.scene.points import Point
 from impactfem.scene.probes import MAX_PROBES, Probe
@@ -23,11 +24,11 @@ from impactfem.scene.solids import Solid
 from impactfem.scene.tables import MAX_BODIES, MAX_OBSTACLES, ObjectsKind, SettingsKind
 from impactfem.scene.values import show
 
-type Body = Bar | Solid | Point | Rod | Beam | RigidBody
+type Body = Bar | Solid | Point | Rod | Beam | RigidBody | Mechanism
 type Obstacle = Wall | Rigid
 
 BODIES: Mapping[str, type[Any]] = {
-    cls.kind: cls for cls in (Bar, Solid, Point, Rod, Beam, RigidBody)
+    cls.kind: cls for cls in (Bar, Solid, Point, Rod, Beam, RigidBody, Mechanism)
 }
 MAX_CONTACTS = 10_000
 STARTS = ("given", "static")

@@ -146,6 +146,40 @@ class InlineTable(Kind):
 
 
 @dataclass(frozen=True)
+class TablesByName(Kind):
+    """Tables of one class under names that a file gives, which only its reader knows."""
+
+    type_name: ClassVar[str] = "table of tables"
+    cls: type[Any]
+
+    @property
+    @override
+    def allowed(self) -> str:
+        names = ", ".join(entry.name for entry in keys_of(self.cls).values())
+        return f"a table {{ NAME = {{ ... }} }} with the keys {names} for each name"
+
+    @override
+    def read(self, value: object) -> Mapping[str, Any]:
+        if not isinstance(value, Mapping):
+            if not value and isinstance(value, list | tuple):
+                return {}
+            raise NotAllowedError(f"it is {type_in_words(value)}, not a table")
+        found = {}
+        for name, entry in value.items():
+            try:
+                found[str(name)] = InlineTable((self.cls,)).read(entry)
+            except KeyedError as error:
+                raise error.under(str(name)) from None
+            except NotAllowedError as error:
+                raise EntryNotAllowedError(f".{name}", entry, str(error)) from None
+        return found
+
+    @override
+    def write(self, value: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: plain(entry) for name, entry in value.items()}
+
+
+@dataclass(frozen=True)
 class ListOf(Kind):
     """A list of values of one kind, stored as a tuple."""
 

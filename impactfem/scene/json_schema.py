@@ -16,6 +16,7 @@ from impactfem.scene.inline import (
     InlineTable,
     ListOf,
     NumberOrVector,
+    TablesByName,
     Vector,
 )
 from impactfem.scene.kinds import (
@@ -232,6 +233,11 @@ def _(kind: Formulas, _found: dict[str, Schema]) -> Schema:
 @_schema.register
 def _(kind: InlineTable, found: dict[str, Schema]) -> Schema:
     return _one_of(kind.classes, found)
+
+
+@_schema.register
+def _(kind: TablesByName, found: dict[str, Schema]) -> Schema:
+    return {"type": "object", "additionalProperties": _reference(kind.cls, found)}
 
 
 @_schema.register

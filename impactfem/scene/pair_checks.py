@@ -93,7 +93,7 @@ def check_sides(scene: Content, contact: Contact, where: str) -> None:
 
 
 def check_twice(scene: Content, one: Contact, two: Contact, where: str, index: int) -> None:
-    """Refuse laws that cover the same faces, or rub the same two bodies differently.
+    """Refuse laws that cover the same faces, or differ for the same two bodies.
 
     Args:
         scene: Their scene.
@@ -120,10 +120,11 @@ def check_twice(scene: Content, one: Contact, two: Contact, where: str, index: i
     ):
         text = f" = {shown}: {where} is about the same faces; remove one."
         raise KeyedError(f"contact[{index}]", "between", text)
-    if one.friction_coefficient != two.friction_coefficient:
-        text = f" = {show(two.friction_coefficient)}, but {where} has "
-        text += f"{show(one.friction_coefficient)} for the same bodies: give both the same."
-        raise KeyedError(f"contact[{index}]", "friction_coefficient", text)
+    for law in ("friction_coefficient", "restitution", "tangential_restitution"):
+        given, other = getattr(two, law), getattr(one, law)
+        if given != other:
+            text = f" = {show(given)}, but {where} has {show(other)} for the same bodies: "
+            raise KeyedError(f"contact[{index}]", law, f"{text}give both the same.")
 
 
 def _surfaces(scene: Content, name: str) -> Sequence[str] | None:

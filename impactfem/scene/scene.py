@@ -145,17 +145,18 @@ class Scene(Content):
         """Return the text of a scene file with defaults filled in.
 
         Args:
-            folder: where the file will lie, if not beside the one that was read. A relative mesh
-                path is rewritten to resolve from there: still relative if the mesh lies in that
-                folder, absolute otherwise.
+            folder: where the file will lie, if not beside the one that was read. A relative path
+                of a mesh or mechanism is rewritten to resolve from there: still relative if it
+                lies in that folder, absolute otherwise.
         """
         data = self.to_dict()
         for home in (*data["body"], data["solve"]):
-            given = home.get("mesh")
-            if folder is not None and given and not Path(given).is_absolute():
-                mesh, target = _absolute(Path(self.folder or "", given)), _absolute(folder)
-                inside = mesh.is_relative_to(target)
-                home["mesh"] = str(mesh.relative_to(target) if inside else mesh)
+            for name in ("mesh", "file"):
+                given = home.get(name)
+                if folder is not None and given and not Path(given).is_absolute():
+                    there, target = _absolute(Path(self.folder or "", given)), _absolute(folder)
+                    inside = there.is_relative_to(target)
+                    home[name] = str(there.relative_to(target) if inside else there)
         bodies, obstacles = data.pop("body"), data.pop("obstacle")
         contacts, probes = data.pop("contact"), data.pop("probe")
         solve, output = data.pop("solve"), data.pop("output")

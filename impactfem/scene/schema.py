@@ -10,6 +10,7 @@ from impactfem.scene.nearest import nearest, same_as
 from impactfem.scene.values import EntryNotAllowedError, NotAllowedError, show
 
 TOP = "top level"
+_MOST_KNOWN = 45  # keys that a message lists: that of a table without a kind would list all
 
 
 class _Required:
@@ -185,9 +186,9 @@ def check_keys(table: object, known: list[str], where: str, own: str = "") -> Ma
         if name not in known:
             short = isinstance(name, str) and 0 < len(name) <= 40 and name.isprintable()
             text = f" = {show(value)} is not a known key: {_hint(str(name), known, own)}"
-            raise KeyedError(
-                where, name if short else show(name), f"{text} Known keys: {', '.join(known)}."
-            )
+            more = ", ..." * (len(known) > _MOST_KNOWN)
+            text += f" Known keys: {', '.join(known[:_MOST_KNOWN])}{more}."
+            raise KeyedError(where, name if short else show(name), text)
     return table
 
 
@@ -289,9 +290,12 @@ def describe() -> list[TableDoc]:
 
 def _rank(heading: str) -> int:
     """Return the place of a table in the reference: as in a scene file, inline tables last."""
-    kinds = ("bar", "solid", "point", "rod", "beam", "rigid")
+    kinds = ("bar", "solid", "point", "rod", "beam", "rigid", "mechanism")
     bodies = (f'[[body]] with kind = "{kind}"' for kind in kinds)
-    inline = ("supports", "tractions", "pressures", "shape", "refine", "springs", "orientation")
+    inline = (
+        "supports", "tractions", "pressures", "shape", "refine", "springs", "orientation",
+        "rotation", "joints", "place",
+    )  # fmt: skip
     others = ("[[obstacle]]", "[[contact]]", "[[probe]]", "[solve]", "[output]")
     order = (TOP, *bodies, *others, *inline)
     return next((i for i, start in enumerate(order) if heading.startswith(start)), len(order))

@@ -129,9 +129,14 @@ def write_value(value: object) -> str:
                 return "[\n" + "".join(f"    {write_value(entry)},\n" for entry in value) + "]"
             return "[" + ", ".join(write_value(entry) for entry in value) + "]"
         case dict():
-            inner = ", ".join(f"{name} = {write_value(entry)}" for name, entry in value.items())
-            return f"{{ {inner} }}"
+            inner = (f"{_key(name)} = {write_value(entry)}" for name, entry in value.items())
+            return f"{{ {', '.join(inner)} }}"
     raise TypeError(f"{type(value).__name__} cannot be written as TOML")
+
+
+def _key(name: str) -> str:
+    """A key as it may stand bare, else in quotes: joints have the names of their file."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else write_value(name)
 
 
 def _escape(character: str) -> str:

@@ -15,6 +15,7 @@ TABLES = {
     '[[body]] with kind = "rod"': language.Rod,
     '[[body]] with kind = "beam"': language.Beam,
     '[[body]] with kind = "rigid"': language.RigidBody,
+    '[[body]] with kind = "mechanism"': language.Mechanism,
     '[[obstacle]] with kind = "box"': language.RigidBox,
     '[[obstacle]] with kind = "cylinder"': language.RigidCylinder,
     '[[obstacle]] with kind = "half_space"': language.HalfSpace,
@@ -39,6 +40,8 @@ TABLES = {
     "springs = [{ ... }]": language.Spring,
     "orientation = { ... }": language.Orientation,
     "rotation = { ... }": language.Rotation,
+    "joints = { NAME = { ... } }": language.JointStart,
+    "place = { ... }": language.Place,
 }
 
 

@@ -1,0 +1,298 @@
+"""Layers of a mechanism: an energy-momentum step in minimal coordinates.
+
+With v = (v_a + v_b) / 2, q_b after the way dt v, M_a and M_b at both ends and the rest amid,
+
+    M_b v_b - M_a v_a = dt (C^T v + m J_c^T g + tau + x M_a v) + P,
+
+where x is such that without tau and P the energy stays: then, with c the centre of mass,
+
+    dt v.(C^T v + m J_c^T g + x M_a v) = v_a.(M_b - M_a) v_b / 2 + m g.(c_b - c_a),
+
+for v.(M_b v_b - M_a v_a) is the change of v.M v / 2 plus v_a.(M_b - M_a) v_b / 2. The discrete
+gradient of Gonzalez (J. Nonlinear Sci. 6 (1996) 449-467) does the same to Hamilton's equations.
+x is of second order in the step, and so are the errors of the motion. The rows of a free base are
+the balances of momentum and of angular momentum in space, R_b pi_b - R_a pi_a + dt v x p, whose
+power is the same since the base turns about v; x acts in the joints only, so that momenta stay.
+ The forces of a layer on its
+contact nodes have the power F.J v, where J is that of the places that touch amid the layer.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import ConvergenceError
+from impactfem.marching.joint_laws import JointLaws
+from impactfem.marching.layers import Sums
+from impactfem.marching.pictured import Pictured
+from impactfem.result.history import LOST
+from impactfem.scene import PiecewiseVector
+from impactfem.system.mechanism import Arm
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_MOST, _SETTLED = 100, 1e-14  # iterates of a layer, and their change as a share of the rates
+_EPSILON = float(np.finfo(float).eps)
+_ROUNDS = 8.0  # by which energies round
+_LEAST = 1e6  # of these, beside twice the kinetic energy: below it x would be but rounding
+_SHARE = 1e-6  # of positions and rates by which motors are differentiated
+
+
+class MechanismMidpoint(Pictured):
+    """Interior of a mechanism; see `impactfem.marching.layers.Interior`."""
+
+    bodies: Arm
+
+    def __init__(self, bodies: Arm, gravity: PiecewiseVector, dt: float, *, counts: bool) -> None:
+        """Begin at t = 0; see `FewInterior`."""
+        super().__init__(bodies, gravity, dt, counts=counts)
+        count = len(self._start)
+        self.massive = self.volatile = np.ones(count, dtype=bool)
+        self.rolling = bool(bodies.rolling.any())
+        self._cells = bodies.picture[2]
+        self._angle = bodies.angles_at_start.copy()
+        self._lost = np.zeros_like(self._angle)  # what dampers, friction and limits took [J]
+        self._laws = JointLaws.at_rest(bodies.joints)
+        self._leans = False  # whether contact forces acted in the last layer
+        self._offset = np.zeros((count, 3))  # from nodes to where they touch
+        self._ahead = self._v.copy()
+        self._begin()
+        self._acting = self._start - self._centre
+        self._jacobian = np.zeros((3 * count, bodies.tree.rates))
+
+    def _begin(self) -> None:
+        """What the next layer starts from."""
+        tree = self.bodies.tree
+        self._inertia, self._centre = tree.inertia(self._q), tree.centre(self._q)
+        self._momentum, self._pushed = self._inertia @ self._v, np.zeros(tree.rates)
+        # The joints give what energy lacks: the momenta of a free base stay.
+        self._inner = slice(6 * (tree.free and tree.rates > 6), None)
+        self._balance = self._inertia[self._inner, self._inner]
+
+    def memory(self) -> dict[str, Floats]:
+        """Coordinates, rates, positions counted over turns, what joints took, their states."""
+        states = np.append(self._laws.states, self._leans).astype(float)
+        own = {"angles": self._angle.copy(), "lost": self._lost.copy(), "states": states}
+        return super().memory() | own
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave."""
+        super().remember(memory)
+        self._angle, self._lost = memory["angles"].copy(), memory["lost"].copy()
+        states = memory["states"].astype(int)
+        self._laws.states, self._leans = states[:-1], bool(states[-1])
+        self._ahead = self._v.copy()
+        self._begin()
+
+    @property
+    def surface_velocity(self) -> Floats:
+        """Of the contact nodes [m/s], (count, dim)."""
+        return self._velocities(self._q, self._v, 0.0 * self._offset)
+
+    def _velocities(self, q: Floats, v: Floats, offset: Floats) -> Floats:
+        """Of places at some offsets from the contact nodes [m/s], (nodes, 3)."""
+        bodies = self.bodies
+        turns, _ = bodies.tree.poses(q, bodies.moving)
+        moving = (bodies.tree.jacobians(q, bodies.moving) @ v)[bodies.on]
+        arms = np.einsum("kij,kj->ki", turns[bodies.on], bodies.arms) + offset
+        return np.asarray(moving[:, :3] + np.cross(moving[:, 3:], arms))
+
+    def predict(self, layer: int) -> Floats:
+        """Solve the layer without contact forces.
+
+        Where these acted in the last layer, the joints stay at their limits and stick as they did
+        then: contact forces are asked for in that state.
+        """
+        self._time, self._pull = (layer + 0.5) * self.dt, self.gravity(layer)
+        level = self.bodies.tree.mass * float(np.abs(self._pull) @ np.abs(self._centre))
+        self._rounding = _EPSILON * (level + 0.5 * float(self._v @ self._inertia @ self._v))
+        self._least = _LEAST * self._rounding + np.finfo(float).tiny
+        self._ahead = self._v.copy()
+        self._prepare()
+        self._settle(settled=self._leans)
+        self._frozen, self._leans = self._leans, False
+        middle, end = self._way(0.5), self._way(1.0)
+        bodies, tree = self.bodies, self.bodies.tree
+        turns, there = tree.poses(middle, bodies.moving)
+        self._links = tree.jacobians(middle, bodies.moving)
+        self._spans = np.einsum("kij,kj->ki", turns[bodies.on], bodies.arms)
+        self._amid = there[bodies.on] - tree.centre(middle)
+        self._offset = np.zeros_like(self._offset)
+        self._renew_answer()
+        return np.asarray(bodies.places(end) - self._start)
+
+    def _way(self, share: float) -> Floats:
+        """Coordinates after a share of the layer."""
+        mean = 0.5 * (self._v + self._ahead)
+        return self.bodies.tree.integrate(self._q, share * self.dt * mean)
+
+    def _prepare(self) -> None:
+        """Invert M + dt D / 2 + dt^2 K / 4, with K and D of the motors and dampers."""
+        joints, dt = self.bodies.joints, self.dt
+        damping, stiffness = joints.damping.copy(), np.zeros_like(joints.damping)
+        for sides, found in ((1.0, stiffness), (0.0, damping)) if joints.motors else ():
+            step = _SHARE * np.maximum(1.0, np.abs(self._angle if sides else self._v))
+            one, two = (
+                joints.drive(self._time, self._angle + way * sides * step,
+                             self._v + way * (1.0 - sides) * step)
+                for way in (-1.0, 1.0)
+            )  # fmt: skip
+            found[:] += (one - two) / (2.0 * step)
+        tangent = self._inertia + np.diag(0.5 * dt * damping + 0.25 * dt**2 * stiffness)
+        self._inverse = np.linalg.inv(tangent)
+
+    def _renew_answer(self) -> None:
+        """Ways of the contact nodes by forces on them: limits and friction hold what they do."""
+        bodies, held = self.bodies, self._laws.held(self._v)[0]
+        arms = self._spans + self._offset
+        links = self._links[bodies.on]
+        turning = np.cross(links[:, 3:].swapaxes(1, 2), arms[:, None, :]).swapaxes(1, 2)
+        self._jacobian = (links[:, :3] + turning).reshape(-1, bodies.tree.rates)
+        self._acting = self._amid + arms
+        inverse = self._inverse
+        if len(held):
+            rows = inverse[held]
+            inverse = inverse - rows.T @ np.linalg.solve(rows[:, held], rows)
+        self._compliance = 0.5 * self.dt**2 * self._jacobian @ inverse @ self._jacobian.T
+
+    def _settle(self, *, settled: bool = False) -> None:
+        """Rates at the end of the layer; with the states of its joints unless they are settled."""
+        turn, self._impulses = 0, self._iterate()
+        while not settled and self._laws.renew(
+            self._v, self._ahead, self._ends(), self._impulses, self.dt, turn
+        ):
+            turn, self._impulses = turn + 1, self._iterate()
+
+    def _ends(self) -> Floats:
+        """Positions of single joints at the end of the layer, counted over turns, (v,)."""
+        return np.asarray(self._angle + 0.5 * self.dt * (self._v + self._ahead))
+
+    def _iterate(self) -> Floats:
+        """Solve for the rates with given states of the joints; impulses of what is held, (v,)."""
+        bodies, dt, v = self.bodies, self.dt, self._v
+        tree, joints = bodies.tree, bodies.joints
+        held, rates = self._laws.held(v)
+        given = self._pushed + self._laws.rubbing(dt) + self._momentum
+        impulses, hold = np.zeros(len(v)), self._inverse[np.ix_(held, held)]
+        for _ in range(_MOST):
+            mean = 0.5 * (v + self._ahead)
+            middle, end = self._way(0.5), self._way(1.0)
+            inertia, centre = tree.inertia(end), tree.centre(end)
+            force = tree.whirl(middle, mean)
+            force += tree.mass * (self._pull @ tree.centre_jacobian(middle))
+            momentum, turned = inertia @ self._ahead, np.zeros(len(v))
+            if tree.free:
+                amid, ends = tree.base(middle), tree.base(end)
+                whole = 0.5 * (self._momentum[:3] + momentum[:3])
+                force[3:6] -= amid.T @ np.cross(mean[:3], whole)
+                half = amid.T @ ends
+                turned[3:6] = half.T @ self._momentum[3:6] - self._momentum[3:6]
+                turned[3:6] -= half @ momentum[3:6] - momentum[3:6]
+            along = np.zeros(len(v))
+            along[self._inner] = self._balance @ mean[self._inner]
+            gained = 0.5 * float(v @ (inertia - self._inertia) @ self._ahead)
+            gained += tree.mass * float(self._pull @ (centre - self._centre))
+            share = 1.0 / (float(along @ mean) + self._least)
+            force += (gained / dt - float(force @ mean)) * share * along
+            self._drive = joints.drive(self._time, self._angle + 0.5 * dt * mean, mean)
+            force += self._drive - joints.damping * mean
+            missing = dt * force + given + turned - momentum
+            change = self._inverse @ missing
+            if len(held):
+                needed = np.linalg.solve(hold, rates - self._ahead[held] - change[held])
+                change = change + self._inverse[:, held] @ needed
+                impulses[held] = needed
+            self._ahead = self._ahead + change
+            if not np.isfinite(self._ahead).all():
+                break
+            allowed = _SETTLED * np.abs(self._ahead).max() + np.finfo(float).tiny
+            allowed += _ROUNDS * self._rounding * share * np.abs(mean).max()
+            if np.abs(change).max() <= allowed:
+                return impulses
+        raise ConvergenceError(
+            f"the motion of {bodies.names[0]} did not settle at t = {self._time:.6g} s; use a "
+            "smaller solve.dt"
+        )
+
+    def touched(self, normals: Floats) -> Floats:
+        """Learn where nodes touch; ways that their surface goes in the layer besides [m].
+
+        Args:
+            normals: Of the gaps of nodes, towards them, (count, dim).
+        """
+        self._offset = -self.bodies.rolling[:, None] * normals
+        self._renew_answer()
+        spins = (self._links[:, 3:] @ (0.5 * (self._v + self._ahead)))[self.bodies.on]
+        return np.asarray(self.dt * np.cross(spins, self._offset))
+
+    def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)
+        """Velocities where nodes touch at both ends of the layer without contact forces."""
+        before = self._velocities(self._q, self._v, self._offset)
+        return before, self._velocities(self._way(1.0), self._ahead, self._offset)
+
+    def spins(self) -> Floats:
+        """Velocities where nodes touch by unit spins in the layer [m], (turns, count, dim)."""
+        return np.cross(np.eye(3)[:, None, :], self._acting)
+
+    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
+        """Add the layer's contact forces (count, dim)."""
+        self._pushed = self._pushed + self.dt * (self._jacobian.T @ forces.ravel())
+        self._leans, self._frozen = True, False
+        self._settle()
+
+    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
+        """End the layer and sum up."""
+        if self._frozen:  # no contact forces this time
+            self._settle()
+        mean = 0.5 * (self._v + self._ahead)
+        work = self.dt * float(self._drive @ mean)
+        pushed = self._impulses + self._laws.rubbing(self.dt)
+        self._lost += (self.dt * self.bodies.joints.damping * mean - pushed) * mean
+        self._angle, end = self._ends(), self._way(1.0)
+        self._q, self._v = end, self._ahead
+        self._begin()
+        return [self._summed(work)]
+
+    def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+        """Sums of the initial state."""
+        return [self._summed(0.0)]
+
+    def _summed(self, work: float) -> Sums:
+        if not self.counts:
+            return Sums(0.0, 0.0, 0.0, *np.zeros((3, 3)))
+        tree = self.bodies.tree
+        moved = tree.mass * (self._centre - self.bodies.centers[0])
+        kinetic = 0.5 * float(self._v @ self._inertia @ self._v)
+        momentum, angular = tree.momenta(self._q, self._v)
+        return Sums(kinetic, 0.0, work, momentum, moved, angular)
+
+    def told(self) -> dict[str, dict[str, float]]:
+        """Positions, rates and losses of single joints, by the first parts of their columns."""
+        name, tree = self.bodies.names[0], self.bodies.tree
+        return {
+            f"{name}.{joint}": {
+                "q": float(self._angle[at]),
+                "v": float(self._v[at]),
+                LOST: float(self._lost[at]),
+            }
+            for joint, at in tree.single.items()
+        }
+
+    def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (it is one)
+        """Fields at these places now: displacement [m], velocity [m/s], (nodes, dim)."""
+        places, rest = self._pictured(self._q), self._pictured(self.bodies.position)
+        bodies, tree = self.bodies, self.bodies.tree
+        _, origins = tree.poses(self._q, bodies.moving)
+        on = np.concatenate([bodies.on, bodies.picture[0]])
+        moving = (tree.jacobians(self._q, bodies.moving) @ self._v)[on]
+        velocity = moving[:, :3] + np.cross(moving[:, 3:], places - origins[on])
+        return {"displacement": places - rest, "velocity": velocity}
+
+    def _pictured(self, q: Floats) -> Floats:
+        bodies = self.bodies
+        turns, origins = bodies.tree.poses(q, bodies.moving)
+        on = np.concatenate([bodies.on, bodies.picture[0]])
+        arms = np.vstack([bodies.arms, bodies.picture[1]])
+        return np.asarray(origins[on] + np.einsum("kij,kj->ki", turns[on], arms))

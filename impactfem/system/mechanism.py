@@ -1,0 +1,231 @@
+"""Mechanisms as the march takes them: a tree in minimal coordinates, and what of it can touch."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.scene import Mechanism, Scene
+from impactfem.scene.formula import Formula
+from impactfem.scene.schema import KeyedError
+from impactfem.scene.values import show
+from impactfem.system.few import FewBodies
+from impactfem.system.inverse_kinematics import Found, place_frame
+from impactfem.system.link_shapes import LinkNodes, Partner, named, picture
+from impactfem.system.mechanism_file import read_mechanism
+from impactfem.system.tree import Tree
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_SINGULAR = 1e-12  # share of the largest inertia of a rate that counts as none
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joints:
+    """What acts in the joints, by rate; (v,) each.
+
+    Attributes:
+        lower, upper: Limits [rad, m], infinite without.
+        restitution: Of these.
+        damping: [N m s, N s/m].
+        friction: Coulomb's [N m, N].
+        motors: Formulas in t, q and v by rate.
+    """
+
+    lower: Floats
+    upper: Floats
+    restitution: Floats
+    damping: Floats
+    friction: Floats
+    motors: Mapping[int, Formula]
+
+    def drive(self, time: float, angle: Floats, v: Floats) -> Floats:
+        """Moments and forces of the motors, (v,)."""
+        found = np.zeros(len(v))
+        for at, formula in self.motors.items():
+            known = {"t": time, "q": angle[at], "v": v[at]}
+            found[at] = float(formula(**{name: known[name] for name in formula.used}))
+        return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arm(FewBodies):
+    """A mechanism.
+
+    A ball on a link rolls: it touches different things at different places of its surface. So each
+    obstacle and body has contact nodes of its own.
+
+    Attributes:
+        tree: Kinematics and dynamics.
+        joints: What acts in the joints.
+        moving: Joints whose frames carry nodes or pictures, as Pinocchio counts them; 0 stays.
+        on: Place among these of each contact node, (nodes,).
+        arms: In its frame [m], (nodes, 3).
+        meets: Contact nodes that meet a body or obstacle, by its name and the number of its face.
+        rolling: Radius with which nodes roll [m], (nodes,).
+        angles_at_start: Positions of single joints at t = 0, counted over turns, (v,).
+        picture: Place in `moving`, points [m], (points, 3), in its frame, and cells.
+        inverse: How `place` was found; None without it.
+    """
+
+    tree: Tree
+    joints: Joints
+    moving: tuple[int, ...]
+    on: Integers
+    arms: Floats
+    meets: Mapping[Partner, Integers]
+    rolling: Floats
+    angles_at_start: Floats
+    picture: tuple[Integers, Floats, Integers]
+    inverse: Found | None
+
+    def meeting(
+        self,
+        body: int,  # noqa: ARG002  (it is one)
+        surfaces: Sequence[str] | None,  # noqa: ARG002  (its nodes are those of the law)
+        partner: tuple[str, int],
+    ) -> Integers:
+        """Contact nodes that may meet a body, or a face of an obstacle."""
+        return self.meets[partner]
+
+
+def mechanism_system(scene: Scene, body: Mechanism) -> Arm:
+    """A mechanism of a scene.
+
+    Raises:
+        KeyedError: Its file or the keys of its joints are wrong.
+        ConvergenceError: ``place`` cannot be reached.
+    """
+    try:
+        tree, shapes = read_mechanism(body, scene.folder)
+        joints, q, v, found = start_of(body, tree)
+    except KeyedError as error:
+        raise error.moved(f"body[{scene.bodies.index(body)}]") from None
+    if found is not None:
+        found.check(body, tree)
+    nodes = LinkNodes.of(scene, body, shapes, list(tree.links()))
+    moving = sorted({shape.joint for shape in shapes} | {0})
+    on, arms = np.searchsorted(moving, nodes.on), nodes.arms
+
+    def places(q: Floats) -> Floats:
+        turns, there = tree.poses(q, moving)
+        return np.asarray(there[on] + np.einsum("kij,kj->ki", turns[on], arms))
+
+    centre = tree.centre(q)
+    links = len({link for link, joint in tree.links().items() if joint})
+    return Arm(
+        names=(body.name,),
+        masses=(tree.mass,),
+        centers=centre[None],
+        speeds=(tree.centre_jacobian(q) @ v)[None],
+        inertias=(0.0,),
+        angles=(0.0,),
+        position=q,
+        velocity=v,
+        places=places,
+        radius=nodes.radius,
+        shell=nodes.radius,
+        touching=np.ones(len(arms), dtype=bool),
+        body=np.zeros(len(arms), dtype=np.int64),
+        lines=np.zeros((0, 2), dtype=np.int64),
+        ends={},
+        rate=lambda: _rate(scene, tree, joints, q, v),
+        words=f"a mechanism of {links} moving links and {tree.rates} degrees of freedom",
+        tree=tree,
+        joints=joints,
+        moving=tuple(moving),
+        on=on.astype(np.int64),
+        arms=arms,
+        meets=nodes.meets,
+        rolling=nodes.rolling,
+        angles_at_start=_positions(tree, q, body),
+        picture=picture(shapes, moving.index),
+        inverse=found,
+    )
+
+
+def start_of(body: Mechanism, tree: Tree) -> tuple[Joints, Floats, Floats, Found | None]:
+    """Joints, coordinates, rates at t = 0, and how `place` was found.
+
+    Raises:
+        KeyedError: A joint is not known, begins outside its limits, or moves nothing.
+    """
+    known, (lower, upper) = list(tree.single), tree.limits()
+    restitution, q, v = np.zeros(tree.rates), tree.neutral(), np.zeros(tree.rates)
+    motors: dict[int, Formula] = {}
+    for name, at in tree.single.items():
+        tree.put(q, name, min(max(0.0, lower[at]), upper[at]))
+    for name, given in body.joints.items():
+        if name not in tree.single:
+            raise named(body.kind, f"joints.{name}", name, known, "joint of one degree of freedom")
+        at, where = tree.single[name], f"joints.{name}"
+        if given.position is not None:
+            if not lower[at] <= given.position <= upper[at]:
+                text = f" = {show(given.position)} is outside its limits: give {lower[at]:.6g} to "
+                raise KeyedError(body.kind, f"{where}.position", f"{text}{upper[at]:.6g}.")
+            tree.put(q, name, given.position)
+        v[at], restitution[at] = given.velocity, given.restitution
+        if given.motor is not None:
+            motors[at] = given.motor
+            start = {"t": 0.0, "q": tree.position(q, name), "v": v[at]}
+            if not np.isfinite(given.motor(**{n: start[n] for n in given.motor.used})):
+                text = f" = {show(given.motor.text)} has no finite value at the start: rewrite it."
+                raise KeyedError(body.kind, f"{where}.motor", text)
+    _check_inertia(body, tree, q)
+    model = tree.model
+    joints = Joints(
+        lower=lower,
+        upper=upper,
+        restitution=restitution,
+        damping=np.array(model.damping),
+        friction=np.array(model.upperDryFrictionLimit),
+        motors=motors,
+    )
+    found = None if body.place is None else place_frame(body, body.place, tree, q)
+    return joints, q if found is None else found.q, v, found
+
+
+def _positions(tree: Tree, q: Floats, body: Mechanism) -> Floats:
+    """Positions of single joints, counted over turns as they are given, (v,)."""
+    found = np.zeros(tree.rates)
+    for name, at in tree.single.items():
+        given = body.joints[name].position if name in body.joints else None
+        asked = given is not None and body.place is None
+        found[at] = given if asked else tree.position(q, name)
+    return found
+
+
+def _check_inertia(body: Mechanism, tree: Tree, q: Floats) -> None:
+    """Refuse links that move without inertia."""
+    if not tree.rates:
+        text = f" = {show(body.file)} has no joint that moves: give a file with one."
+        raise KeyedError(body.kind, "file", text)
+    own, ways = np.linalg.eigh(tree.inertia(q))
+    if own[0] > _SINGULAR * max(own[-1], 0.0) and np.isfinite(own).all():
+        return
+    at, model = int(np.argmax(np.abs(ways[:, 0]))), tree.model
+    joint = next(k for k in range(1, model.njoints) if model.idx_vs[k] <= at < model.idx_vs[k]
+                 + model.nvs[k])  # fmt: skip
+    text = f" = {show(body.file)}: joint {show(model.names[joint])} moves nothing that has inertia "
+    raise KeyedError(body.kind, "file", f"{text}about it: give the links after it <inertial>.")
+
+
+def _rate(scene: Scene, tree: Tree, joints: Joints, q: Floats, v: Floats) -> float:
+    """Frequency of the start [rad/s] that steps follow: swinging, motors, and rates themselves."""
+    pull = np.asarray(scene.vector_gravity.at(0.0))
+    inertia = tree.inertia(q)
+    angle = np.array([0.0] * tree.rates)
+    for name, at in tree.single.items():
+        angle[at] = tree.position(q, name)
+
+    def force(way: Floats) -> Floats:
+        there = tree.integrate(q, way)
+        swung: Floats = tree.mass * tree.centre_jacobian(there).T @ pull
+        return swung + joints.drive(0.0, angle + way, v)
+
+    step = 1e-6 * np.eye(tree.rates)
+    stiffness = np.stack([(force(-h) - force(h)) / 2e-6 for h in step], axis=1)
+    squares = np.abs(np.linalg.eigvals(np.linalg.solve(inertia, stiffness)))
+    return float(max(np.sqrt(squares.max()), np.abs(v).max()))
