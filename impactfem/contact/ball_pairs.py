@@ -92,6 +92,7 @@ class BallPair:
     far: float = FAR
 
     follows = True
+    touch = 0.0
     memory = NOTHING
 
     def recall(self, memory: Floats) -> None:

@@ -28,6 +28,7 @@ class LinePair:
     total: int
 
     follows = False  # weights and normal stay
+    touch = 0.0
     memory = NOTHING
     count = 1
     thickness = np.inf  # nothing can pass through

@@ -72,6 +72,7 @@ class NodeMeet(Meet, Protocol):
         count: Number of gaps.
         thickness: What a body must not move in a step [m]; infinite if nothing can pass.
         nodes: Places of all nodes of both sides among all contact nodes.
+        touch: How much smaller than distances gaps are, so that rounding opens none [m].
     """
 
     @property
@@ -80,6 +81,10 @@ class NodeMeet(Meet, Protocol):
 
     @property
     def thickness(self) -> float:
+        """See above."""
+
+    @property
+    def touch(self) -> float:
         """See above."""
 
     @property

@@ -36,8 +36,11 @@ class RigidMidpoint(FewInterior):
         self._dim, count = bodies.dim, len(self._start)
         self._mass, self._inverse = bodies.masses[0], np.linalg.inv(bodies.inertia)
         self.massive = self.volatile = np.ones(count, dtype=bool)
-        self.rolling = bool(bodies.rolling.any()) or bodies.rims is not None
-        self._offset = np.zeros((count, 3))  # from nodes to where they touch
+        self._following = bodies.followers
+        self.rolling = bool(bodies.rolling.any() or self._following.any()) or (
+            bodies.rims is not None
+        )
+        self._offset = self._following  # from nodes to where they touch
         self._ahead, self._half = self._v.copy(), np.zeros(3)
         self._begin()
         self._end = self._middle = self._turn
@@ -147,7 +150,7 @@ class RigidMidpoint(FewInterior):
             normals: Of the gaps of nodes, towards them, (count, dim).
         """
         towards = in_space(normals)
-        self._offset = -self.bodies.rolling[:, None] * towards
+        self._offset = self._following - self.bodies.rolling[:, None] * towards
         self._acting = self._arms(self._middle) + self._offset
         spin = self._turn @ (0.5 * (self._split(self._v)[1] + self._split(self._ahead)[1]))
         beyond = self._around(self._middle) + self._offset

@@ -175,7 +175,8 @@ class SolidMarch(TimeLoop[Interior]):
         self._led = 0.5 * dt * (first + second)
         one, two = _along(normals, before - first), _along(normals, after - second)
         self._mean_way = 0.5 * dt * (one + two)
-        self._arriving = one < -np.abs(two - one)  # faster than forces make in one layer
+        # Faster than forces make in one layer, and than rounding.
+        self._arriving = one < -np.maximum(np.abs(two - one), self.tolerance / dt)
         lively = np.zeros(len(normals)) if self._restitution is None else self._restitution
         return rebound(one, two, lively, dt)
 

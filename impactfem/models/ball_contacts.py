@@ -17,6 +17,7 @@ from impactfem.contact.line_pairs import LinePair
 from impactfem.contact.mortar_surface import Surface
 from impactfem.contact.pairs import NodeMeet
 from impactfem.errors import SceneError
+from impactfem.models.convex_contacts import convex_meetings
 from impactfem.scene import Scene, Solid
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.pairing import (
@@ -166,7 +167,7 @@ def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
         )
         if isinstance(first, _Faces) and isinstance(second, _Faces):
             continue
-        if first is None or second is None:
+        if first is None or second is None or not (len(first.nodes) and len(second.nodes)):
             continue
         if isinstance(first, _Faces) or isinstance(second, _Faces):
             found += _on_solid(label, first, second, offsets[-1])
@@ -174,7 +175,7 @@ def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
             found += _on_line(label, first, second, offsets[-1], asked=asked)
         else:
             found += _slender(label, first, second, offsets[-1], asked=asked)
-    return found
+    return found + [BallMeeting(*each) for each in convex_meetings(model.scene, model.few, offsets)]
 
 
 type _Side = Callable[[Sequence[str] | None, str], _Balls | _Faces]
@@ -303,11 +304,12 @@ def check_apart(meetings: Sequence[BallMeeting], places: Floats) -> None:
         own = places[meeting.pair.nodes]
         size = float(np.ptp(own, axis=0).max())
         worst = int(np.argmin(met.gap)) if len(met.gap) else 0
-        if len(met.gap) and met.gap[worst] < -_ROUNDING * size:
+        depth = -met.gap[worst] - meeting.pair.touch if len(met.gap) else 0.0
+        if depth > _ROUNDING * size:
             one, two = meeting.names
             raise SceneError(
-                f"bodies {one} and {two} overlap by {-met.gap[worst]:.4g} m at t = 0: move one, or "
-                "make a radius smaller"
+                f"bodies {one} and {two} overlap by {depth:.4g} m at t = 0: move one, or make it "
+                "smaller"
             )
 
 
@@ -381,6 +383,8 @@ def obstacle_meetings(model: Bodies) -> list[ObstacleMeeting]:
                 on = surfaces_on(model.scene, name, obstacle.name)
                 own = bodies.meeting(body, on, (obstacle.name, face))
                 own = own[bodies.touching[own]]
+                if not len(own):
+                    continue
                 radius = bodies.shell[own]
                 balls = Balls.beside(obstacle, places[own], radius)
                 size = max(1.0, float(np.abs(places[own]).max(initial=0.0)))

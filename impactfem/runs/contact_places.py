@@ -75,7 +75,8 @@ class ContactPlaces:
         if not 0 < len(march.pairs) <= MOST_PAIRS:
             return None
         dim, names = model.dim, {name: k for k, name in enumerate(model.names)}
-        leading = {name: one for name, (one, _), _ in named_body_pairs(model.scene)}
+        leading = {pair.label: pair.names[0] for pair in contacts.pairs}
+        leading |= {name: one for name, (one, _), _ in named_body_pairs(model.scene)}
         for each in contacts.obstacles:
             # Solids that can reach nothing have no gaps, but pairs.
             own_name = each.names[0][0] if each.names else model.names[each.part]
@@ -104,8 +105,10 @@ class ContactPlaces:
         for k, body in enumerate(self.first):
             mine = np.flatnonzero(pair == k)
             least = gap[mine].min(initial=np.inf)
-            _, node, weight = self.gaps.entries(mine[gap[mine] <= least + self.march.tolerance])
-            share = np.where(self.bodies[node] == body, np.abs(weight), 0.0)
+            at, node, weight = self.gaps.entries(mine[gap[mine] <= least + self.march.tolerance])
+            own = np.where(self.bodies[node] == body, weight, 0.0)
+            whole = np.rint(np.bincount(at, own))[at] if len(at) else own
+            share = np.where(whole == 0.0, np.abs(own), whole * own)
             if share.any():
                 self.start[k] = share @ place[node] / share.sum()
 

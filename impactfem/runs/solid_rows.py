@@ -336,7 +336,9 @@ def pair_motions(
     # Forces are those on the carrier, columns those on the first body of the pair.
     first = {name: one for name, (one, _), _ in named_body_pairs(model.scene)}
     turned = {pair.label for pair in model.pairs if pair.names[0] != first[pair.label]}
-    turned |= {met.label for met in model.ball_meetings if met.carrier != first[met.label]}
+    turned |= {
+        met.label for met in model.ball_meetings if met.carrier != first.get(met.label, met.carrier)
+    }
     force = of_layers(scheme, rows.pair_force)
     all_forces = of_layers(scheme, rows.pair_force + rows.pair_impact / march.interior.dt)
     place, moments = of_layers(scheme, rows.place), of_layers(scheme, rows.moment)

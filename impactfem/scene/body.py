@@ -56,7 +56,7 @@ class BodyKind:
 
     @property
     def has_corners(self) -> bool:
-        """Whether it has edges and faces, but meets obstacles only, with its corners."""
+        """Whether it has edges and faces, and meets rigid bodies and obstacles only."""
         return False
 
     def check_beside(self, bodies: Sequence[Any]) -> None:

@@ -64,15 +64,15 @@ def check_dimensions(scene: Content) -> None:
 
 
 def _check_partners(scene: Content) -> None:
-    """Refuse contact of edges and faces of rigid bodies, and friction of balls with waves."""
+    """Refuse contact of edges and faces with what has none, and friction of balls with waves."""
     bodies = {body.name: body for body in scene.bodies}
     for name, *sides in named_body_pairs(scene):
         one, two = (bodies[body] for body, _ in sides)
         what = f" of {one.name} and {two.name} ({name}) is not available: "
         for body, other in ((one, two), (two, one)):
-            if body.has_corners:
-                text = f"{body.name} has edges and faces, and meets obstacles only; remove it, and "
-                text += "list the pairs that may meet by [[contact]]."
+            if body.has_corners and not (other.rolls or other.has_corners):
+                text = f"{body.name} has edges and faces, and meets rigid bodies and obstacles "
+                text += "only; remove it, and list the pairs that may meet by [[contact]]."
                 raise KeyedError("contact", "", what + text)
             law = law_of(scene, one.name, two.name)
             if body.rolls and other.waves and law is not None and law.friction_coefficient:
@@ -80,10 +80,16 @@ def _check_partners(scene: Content) -> None:
                 raise KeyedError("contact", "", what + text)
     for body in (body for body in scene.bodies if body.has_corners):
         for obstacle in obstacles_of(scene, body.name):
-            if not obstacle.meets_corners:
-                text = f" of {body.name} and {obstacle.name} is not available: {obstacle.name} may "
-                text += f"meet edges and faces of {body.name}, which touches with its corners; "
-                text += "give a half_space, a hollow sphere or cylinder, or a body that is a ball."
+            if obstacle.meets_corners:
+                continue
+            text = f" of {body.name} and {obstacle.name} is not available: "
+            if not obstacle.is_convex:
+                text += f"{obstacle.name} may meet edges and faces of {body.name}, and is not "
+                text += "convex; give boxes, a half_space, or a body that is a ball."
+                raise KeyedError("contact", "", text)
+            if obstacle.moves:
+                text += f"{obstacle.name} moves and meets edges and faces of {body.name}; let it "
+                text += "rest, or give a half_space or a body that is a ball."
                 raise KeyedError("contact", "", text)
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from impactfem.scene import Bar
 from impactfem.system.beam import FreeBeam
+from impactfem.system.convex import Convex
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 
 Floats = NDArray[np.float64]
@@ -82,6 +83,11 @@ class FewBodies:
     def figured(self) -> Mapping[str, float | list[list[float]]]:
         """What the summary says of a single body that turns besides its mass; nothing of others."""
         return {}
+
+    @property
+    def convex(self) -> tuple[Convex, Integers, float, int] | None:
+        """Shape, markers, arm of these and coordinates of a body that edges and faces may meet."""
+        return None
 
     @property
     def facing(self) -> Floats:

@@ -15,6 +15,7 @@ from impactfem.scene import RigidBody, Scene
 from impactfem.scene.obstacles.rotation import gap_at
 from impactfem.scene.pairing import named_body_pairs, obstacles_of
 from impactfem.scene.rigid_keys import rotation
+from impactfem.system.convex import Convex
 from impactfem.system.few import FewBodies
 
 Floats = NDArray[np.float64]
@@ -83,6 +84,11 @@ class Rigid(FewBodies):
             the axis, (nodes, 3).
         loads: What acts besides gravity; None if nothing does.
         picture: Points [m], (points, 3), along the axes of the body, and cells of its picture.
+        shape: What edges and faces of others meet, along its axes from the centre.
+        markers: Nodes in its place that stand for all of it, and followers, which move with the
+            centre and have arms along the axes of space (`impactfem.contact.convex_pairs`); none
+            where no edges and faces meet it.
+        unit: Arm of these [m].
     """
 
     inertia: Floats
@@ -94,6 +100,22 @@ class Rigid(FewBodies):
     lowest: Floats
     loads: Loads | None
     picture: tuple[Floats, Integers]
+    shape: Convex
+    markers: Integers
+    unit: float
+
+    @property
+    def followers(self) -> Floats:
+        """Arms in space of all nodes besides `arms` [m], (nodes, 3)."""
+        found, dim = np.zeros((len(self.radius), 3)), self.dim
+        own = self.markers[dim + 1 :]
+        found[own] = self.unit * np.eye(3)[: len(own)]
+        return found
+
+    @property
+    def convex(self) -> tuple[Convex, Integers, float, int] | None:
+        """What edges and faces meet, if any may."""
+        return (self.shape, self.markers, self.unit, self.dim) if len(self.markers) else None
 
     @property
     def figured(self) -> Mapping[str, float | list[list[float]]]:
@@ -109,7 +131,10 @@ class Rigid(FewBodies):
         partner: tuple[str, int],
     ) -> Integers:
         """Contact nodes that may meet a body, or a face of an obstacle."""
-        return self.meets[partner]
+        return self.meets.get(partner, _NONE)
+
+
+_NONE = np.zeros(0, dtype=np.int64)
 
 
 def frame(q: Floats) -> tuple[Floats, Floats]:
@@ -130,20 +155,22 @@ def in_space(values: Floats) -> Floats:
 def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
     """A rigid body of a scene: mass, inertia, and contact nodes for the obstacles it may meet."""
     form, center, dim = body.form, body.center, body.dim
-    obstacles = {obstacle.name: obstacle for obstacle in obstacles_of(scene, body.name)}
+    named = obstacles_of(scene, body.name)
+    obstacles = {o.name: o for o in named if o.meets_corners or not body.has_corners}
     faces = [
         (name, face)
         for name, obstacle in obstacles.items()
         for face in range(1 if obstacle.other_gap(np.zeros((0, dim))) is None else 2)
     ]
     waves = {other.name: other.waves for other in scene.bodies}
-    partners = [
+    others = [
         (other, 0)
         for _, (one, _), (two, _) in named_body_pairs(scene)
         for name, other in ((one, two), (two, one))
         if name == body.name
     ]
-    partners = list(dict.fromkeys([*faces, *partners]))
+    cornered = {other.name for other in scene.bodies if other.has_corners or body.has_corners}
+    partners = list(dict.fromkeys([*faces, *(each for each in others if each[0] not in cornered)]))
     rolls = bool(form.radius.any() or len(form.rim))
     copies, count = max(1, len(partners)) if rolls else 1, len(form.nodes)
     own = np.arange(count)
@@ -153,6 +180,13 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         rolling[nodes] *= not waves.get(name, False)
     arms = in_space(np.tile(form.nodes - center, (copies, 1)))
     radius = np.tile(form.radius, copies)
+    count, shape = len(arms), _shape(body)
+    unit, markers = _MARKED * form.volume ** (1.0 / dim), np.zeros(0, dtype=np.int64)
+    if len(partners) < len({*faces, *others}) or len(obstacles) < len(named):
+        markers = count + np.arange(1 + dim + dim * shape.rounds)
+        arms = np.vstack([arms, np.zeros((len(markers), 3))])
+        arms[markers[1 : dim + 1]] = unit * np.eye(3)[:dim]
+        radius, rolling = (np.pad(each, (0, len(markers))) for each in (radius, rolling))
     inertia, turned = np.eye(3), np.array([body.angle])
     if dim == 2:
         inertia[2, 2] = body.moments[0, 0]
@@ -163,7 +197,8 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         velocity = np.concatenate([velocity[:3], rotation(turned).T @ velocity[3:]])
 
     middle, turn = frame(position)
-    rims = Rims(form.axis, np.tile(form.rim, (copies, 1))) if len(form.rim) else None
+    shares = np.pad(np.tile(form.rim, (copies, 1)), [(0, len(markers)), (0, 0)])
+    rims = Rims(form.axis, shares) if len(form.rim) else None
     normals = np.zeros((len(arms), 3))
     lowest = normals + turn @ np.cross(form.axis, np.eye(3)[np.argmin(np.abs(form.axis))])
     for _ in range(_LOOKS if rims else 0):
@@ -190,7 +225,7 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         places=places,
         radius=radius,
         shell=radius,
-        touching=np.ones(len(radius), dtype=bool),
+        touching=np.arange(len(radius)) < count,
         body=np.zeros(len(radius), dtype=np.int64),
         lines=np.zeros((0, 2), dtype=np.int64),
         ends={},
@@ -205,10 +240,22 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         lowest=lowest,
         loads=_loads(body),
         picture=(in_space(form.points - center), form.cells),
+        shape=shape,
+        markers=markers,
+        unit=unit,
     )
 
 
+_MARKED = 0.25  # arm of markers, as a share of the size of a body
 _LOOKS = 4  # for what is nearest to the lowest place of a rim at t = 0
+
+
+def _shape(body: RigidBody) -> Convex:
+    """What edges and faces of others meet, from the centre of mass."""
+    form, nodes = body.form, body.form.nodes - body.center
+    if len(form.rim):
+        return Convex.cylinder(np.unique(nodes, axis=0), float(np.linalg.norm(form.rim[0])))
+    return Convex.of(nodes, float(form.radius.max()))
 
 
 def _loads(body: RigidBody) -> Loads | None:

@@ -318,16 +318,24 @@ def test_bad_input_is_told_with_key_and_remedy(change, said):
 
 def test_contacts_that_are_not_there_yet_are_refused():
     two = tumbling()
-    two["body"].append(two["body"][0] | {"name": "c"})
+    two["body"].append({"kind": "point", "name": "c", "mass": 1.0, "position": [9.0, 9.0, 9.0]})
     two["contact"] = []
-    with pytest.raises(SceneError, match="edges and faces, and meets obstacles only; remove it"):
+    with pytest.raises(SceneError, match="faces, and meets rigid bodies and obstacles only; rem"):
         Scene.from_dict(two)
     with pytest.raises(SceneError, match="needs friction_coefficient: without friction"):
         Contact(between=["a", "b"], tangential_restitution=1.0)
     edge = tumbling()
-    edge["obstacle"].append({"kind": "box", "name": "step", "size": [1, 1, 1], "center": [3, 0, 0]})
+    step = {"kind": "box", "name": "step", "size": [1, 1, 1], "center": [3, 0, 0]}
+    edge["obstacle"].append(step | {"motion": ["t", "0", "0"]})
     edge["contact"].append({"between": ["b", "step"]})
-    with pytest.raises(SceneError, match="may meet edges and faces of b, which touches with its"):
+    with pytest.raises(SceneError, match="step moves and meets edges and faces of b; let it rest"):
+        Scene.from_dict(edge)
+    edge["obstacle"][-1] = {
+        "kind": "polyline",
+        "name": "step",
+        "points": [[0, -3], [1, -3], [2, -2]],
+    }
+    with pytest.raises(SceneError, match="step may meet edges and faces of b, and is not convex"):
         Scene.from_dict(edge)
 
 

@@ -117,6 +117,16 @@ class RigidObstacle:
         return self.is_flat
 
     @property
+    def corners(self) -> Floats | None:
+        """Corners at rest of a convex one with flat faces that ends [m], (corners, dim)."""
+        return None
+
+    @property
+    def is_convex(self) -> bool:
+        """Whether edges and faces of rigid bodies may meet it."""
+        return self.corners is not None or (self.core is not None and self.core.side > 0.0)
+
+    @property
     def plane(self) -> Plane | None:
         """Where it ends if that is a plane."""
         return None

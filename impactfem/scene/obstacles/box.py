@@ -77,6 +77,16 @@ class RigidBox(RigidObstacle):
         """Its shortest edge [m]."""
         return min(self.size)
 
+    @property
+    def corners(self) -> Floats:
+        """Its corners at rest [m], (4 or 8, dim)."""
+        dim = len(self.size)
+        turn = np.eye(dim)
+        cosine, sine = np.cos(self.angle), np.sin(self.angle)
+        turn[:2, :2] = [[cosine, -sine], [sine, cosine]]
+        arms = (np.array(list(np.ndindex(*(2,) * dim))) - 0.5) * np.asarray(self.size, dtype=float)
+        return np.asarray(arms @ turn.T + np.asarray(self.center, dtype=np.float64))
+
     def runs_along_z(self, low: float, high: float) -> bool:
         """Whether it reaches from low to high."""
         half = self.size[2] / 2

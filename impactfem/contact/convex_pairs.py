@@ -1,0 +1,197 @@
+"""Gaps between two convex bodies, or one and an obstacle, as `impactfem.contact.pairs` takes them.
+
+A place q of a rigid body is an affine sum of a few of its nodes, its *markers* at the centre and at
+a unit along each axis: a force there is that sum of forces on the markers, in total and in moment.
+So the contact points of `convex_kernels`, which are elsewhere in each layer, are gaps that weigh
+markers. What rolls touches below a place q of its core, at an arm that does not turn with it: nodes
+that follow the centre with arms along the axes of space, *followers*, carry that part. Both bodies
+are pushed at one point, so that friction too keeps their angular momentum.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from impactfem.contact.convex_kernels import separate, touching
+from impactfem.contact.followed_pair import FAR
+from impactfem.contact.pairs import NOTHING, Meeting
+from impactfem.system.convex import Convex
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+type Pose = tuple[Floats, Floats]
+"""Centre (3,) and rotation (3, 3) of a body."""
+
+_MOST = 8  # gaps of two bodies with faces in space
+
+
+@dataclass(frozen=True)
+class Marked:
+    """A rigid body with its markers.
+
+    Attributes:
+        shape: The body along its axes from the centre of mass.
+        nodes: Its markers and then its followers, if it rolls, among all contact nodes.
+        unit: Arm of markers and followers [m].
+        dim: Number of coordinates.
+    """
+
+    shape: Convex
+    nodes: Integers
+    unit: float
+    dim: int
+
+    def pose(self, places: Floats, near: Floats) -> Pose:  # noqa: ARG002  (it has one)
+        """Its centre and rotation with all nodes at some places."""
+        centre, frame = self._frame(places)
+        left, _, right = np.linalg.svd(frame)
+        return centre, left @ right
+
+    def _frame(self, places: Floats) -> Pose:
+        """Its centre and axes; amid a way, a mean of two rotations, these are a little short."""
+        dim, own = self.dim, places[self.nodes[: self.dim + 1]]
+        centre, axes = np.zeros(3), np.eye(3)
+        centre[:dim] = own[0]
+        axes[:dim, :dim] = ((own[1:] - own[0]) / self.unit).T
+        return centre, axes
+
+    def weights(self, at: Floats, n: Floats, pose: Pose, places: Floats) -> Floats:
+        """Of its nodes in forces at places of its surface, (places, nodes).
+
+        Args:
+            at: The places [m], (places, 3).
+            n: Direction across which they touch, towards the body, (3,).
+            pose: Of the body.
+            places: Of all contact nodes [m], (nodes, dim).
+        """
+        dim, (centre, turn), (_, axes) = self.dim, pose, self._frame(places)
+        core = centre + self.shape.core((at - centre) @ turn, n @ turn) @ turn.T
+        found = np.zeros((len(at), len(self.nodes)))
+        found[:, 1 : dim + 1] = np.linalg.solve(axes, (core - centre).T).T[:, :dim] / self.unit
+        if len(self.nodes) > dim + 1:
+            found[:, dim + 1 :] = (at - core)[:, :dim] / self.unit
+        found[:, 0] = 1.0 - found[:, 1:].sum(axis=1)
+        return found
+
+
+@dataclass(frozen=True)
+class Unmoved:
+    """An obstacle at rest.
+
+    Attributes:
+        shape: The obstacle from its centre.
+        centre: [m], (3,).
+        along: Of an endless one its direction, (3,): what is near is met; None if it ends.
+    """
+
+    shape: Convex
+    centre: Floats
+    along: Floats | None = None
+
+    nodes = np.zeros(0, dtype=np.int64)
+
+    def pose(self, places: Floats, near: Floats) -> Pose:  # noqa: ARG002
+        """Where it is met near some place."""
+        centre = self.centre
+        if self.along is not None:
+            centre = centre + ((near - centre) @ self.along) * self.along
+        return centre, np.eye(3)
+
+    def weights(self, at: Floats, n: Floats, pose: Pose, places: Floats) -> Floats:  # noqa: ARG002
+        """None: it takes any force."""
+        return np.zeros((len(at), 0))
+
+
+@dataclass(frozen=True)
+class ConvexPair:
+    """Two convex bodies that are held off each other.
+
+    Attributes:
+        one: The body that the forces act on.
+        other: What it meets.
+        total: Number of all contact nodes.
+        touch: Distance [m] below which they touch: rounding of places.
+    """
+
+    one: Marked
+    other: Marked | Unmoved
+    total: int
+    touch: float
+
+    follows = True
+    memory = NOTHING
+
+    def recall(self, memory: Floats) -> None:
+        """Nothing: it is looked at anew each time."""
+
+    @property
+    def nodes(self) -> Integers:
+        """Places of all its nodes among all contact nodes."""
+        return np.concatenate([self.one.nodes, self.other.nodes])
+
+    @property
+    def thickness(self) -> float:
+        """Way [m] to the middle of both, from which on they would be pushed out elsewhere."""
+        return 0.5 * (self.one.shape.thickness + self.other.shape.thickness)
+
+    @property
+    def count(self) -> int:
+        """Number of gaps: one of a ball, two of lines and in the plane, else up to eight."""
+        corners = self.one.shape.corners, self.other.shape.corners
+        return min(corners) if min(corners) < 3 else min(_MOST, sum(corners))
+
+    def __call__(self, places: Floats, acting: Floats) -> Meeting:
+        """How they meet with all contact nodes at some places (nodes, dim).
+
+        Contact points are those where forces act, amid the way; gaps change with their material
+        from there on.
+        """
+        first, second = self.one.shape, self.other.shape
+        one = self.one.pose(acting, np.zeros(3))
+        other = self.other.pose(acting, one[0])
+        own = self.nodes
+        way = float(np.linalg.norm(places[own] - acting[own], axis=1).max())
+        apart = float(np.linalg.norm(one[0] - other[0])) - first.reach - second.reach
+        if apart > 2.0 * way:
+            return self._open(places.shape[1])
+        size = min(first.reach, second.reach)
+        n, places_one, places_two = self._touching(one, other, size)
+        count, dim = len(places_one), places.shape[1]
+        gap, normal = np.full(self.count, FAR), np.zeros((self.count, dim))
+        normal[:] = n[:dim]
+        between = (places_one - places_two) @ n - first.radius - second.radius
+        # Amid their surfaces; of obstacles, which take any moment, on that of the body.
+        share = 0.5 if len(self.other.nodes) else 0.0
+        at = places_one - first.radius * n - share * between[:, None] * n
+        own_weights = self.one.weights(at, n, one, acting)
+        weights = np.hstack([own_weights, -self.other.weights(at, -n, other, acting)])
+        gap[:count] = between + weights @ ((places - acting)[own] @ n[:dim]) - self.touch
+        ends = len(own) * np.minimum(np.arange(self.count + 1), count)
+        found = csr_matrix(
+            (weights.ravel(), np.tile(own, count), ends), shape=(self.count, self.total)
+        )
+        return Meeting(found, gap, normal, np.zeros(self.count))
+
+    def _touching(self, one: Pose, other: Pose, size: float) -> tuple[Floats, Floats, Floats]:
+        """The direction from the other one, and places on both cores, (places, 3) each."""
+        first, second = self.one.shape, self.other.shape
+        hint = np.zeros(3)
+        aims: tuple[Floats | None, Floats | None] = (None, None)
+        if first.axis is not None or second.axis is not None:
+            hint, _, _ = separate(first.spine(*one), second.spine(*other), hint, size)
+            aims = first.aim(hint @ one[1]), second.aim(-hint @ other[1])
+        a, b = first.placed(*one, aims[0]), second.placed(*other, aims[1])
+        n, kind, index = separate(a, b, hint, size)
+        x, y, count = touching(a, b, n, kind, index, size, self.count)
+        return n, x[:count], y[:count]
+
+    def _open(self, dim: int) -> Meeting:
+        """No gap that could close."""
+        count = self.count
+        normal = np.zeros((count, dim))
+        normal[:, -1] = 1.0
+        none = csr_matrix((count, self.total))
+        return Meeting(none, np.full(count, FAR), normal, np.zeros(count))
