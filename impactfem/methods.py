@@ -6,7 +6,7 @@ from typing import Literal
 
 BAR, SOLID, BOTH = frozenset({"bar"}), frozenset({"solid"}), frozenset({"bar", "solid"})
 VIBRO = frozenset({"point", "rod", "beam"})
-RIGID = frozenset({"rigid"})
+RIGID, SPRINGS = frozenset({"rigid"}), frozenset({"springs"})
 
 
 DISPERSIVE = (3.0, 2.0 / 3.0)
@@ -23,7 +23,8 @@ class Method:
         stable: Whether it is stable only up to courant 1 ("limited") or at any ("always").
         plannable: Whether the plan may choose it.
         mixes: Whether it takes bodies of different kinds together, with friction.
-        bodies: Kinds of bodies it solves: "bar", "solid", "point", "rod", "beam", "rigid".
+        bodies: Kinds of bodies it solves: "bar", "solid", "point", "rod", "beam", "rigid",
+            "springs".
         exact: Whether it has neither mesh nor iterations, nor errors but those of rounding.
         layered: Whether it has time layers, on which events may fall; else triangles.
         assembled: Whether all layers are one linear system, which PETSc's solvers take.
@@ -131,7 +132,7 @@ METHODS: Mapping[str, Method] = {
         "points, rods, beams and rigid bodies: any restitution, first order in dt, impacts are not "
         "located",
         mixes=True,
-        bodies=SOLID | VIBRO | RIGID,
+        bodies=SOLID | VIBRO | RIGID | SPRINGS,
     ),
     "event_driven": Method(
         "flights between impacts that are located one by one: exact to rounding where the free "

@@ -23,6 +23,7 @@ from impactfem.marching.leapfrog_bodies import LeapfrogBodies, LevelStepper
 from impactfem.marching.level_march import LevelMarch
 from impactfem.marching.mechanism import MechanismMidpoint
 from impactfem.marching.midpoint import Midpoint
+from impactfem.marching.net import NetMidpoint
 from impactfem.marching.newton_bodies import NewtonBodies, NewtonStepper
 from impactfem.marching.newton_march import NewtonMarch
 from impactfem.marching.rigid import RigidMidpoint
@@ -46,7 +47,7 @@ Floats = NDArray[np.float64]
 
 _LAYERS = 100  # whose way tells how coordinates round
 
-type Marched = FewMidpoint | WaveBar | RigidMidpoint | MechanismMidpoint
+type Marched = FewMidpoint | WaveBar | RigidMidpoint | MechanismMidpoint | NetMidpoint
 """What marches bodies without meshes."""
 
 Discretised = tuple[SolidPart, SurfaceNodes, Any]

@@ -19,6 +19,7 @@ from impactfem.marching.few_newton import FewNewton
 from impactfem.marching.layers import ContactGaps
 from impactfem.marching.mechanism import MechanismMidpoint
 from impactfem.marching.model_watch import ModelWatch
+from impactfem.marching.net import NetMidpoint
 from impactfem.marching.rigid import RigidMidpoint
 from impactfem.marching.rows import Level
 from impactfem.marching.schemes import scheme_of
@@ -41,6 +42,7 @@ from impactfem.system.few import ElasticBar, FewBodies, Lumped
 from impactfem.system.inside import check_inside
 from impactfem.system.massless import mass_transfer
 from impactfem.system.mechanism import Arm
+from impactfem.system.net import Net
 from impactfem.system.rigid import Rigid
 from impactfem.system.stretches import Stretches
 
@@ -56,6 +58,7 @@ _INTERIORS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
     ElasticBar: WaveBar,
     Rigid: RigidMidpoint,
     Arm: MechanismMidpoint,
+    Net: NetMidpoint,
 }
 """How bodies without meshes are marched."""
 

@@ -27,6 +27,7 @@ from impactfem.scene.settings import Output, Solve
 from impactfem.scene.shapes import Block, Cylinder, Disc, Ring, Sphere
 from impactfem.scene.solid_keys import Refinement
 from impactfem.scene.solids import Solid
+from impactfem.scene.springs import SpringNet
 from impactfem.scene.toml import parse_assignment
 
 __all__ = [
@@ -64,6 +65,7 @@ __all__ = [
     "Solve",
     "Sphere",
     "Spring",
+    "SpringNet",
     "Support",
     "Traction",
     "Wall",

@@ -21,14 +21,15 @@ from impactfem.scene.rigid import RigidBody
 from impactfem.scene.schema import key
 from impactfem.scene.settings import Output, Solve
 from impactfem.scene.solids import Solid
+from impactfem.scene.springs import SpringNet
 from impactfem.scene.tables import MAX_BODIES, MAX_OBSTACLES, ObjectsKind, SettingsKind
 from impactfem.scene.values import show
 
-type Body = Bar | Solid | Point | Rod | Beam | RigidBody | Mechanism
+type Body = Bar | Solid | Point | Rod | Beam | RigidBody | Mechanism | SpringNet
 type Obstacle = Wall | Rigid
 
 BODIES: Mapping[str, type[Any]] = {
-    cls.kind: cls for cls in (Bar, Solid, Point, Rod, Beam, RigidBody, Mechanism)
+    cls.kind: cls for cls in (Bar, Solid, Point, Rod, Beam, RigidBody, Mechanism, SpringNet)
 }
 MAX_CONTACTS = 10_000
 STARTS = ("given", "static")

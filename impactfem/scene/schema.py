@@ -290,7 +290,7 @@ def describe() -> list[TableDoc]:
 
 def _rank(heading: str) -> int:
     """Return the place of a table in the reference: as in a scene file, inline tables last."""
-    kinds = ("bar", "solid", "point", "rod", "beam", "rigid", "mechanism")
+    kinds = ("bar", "solid", "point", "rod", "beam", "rigid", "mechanism", "springs")
     bodies = (f'[[body]] with kind = "{kind}"' for kind in kinds)
     inline = (
         "supports", "tractions", "pressures", "shape", "refine", "springs", "orientation",

@@ -16,6 +16,7 @@ TABLES = {
     '[[body]] with kind = "beam"': language.Beam,
     '[[body]] with kind = "rigid"': language.RigidBody,
     '[[body]] with kind = "mechanism"': language.Mechanism,
+    '[[body]] with kind = "springs"': language.SpringNet,
     '[[obstacle]] with kind = "box"': language.RigidBox,
     '[[obstacle]] with kind = "cylinder"': language.RigidCylinder,
     '[[obstacle]] with kind = "half_space"': language.HalfSpace,

@@ -242,6 +242,17 @@ def _beam(_: Scene, beam: Any) -> str:
     return text
 
 
+def _springs(_: Scene, body: Any) -> str:
+    origin = body.mesh or f"a {body.shape.kind} filled with {body.pattern or 'triangles'}"
+    text = f"Masses of {quantity(body.mass, 'kg')} in all and springs of "
+    text += f"{quantity(body.stiffness, 'N/m')} on the edges of {origin}"
+    start = body.centre_velocity().tolist()
+    if any(start):
+        text += f", with the velocity {vector(start, 'm/s')}"
+    held = [support.surface for support in body.supports]
+    return f"{text}, held at {', '.join(held)}." if held else f"{text}."
+
+
 def _rigid(_: Scene, body: Any) -> str:
     text = f"A rigid {body.shape.kind} of mass {quantity(body.total_mass, 'kg')}"
     moments = body.moments
@@ -272,4 +283,5 @@ _BODIES: Mapping[str, Callable[[Scene, Any], str]] = {
     "rod": _rod,
     "beam": _beam,
     "rigid": _rigid,
+    "springs": _springs,
 }

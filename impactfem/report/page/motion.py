@@ -20,6 +20,12 @@ SCRIPTS = ("motion_tools.js", "motion_views.js", "motion.js")
 _CURVE = 2000  # points of the force beside the picture
 
 
+def _is_pole(result: Record) -> bool:
+    """Whether all that moves is one slender body."""
+    bodies: tuple[Any, ...] = result.scene.bodies
+    return len(bodies) == 1 and bodies[0].centreline() is not None
+
+
 def motion(result: Record) -> dict[str, Any] | None:
     """Make the data of the moving picture.
 
@@ -40,7 +46,7 @@ def motion(result: Record) -> dict[str, Any] | None:
         own = bars_motion(result, fields)
     elif kinds == {VERTEX}:  # alone, with the ways that they have gone
         own = points_motion(result, layout.radius)
-    elif kinds == {LINE} and len(layout.names) == 1:
+    elif kinds == {LINE} and _is_pole(result):
         own = poles_motion(result, fields)
     else:
         own = bodies_motion(result, fields)

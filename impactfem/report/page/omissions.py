@@ -69,6 +69,7 @@ _LEFT_OUT = {
     "point": ["Rotation and deformation of points: they only move; an impact is an instant."],
     "rod": ["Elasticity of rods: they are rigid, an impact is an instant."],
     "rigid": ["Elasticity of rigid bodies: they have no waves, an impact is an instant."],
+    "springs": ["What lies between the springs: masses and edges touch, cells are empty."],
     "beam": [
         "Large rotations of beams: displacements are small about the place at t = 0.",
         "Local indentation of beams: the contact itself is rigid.",

@@ -98,6 +98,8 @@ def draw_plane(result: Record) -> Figure | None:
     window = _Window()
     for place in (*outlines, *map(_reach, points), *slender.values(), *rigid.values()):
         window.add(np.reshape(place, (-1, 2)))
+    if not window.places:  # bodies of mesh files that have no drawing
+        return None
     window.include_obstacles(scene)
     figure, axes = _axes(window)
     size = window.apply(axes, scene)

@@ -1,0 +1,208 @@
+"""Layers of masses and springs: the midpoint rule with a discrete gradient for each spring.
+
+    m (v_b - v_a) = dt (m g + sum s d + F),   d = (d_a + d_b) / 2,   q_b = q_a + dt (v_a + v_b) / 2,
+    s = k (1 - 2 L / (|d_a| + |d_b|)),
+
+d_a and d_b the way from end to end of a spring of length L at both ends of the layer. Its work is
+the change of k (|d| - L)^2 / 2, and its force lies along d, so that energy, momentum and angular
+momentum stay to rounding. Source: Simo and Gonzalez, Assessment of energy-momentum and symplectic
+schemes for stiff dynamical systems (ASME 93-WA/PVP-4, 1993).
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, diags
+from scipy.sparse.linalg import splu
+
+from impactfem.errors import ConvergenceError
+from impactfem.marching.few import FewInterior
+from impactfem.marching.layers import Sums
+from impactfem.scene import PiecewiseVector
+from impactfem.system.net import Net
+
+Floats = NDArray[np.float64]
+
+_MOST = 60  # iterates of a layer
+_SETTLED = 2.0**-51  # their change, as a share of the velocities and of what rounding moves
+_STALLED = 64.0  # the same for one that no longer falls
+_SLOW = 0.2  # ratio of changes from which on the tangent is renewed
+_LEVEL = np.finfo(float).tiny
+
+
+class NetMidpoint(FewInterior):
+    """Interior of masses and springs; see `impactfem.marching.layers.Interior`."""
+
+    bodies: Net
+
+    def __init__(self, bodies: Net, gravity: PiecewiseVector, dt: float, *, counts: bool) -> None:
+        """Begin at t = 0; see `FewInterior`."""
+        super().__init__(bodies, gravity, dt, counts=counts)
+        nodes, dim = self._start.shape
+        mesh = bodies.mesh
+        self._number = np.full((nodes, dim), -1)
+        self._number[bodies.free] = np.arange(len(self._q)).reshape(-1, dim)
+        self._mass = np.repeat(bodies.node_mass[bodies.free], dim)
+        self._springs, self._lengths = mesh.stiffness, mesh.lengths
+        self._one, self._two = mesh.edges.T
+        both = np.stack([self._number[self._one], self._number[self._two]], axis=1)
+        self._pattern = [
+            (np.broadcast_to(both[:, a, :, None], (len(both), dim, dim)).ravel(),
+             np.broadcast_to(both[:, b, None, :], (len(both), dim, dim)).ravel(), sign)
+            for a, b, sign in ((0, 0, 1.0), (1, 1, 1.0), (0, 1, -1.0), (1, 0, -1.0))
+        ]  # fmt: skip
+        self.massive = self.volatile = np.ones(nodes, dtype=bool)
+        self._compliance = np.zeros((0, 0))  # answers are solved for as they are asked
+        stiffest = np.zeros(nodes)
+        np.add.at(stiffest, mesh.edges, mesh.stiffness[:, None])
+        extent = float(np.abs(self._start).max()) + float(mesh.lengths.max())
+        self._rounding = dt * extent * float((stiffest / bodies.node_mass).max())  # [m/s], by eps
+        self._ahead, self._pushed = self._v.copy(), np.zeros_like(self._v)
+        self._factor: Any = None
+        self._prepare(self._v)  # a run that goes on asks for answers before its first layer
+
+    def _ways(self, places: Floats) -> tuple[Floats, Floats]:
+        """From end to end of the springs [m], (springs, dim), and their lengths."""
+        ways = places[self._two] - places[self._one]
+        return ways, np.maximum(np.linalg.norm(ways, axis=1), _LEVEL)
+
+    def _prepare(self, ahead: Floats) -> None:
+        """Factor the tangent of a layer that ends with these velocities."""
+        (_, begin), (ways, end) = (
+            self._ways(self.bodies.places(q)) for q in (self._q, self._end(ahead))
+        )
+        pull = self._springs * (1.0 - 2.0 * self._lengths / (begin + end))
+        stretch = self._springs * 2.0 * self._lengths / (begin + end) ** 2
+        middle, _ = self._ways(self.bodies.places(0.5 * (self._q + self._end(ahead))))
+        each = 0.5 * pull[:, None, None] * np.eye(ways.shape[1])
+        each = each + (stretch / end)[:, None, None] * np.einsum("ei,ej->eij", middle, ways)
+        entries, rows, columns = [], [], []
+        for row, column, sign in self._pattern:
+            kept = (row >= 0) & (column >= 0)
+            entries.append(sign * each.ravel()[kept])
+            rows.append(row[kept])
+            columns.append(column[kept])
+        size = len(self._q)
+        stiffness = coo_matrix(
+            (np.concatenate(entries), (np.concatenate(rows), np.concatenate(columns))),
+            shape=(size, size),
+        )
+        matrix = diags(self._mass) + 0.5 * self.dt**2 * stiffness
+        self._factor = splu(matrix.tocsc())
+
+    def _end(self, ahead: Floats) -> Floats:
+        return np.asarray(self._q + 0.5 * self.dt * (self._v + ahead))
+
+    def _pull(self, ahead: Floats) -> Floats:
+        """Forces of the springs in the layer, (d,)."""
+        before, after = self.bodies.places(self._q), self.bodies.places(self._end(ahead))
+        (_, begin), (_, end) = self._ways(before), self._ways(after)
+        middle, _ = self._ways(0.5 * (before + after))
+        force = (self._springs * (1.0 - 2.0 * self._lengths / (begin + end)))[:, None] * middle
+        found = np.zeros_like(before)
+        np.add.at(found, self._one, force)
+        np.add.at(found, self._two, -force)
+        return found[self.bodies.free].ravel()
+
+    def _settle(self, ahead: Floats) -> Floats:
+        """Velocities at the end of the layer, by Newton's method with a tangent that is kept."""
+        size, last = float(np.abs(ahead).max() + np.abs(self._v).max()), np.inf
+        slow = False
+        for _ in range(_MOST):
+            if slow:
+                self._prepare(ahead)
+            forced = self.dt * (self._pull(ahead) + self._weight) + self._pushed
+            change = self._factor.solve(forced - self._mass * (ahead - self._v))
+            ahead = ahead + change
+            if not np.isfinite(ahead).all():
+                break
+            size = max(size, float(np.abs(ahead).max()))
+            share = float(np.abs(change).max()) / (_SETTLED * (size + self._rounding))
+            if share <= 1.0 or (share <= _STALLED and share >= 0.5 * last):
+                return ahead
+            slow, last = share > _SLOW * last, share
+        raise ConvergenceError(
+            f"the springs of {self.bodies.names[0]} did not settle at t = {self._time:.6g} s; use "
+            "a smaller solve.dt"
+        )
+
+    @property
+    def surface_velocity(self) -> Floats:
+        """Of the contact nodes [m/s], (count, dim)."""
+        return self._spread(self._v)
+
+    def _spread(self, values: Floats) -> Floats:
+        """Values of free coordinates (..., d) at all nodes (..., nodes, dim), 0 where held."""
+        found = np.zeros((*values.shape[:-1], *self._start.shape))
+        found[..., self.bodies.free, :] = values.reshape(
+            *values.shape[:-1], len(self.bodies.free), -1
+        )
+        return found
+
+    def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)
+        """Velocities of the contact nodes at both ends of the layer without contact forces."""
+        return self._spread(self._v), self._spread(self._ahead)
+
+    def predict(self, layer: int) -> Floats:
+        """Solve the layer without contact forces."""
+        self._time = (layer + 0.5) * self.dt
+        dim = self._start.shape[1]
+        self._weight = self._mass * np.tile(self.gravity(layer), len(self._q) // dim)
+        self._pushed = np.zeros_like(self._v)
+        self._prepare(self._v)
+        self._ahead = self._settle(self._v)
+        return self.bodies.places(self._end(self._ahead)) - self._start
+
+    def columns(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Displacements of the contact nodes by several forces; nothing is massless."""
+        pushed = forces[:, self.bodies.free].reshape(len(forces), -1)
+        moved = 0.5 * self.dt**2 * self._factor.solve(np.ascontiguousarray(pushed.T)).T
+        return self._spread(moved), np.zeros_like(forces)
+
+    answers = columns
+
+    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
+        """Add the layer's contact forces (count, dim)."""
+        more = self.dt * forces[self.bodies.free].ravel()
+        self._pushed = self._pushed + more
+        self._ahead = self._settle(self._ahead + self._factor.solve(more))
+
+    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
+        """End the layer and sum up."""
+        self._q, self._v = self._end(self._ahead), self._ahead
+        return self._summed()
+
+    def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+        """Sums of the initial state."""
+        return self._summed()
+
+    def spins(self) -> Floats:
+        """Velocities of the contact nodes by unit spins [m], (turns, count, dim)."""
+        dim = self.bodies.dim
+        places = self.bodies.places(self._q)
+        arms = places - self.bodies.node_mass @ places / self.bodies.masses[0]
+        axes = ((0, 1),) if dim == 2 else ((1, 2), (2, 0), (0, 1))
+        found = np.zeros((len(axes), *places.shape))
+        for k, (i, j) in enumerate(axes):
+            found[k, :, i], found[k, :, j] = -arms[:, j], arms[:, i]
+        return found
+
+    def _summed(self) -> list[Sums]:
+        bodies, mass, dim = self.bodies, self.bodies.node_mass, self.bodies.dim
+        turns = dim * (dim - 1) // 2
+        if not self.counts:
+            none = np.zeros(dim)
+            return [Sums(0.0, 0.0, 0.0, none, none, np.zeros(turns), np.zeros(2 * dim * dim))]
+        places, speed = bodies.places(self._q), self._spread(self._v)
+        momentum, moved = mass @ speed, mass @ (places - self._start)
+        arms = places - mass @ places / bodies.masses[0]
+        spin = np.einsum("tnd,nd,n->t", self.spins(), speed, mass)
+        rest = self._start - bodies.centers[0]
+        fit, second = (mass * arms.T) @ rest, (mass * arms.T) @ arms
+        return [
+            Sums(
+                0.5 * float(self._mass @ self._v**2), bodies.elastic(places), 0.0, momentum, moved,
+                spin, np.concatenate([fit.ravel(), second.ravel()]),
+            )
+        ]  # fmt: skip

@@ -1,0 +1,160 @@
+"""Masses and springs on the edges of a mesh."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from impactfem.scene.body import BodyKind, Floats, Solver
+from impactfem.scene.boundary import Support
+from impactfem.scene.inline import InlineTable, ListOf, Vector
+from impactfem.scene.kinds import Choice, FilePath, Name, Real
+from impactfem.scene.rigid_forms import form_of
+from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.shapes import Block, Disc, Ring
+from impactfem.scene.solid_keys import MESH_FILES
+from impactfem.scene.values import show
+
+MODELS = ("2d", "3d")
+PATTERNS = ("triangles", "squares", "crossed")
+
+
+@table('[[body]] with kind = "springs"')
+@dataclass(frozen=True, kw_only=True)
+class SpringNet(BodyKind):
+    """Point masses at the nodes of a mesh, and a spring on each of its edges, unstrained at t = 0.
+
+    Raises:
+        SceneError: a value is missing or not allowed, or two contradict each other.
+    """
+
+    kind: ClassVar[str] = "springs"
+    solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
+    may_meet_nothing: ClassVar[bool] = True
+    substeps: ClassVar[bool] = False
+
+    name: str = key(Name(), "name of the body in histories", default="springs")
+    shape: Block | Disc | Ring | None = key(  # noqa: RUF009  # a field
+        InlineTable((Block, Disc, Ring)), "shape in the plane to fill with a pattern, or give mesh",
+        default=None, absent="none",
+    )  # fmt: skip
+    mesh: str | None = key(
+        FilePath(endings=MESH_FILES),
+        "mesh or geometry file instead of a shape; its physical names are the surface names",
+        default=None, absent="none",
+    )  # fmt: skip
+    model: str | None = key(
+        Choice(MODELS), "number of coordinates of the mesh file", default=None, absent="2d"
+    )
+    mesh_size: float | None = key(
+        Real(above=0), "length of the edges; required with a shape or a STEP file", unit="m",
+        default=None, absent="by the mesh file",
+    )  # fmt: skip
+    pattern: str | None = key(
+        Choice(PATTERNS), "cells that fill a shape; crossed: squares with both diagonals",
+        default=None, absent="triangles",
+    )  # fmt: skip
+    mass: float = key(Real(above=0), "total mass, spread evenly over the cells", unit="kg")
+    stiffness: float = key(
+        Real(above=0),
+        "of an edge; in the plane of one between two cells: an edge on the outline has half of it",
+        unit="N/m",
+    )
+    diagonal_stiffness: float | None = key(
+        Real(above=0), "of a diagonal of crossed squares", unit="N/m", default=None,
+        absent="half of stiffness, which makes them isotropic",
+    )  # fmt: skip
+    radius: float = key(Real(at_least=0), "of masses and edges in contact", unit="m", default=0.0)
+    velocity: Sequence[float] | None = key(
+        Vector(), "at t = 0", unit="m/s", default=None, absent="at rest"
+    )
+    supports: tuple[Support, ...] = key(
+        ListOf(InlineTable((Support,))), 'surfaces that are held, kind = "fixed"', default=()
+    )
+
+    if TYPE_CHECKING:  # type checkers learn that tables may be given
+
+        def __init__(
+            self,
+            *,
+            mass: float,
+            stiffness: float,
+            name: str = "springs",
+            shape: Block | Disc | Ring | Mapping[str, Any] | None = None,
+            mesh: str | None = None,
+            model: str | None = None,
+            mesh_size: float | None = None,
+            pattern: str | None = None,
+            diagonal_stiffness: float | None = None,
+            radius: float = 0.0,
+            velocity: Sequence[float] | None = None,
+            supports: Sequence[Support | Mapping[str, Any]] = (),
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.kind)
+        if (self.shape is None) == (self.mesh is None):
+            given = "neither is" if self.mesh is None else "both are"
+            raise KeyedError(self.kind, "shape", f": {given} given; give shape, or mesh.")
+        if self.shape is not None:
+            self._check_shape(self.shape)
+        elif self.pattern is not None:
+            text = " is for shapes: remove it, a mesh file has its own edges."
+            raise self._fail("pattern", text)
+        if self.diagonal_stiffness is not None and self.pattern != "crossed":
+            text = ' needs pattern = "crossed": give that, or remove it.'
+            raise self._fail("diagonal_stiffness", text)
+        if self.velocity is not None and len(self.velocity) != self.dim:
+            text = f" has {len(self.velocity)} entries, the body has {self.dim}: give {self.dim}."
+            raise self._fail("velocity", text)
+        for index, support in enumerate(self.supports):
+            if support.kind != "fixed":
+                text = f' = {show(support.kind)} is not known of springs: give "fixed".'
+                raise KeyedError(self.kind, f"supports[{index}].kind", text)
+            known = () if self.shape is None else self.shape.surface_names()
+            if known and support.surface not in known:
+                text = f" = {show(support.surface)} is no surface: give {' or '.join(known)}."
+                raise KeyedError(self.kind, f"supports[{index}].surface", text)
+
+    def _check_shape(self, shape: Block | Disc | Ring) -> None:
+        """Refuse what does not fit a shape."""
+        if shape.dim != 2:
+            text = f" has {shape.dim} coordinates: give one in the plane, or a mesh file."
+            raise KeyedError(self.kind, "shape.size", text)
+        if shape.symmetry:
+            text = f" = {show(list(shape.symmetry))} cuts solids: remove it."
+            raise KeyedError(self.kind, "shape.symmetry", text)
+        if self.model not in {None, "2d"}:
+            raise self._fail("model", ", but the shape lies in the plane: remove it.")
+        if self.mesh_size is None:
+            raise KeyedError(self.kind, "mesh_size", " is missing: give the length of the edges.")
+
+    def _fail(self, name: str, text: str) -> KeyedError:
+        value = getattr(self, name)
+        shown = show(list(value)) if isinstance(value, tuple) else show(value)
+        return KeyedError(self.kind, name, f" = {shown}{text}")
+
+    @property
+    def dim(self) -> int:
+        """Number of coordinates."""
+        return 3 if self.model == "3d" else 2
+
+    def box(self) -> tuple[Floats, Floats] | None:
+        """Half edges and centre [m] of a box around it; None of mesh files."""
+        if self.shape is None:
+            return None
+        reach = float(np.linalg.norm(self.shape.half_extents)) + self.radius
+        return np.full(2, reach), np.asarray(self.shape.centre, dtype=np.float64)
+
+    def faces(self) -> Floats | None:
+        """Triangles that fill its shape [m], (cells, corners, 2); None of mesh files."""
+        if self.shape is None:
+            return None
+        form = form_of(self.shape)
+        return np.asarray(form.points[form.cells])
+
+    def centre_velocity(self) -> Floats:
+        """Velocity at t = 0 [m/s], (dim,)."""
+        given = self.velocity or (0.0,) * self.dim
+        return np.asarray(given, dtype=np.float64)

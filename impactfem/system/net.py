@@ -1,0 +1,136 @@
+"""Masses and springs as the march takes them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import MeshError
+from impactfem.scene import Scene
+from impactfem.scene.springs import SpringNet
+from impactfem.system.few import FewBodies
+from impactfem.system.net_mesh import NetMesh, net_mesh
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_STEPS = 10.0  # radians of an edge's vibration in one of the body that steps follow
+_ISOTROPIC = 1e-9  # share of the stiffness by which it may depend on the direction
+
+
+@dataclass(frozen=True, kw_only=True)
+class Net(FewBodies):
+    """Masses and springs; q are the places of the masses that are not held, node after node.
+
+    Attributes:
+        mesh: At rest.
+        node_mass: [kg], (nodes,).
+        free: Nodes that are not held, (free,).
+    """
+
+    mesh: NetMesh
+    node_mass: Floats
+    free: Integers
+
+    @property
+    def figured(self) -> Mapping[str, float | list[list[float]]]:
+        """How many masses and springs, and how stiff they are for uniform strains."""
+        counts = {"masses": float(len(self.node_mass)), "springs": float(len(self.mesh.edges))}
+        return {**counts, **self.stiffness}
+
+    @cached_property
+    def stiffness(self) -> Mapping[str, float]:
+        """Of strains that are the same everywhere: C11, C22, C12 = C66 [N/m, in space Pa]."""
+        moduli = self.mesh.moduli()
+        names = ((0, 0), (1, 1), (0, 1), (2, 2), (0, 2), (1, 2))[: 3 * self.dim - 3]
+        return {f"C{i + 1}{j + 1}": float(moduli[i, i, j, j]) for i, j in names}
+
+    @cached_property
+    def isotropic(self) -> tuple[float, float] | None:
+        """Young's modulus [N/m, in space Pa] and Poisson's ratio; None if directions differ."""
+        moduli, each, nu = self.mesh.moduli(), np.eye(self.dim), 1.0 / (self.dim + 1.0)
+        shear = float(np.einsum("iijj->", moduli)) / (self.dim * (self.dim + 2.0))
+        parts = [np.einsum(f"{a},{b}->ijkl", each, each) for a, b in _PAIRS]
+        if np.abs(moduli - shear * sum(parts)).max() > _ISOTROPIC * shear:
+            return None
+        return 2.0 * shear * (1.0 + nu), nu
+
+    def elastic(self, places: Floats) -> float:
+        """Elastic energy of nodes at some places (nodes, dim) [J]."""
+        ways = places[self.mesh.edges[:, 1]] - places[self.mesh.edges[:, 0]]
+        longer = np.linalg.norm(ways, axis=1) - self.mesh.lengths
+        return 0.5 * float(self.mesh.stiffness @ longer**2)
+
+
+_PAIRS = (("ij", "kl"), ("ik", "jl"), ("il", "jk"))
+
+
+def net_system(scene: Scene, body: SpringNet) -> Net:
+    """The masses and springs of a body (collective).
+
+    Raises:
+        SceneError: Its shape holds no cell, or too many.
+        MeshError: Its mesh file cannot be used, or all of it is held.
+    """
+    mesh = net_mesh(body, scene.folder or Path())
+    count, dim = mesh.points.shape
+    held = np.zeros(count, dtype=bool)
+    for support in body.supports:
+        if support.surface not in mesh.surfaces:
+            raise MeshError(
+                f"body {body.name}: its mesh has no surface {support.surface}; it has "
+                f"{', '.join(mesh.surfaces) or 'none'}"
+            )
+        held[mesh.surfaces[support.surface]] = True
+    free, mass = np.flatnonzero(~held), body.mass * mesh.weights
+    if not len(free):
+        raise MeshError(f"body {body.name}: its supports hold all of it; remove one")
+    start = mesh.points.copy()
+    velocity = np.tile(body.centre_velocity(), len(free))
+
+    def places(q: Floats) -> Floats:
+        found = start.copy()
+        found[free] = q.reshape(-1, dim)
+        return found
+
+    stiffest = np.zeros(count)
+    np.add.at(stiffest, mesh.edges, mesh.stiffness[:, None])
+    rate = float(np.sqrt((stiffest / mass).max()))
+    found = Net(
+        names=(body.name,),
+        masses=(body.mass,),
+        centers=(mesh.weights @ start)[None],
+        speeds=(mass[free].sum() / body.mass * body.centre_velocity())[None],
+        inertias=(0.0,),
+        angles=(0.0,),
+        position=start[free].ravel(),
+        velocity=velocity,
+        places=places,
+        radius=np.full(count, body.radius),
+        shell=np.full(count, body.radius),
+        touching=~held,
+        body=np.zeros(count, dtype=np.int64),
+        lines=mesh.edges,
+        ends={},
+        rate=lambda: rate / _STEPS,
+        words="",
+        mesh=mesh,
+        node_mass=mass,
+        free=free,
+    )
+    object.__setattr__(found, "words", _in_words(found))
+    return found
+
+
+def _in_words(net: Net) -> str:
+    """What it is and how stiff."""
+    text = f"a net of {len(net.node_mass)} masses and {len(net.mesh.edges)} springs"
+    unit = "N/m" if net.dim == 2 else "Pa"
+    if net.isotropic is not None:
+        modulus, nu = net.isotropic
+        return f"{text}, isotropic with E = {modulus:.6g} {unit}, Poisson's ratio {nu:.6g}"
+    shown = ", ".join(f"{name} = {value:.6g}" for name, value in net.stiffness.items())
+    return f"{text}, whose stiffness depends on the direction ({shown} {unit})"
