@@ -29,6 +29,7 @@ from impactfem.marching.pictured import Pictured
 from impactfem.result.history import LOST
 from impactfem.scene import PiecewiseVector
 from impactfem.system.mechanism import Arm
+from impactfem.system.tree import cross
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -97,7 +98,7 @@ class MechanismMidpoint(Pictured):
         turns, _ = bodies.tree.poses(q, bodies.moving)
         moving = (bodies.tree.jacobians(q, bodies.moving) @ v)[bodies.on]
         arms = np.einsum("kij,kj->ki", turns[bodies.on], bodies.arms) + offset
-        return np.asarray(moving[:, :3] + np.cross(moving[:, 3:], arms))
+        return np.asarray(moving[:, :3] + cross(moving[:, 3:], arms))
 
     def predict(self, layer: int) -> Floats:
         """Solve the layer without contact forces.
@@ -148,7 +149,7 @@ class MechanismMidpoint(Pictured):
         bodies, held = self.bodies, self._laws.held(self._v)[0]
         arms = self._spans + self._offset
         links = self._links[bodies.on]
-        turning = np.cross(links[:, 3:].swapaxes(1, 2), arms[:, None, :]).swapaxes(1, 2)
+        turning = cross(links[:, 3:].swapaxes(1, 2), arms[:, None, :]).swapaxes(1, 2)
         self._jacobian = (links[:, :3] + turning).reshape(-1, bodies.tree.rates)
         self._acting = self._amid + arms
         inverse = self._inverse
@@ -186,7 +187,7 @@ class MechanismMidpoint(Pictured):
             if tree.free:
                 amid, ends = tree.base(middle), tree.base(end)
                 whole = 0.5 * (self._momentum[:3] + momentum[:3])
-                force[3:6] -= amid.T @ np.cross(mean[:3], whole)
+                force[3:6] -= amid.T @ cross(mean[:3], whole)
                 half = amid.T @ ends
                 turned[3:6] = half.T @ self._momentum[3:6] - self._momentum[3:6]
                 turned[3:6] -= half @ momentum[3:6] - momentum[3:6]
@@ -225,7 +226,7 @@ class MechanismMidpoint(Pictured):
         self._offset = -self.bodies.rolling[:, None] * normals
         self._renew_answer()
         spins = (self._links[:, 3:] @ (0.5 * (self._v + self._ahead)))[self.bodies.on]
-        return np.asarray(self.dt * np.cross(spins, self._offset))
+        return np.asarray(self.dt * cross(spins, self._offset))
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)
         """Velocities where nodes touch at both ends of the layer without contact forces."""
@@ -234,7 +235,7 @@ class MechanismMidpoint(Pictured):
 
     def spins(self) -> Floats:
         """Velocities where nodes touch by unit spins in the layer [m], (turns, count, dim)."""
-        return np.cross(np.eye(3)[:, None, :], self._acting)
+        return cross(np.eye(3)[:, None, :], self._acting)
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (count, dim)."""
@@ -287,7 +288,7 @@ class MechanismMidpoint(Pictured):
         _, origins = tree.poses(self._q, bodies.moving)
         on = np.concatenate([bodies.on, bodies.picture[0]])
         moving = (tree.jacobians(self._q, bodies.moving) @ self._v)[on]
-        velocity = moving[:, :3] + np.cross(moving[:, 3:], places - origins[on])
+        velocity = moving[:, :3] + cross(moving[:, 3:], places - origins[on])
         return {"displacement": places - rest, "velocity": velocity}
 
     def _pictured(self, q: Floats) -> Floats:

@@ -107,14 +107,19 @@ def turned(history: Table, name: str, body: Mapping[str, Any]) -> list[Floats]:
     """Rotation of a body times its radius of gyration [m], as columns; none if it is held.
 
     They are the entries of the rotation matrix: two rotations are as far apart in them as the
-    points of the body are in the mean square (in space, as if its inertia were that of a ball).
+    points of the body are in the mean square (in space, as if its inertia were that of a ball). Of
+    mechanisms positions of the joints, by what each has to move at t = 0.
 
     Args:
         history: Of the run.
         name: Of the body.
         body: Its mass and inertia, as ``summary.json`` has them.
     """
-    inertia = np.atleast_2d(np.asarray(body.get("inertia", 0.0), dtype=np.float64))
+    given = body.get("inertia", 0.0)
+    if isinstance(given, Mapping):  # of the joints of a mechanism
+        each = ((history[f"{name}.{joint}.q"].values, own) for joint, own in given.items())
+        return [np.sqrt(own / body["mass"]) * position for position, own in each]
+    inertia = np.atleast_2d(np.asarray(given, dtype=np.float64))
     if f"{name}.angle" in history:
         radius, angle = np.sqrt(inertia[0, 0] / body["mass"]), history[f"{name}.angle"].values
         return [radius * np.cos(angle), radius * np.sin(angle)]

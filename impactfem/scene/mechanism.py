@@ -145,6 +145,11 @@ class Mechanism(BodyKind):
         check_fields(self, self.kind)
 
     @property
+    def turns_far(self) -> bool:
+        """Its joints may."""
+        return True
+
+    @property
     def surface_names(self) -> tuple[str, ...] | None:
         """Its links, which the file names."""
         return None

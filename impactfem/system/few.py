@@ -80,7 +80,7 @@ class FewBodies:
         return 0.0
 
     @property
-    def figured(self) -> Mapping[str, float | list[list[float]]]:
+    def figured(self) -> Mapping[str, float | list[list[float]] | Mapping[str, float]]:
         """What the summary says of a single body that turns besides its mass; nothing of others."""
         return {}
 

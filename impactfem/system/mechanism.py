@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from impactfem.scene import Mechanism, Scene
 from impactfem.scene.formula import Formula
+from impactfem.scene.grammar import NUMPY_FUNCTIONS
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.few import FewBodies
@@ -44,9 +45,9 @@ class Joints:
     def drive(self, time: float, angle: Floats, v: Floats) -> Floats:
         """Moments and forces of the motors, (v,)."""
         found = np.zeros(len(v))
-        for at, formula in self.motors.items():
-            known = {"t": time, "q": angle[at], "v": v[at]}
-            found[at] = float(formula(**{name: known[name] for name in formula.used}))
+        now = np.float64(time)
+        for at, formula in self.motors.items():  # each call in every iterate of every layer
+            found[at] = formula.apply(NUMPY_FUNCTIONS, t=now, q=angle[at], v=v[at])
         return found
 
 
@@ -80,6 +81,12 @@ class Arm(FewBodies):
     angles_at_start: Floats
     picture: tuple[Integers, Floats, Integers]
     inverse: Found | None
+
+    @property
+    def figured(self) -> Mapping[str, Mapping[str, float]]:
+        """What each single joint has to move at t = 0 [kg m^2 or kg], by name."""
+        own = self.tree.inertia(self.position).diagonal()
+        return {"inertia": {name: float(own[at]) for name, at in self.tree.single.items()}}
 
     def meeting(
         self,

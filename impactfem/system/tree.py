@@ -35,6 +35,13 @@ def import_pinocchio() -> Any:
     return pinocchio
 
 
+def cross(one: Floats, two: Floats) -> Floats:
+    """Cross products of vectors (..., 3), at a tenth of the cost of NumPy's for few."""
+    after, last = [1, 2, 0], [2, 0, 1]
+    found: Floats = one[..., after] * two[..., last] - one[..., last] * two[..., after]
+    return found
+
+
 class Tree:
     """Kinematics and dynamics of a tree.
 

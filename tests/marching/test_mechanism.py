@@ -167,6 +167,28 @@ def test_contact_and_limit_share_a_load(tmp_path):
         assert found["force.arm.wall"][-1] == pytest.approx(force, abs=1e-9)
 
 
+@pytest.mark.parametrize("held", ['lower="0" upper="1"', 'lower="-1" upper="1"'])
+def test_a_joint_that_a_wall_pushes_holds_by_its_limit_or_friction(tmp_path, held):
+    # A slanted wall turns 3 N up into 3 N back, against 1 N, and the limit or friction of 4 N.
+    friction = 0.0 if 'lower="0"' in held else 4.0
+    made = '<limit {} effort="9" velocity="9"/><dynamics damping="0" friction="{}"/>'
+    file = robot(
+        '<link name="base"/>', link("cart", mass=2.0), link("rod", shape=BALL),
+        joint("x", "prismatic", "base", "cart", "1 0 0", made.format(held, friction)),
+        joint("z", "prismatic", "cart", "rod", "0 0 1",
+              made.format('lower="-1" upper="1"', 0.0)),
+    )  # fmt: skip
+    wall = WALL | {"point": [0.1 / np.sqrt(2.0), 0.0, 0.1 / np.sqrt(2.0)],
+                   "normal": [-1.0, 0.0, -1.0]}  # fmt: skip
+    start = {"x": {"motor": "1"}, "z": {"motor": "3"}}
+    found = columns(scene(tmp_path, file, 0.5, 5e-3, gravity=(0.0, 0.0, 0.0), joints=start,
+                          obstacles=(wall,)))  # fmt: skip
+    assert found["force.arm.wall"][-50:] == pytest.approx(3.0 * np.sqrt(2.0), abs=1e-9)
+    assert abs(found["arm.x.q"][-1]) < 1e-3
+    assert abs(found["arm.z.q"][-1]) < 1e-3
+    assert abs(found["arm.z.v"][-1]) < 1e-9
+
+
 def test_free_ball_rolls_as_the_rigid_one_does(tmp_path):
     a = np.radians(20.0)
     ball = '<link name="b"><inertial><mass value="1"/><inertia ixx="0.004" iyy="0.004" izz="0.004" '

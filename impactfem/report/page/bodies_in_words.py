@@ -253,6 +253,20 @@ def _springs(_: Scene, body: Any) -> str:
     return f"{text}, held at {', '.join(held)}." if held else f"{text}."
 
 
+def _mechanism(_: Scene, body: Any) -> str:
+    text = f"A mechanism from {body.file}, its base {body.base} at "
+    text += f"{vector(body.position, 'm')}."
+    if body.place is not None:
+        text += f" {body.place.frame} begins at {vector(body.place.target, 'm')}, by "
+        text += f"inverse kinematics ({body.place.method})."
+    for name, joint in body.joints.items():
+        begins = "" if joint.position is None else f" begins at {number(joint.position)}"
+        drive = "" if joint.motor is None else f" has the motor {formula(joint.motor)}"
+        if begins or drive:
+            text += f" The joint {name}{' and'.join(filter(None, (begins, drive)))}."
+    return text
+
+
 def _rigid(_: Scene, body: Any) -> str:
     text = f"A rigid {body.shape.kind} of mass {quantity(body.total_mass, 'kg')}"
     moments = body.moments
@@ -284,4 +298,5 @@ _BODIES: Mapping[str, Callable[[Scene, Any], str]] = {
     "beam": _beam,
     "rigid": _rigid,
     "springs": _springs,
+    "mechanism": _mechanism,
 }

@@ -68,6 +68,10 @@ def _few_freedoms(scene: Scene) -> list[str]:
 _LEFT_OUT = {
     "point": ["Rotation and deformation of points: they only move; an impact is an instant."],
     "rod": ["Elasticity of rods: they are rigid, an impact is an instant."],
+    "mechanism": [
+        "Elasticity and play of mechanisms: links are rigid, an impact is an instant.",
+        "Links of one mechanism do not meet each other.",
+    ],
     "rigid": ["Elasticity of rigid bodies: they have no waves, an impact is an instant."],
     "springs": ["What lies between the springs: masses and edges touch, cells are empty."],
     "beam": [
