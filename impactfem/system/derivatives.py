@@ -40,6 +40,31 @@ def differentiate(phi: Callable[[Any], Any], u: Floats) -> Floats:
     return complex_one if np.abs(complex_one - real).max(initial=0.0) <= 1e-5 * size else real
 
 
+class Derivative:
+    """Jacobian of a function u (n,) -> (m,), as `differentiate`, which is asked once only."""
+
+    def __init__(self, function: Callable[[Any], Any]) -> None:
+        """Take the function."""
+        self._function = function
+        self._is_analytic: bool | None = None  # whether complex steps agree; None: unknown
+
+    def __call__(self, u: Floats) -> Floats:
+        """D phi / d u, (m, n)."""
+        if self._is_analytic:
+            steps = 1j * _COMPLEX_STEP * np.eye(len(u))
+            columns = [np.imag(np.atleast_1d(self._function(u + row))) for row in steps]
+            return np.stack(columns, axis=1) / _COMPLEX_STEP
+        found = differentiate(self._function, u)
+        if self._is_analytic is None:
+            self._is_analytic = True
+            try:
+                same = bool((self(u) == found).all())
+            except TypeError:
+                same = False
+            self._is_analytic = same
+        return found
+
+
 class MatrixRate:
     """Rate of a matrix M(u) along a motion; (u, u') -> (d, d)."""
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from impactfem.errors import SceneError
 from impactfem.scene.breaks import Break
 from impactfem.scene.signal import Signal
-from impactfem.system.derivatives import MatrixRate, differentiate
+from impactfem.system.derivatives import Derivative, MatrixRate, differentiate
 from impactfem.system.generalized_input import (
     Constraints,
     as_function,
@@ -55,7 +55,13 @@ class GeneralizedSystem:
             differences where phi takes no complex numbers.
         motion: b(t), one `Signal` a constraint that moves it to phi(u) - b(t) >= 0; None for none.
         potential: Potential energy (t, u) -> number [J] for the history; None if unknown.
-        dofs: Number d of coordinates; needed only if no constant mass matrix tells it.
+        dofs: Number d of velocities; needed only if no constant mass matrix tells it.
+        bilateral: b(u) -> (B,), held at 0, as of joints and closed loops; rows may depend on each
+            other. Schemes of `TextbookSettings` only, but energy_momentum.
+        rates: du/dt as a function (u, v), linear in v, where u has other entries than the
+            velocities v, as quaternions. Then mass, force and slip are for v, and phi, b and V for
+            u. The same schemes.
+        coordinates: Number of entries of u, with rates.
         names: Names of the coordinates, for messages.
         friction: Coulomb's coefficient: a number, or one a constraint.
         static_friction: Coulomb's coefficient of what sticks, >= friction; None: the same.
@@ -84,18 +90,27 @@ class GeneralizedSystem:
         potential: Callable[[float, Floats], float] | None = None,
         dofs: int | None = None,
         names: Sequence[str] | None = None,
+        bilateral: Constraints | None = None,
+        rates: Callable[[Floats, Floats], ArrayLike] | None = None,
+        coordinates: int | None = None,
     ) -> None:
         self._mass = None if callable(mass) else constant_mass(mass)
         self._mass_function: Mass | None = mass if callable(mass) else None
         if self._mass is None and dofs is None:
             raise SceneError("GeneralizedSystem: mass is a function; give dofs, the length of u")
         self.dofs: int = len(self._mass) if self._mass is not None else int(dofs or 0)
+        if (rates is None) != (coordinates is None):
+            raise SceneError("GeneralizedSystem: give rates and coordinates, the length of u, both")
+        self.coordinates: int = self.dofs if coordinates is None else coordinates
+        self.rates = rates
+        self.bilateral = None if bilateral is None else as_function(bilateral)
+        self._joins = None if self.bilateral is None else Derivative(self.bilateral)
         self._mass_rates = MatrixRate(mass) if callable(mass) else None
         self._force = force
         self.constraint_function = as_function(constraints)
         self._given_jacobian = jacobian
-        self.names = tuple(names or (f"u[{i}]" for i in range(self.dofs)))
-        count = len(self._constraints_at(np.zeros(self.dofs)))
+        self.names = tuple(names or (f"u[{i}]" for i in range(self.coordinates)))
+        count = len(self._constraints_at(np.zeros(self.coordinates)))
         self.restitution: Floats = restitution_of(restitution, count)
         self.friction: Floats = friction_of(friction, count)
         self.static_friction: Floats = static_friction_of(static_friction, self.friction)
@@ -172,10 +187,25 @@ class GeneralizedSystem:
         return sorted(found, key=lambda kick: kick.at.before)
 
     def jacobian(self, u: Floats) -> Floats:
-        """Jacobian d phi / d u, shape (J, d)."""
+        """Jacobian d phi / d u, of velocities where u has other entries, shape (J, d)."""
         if self._given_jacobian is not None:
-            return np.atleast_2d(np.asarray(self._given_jacobian(u), dtype=float))
-        return differentiate(self.constraint_function, np.asarray(u, dtype=float))
+            found = np.atleast_2d(np.asarray(self._given_jacobian(u), dtype=float))
+        else:
+            found = differentiate(self.constraint_function, np.asarray(u, dtype=float))
+        return found if self.rates is None else found @ self.moving(u)
+
+    def moving(self, u: Floats) -> Floats:
+        """Rates of u by unit velocities, shape (coordinates, d)."""
+        if self.rates is None:
+            return np.eye(self.dofs)
+        return np.stack([np.asarray(self.rates(u, e), float) for e in np.eye(self.dofs)], axis=1)
+
+    def joined(self, u: Floats) -> Floats:
+        """Jacobian of the bilateral rows for velocities, shape (B, d)."""
+        if self._joins is None:
+            return np.zeros((0, self.dofs))
+        found = self._joins(np.asarray(u, dtype=float))
+        return found if self.rates is None else found @ self.moving(u)
 
     def slip(self, u: Floats) -> Floats:
         """Rows that make velocities along the tangents of u', shape (J, tangents, d).

@@ -9,6 +9,7 @@ from impactfem.system.generalized import GeneralizedSystem, factor_mass
 
 Floats = NDArray[np.float64]
 
+_OPEN = 1e-6  # share of the lengths and speeds by which a start may miss bilateral rows
 _SAME_JACOBIAN = 1e-5  # share of the largest entry by which a given Jacobian may differ
 
 
@@ -20,12 +21,13 @@ def check_start(system: GeneralizedSystem, u: Floats, v: Floats, t: float = 0.0)
             that are not finite, a Jacobian that contradicts differences, a gradient that vanishes
             where its constraint is closed, or a state outside the constraints.
     """
-    for name, value in (("position", u), ("velocity", v)):
-        if value.shape != (system.dofs,) or not np.isfinite(value).all():
+    for name, value, size in (("position", u, system.coordinates), ("velocity", v, system.dofs)):
+        if value.shape != (size,) or not np.isfinite(value).all():
             raise SceneError(
-                f"{name} = {value.tolist()}: give {system.dofs} finite numbers, one for each of "
+                f"{name} = {value.tolist()}: give {size} finite numbers, one for each of "
                 f"{', '.join(system.names)}"
             )
+    _check_joined(system, u, v)
     factor_mass(system, u)
     force = system.force(t, u, v)
     if force.shape != (system.dofs,) or not np.isfinite(force).all():
@@ -44,12 +46,33 @@ def check_start(system: GeneralizedSystem, u: Floats, v: Floats, t: float = 0.0)
         )
 
 
+def _check_joined(system: GeneralizedSystem, u: Floats, v: Floats) -> None:
+    """Refuse a start that bilateral rows do not allow."""
+    if system.bilateral is None:
+        return
+    left = np.atleast_1d(np.asarray(system.bilateral(u), dtype=float))
+    length = max(1e-300, float(np.abs(u).max(initial=0.0)))
+    worst = int(np.argmax(np.abs(left))) if len(left) else 0
+    if len(left) and not abs(left[worst]) <= _OPEN * length:
+        raise SceneError(
+            f"position = {u.tolist()} leaves {left[worst]:.6g} of bilateral row {worst}, which "
+            "must be 0: start where joints and loops are closed"
+        )
+    rates = system.joined(u) @ v
+    fast = int(np.argmax(np.abs(rates))) if len(rates) else 0
+    if len(rates) and abs(rates[fast]) > _OPEN * max(1e-300, float(np.abs(v).max(initial=0.0))):
+        raise SceneError(
+            f"velocity = {v.tolist()} opens bilateral row {fast} at the rate {rates[fast]:.6g}: "
+            "give one along the rows"
+        )
+
+
 def _check_gradients(system: GeneralizedSystem, u: Floats, t: float) -> None:
     jacobian = system.jacobian(u)
     shape = (system.num_constraints, system.dofs)
     if jacobian.shape != shape:
         raise SceneError(f"jacobian has shape {jacobian.shape}; it must be {shape}")
-    found = differentiate(system.constraint_function, u)
+    found = differentiate(system.constraint_function, u) @ system.moving(u)
     size = max(float(np.abs(found).max(initial=0.0)), 1e-300)
     wrong = np.abs(jacobian - found) > _SAME_JACOBIAN * size
     if wrong.any():

@@ -24,6 +24,7 @@ class _Entry(NamedTuple):
     integrate: Callable[..., Trajectory]
     rubs: bool = False  # whether it knows friction
     sticks: bool = False  # whether it knows static friction and tangential restitution
+    joins: bool = False  # whether it knows bilateral rows, and rates of coordinates
 
 
 INTEGRATORS: Mapping[str, _Entry] = {
@@ -31,7 +32,8 @@ INTEGRATORS: Mapping[str, _Entry] = {
     "paoli_schatzman": _Entry(PositionSettings, integrate_positions),
     "moreau_jean": _Entry(VelocitySettings, integrate_velocities, rubs=True),
     **{
-        name: _Entry(TextbookSettings, partial(integrate_textbook, scheme=name)) for name in SCHEMES
+        name: _Entry(TextbookSettings, partial(integrate_textbook, scheme=name), joins=scheme.joins)
+        for name, scheme in SCHEMES.items()
     },
 }
 """Settings and function of each method."""
@@ -95,7 +97,8 @@ def integrate(
             f"is the one in which constraint {several['taken']}"
         )
         warnings.warn(text, ImpactWarning, stacklevel=2)
-    together = find_together(system, motion, chosen.resolution(duration))
+    joined = system.bilateral is not None or system.rates is not None
+    together = None if joined else find_together(system, motion, chosen.resolution(duration))
     if together is None:
         return motion
     warnings.warn(together.text(), ImpactWarning, stacklevel=2)
@@ -113,6 +116,10 @@ def _check_laws(system: GeneralizedSystem, method: str) -> None:
     if system.static_friction.any() and not entry.rubs:
         fitting = " or ".join(f'"{name}"' for name, other in INTEGRATORS.items() if other.rubs)
         raise SceneError(f'method = "{method}" knows no friction: give {fitting}')
+    others = {"bilateral": system.bilateral, "rates": system.rates}
+    for name in (name for name, given in others.items() if given is not None and not entry.joins):
+        fitting = " or ".join(f'"{name}"' for name, other in INTEGRATORS.items() if other.joins)
+        raise SceneError(f'method = "{method}" knows no {name}: give method = {fitting}')
     special = {
         "static_friction": (system.static_friction > system.friction).any(),
         "tangential_restitution": system.tangential_restitution.any(),

@@ -19,6 +19,9 @@ Where a gap is closed at the end of a step, impulses 0 <= P _|_ w+ + e w >= 0 ac
 velocity at the end of the free step. e is 0 where the pair did not approach at its start already:
 that is lasting contact, whose impulse moves the end of the step too, as far as the scheme weighs
 the velocity there.
+
+Bilateral rows b(u) = 0 are held by multipliers in the accelerations, and by the nearest place and
+velocity, in the metric of M, at the end of each step.
 """
 
 from collections.abc import Callable, Mapping
@@ -29,10 +32,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impactfem.contact.impact_law import Law, delassus
+from impactfem.contact.impact_law import Law
 from impactfem.errors import ConvergenceError
 from impactfem.result.trajectory import Trajectory
-from impactfem.system.generalized import GeneralizedSystem, factor_mass
+from impactfem.system.generalized import GeneralizedSystem
+from impactfem.system.joined import answers as answers_to
+from impactfem.system.joined import closed as closed_rows
+from impactfem.system.joined import held
 from impactfem.system.start_checks import check_start
 from impactfem.vibro.position_kernels import ROUNDING
 from impactfem.vibro.stepping import Stepped, Walls, march
@@ -88,7 +94,9 @@ class FreeStep:
     def rate(self, t: float, y: Floats) -> Floats:
         """F(t, y), shape (2 d,)."""
         u, v = np.split(y, [len(y) - self.system.dofs])
-        return np.concatenate([v, np.linalg.solve(self.system.mass(u), self.system.force(t, u, v))])
+        system = self.system
+        moved = v if system.rates is None else np.asarray(system.rates(u, v), dtype=float)
+        return np.concatenate([moved, held(system, t, u, v)[0]])
 
     def solve(self, t: float, y: Floats, mean: Callable[[Floats], Floats]) -> Floats:
         """y+ = y + h mean(y+), by Newton's method with a tangent that is kept while it does.
@@ -183,6 +191,7 @@ class _EnergyMomentum(FreeStep):
 class _Scheme(NamedTuple):
     free: type[FreeStep]
     weight: float  # of the velocity at the end in the way of a step
+    joins: bool = True  # whether it knows bilateral rows, and rates of coordinates
 
 
 SCHEMES: Mapping[str, _Scheme] = {
@@ -192,7 +201,7 @@ SCHEMES: Mapping[str, _Scheme] = {
     "midpoint": _Scheme(_Midpoint, 0.5),
     "trapezoid": _Scheme(_Trapezoid, 0.5),
     "rk4": _Scheme(_Kutta, 0.5),
-    "energy_momentum": _Scheme(_EnergyMomentum, 0.5),
+    "energy_momentum": _Scheme(_EnergyMomentum, 0.5, joins=False),
 }
 """The schemes by name."""
 
@@ -223,6 +232,7 @@ def integrate_textbook(
     u, v = (np.array(value, dtype=float).reshape(-1) for value in (position, velocity))
     steps, h = count_steps(duration, settings.dt, settings.every, settings.impact_law)
     check_start(system, u, v)
+    u, v = closed_rows(system, u, v)
     chosen = SCHEMES[scheme]
     step = partial(_step, system, h, chosen.free(system, h), chosen.weight)
     return march(system, (u, v), (steps, h, settings.every), step, {})
@@ -235,6 +245,8 @@ def _step(
     """A step without contact, and the impulses at its end."""
     with np.errstate(over="ignore", invalid="ignore"):  # told of by the rows
         end, fast = free(t, u, v)
+        if np.isfinite(end).all() and np.isfinite(fast).all():
+            end, fast = closed_rows(system, end, fast)
     count = system.num_constraints
     impulse, before, after = np.zeros((3, count))
     tolerance = ROUNDING * float(np.abs(end).max(initial=0.0))
@@ -242,14 +254,16 @@ def _step(
     closed = np.flatnonzero(system.gap(t + h, end) <= tolerance) if finite else np.arange(0)
     if len(closed):
         jacobian, rate = system.jacobian(end)[closed], walls[1][closed]
-        coupling, answers = delassus(factor_mass(system, end, t + h), jacobian)
+        answers = answers_to(system, end, jacobian)
+        coupling = jacobian @ answers
         begin = system.jacobian(u)[closed] @ v - walls[0][closed]
         arriving = jacobian @ fast - rate
         strikes = begin < -ROUNDING * float(np.abs(v).max())
         returned = np.where(strikes, system.restitution[closed] * np.minimum(arriving, 0.0), 0.0)
         pushing = solve_impulses(coupling, arriving + returned)
         fast = fast + answers @ pushing
-        end = end + weight * h * (answers @ np.where(strikes, 0.0, pushing))
+        back = answers @ np.where(strikes, 0.0, pushing)
+        end = closed_rows(system, end + weight * h * (system.moving(end) @ back), fast)[0]
         impulse[closed], before[closed] = pushing, np.where(strikes, arriving, begin)
         after[closed] = jacobian @ fast - rate
     return Stepped(end, fast, impulse, before, after)

@@ -70,7 +70,7 @@ def empty_rows(system: GeneralizedSystem, steps: int, every: int) -> Arrays:
     rows = len(row_levels(steps, every))
     d, constraints = system.dofs, system.num_constraints
     return (
-        np.zeros((rows, d)),
+        np.zeros((rows, system.coordinates)),
         np.zeros((rows, d)),
         np.zeros((rows, constraints)),
         np.zeros((rows, 2 * constraints)),
