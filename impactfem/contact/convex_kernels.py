@@ -65,7 +65,9 @@ def separate(a, b, hint, size):
             s = _apart(nb[k], va, vb)
             if s > best + _ALIKE * size:
                 best, kind, index, found = s, 1, k, nb[k].copy()
-    over = best + _ALIKE * size + _BETTER * max(0.0, -best)
+    over = -np.inf
+    if best > -np.inf:
+        over = best + _ALIKE * size + _BETTER * max(0.0, -best)
     for one in wa:
         for two in wb:
             n = np.cross(one, two)

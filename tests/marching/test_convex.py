@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from moving_scenes import alone, differences, stopping
 
 import impactfem
 from impactfem import (
@@ -197,10 +198,54 @@ def test_a_box_sits_on_a_ball():
     ball = RigidSphere(name="ball", center=[0.0, -radius, 0.0], radius=radius)
     box = block("box", [0.2, 2 * half, 0.2], [0.0, half, 0.0], mass=1.0,
                 angular_velocity=[0.0, 0.0, 0.05])  # fmt: skip
-    result = run([box], 1.0, 1e-3, [0.0, -G, 0.0], [ball], mu=1.0)
+    result = run([box], 0.5, 2e-3, [0.0, -G, 0.0], [ball], mu=1.0)
     inertia = (0.2**2 + 0.1**2) / 12.0 + half**2
     period = 2.0 * np.pi * np.sqrt(inertia / (G * (radius - half)))
     time, spin = result.history["time"].values, column(result, "box.wz")
     back = np.flatnonzero(spin[1:] * spin[:-1] < 0.0)
     zeros = time[back] - spin[back] * np.diff(time)[back] / np.diff(spin)[back]
     assert 2.0 * np.diff(zeros).mean() == pytest.approx(period, rel=2e-3)
+
+
+def tumble():
+    """A capsule, a cylinder and a block fall on a ball and each other, with friction."""
+    shapes = [
+        {"kind": "capsule", "radius": 0.05, "length": 0.1, "center": [0.0, 0.0, 0.0]},
+        {"kind": "cylinder", "radius": 0.05, "height": 0.15, "center": [0.02, -0.28, 0.01]},
+        {"kind": "block", "size": [0.1] * 3, "corner": [-0.06, 0.14, -0.04]},
+    ]
+    bodies = [
+        RigidBody(
+            name=f"b{k}", shape=shape, density=1000.0, velocity=[0.0, -1.0, 0.0],
+            orientation={"axis": [1.0, 0.0, 0.5], "angle": 1.0 - k},
+        )
+        for k, shape in enumerate(shapes)
+    ]  # fmt: skip
+    ball = RigidSphere(name="ball", center=[0.0, -0.46, 0.0], radius=0.15)
+    pairs = [("b0", "b1"), ("b0", "b2"), *((f"b{k}", "ball") for k in range(3))]
+    laws = [Contact(between=list(p), friction_coefficient=0.4, restitution=0.3) for p in pairs]
+    return Scene(
+        title="tumble", duration=0.1, bodies=bodies, obstacles=[ball], contacts=laws,
+        gravity=[0.0, -G, 0.0], solve=Solve(dt=1e-3, estimate=False),
+        output=Output(fields=[], checkpoint=25),
+    )  # fmt: skip
+
+
+def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
+    whole = impactfem.solve(tumble())
+    assert min(np.abs(column(whole, f"impulse.{p}")).max() for p in ("b0.b1", "b1.ball")) > 0.0
+    with stopping(monkeypatch, 60):
+        impactfem.solve(tumble(), checkpoints=tmp_path)
+    again = impactfem.solve(tumble(), checkpoints=tmp_path, restart=tmp_path)
+    assert differences(whole, again) == {}
+
+
+@pytest.mark.parallel(2)
+def test_two_ranks_do_the_same(monkeypatch):
+    both = impactfem.solve(tumble())
+    with alone(monkeypatch):
+        one = impactfem.solve(tumble())
+    for name in one.history.data_vars:
+        np.testing.assert_allclose(
+            both.history[name].values, one.history[name].values, rtol=1e-10, atol=1e-10
+        )
