@@ -266,6 +266,18 @@ def rebound(before: Floats, after: Floats, restitution: Floats, dt: float) -> Fl
     return np.asarray(0.5 * dt * (after + lively * before))
 
 
+def expanded(restitution: Floats, compression: Floats, before: Floats) -> Floats:
+    """Least forces of impacts with a compression and an expansion (Poisson) [N], (pairs,).
+
+    Args:
+        restitution: Poisson's e, 0 where there is no such impact, (pairs,).
+        compression: Forces that end the approach, (pairs,).
+        before: What of these bodies that rest on each other had before, (pairs,).
+    """
+    struck = np.maximum(compression - before, 0.0)
+    return np.where(restitution > 0.0, compression + restitution * struck, 0.0)
+
+
 def solve_layer_at_speed(
     free: Floats,
     halfway: Halfway,

@@ -62,7 +62,7 @@ layer in place of Delta r_t; nodes that stick have no speed.
 With mu = 0 all this is the frictionless law, and its solver is called.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,9 +74,11 @@ from impactfem.contact.complementarity import (
     solve_by_active_set,
     solve_layer,
 )
-from impactfem.contact.friction_newton import ConeProblem, solve_cones
+from impactfem.contact.friction_newton import ConeProblem
+from impactfem.contact.friction_solver import solve_cones
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 _EXACT = 1e-14  # error of the energy that theta leaves, as a share of the contact energy
 
@@ -104,6 +106,17 @@ class FrictionContact:
     theta: float
     iterations: int
 
+    def split(self, count: int) -> "tuple[FrictionContact, FrictionContact]":
+        """That of the first pairs, and that of the others."""
+        first, rest = (
+            replace(
+                self, force=self.force[part], multiplier=self.multiplier[part],
+                place=self.place[part], work=self.work[part],
+            )
+            for part in (slice(0, count), slice(count, None))
+        )  # fmt: skip
+        return first, rest
+
 
 def solve_friction_layer(
     free: Floats,
@@ -115,6 +128,7 @@ def solve_friction_layer(
     tolerance: float,
     max_iterations: int = 1000,
     held: Floats | None = None,
+    moments: tuple[Integers, Floats] | None = None,
 ) -> FrictionContact:
     """Find the contact forces of a layer with friction.
 
@@ -131,18 +145,22 @@ def solve_friction_layer(
         max_iterations: Limit of linear systems for one theta.
         held: Tangential places that sticking nodes keep [m], shape (pairs, dim - 1), for explicit
             layers; those of ``before`` if None.
+        moments: Master and resistance to spinning of each pair where some are moments, shape
+            (pairs,) each; see `impactfem.contact.friction_newton.ConeProblem`.
 
     Raises:
         ConvergenceError: Stick and slip or theta were not found.
     """
     old, place_a = before
+    law = moments or (None, None)
     if not friction.any():
         return _without_friction(
             free, response, compliance, before, rule, tolerance, max_iterations
         )
     stuck = place_a[:, 1:] if held is None else held
     if rule == "middle":
-        return _with_mass(free, response, before, friction, stuck, tolerance, max_iterations)
+        rest = stuck, tolerance, max_iterations
+        return _with_mass(free, response, before, friction, *rest, law)
     total, start = 0, old
     none = np.zeros(len(free))
 
@@ -151,7 +169,7 @@ def solve_friction_layer(
         offset = free + _times(response, (1.0 - theta) * old)
         slipped = offset.copy()
         slipped[:, 1:] -= stuck
-        problem = ConeProblem(theta * response + compliance, slipped, friction, none)
+        problem = ConeProblem(theta * response + compliance, slipped, friction, none, *law)
         new, iterations = solve_cones(problem, start, tolerance, max_iterations)
         total += iterations
         start = new
@@ -217,6 +235,7 @@ def _with_mass(
     stuck: Floats,
     tolerance: float,
     max_iterations: int,
+    law: tuple[Integers | None, Floats | None],
 ) -> FrictionContact:
     """Take theta = 1/2 for normal forces; T obeys the law with Lambda.
 
@@ -228,7 +247,7 @@ def _with_mass(
     offset = free + _times(response, given)
     slipped = offset.copy()
     slipped[:, 1:] -= stuck
-    problem = ConeProblem(response, slipped, friction, given[:, 0])
+    problem = ConeProblem(response, slipped, friction, given[:, 0], *law)
     start = old.copy()
     start[:, 0] *= 0.5
     found, iterations = solve_cones(problem, start, tolerance, max_iterations)
@@ -250,26 +269,32 @@ def solve_friction_layer_at_speed(
     tolerance: float,
     max_iterations: int = 1000,
     held: Floats | None = None,
+    moments: tuple[Integers, Floats] | None = None,
 ) -> FrictionContact:
     """Find the contact forces of a layer in which the law of some gaps acts on velocities.
 
     There the force of the layer obeys the cone with the velocity at its end: nodes that stick have
-    no speed. Arguments as of `solve_friction_layer`, and ``halfway`` with tangential parts.
+    no speed. Arguments as of `solve_friction_layer`, and ``halfway`` with tangential parts. Moments
+    act where their masters do; their places are relative turns.
 
     Raises:
         ConvergenceError: Stick and slip or theta were not found.
     """
-    acting = halfway.acting(free[:, 0])
+    masters = np.arange(len(free)) if moments is None else moments[0]
+    acting = halfway.acting(free[masters, 0])
+    law = None
+    if moments is not None:
+        law = np.searchsorted(acting, masters[acting]), moments[1][acting]
     dim = free.shape[1]
     fast = halfway.rows[acting][:, None]
     wide = (dim * acting[:, None] + np.arange(dim)).ravel()
     block = np.ix_(wide, wide)
     old, place_a = before
-    law = [np.where(fast, 0.0, values[acting]) for values in before]
+    known = [np.where(fast, 0.0, values[acting]) for values in before]
     found = solve_friction_layer(
         np.where(fast, halfway.way[acting], free[acting]), response[block], compliance[block],
-        (law[0], law[1]), friction[acting], rule, tolerance, max_iterations,
-        None if held is None else np.where(fast, 0.0, held[acting]),
+        (known[0], known[1]), friction[acting], rule, tolerance, max_iterations,
+        None if held is None else np.where(fast, 0.0, held[acting]), law,
     )  # fmt: skip
     force, multiplier, work = np.zeros_like(old), np.zeros_like(old), np.zeros(len(old))
     force[acting] = found.force
@@ -280,6 +305,8 @@ def solve_friction_layer_at_speed(
     place[slow] = found.place[~fast[:, 0]]
     work[acting] = _work(force, place, place_a)[acting]
     work[slow] = found.work[~fast[:, 0]]
+    resists = masters != np.arange(len(free))
+    work[resists] += (force * place)[resists, 0]
     return FrictionContact(force, multiplier, place, work, found.theta, found.iterations)
 
 

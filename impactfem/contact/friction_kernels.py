@@ -5,20 +5,26 @@ import numpy as np
 from impactfem.compiled import compiled
 
 _SECULAR = 60
+_LOCAL = 30  # alternations between the normal and the tangential force of a contact
+_SAME = 1e-15
 
 
 @compiled
-def sweep_cones(matrix, offset, bound, force, sweeps, tolerance):
-    """Block Gauss-Seidel for y >= 0 and |tau| <= bound, both given: a convex problem.
+def sweep_cones(
+    matrix, offset, friction, master, spinning, base, bound, force, follow, sweeps, tolerance
+):
+    """Block Gauss-Seidel for y >= 0 and |tau| <= bound, the bounds given or those of the forces.
 
-    It minimises x.A x / 2 + x.o over a product of half lines and discs, so that it converges for
-    every positive definite A.
+    With given bounds it minimises x.A x / 2 + x.o over a product of half lines and discs, so that
+    it converges for every positive definite A.
 
     Args:
         matrix: A, shape (pairs dim, pairs dim).
         offset: o, shape (pairs, dim), the normal component first.
-        bound: Radius of each disc [N], shape (pairs,).
+        friction, master, spinning, base: See `impactfem.contact.friction_newton.ConeProblem`.
+        bound: Normal forces that bound the others [N], shape (pairs,); changed if they follow.
         force: x to begin with, shape (pairs, dim); changed.
+        follow: Whether bounds are those of the present forces.
         sweeps: Limit.
         tolerance: Ends when no component changes by more [N].
 
@@ -27,27 +33,50 @@ def sweep_cones(matrix, offset, bound, force, sweeps, tolerance):
     """
     pairs, dim = offset.shape
     flat = force.ravel()
+    answer, old = np.zeros(dim), np.zeros(dim)
     for sweep in range(sweeps):
         largest = 0.0
         for j in range(pairs):
             first = j * dim
-            answer = offset[j].copy()
             for c in range(dim):
+                total = offset[j, c]
                 for i in range(pairs * dim):
-                    answer[c] += matrix[first + c, i] * flat[i]
-            pushed = max(0.0, force[j, 0] - answer[0] / matrix[first, first])
-            change = pushed - force[j, 0]
-            force[j, 0] = pushed
-            largest = max(largest, abs(change))
-            block = matrix[first + 1 : first + dim, first + 1 : first + dim]
-            for c in range(1, dim):
-                answer[c] += matrix[first + c, first] * change
-                for i in range(1, dim):
-                    answer[c] -= matrix[first + c, first + i] * force[j, i]
-            new = _in_disc(block, answer[1:], bound[j])
-            for c in range(1, dim):
-                largest = max(largest, abs(new[c - 1] - force[j, c]))
-                force[j, c] = new[c - 1]
+                    total += matrix[first + c, i] * flat[i]
+                answer[c] = total
+                old[c] = force[j, c]
+            block = matrix[first : first + dim, first : first + dim]
+            rub = block[1:, 1:]
+            own = master[j] == j
+            alternations = _LOCAL if own and follow else 1
+            for _ in range(alternations):
+                # The normal force, or the moment that resists spinning.
+                if own:
+                    pushed = max(0.0, force[j, 0] - answer[0] / block[0, 0])
+                else:
+                    most = spinning[j] * bound[master[j]]
+                    pushed = min(max(force[j, 0] - answer[0] / block[0, 0], -most), most)
+                change = pushed - force[j, 0]
+                force[j, 0] = pushed
+                moved = abs(change)
+                for c in range(dim):
+                    answer[c] += block[c, 0] * change
+                if own and follow:
+                    bound[j] = base[j] + pushed
+                slip = answer[1:].copy()
+                for c in range(dim - 1):
+                    for i in range(dim - 1):
+                        slip[c] -= rub[c, i] * force[j, 1 + i]
+                new = _in_disc(rub, slip, friction[j] * bound[master[j]])
+                for c in range(dim - 1):
+                    change = new[c] - force[j, 1 + c]
+                    force[j, 1 + c] = new[c]
+                    moved = max(moved, abs(change))
+                    for i in range(dim):
+                        answer[i] += block[i, 1 + c] * change
+                if moved <= _SAME * (abs(force[j, 0]) + tolerance):
+                    break
+            for c in range(dim):
+                largest = max(largest, abs(force[j, c] - old[c]))
         if largest <= tolerance:
             return sweep + 1
     return sweeps

@@ -168,11 +168,51 @@ class Composite(Bodies[Interior]):
     def touched(self, normals: Floats) -> Floats:
         """Tell bodies that roll where they touch; see `Rolling`."""
         found = np.zeros_like(normals)
-        for k, part in enumerate(self.parts):
-            if part.rolling:
-                own = self.own(k)
-                found[own] = cast("Rolling", part).touched(normals[own])
+        for own, part in self._rolling():
+            found[own] = part.touched(normals[own])
         return found
+
+    def turning(self) -> tuple[Floats, Floats]:
+        """Spins of the body of each node at both ends of the layer [rad/s], (count, turns) each."""
+        before = np.zeros((self.offsets[-1], self._turns))
+        after = before.copy()
+        for own, part in self._rolling():
+            before[own], after[own] = part.turning()
+        return before, after
+
+    def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
+        """Displacements of all nodes, and turns of their bodies, by moments on nodes.
+
+        Args:
+            moments: Several at once [N m], (several, count, turns); those on bodies that do not
+                roll move nothing.
+
+        Returns:
+            Shapes (several, count, dim) [m] and (several, count, turns) [rad].
+        """
+        dim = self.parts[0].surface_displacement.shape[1]
+        moved = np.zeros((*moments.shape[:2], dim))
+        turned = np.zeros_like(moments)
+        for own, part in self._rolling():
+            moved[:, own], turns = part.twisted(moments[:, own].sum(axis=1))
+            turned[:, own] = turns[:, None]
+        return moved, turned
+
+    def twist(self, moments: Floats) -> None:
+        """Add the layer's moments on nodes (count, turns) to their bodies."""
+        for own, part in self._rolling():
+            if moments[own].any():
+                part.twist(moments[own].sum(axis=0))
+
+    @property
+    def _turns(self) -> int:
+        dim = self.parts[0].surface_displacement.shape[1]
+        return int(dim * (dim - 1) // 2)
+
+    def _rolling(self) -> list[tuple[slice, Rolling]]:
+        """Bodies that roll, and their nodes."""
+        each = enumerate(self.parts)
+        return [(self.own(k), cast("Rolling", part)) for k, part in each if part.rolling]
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Answers of the contact nodes to several forces (several, count, dim)."""

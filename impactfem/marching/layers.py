@@ -174,6 +174,20 @@ class Rolling(Protocol):
             Ways, shape (count, dim); 0 of nodes that touch themselves.
         """
 
+    def turning(self) -> tuple[Floats, Floats]:
+        """Spins [rad/s] at both ends of the layer without contact forces, (turns,) each."""
+
+    def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
+        """What several moments do (several, turns) [N m].
+
+        Returns:
+            Displacements of the contact nodes [m], (several, count, dim), and turns of the body
+            [rad], (several, turns), both as `Interior.columns` has those of forces.
+        """
+
+    def twist(self, moment: Floats) -> None:
+        """Add the moment (turns,) of the layer."""
+
 
 class Answers(Protocol):
     """How gaps answer to contact forces; see `impactfem.contact.responses.Responses`."""

@@ -186,6 +186,24 @@ class RigidMidpoint(FewInterior):
         self._turned = self._turned + self.dt * _moments(self._acting, acting)
         self._settle()
 
+    def turning(self) -> tuple[Floats, Floats]:
+        """Spins at both ends of the layer without contact forces [rad/s], (turns,) each."""
+        first = 2 * (3 - self._dim)
+        before, after = self._split(self._v)[1], self._split(self._ahead)[1]
+        return (self._turn @ before)[first:], (self._end @ after)[first:]
+
+    def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
+        """Displacements of the contact nodes and turns by several moments; see `Rolling`."""
+        first = 2 * (3 - self._dim)
+        turns = 0.5 * self.dt**2 * moments @ self._freedom[first:]
+        moved = self._acting @ _skew(turns).swapaxes(1, 2)
+        return moved[..., : self._dim], turns[:, first:]
+
+    def twist(self, moment: Floats) -> None:
+        """Add a moment of the layer."""
+        self._turned = self._turned + self.dt * np.pad(moment, (3 - len(moment), 0))
+        self._settle()
+
     def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
         """End the layer and sum up."""
         work, mean = 0.0, 0.5 * (self._v + self._ahead)

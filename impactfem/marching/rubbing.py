@@ -5,13 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.complementarity import Halfway, Solver
+from impactfem.contact.complementarity import Halfway, Solver, expanded
 from impactfem.contact.friction import (
     FrictionContact,
     solve_friction_layer,
     solve_friction_layer_at_speed,
 )
-from impactfem.contact.friction_newton import ConeProblem, solve_cones
+from impactfem.contact.friction_newton import ConeProblem
+from impactfem.contact.friction_solver import solve_cones
+from impactfem.marching.resisting import Moments
 from impactfem.marching.schemes import SolidScheme
 
 Floats = NDArray[np.float64]
@@ -28,12 +30,17 @@ class Friction:
         max_iterations: Limit of linear systems of a layer.
         rebound: Share of the slip that impacts of nodes with mass reverse, as far as the cone
             allows, shape (pairs,).
+        static: mu of what does not slip, shape (pairs,), not smaller.
+        rolling, spinning: Moments that resist over the normal force [m], shape (pairs,).
     """
 
     coefficients: Floats
     tolerance: float
     max_iterations: int
     rebound: Floats
+    static: Floats
+    rolling: Floats
+    spinning: Floats
 
 
 @dataclass
@@ -48,6 +55,7 @@ class Rubbing:
             dim).
         older_place: One level earlier.
         work: Frictional work in each gap in the last layer [J], (pairs,).
+        stuck: 1 where a gap was shut and did not slip at the last level, (pairs,).
     """
 
     law: Friction
@@ -56,12 +64,13 @@ class Rubbing:
     place: Floats
     older_place: Floats
     work: Floats
+    stuck: Floats
 
     @classmethod
     def at_rest(cls, law: Friction, place: Floats) -> "Rubbing":
         """No tangential forces yet."""
         zero = np.zeros((len(law.coefficients), place.shape[1]))
-        return cls(law, zero, zero, place, place, np.zeros(len(zero)))
+        return cls(law, zero, zero, place, place, *np.zeros((2, len(zero))))
 
     def advance(self, tangential: Floats, place: Floats) -> None:
         """Go to the next level."""
@@ -86,6 +95,8 @@ class LayerGaps:
         halfway: Of these, in space, the way of `impactfem.contact.complementarity.Halfway` [m],
             normal and tangential parts, (k, dim).
         ends: Which of these are gaps of ends of bars, (k,).
+        stuck: Which did not slip before, (k,).
+        poisson: Poisson's restitution in layers with an impact, else 0, (k,).
     """
 
     rows: Integers
@@ -99,6 +110,8 @@ class LayerGaps:
     fast: NDArray[np.bool_]
     halfway: Floats
     ends: NDArray[np.bool_]
+    stuck: NDArray[np.bool_]
+    poisson: Floats
 
     def slid(self, place: Floats) -> Floats:
         """Ways to some places (gap, r_t) as the law measures them, along the tangents [m]."""
@@ -112,7 +125,8 @@ def rub(
     layer: LayerGaps,
     blocks: tuple[Floats, Floats],
     share: float,
-) -> FrictionContact:
+    moments: Moments | None = None,
+) -> tuple[FrictionContact, NDArray[np.bool_]]:
     """Solve a layer; forces and multipliers come back in the frames of the gaps.
 
     Args:
@@ -121,11 +135,64 @@ def rub(
         layer: The gaps that take part.
         blocks: C and D in their frames.
         share: Part of the layer's force that acts.
+        moments: What resists rolling and spinning; they come back behind the forces.
+
+    Returns:
+        The contact, and which gaps are shut and do not slip.
 
     Raises:
         ConvergenceError: Stick, slip or theta were not found.
     """
-    mu = law.coefficients[layer.rows]
+    # What did not slip before is held by the larger coefficient, unless it slips all the same.
+    holds = layer.stuck & (law.static > law.coefficients)[layer.rows]
+    while True:
+        mu = np.where(holds, law.static[layer.rows], law.coefficients[layer.rows])
+        found = _with_poisson(law, scheme, layer, blocks, share, mu, moments)
+        force = found.force[: len(mu)]
+        inside = np.linalg.norm(force[:, 1:], axis=1) < (1.0 - _ON_CONE) * mu * force[:, 0]
+        slips = holds & ~inside & (force[:, 0] > 0.0)
+        if not slips.any():
+            return found, inside
+        holds &= ~slips
+
+
+_ON_CONE = 1e-9  # share of the bound within which a tangential force has reached it
+
+
+def _with_poisson(
+    law: Friction,
+    scheme: SolidScheme,
+    layer: LayerGaps,
+    blocks: tuple[Floats, Floats],
+    share: float,
+    mu: Floats,
+    moments: Moments | None,
+) -> FrictionContact:
+    """Solve a layer whose impacts may have two phases; see `expanded`."""
+    given = np.zeros_like(layer.way)
+    if not layer.poisson.any():
+        return _solve(law, scheme, layer, blocks, share, mu, moments, given)
+    first = _solve(law, scheme, layer, blocks, share, mu, moments, given).force[: len(mu), 0]
+    given[:, 0] = expanded(layer.poisson, first, layer.old[0])
+    found = _solve(law, scheme, layer, blocks, share, mu, moments, given)
+    for forces in (found.force, found.multiplier):
+        forces[: len(mu)] += given
+    moved = _by(share * blocks[0], given)[:, 0]
+    found.place[: len(mu), 0] += np.where(layer.fast, moved, 0.0)
+    return found
+
+
+def _solve(
+    law: Friction,
+    scheme: SolidScheme,
+    layer: LayerGaps,
+    blocks: tuple[Floats, Floats],
+    share: float,
+    mu: Floats,
+    moments: Moments | None,
+    given: Floats,
+) -> FrictionContact:
+    """Solve a layer with some friction in which some forces are given besides, (k, dim)."""
     free = turned(layer.frames, layer.way)
     free[:, 0] = layer.gap
     before = turned(layer.frames, layer.old_way)
@@ -134,11 +201,40 @@ def rub(
     old = turned(layer.frames, layer.old_tangential)
     old[:, 0] = layer.old[0]
     held = None if layer.held is None else turned(layer.frames, layer.held)[:, 1:]
-    rest = (old, before), mu, scheme.rule, law.tolerance, law.max_iterations, held
+    limits = scheme.rule, law.tolerance, law.max_iterations
     if not layer.fast.any():
-        return solve_friction_layer(free, response, compliance, *rest)
-    halfway = Halfway(layer.fast, turned(layer.frames, layer.halfway), layer.ends)
-    return solve_friction_layer_at_speed(free, halfway, response, compliance, *rest)
+        states = free, response, compliance, (old, before), mu
+        return solve_friction_layer(*states, *limits, held)
+    moved = _by(response, given)
+    free[:, 1:] += moved[:, 1:]
+    # Gaps of velocities still act where they would close without forces.
+    free[:, 0] += np.where(layer.fast, 0.0, moved[:, 0])
+    fast, ways, ends = layer.fast, turned(layer.frames, layer.halfway) + moved, layer.ends
+    pairs = None
+    if moments is not None:
+        count, more = len(free), len(moments.of)
+        none, yes = np.zeros_like(moments.way), np.ones(more, dtype=bool)
+        free = np.concatenate([free, moments.way + _by(share * moments.across.T, given)])
+        ways = np.concatenate([ways, moments.after + _by(share * moments.across.T, given)])
+        fast, ends = np.concatenate([fast, yes]), np.concatenate([ends, ~yes])
+        old, before = (np.concatenate([each, none]) for each in (old, before))
+        across = share * moments.across
+        response = np.block([[response, across], [across.T, share * moments.own]])
+        compliance = np.pad(compliance, (0, none.size))
+        held = None if held is None else np.concatenate([held, none[:, 1:]])
+        mu = np.concatenate([mu, moments.rolling])
+        pairs = (
+            np.concatenate([np.arange(count), moments.of]),
+            np.concatenate([np.zeros(count), moments.spinning]),
+        )
+    return solve_friction_layer_at_speed(
+        free, Halfway(fast, ways, ends), response, compliance, (old, before), mu, *limits, held,
+        pairs,
+    )  # fmt: skip
+
+
+def _by(matrix: Floats, forces: Floats) -> Floats:
+    return np.asarray((matrix @ forces.ravel()).reshape(-1, forces.shape[1]))
 
 
 def obeying(

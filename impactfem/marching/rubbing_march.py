@@ -7,7 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.complementarity import Solver
+from impactfem.contact.friction_newton import ConeProblem
+from impactfem.marching.composite import Composite
 from impactfem.marching.layers import ContactGaps, DirectedAnswers, DirectedGaps, Interior
+from impactfem.marching.resisting import Moments, resisting
 from impactfem.marching.rubbing import (
     Friction,
     LayerGaps,
@@ -16,6 +19,7 @@ from impactfem.marching.rubbing import (
     in_space,
     rub,
     told,
+    turned,
 )
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import SolidMarch
@@ -23,7 +27,9 @@ from impactfem.marching.solids import SolidMarch
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_REMEMBERED = ("tangential", "older_tangential", "place", "older_place")
+_REMEMBERED = ("tangential", "older_tangential", "place", "older_place", "stuck")
+_STILL = 1e-12  # share of the largest speed that counts as none at t = 0
+_SLOW = 1e-6  # share of it that counts as no slip where friction may jam
 
 
 class RubbingMarch(SolidMarch):
@@ -43,6 +49,7 @@ class RubbingMarch(SolidMarch):
         restitution: Floats | None,
         rest: tuple[Floats, Floats] | None,
         friction: Friction,
+        poisson: Floats | None = None,
     ) -> None:
         """Find the contact forces of the initial state, at which nothing rubs yet.
 
@@ -57,13 +64,15 @@ class RubbingMarch(SolidMarch):
             restitution: See there.
             rest: See there.
             friction: Coulomb's law.
+            poisson: See there.
         """
         place = interior.surface_displacement
         self._rubbing = Rubbing.at_rest(friction, place)
         self._tangential = self._rubbing_force = np.zeros((len(friction.coefficients), 0))
         # Gaps that took part, their normal forces and tangential ones, and ways: see `told`.
         self._slid: tuple[Integers, Floats, Floats] | None = None
-        super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, restitution, rest)
+        settings = comm, interior, scheme, gaps, solver, layers, tolerance
+        super().__init__(*settings, restitution, rest, poisson)
         self._rubbing = Rubbing.at_rest(friction, place + self.contact.static)
 
     def _answers(self) -> DirectedAnswers:
@@ -125,6 +134,12 @@ class RubbingMarch(SolidMarch):
         earlier, later = self._obstacle_speeds()
         slid: Floats = 0.5 * dt * (after - later)
         rebound = self._rebound(normals, before, after)
+        self._slipping, self._fastest = before - earlier, float(np.abs(before).max(initial=0.0))
+        if self.layer == 0:
+            across = self._slipping
+            across = across - np.einsum("ij,ij->i", across, normals)[:, None] * normals
+            still = np.abs(across).max(axis=1) <= _STILL * self._fastest
+            self._rubbing.stuck = still.astype(float)
         if (lively := self._rubbing.law.rebound).any():
             arriving = np.where(self._arriving, lively, 0.0)[:, None]
             slid = slid + 0.5 * dt * arriving * (before - earlier)
@@ -132,34 +147,47 @@ class RubbingMarch(SolidMarch):
         along = rebound - np.einsum("ij,ij->i", normals, slid)
         return np.asarray(slid + along[:, None] * normals)
 
-    def _layer_forces(
+    @property
+    def _turnable(self) -> Composite:
+        """The bodies; where some turn they are several."""
+        return cast("Composite", self.interior)
+
+    def _moments(self, rows: Integers, directions: Floats) -> Moments | None:
+        """What resists rolling and spinning in some gaps."""
+        law = self._rubbing.law
+        if not (law.rolling.any() or law.spinning.any()):
+            return None
+        lengths = law.rolling, law.spinning
+        return resisting(self._gaps, self._turnable, rows, directions, lengths, self.interior.dt)
+
+    def _layer_forces(  # noqa: PLR0915  (a layer is one matter)
         self, gap: Floats, normals: Floats, free: Floats, last: Floats
     ) -> tuple[Floats, Floats, Floats, int]:
         """Forces of the layer, multipliers at its end, what they do, and linear systems solved."""
         state, answers = self._rubbing, cast("DirectedAnswers", self._responses)
         interior, gaps, contact, dt = self.interior, self._gaps, self.contact, self.interior.dt
-        time, share = (self.layer + 1) * dt, interior.share(self.layer)
-        force, multiplier = np.zeros(len(gap)), np.zeros(len(gap))
-        static, tangential = np.zeros_like(free), np.zeros_like(normals)
+        time, share, count = (self.layer + 1) * dt, interior.share(self.layer), len(gap)
+        force, multiplier, static = np.zeros(count), np.zeros(count), np.zeros_like(free)
         old, old_gap, old_tangential, old_place, back = (
             (contact.older_multiplier, contact.older_gap, state.older_tangential,
              state.older_place, 2.0)
             if self._skips
             else (contact.multiplier, contact.gap, state.tangential, last, 1.0)
         )  # fmt: skip
-        state.work, self._true_gap = np.zeros(len(gap)), gap
-        self._tangential = self._rubbing_force = tangential
+        state.work, self._true_gap = np.zeros(count), gap
+        self._tangential = self._rubbing_force = np.zeros_like(normals)
         self._slid = None
         taking_part = (old > 0.0) | (contact.multiplier > 0.0) | (gap < -self.tolerance)
         if not taking_part.any():
+            state.stuck = np.zeros(count)
             return force, multiplier, static, 0
         way = gaps.relative(free + self._rolled) - gaps.shift(time)
         old_way = gaps.relative(old_place) - gaps.shift(max(0.0, time - back * dt))
         held = gaps.relative(last) - gaps.shift(time - dt) if self._skips else None
-        (fast, ends), halfway = self._laws(len(gap)), way
+        (fast, ends), halfway = self._laws(count), way
         if (fast | ends)[taking_part].any():
             halfway = self._rubbing_halfway(normals, free - last, np.where(ends, gap, np.nan))
-        iterations = 0
+        iterations, poisson = 0, self._expanding(count)
         while True:
             rows = np.flatnonzero(taking_part)
             answers.require(rows)
@@ -167,14 +195,20 @@ class RubbingMarch(SolidMarch):
             layer = LayerGaps(
                 rows, directions, gap[rows], way[rows], (old[rows], old_gap[rows]),
                 old_tangential[rows], old_way[rows], None if held is None else held[rows],
-                (fast | ends)[rows], halfway[rows], ends[rows],
+                (fast | ends)[rows], halfway[rows], ends[rows], state.stuck[rows] > 0.0,
+                poisson[rows],
             )  # fmt: skip
             blocks = answers.blocks(rows, directions)
-            found = rub(state.law, self._scheme, layer, blocks, share)
-            iterations += found.iterations
+            moments = self._moments(rows, directions)
+            solved, sticks = rub(state.law, self._scheme, layer, blocks, share, moments)
+            iterations += solved.iterations
+            found, turning = solved.split(len(rows))
             acting = in_space(directions, found.force)
             levels = in_space(directions, found.multiplier)
             moved = answers.moved(rows, share * acting, levels)
+            if moments is not None:
+                twisting = share * gaps.spread(moments.in_gaps(rows, count, turning.force))
+                moved += gaps.relative(self._turnable.twisted(twisting[None])[0][0])
             true = gap + np.einsum("ij,ij->i", normals, moved)
             true[rows] = found.place[:, 0]
             missed = true < -self.tolerance
@@ -190,9 +224,22 @@ class RubbingMarch(SolidMarch):
             interior.push(gaps.spread(whole), None, answers.parts(rows, acting))
         if self._scheme.massless:
             static = interior.static(gaps.spread(multipliers))
+        state.work[rows] = found.work
+        if moments is not None:
+            self._turnable.twist(gaps.spread(moments.in_gaps(rows, count, turning.force)))
+            state.work[rows[moments.of]] += turning.work
+        if fast[rows].all():
+            law = ConeProblem(
+                share * blocks[0], turned(directions, halfway[rows]),
+                state.law.coefficients[rows], np.zeros(len(rows)),
+            )  # fmt: skip
+            slip = turned(directions, self._slipping[rows])[:, 1:]
+            slip[np.linalg.norm(slip, axis=1) <= _SLOW * self._fastest] = 0.0
+            self._determinacy.look(time, rows, law, found.force, slip)
+        state.stuck = np.zeros(count)
+        state.stuck[rows] = sticks
         self._true_gap = true
         self._tangential = multipliers - multiplier[:, None] * normals
-        state.work[rows] = found.work
         self._rubbing_force = whole - force[:, None] * normals
         self._slid = rows, *told(directions, found.force, layer.slid(found.place))
         return force, multiplier, static, iterations

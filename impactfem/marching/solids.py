@@ -1,6 +1,7 @@
 """Layers of bodies whose answers to forces are linear: predict, find contact forces, end it."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -10,10 +11,14 @@ from impactfem.contact.complementarity import (
     Halfway,
     LayerContact,
     Solver,
+    expanded,
     rebound,
     solve_layer,
     solve_layer_at_speed,
 )
+from impactfem.contact.friction_newton import ConeProblem
+from impactfem.findings import Finding
+from impactfem.marching.determinacy import Determinacy
 from impactfem.marching.layers import Answers, ContactGaps, Interior, Rolling
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.time_loop import ContactState, TimeLoop
@@ -37,6 +42,7 @@ class SolidMarch(TimeLoop[Interior]):
         tolerance: float,
         restitution: Floats | None = None,
         rest: tuple[Floats, Floats] | None = None,
+        poisson: Floats | None = None,
     ) -> None:
         """Find the contact forces of the initial state.
 
@@ -51,13 +57,15 @@ class SolidMarch(TimeLoop[Interior]):
             restitution: Newton's e of each gap, shape (pairs,), where nodes have mass; 0 if None.
             rest: Where bodies start at rest: forces in the gaps [N], (pairs,), and what these do to
                 massless nodes [m], (nodes, dim). None: they are found.
+            poisson: Poisson's e of each gap, shape (pairs,), where nodes have mass; 0 if None.
         """
-        self._restitution = restitution
+        self._restitution, self._poisson = restitution, poisson
         self._massive, self._volatile = interior.massive, interior.volatile
         self._radiating = interior.radiating
         self._by_mass, self._changes = bool(self._massive.any()), bool(self._volatile.any())
         self.interior, self._gaps = interior, gaps
         self._led: Floats | None = None  # ways of obstacles by the law of speeds
+        self._determinacy = Determinacy()
         self._rolled = np.zeros(1)  # what surfaces move in a layer besides the contact nodes
         self._responses = self._answers()
         super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, rest)
@@ -97,6 +105,7 @@ class SolidMarch(TimeLoop[Interior]):
     ) -> None:
         """Continue after ``layer`` layers; see `TimeLoop.restore`."""
         super().restore(state, memory, asked, layer)
+        self._determinacy.seen = memory["determinacy"].copy()
         self._responses.learn(asked)
 
     def _advance(self) -> Floats:
@@ -253,7 +262,8 @@ class SolidMarch(TimeLoop[Interior]):
             response, compliance = self._responses.matrices(rows, normals[rows])
             before = old[rows], old_gap[rows]
             law = Halfway((fast | ends)[rows], halfway[rows], ends[rows])
-            found = self._solve(gap[rows], law, share * response, compliance, before)
+            given = law, share * response, compliance, before
+            found = self._solve(gap[rows], *given, self._expanding(count)[rows])
             iterations += found.iterations
             acting = share * found.force
             true = gap + self._responses.approach(rows, normals, acting, found.multiplier)
@@ -265,6 +275,8 @@ class SolidMarch(TimeLoop[Interior]):
                 break
             taking_part |= missed
         force[rows], multiplier[rows] = found.force, found.multiplier
+        if fast[rows].all() and np.count_nonzero(found.force) > 1:
+            self._look(rows, share * response, found.force)
         if found.force.any():
             change = self._responses.displacement(rows, normals[rows], acting)
             inside = force[:, None] * normals
@@ -275,6 +287,33 @@ class SolidMarch(TimeLoop[Interior]):
         self._true_gap = true
         return force, multiplier, static, iterations
 
+    def _look(self, rows: Integers, response: Floats, force: Floats) -> None:
+        """Ask whether normal forces of nodes with mass are determined."""
+        count = len(rows)
+        matrix = np.zeros((count, 2, count, 2))
+        matrix[:, 0, :, 0] = response
+        matrix[np.arange(count), 1, np.arange(count), 1] = np.diag(response)
+        none = np.zeros(count)
+        flat = matrix.reshape(2 * count, 2 * count)
+        problem = ConeProblem(flat, np.zeros((count, 2)), none, none)
+        time = (self.layer + 1) * self.interior.dt
+        self._determinacy.look(time, rows, problem, np.column_stack([force, none]))
+
+    def figures(self) -> Mapping[str, Any]:
+        """What is not determined of the forces."""
+        return self._determinacy.figures(self._gap_names())
+
+    def findings(self) -> tuple[Finding, ...]:
+        """The same in words."""
+        return self._determinacy.findings(self._gap_names())
+
+    def _gap_names(self) -> list[str]:
+        return [self._gaps.pairs[k] for k in self._gaps.pair_of()]
+
+    def memory(self) -> dict[str, Floats]:
+        """What the next layer and the findings need; see `TimeLoop.memory`."""
+        return super().memory() | {"determinacy": self._determinacy.seen}
+
     def _pressed(self, rows: Integers, normals: Floats, multiplier: Floats) -> Floats:
         """Displacement of massless nodes by the multipliers [m], (count, dim)."""
         known = self._responses.static(rows, normals[rows], multiplier[rows])
@@ -282,14 +321,37 @@ class SolidMarch(TimeLoop[Interior]):
             return known
         return self.interior.static(self._gaps.spread(multiplier[:, None] * normals))
 
+    def _expanding(self, count: int) -> Floats:
+        """Poisson's restitution of gaps in layers with an impact, 0 elsewhere, (count,)."""
+        if self._poisson is None or not (self._fast & self._arriving).any():
+            return np.zeros(count)
+        return np.where(self._fast, self._poisson, 0.0)
+
     def _solve(
         self, gap: Floats, halfway: Halfway, response: Floats, compliance: Floats,
-        before: tuple[Floats, Floats],
+        before: tuple[Floats, Floats], poisson: Floats,
     ) -> LayerContact:  # fmt: skip
+        """Solve a layer; Poisson's impacts have two phases.
+
+        The impulse of compression ends the approach; that of expansion is at least e times what
+        it adds to the force before, and larger where nodes would come together otherwise.
+        """
         rule, solver = self._scheme.rule, self._solver
         if not halfway.rows.any():
             return solve_layer(gap, response, compliance, before, rule, solver)
-        return solve_layer_at_speed(gap, halfway, response, compliance, before, rule, solver)
+        rest = response, compliance, before, rule, solver
+        found = solve_layer_at_speed(gap, halfway, *rest)
+        if not poisson.any():
+            return found
+        given = expanded(poisson, found.force, before[0])
+        moved = response @ given
+        # Gaps of velocities still act where they would close without forces.
+        fast, halfway = halfway.rows, replace(halfway, way=halfway.way + moved)
+        found = solve_layer_at_speed(np.where(fast, gap, gap + moved), halfway, *rest)
+        return replace(
+            found, force=found.force + given, multiplier=found.multiplier + given,
+            gap=found.gap + np.where(fast, moved, 0.0),
+        )  # fmt: skip
 
 
 def _along(normals: Floats, vectors: Floats) -> Floats:

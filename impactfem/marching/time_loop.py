@@ -118,6 +118,10 @@ class TimeLoop[I: Stepper](ABC):
         """What the bodies, as they are marched, cannot do right."""
         return ()
 
+    def figures(self) -> Mapping[str, Any]:
+        """The same in numbers, for the details of a run."""
+        return {}
+
     def _initial_contact(self, gap: Floats, normals: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002
         """Forces in the gaps at t = 0 [N], (gaps,), and what they do to massless nodes [m]."""
         return np.zeros(len(gap)), np.zeros_like(self.interior.surface_displacement)

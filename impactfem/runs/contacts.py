@@ -135,12 +135,24 @@ class Contacts:
         found = self._each(scene, lambda law: law.friction_coefficient)
         if not found.any():
             return None
-        rebound = self._each(scene, lambda law: law.tangential_restitution)
-        return Friction(found, tolerance, most, rebound)
+        return Friction(
+            found,
+            tolerance,
+            most,
+            rebound=self._each(scene, lambda law: law.tangential_restitution),
+            static=self._each(scene, lambda law: law.sticking),
+            rolling=self._each(scene, lambda law: law.rolling_resistance),
+            spinning=self._each(scene, lambda law: law.spinning_resistance),
+        )
 
     def restitution(self, scene: Scene) -> Floats | None:
         """Newton's e of the gaps; None if it is 0 everywhere."""
-        found = self._each(scene, lambda law: law.restitution)
+        found = self._each(scene, lambda law: 0.0 if law.by_impulses else law.restitution)
+        return found if found.any() else None
+
+    def impulsive(self, scene: Scene) -> Floats | None:
+        """Poisson's e of the gaps; None if it is 0 everywhere."""
+        found = self._each(scene, lambda law: law.restitution if law.by_impulses else 0.0)
         return found if found.any() else None
 
     def _each(self, scene: Scene, value: Callable[[Contact], float]) -> Floats:

@@ -156,7 +156,12 @@ def make_loop(
     rest = None if started is None else (started.rest.multiplier, started.static)
     alike: Interior = solids[0] if alone else composite
     arguments = (model.comm, alike, *settings, contacts.restitution(scene), rest)
-    march = SolidMarch(*arguments) if law is None else RubbingMarch(*arguments, law)
+    poisson = contacts.impulsive(scene)
+    march = (
+        SolidMarch(*arguments, poisson=poisson)
+        if law is None
+        else RubbingMarch(*arguments, law, poisson=poisson)
+    )
     return Loop(march, gaps, contacts, offsets, started)
 
 

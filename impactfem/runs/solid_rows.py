@@ -185,6 +185,7 @@ def _effort(
             "cells": sum(part.mesh.num_cells for part in parts),
             "nodes": sum(part.mesh.num_nodes for part in parts),
             **whole.details(),
+            **march.figures(),
         },
         findings=(
             *(contact_findings(rows.force, rows.largest, march.interior.dt) if parts else ()),

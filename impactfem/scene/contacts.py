@@ -5,9 +5,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from impactfem.scene.inline import ListOf
-from impactfem.scene.kinds import Name, Real, SideName
+from impactfem.scene.kinds import Choice, Name, Real, SideName
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
+
+RESTITUTION_LAWS = ("newton", "moreau", "poisson")
+"""How impacts that happen together share their impulses; see `docs/friction.md`."""
+
+_WITH_FRICTION = ("tangential_restitution", "rolling_resistance", "spinning_resistance")
 
 
 @table("[[contact]]")
@@ -37,12 +42,54 @@ class Contact:
         "Newton's coefficient of restitution, 0 to 1 (point, rod, beam, rigid)",
         default=0.0,
     )
+    restitution_law: str | None = key(
+        Choice(RESTITUTION_LAWS),
+        "on what restitution acts: normal speeds (newton, moreau) or impulses (poisson, without "
+        "friction)",
+        default=None,
+        absent="moreau with friction, else newton",
+    )
     friction_coefficient: float = key(Real(at_least=0), "Coulomb's coefficient", default=0.0)
+    static_friction_coefficient: float | None = key(
+        Real(at_least=0),
+        "that of what does not slip yet (point, rigid)",
+        default=None,
+        absent="friction_coefficient",
+    )
     tangential_restitution: float = key(
         Real(at_least=0),
         "share of the slip that an impact reverses as far as friction can, 0 to 1 (1: superball)",
         default=0.0,
     )
+    rolling_resistance: float = key(
+        Real(at_least=0),
+        "moment that resists rolling over the normal force (balls of kind rigid)",
+        unit="m",
+        default=0.0,
+    )
+    spinning_resistance: float = key(
+        Real(at_least=0),
+        "the same about the normal (balls in space)",
+        unit="m",
+        default=0.0,
+    )
+
+    @property
+    def laws_of_mass(self) -> tuple[str, ...]:
+        """Keys that are given of laws for bodies without waves."""
+        keys = ("restitution", "restitution_law", "static_friction_coefficient", *_WITH_FRICTION)
+        return tuple(name for name in keys if getattr(self, name))
+
+    @property
+    def by_impulses(self) -> bool:
+        """Whether restitution is Poisson's."""
+        return self.restitution_law == "poisson"
+
+    @property
+    def sticking(self) -> float:
+        """Friction coefficient of what does not slip."""
+        static = self.static_friction_coefficient
+        return self.friction_coefficient if static is None else static
 
     def __post_init__(self) -> None:
         check_fields(self, self.heading)
@@ -54,7 +101,20 @@ class Contact:
                 text = f" = {show(value)} is not allowed: an impact would gain energy; "
                 text += "give a number from 0 (no rebound) to 1 (no loss)."
                 raise KeyedError(self.heading, name, text)
-        if self.tangential_restitution and not self.friction_coefficient:
-            text = f" = {show(self.tangential_restitution)} needs friction_coefficient: without "
-            text += "friction nothing acts along the surface; give it (large where nothing slips)."
-            raise KeyedError(self.heading, "tangential_restitution", text)
+        rubs = bool(self.friction_coefficient)
+        for name in _WITH_FRICTION:
+            if (value := getattr(self, name)) and not rubs:
+                text = f" = {show(value)} needs friction_coefficient: without friction nothing "
+                text += "acts along the surface; give it (large where nothing slips)."
+                raise KeyedError(self.heading, name, text)
+        if self.sticking < self.friction_coefficient:
+            text = f" = {show(self.sticking)} is smaller than friction_coefficient = "
+            text += f"{show(self.friction_coefficient)}: what slips is held less; give as much or "
+            raise KeyedError(self.heading, "static_friction_coefficient", f"{text}more.")
+        if self.sticking and not rubs:
+            text = f" = {show(self.sticking)} needs friction_coefficient, that of slip; give it."
+            raise KeyedError(self.heading, "static_friction_coefficient", text)
+        if rubs and self.restitution_law in {"newton", "poisson"}:
+            text = f" = {show(self.restitution_law)} is not available with friction, where "
+            text += "Moreau's law is taken; remove it."
+            raise KeyedError(self.heading, "restitution_law", text)

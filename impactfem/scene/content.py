@@ -206,9 +206,10 @@ def why_marched(scene: Content) -> str | None:
         return f"several bodies of kind {kinds[0]}"
     if not any(scene.kinds <= method.bodies for method in METHODS.values()):
         return f"a {kinds[0]}"
-    rubbing = [law.between for law in scene.contacts if law.friction_coefficient > 0.0]
-    if rubbing:
-        return f"friction between {' and '.join(rubbing[0])}"
+    for law in scene.contacts:
+        what = "friction" if law.friction_coefficient > 0.0 else "Poisson's restitution"
+        if law.friction_coefficient > 0.0 or law.by_impulses:
+            return f"{what} between {' and '.join(law.between)}"
     return next(filter(None, (_of_obstacle(scene, o) for o in scene.obstacles)), None)
 
 

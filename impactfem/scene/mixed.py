@@ -95,13 +95,30 @@ def _check_partners(scene: Content) -> None:
 
 def _check_contact(scene: Content, contact: Contact, where: str) -> None:
     check_sides(scene, contact, where)
-    waves = {body.name: body.waves for body in scene.bodies}
-    for entry in contact.between:
-        name, _ = side_of(entry)
-        for law in ("restitution", "tangential_restitution"):
-            if waves.get(name, False) and (value := getattr(contact, law)):
-                text = f" = {show(value)}: {name} rebounds by its own elasticity, "
-                raise KeyedError(where, law, f"{text}which needs no such law; remove it.")
+    known = {body.name: body for body in scene.bodies}
+    sides = [known[name] for entry in contact.between if (name := side_of(entry)[0]) in known]
+    for body in sides:
+        for law in contact.laws_of_mass:
+            if body.waves:
+                text = f" = {show(getattr(contact, law))}: {body.name} rebounds by its own "
+                text += "elasticity, which needs no such law; remove it."
+                raise KeyedError(where, law, text)
+    for law in ("rolling_resistance", "spinning_resistance"):
+        value = getattr(contact, law)
+        if value and (not any(body.rolls for body in sides) or scene.dim + (law[0] == "r") < 3):
+            text = f" = {show(value)}: none of {' and '.join(contact.between)} is a ball that "
+            text += "turns so; remove it, or give a body of kind rigid that is a disc, in space a "
+            raise KeyedError(where, law, f"{text}sphere.")
+        names = {side_of(entry)[0] for entry in contact.between}
+        turning = [o.name for o in scene.obstacles if o.name in names and o.rotation is not None]
+        if value and turning:
+            text = f" = {show(value)} is not available on {turning[0]}, which turns; remove it."
+            raise KeyedError(where, law, text)
+    if any(solid.is_finite for solid in scene.solids):
+        for law in ("static_friction_coefficient", "restitution_law"):
+            if value := getattr(contact, law):
+                text = f" = {show(value)} is not available beside bodies of finite strain; remove "
+                raise KeyedError(where, law, f"{text}it.")
 
 
 def _check_method(scene: Content) -> None:

@@ -35,10 +35,9 @@ def check_pairs(scene: Content) -> None:
 
 def _check_contact(scene: Content, contact: Contact, where: str) -> None:
     check_sides(scene, contact, where)
-    for law in ("restitution", "tangential_restitution"):
-        if value := getattr(contact, law):
-            text = f" = {show(value)} is for points, rods, beams and rigid bodies: solids rebound "
-            raise KeyedError(where, law, f"{text}by their own elasticity; remove it.")
+    for law in contact.laws_of_mass:
+        text = f" = {show(getattr(contact, law))} is for points, rods, beams and rigid bodies: "
+        raise KeyedError(where, law, f"{text}solids have their own elasticity; remove it.")
 
 
 def check_itself(scene: Content) -> None:

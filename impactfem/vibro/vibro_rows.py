@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.friction_newton import ConeProblem, solve_cones
+from impactfem.contact.friction_newton import ConeProblem
+from impactfem.contact.friction_solver import solve_cones
 from impactfem.contact.impact_law import Law, complementarity
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.result.bar_motion import Effort

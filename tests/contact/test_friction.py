@@ -12,10 +12,9 @@ from impactfem.contact.friction import solve_friction_layer, solve_friction_laye
 from impactfem.contact.friction_kernels import sweep_cones
 from impactfem.contact.friction_newton import (
     ConeProblem,
-    _newton,
-    _with_frozen_bounds,
-    solve_cones,
+    newton,
 )
+from impactfem.contact.friction_solver import _swept, solve_cones
 from impactfem.errors import ConvergenceError
 
 _SEEDS = st.integers(0, 2**32)
@@ -181,7 +180,7 @@ def test_sweeps_lead_newton_where_it_does_not_converge_from_rest():
     failed = 0
     for seed in range(60):
         problem = _problem(seed, 8, 2, 2.0)
-        _, missed, _ = _newton(problem, np.zeros_like(problem.offset), 1e-15, 1000)
+        _, missed, _ = newton(problem, np.zeros_like(problem.offset), 1e-15, 1000)
         failed += missed > 1.0
         force = _solved(problem)
         assert _violation(problem, force) <= 1e-10 * (1.0 + np.abs(force).max() ** 2)
@@ -193,7 +192,7 @@ def test_sweeps_lead_newton_where_it_does_not_converge_from_rest():
 def test_frozen_bounds_alone_find_the_forces_for_small_friction(seed, pairs, dim):
     problem = _problem(seed, pairs, dim, 0.05)
     one = _solved(problem)
-    other = _with_frozen_bounds(problem, np.zeros_like(problem.offset), 200, 0.5)
+    other = _swept(problem, np.zeros_like(problem.offset), 200, 0.5)
     assert other == pytest.approx(one, abs=1e-6 * (1.0 + np.abs(one).max()))
 
 
@@ -201,7 +200,9 @@ def test_a_sweep_keeps_forces_in_their_discs():
     problem = _problem(3, 5, 3, 0.3)
     force = np.zeros((5, 3))
     bound = np.array([0.0, 0.1, 0.2, 5.0, 100.0])
-    sweeps = sweep_cones(problem.matrix, problem.offset, bound, force, 20000, 1e-14)
+    law = np.ones(5), problem.masters, problem.spins, problem.base
+    given = problem.matrix, problem.offset, *law, bound, force, False
+    sweeps = sweep_cones(*given, 20000, 1e-14)
     assert sweeps < 20000
     size = np.linalg.norm(force[:, 1:], axis=1)
     assert (size <= bound * (1.0 + 1e-12)).all()

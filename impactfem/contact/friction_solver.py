@@ -1,0 +1,187 @@
+"""Contact forces in their cones from any start: islands, then Newton's method and what leads it.
+
+Pairs that do not move each other are solved apart. Of each island, in this order until the law is
+obeyed to rounding:
+
+1. Newton's method (`impactfem.contact.friction_newton`) from the given start.
+2. Where forces depend on each other, or Newton's method jumps for ever, proximal steps: each
+   solves the law with a compliance of every force by itself, in which the forces of the step before
+   leave nothing. It is large at first, falls where Newton's method succeeds and grows where it does
+   not; at the end it has nothing to do, and is no error.
+3. The same from forces that sweeps over the contacts have led closer (nonlinear Gauss-Seidel), and
+   from those of convex problems with frozen bounds, of which a damped fixed point follows.
+
+Solutions exist for all mu where contacts can open all at once, but need not be unique (Haslinger,
+Math. Methods Appl. Sci. 5 (1983) 422-437). What is not found is said with the least residual.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from impactfem.contact.friction_kernels import sweep_cones
+from impactfem.contact.friction_newton import ConeProblem, missed_by, newton, residual
+from impactfem.errors import ConvergenceError
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_HELD = 1e-12  # share of the largest compliance below which a direction does not yield
+_DEPENDENT = 1e-9  # least eigenvalue of the matrix with unit diagonal
+_FIRST, _MOST = 0.1, 10.0  # compliances of proximal steps, as shares of those that forces have
+_FALLS, _GROWS = 0.25, 2.0  # after a step that Newton's method has found, and another one
+_PROXIMAL = 60
+_SWEEPS = ((100, 0.0), (5, 0.5), (1000, 0.0), (80, 0.25))
+"""Sweeps with bounds that follow (share 0), or problems with frozen ones and the damping."""
+_FROZEN = 200
+_GROWING = (0.05, 0.1, 0.2, 0.4, 0.7)  # shares of the friction
+
+
+def solve_cones(
+    problem: ConeProblem, start: Floats, tolerance: float, max_iterations: int
+) -> tuple[Floats, int]:
+    """Find the forces.
+
+    Args:
+        problem: The coupled law.
+        start: Forces to begin with, shape (pairs, dim).
+        tolerance: Rounding level of displacements [m].
+        max_iterations: Limit of linear systems.
+
+    Returns:
+        Forces x [N], shape (pairs, dim), and the number of linear systems solved.
+
+    Raises:
+        ConvergenceError: They were not found.
+    """
+    problem, start = _yielding(problem, start)
+    force, total = np.zeros_like(start), 0
+    for pairs in _islands(problem):
+        whole = len(pairs) == len(start)
+        part = problem if whole else problem.part(pairs)
+        found, systems = _solve(part, start[pairs], tolerance, max_iterations)
+        force[pairs] = found
+        total = max(total, systems)
+    return force, total
+
+
+def _solve(problem: ConeProblem, start: Floats, tolerance: float, limit: int) -> tuple[Floats, int]:
+    """Forces of one island."""
+    best, missed, total = newton(problem, start, tolerance, limit)
+    for near in _starts(problem, start, tolerance, limit):
+        if missed <= 1.0 or total >= limit:
+            break
+        force, error, systems = _proximal(problem, near, tolerance, limit - total)
+        total += systems
+        if error < missed:
+            best, missed = force, error
+    if missed > 1.0:
+        left = residual(problem, best)
+        raise ConvergenceError(
+            f"contact: no forces of {len(start)} pairs were found that obey friction, in {total} "
+            f"linear systems; the least residual is {left:.2g} of the largest force, the largest "
+            f"friction_coefficient is {problem.friction[problem.pushes].max():g}: use a smaller "
+            "one, or a smaller solve.dt"
+        )
+    return _without_traces(problem, best), total
+
+
+def _proximal(
+    problem: ConeProblem, start: Floats, tolerance: float, limit: int
+) -> tuple[Floats, float, int]:
+    """Forces, their error in units of the tolerance, and linear systems solved."""
+    force = best = start
+    share, least, total = _FIRST, np.inf, 0
+    for _ in range(_PROXIMAL):
+        found, left, systems = newton(problem.near(force, share), force, tolerance, limit - total)
+        total += max(1, systems)
+        if total >= limit or share > _MOST:
+            break
+        if left > 1.0:
+            share *= _GROWS
+            continue
+        force, share = found, share * _FALLS
+        missed = missed_by(problem, force, tolerance)
+        if missed < least:
+            best, least = force, missed
+        if missed <= 1.0:
+            break
+    return best, least, total
+
+
+def _starts(problem: ConeProblem, start: Floats, tolerance: float, limit: int) -> Iterator[Floats]:
+    """Forces from which it is worth to begin, one set after the other."""
+    yield start
+    yield np.zeros_like(start)
+    for sweeps, damped in _SWEEPS:
+        yield _swept(problem, start, sweeps, damped)
+    near = np.zeros_like(start)
+    for share in _GROWING:
+        part = replace(problem, friction=share * problem.friction)
+        near = _proximal(part, near, tolerance, limit)[0]
+    yield near
+
+
+def _yielding(problem: ConeProblem, start: Floats) -> tuple[ConeProblem, Floats]:
+    """The same where directions that supports hold, as across an axis, get no force."""
+    matrix, diagonal = problem.matrix, np.diag(problem.matrix)
+    largest = diagonal.max(initial=0.0)
+    fixed = diagonal <= _HELD * largest
+    if not fixed.any():
+        return problem, start
+    held = fixed.reshape(start.shape)
+    own = np.where(fixed, largest or 1.0, 0.0)
+    offset = np.where(held, 0.0, problem.offset)
+    matrix = np.where(fixed[:, None] | fixed, 0.0, matrix) + np.diag(own)
+    return replace(problem, matrix=matrix, offset=offset), np.where(held, 0.0, start)
+
+
+def _islands(problem: ConeProblem) -> list[Integers]:
+    """Pairs that move each other, or bound each other's forces."""
+    pairs, dim = problem.offset.shape
+    if pairs < 2:
+        return [np.arange(pairs)] if pairs else []
+    linked = (problem.matrix.reshape(pairs, dim, pairs, dim) != 0.0).any(axis=(1, 3))
+    linked[np.arange(pairs), problem.masters] = True
+    count, island = connected_components(csr_matrix(linked), directed=False)
+    return [np.flatnonzero(island == k) for k in range(count)]
+
+
+def _without_traces(problem: ConeProblem, force: Floats) -> Floats:
+    """No force, not even by rounding, where a pair is open."""
+    first, push = np.diag(problem.matrix)[:: force.shape[1]], problem.pushes
+    is_open = push & (force[:, 0] <= problem.answers(force)[:, 0] / first)
+    force = force.copy()
+    force[is_open, 0] = 0.0
+    unbound = (is_open & (problem.base <= 0.0))[problem.masters]
+    force[unbound, 1:] = 0.0
+    force[unbound & ~push] = 0.0
+    return force
+
+
+def _swept(problem: ConeProblem, start: Floats, sweeps: int, damped: float) -> Floats:
+    """Approach a solution by sweeps over the contacts.
+
+    Args:
+        problem: The coupled law.
+        start: Forces to begin with, shape (pairs, dim).
+        sweeps: Limit: of sweeps with bounds that follow the forces, or of convex problems.
+        damped: Part of each new bound that is taken by convex problems; 0: bounds follow.
+    """
+    force = start.copy()
+    pressing = problem.base + np.maximum(force[:, 0], 0.0)
+    matrix = np.ascontiguousarray(problem.matrix)
+    size = float(np.abs(problem.offset.ravel() / np.diag(matrix)).max(initial=0.0))
+    law = problem.friction, problem.masters, problem.spins, problem.base
+    for _ in range(sweeps if damped else 1):
+        rest = (_FROZEN, 1e-10 * size) if damped else (sweeps, 1e-15 * size)
+        sweep_cones(matrix, problem.offset, *law, pressing, force, not damped, *rest)
+        wanted = problem.base + np.maximum(force[:, 0], 0.0)
+        if np.abs(wanted - pressing).max(initial=0.0) <= 1e-10 * size:
+            break
+        pressing = (1.0 - damped) * pressing + damped * wanted
+    return force

@@ -1,0 +1,228 @@
+"""Static friction, resistance to rolling and spinning, Poisson's restitution of rigid bodies."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import impactfem
+from impactfem.contact.friction_newton import ConeProblem
+from impactfem.contact.friction_solutions import all_solutions, jams
+from impactfem.errors import SceneError
+from impactfem.scene import Scene
+
+_G = 9.81
+_FLOOR = {"kind": "half_space", "name": "floor", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+_GROUND = {
+    "kind": "half_space", "name": "floor", "point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0]
+}  # fmt: skip
+
+
+def scene(bodies, law, gravity, duration=0.2, obstacles=(_FLOOR,), dt=1e-3, **solve):
+    return Scene.from_dict(
+        {
+            "title": "law", "duration": duration, "gravity": gravity, "body": list(bodies),
+            "obstacle": list(obstacles), "contact": law if isinstance(law, list) else [law],
+            "solve": {"dt": dt, "estimate": False} | solve, "output": {"fields": []},
+        }
+    )  # fmt: skip
+
+
+def block(**more):
+    shape = {"kind": "block", "size": [0.2, 0.05], "corner": [-0.1, 0.0]}
+    return {"kind": "rigid", "name": "b", "shape": shape, "density": 1000.0} | more
+
+
+def disc(**more):
+    shape = {"kind": "disc", "radius": 0.1, "center": [0.0, 0.1]}
+    return {"kind": "rigid", "name": "b", "shape": shape, "mass": 2.0} | more
+
+
+def ball(**more):
+    shape = {"kind": "sphere", "radius": 0.1, "center": [0.0, 0.1, 0.0]}
+    return {"kind": "rigid", "name": "b", "shape": shape, "mass": 2.0} | more
+
+
+def law(**more):
+    return {"between": ["b", "floor"], "friction_coefficient": 0.3} | more
+
+
+def last(result, name):
+    return result.history[name].values[-1]
+
+
+@pytest.mark.parametrize(
+    ("slope", "speed", "expected"),
+    [
+        (0.5 * (1.0 - 1e-6), 0.0, 0.0),
+        (0.5 * (1.0 + 1e-6), 0.0, 0.2 + 5e-7),
+        (0.4, 0.1, 0.1),
+        (0.25, -0.001, 0.0),
+    ],
+)
+def test_what_rests_is_held_by_static_friction_and_what_slips_by_the_other(slope, speed, expected):
+    """Slopes are those of gravity; a block that stops is held from then on."""
+    rough = law(static_friction_coefficient=0.5)
+    body = block(velocity=[speed, 0.0])
+    result = impactfem.solve(scene([body], rough, [_G * slope, -_G], duration=0.1))
+    assert last(result, "b.vx") == pytest.approx(
+        (speed if expected else 0.0) + 0.1 * _G * expected, abs=1e-9
+    )
+
+
+def test_a_point_is_held_too():
+    point = {"kind": "point", "name": "b", "mass": 1.0, "position": [0.0, 0.0]}
+    rough = law(static_friction_coefficient=0.5)
+    result = impactfem.solve(scene([point], rough, [0.45 * _G, -_G], duration=0.05))
+    assert abs(last(result, "b.x")) < 1e-12
+
+
+def test_a_ball_that_rolls_is_braked_by_its_resistance():
+    """m a = -F, I a / R = F R - r N with F at the floor: a = 5/7 g r / R."""
+    body = ball(velocity=[0.5, 0.0, 0.0], angular_velocity=[0.0, 0.0, -5.0])
+    rough = law(rolling_resistance=2e-3)
+    result = impactfem.solve(scene([body], rough, [0.0, -_G, 0.0], obstacles=[_GROUND]))
+    braked = 5.0 / 7.0 * _G * 2e-3 / 0.1
+    assert last(result, "b.vx") == pytest.approx(0.5 - 0.2 * braked, abs=1e-10)
+    energy = result.history["total_energy"].values
+    assert energy[-1] - energy[0] == pytest.approx(last(result, "friction_work"), rel=1e-9)
+
+
+@pytest.mark.parametrize(("slope", "holds"), [(0.02 - 1e-6, True), (0.02 + 1e-6, False)])
+def test_a_disc_rests_on_a_slope_up_to_resistance_over_radius(slope, holds):
+    rough = law(rolling_resistance=2e-3)
+    result = impactfem.solve(scene([disc()], rough, [_G * slope, -_G]))
+    expected = 0.0 if holds else 2.0 / 3.0 * _G * 1e-6 * 0.2
+    assert last(result, "b.vx") == pytest.approx(expected, abs=1e-10)
+
+
+def test_a_ball_that_spins_stops_by_its_resistance():
+    """I dw/dt = -s m g; with the other law it would spin for ever."""
+    body = ball(angular_velocity=[0.0, 3.0, 0.0])
+    rough = law(spinning_resistance=1e-3)
+    result = impactfem.solve(scene([body], rough, [0.0, -_G, 0.0], obstacles=[_GROUND]))
+    slower = 1e-3 * _G / (0.4 * 0.1**2)
+    assert last(result, "b.wy") == pytest.approx(3.0 - 0.2 * slower, abs=1e-9)
+
+
+def test_balls_that_spin_on_each_other_keep_their_angular_momentum():
+    """Pressed on each other: moments act on both, I dw/dt = -s N."""
+    one = ball(angular_velocity=[0.0, 2.0, 0.0], force=["0", "-5", "0"])
+    two = ball(name="c", force=["0", "5", "0"])
+    two["shape"] = {"kind": "sphere", "radius": 0.1, "center": [0.0, -0.1, 0.0]}
+    rough = {
+        "between": ["b", "c"], "friction_coefficient": 0.3, "rolling_resistance": 1e-2,
+        "spinning_resistance": 5e-3,
+    }  # fmt: skip
+    result = impactfem.solve(scene([one, two], rough, [0.0] * 3, duration=0.05, obstacles=()))
+    each = [result.history[f"angular_momentum.{axis}"].values for axis in "xyz"]
+    assert np.abs(np.array(each).T - [each[0][0], each[1][0], each[2][0]]).max() < 1e-15
+    slower = 5e-3 * 5.0 / (0.4 * 2.0 * 0.1**2)
+    assert last(result, "b.wy") == pytest.approx(2.0 - 0.05 * slower, abs=1e-9)
+
+
+@pytest.mark.parametrize("rubs", [False, True])
+def test_expansion_gives_back_what_compression_took(rubs):
+    """A ball drops on one that rests: Poisson (e = 0 above, 1/2 below) leaves both with 1/4."""
+    below = {"kind": "point", "name": "a", "mass": 1.0, "radius": 0.1, "position": [0.0, 0.1]}
+    above = below | {"name": "b", "position": [0.0, 0.3005], "velocity": [0.0, -1.0]}
+    aside = below | {"name": "c", "position": [2.0, 0.1]}
+    laws = [
+        {"between": ["a", "b"], "restitution_law": "poisson"},
+        {"between": ["a", "floor"], "restitution_law": "poisson", "restitution": 0.5},
+        {"between": ["c", "floor"], "friction_coefficient": 0.3 * rubs},
+    ]
+    found = scene([below, above, aside], laws, [0.0, -0.1], duration=2e-3, dt=1e-5)
+    result = impactfem.solve(found)
+    speeds = [last(result, f"{name}.vy") for name in "ab"]
+    assert speeds == pytest.approx([0.25, 0.25], abs=1e-3)
+    newton = [entry | {"restitution_law": "newton"} for entry in laws[:2]] + laws[2:]
+    result = impactfem.solve(scene([below, above, aside], newton, [0.0, -0.1], 2e-3, dt=1e-5))
+    assert [last(result, f"{name}.vy") for name in "ab"] == pytest.approx([0.0, 0.0], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("body", "more", "message"),
+    [
+        (block(), {"static_friction_coefficient": 0.2}, "smaller than friction_coefficient"),
+        (block(), {"rolling_resistance": 1e-3}, "none of b and floor is a ball"),
+        (disc(), {"spinning_resistance": 1e-3}, "none of b and floor is a ball"),
+        (disc(), {"rolling_resistance": 1e-3, "friction_coefficient": 0.0}, "needs friction_coef"),
+        (block(), {"restitution_law": "poisson"}, "not available with friction"),
+        (block(), {"restitution_law": "other"}, "restitution_law"),
+    ],
+)
+def test_laws_that_make_no_sense_are_refused(body, more, message):
+    with pytest.raises(SceneError, match=message):
+        scene([body], law(**more), [0.0, -_G])
+
+
+def _rod_answers(angle):
+    """A rod of mass and length 1 that leans at an angle and slides on its lower end."""
+    n, t = np.cos(angle), np.sin(angle)
+    return np.array([[1.0 + 3.0 * n**2, 3.0 * n * t], [3.0 * n * t, 1.0 + 3.0 * t**2]])
+
+
+@pytest.mark.parametrize(("near", "expected"), [(0.8, 50.641598), (1.4, 73.048469)])
+def test_a_rod_jams_between_two_angles(near, expected):
+    middle = np.radians(63.434949)
+    low, high = sorted((near, middle))
+
+    def jammed(angle, mu=1.5):
+        return bool(jams(_rod_answers(angle), np.array([mu]), np.ones((1, 1)))[0])
+
+    assert jammed(middle)
+    assert not jammed(near)
+    for _ in range(60):
+        half = 0.5 * (low + high)
+        low, high = (half, high) if jammed(half) == jammed(low) else (low, half)
+    assert np.degrees(low) == pytest.approx(expected, abs=5e-7)
+    assert not jammed(middle, 4.0 / 3.0 - 1e-9)
+    assert jammed(middle, 4.0 / 3.0 + 1e-9)
+
+
+def test_a_jammed_rod_allows_two_motions_more():
+    answers, none = _rod_answers(np.radians(63.0)), np.zeros(1)
+    lifted = ConeProblem(answers, np.array([[1e-3, 1.0]]), none + 1.5, none)
+    assert len(all_solutions(lifted)) == 3  # open, slip, and an impulse that ends the slip
+    assert len(all_solutions(replace(lifted, friction=none + 1.2))) == 1
+
+
+@pytest.mark.parametrize(("angle", "jammed"), [(60.0, True), (45.0, False)])
+def test_a_run_says_that_a_rod_jams_and_what_was_taken(angle, jammed):
+    turned, half = np.radians(angle), 0.5
+    center = [half * np.cos(turned), half * np.sin(turned) + 1e-4]
+    shape = {"kind": "block", "size": [1.0, 1e-5], "corner": [center[0] - half, center[1]]}
+    rod = {
+        "kind": "rigid", "name": "b", "shape": shape, "mass": 1.0, "inertia": 1.0 / 12.0,
+        "angle": turned, "velocity": [-1.0, 0.0],
+    }  # fmt: skip
+    told = impactfem.solve(
+        scene([rod], law(friction_coefficient=1.5), [0.0, -_G], duration=0.01, dt=1e-4)
+    ).summary
+    findings = [f for f in told["verdict"]["findings"] if f["code"] == "friction_nonunique"]
+    assert len(findings) == jammed
+    if jammed:
+        known = told["details"]["friction_nonunique"]
+        assert known["solutions"] == 0
+        assert known["taken"] == "an impulse that ends the slip"
+        assert "no bounded force" in findings[0]["text"]
+
+
+@pytest.mark.parametrize(("rubs", "dimension"), [(False, 1), (True, 6)])
+def test_a_block_on_four_corners_says_what_is_not_determined(rubs, dimension):
+    shape = {"kind": "block", "size": [0.2, 0.1, 0.2], "corner": [-0.1, 0.0, -0.1]}
+    body = {"kind": "rigid", "name": "b", "shape": shape, "mass": 4.0}
+    rough = law(friction_coefficient=0.3 * rubs)
+    told = impactfem.solve(
+        scene([body], rough, [0.0, -_G, 0.0], duration=0.01, obstacles=[_GROUND])
+    )
+    known = told.summary["details"]["overconstrained"]
+    assert known["dimension"] == dimension
+    low, high = known["limits"]
+    assert low == pytest.approx(0.0, abs=1e-6)
+    assert high == pytest.approx(0.5 * 4.0 * _G, rel=1e-6)
+    (finding,) = [f for f in told.summary["verdict"]["findings"] if f["code"] == "overconstrained"]
+    assert finding["severity"] == "note"
+    assert finding["value"] == dimension
+    assert told.history["contact_force"].values[-1] == pytest.approx(4.0 * _G, rel=1e-9)
