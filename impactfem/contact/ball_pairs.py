@@ -116,6 +116,11 @@ class BallPair:
         return 1 if self.target.signs is None else self.target.simplices.shape[1]
 
     @property
+    def single(self) -> bool:
+        """Whether it is one ball beside another one."""
+        return len(self.balls) == len(self.target.nodes) == 1 and self.target.signs is None
+
+    @property
     def count(self) -> int:
         """Number of gaps."""
         return len(self.balls) * self.slots

@@ -119,11 +119,13 @@ class PairGaps:
             obstacles: For each body the places of its nodes, those of them (counted from the first
                 of the body) that can touch an obstacle, and their gaps.
             meetings: Pairs of surfaces.
-            names: Of the pairs of surfaces.
+            names: Of the pair of each gap between surfaces.
         """
-        listed = (*(name for _, _, gaps in obstacles for name in gaps.pairs), *names)
+        before = [name for _, _, gaps in obstacles for name in gaps.pairs]
+        listed = (*before, *names)
         self.pairs = tuple(dict.fromkeys(listed))  # gaps of a pair may have several sources
-        self._listed = np.array([self.pairs.index(name) for name in listed], dtype=np.int64)
+        place = {name: k for k, name in enumerate(self.pairs)}
+        self._listed = np.array([place[name] for name in listed], dtype=np.int64)
         self._places, self._initial = places, initial
         self._obstacles, self._meetings = tuple(obstacles), tuple(meetings)
         self._moving = any(meet.follows for meet in self._meetings)
@@ -161,8 +163,7 @@ class PairGaps:
         for _, _, gaps in self._obstacles:
             found.append(first + gaps.pair_of())
             first += len(gaps.pairs)
-        met = [len(entry.gap) for entry in self._first]
-        found.append(first + np.repeat(np.arange(len(met)), met))
+        found.append(first + np.arange(sum(len(entry.gap) for entry in self._first)))
         return self._listed[np.concatenate(found)]
 
     def responses(self, columns: Columns, whole: int | None) -> Responses | PairResponses:

@@ -229,9 +229,10 @@ class RubbingMarch(SolidMarch):
             self._turnable.twist(gaps.spread(moments.in_gaps(rows, count, turning.force)))
             state.work[rows[moments.of]] += turning.work
         if fast[rows].all():
+            mu = np.where(sticks, state.law.static[rows], state.law.coefficients[rows])
             law = ConeProblem(
                 share * blocks[0], turned(directions, halfway[rows]),
-                state.law.coefficients[rows], np.zeros(len(rows)),
+                mu, np.zeros(len(rows)),
             )  # fmt: skip
             slip = turned(directions, self._slipping[rows])[:, 1:]
             slip[np.linalg.norm(slip, axis=1) <= _SLOW * self._fastest] = 0.0

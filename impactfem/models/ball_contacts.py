@@ -95,6 +95,7 @@ class BallMeeting:
         carrier: Which of them the forces of the gaps act on.
         pair: Its gaps.
         patch: Whether the contact is one of many nodes, or of single places on a solid.
+        single: The pair if it is one ball beside another one.
     """
 
     label: str
@@ -102,6 +103,7 @@ class BallMeeting:
     carrier: str
     pair: NodeMeet
     patch: bool
+    single: BallPair | None = None
 
 
 @dataclass(frozen=True)
@@ -248,9 +250,10 @@ def _slender(label: str, one: _Balls, two: _Balls, total: int, *, asked: bool) -
     names = one.name, two.name
     pairs = [(one, two)] if len(two.lines) or not len(one.lines) else []
     pairs += [(two, one)] if len(one.lines) else []
+    met = [(a, BallPair(a.nodes, a.radius, b.axis, total)) for a, b in pairs]
     return [
-        BallMeeting(label, names, a.name, BallPair(a.nodes, a.radius, b.axis, total), patch=False)
-        for a, b in pairs
+        BallMeeting(label, names, a.name, pair, patch=False, single=pair if pair.single else None)
+        for a, pair in met
     ]
 
 

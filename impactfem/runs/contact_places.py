@@ -75,7 +75,11 @@ class ContactPlaces:
         if not 0 < len(march.pairs) <= MOST_PAIRS:
             return None
         dim, names = model.dim, {name: k for k, name in enumerate(model.names)}
-        leading = {pair.label: pair.names[0] for pair in contacts.pairs}
+        leading = {
+            label: one
+            for pair in contacts.pairs
+            for label, (one, _) in zip(pair.labels, pair.names, strict=True)
+        }
         leading |= {name: one for name, (one, _), _ in named_body_pairs(model.scene)}
         for each in contacts.obstacles:
             # Solids that can reach nothing have no gaps, but pairs.

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.ball_crowd import BallCrowd
 from impactfem.contact.body_pairs import SurfacePair
 from impactfem.contact.gaps import Gaps
 from impactfem.contact.pairs import Meet, PairGaps
@@ -42,12 +43,16 @@ class Beside:
 
 @dataclass(frozen=True)
 class Between:
-    """Two bodies that may meet: name of the pair, theirs, gaps, and number of gaps."""
+    """Bodies that may meet: of each gap the name of the pair and theirs, and the gaps."""
 
-    label: str
-    names: Names
+    labels: tuple[str, ...]
+    names: tuple[Names, ...]
     meet: Meet
-    count: int
+
+    @classmethod
+    def two(cls, label: str, names: Names, meet: Meet, count: int) -> "Between":
+        """Of two bodies with several gaps."""
+        return cls((label,) * count, (names,) * count, meet)
 
 
 @dataclass(frozen=True)
@@ -103,26 +108,34 @@ class Contacts:
             each = [met.names] * len(met.nodes)
             obstacles.append(Beside(len(solids) + met.part, met.nodes, met.gaps, tuple(each)))
         between = [
-            Between(p.label, p.names, p.meeting(_rows(model, offsets, p), offsets[-1]), p.count)
+            Between.two(p.label, p.names, p.meeting(_rows(model, offsets, p), offsets[-1]), p.count)
             for p in model.pairs
         ]
         balls = model.ball_meetings
         check_apart(balls, joined[0] + joined[1])
-        between += [Between(met.label, met.names, met.pair, met.pair.count) for met in balls]
+        between += [
+            Between.two(met.label, met.names, met.pair, met.pair.count)
+            for met in balls
+            if met.single is None
+        ]
+        if single := [(met, met.single) for met in balls if met.single is not None]:
+            labels, names = zip(*((met.label, met.names) for met, _ in single), strict=True)
+            between.append(Between(labels, names, BallCrowd.of([pair for _, pair in single])))
         owns = tuple(slice(*ends) for ends in pairwise(offsets))
         return cls(tuple(obstacles), tuple(between), owns, *joined)
 
     def gaps(self) -> PairGaps:
         """The gaps, in the order of `names`."""
         obstacles = [(self.owns[each.part], each.nodes, each.gaps) for each in self.obstacles]
-        meets, labels = [pair.meet for pair in self.pairs], [pair.label for pair in self.pairs]
+        meets = [pair.meet for pair in self.pairs]
+        labels = [label for pair in self.pairs for label in pair.labels]
         return PairGaps(self.places, self.initial, obstacles, meets, labels)
 
     @property
     def names(self) -> tuple[Names, ...]:
         """Bodies, or body and obstacle, of each gap."""
         found = [names for each in self.obstacles for names in each.names]
-        return (*found, *(pair.names for pair in self.pairs for _ in range(pair.count)))
+        return (*found, *(names for pair in self.pairs for names in pair.names))
 
     def friction(self, scene: Scene, tolerance: float, most: int) -> Friction | None:
         """Coulomb's law in the gaps; None without friction.

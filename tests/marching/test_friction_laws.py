@@ -9,6 +9,7 @@ import impactfem
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.friction_solutions import all_solutions, jams
 from impactfem.errors import SceneError
+from impactfem.marching.solids import SolidMarch
 from impactfem.scene import Scene
 
 _G = 9.81
@@ -226,3 +227,28 @@ def test_a_block_on_four_corners_says_what_is_not_determined(rubs, dimension):
     assert finding["severity"] == "note"
     assert finding["value"] == dimension
     assert told.history["contact_force"].values[-1] == pytest.approx(4.0 * _G, rel=1e-9)
+
+
+def test_a_restart_knows_what_stuck_and_what_was_said(tmp_path, monkeypatch):
+    """Stopped while static friction holds; with the other coefficient alone it would slip."""
+    rough = law(static_friction_coefficient=0.5)
+    whole = scene([block()], rough, [0.4 * _G, -_G], duration=0.04)
+    whole = whole.with_settings({"output.checkpoint": 20})
+    straight = impactfem.solve(whole)
+    assert abs(last(straight, "b.vx")) < 1e-12
+
+    def stopped(self):
+        if self.layer == 30:
+            raise KeyboardInterrupt
+        return advance(self)
+
+    advance = SolidMarch._advance
+    monkeypatch.setattr(SolidMarch, "_advance", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        impactfem.solve(whole, checkpoints=tmp_path)
+    monkeypatch.undo()
+    again = impactfem.solve(whole, checkpoints=tmp_path, restart=tmp_path)
+    for name, series in straight.history.items():
+        np.testing.assert_array_equal(again.history[name].values, series.values)
+    told = [result.summary["details"]["overconstrained"] for result in (straight, again)]
+    assert told[0] == told[1]
