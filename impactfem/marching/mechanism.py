@@ -143,6 +143,7 @@ class MechanismMidpoint(Pictured):
             found[:] += (one - two) / (2.0 * step)
         tangent = self._inertia + np.diag(0.5 * dt * damping + 0.25 * dt**2 * stiffness)
         self._inverse = np.linalg.inv(tangent)
+        self._spread = np.abs(self._inverse)  # of what rounds
 
     def _renew_answer(self) -> None:
         """Ways of the contact nodes by forces on them: limits and friction hold what they do."""
@@ -210,6 +211,8 @@ class MechanismMidpoint(Pictured):
                 break
             allowed = _SETTLED * np.abs(self._ahead).max() + np.finfo(float).tiny
             allowed += _ROUNDS * self._rounding * share * np.abs(mean).max()
+            sizes = np.abs(self._momentum) + np.abs(momentum) + dt * np.abs(self._drive)
+            allowed += _ROUNDS * _EPSILON * float((self._spread @ sizes).max())
             if np.abs(change).max() <= allowed:
                 return impulses
         raise ConvergenceError(

@@ -14,6 +14,7 @@ from impactfem.system.link_shapes import LinkShape
 from impactfem.system.mechanism_checks import Element, checked, fail
 from impactfem.system.tree import Tree, import_pinocchio
 
+_FREE = 6  # rates of a free base
 _AROUND = 16  # places of the rim of a cylinder
 _MOST_CORNERS = 500  # of the hull of a mesh
 
@@ -34,6 +35,7 @@ def read_mechanism(body: Mechanism, folder: Path | None) -> tuple[Tree, list[Lin
         raise fail(body, f": {said}; correct the file.") from None
     there = pin.SE3(rotation(body.quaternion), np.asarray(body.position, dtype=float))
     _move_base(model, shapes, there)
+    _free_base(pin, model)
     return Tree(model), [_shape(body, model, shape) for shape in shapes.geometryObjects]
 
 
@@ -67,6 +69,21 @@ def _move_base(model: Any, shapes: Any, there: Any) -> None:
     for entry in (*list(model.frames)[1:], *shapes.geometryObjects):
         if entry.parentJoint == 0:
             entry.placement = there * entry.placement
+
+
+def _free_base(pin: Any, model: Any) -> None:
+    """Let the coordinates of a free base say where it is at t = 0, not the place of its joint."""
+    first = model.joints[1] if model.njoints > 1 else None
+    if first is None or model.parents[1] != 0 or first.nv != _FREE:
+        return
+    known = model.referenceConfigurations
+    start = pin.neutral(model)
+    if "qpos0" in known:  # of MJCF
+        start[:7] = known["qpos0"][:7]
+    pose = model.jointPlacements[1] * pin.XYZQUATToSE3(start[:7])
+    model.jointPlacements[1] = pin.SE3.Identity()
+    start[:7] = pin.SE3ToXYZQUAT(pose)
+    known["base"] = start
 
 
 def _link(model: Any, shape: Any) -> str:

@@ -68,8 +68,9 @@ class Tree:
         return int(self.model.nv)
 
     def neutral(self) -> Floats:
-        """Coordinates with all joints at 0."""
-        return np.asarray(self._pin.neutral(self.model))
+        """Coordinates with all joints at 0, a free base where it is at t = 0."""
+        known = self.model.referenceConfigurations
+        return np.array(known["base"] if self.free else self._pin.neutral(self.model))
 
     def integrate(self, q: Floats, way: Floats) -> Floats:
         """Coordinates after constant rates that make a way."""

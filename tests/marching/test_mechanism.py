@@ -229,6 +229,31 @@ def test_free_chain_keeps_energy_momentum_and_angular_momentum(tmp_path):
     assert np.ptp(found["arm.j2.v"]) > 1.0
 
 
+FALLING = """<mujoco model="tree"><compiler angle="radian"/><worldbody><body name="a" pos="0 0 1">
+<freejoint/><geom type="capsule" size="0.05 0.3" mass="1"/><body name="b" pos="0.2 0 -0.3">
+<joint name="ball" type="ball"/><geom type="box" size="0.1 0.15 0.2" pos="0.1 0 -0.2" mass="2"/>
+<body name="c" pos="0.2 0 -0.3"><joint name="hinge" type="hinge" axis="1 1 0"/>
+<geom type="sphere" size="0.1" pos="0.1 0 -0.2" mass="2"/></body></body></body>
+</worldbody></mujoco>"""
+
+
+def test_a_tree_from_mjcf_with_a_ball_joint_falls_and_tumbles(tmp_path):
+    (tmp_path / "tree.xml").write_text(FALLING)
+    tree = {"kind": "mechanism", "name": "arm", "file": "tree.xml",
+            "orientation": {"axis": [1.0, 0.0, 0.0], "angle": 0.4},
+            "joints": {"hinge": {"velocity": 4.0}}}  # fmt: skip
+    data = scene(tmp_path, SWING, 1.0, 4e-3, gravity=(0.0, 0.0, -1.0)).to_dict() | {"body": [tree]}
+    made = Scene.from_dict(data, base=tmp_path)
+    found = columns(made)
+    assert found["time"][-1] == 1.0  # small inertia of a spin beside large ones: it still settles
+    energy = found["total_energy"]
+    assert np.abs(energy - energy[0]).max() < 1e-12
+    falls = found["momentum.z"] - found["momentum.z"][0]
+    assert falls == pytest.approx(-5.0 * found["time"], abs=1e-12)
+    assert np.ptp(found["momentum.x"]) < 1e-12
+    assert np.ptp(found["arm.hinge.v"]) > 1.0
+
+
 def striking(folder: Path) -> Scene:
     law = ({"between": ["arm/bob", "wall"], "restitution": 0.3, "friction_coefficient": 0.2},)
     made = scene(folder, SWING, 0.6, 4e-3, joints={"hinge": {"position": 1.0}},
