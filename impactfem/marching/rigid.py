@@ -42,6 +42,7 @@ class RigidMidpoint(FewInterior):
         )
         self._offset = self._following  # from nodes to where they touch
         self._ahead, self._half = self._v.copy(), np.zeros(3)
+        self._loads = _NOTHING, _NOTHING
         self._begin()
         self._end = self._middle = self._turn
         self._freedom = self._turn @ self._inverse @ self._turn.T  # of the spin in space
@@ -63,6 +64,7 @@ class RigidMidpoint(FewInterior):
         """What the next layer starts from."""
         self._centre, self._turn = frame(self._q)
         self._pushed, self._turned = np.zeros(3), np.zeros(3)
+        self._leaving: Floats | None = None
 
     def memory(self) -> dict[str, Floats]:
         """Coordinates, their rates, and what rims touch."""
@@ -103,9 +105,17 @@ class RigidMidpoint(FewInterior):
 
     def predict(self, layer: int) -> Floats:
         """Solve the layer without contact forces."""
+        self.prepare(layer)
+        self._settle()
+        return self.foreseen()
+
+    def prepare(self, layer: int) -> None:
+        """Begin a layer."""
         self._time, pull = (layer + 0.5) * self.dt, self.gravity(layer)
         self._weight = self._mass * in_space(pull)
-        self._settle()
+
+    def foreseen(self) -> Floats:
+        """Displacements of the contact nodes at the end of the layer, as it is solved now."""
         if (rims := self.bodies.rims) is not None:
             self._begun = self._around(self._turn)
             self._lowest = rims.lowest(self._end, self._normals, self._lowest, -1.0)
@@ -115,33 +125,91 @@ class RigidMidpoint(FewInterior):
 
     def _settle(self) -> None:
         """Rates at the end of the layer, with what has pushed so far."""
-        bodies, (speed, spin), dt = self.bodies, self._split(self._v), self.dt
-        loads, ahead = (_NOTHING, _NOTHING), self._split(self._ahead)
+        (speed, spin), bodies = self._split(self._v), self.bodies
         for _ in range(_MOST):
-            if bodies.loads is not None:
-                mean = 0.5 * (speed + ahead[0])
-                whirl = self._turn @ (0.5 * (spin + ahead[1]))
-                loads = bodies.loads(self._time, self._centre + 0.5 * dt * mean, mean, whirl)
-            new = speed + (dt * (loads[0] + self._weight) + self._pushed) / self._mass
-            kick = dt * loads[1] + self._turned
-            whirl, self._half, self._end, self._middle, self._freedom, found = turn(
-                bodies.inertia, self._inverse, self._turn, spin, kick, dt
-            )
-            if not found:
+            pushed, kick = self.impulses()
+            found = turn(bodies.inertia, self._inverse, self._turn, spin, kick, self.dt)
+            if not found[-1]:
                 raise ConvergenceError(
                     f"{bodies.names[0]} turns too far in a step at t = {self._time:.6g} s: use a "
                     "smaller solve.dt"
                 )
-            last, ahead = ahead, (new, whirl)
-            if bodies.loads is None or all(map(_settled, ahead, last)):
+            if self.take(speed + pushed / self._mass, *found[:-1]):
                 break
         else:
             raise ConvergenceError(
                 f"the forces on {bodies.names[0]} did not settle at t = {self._time:.6g} s; use a "
                 "smaller solve.dt"
             )
-        self._loads = loads
-        self._ahead = np.concatenate([new[: self._dim], whirl[2 * (3 - self._dim) :]])
+
+    def impulses(self) -> tuple[Floats, Floats]:
+        """Of forces and moments in the layer without those of joints [N s], [N m s], (3,) each."""
+        bodies, dt = self.bodies, self.dt
+        if bodies.loads is not None:
+            (speed, spin), ahead = self._split(self._v), self._split(self._ahead)
+            mean = 0.5 * (speed + ahead[0])
+            whirl = self._turn @ (0.5 * (spin + ahead[1]))
+            self._loads = bodies.loads(self._time, self._centre + 0.5 * dt * mean, mean, whirl)
+        force, moment = self._loads
+        return dt * (force + self._weight) + self._pushed, dt * moment + self._turned
+
+    def take(
+        self, speed: Floats, spin: Floats, half: Floats, end: Floats, middle: Floats,
+        freedom: Floats,
+    ) -> bool:  # fmt: skip
+        """Take a solution of the layer; whether loads would be the same again.
+
+        Velocity and spin at its end, along the axes of the body, (3,) each; the others are those
+        of `impactfem.marching.turn_kernels.turn`.
+        """
+        last, self._half, self._end, self._middle = self._ahead, half, end, middle
+        self._freedom = freedom
+        self._ahead = self._joined(speed, spin)
+        return self.bodies.loads is None or all(
+            map(_settled, self._split(self._ahead), self._split(last))
+        )
+
+    def _joined(self, speed: Floats, spin: Floats) -> Floats:
+        return np.concatenate([speed[: self._dim], spin[2 * (3 - self._dim) :]])
+
+    def leave(self, speed: Floats, spin: Floats) -> None:
+        """Let the next layer start with other rates than this one ends with, (3,) each."""
+        self._leaving = self._joined(speed, spin)
+
+    @property
+    def frame(self) -> tuple[Floats, Floats]:
+        """Centre (3,) and rotation (3, 3) at the start of the layer."""
+        return self._centre, self._turn
+
+    @property
+    def rates(self) -> tuple[Floats, Floats]:
+        """Velocity, and spin along the axes of the body, at the start of the layer, (3,) each."""
+        return self._split(self._v)
+
+    @property
+    def rates_ahead(self) -> tuple[Floats, Floats]:
+        """The same at its end, as it is solved now."""
+        return self._split(self._ahead)
+
+    @property
+    def end(self) -> Floats:
+        """Rotation at its end, as it is solved now, (3, 3)."""
+        return self._end
+
+    @property
+    def freedom(self) -> Floats:
+        """Inverse moments of inertia in space amid the layer, (3, 3)."""
+        return self._freedom
+
+    def wrenches(self, forces: Floats) -> Floats:
+        """Force and moment about its centre of contact forces (..., nodes, dim), (..., 6)."""
+        acting = in_space(forces)
+        return np.concatenate([acting.sum(axis=-2), _moments(self._acting, acting)], axis=-1)
+
+    def carried(self, moved: Floats) -> Floats:
+        """Displacements of the contact nodes by those of the centre and turns, (several, 6)."""
+        turned = self._acting @ _skew(moved[:, 3:]).swapaxes(1, 2)
+        return np.asarray((moved[:, None, :3] + turned)[..., : self._dim])
 
     def touched(self, normals: Floats) -> Floats:
         """Learn where nodes touch; ways that their surface goes in the layer besides [m].
@@ -166,11 +234,9 @@ class RigidMidpoint(FewInterior):
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Displacements of the contact nodes by several forces; nothing is massless."""
-        acting = in_space(forces)
-        whirl = _moments(self._acting, acting) @ self._freedom
-        speed = acting.sum(axis=1)[:, None] / self._mass
-        moved = 0.5 * self.dt**2 * (speed + self._acting @ _skew(whirl).swapaxes(1, 2))
-        return moved[..., : self._dim], np.zeros_like(forces)
+        wrench = self.wrenches(forces)
+        moved = np.hstack([wrench[:, :3] / self._mass, wrench[:, 3:] @ self._freedom])
+        return 0.5 * self.dt**2 * self.carried(moved), np.zeros_like(forces)
 
     answers = columns
 
@@ -181,10 +247,13 @@ class RigidMidpoint(FewInterior):
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (count, dim)."""
-        acting = in_space(forces)
-        self._pushed = self._pushed + self.dt * acting.sum(axis=0)
-        self._turned = self._turned + self.dt * _moments(self._acting, acting)
+        self.strike(forces)
         self._settle()
+
+    def strike(self, forces: Floats) -> None:
+        """Add the impulses of contact forces (count, dim), to be solved for."""
+        wrench = self.dt * self.wrenches(forces)
+        self._pushed, self._turned = self._pushed + wrench[:3], self._turned + wrench[3:]
 
     def turning(self) -> tuple[Floats, Floats]:
         """Spins at both ends of the layer without contact forces [rad/s], (turns,) each."""
@@ -201,8 +270,12 @@ class RigidMidpoint(FewInterior):
 
     def twist(self, moment: Floats) -> None:
         """Add a moment of the layer."""
-        self._turned = self._turned + self.dt * np.pad(moment, (3 - len(moment), 0))
+        self.whirl(moment)
         self._settle()
+
+    def whirl(self, moment: Floats) -> None:
+        """Add the impulse of a moment (turns,), to be solved for."""
+        self._turned = self._turned + self.dt * np.pad(moment, (3 - len(moment), 0))
 
     def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
         """End the layer and sum up."""
@@ -211,8 +284,10 @@ class RigidMidpoint(FewInterior):
             (force, moment), (speed, spin) = self._loads, self._split(mean)
             work = self.dt * float(force @ speed + moment @ (self._turn @ spin))
         moved, dim = self._q[: self._dim] + self.dt * mean[: self._dim], self._dim
-        turned = self._q[2:] + self.dt * mean[2:] if dim == 2 else _turned(self._q[3:], self._half)
-        self._q, self._v = np.concatenate([moved, turned]), self._ahead
+        angle = self._q[2:] + 2.0 * np.arctan(self._half[2:])
+        turned = angle if dim == 2 else _turned(self._q[3:], self._half)
+        self._q = np.concatenate([moved, turned])
+        self._v = self._ahead = self._ahead if self._leaving is None else self._leaving
         self._begin()
         return self._summed(work)
 

@@ -36,6 +36,7 @@ from impactfem.scene.probes import Probe, outside
 from impactfem.system.elastic import ElasticSystem, elastic_system
 from impactfem.system.few import FewBodies
 from impactfem.system.few_bodies import few_bodies
+from impactfem.system.joints import Joints, joints_of
 from impactfem.system.located import Located, locate
 from impactfem.system.surface import SurfaceNodes
 
@@ -235,6 +236,15 @@ class SolidsModel:
             SceneError: A body is inside an obstacle at t = 0.
         """
         return tuple(obstacle_meetings(self))
+
+    @cached_property
+    def joints(self) -> Joints | None:
+        """What holds its rigid bodies together.
+
+        Raises:
+            SceneError: Bodies part in a joint at t = 0.
+        """
+        return joints_of(self.scene, self.few)
 
     @property
     def names(self) -> tuple[str, ...]:

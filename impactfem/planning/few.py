@@ -13,6 +13,7 @@ from impactfem.planning.solid_costs import count_layers
 from impactfem.planning.solid_plan import MarchNumbers, law_in_words
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
+from impactfem.scene.pairing import named_body_pairs
 from impactfem.sizing import physical_mib
 
 if TYPE_CHECKING:
@@ -57,7 +58,7 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
         reasons["estimate"] = "by runs with steps twice and four times as long"
     return Plan(
         method=solve.method or METHOD,
-        model=f"{few_in_words(model.few)}, {law_in_words(scene)}",
+        model=f"{few_in_words(model.few)}, {joined_in_words(model)}{law_in_words(scene)}",
         numbers=MarchNumbers(
             degree=0,
             degrees=(),
@@ -80,7 +81,7 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
         memory_mib=_memory(scene, layers),
         seconds=seconds + more,
         reasons=reasons,
-        findings=(*law_findings(scene), *bar_findings(model.few, dt)),
+        findings=(*law_findings(scene), *bar_findings(model.few, dt), *joint_findings(model)),
     )
 
 
@@ -104,6 +105,39 @@ def few_in_words(few: Sequence["FewBodies"]) -> str:
     return ", ".join(bodies.words for bodies in few)
 
 
+def joined_in_words(model: "SolidsModel") -> str:
+    """What joints leave free, in words with a comma behind; empty without any."""
+    if model.joints is None:
+        return ""
+    each, free = model.joints.joints, model.joints.mobility
+    plural = "" if len(each) == 1 else "s"
+    degrees = "degree" if free == 1 else "degrees"
+    return (
+        f"{len(each)} joint{plural} that leave{'' if plural else 's'} {free} {degrees} of freedom, "
+    )
+
+
+def joint_findings(model: "SolidsModel") -> list[Finding]:
+    """What joints do not determine, or compare only."""
+    joints, found = model.joints, []
+    if joints is None:
+        return []
+    if joints.redundant:
+        held = int(joints.holding.sum())
+        text = (
+            f"{joints.redundant} of the {held} equations of the joints follow from the others: "
+            "forces and moments in joints are not unique, the least ones are told; the motion is "
+            "not touched by it"
+        )
+        found.append(Finding("overconstrained", "note", text, value=float(joints.redundant)))
+    for joint in joints.joints:
+        if joint.soft is not None:
+            text = f"joint {joint.name} gives way by erp and cfm, which are of the step, not of it"
+            remedy = "remove soft, or give stiffness and damping"
+            found.append(warning("control_method", text, joint.name, remedy=remedy))
+    return found
+
+
 def few_step(few: Sequence["FewBodies"]) -> float:
     """Step that follows what vibrates in the bodies [s]; infinite if nothing does."""
     rates = (bodies.rate() for bodies in few)
@@ -120,7 +154,7 @@ def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]
     )
     from impactfem.models.ball_contacts import point_loads  # noqa: PLC0415  (loads SciPy)
 
-    found = law_findings(model.scene)
+    found = law_findings(model.scene) + joint_findings(model)
     for name, solid in sorted(set(point_loads(model))):
         text = (
             f"{name} presses on single places of {solid}, which give way the more the smaller the "
@@ -133,8 +167,11 @@ def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]
 
 def law_findings(scene: Scene) -> list[Finding]:
     """What is not settled of the laws of impact."""
-    dead = sum(not body.waves for body in scene.bodies)
-    if scene.contacts or dead + bool(dead and scene.obstacles) < 2:
+    dead = {body.name for body in scene.bodies if not body.waves}
+    strikes = bool(scene.obstacles) or any(
+        {one, two} <= dead for _, (one, _), (two, _) in named_body_pairs(scene)
+    )
+    if scene.contacts or not (dead and strikes):
         rubs = [e for e in scene.contacts if e.friction_coefficient > 0.0]
         both = [e for e in rubs if e.restitution > 0.0 and not e.tangential_restitution]
         if not both:

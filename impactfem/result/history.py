@@ -117,9 +117,23 @@ LOST = "lost"
 JOINT_COLUMNS: Mapping[str, tuple[str, str]] = {
     "q": ("rad or m", "position of the joint, counted over turns"),
     "v": ("rad/s or m/s", "its rate"),
+    "force": (
+        "N",
+        (
+            "amount of the force on the second body during (t_{m-1}, t_m]; of a gear that along "
+            "the coordinate of its second joint"
+        ),
+    ),
+    "moment": (
+        "N m",
+        (
+            "moment on the second body about the joint, spring and motor included; in the plane "
+            "with its sign, in space its amount"
+        ),
+    ),
     LOST: ("J", "energy that its damper, friction and limits have taken since t = 0"),
 }
-"""Columns ``BODY.JOINT.q`` of each joint of a mechanism: unit and meaning."""
+"""Columns ``JOINT.q`` of joints, of those of mechanisms ``BODY.JOINT.q``: unit and meaning."""
 
 MOST_PAIRS = 100
 """Number of pairs up to which each has columns of its own."""

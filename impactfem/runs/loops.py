@@ -17,6 +17,7 @@ from impactfem.marching.few import FewInterior, FewMidpoint
 from impactfem.marching.finite import FiniteMidpoint
 from impactfem.marching.finite_body import FiniteBody
 from impactfem.marching.finite_leapfrog import FiniteLeapfrog
+from impactfem.marching.jointed import Jointed
 from impactfem.marching.layers import ContactGaps, Interior, Stepper
 from impactfem.marching.leapfrog import Leapfrog
 from impactfem.marching.leapfrog_bodies import LeapfrogBodies, LevelStepper
@@ -37,6 +38,7 @@ from impactfem.planning.solid_choices import fitting_solver
 from impactfem.runs.contacts import Contacts
 from impactfem.runs.static_start import Started, linear_bodies, spin_of, start_at_rest
 from impactfem.scene import Scene
+from impactfem.system.joints import held_parts
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
 if TYPE_CHECKING:
@@ -145,7 +147,11 @@ def make_loop(
         newton = NewtonMarch(model.comm, interior, *settings, rest, law, lively)
         return Loop(newton, gaps, contacts, offsets, started)
     solids = [_interior(*parts, scheme, dt, kind) for parts in each]
-    composite = Composite([*solids, *few], [_free(*parts[:2]) for parts in each])
+    parts, movable = [*solids, *few], [_free(*parts[:2]) for parts in each]
+    composite = Composite(parts, movable)
+    if model.joints is not None:
+        held = [cast("RigidMidpoint", few[k]) for k in held_parts(scene, model.few)]
+        composite = Jointed(parts, movable, model.joints, held)
     started = None
     if scene.starts_at_rest:
         progress.step("bringing the bodies to rest")

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,17 @@ from impactfem.system.located import Located
 from impactfem.system.true_stress import TrueStress
 
 Floats = NDArray[np.float64]
+
+
+class Telling(Protocol):
+    """What tells figures of a level besides those of bodies."""
+
+    @property
+    def counts(self) -> bool:
+        """Whether this rank does."""
+
+    def told(self) -> dict[str, dict[str, float]]:
+        """Figures by first and last part of their columns."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +90,7 @@ class SolidProbes:
             the other, (columns, 2 dofs).
         laws: Of stresses that are not linear, by probe: the columns are what these need.
         axes: Probes of bodies without meshes, whose columns follow.
-        few: Bodies without meshes, which may tell of joints.
+        telling: Bodies without meshes, and what joins them.
     """
 
     march: TimeLoop[Any]
@@ -87,13 +98,23 @@ class SolidProbes:
     weights: csr_matrix
     laws: Mapping[str, TrueStress]
     axes: tuple[AxisProbe, ...] = ()
-    few: tuple[FewInterior, ...] = ()
+    telling: tuple[Telling, ...] = ()
 
     @classmethod
     def of(
-        cls, march: TimeLoop[Any], model: SolidsModel, few: Sequence[FewInterior] = ()
+        cls,
+        march: TimeLoop[Any],
+        model: SolidsModel,
+        few: Sequence[FewInterior] = (),
+        joined: Sequence[Telling] = (),
     ) -> "SolidProbes":
         """Prepare; the rows of the march get room for the columns.
+
+        Args:
+            march: The march.
+            model: The bodies.
+            few: What marches those without meshes.
+            joined: What else tells figures, as joints do.
 
         Raises:
             SceneError: A probe is outside its body.
@@ -120,7 +141,10 @@ class SolidProbes:
         weights = csr_matrix(entries, shape=shape)
         names += [(axis.probe.name, column) for axis in axes for column in axis.columns]
         names += [
-            (name, part) for each in few for name, told in each.told().items() for part in told
+            (name, part)
+            for each in (*few, *joined)
+            for name, told in each.told().items()
+            for part in told
         ]
         march.rows.probes = np.zeros((march.layers + 1, len(names)))
         laws = {
@@ -128,13 +152,13 @@ class SolidProbes:
             for probe, _, located in model.probes
             if located.law is not None and "stress" in probe.quantities
         }
-        return cls(march, tuple(names), weights, laws, axes, tuple(few))
+        return cls(march, tuple(names), weights, laws, axes, (*few, *joined))
 
     def __call__(self, level: Level) -> None:
         """Keep a level."""
         moved = np.concatenate([level.displacement, level.velocity])
         values = [self.weights @ moved, *(axis.values() for axis in self.axes)]
-        for each in self.few:
+        for each in self.telling:
             values += [each.counts * np.array([*of.values()]) for of in each.told().values()]
         self.march.rows.probes[level.layer] = np.concatenate(values)
 

@@ -136,7 +136,7 @@ def run_solids(
             layers,
             _every(scene, layers) if scene.output.fields else 0,
         )
-        probes = SolidProbes.of(march, model, few)
+        probes = SolidProbes.of(march, model, few, [march.interior] if model.joints else [])
         touching = ContactPlaces.of(march, loop.gaps, loop.contacts, model)
         looking: list[Callable[[Level], None]] = [probes] if probes.names else []
         looking += [touching] if touching else []

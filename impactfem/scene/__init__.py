@@ -5,6 +5,7 @@ from impactfem.scene.bodies import Bar
 from impactfem.scene.boundary import Pressure, Support, Traction
 from impactfem.scene.contacts import Contact
 from impactfem.scene.formula import Formula
+from impactfem.scene.joints import Joint, Soft
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
 from impactfem.scene.mechanism import JointStart, Mechanism, Place
 from impactfem.scene.obstacles import (
@@ -41,6 +42,7 @@ __all__ = [
     "Formula",
     "HalfSpace",
     "Hull",
+    "Joint",
     "JointStart",
     "Mechanism",
     "Orientation",
@@ -61,6 +63,7 @@ __all__ = [
     "Rod",
     "Rotation",
     "Scene",
+    "Soft",
     "Solid",
     "Solve",
     "Sphere",

@@ -28,6 +28,7 @@ class BodyKind:
         substeps: Whether its steps can be of any length, as beside bodies under finite strain.
         probed: What a probe in it may keep.
         settings: Keys of ``[solve]`` that it brings into scenes of several kinds.
+        takes_joints: Whether joints hold it.
         whole_side: Surfaces that its bare name stands for in ``[[contact]] between``; None for all.
     """
 
@@ -41,6 +42,7 @@ class BodyKind:
     substeps: ClassVar[bool] = True
     probed: ClassVar[tuple[str, ...]] = MOVES
     settings: ClassVar[tuple[str, ...]] = ()
+    takes_joints: ClassVar[bool] = False
     whole_side: ClassVar[tuple[str, ...] | None] = None
     mesh: str | None = None
 

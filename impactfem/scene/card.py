@@ -10,7 +10,7 @@ from impactfem.scene.schema import REQUIRED, DataclassLike, keys_of
 from impactfem.scene.toml import write_value
 
 _MOST_OBJECTS = 8
-_TOLD = {"name", "title", "body", "obstacle", "contact", "probe", "solve", "output"}
+_TOLD = {"name", "title", "body", "obstacle", "contact", "joint", "probe", "solve", "output"}
 _LONGEST = 120  # letters of a value
 
 
@@ -21,6 +21,7 @@ def scene_card(scene: Content) -> str:
         ("body", scene.bodies),
         ("obstacle", scene.obstacles),
         ("contact", scene.contacts),
+        ("joint", scene.joints),
         ("probe", scene.probes),
     ):
         rows += _objects(what, entries)

@@ -11,6 +11,7 @@ from impactfem.scene.beams import Beam, Rod
 from impactfem.scene.bodies import Bar
 from impactfem.scene.body import Solver
 from impactfem.scene.contacts import Contact
+from impactfem.scene.joints import Joint
 from impactfem.scene.kinds import Choice, Line, Real
 from impactfem.scene.loads import LoadKind, PiecewiseConstant, PiecewiseVector
 from impactfem.scene.mechanism import Mechanism
@@ -32,6 +33,7 @@ BODIES: Mapping[str, type[Any]] = {
     cls.kind: cls for cls in (Bar, Solid, Point, Rod, Beam, RigidBody, Mechanism, SpringNet)
 }
 MAX_CONTACTS = 10_000
+MAX_JOINTS = 10_000
 STARTS = ("given", "static")
 
 
@@ -66,6 +68,12 @@ class Content:
         ObjectsKind((Contact,), "[[contact]]", MAX_CONTACTS, 0),
         "which pairs meet; every body and obstacle, and every two solids, if there are none",
         name="contact",
+        default=(),
+    )
+    joints: tuple[Joint, ...] = key(
+        ObjectsKind((Joint,), "[[joint]]", MAX_JOINTS, 0),
+        "what holds rigid bodies together",
+        name="joint",
         default=(),
     )
     probes: tuple[Probe, ...] = key(

@@ -9,6 +9,7 @@ from impactfem.scene.breaks import check_motion
 from impactfem.scene.column_names import check_column_names
 from impactfem.scene.content import BODIES, Content
 from impactfem.scene.finite_checks import check_finite
+from impactfem.scene.joint_checks import check_joints
 from impactfem.scene.loads import PiecewiseConstant
 from impactfem.scene.mixed import check_dimensions, check_mixed
 from impactfem.scene.obstacle_checks import check_gravity, check_obstacles
@@ -53,6 +54,7 @@ def check_scene(scene: Content, gravity: object) -> None:
         KeyedError: naming the key.
     """
     _check_names(scene)
+    check_joints(scene)
     check_itself(scene)
     _check_counts(scene)
     if len(scene.bars) > 1:

@@ -36,10 +36,14 @@ def pair_name(scene: Content, one: str, two: str) -> str:
 
 
 def named_body_pairs(scene: Content) -> list[tuple[str, Side, Side]]:
-    """Names of the pairs of `body_pairs`, and these."""
+    """Names of the pairs of `body_pairs`, and these.
+
+    Bodies that a joint holds together meet only where a contact law says so.
+    """
     names = [body.name for body in scene.bodies]
     if not scene.contacts:
-        pairs = combinations(names, 2)
+        held = {frozenset(joint.between or ()) for joint in scene.joints}
+        pairs = [pair for pair in combinations(names, 2) if frozenset(pair) not in held]
         return [(default_name(one, two), (one, None), (two, None)) for one, two in pairs]
     found = []
     for entry in scene.contacts:

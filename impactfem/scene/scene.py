@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, Self
 from impactfem.errors import SceneError
 from impactfem.scene.card import scene_card
 from impactfem.scene.contacts import Contact
-from impactfem.scene.content import BODIES, MAX_CONTACTS, Body, Content, Obstacle
+from impactfem.scene.content import BODIES, MAX_CONTACTS, MAX_JOINTS, Body, Content, Obstacle
 from impactfem.scene.crosschecks import check_scene
 from impactfem.scene.inline import plain
+from impactfem.scene.joints import Joint
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
 from impactfem.scene.obstacles import OBSTACLES
 from impactfem.scene.probes import MAX_PROBES, Probe
@@ -61,6 +62,7 @@ class Scene(Content):
             bodies: Sequence[Body],
             obstacles: Sequence[Obstacle] = (),
             contacts: Sequence[Contact] = (),
+            joints: Sequence[Joint] = (),
             probes: Sequence[Probe] = (),
             gravity: float | Sequence[Any] | PiecewiseConstant | PiecewiseVector = 0.0,
             start: str = "given",
@@ -105,8 +107,8 @@ class Scene(Content):
         """Make a scene from tables as TOML has them; keys with the value None count as absent.
 
         Args:
-            data: keys ``title, duration, gravity, start, body, obstacle, contact, probe, solve,
-                output``.
+            data: keys ``title, duration, gravity, start, body, obstacle, contact, joint, probe,
+                solve, output``.
             base: folder where relative mesh paths start.
 
         Raises:
@@ -123,6 +125,8 @@ class Scene(Content):
             )
         if "contact" in values:
             values["contact"] = read_objects(values["contact"], "contact", Contact, MAX_CONTACTS, 0)
+        if "joint" in values:
+            values["joint"] = read_objects(values["joint"], "joint", Joint, MAX_JOINTS, 0)
         if "probe" in values:
             values["probe"] = read_objects(values["probe"], "probe", Probe, MAX_PROBES, 0)
         if "solve" in values:
@@ -137,7 +141,7 @@ class Scene(Content):
         data = plain(self)
         for name in ("body", "obstacle"):
             data[name] = [{"kind": entry.kind, **plain(entry)} for entry in data[name]]
-        for name in ("contact", "probe"):
+        for name in ("contact", "joint", "probe"):
             data[name] = [plain(entry) for entry in data[name]]
         return data | {"solve": plain(self.solve), "output": plain(self.output)}
 
@@ -158,13 +162,15 @@ class Scene(Content):
                     inside = there.is_relative_to(target)
                     home[name] = str(there.relative_to(target) if inside else there)
         bodies, obstacles = data.pop("body"), data.pop("obstacle")
-        contacts, probes = data.pop("contact"), data.pop("probe")
+        contacts, joints = data.pop("contact"), data.pop("joint")
+        probes = data.pop("probe")
         solve, output = data.pop("solve"), data.pop("output")
         parts: list[tuple[str, type[DataclassLike], dict[str, Any]]] = [
             ("", type(self), data),
             *(("[[body]]", BODIES[entry["kind"]], entry) for entry in bodies),
             *(("[[obstacle]]", OBSTACLES[entry["kind"]], entry) for entry in obstacles),
             *(("[[contact]]", Contact, entry) for entry in contacts),
+            *(("[[joint]]", Joint, entry) for entry in joints),
             *(("[[probe]]", Probe, entry) for entry in probes),
             ("[solve]", Solve, solve),
             ("[output]", Output, output),

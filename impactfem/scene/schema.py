@@ -294,8 +294,8 @@ def _rank(heading: str) -> int:
     bodies = (f'[[body]] with kind = "{kind}"' for kind in kinds)
     inline = (
         "supports", "tractions", "pressures", "shape", "refine", "springs", "orientation",
-        "rotation", "joints", "place",
+        "rotation", "joints", "place", "soft",
     )  # fmt: skip
-    others = ("[[obstacle]]", "[[contact]]", "[[probe]]", "[solve]", "[output]")
+    others = ("[[obstacle]]", "[[contact]]", "[[joint]]", "[[probe]]", "[solve]", "[output]")
     order = (TOP, *bodies, *others, *inline)
     return next((i for i, start in enumerate(order) if heading.startswith(start)), len(order))

@@ -24,6 +24,7 @@ TABLES = {
     '[[obstacle]] with kind = "sphere"': language.RigidSphere,
     '[[obstacle]] with kind = "wall"': language.Wall,
     "[[contact]]": language.Contact,
+    "[[joint]]": language.Joint,
     "[[probe]]": language.Probe,
     "[solve]": Solve,
     "[output]": Output,
@@ -43,6 +44,7 @@ TABLES = {
     "rotation = { ... }": language.Rotation,
     "joints = { NAME = { ... } }": language.JointStart,
     "place = { ... }": language.Place,
+    "soft = { ... }": language.Soft,
 }
 
 
@@ -57,6 +59,7 @@ def test_every_table_and_key_is_described():
         "body",
         "obstacle",
         "contact",
+        "joint",
         "probe",
         "solve",
         "output",

@@ -1,0 +1,467 @@
+"""Several bodies in one layer, of which joints hold some together; see `joint_kernels`.
+
+Contact, impacts and friction see bodies with their joints: answers to contact forces are those of
+the bodies less what the joints take, and joints are solved again once contact has pushed. Rows hold
+at ends of layers, and rates then keep to them but for the size of a layer; where contact has given
+impulses, which jump, rates are projected on what the joints allow, which never gives energy.
+
+Limits act as contact of bodies without massless nodes does: where a coordinate would be beyond one
+at the end of a layer and would go on outwards, its rate turns to -e times that before.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import ConvergenceError
+from impactfem.marching.composite import Composite
+from impactfem.marching.joint_kernels import FAST, FOUND, joined
+from impactfem.marching.layers import Interior, Sums
+from impactfem.marching.rigid import RigidMidpoint
+from impactfem.result.history import LOST
+from impactfem.scene import Formula
+from impactfem.system.joint_kernels import DOT, at_gradients, delassus
+from impactfem.system.joints import Joints
+
+Floats = NDArray[np.float64]
+
+_MOST = 50  # looks for forces by formula, and for what slips, stops or lets go in a layer
+_SETTLED = 1e-12  # change of a motor's force, as a share of it
+_ROUNDING = 64.0 * float(np.finfo(float).eps)  # of places in a row
+_STEP = 1e-6  # of coordinates and rates where motors are differentiated
+_RANK = 1e-9  # as of `impactfem.system.joints`
+
+
+@dataclass
+class _Drive:
+    """A motor about the last look: constant - stiffness q - damping v; the force it gave."""
+
+    formula: Formula
+    constant: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+    force: float = 0.0
+
+    def look(self, t: float, q: float, v: float) -> bool:
+        """Follow it at a time, coordinate and rate; whether it is as it was thought."""
+        formula = self.formula
+        self.force = float(formula(t=t, q=q, v=v))
+        thought = self.constant - self.stiffness * q - self.damping * v
+        if abs(self.force - thought) <= _SETTLED * abs(self.force):
+            return True
+        slopes = []
+        for at, name in ((q, "q"), (v, "v")):
+            h = _STEP * max(1.0, abs(at))
+            ends = [formula(**({"t": t, "q": q, "v": v} | {name: at + s * h})) for s in (1, -1)]
+            slopes.append(-float(ends[0] - ends[1]) / (2.0 * h))
+        self.stiffness, self.damping = slopes
+        self.constant = self.force + self.stiffness * q + self.damping * v
+        return False
+
+
+class Jointed(Composite):
+    """The interiors of several bodies and their joints as one.
+
+    Attributes:
+        counts: Whether this rank sums them up.
+    """
+
+    def __init__(
+        self,
+        parts: Sequence[Interior],
+        free: Sequence[Floats] | None,
+        joints: Joints,
+        held: Sequence[RigidMidpoint],
+    ) -> None:
+        """Join interiors.
+
+        Args:
+            parts: The bodies.
+            free: See `Composite`.
+            joints: What holds some of them.
+            held: Those, in the order of `Joints.names` after the ground.
+        """
+        super().__init__(parts, free)
+        self._joints, self._held, self.counts = joints, tuple(held), held[0].counts
+        self._owns = [self.own(parts.index(part)) for part in held]
+        terms, count, each = joints.terms, joints.count, len(joints.joints)
+        self._acting = np.zeros(count)
+        self._terms = joints.values_at(joints.places, joints.turns, np.zeros(len(terms.kinds)))
+        self._gradient = joints.gradient
+        self._rates = joints.rates_now()
+        self._slides = np.sign(np.where(joints.rubbing < 0, 0.0, self._rates[joints.rubbing]))
+        self._stops = np.zeros(each)  # 1: at the lower limit, -1: at the upper one
+        self._drives = {
+            k: _Drive(joint.motor) for k, joint in enumerate(joints.joints) if joint.motor
+        }
+        self._damping = np.array([joint.damping for joint in joints.joints])
+        self._struck = False
+        reach = np.abs(joints.places).max() + np.abs(terms.arms).max(initial=0.0)
+        self._sizes = np.full(count, _ROUNDING * (reach or 1.0))
+        self._sizes[terms.rows[terms.kinds == DOT]] = _ROUNDING
+        self._reaction: Floats | None = None
+        self._middles = joints.turns
+        self._ends, self._laws = self._terms, np.zeros((count, 3))
+        before = self.parts[: parts.index(held[0])]
+        self._first = sum(len(part.inertia()) for part in before)  # sums of the first one held
+        # Coordinate, rate, force and moment in the layer, energy taken up to now.
+        self._shown = np.zeros((each, 5))
+        self._show(self._terms)
+
+    def _coordinates(self, terms: Floats) -> Floats:
+        """Rows by values of their terms, (rows,)."""
+        return self._joints.terms.sums(terms, self._joints.count)
+
+    def _stored(self, terms: Floats) -> float:
+        """Energy in the springs [J]."""
+        joints, rows = self._joints, self._coordinates(terms)
+        each = zip(joints.joints, joints.moving, strict=True)
+        return float(sum(0.5 * j.stiffness * (rows[r] - joints.rest(j)) ** 2 for j, r in each))
+
+    def _laws_now(self, begun: Floats) -> Floats:
+        """a, b, c of all rows; see `joint_kernels`.
+
+        Args:
+            begun: Rows at the start of the layer.
+        """
+        joints, dt = self._joints, self.dt
+        laws = np.zeros((joints.count, 3))
+        laws[:, 1] = 1.0
+        laws[joints.holding] = 1.0, 0.0, 0.0
+        for row in np.flatnonzero(joints.holding):
+            if (soft := joints.joints[joints.owner[row]].soft) is not None:
+                missing = begun[row] - joints.start[row]
+                laws[row, 1:] = soft.cfm, -(1.0 - soft.erp) * missing
+        for k, (joint, row) in enumerate(zip(joints.joints, joints.moving, strict=True)):
+            if row < 0:
+                continue
+            q, k_all, d_all = begun[row], joint.stiffness, joint.damping
+            given = joint.stiffness * joints.rest(joint)
+            if (drive := self._drives.get(k)) is not None:
+                # Its coordinate counts from where the joint says.
+                given += drive.constant - drive.stiffness * joints.shift(joint)
+                k_all, d_all = k_all + drive.stiffness, d_all + drive.damping
+            half = 0.5 * k_all
+            laws[row] = half + d_all / dt, 1.0 / dt, (half - d_all / dt) * q - given
+            if (own := joints.rubbing[k]) >= 0:
+                sliding = self._slides[k] * dt * joint.friction
+                stopping = 1.0, 0.0, -(q + 0.5 * dt * self._rates[row])
+                # At a limit that holds it friction has nothing left to hold.
+                loose = self._slides[k] or self._stops[k]
+                laws[own] = (0.0, 1.0, sliding) if loose else stopping
+            if (own := joints.stopping[k]) >= 0 and self._stops[k]:
+                way = 0.5 * dt * (1.0 - joint.restitution) * self._rates[row]
+                laws[own] = 1.0, 0.0, -(q + way)
+        return laws
+
+    def _switched(self, begun: Floats, ended: Floats) -> bool:
+        """Whether friction or limits do other than was thought, which is changed."""
+        joints, dt, found = self._joints, self.dt, False
+        for k, (joint, row) in enumerate(zip(joints.joints, joints.moving, strict=True)):
+            slides, stops = self._slides[k], self._stops[k]
+            rate = 2.0 * (ended[row] - begun[row]) / dt - self._rates[row]
+            if (own := joints.rubbing[k]) >= 0:
+                if not slides and abs(self._acting[own]) > dt * joint.friction:
+                    slides = -np.sign(self._acting[own])
+                elif slides * rate < 0.0:
+                    slides = 0.0
+            if (own := joints.stopping[k]) >= 0 and joint.limits is not None:
+                if stops:
+                    stops = 0.0 if stops * self._acting[own] < 0.0 else stops
+                else:
+                    leaving = rate + joint.restitution * self._rates[row]
+                    q = ended[row] + joints.shift(joint)
+                    stops = float(q < joint.limits[0] and leaving < 0.0)
+                    stops -= float(q > joint.limits[1] and leaving > 0.0)
+            found |= slides != self._slides[k] or stops != self._stops[k]
+            self._slides[k], self._stops[k] = slides, stops
+        return found
+
+    def _join(self) -> None:
+        """Solve the layer of the bodies that joints hold, with what has pushed so far."""
+        joints, terms, dt = self._joints, self._joints.terms, self.dt
+        frames = [(joints.places[0], joints.turns[0]), *(part.frame for part in self._held)]
+        rates = [(np.zeros(3), np.zeros(3)), *(part.rates for part in self._held)]
+        start, spins = _stacked(frames), _stacked(rates)
+        begun = self._coordinates(self._terms)
+        offsets = np.where(joints.holding, joints.start, 0.0)
+        for _ in range(_MOST):
+            given = [(np.zeros(3), np.zeros(3)), *(part.impulses() for part in self._held)]
+            self._laws = self._laws_now(begun)
+            known = (
+                terms.kinds, terms.rows, terms.bodies, terms.arms, terms.axes, terms.across,
+                terms.shares, offsets, self._laws, start, spins, _stacked(given), self._acting,
+                self._terms, joints.masses, dt, self._sizes,
+            )  # fmt: skip
+            state, self._acting, *moving, self._ends, self._gradient, _ = _solved(known, joints)
+            if state != FOUND:
+                why = (
+                    "turn too far in a step" if state == FAST else "cannot be held by their joints"
+                )
+                names = ", ".join(joints.names[1:])
+                raise ConvergenceError(
+                    f"{names}: bodies {why} at t = {self._time:.6g} s; use a smaller solve.dt, or "
+                    "check the joints"
+                )
+            self._middles = moving[4]
+            each = list(zip(*moving, strict=True))[1:]
+            settled = [part.take(*new) for part, new in zip(self._held, each, strict=True)]
+            ended = self._coordinates(self._ends)
+            driven = [self._looked(k, begun, ended) for k in self._drives]
+            if not self._switched(begun, ended) and all(settled) and all(driven):
+                break
+        else:
+            raise ConvergenceError(
+                f"forces by formula, friction or limits of joints did not settle at t = "
+                f"{self._time:.6g} s; use a smaller solve.dt"
+            )
+        self._reaction = None
+
+    def _looked(self, k: int, begun: Floats, ended: Floats) -> bool:
+        """Whether the motor of a joint gives what it was thought to."""
+        joints = self._joints
+        row = joints.moving[k]
+        q = 0.5 * (begun[row] + ended[row]) + joints.shift(joints.joints[k])
+        return self._drives[k].look(self._time, q, (ended[row] - begun[row]) / self.dt)
+
+    def predict(self, layer: int) -> Floats:
+        """Move all bodies to the end of a layer without contact."""
+        self._time, self._struck = (layer + 0.5) * self.dt, False
+        places = [np.zeros(0) if part in self._held else part.predict(layer) for part in self.parts]
+        for part in self._held:
+            part.prepare(layer)
+        self._join()
+        for part in self._held:
+            places[self.parts.index(part)] = part.foreseen()
+        return np.concatenate(places)
+
+    def _each(self, forces: Floats, *, keep: bool) -> tuple[Floats, Floats]:
+        """Answers of the contact nodes to several forces (several, count, dim)."""
+        layer, static = super()._each(forces, keep=keep)
+        pushes = np.zeros((len(forces), len(self._joints.names), 6))
+        for body, (part, own) in enumerate(zip(self._held, self._owns, strict=True), start=1):
+            pushes[:, body] = part.wrenches(forces[:, own])
+        if pushes.any():
+            moved = self._taken_back(pushes)
+            for body, (part, own) in enumerate(zip(self._held, self._owns, strict=True), start=1):
+                layer[:, own] += part.carried(moved[:, body])
+        return layer, static
+
+    def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
+        """Displacements of all nodes and turns of their bodies by moments; see `Composite`."""
+        moved, turned = super().twisted(moments)
+        turns = moments.shape[2]
+        pushes = np.zeros((len(moments), len(self._joints.names), 6))
+        for body, own in enumerate(self._owns, start=1):
+            pushes[:, body, 6 - turns :] = moments[:, own].sum(axis=1)
+        back = self._taken_back(pushes)
+        for body, (part, own) in enumerate(zip(self._held, self._owns, strict=True), start=1):
+            moved[:, own] += part.carried(back[:, body])
+            turned[:, own] += back[:, None, body, 6 - turns :]
+        return moved, turned
+
+    def twist(self, moments: Floats) -> None:
+        """Add the layer's moments on nodes (count, turns) to their bodies."""
+        others = moments.copy()
+        for part, own in zip(self._held, self._owns, strict=True):
+            others[own] = 0.0
+            part.whirl(moments[own].sum(axis=0))
+        super().twist(others)
+        self._struck = True
+        self._join()
+
+    def _taken_back(self, pushes: Floats) -> Floats:
+        """Ways and turns of the bodies in the layer by what joints do about forces and moments.
+
+        Args:
+            pushes: On the bodies with the ground, (several, bodies, 6), as the answer.
+        """
+        joints, terms, dt = self._joints, self._joints.terms, self.dt
+        light, free = self._freedoms()
+        weighed = self._gradient * terms.shares[:, None, None]
+        if self._reaction is None:
+            self._reaction = self._reactions(weighed, light, free)
+        moved = _moved(pushes, light, free)
+        ways = np.einsum("tsk,ntsk->nt", weighed, moved[:, terms.bodies])
+        rows = np.zeros((joints.count, len(pushes)))
+        np.add.at(rows, terms.rows, ways.T)
+        # Impulses of the rows by unit forces, whose own is dt.
+        acting = -(0.5 * dt**2 * (self._reaction @ rows)).T
+        found = np.zeros_like(pushes)
+        each = acting[:, terms.rows, None, None] * weighed
+        for t, both in enumerate(terms.bodies):
+            found[:, both] += each[:, t]
+        return 0.5 * dt * _moved(found, light, free)
+
+    def _freedoms(self) -> tuple[Floats, Floats]:
+        """Inverse masses (bodies,) and moments of inertia in space amid the layer."""
+        free = np.array([np.zeros((3, 3)), *(part.freedom for part in self._held)])
+        return self._joints.masses[0], free
+
+    def _reactions(self, weighed: Floats, light: Floats, free: Floats) -> Floats:
+        """Impulses of the rows that take back unit ways of them, (rows, rows)."""
+        joints, laws = self._joints, self._laws
+        terms = joints.terms
+        matrix = delassus(terms.rows, terms.bodies, weighed, weighed, joints.count, light, free)
+        matrix = 0.5 * self.dt * laws[:, :1] * matrix + np.diag(laws[:, 1])
+        size = np.sqrt(np.abs(np.diag(matrix)))
+        size = np.where(size > 0.0, size, 1.0)
+        alike = matrix / np.outer(size, size)
+        inverse = np.linalg.pinv(alike, _RANK)
+        return np.asarray(inverse / np.outer(size, size) * laws[:, 0])
+
+    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:
+        """Add the effect of the layer's contact forces (count, dim) to the bodies they act on."""
+        others = forces.copy()
+        for part, own in zip(self._held, self._owns, strict=True):
+            others[own] = 0.0
+            if forces[own].any():
+                part.strike(forces[own])
+                self._struck = True
+        super().push(others, change, parts)
+        if self._struck:
+            self._join()
+
+    def finish(self, layer: int, static: Floats) -> list[Sums]:
+        """End the layer of all bodies; sums of each."""
+        joints = self._joints
+        if self._struck or self._stops.any():
+            self._project()
+        found = super().finish(layer, static)
+        way = self._coordinates(self._ends) - self._coordinates(self._terms)
+        driven = sum(drive.force * way[joints.moving[k]] for k, drive in self._drives.items())
+        # What rows take that are neither held exactly nor springs or motors.
+        taken = np.where(joints.hard, 0.0, -self._acting * way / self.dt)
+        moving = joints.moving[joints.moving >= 0]
+        taken[moving] = self._damping[joints.owner[moving]] * way[moving] ** 2 / self.dt
+        self._shown[:, 4] += np.bincount(joints.owner, taken, len(joints.joints))
+        if self.counts:
+            found[self._first].elastic += self._stored(self._ends)
+            found[self._first].work += float(driven)
+        self._show(self._ends)
+        self._terms = self._ends
+        return found
+
+    def initial(self, static: Floats) -> list[Sums]:
+        """Sums of the initial state, of each body."""
+        found = super().initial(static)
+        if self.counts:
+            found[self._first].elastic += self._stored(self._terms)
+        return found
+
+    def _twists(self, rates: Sequence[tuple[Floats, Floats]], turns: Floats) -> Floats:
+        """Velocities and spins in space of all bodies with the ground, (bodies, 6)."""
+        found = np.zeros((len(self._held) + 1, 6))
+        for k, (speed, spin) in enumerate(rates, start=1):
+            found[k, :3], found[k, 3:] = speed, turns[k] @ spin
+        return found
+
+    def _at_end(self) -> tuple[Floats, Floats, Floats]:
+        """Places and rotations of the bodies at the end of the layer, gradients of terms there."""
+        joints, terms, dt = self._joints, self._joints.terms, self.dt
+        places, turns = joints.places.copy(), joints.turns.copy()
+        for k, part in enumerate(self._held, start=1):
+            mean = 0.5 * (part.rates[0] + part.rates_ahead[0])
+            places[k], turns[k] = part.frame[0] + dt * mean, part.end
+        at = joints.values_at(places, turns, self._ends)
+        found = at_gradients(terms.kinds, terms.bodies, terms.arms, terms.axes, places, turns, at)
+        return places, turns, np.asarray(found * terms.shares[:, None, None])
+
+    def _project(self) -> None:
+        """Take rates at the end of the layer that the joints allow, the nearest by energy."""
+        joints, terms = self._joints, self._joints.terms
+        holding = np.flatnonzero(joints.hard)
+        _, turns, weighed = self._at_end()
+        twists = self._twists([part.rates_ahead for part in self._held], turns)
+        light, inverse = joints.masses[0], joints.masses[2]
+        free = turns @ inverse @ turns.swapaxes(1, 2)
+        matrix = delassus(terms.rows, terms.bodies, weighed, weighed, joints.count, light, free)
+        rates = np.zeros(joints.count)
+        np.add.at(rates, terms.rows, np.einsum("tsk,tsk->t", weighed, twists[terms.bodies]))
+        acting = np.zeros(joints.count)
+        inner = matrix[np.ix_(holding, holding)]
+        acting[holding] = -np.linalg.lstsq(inner, rates[holding], rcond=_RANK)[0]
+        pushes = np.zeros_like(twists)
+        np.add.at(pushes, terms.bodies, acting[terms.rows, None, None] * weighed)
+        twists = twists + _moved(pushes[None], light, free)[0]
+        for k, part in enumerate(self._held, start=1):
+            part.leave(twists[k, :3], turns[k].T @ twists[k, 3:])
+
+    def _show(self, terms: Floats) -> None:
+        """Rates of the rows now, and what columns of joints show."""
+        joints, t, dt = self._joints, self._joints.terms, self.dt
+        rows = self._coordinates(terms)
+        frames = [(joints.places[0], joints.turns[0]), *(part.frame for part in self._held)]
+        places, turns = _stacked(frames)
+        now = at_gradients(t.kinds, t.bodies, t.arms, t.axes, places, turns, terms)
+        twists = self._twists([part.rates for part in self._held], turns)
+        each = np.einsum("tsk,tsk->t", now, twists[t.bodies])
+        self._rates = t.sums(each, joints.count)
+        acting = self._acting[t.rows] * t.shares / dt
+        for k, joint in enumerate(joints.joints):
+            own = joints.owner[t.rows] == k
+            wrench = (acting[own, None] * self._gradient[own, 1]).sum(axis=0)
+            row = joints.moving[k]
+            if row >= 0:
+                self._shown[k, :2] = rows[row] + joints.shift(joint), self._rates[row]
+            if joint.between is None:
+                self._shown[k, 2] = acting[own][-1]
+                continue
+            at = np.flatnonzero(own)[0]
+            arm = self._middles[t.bodies[at, 1]] @ t.arms[at, 1]
+            moment = wrench[3:] - np.cross(arm, wrench[:3])
+            about = moment[2] if joint.dim == 2 else np.linalg.norm(moment)
+            self._shown[k, 2:4] = np.linalg.norm(wrench[:3]), about
+
+    def told(self) -> dict[str, dict[str, float]]:
+        """Columns of the joints; those without a coordinate have forces only."""
+        found = {}
+        for joint, values in zip(self._joints.joints, self._shown.tolist(), strict=True):
+            names = ["q", "v"] * joint.moves + ["force"]
+            names += ["moment"] * (joint.between is not None) + [LOST]
+            known = dict(zip(("q", "v", "force", "moment", LOST), values, strict=True))
+            found[joint.name] = {name: known[name] for name in names}
+        return found
+
+    def memory(self) -> dict[str, Floats]:
+        """What the next layer needs besides the bodies."""
+        drives = [[d.constant, d.stiffness, d.damping] for d in self._drives.values()]
+        own = {
+            "joints.acting": self._acting.copy(), "joints.terms": self._terms.copy(),
+            "joints.rates": self._rates.copy(), "joints.slides": self._slides.copy(),
+            "joints.stops": self._stops.copy(), "joints.drives": np.array(drives).reshape(-1, 3),
+            "joints.lost": self._shown[:, 4].copy(),
+        }  # fmt: skip
+        return super().memory() | own
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave."""
+        super().remember(memory)
+        self._acting, self._terms = memory["joints.acting"].copy(), memory["joints.terms"].copy()
+        self._rates, self._slides = memory["joints.rates"].copy(), memory["joints.slides"].copy()
+        self._stops = memory["joints.stops"].copy()
+        self._shown[:, 4] = memory["joints.lost"]
+        for drive, kept in zip(self._drives.values(), memory["joints.drives"], strict=True):
+            drive.constant, drive.stiffness, drive.damping = (float(value) for value in kept)
+
+
+def _solved(known: Sequence[Any], joints: Joints) -> Any:
+    """The layer by `joined`; where rows come to follow from others, with the least impulses."""
+    try:
+        return joined(*known, bool(joints.redundant))
+    except np.linalg.LinAlgError:
+        return joined(*known, True)
+
+
+def _stacked(each: Sequence[tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
+    first, second = zip(*each, strict=True)
+    return np.array(first), np.array(second)
+
+
+def _moved(pushes: Floats, light: Floats, free: Floats) -> Floats:
+    """Velocities and spins by impulses of forces and moments, (several, bodies, 6)."""
+    speeds = light[:, None] * pushes[..., :3]
+    return np.concatenate([speeds, np.einsum("bij,nbj->nbi", free, pushes[..., 3:])], axis=2)
