@@ -333,7 +333,8 @@ class RigidMidpoint(FewInterior):
         places, cells = self.material(body), self.bodies.picture[1] + len(self._start)
         corners = places[cells]
         edges = (corners[:, 1:] - corners[:, :1]).swapaxes(1, 2)
-        others = np.linalg.solve(edges, (point - corners[:, 0])[:, :, None])[:, :, 0]
+        # A cell may be flat.
+        others = (np.linalg.pinv(edges) @ (point - corners[:, 0])[:, :, None])[:, :, 0]
         shares = np.hstack([1.0 - others.sum(axis=1, keepdims=True), others])
         at = int(np.argmax(shares.min(axis=1)))
         inside = bool(shares[at].min() >= -(_ROUND if self.bodies.radius.any() else _NEAR))

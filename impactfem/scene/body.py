@@ -1,7 +1,8 @@
 """What the scene language asks of every kind of body."""
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Literal
+from pathlib import Path
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,10 @@ class BodyKind:
     whole_side: ClassVar[tuple[str, ...] | None] = None
     mesh: str | None = None
 
+    def opened(self, folder: Path) -> Self:  # noqa: ARG002  (of those that have files)
+        """The same with its file read, whose relative path starts at a folder."""
+        return self
+
     @property
     def turns_far(self) -> bool:
         """Whether its rotation may be any, and counts in its error."""
@@ -60,6 +65,16 @@ class BodyKind:
     def has_corners(self) -> bool:
         """Whether it has edges and faces, and meets rigid bodies and obstacles only."""
         return False
+
+    @property
+    def is_convex(self) -> bool:
+        """Whether it is its own convex hull."""
+        return True
+
+    @property
+    def hull_corners(self) -> int:
+        """Number of corners of its convex hull; 0 if it has no edges and faces."""
+        return 0
 
     def check_beside(self, bodies: Sequence[Any]) -> None:
         """Refuse what contradicts other bodies of its scene, all of which are given.

@@ -8,12 +8,13 @@ from itertools import pairwise
 
 from impactfem.methods import METHODS
 from impactfem.scene.contacts import Contact
-from impactfem.scene.content import Content
+from impactfem.scene.content import Body, Content
 from impactfem.scene.pair_checks import check_sides, check_twice
 from impactfem.scene.pairing import law_of, named_body_pairs, obstacles_of, side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
+_MOST_CORNERS = 500  # of a body from a file whose edges and faces are looked at
 MARCHING = tuple(name for name, method in METHODS.items() if method.mixes)
 """Methods that take bodies of different kinds together."""
 
@@ -74,6 +75,7 @@ def _check_partners(scene: Content) -> None:
                 text = f"{body.name} has edges and faces, and meets rigid bodies and obstacles "
                 text += "only; remove it, and list the pairs that may meet by [[contact]]."
                 raise KeyedError("contact", "", what + text)
+            _check_convex(body, what)
             law = law_of(scene, one.name, two.name)
             if body.rolls and other.waves and law is not None and law.friction_coefficient:
                 text = f"with friction, as {other.name} has waves; remove friction_coefficient."
@@ -83,6 +85,7 @@ def _check_partners(scene: Content) -> None:
             if obstacle.meets_corners:
                 continue
             text = f" of {body.name} and {obstacle.name} is not available: "
+            _check_convex(body, text)
             if not obstacle.is_convex:
                 text += f"{obstacle.name} may meet edges and faces of {body.name}, and is not "
                 text += "convex; give boxes, a half_space, or a body that is a ball."
@@ -91,6 +94,18 @@ def _check_partners(scene: Content) -> None:
                 text += f"{obstacle.name} moves and meets edges and faces of {body.name}; let it "
                 text += "rest, or give a half_space or a body that is a ball."
                 raise KeyedError("contact", "", text)
+
+
+def _check_convex(body: Body, what: str) -> None:
+    """Refuse edges and faces of bodies that are not convex, or whose hull has very many."""
+    if not body.is_convex:
+        text = f"{body.name} is not convex, and meets half-spaces and hollow obstacles only; list "
+        text += "the pairs that may meet by [[contact]], or give convex bodies."
+        raise KeyedError("contact", "", what + text)
+    if body.hull_corners > _MOST_CORNERS:
+        text = f"the hull of {body.name} has {body.hull_corners} corners, more than "
+        text += f"{_MOST_CORNERS}: give a coarser mesh, or a shape."
+        raise KeyedError("contact", "", what + text)
 
 
 def _check_contact(scene: Content, contact: Contact, where: str) -> None:

@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -12,12 +13,13 @@ from impactfem.scene.body import BodyKind, Floats, Solver
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import Formulas, InlineTable, NumberOrVector, Vector
-from impactfem.scene.kinds import Choice, Name, Real
+from impactfem.scene.kinds import Choice, FilePath, Name, Real
 from impactfem.scene.points import COORDINATES
-from impactfem.scene.rigid_forms import Form, form_of
+from impactfem.scene.rigid_forms import Form, form_of, form_of_surface
 from impactfem.scene.rigid_keys import InertiaKind, Orientation, rotation
 from impactfem.scene.rigid_shapes import RIGID_SHAPES, RigidShape
 from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.surface_files import MESH_SIZE, SCALE, SURFACE_FILES, closed_surface
 from impactfem.scene.values import show
 
 MODELS = ("2d", "3d")
@@ -43,11 +45,25 @@ class RigidBody(BodyKind):
 
     name: str = key(Name(), "name of the body in histories", default="rigid")
     model: str | None = key(
-        Choice(MODELS), "number of coordinates", default=None, absent="that of the shape"
+        Choice(MODELS), "number of coordinates", default=None,
+        absent="that of the shape; of a mesh 3d",
+    )  # fmt: skip
+    shape: RigidShape | None = key(  # noqa: RUF009  # a field
+        InlineTable(RIGID_SHAPES), "its shape at t = 0, before orientation; or give mesh",
+        default=None, absent="none",
+    )  # fmt: skip
+    mesh: str | None = key(
+        FilePath(endings=SURFACE_FILES), "file of its closed surface instead of a shape",
+        default=None, absent="none",
+    )  # fmt: skip
+    scale: float = key(Real(above=0), SCALE, unit="m", default=1.0)
+    mesh_size: float | None = key(
+        Real(above=0), MESH_SIZE, unit="m", default=None, absent="by the file"
     )
-    shape: RigidShape = key(  # noqa: RUF009  # a field
-        InlineTable(RIGID_SHAPES), "its shape at t = 0, before orientation"
-    )
+    position: Sequence[float] | None = key(
+        Vector(), "where the origin of the mesh is at t = 0", unit="m", default=None,
+        absent="at the origin",
+    )  # fmt: skip
     density: float | None = key(
         Real(above=0), "mass density; or give mass", unit="kg/m^3", default=None, absent="from mass"
     )
@@ -85,13 +101,18 @@ class RigidBody(BodyKind):
         "about the centre of mass, along the axes of the scene; in 2D one formula in t and w",
         unit="N m", default=None, absent="none",
     )  # fmt: skip
+    folder: Path | None = field(default=None, compare=False, repr=False)
 
     if TYPE_CHECKING:  # type checkers learn that numbers, texts and tables may be given
 
         def __init__(
             self,
             *,
-            shape: RigidShape | Mapping[str, Any],
+            shape: RigidShape | Mapping[str, Any] | None = None,
+            mesh: str | Path | None = None,
+            scale: float = 1.0,
+            mesh_size: float | None = None,
+            position: Sequence[float] | None = None,
             name: str = "rigid",
             model: str | None = None,
             density: float | None = None,
@@ -105,20 +126,41 @@ class RigidBody(BodyKind):
             angular_velocity: float | Sequence[float] | None = None,
             force: Sequence[float | str | Formula] | None = None,
             moment: Sequence[float | str | Formula] | None = None,
+            folder: Path | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
         check_fields(self, self.kind)
+        self._check_source()
         self._check_dimension()
+        if self.mesh is None or self.folder is not None:  # else its file is not known yet
+            self._check_form()
+
+    def opened(self, folder: Path) -> Self:
+        """The same with its file read, whose relative path starts at a folder.
+
+        Raises:
+            KeyedError: The file cannot be read, or its surface is none of a body.
+        """
+        return self if self.mesh is None else replace(self, folder=folder)
+
+    def _check_form(self) -> None:
+        """Refuse forms, masses and inertias that no body has."""
         if cuts := getattr(self.shape, "symmetry", ()):
             text = f" = {show(list(cuts))} makes parts of solids: remove it, a rigid body is whole."
             raise KeyedError(self.kind, "shape.symmetry", text)
         try:
             volume = self.form.volume
         except KeyedError as error:
+            if self.mesh is not None:
+                raise
             raise error.moved("").under("shape", self.kind) from None
         if not math.isfinite(volume) or volume <= 0.0:
-            raise KeyedError(self.kind, "shape", " has no usable volume: give SI units.")
+            raise KeyedError(
+                self.kind,
+                "shape" if self.shape else "mesh",
+                " has no usable volume: give SI units.",
+            )
         self._check_mass()
         self._check_inertia()
         self._check_formulas()
@@ -126,12 +168,19 @@ class RigidBody(BodyKind):
     @cached_property
     def form(self) -> Form:
         """What the shape amounts to, before the body is turned."""
+        if self.shape is None:
+            return form_of_surface(closed_surface(self, self.dim), self.position)
         return form_of(self.shape)
+
+    @property
+    def figure(self) -> str:
+        """Word for its shape."""
+        return "body" if self.shape is None else self.shape.kind
 
     @property
     def dim(self) -> int:
         """Number of coordinates."""
-        return self.shape.dim
+        return (2 if self.model == MODELS[0] else 3) if self.shape is None else self.shape.dim
 
     @property
     def turns_far(self) -> bool:
@@ -147,6 +196,16 @@ class RigidBody(BodyKind):
     def has_corners(self) -> bool:
         """Whether it is no single ball."""
         return len(self.form.nodes) > 1
+
+    @property
+    def is_convex(self) -> bool:
+        """Whether it is its own convex hull."""
+        return self.form.convex
+
+    @property
+    def hull_corners(self) -> int:
+        """Number of corners of its convex hull, or of centres of its balls and rims."""
+        return len(self.form.nodes)
 
     @property
     def turns(self) -> int:
@@ -226,6 +285,16 @@ class RigidBody(BodyKind):
             value = [e.plain if isinstance(e, Formula) else e for e in value]
         return KeyedError(self.kind, name, f" = {show(value)}{text}")
 
+    def _check_source(self) -> None:
+        """Refuse bodies without a shape or file, with both, or with keys of the other one."""
+        if (self.shape is None) == (self.mesh is None):
+            given = "neither is" if self.mesh is None else "mesh is too"
+            text = f": {given} given; give a shape, or mesh = a file."
+            raise KeyedError(self.kind, "shape", text)
+        for name, usual in (("scale", 1.0), ("mesh_size", None), ("position", None)):
+            if self.mesh is None and getattr(self, name) != usual:
+                raise self._fail(name, " is for mesh, and a shape is given: remove it.")
+
     def _check_dimension(self) -> None:
         """Refuse what does not fit the number of coordinates."""
         dim = self.dim
@@ -234,7 +303,7 @@ class RigidBody(BodyKind):
             raise self._fail(
                 "model", f", but the shape has {dim} coordinates: give {show(fitting)}."
             )
-        for name in ("center_of_mass", "velocity", "force"):
+        for name in ("position", "center_of_mass", "velocity", "force"):
             value = getattr(self, name)
             if value is not None and len(value) != dim:
                 raise self._fail(

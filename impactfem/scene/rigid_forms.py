@@ -6,13 +6,14 @@ determinant of their corners, int x x^T = det / (d + 2)! (sum of a a^T, and s s^
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.scene.closed_surface import ClosedSurface
 from impactfem.scene.rigid_shapes import Capsule, Hull
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.shapes import Block, Cylinder, Disc, Ring, Sphere
@@ -22,6 +23,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _FLAT = 1e-9  # volume of a hull, as a share of that of a cube of its size, that counts as none
+_BULGE = 1e-4  # share by which the hull of a convex body may be larger: files round
 _ROUND = 48  # corners of circles in pictures
 _ALONG_RIM = 8  # places of a rim that can touch at once: its lowest one, and others beside it
 
@@ -41,6 +43,7 @@ class Form:
         rim: Of places on circles around the nodes, from the lowest one on: radius [m] times cosine
             and sine of the angle, (nodes, 2); empty without any.
         axis: Of the circles, (3,).
+        convex: Whether it is its own convex hull.
     """
 
     volume: float
@@ -52,6 +55,7 @@ class Form:
     cells: Integers
     rim: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     axis: Floats = field(default_factory=lambda: np.zeros(3))
+    convex: bool = True
 
     @property
     def dim(self) -> int:
@@ -88,6 +92,25 @@ def form_of(shape: Any) -> Form:
         KeyedError: It has no volume.
     """
     return _FORMS[type(shape)](shape).turned(getattr(shape, "angle", 0.0))
+
+
+def form_of_surface(surface: ClosedSurface, place: Sequence[float] | None) -> Form:
+    """What a closed surface amounts to, its origin at a place [m].
+
+    What it may touch, half-spaces and hollow round obstacles, it touches with corners of its convex
+    hull: distances from these are concave, least over a body at such a corner.
+    """
+    points = surface.points + (0.0 if place is None else np.asarray(place, dtype=float))
+    volume, centre, second = polytope(points, surface.simplices)
+    hull = _hull_of(points[np.unique(surface.simplices)])
+    nodes, convex = hull.nodes, hull.volume <= volume * (1.0 + _BULGE)
+    cells = surface.cells
+    if cells is None:
+        fan = np.full((len(surface.simplices), 1), len(points))
+        cells, points = np.hstack([fan, surface.simplices]), np.vstack([points, centre])
+    return Form(
+        volume, centre, second, nodes, np.zeros(len(nodes)), points, cells, convex=convex
+    )  # fmt: skip
 
 
 def polytope(corners: Floats, simplices: Integers) -> tuple[float, Floats, Floats]:

@@ -19,6 +19,7 @@ from impactfem.scene.probes import MAX_PROBES, Probe
 from impactfem.scene.schema import (
     TOP,
     DataclassLike,
+    KeyedError,
     check_fields,
     check_keys,
     from_table,
@@ -76,9 +77,26 @@ class Scene(Content):
         check_fields(self, "")
         if self.folder is not None:  # absolute, so that a later change of folder does no harm
             object.__setattr__(self, "folder", _absolute(self.folder))
+        self._open_files()
         check_scene(self, gravity)
         if not self.bars and not isinstance(self.gravity, PiecewiseVector):
             object.__setattr__(self, "gravity", PiecewiseVector((0.0,), ((0.0,) * self.dim,)))
+
+    def _open_files(self) -> None:
+        """Read the files of rigid bodies and obstacles, where this scene lies.
+
+        Raises:
+            KeyedError: naming the key.
+        """
+        folder = _absolute(self.folder or "")
+        for heading, name in (("body", "bodies"), ("obstacle", "obstacles")):
+            found = []
+            for index, entry in enumerate(getattr(self, name)):
+                try:
+                    found.append(entry.opened(folder))
+                except KeyedError as error:
+                    raise error.moved(f"{heading}[{index}]") from None
+            object.__setattr__(self, name, tuple(found))
 
     @property
     def mesh_path(self) -> Path | None:
@@ -154,7 +172,7 @@ class Scene(Content):
                 lies in that folder, absolute otherwise.
         """
         data = self.to_dict()
-        for home in (*data["body"], data["solve"]):
+        for home in (*data["body"], *data["obstacle"], data["solve"]):
             for name in ("mesh", "file"):
                 given = home.get(name)
                 if folder is not None and given and not Path(given).is_absolute():

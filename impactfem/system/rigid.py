@@ -84,7 +84,7 @@ class Rigid(FewBodies):
             the axis, (nodes, 3).
         loads: What acts besides gravity; None if nothing does.
         picture: Points [m], (points, 3), along the axes of the body, and cells of its picture.
-        shape: What edges and faces of others meet, along its axes from the centre.
+        shape: What edges and faces of others meet, along its axes from the centre; None if none.
         markers: Nodes in its place that stand for all of it, and followers, which move with the
             centre and have arms along the axes of space (`impactfem.contact.convex_pairs`); none
             where no edges and faces meet it.
@@ -100,7 +100,7 @@ class Rigid(FewBodies):
     lowest: Floats
     loads: Loads | None
     picture: tuple[Floats, Integers]
-    shape: Convex
+    shape: Convex | None
     markers: Integers
     unit: float
 
@@ -115,7 +115,7 @@ class Rigid(FewBodies):
     @property
     def convex(self) -> tuple[Convex, Integers, float, int] | None:
         """What edges and faces meet, if any may."""
-        return (self.shape, self.markers, self.unit, self.dim) if len(self.markers) else None
+        return None if self.shape is None else (self.shape, self.markers, self.unit, self.dim)
 
     @property
     def figured(self) -> Mapping[str, float | list[list[float]]]:
@@ -180,9 +180,10 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         rolling[nodes] *= not waves.get(name, False)
     arms = in_space(np.tile(form.nodes - center, (copies, 1)))
     radius = np.tile(form.radius, copies)
-    count, shape = len(arms), _shape(body)
+    count, shape = len(arms), None
     unit, markers = _MARKED * form.volume ** (1.0 / dim), np.zeros(0, dtype=np.int64)
     if len(partners) < len({*faces, *others}) or len(obstacles) < len(named):
+        shape = _shape(body)
         markers = count + np.arange(1 + dim + dim * shape.rounds)
         arms = np.vstack([arms, np.zeros((len(markers), 3))])
         arms[markers[1 : dim + 1]] = unit * np.eye(3)[:dim]
@@ -230,7 +231,7 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         lines=np.zeros((0, 2), dtype=np.int64),
         ends={},
         rate=lambda: spin,
-        words=f"a rigid {body.shape.kind}",
+        words=f"a rigid {body.figure}",
         inertia=inertia,
         arms=arms,
         meets=meets,

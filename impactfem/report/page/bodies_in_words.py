@@ -268,7 +268,8 @@ def _mechanism(_: Scene, body: Any) -> str:
 
 
 def _rigid(_: Scene, body: Any) -> str:
-    text = f"A rigid {body.shape.kind} of mass {quantity(body.total_mass, 'kg')}"
+    drawn = "" if body.mesh is None else f" from {body.mesh}"
+    text = f"A rigid {body.figure}{drawn} of mass {quantity(body.total_mass, 'kg')}"
     moments = body.moments
     if body.dim == 2:
         text += f" and moment of inertia {quantity(float(moments[0, 0]), 'kg m²')}"

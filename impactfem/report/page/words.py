@@ -85,6 +85,11 @@ def _polyline(scene: Scene, line: Any) -> str:
     return f"A chain of straight pieces {shown}{more} [m]{drawn}; bodies stay on its left."
 
 
+def _mesh(_: Scene, stone: Any) -> str:
+    count = len(stone.surface.simplices)
+    return f"A surface of {count} triangles, from {stone.mesh}; bodies stay {stone.side} it."
+
+
 _OBSTACLES: Mapping[str, Callable[[Scene, Any], str]] = {
     "wall": _wall,
     "half_space": _half_space,
@@ -92,6 +97,7 @@ _OBSTACLES: Mapping[str, Callable[[Scene, Any], str]] = {
     "cylinder": _cylinder,
     "box": _box,
     "polyline": _polyline,
+    "mesh": _mesh,
 }
 
 

@@ -11,13 +11,14 @@ from impactfem.scene.obstacles.base import SIDES, Field, RigidObstacle
 from impactfem.scene.obstacles.box import RigidBox
 from impactfem.scene.obstacles.cylinder import RigidCylinder
 from impactfem.scene.obstacles.half_space import HalfSpace
+from impactfem.scene.obstacles.mesh import RigidMesh
 from impactfem.scene.obstacles.polyline import RigidPolyline
 from impactfem.scene.obstacles.sphere import RigidSphere
 from impactfem.scene.obstacles.wall import Wall
 
 __all__ = [
     "OBSTACLES", "SIDES", "Field", "HalfSpace", "Rigid", "RigidBox", "RigidCylinder",
-    "RigidObstacle", "RigidPolyline", "RigidSphere", "Wall",
+    "RigidMesh", "RigidObstacle", "RigidPolyline", "RigidSphere", "Wall",
 ]  # fmt: skip
 
 type Rigid = RigidObstacle
@@ -31,6 +32,7 @@ OBSTACLES: Mapping[str, type[Any]] = {
         RigidCylinder,
         RigidBox,
         RigidPolyline,
+        RigidMesh,
     )
 }
 """All kinds by name."""

@@ -6,6 +6,7 @@ obstacle is revolved about the axis, as the body is.
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -95,6 +96,10 @@ class RigidObstacle:
     def moves(self) -> bool:
         """Whether it moves or turns."""
         return self.motion is not None or self.rotation is not None
+
+    def opened(self, folder: Path) -> Self:  # noqa: ARG002  (of those that have files)
+        """The same with its file read, whose relative path starts at a folder."""
+        return self
 
     @property
     def in_space(self) -> "RigidObstacle":

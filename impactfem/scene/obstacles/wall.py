@@ -1,7 +1,8 @@
 """The wall of bars."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from pathlib import Path
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -36,6 +37,10 @@ class Wall:
     def gap(self, points: Floats) -> Field:
         """Distances of places (points, 1) from it, shape (points,), and normals, (points, 1)."""
         return points[:, 0], np.ones((len(points), 1))
+
+    def opened(self, folder: Path) -> Self:  # noqa: ARG002  (as the interface has it)
+        """The same: it has no file."""
+        return self
 
     @property
     def in_space(self) -> HalfSpace:

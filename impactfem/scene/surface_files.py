@@ -1,0 +1,205 @@
+"""Closed surfaces from files: STL is read here, meshes and geometry by Gmsh in its own process."""
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.scene.closed_surface import ClosedSurface, crossed, faults, signed_volume, told
+from impactfem.scene.schema import KeyedError
+from impactfem.scene.values import show
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+SURFACE_FILES = (".stl", ".msh", ".step", ".stp")
+MESH_SIZE = "length of the edges of a STEP file's elements; required with one"
+SCALE = "metres in a unit of the file (a STEP file knows its own)"
+
+_STEP = (".step", ".stp")
+_MILLIMETRE = 1e-3  # in m: Gmsh gives the lengths of STEP files in mm
+_SAME = 1e-7  # share of the size below which places are one: STL files have single precision
+_OFF_PLANE = 1e-9  # share of the size by which a node may miss z = 0
+_FACETS = {
+    3: ((0, 1), (1, 2), (2, 0)),
+    4: ((1, 2, 3), (0, 2, 1), (0, 3, 2), (0, 1, 3)),
+}  # by the number of corners of a cell, outwards
+_LAUNCHER = re.compile(r"(PMI|MPI|OMPI|PRTE|HYDRA|SLURM)")
+_PROGRAM = """
+import sys
+import numpy as np
+source, target, size = sys.argv[1:]
+try:
+    import gmsh
+except (ImportError, OSError) as error:
+    sys.exit(f"Gmsh cannot be loaded ({error}); pip install 'impactfem[fem]'")
+gmsh.initialize(readConfigFiles=False, interruptible=False)
+gmsh.option.setNumber("General.Terminal", 0)
+gmsh.option.setNumber("General.NumThreads", 1)
+gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+try:
+    gmsh.open(source)
+    if float(size):
+        gmsh.option.setNumber("Mesh.MeshSizeMin", float(size))
+        gmsh.option.setNumber("Mesh.MeshSizeMax", float(size))
+        gmsh.model.mesh.generate(3)
+except Exception as error:
+    sys.exit(f"Gmsh says: {error}")
+mesh = gmsh.model.mesh
+tags, points, _ = mesh.getNodes()
+found = {"tags": tags, "points": points}
+found |= {f"cells{count}": mesh.getElementsByType(kind)[1] for kind, count in ((2, 3), (4, 4))}
+others = [kind for kind in mesh.getElementTypes() if kind not in (1, 2, 4, 15)]
+kinds = [mesh.getElementProperties(kind)[0] for kind in others]
+np.savez(target, others=np.array(kinds, dtype=str), **found)
+"""
+
+
+def closed_surface(body: Any, dim: int) -> ClosedSurface:
+    """The surface in the file that a body or obstacle names, in its unit of length.
+
+    Args:
+        body: With the keys ``mesh``, ``scale`` and ``mesh_size``, and the folder of its scene.
+        dim: Number of coordinates.
+
+    Raises:
+        KeyedError: The file cannot be read, or its surface is none of a body.
+    """
+    path = Path(body.folder or "", body.mesh)
+    given = f" = {show(body.mesh)}"
+    step = path.suffix.lower() in _STEP
+    if step != (body.mesh_size is not None):
+        shown = "" if step else f" = {body.mesh_size:g}"
+        text = " is missing: a STEP file needs it; give it in m." if step else ": the file holds "
+        raise KeyedError(
+            body.kind, "mesh_size", shown + text + "its elements; remove it." * (not step)
+        )
+    try:
+        known = path.stat()
+        return _read(
+            path, (known.st_mtime_ns, known.st_size), dim, body.scale, body.mesh_size or 0.0
+        )
+    except _FaultError as error:
+        text = f"{given} {error.args[0]}: {error.args[1]} (the file is {path})."
+    except OSError as error:
+        text = f"{given} cannot be read ({error.strerror or error}): check it, relative paths "
+        text += f"start at the scene file (looked for {path})."
+    raise KeyedError(body.kind, "mesh", text)
+
+
+class _FaultError(Exception):
+    """What is wrong with a file, and what to do."""
+
+
+@lru_cache(maxsize=32)
+def _read(
+    path: Path, known: tuple[int, int], dim: int, scale: float, size: float
+) -> ClosedSurface:  # fmt: skip
+    """The surface in a file; `known` tells its contents apart."""
+    del known
+    cells: Integers | None = None
+    if path.suffix.lower() == ".stl":
+        if dim == 2:
+            raise _FaultError("is a surface in space", "in the plane give a .msh file")
+        points, simplices = _merged(_stl(path.read_bytes()))
+    else:
+        step = path.suffix.lower() in _STEP
+        if step and dim == 2:
+            raise _FaultError("is geometry in space", "in the plane give a .msh file")
+        unit = _MILLIMETRE if step else 1.0
+        points, simplices, cells = _by_gmsh(path, dim, size / unit)
+        points = unit * points
+    points = scale * points
+    if fault := next(faults(points, simplices), None):
+        raise _FaultError(*fault)
+    if signed_volume(points, simplices) < 0.0:
+        simplices = simplices[:, ::-1]
+    found = ClosedSurface(points, np.ascontiguousarray(simplices), cells)
+    if dim == 3 and (place := crossed(found)) is not None:
+        raise _FaultError(
+            f"crosses itself near ({told(place)})", "give the outside of one body only"
+        )
+    return found
+
+
+def _stl(content: bytes) -> Floats:
+    """Corners of the triangles of an STL file, (triangles, 3, 3)."""
+    count = int.from_bytes(content[80:84], "little")
+    if len(content) >= 84 and len(content) == 84 + 50 * count:
+        layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+        return np.frombuffer(content, layout, offset=84)["corners"].astype(np.float64)
+    entries = re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", content)
+    try:
+        corners = np.array(entries, dtype=np.float64)
+    except ValueError:
+        corners = np.zeros((1, 3))
+    if not content.lstrip().startswith(b"solid") or len(corners) % 3:
+        raise _FaultError("is no STL file, or is cut off", "export it again")
+    return corners.reshape(-1, 3, 3)
+
+
+def _merged(corners: Floats) -> tuple[Floats, Integers]:
+    """Points, and triangles between them: places that are one in single precision become one."""
+    from scipy.sparse import coo_matrix  # noqa: PLC0415  (slow to load)
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415
+    from scipy.spatial import cKDTree  # noqa: PLC0415
+
+    points, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    if not len(points) or not np.isfinite(points).all():
+        return points, index.reshape(-1, 3)
+    near = cKDTree(points).query_pairs(
+        _SAME * float(np.ptp(points, axis=0).max()), output_type="ndarray"
+    )
+    links = coo_matrix((np.ones(len(near)), near.T), shape=(len(points),) * 2)
+    _, label = connected_components(links, directed=False)
+    _, first = np.unique(label, return_index=True)
+    triangles = label[index].reshape(-1, 3)
+    some = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    return points[first], triangles[some].astype(np.int64)
+
+
+def _by_gmsh(path: Path, dim: int, size: float) -> tuple[Floats, Integers, Integers | None]:
+    """Points, facets of the boundary and cells of a mesh; of a surface mesh its triangles."""
+    path.read_bytes()[:1]  # an error of the system says more than Gmsh's
+    environment = {name: value for name, value in os.environ.items() if not _LAUNCHER.match(name)}
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder, "mesh.npz")
+        done = subprocess.run(  # noqa: S603  (our own program)
+            [sys.executable, "-P", "-c", _PROGRAM, str(path), str(target), repr(size)],
+            env=environment, stdin=subprocess.DEVNULL, capture_output=True, check=False,
+        )  # fmt: skip
+        if done.returncode or not target.exists():
+            said = done.stderr.decode(errors="replace").strip().splitlines() or ["no mesh"]
+            raise _FaultError(f"is not read: {said[-1][:300]}", "correct it, or export it again")
+        with np.load(target) as file:
+            given = dict(file)
+    if others := given["others"].tolist():
+        text = f"has elements {', '.join(map(show, others))}"
+        raise _FaultError(text, "give triangles or tetrahedra of first order")
+    number = np.zeros(int(given["tags"].max(initial=0)) + 1, dtype=np.int64)
+    number[given["tags"].astype(np.int64)] = np.arange(len(given["tags"]))
+    points = given["points"].reshape(-1, 3)
+    flat, solid = (number[given[f"cells{k}"].astype(np.int64)].reshape(-1, k) for k in (3, 4))
+    if dim == 2:
+        extent = float(np.ptp(points, axis=0).max(initial=0.0))
+        if len(solid) or np.abs(points[:, 2]).max(initial=0.0) > _OFF_PLANE * extent:
+            raise _FaultError("does not lie in the plane z = 0", 'draw it there, or give "3d"')
+        points = np.ascontiguousarray(points[:, :2])
+    elif not len(solid):
+        return points, flat, None
+    cells = flat if dim == 2 else solid
+    corners = points[cells]
+    turned = np.linalg.det(corners[:, 1:] - corners[:, :1]) < 0.0
+    cells[turned] = cells[turned][:, [1, 0, *range(2, dim + 1)]]
+    facets = cells[:, np.array(_FACETS[dim + 1])].reshape(-1, dim)
+    _, index, counts = np.unique(
+        np.sort(facets, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    return points, facets[counts[index.ravel()] == 1], cells
