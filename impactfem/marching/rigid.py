@@ -296,26 +296,29 @@ class RigidMidpoint(FewInterior):
         return self._summed(0.0)
 
     def inertia(self) -> list[Floats]:
-        """About its centre in the plane [kg m^2]; in space 0: its attitude is summed up."""
-        return [self.bodies.inertia[2:, 2:] if self._dim == 2 else np.zeros((3, 3))]
+        """0: its attitude is summed up, which steps do not turn by just its mean spin."""
+        turns = self._dim * (self._dim - 1) // 2
+        return [np.zeros((turns, turns))]
 
     def _summed(self, work: float) -> list[Sums]:
         dim, bodies, mass = self._dim, self.bodies, self._mass
         none, turns = np.zeros(dim), dim * (dim - 1) // 2
         if not self.counts:
-            still = None if dim == 2 else np.zeros(18)
-            return [Sums(0.0, 0.0, 0.0, none, none, np.zeros(turns), still)]
+            return [Sums(0.0, 0.0, 0.0, none, none, np.zeros(turns), np.zeros(2 * dim**2))]
         speed, spin = self._split(self._v)
         own = bodies.inertia @ spin
         kinetic = 0.5 * (mass * float(speed @ speed) + float(spin @ own))
         moved = mass * (self._q[:dim] - bodies.position[:dim])
-        attitude = None
-        if dim == 3:
-            rotated, size = self._turn, np.trace(bodies.inertia)
-            own = rotated @ own
+        rotated = self._turn
+        own = rotated @ own
+        if dim == 2:
+            size, rotated = bodies.inertia[2, 2], rotated[:2, :2]
+            second = 0.5 * size * np.eye(2)
+        else:
+            size = np.trace(bodies.inertia)
             second = 0.5 * size * np.eye(3) - rotated @ bodies.inertia @ rotated.T
-            # Its polar factor is asked for only: of a rod the moments of mass would not have one.
-            attitude = np.concatenate([(size * rotated).ravel(), second.ravel()])
+        # Its polar factor is asked for only: of a rod the moments of mass would not have one.
+        attitude = np.concatenate([(size * rotated).ravel(), second.ravel()])
         return [Sums(kinetic, 0.0, work, mass * speed[:dim], moved, own[3 - turns :], attitude)]
 
     def drawn(self, body: int, name: str) -> Shape:  # noqa: ARG002  (it is one)

@@ -289,6 +289,10 @@ def body_motions(
             turn = _rotation(np.vstack([start, march.interior.dt * each_layer]))
         elif attitudes[:, k].any() and (part is None or _turns_freely(part, whole)):
             turn, spin = attitude(attitudes[:, k], spun[:, 3 - turns :], whole)
+            if part is None and turns == 1:  # counted from the angle at t = 0 on
+                bodies_of, body = few[k - len(model.parts)]
+                whole_turns = np.round((bodies_of.angles[body] - turn[0]) / (2.0 * np.pi))
+                turn = turn + 2.0 * np.pi * whole_turns
         bodies[name] = BodyMotion(position, own / mass, turn, spin)
     told = angular[:, 3 - turns :] if turns else None
     return momentum, told, {b.name: bodies[b.name] for b in model.scene.bodies}

@@ -74,6 +74,8 @@ def test_pendulum_has_its_period_to_second_order_and_keeps_energy():
         k = int(np.flatnonzero((rate[1:-1] > 0.0) & (rate[2:] <= 0.0))[0]) + 1
         errors.append(time[k] + rate[k] * dt / (rate[k] - rate[k + 1]) - exact)
         assert drift(history["total_energy"].values) < 1e-13
+        # The angle told is that of the body, not the sum of its spins.
+        assert np.abs(history["bob.angle"].values - history["pin.q"].values).max() < 1e-13
         reach = np.hypot(history["bob.x"].values, history["bob.y"].values)
         assert np.abs(reach - 1.0).max() < 1e-15
         # The pull of the pin by hand: weight along the string and the centripetal force.
