@@ -66,11 +66,19 @@ def stack(dim, masses, mu, duration, dt=1e-3):
     return np.abs(forces / weights - 1.0).max(), moved.max()
 
 
-@pytest.mark.parametrize(("dim", "mu"), [(2, 0.0), (3, 0.0)])
+@pytest.mark.parametrize(("dim", "mu"), [(2, 0.0), (3, 0.0), (2, 0.3), (3, 0.3)])
 def test_ten_boxes_rest_on_each_other(dim, mu):
-    missed, moved = stack(dim, [1.0] * 10, mu, 0.02)
+    missed, moved = stack(dim, [1.0] * (10 if mu == 0.0 or dim == 2 else 3), mu, 0.02)
     assert missed < 1e-8
-    assert moved < 1e-12
+    assert moved < 1e-11
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+@pytest.mark.parametrize("masses", [[1.0, 1e4], [1e4, 1.0], [1.0, 10.0, 100.0, 1e3, 1e4]])
+def test_stacks_of_very_different_masses_rest(masses, mu):
+    missed, moved = stack(3, masses, mu, 0.02)
+    assert missed < 1e-8
+    assert moved < 1e-11
 
 
 # Impact at one place with the speed w: J = (1 + e) w / k, where k sums 1 / m + (a x n)^2 / I.
