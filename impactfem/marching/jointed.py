@@ -188,6 +188,7 @@ class Jointed(Composite):
         start, spins = _stacked(frames), _stacked(rates)
         begun = self._coordinates(self._terms)
         offsets = np.where(joints.holding, joints.start, 0.0)
+        slid = self._slides.copy()
         for _ in range(_MOST):
             given = [(np.zeros(3), np.zeros(3)), *(part.impulses() for part in self._held)]
             self._laws = self._laws_now(begun)
@@ -197,6 +198,9 @@ class Jointed(Composite):
                 self._terms, joints.masses, dt, self._sizes,
             )  # fmt: skip
             state, self._acting, *moving, self._ends, self._gradient, _ = _solved(known, joints)
+            if state != FOUND and self._let_go(slid):
+                self._acting = np.zeros(joints.count)
+                continue
             if state != FOUND:
                 why = (
                     "turn too far in a step" if state == FAST else "cannot be held by their joints"
@@ -219,6 +223,16 @@ class Jointed(Composite):
                 f"{self._time:.6g} s; use a smaller solve.dt"
             )
         self._reaction = None
+
+    def _let_go(self, slid: Floats) -> bool:
+        """Let slide what cannot be held, by any force: a linkage near a dead point.
+
+        Args:
+            slid: How it slid in the layer before; now it goes the other way.
+        """
+        held = (self._joints.rubbing >= 0) & (self._slides == 0.0) & (slid != 0.0)
+        self._slides[held] = -slid[held]
+        return bool(held.any())
 
     def _looked(self, k: int, begun: Floats, ended: Floats) -> bool:
         """Whether the motor of a joint gives what it was thought to."""
@@ -302,8 +316,13 @@ class Jointed(Composite):
         return self._joints.masses[0], free
 
     def _reactions(self, weighed: Floats, light: Floats, free: Floats) -> Floats:
-        """Impulses of the rows that take back unit ways of them, (rows, rows)."""
-        joints, laws = self._joints, self._laws
+        """Impulses of the rows that take back unit ways of them, (rows, rows).
+
+        Contact is not held by dry friction, whose force is bounded: what it can hold it holds when
+        joints are solved again.
+        """
+        joints, laws = self._joints, self._laws.copy()
+        laws[joints.rubbing[joints.rubbing >= 0]] = 0.0, 1.0, 0.0
         terms = joints.terms
         matrix = delassus(terms.rows, terms.bodies, weighed, weighed, joints.count, light, free)
         matrix = 0.5 * self.dt * laws[:, :1] * matrix + np.diag(laws[:, 1])

@@ -361,8 +361,25 @@ class RigidMidpoint(FewInterior):
         return np.asarray((centre + arms @ turn.T)[:, : self._dim])
 
     def acting(self, body: int, forces: Floats) -> Floats:  # noqa: ARG002  (it is one)
-        """Contact forces [N] at these places by those on the contact nodes, (nodes, dim) each."""
-        return np.vstack([forces, np.zeros((len(self.bodies.picture[0]), self._dim))])
+        """Contact forces [N] at these places by those on the contact nodes, (nodes, dim) each.
+
+        What acts on nodes that stand for the whole body is shown as its resultant, at the point of
+        the picture where that comes in.
+        """
+        own, (points, _) = self.bodies.markers, self.bodies.picture
+        shown, others = forces, np.zeros((len(points), self._dim))
+        if len(own) and forces[own].any():
+            shown = forces.copy()
+            shown[own] = 0.0
+            each = in_space(forces[own])
+            force, moment = each.sum(axis=0), _moments(self._acting[own], each)
+            if (size := float(np.linalg.norm(force))) > 0.0:
+                way = force / size
+                beside = points @ self._turn.T - np.cross(way, moment) / size
+                along = beside @ way
+                off = np.linalg.norm(beside - along[:, None] * way, axis=1)
+                others[np.argmin(off + np.maximum(along, 0.0))] = force[: self._dim]
+        return np.vstack([shown, others])
 
 
 _NOTHING, _NOWHERE = np.zeros(3), np.zeros((1, 3))

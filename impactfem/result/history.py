@@ -68,7 +68,7 @@ BODY_COLUMNS: Mapping[str, tuple[str, str]] = {
 
 PAIR_COLUMNS: Mapping[str, tuple[str, str]] = {
     "force": ("N", "sum of the normal forces of the pair during (t_{m-1}, t_m], without impacts"),
-    "gap": ("m", "smallest gap of the pair"),
+    "gap": ("m", "smallest gap of the pair; NaN while it is too far to be looked at"),
     "tangential_force": (
         "N",
         (

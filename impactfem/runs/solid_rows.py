@@ -102,7 +102,7 @@ def solids_motion(
     history = make_history(
         Columns(
             time=march.interior.dt * np.arange(done, dtype=np.float64),
-            gap=_clean(np.where(np.isfinite(rows.gap), rows.gap, np.nan), model, march),
+            gap=_clean(np.where(rows.gap < 0.5 * FAR, rows.gap, np.nan), model, march),
             contact_force=of_layers(scheme, rows.force) + 0.0,  # no negative zeros
             kinetic_energy=together[:, 0],
             elastic_energy=elastic,
