@@ -10,7 +10,6 @@ at the end of a layer and would go on outwards, its rate turns to -e times that 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,47 +18,18 @@ from numpy.typing import NDArray
 from impactfem.errors import ConvergenceError
 from impactfem.marching.composite import Composite
 from impactfem.marching.joint_kernels import FAST, FOUND, joined
+from impactfem.marching.joint_states import JointStates
 from impactfem.marching.layers import Interior, Sums
 from impactfem.marching.rigid import RigidMidpoint
 from impactfem.result.history import LOST
-from impactfem.scene import Formula
 from impactfem.system.joint_kernels import DOT, at_gradients, delassus
 from impactfem.system.joints import Joints
 
 Floats = NDArray[np.float64]
 
 _MOST = 50  # looks for forces by formula, and for what slips, stops or lets go in a layer
-_SETTLED = 1e-12  # change of a motor's force, as a share of it
 _ROUNDING = 64.0 * float(np.finfo(float).eps)  # of places in a row
-_STEP = 1e-6  # of coordinates and rates where motors are differentiated
 _RANK = 1e-9  # as of `impactfem.system.joints`
-
-
-@dataclass
-class _Drive:
-    """A motor about the last look: constant - stiffness q - damping v; the force it gave."""
-
-    formula: Formula
-    constant: float = 0.0
-    stiffness: float = 0.0
-    damping: float = 0.0
-    force: float = 0.0
-
-    def look(self, t: float, q: float, v: float) -> bool:
-        """Follow it at a time, coordinate and rate; whether it is as it was thought."""
-        formula = self.formula
-        self.force = float(formula(t=t, q=q, v=v))
-        thought = self.constant - self.stiffness * q - self.damping * v
-        if abs(self.force - thought) <= _SETTLED * abs(self.force):
-            return True
-        slopes = []
-        for at, name in ((q, "q"), (v, "v")):
-            h = _STEP * max(1.0, abs(at))
-            ends = [formula(**({"t": t, "q": q, "v": v} | {name: at + s * h})) for s in (1, -1)]
-            slopes.append(-float(ends[0] - ends[1]) / (2.0 * h))
-        self.stiffness, self.damping = slopes
-        self.constant = self.force + self.stiffness * q + self.damping * v
-        return False
 
 
 class Jointed(Composite):
@@ -92,11 +62,7 @@ class Jointed(Composite):
         self._terms = joints.values_at(joints.places, joints.turns, np.zeros(len(terms.kinds)))
         self._gradient = joints.gradient
         self._rates = joints.rates_now()
-        self._slides = np.sign(np.where(joints.rubbing < 0, 0.0, self._rates[joints.rubbing]))
-        self._stops = np.zeros(each)  # 1: at the lower limit, -1: at the upper one
-        self._drives = {
-            k: _Drive(joint.motor) for k, joint in enumerate(joints.joints) if joint.motor
-        }
+        self._states = JointStates(joints, self._rates, self.dt)
         self._damping = np.array([joint.damping for joint in joints.joints])
         self._struck = False
         reach = np.abs(joints.places).max() + np.abs(terms.arms).max(initial=0.0)
@@ -121,65 +87,6 @@ class Jointed(Composite):
         each = zip(joints.joints, joints.moving, strict=True)
         return float(sum(0.5 * j.stiffness * (rows[r] - joints.rest(j)) ** 2 for j, r in each))
 
-    def _laws_now(self, begun: Floats) -> Floats:
-        """a, b, c of all rows; see `joint_kernels`.
-
-        Args:
-            begun: Rows at the start of the layer.
-        """
-        joints, dt = self._joints, self.dt
-        laws = np.zeros((joints.count, 3))
-        laws[:, 1] = 1.0
-        laws[joints.holding] = 1.0, 0.0, 0.0
-        for row in np.flatnonzero(joints.holding):
-            if (soft := joints.joints[joints.owner[row]].soft) is not None:
-                missing = begun[row] - joints.start[row]
-                laws[row, 1:] = soft.cfm, -(1.0 - soft.erp) * missing
-        for k, (joint, row) in enumerate(zip(joints.joints, joints.moving, strict=True)):
-            if row < 0:
-                continue
-            q, k_all, d_all = begun[row], joint.stiffness, joint.damping
-            given = joint.stiffness * joints.rest(joint)
-            if (drive := self._drives.get(k)) is not None:
-                # Its coordinate counts from where the joint says.
-                given += drive.constant - drive.stiffness * joints.shift(joint)
-                k_all, d_all = k_all + drive.stiffness, d_all + drive.damping
-            half = 0.5 * k_all
-            laws[row] = half + d_all / dt, 1.0 / dt, (half - d_all / dt) * q - given
-            if (own := joints.rubbing[k]) >= 0:
-                sliding = self._slides[k] * dt * joint.friction
-                stopping = 1.0, 0.0, -(q + 0.5 * dt * self._rates[row])
-                # At a limit that holds it friction has nothing left to hold.
-                loose = self._slides[k] or self._stops[k]
-                laws[own] = (0.0, 1.0, sliding) if loose else stopping
-            if (own := joints.stopping[k]) >= 0 and self._stops[k]:
-                way = 0.5 * dt * (1.0 - joint.restitution) * self._rates[row]
-                laws[own] = 1.0, 0.0, -(q + way)
-        return laws
-
-    def _switched(self, begun: Floats, ended: Floats) -> bool:
-        """Whether friction or limits do other than was thought, which is changed."""
-        joints, dt, found = self._joints, self.dt, False
-        for k, (joint, row) in enumerate(zip(joints.joints, joints.moving, strict=True)):
-            slides, stops = self._slides[k], self._stops[k]
-            rate = 2.0 * (ended[row] - begun[row]) / dt - self._rates[row]
-            if (own := joints.rubbing[k]) >= 0:
-                if not slides and abs(self._acting[own]) > dt * joint.friction:
-                    slides = -np.sign(self._acting[own])
-                elif slides * rate < 0.0:
-                    slides = 0.0
-            if (own := joints.stopping[k]) >= 0 and joint.limits is not None:
-                if stops:
-                    stops = 0.0 if stops * self._acting[own] < 0.0 else stops
-                else:
-                    leaving = rate + joint.restitution * self._rates[row]
-                    q = ended[row] + joints.shift(joint)
-                    stops = float(q < joint.limits[0] and leaving < 0.0)
-                    stops -= float(q > joint.limits[1] and leaving > 0.0)
-            found |= slides != self._slides[k] or stops != self._stops[k]
-            self._slides[k], self._stops[k] = slides, stops
-        return found
-
     def _join(self) -> None:
         """Solve the layer of the bodies that joints hold, with what has pushed so far."""
         joints, terms, dt = self._joints, self._joints.terms, self.dt
@@ -188,17 +95,17 @@ class Jointed(Composite):
         start, spins = _stacked(frames), _stacked(rates)
         begun = self._coordinates(self._terms)
         offsets = np.where(joints.holding, joints.start, 0.0)
-        slid = self._slides.copy()
+        slid = self._states.slides.copy()
         for _ in range(_MOST):
             given = [(np.zeros(3), np.zeros(3)), *(part.impulses() for part in self._held)]
-            self._laws = self._laws_now(begun)
+            self._laws = self._states.laws(begun, self._rates)
             known = (
                 terms.kinds, terms.rows, terms.bodies, terms.arms, terms.axes, terms.across,
                 terms.shares, offsets, self._laws, start, spins, _stacked(given), self._acting,
                 self._terms, joints.masses, dt, self._sizes,
             )  # fmt: skip
             state, self._acting, *moving, self._ends, self._gradient, _ = _solved(known, joints)
-            if state != FOUND and self._let_go(slid):
+            if state != FOUND and self._states.let_go(slid):
                 self._acting = np.zeros(joints.count)
                 continue
             if state != FOUND:
@@ -214,8 +121,8 @@ class Jointed(Composite):
             each = list(zip(*moving, strict=True))[1:]
             settled = [part.take(*new) for part, new in zip(self._held, each, strict=True)]
             ended = self._coordinates(self._ends)
-            driven = [self._looked(k, begun, ended) for k in self._drives]
-            if not self._switched(begun, ended) and all(settled) and all(driven):
+            fine = self._states.settled(begun, ended, self._rates, self._acting, self._time)
+            if fine and all(settled):
                 break
         else:
             raise ConvergenceError(
@@ -223,23 +130,6 @@ class Jointed(Composite):
                 f"{self._time:.6g} s; use a smaller solve.dt"
             )
         self._reaction = None
-
-    def _let_go(self, slid: Floats) -> bool:
-        """Let slide what cannot be held, by any force: a linkage near a dead point.
-
-        Args:
-            slid: How it slid in the layer before; now it goes the other way.
-        """
-        held = (self._joints.rubbing >= 0) & (self._slides == 0.0) & (slid != 0.0)
-        self._slides[held] = -slid[held]
-        return bool(held.any())
-
-    def _looked(self, k: int, begun: Floats, ended: Floats) -> bool:
-        """Whether the motor of a joint gives what it was thought to."""
-        joints = self._joints
-        row = joints.moving[k]
-        q = 0.5 * (begun[row] + ended[row]) + joints.shift(joints.joints[k])
-        return self._drives[k].look(self._time, q, (ended[row] - begun[row]) / self.dt)
 
     def predict(self, layer: int) -> Floats:
         """Move all bodies to the end of a layer without contact."""
@@ -316,13 +206,8 @@ class Jointed(Composite):
         return self._joints.masses[0], free
 
     def _reactions(self, weighed: Floats, light: Floats, free: Floats) -> Floats:
-        """Impulses of the rows that take back unit ways of them, (rows, rows).
-
-        Contact is not held by dry friction, whose force is bounded: what it can hold it holds when
-        joints are solved again.
-        """
-        joints, laws = self._joints, self._laws.copy()
-        laws[joints.rubbing[joints.rubbing >= 0]] = 0.0, 1.0, 0.0
+        """Impulses of the rows that take back unit ways of them, (rows, rows)."""
+        joints, laws = self._joints, self._states.unbounded(self._laws)
         terms = joints.terms
         matrix = delassus(terms.rows, terms.bodies, weighed, weighed, joints.count, light, free)
         matrix = 0.5 * self.dt * laws[:, :1] * matrix + np.diag(laws[:, 1])
@@ -347,11 +232,10 @@ class Jointed(Composite):
     def finish(self, layer: int, static: Floats) -> list[Sums]:
         """End the layer of all bodies; sums of each."""
         joints = self._joints
-        if self._struck or self._stops.any():
+        if self._struck or self._states.stops.any():
             self._project()
         found = super().finish(layer, static)
         way = self._coordinates(self._ends) - self._coordinates(self._terms)
-        driven = sum(drive.force * way[joints.moving[k]] for k, drive in self._drives.items())
         # What rows take that are neither held exactly nor springs or motors.
         taken = np.where(joints.hard, 0.0, -self._acting * way / self.dt)
         moving = joints.moving[joints.moving >= 0]
@@ -359,7 +243,7 @@ class Jointed(Composite):
         self._shown[:, 4] += np.bincount(joints.owner, taken, len(joints.joints))
         if self.counts:
             found[self._first].elastic += self._stored(self._ends)
-            found[self._first].work += float(driven)
+            found[self._first].work += self._states.driven(way)
         self._show(self._ends)
         self._terms = self._ends
         return found
@@ -447,24 +331,18 @@ class Jointed(Composite):
 
     def memory(self) -> dict[str, Floats]:
         """What the next layer needs besides the bodies."""
-        drives = [[d.constant, d.stiffness, d.damping] for d in self._drives.values()]
         own = {
             "joints.acting": self._acting.copy(), "joints.terms": self._terms.copy(),
-            "joints.rates": self._rates.copy(), "joints.slides": self._slides.copy(),
-            "joints.stops": self._stops.copy(), "joints.drives": np.array(drives).reshape(-1, 3),
-            "joints.lost": self._shown[:, 4].copy(),
+            "joints.rates": self._rates.copy(), "joints.lost": self._shown[:, 4].copy(),
         }  # fmt: skip
-        return super().memory() | own
+        return super().memory() | own | self._states.memory()
 
     def remember(self, memory: Mapping[str, Floats]) -> None:
         """Go on from what `memory` gave."""
         super().remember(memory)
         self._acting, self._terms = memory["joints.acting"].copy(), memory["joints.terms"].copy()
-        self._rates, self._slides = memory["joints.rates"].copy(), memory["joints.slides"].copy()
-        self._stops = memory["joints.stops"].copy()
-        self._shown[:, 4] = memory["joints.lost"]
-        for drive, kept in zip(self._drives.values(), memory["joints.drives"], strict=True):
-            drive.constant, drive.stiffness, drive.damping = (float(value) for value in kept)
+        self._rates, self._shown[:, 4] = memory["joints.rates"].copy(), memory["joints.lost"]
+        self._states.remember(memory)
 
 
 def _solved(known: Sequence[Any], joints: Joints) -> Any:

@@ -111,7 +111,8 @@ def body(result: Record) -> Figure | None:
         )  # fmt: skip
     if keys := _keys(painter, areas=not maps):
         figure.legend(handles=keys, loc="outside lower center", frameon=False)
-    what = "deformed bodies" if len(result.scene.bodies) > 1 else "deformed body"
+    what = "bodies" if len(result.scene.bodies) > 1 else "body"
+    what = f"deformed {what}" if result.scene.solids else what
     figure.suptitle(_title(result, f"{what}, true to scale"), fontsize=11)
     return figure
 

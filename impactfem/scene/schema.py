@@ -206,11 +206,12 @@ def _hint(name: str, known: list[str], own: str) -> str:
     if _family(own) == "[[obstacle]] with " and {*map(_family, homes)} == {"[[body]] with "}:
         text = "it belongs to bodies, and obstacles move by motion and rotation only; remove it, or"
         return f"{text} give a body."
-    if homes:
-        return f"it belongs to {' or '.join(homes[:3])}; move it there."
     elsewhere = next((other for other in same_as(name) if _homes(other)), "")
     if elsewhere and near not in same_as(name):
-        return f'did you mean "{elsewhere}"? That belongs to {" or ".join(_homes(elsewhere)[:3])}.'
+        meant = f'did you mean "{elsewhere}"? That belongs to {" or ".join(_homes(elsewhere)[:3])}.'
+    if homes:
+        other = f" Or {meant}" if elsewhere else ""
+        return f"it belongs to {' or '.join(homes[:3])}; move it there.{other}"
     return meant
 
 

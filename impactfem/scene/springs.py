@@ -20,9 +20,6 @@ MODELS = ("2d", "3d")
 PATTERNS = ("triangles", "squares", "crossed")
 
 
-_SUPPORTS = ("fixed",)  # kinds of supports that masses know
-
-
 @table('[[body]] with kind = "springs"')
 @dataclass(frozen=True, kw_only=True)
 class SpringNet(BodyKind):
@@ -112,7 +109,7 @@ class SpringNet(BodyKind):
             text = f" has {len(self.velocity)} entries, the body has {self.dim}: give {self.dim}."
             raise self._fail("velocity", text)
         for index, support in enumerate(self.supports):
-            if support.kind not in _SUPPORTS:
+            if support.moves or support.mirrors:
                 text = f' = {show(support.kind)} is not known of springs: give "fixed".'
                 raise KeyedError(self.kind, f"supports[{index}].kind", text)
             known = () if self.shape is None else self.shape.surface_names()

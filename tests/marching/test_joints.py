@@ -12,6 +12,7 @@ from impactfem import (
     Disc,
     HalfSpace,
     Joint,
+    Output,
     RigidBody,
     Scene,
     Solve,
@@ -50,6 +51,7 @@ def run(bodies, joints, duration, dt, gravity=(0.0, -9.81), obstacles=(), contac
     scene = Scene(
         title="joints", duration=duration, gravity=list(gravity), bodies=bodies, joints=joints,
         obstacles=obstacles, contacts=contacts, solve=Solve(dt=dt, estimate=False),
+        output=Output(fields=[]),
     )  # fmt: skip
     return solve(scene).history
 

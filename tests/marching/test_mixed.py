@@ -131,7 +131,8 @@ def test_a_sliding_body_stops_where_coulomb_says(kind):
     assert abs(result.summary["energy"]["unexplained"]) <= 1e-12
     assert result.summary["contact"]["max_force"] == pytest.approx(30.0, rel=1e-9)
     codes = [found["code"] for found in result.summary["verdict"]["findings"]]
-    assert codes == ["no_estimate"]
+    # How a rod shares friction among its ends nobody can say.
+    assert codes == ["no_estimate"] + ["overconstrained"] * (kind == "rod")
     assert result.summary["contact"]["intervals"] == [[0.0, pytest.approx(1.0, rel=1e-9)]]
 
 

@@ -139,7 +139,8 @@ def test_rebounds_that_contact_nodes_do_not_damp_are_told(damping, told):
 def test_division_by_zero_in_a_compiled_loop_gives_no_traceback():
     """The loop looks itself whether numbers are finite."""
     force = np.zeros((1, 2))
-    sweep_cones(np.zeros((2, 2)), -np.ones((1, 2)), np.ones(1), force, 3, 0.0)
+    law = np.ones(1), np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1), np.ones(1)
+    sweep_cones(np.zeros((2, 2)), -np.ones((1, 2)), *law, force, True, 3, 0.0)
     assert not np.isfinite(force).all()
 
 

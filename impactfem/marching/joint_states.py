@@ -1,0 +1,186 @@
+"""What joints do besides holding: springs, motors, dry friction and limits, as laws of rows.
+
+Rates of a layer are taken at its ends: where a coordinate goes from q_a to q_b and its rate was
+v_a, it ends with v_b = 2 (q_b - q_a) / dt - v_a. Dry friction that holds lets it end at rest, a
+limit with -e v_a. States are found as active sets are: laws that turn out to be wrong are changed.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.scene import Formula
+from impactfem.system.joints import Joints
+
+Floats = NDArray[np.float64]
+
+_SETTLED = 1e-12  # change of a motor's force, as a share of it
+_STEP = 1e-6  # of coordinates and rates where motors are differentiated
+
+
+@dataclass
+class Motor:
+    """A motor about the last look: constant - stiffness q - damping v; the force it gave."""
+
+    formula: Formula
+    constant: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+    force: float = 0.0
+
+    def look(self, t: float, q: float, v: float) -> bool:
+        """Follow it at a time, coordinate and rate; whether it is as it was thought."""
+        formula = self.formula
+        self.force = float(formula(t=t, q=q, v=v))
+        thought = self.constant - self.stiffness * q - self.damping * v
+        if abs(self.force - thought) <= _SETTLED * abs(self.force):
+            return True
+        slopes = []
+        for at, name in ((q, "q"), (v, "v")):
+            h = _STEP * max(1.0, abs(at))
+            ends = [formula(**({"t": t, "q": q, "v": v} | {name: at + s * h})) for s in (1, -1)]
+            slopes.append(-float(ends[0] - ends[1]) / (2.0 * h))
+        self.stiffness, self.damping = slopes
+        self.constant = self.force + self.stiffness * q + self.damping * v
+        return False
+
+
+class JointStates:
+    """How joints slide, stop and are driven, from layer to layer.
+
+    Attributes:
+        slides: 1, -1: the way that it slides; 0: friction holds it, or there is none, (joints,).
+        stops: 1: at its lower limit, -1: at its upper one, (joints,).
+        motors: By the place of the joint.
+    """
+
+    def __init__(self, joints: Joints, rates: Floats, dt: float) -> None:
+        """Begin at t = 0.
+
+        Args:
+            joints: The joints.
+            rates: Of their rows, (rows,).
+            dt: Time step [s].
+        """
+        self._joints, self._dt = joints, dt
+        self.slides = np.sign(np.where(joints.rubbing < 0, 0.0, rates[joints.rubbing]))
+        self.stops = np.zeros(len(joints.joints))
+        self.motors = {k: Motor(j.motor) for k, j in enumerate(joints.joints) if j.motor}
+
+    def laws(self, begun: Floats, rates: Floats) -> Floats:
+        """a, b, c of all rows; see `impactfem.marching.joint_kernels`.
+
+        Args:
+            begun: Rows at the start of the layer, (rows,).
+            rates: Their rates there, (rows,).
+        """
+        joints, dt = self._joints, self._dt
+        laws = np.zeros((joints.count, 3))
+        laws[:, 1] = 1.0
+        laws[joints.holding] = 1.0, 0.0, 0.0
+        for row in np.flatnonzero(joints.holding):
+            if (soft := joints.joints[joints.owner[row]].soft) is not None:
+                missing = begun[row] - joints.start[row]
+                laws[row, 1:] = soft.cfm, -(1.0 - soft.erp) * missing
+        for k, (joint, row) in enumerate(zip(joints.joints, joints.moving, strict=True)):
+            if row < 0:
+                continue
+            q, k_all, d_all = begun[row], joint.stiffness, joint.damping
+            given = joint.stiffness * joints.rest(joint)
+            if (motor := self.motors.get(k)) is not None:
+                # Its coordinate counts from where the joint says.
+                given += motor.constant - motor.stiffness * joints.shift(joint)
+                k_all, d_all = k_all + motor.stiffness, d_all + motor.damping
+            half = 0.5 * k_all
+            laws[row] = half + d_all / dt, 1.0 / dt, (half - d_all / dt) * q - given
+            if (own := joints.rubbing[k]) >= 0:
+                sliding = self.slides[k] * dt * joint.friction
+                stopping = 1.0, 0.0, -(q + 0.5 * dt * rates[row])
+                # At a limit that holds it friction has nothing left to hold.
+                loose = self.slides[k] or self.stops[k]
+                laws[own] = (0.0, 1.0, sliding) if loose else stopping
+            if (own := joints.stopping[k]) >= 0 and self.stops[k]:
+                way = 0.5 * dt * (1.0 - joint.restitution) * rates[row]
+                laws[own] = 1.0, 0.0, -(q + way)
+        return laws
+
+    def unbounded(self, laws: Floats) -> Floats:
+        """The laws that contact meets: dry friction, whose force is bounded, does not hold it.
+
+        What it can hold it holds when joints are solved again.
+        """
+        found, rubbing = laws.copy(), self._joints.rubbing
+        found[rubbing[rubbing >= 0]] = 0.0, 1.0, 0.0
+        return found
+
+    def settled(
+        self, begun: Floats, ended: Floats, rates: Floats, acting: Floats, time: float
+    ) -> bool:
+        """Whether motors, friction and limits do what was thought; else it is thought anew.
+
+        Args:
+            begun: Rows at the start of the layer, (rows,).
+            ended: At its end.
+            rates: Their rates at its start, (rows,).
+            acting: Impulses of the rows, (rows,).
+            time: Amid the layer [s].
+        """
+        joints, fine = self._joints, True
+        for k, motor in self.motors.items():
+            row = joints.moving[k]
+            q = 0.5 * (begun[row] + ended[row]) + joints.shift(joints.joints[k])
+            fine &= motor.look(time, q, (ended[row] - begun[row]) / self._dt)
+        return not self._switched(begun, ended, rates, acting) and fine
+
+    def _switched(self, begun: Floats, ended: Floats, rates: Floats, acting: Floats) -> bool:
+        joints, dt, found = self._joints, self._dt, False
+        for k, (joint, row) in enumerate(zip(joints.joints, joints.moving, strict=True)):
+            slides, stops = self.slides[k], self.stops[k]
+            rate = 2.0 * (ended[row] - begun[row]) / dt - rates[row]
+            if (own := joints.rubbing[k]) >= 0:
+                if not slides and abs(acting[own]) > dt * joint.friction:
+                    slides = -np.sign(acting[own])
+                elif slides * rate < 0.0:
+                    slides = 0.0
+            if (own := joints.stopping[k]) >= 0 and joint.limits is not None:
+                if stops:
+                    stops = 0.0 if stops * acting[own] < 0.0 else stops
+                else:
+                    leaving = rate + joint.restitution * rates[row]
+                    q = ended[row] + joints.shift(joint)
+                    stops = float(q < joint.limits[0] and leaving < 0.0)
+                    stops -= float(q > joint.limits[1] and leaving > 0.0)
+            found |= slides != self.slides[k] or stops != self.stops[k]
+            self.slides[k], self.stops[k] = slides, stops
+        return found
+
+    def let_go(self, slid: Floats) -> bool:
+        """Let slide what no force could hold, as a linkage near a dead point; whether there is any.
+
+        Args:
+            slid: How it slid in the layer before; now it goes the other way.
+        """
+        held = (self._joints.rubbing >= 0) & (self.slides == 0.0) & (slid != 0.0)
+        self.slides[held] = -slid[held]
+        return bool(held.any())
+
+    def driven(self, way: Floats) -> float:
+        """Work of the motors in a layer [J], by the ways of the rows (rows,)."""
+        each = (motor.force * way[self._joints.moving[k]] for k, motor in self.motors.items())
+        return float(sum(each))
+
+    def memory(self) -> dict[str, Floats]:
+        """What the next layer needs."""
+        motors = [[m.constant, m.stiffness, m.damping] for m in self.motors.values()]
+        return {
+            "joints.slides": self.slides.copy(), "joints.stops": self.stops.copy(),
+            "joints.motors": np.array(motors).reshape(-1, 3),
+        }  # fmt: skip
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave."""
+        self.slides, self.stops = memory["joints.slides"].copy(), memory["joints.stops"].copy()
+        for motor, kept in zip(self.motors.values(), memory["joints.motors"], strict=True):
+            motor.constant, motor.stiffness, motor.damping = (float(value) for value in kept)
