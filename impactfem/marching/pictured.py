@@ -36,7 +36,8 @@ class Pictured(FewInterior):
         if len(cells):
             corners = places[cells]
             edges = (corners[:, 1:] - corners[:, :1]).swapaxes(1, 2)
-            others = np.linalg.solve(edges, (point - corners[:, 0])[:, :, None])[:, :, 0]
+            # A cell may be flat.
+            others = (np.linalg.pinv(edges) @ (point - corners[:, 0])[:, :, None])[:, :, 0]
             shares = np.hstack([1.0 - others.sum(axis=1, keepdims=True), others])
             at = int(np.argmax(shares.min(axis=1)))
             if shares[at].min() >= -(_ROUND if self.bodies.radius.any() else _NEAR):

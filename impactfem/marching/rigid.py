@@ -11,21 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError
-from impactfem.marching.few import FewInterior
 from impactfem.marching.layers import Sums
+from impactfem.marching.pictured import Pictured
 from impactfem.marching.turn_kernels import turn
-from impactfem.result.shapes import TETRAHEDRON, TRIANGLE, Shape
 from impactfem.scene import PiecewiseVector
 from impactfem.system.rigid import Rigid, frame, in_space
 
 Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
-_NEAR, _ROUND = 1e-9, 0.05  # how far a probe may lie out of the flat or round cells of a picture
 _MOST, _SETTLED = 50, 1e-13  # iterates of forces by formula, and their change
 
 
-class RigidMidpoint(FewInterior):
+class RigidMidpoint(Pictured):
     """Interior of a rigid body; see `impactfem.marching.layers.Interior`."""
 
     bodies: Rigid
@@ -33,7 +30,7 @@ class RigidMidpoint(FewInterior):
     def __init__(self, bodies: Rigid, gravity: PiecewiseVector, dt: float, *, counts: bool) -> None:
         """Begin at t = 0; see `FewInterior`."""
         super().__init__(bodies, gravity, dt, counts=counts)
-        self._dim, count = bodies.dim, len(self._start)
+        self._dim, count, self._cells = bodies.dim, len(self._start), bodies.picture[1]
         self._mass, self._inverse = bodies.masses[0], np.linalg.inv(bodies.inertia)
         self.massive = self.volatile = np.ones(count, dtype=bool)
         self._following = bodies.followers
@@ -320,31 +317,6 @@ class RigidMidpoint(FewInterior):
         # Its polar factor is asked for only: of a rod the moments of mass would not have one.
         attitude = np.concatenate([(size * rotated).ravel(), second.ravel()])
         return [Sums(kinetic, 0.0, work, mass * speed[:dim], moved, own[3 - turns :], attitude)]
-
-    def drawn(self, body: int, name: str) -> Shape:  # noqa: ARG002  (it is one)
-        """Its contact nodes, and cells between points of its surface and its centre."""
-        _, cells = self.bodies.picture
-        kind = TRIANGLE if self._dim == 2 else TETRAHEDRON
-        return Shape(name, self._pictured(self.bodies.position), cells + len(self._start), kind)
-
-    def material(self, body: int) -> Floats:  # noqa: ARG002  (it is one)
-        """Places of the same nodes as probes are given, shape (nodes, dim)."""
-        return self._pictured(self.bodies.position)
-
-    def located(self, body: int, point: Floats) -> tuple[Integers, Floats, bool]:
-        """Corners of the cell of its picture around a place, or of the nearest one."""
-        places, cells = self.material(body), self.bodies.picture[1] + len(self._start)
-        corners = places[cells]
-        edges = (corners[:, 1:] - corners[:, :1]).swapaxes(1, 2)
-        # A cell may be flat.
-        others = (np.linalg.pinv(edges) @ (point - corners[:, 0])[:, :, None])[:, :, 0]
-        shares = np.hstack([1.0 - others.sum(axis=1, keepdims=True), others])
-        at = int(np.argmax(shares.min(axis=1)))
-        inside = bool(shares[at].min() >= -(_ROUND if self.bodies.radius.any() else _NEAR))
-        if inside:
-            return cells[at], shares[at], True
-        nearest = int(np.argmin(np.linalg.norm(places - point, axis=1)))
-        return np.array([nearest]), np.ones(1), False
 
     def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (it is one)
         """Fields at these places now: displacement [m], velocity [m/s], (nodes, dim)."""
