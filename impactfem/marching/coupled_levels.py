@@ -14,20 +14,14 @@ Each iterate of Newton's method solves the law on the compliance of the surface,
 march does; its tangent and what was found of its inverse serve for many levels.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.complementarity import Solver
 from impactfem.contact.followed_pair import FAR
 from impactfem.errors import ConvergenceError
-from impactfem.marching.layers import ContactGaps
-from impactfem.marching.leapfrog_bodies import LevelStepper
 from impactfem.marching.level_forces import LevelForces
 from impactfem.marching.level_march import MOST, SLOW, USUAL, LevelMarch
-from impactfem.marching.rubbing import Friction, frames, in_space, obeying, turned
-from impactfem.marching.schemes import SolidScheme
+from impactfem.marching.rubbing import frames, in_space, obeying, turned
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -37,34 +31,6 @@ _REGULAR = 1e-12  # share of the largest compliance below which a gap does not y
 
 class CoupledLevels(LevelMarch):
     """A march of bodies in explicit steps whose gaps weigh several nodes, or rub."""
-
-    def __init__(
-        self,
-        comm: Any,
-        interior: LevelStepper,
-        scheme: SolidScheme,
-        gaps: ContactGaps,
-        solver: Solver,
-        layers: int,
-        tolerance: float,
-        rest: tuple[Floats, Floats] | None = None,
-        friction: Friction | None = None,
-    ) -> None:
-        """Balance the initial state; see `TimeLoop`.
-
-        Args:
-            comm: As for `TimeLoop`, and so are the others.
-            interior: See there.
-            scheme: See there.
-            gaps: See there.
-            solver: See there; of gaps without friction.
-            layers: See there.
-            tolerance: See there.
-            rest: See there.
-            friction: Coulomb's law; None without.
-        """
-        self._friction, self._rubs = friction, friction is not None
-        super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, rest)
 
     def _directed(self, normals: Floats) -> Floats:
         return frames(normals) if self._rubs else normals[:, None]

@@ -16,16 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.complementarity import Solver
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding
 from impactfem.marching.finite_body import inertia_findings
-from impactfem.marching.layers import ContactGaps
 from impactfem.marching.leapfrog_bodies import LevelStepper
 from impactfem.marching.level_forces import LevelForces
 from impactfem.marching.newton_steps import LayerSums
-from impactfem.marching.schemes import SolidScheme
-from impactfem.marching.time_loop import ContactState, TimeLoop
+from impactfem.marching.time_loop import ContactState, LoopSettings, TimeLoop
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -40,19 +37,10 @@ _START = 1e-10  # of the forces that the first level leaves
 class LevelMarch(TimeLoop[LevelStepper]):
     """A march of one body in explicit steps."""
 
-    def __init__(
-        self,
-        comm: Any,
-        interior: LevelStepper,
-        scheme: SolidScheme,
-        gaps: ContactGaps,
-        solver: Solver,
-        layers: int,
-        tolerance: float,
-        rest: tuple[Floats, Floats] | None = None,
-    ) -> None:
+    def __init__(self, interior: LevelStepper, settings: LoopSettings) -> None:
         """Balance the initial state; see `TimeLoop`."""
-        super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, rest)
+        super().__init__(interior, settings)
+        gaps = settings.gaps
         self._nodes = gaps.entries(np.arange(len(self.contact.gap)))[1]
         self._force = self.contact.multiplier.copy()
         self._active = self._force > 0.0
@@ -63,7 +51,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
         force = np.zeros(directions.shape[:2])
         force[:, 0] = self._force
         self._acting = LevelForces.of(gaps, directions, force)
-        if rest is not None:
+        if settings.rest is not None:
             self._balance(first=True)
             self.rows.put(0, interior.finish(0, self.contact.static))
 

@@ -21,18 +21,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.complementarity import Solver
 from impactfem.contact.followed_pair import FAR
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding
 from impactfem.marching.finite_body import inertia_findings
-from impactfem.marching.layers import ContactGaps
 from impactfem.marching.newton_bodies import NewtonStepper
 from impactfem.marching.newton_impacts import arriving, obstacle_speed, way_ahead
 from impactfem.marching.newton_steps import LayerSums, Step
-from impactfem.marching.rubbing import Friction, frames, in_space, obeying, turned
-from impactfem.marching.schemes import SolidScheme
-from impactfem.marching.time_loop import ContactState, TimeLoop
+from impactfem.marching.rubbing import frames, in_space, obeying, turned
+from impactfem.marching.time_loop import ContactState, LoopSettings, TimeLoop
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -50,41 +47,14 @@ _CLOSED = 0.01  # of the largest change of a gap in a layer: gaps up to it count
 class NewtonMarch(TimeLoop[NewtonStepper]):
     """A march of bodies of which some are under finite strain."""
 
-    def __init__(
-        self,
-        comm: Any,
-        interior: NewtonStepper,
-        scheme: SolidScheme,
-        gaps: ContactGaps,
-        solver: Solver,
-        layers: int,
-        tolerance: float,
-        rest: tuple[Floats, Floats] | None = None,
-        friction: Friction | None = None,
-        restitution: Floats | None = None,
-    ) -> None:
-        """Begin at t = 0.
-
-        Args:
-            comm: As for `TimeLoop`, and so are the others.
-            interior: See there.
-            scheme: See there.
-            gaps: See there.
-            solver: See there; of gaps without friction.
-            layers: See there.
-            tolerance: See there.
-            rest: See there.
-            friction: Coulomb's law; None without.
-            restitution: Newton's e of each gap between nodes with mass, (gaps,); None: 0.
-        """
+    def __init__(self, interior: NewtonStepper, settings: LoopSettings) -> None:
+        """Begin at t = 0; see `TimeLoop`."""
         self._massive = interior.massive
-        self._by_mass, self._restitution = bool(self._massive.any()), restitution
-        self._friction = friction
-        self._rubs = friction is not None
+        self._by_mass = bool(self._massive.any())
         self._generation = -1
         self._known: dict[int, Floats] = {}
         self._looked: tuple[float, Floats, Floats] | None = None  # time, place, and gaps there
-        super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, rest)
+        super().__init__(interior, settings)
         self._tangential = np.zeros_like(self._normals)  # of the last step [N], (gaps, dim)
 
     def findings(self) -> tuple[Finding, ...]:

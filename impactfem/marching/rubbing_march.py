@@ -6,10 +6,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.complementarity import Solver
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.marching.composite import Composite
-from impactfem.marching.layers import ContactGaps, DirectedAnswers, DirectedGaps, Interior
+from impactfem.marching.layers import DirectedAnswers, DirectedGaps, Interior
 from impactfem.marching.resisting import Moments, resisting
 from impactfem.marching.rubbing import (
     Friction,
@@ -21,8 +20,8 @@ from impactfem.marching.rubbing import (
     told,
     turned,
 )
-from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import SolidMarch
+from impactfem.marching.time_loop import LoopSettings
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -35,44 +34,15 @@ _SLOW = 1e-6  # share of it that counts as no slip where friction may jam
 class RubbingMarch(SolidMarch):
     """A march with Coulomb friction in gaps of bodies (`impactfem.contact.pairs`)."""
 
-    _rubs = True
-
-    def __init__(
-        self,
-        comm: Any,
-        interior: Interior,
-        scheme: SolidScheme,
-        gaps: ContactGaps,
-        solver: Solver,
-        layers: int,
-        tolerance: float,
-        restitution: Floats | None,
-        rest: tuple[Floats, Floats] | None,
-        friction: Friction,
-        poisson: Floats | None = None,
-    ) -> None:
-        """Find the contact forces of the initial state, at which nothing rubs yet.
-
-        Args:
-            comm: As for `SolidMarch`, and so are the others.
-            interior: See there.
-            scheme: See there.
-            gaps: See there.
-            solver: See there; not asked, but for t = 0.
-            layers: See there.
-            tolerance: See there.
-            restitution: See there.
-            rest: See there.
-            friction: Coulomb's law.
-            poisson: See there.
-        """
+    def __init__(self, interior: Interior, settings: LoopSettings) -> None:
+        """Find the contact forces of the initial state, at which nothing rubs yet."""
+        friction = cast("Friction", settings.friction)
         place = interior.surface_displacement
         self._rubbing = Rubbing.at_rest(friction, place)
         self._tangential = self._rubbing_force = np.zeros((len(friction.coefficients), 0))
         # Gaps that took part, their normal forces and tangential ones, and ways: see `told`.
         self._slid: tuple[Integers, Floats, Floats] | None = None
-        settings = comm, interior, scheme, gaps, solver, layers, tolerance
-        super().__init__(*settings, restitution, rest, poisson)
+        super().__init__(interior, settings)
         self._rubbing = Rubbing.at_rest(friction, place + self.contact.static)
 
     def _answers(self) -> DirectedAnswers:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from impactfem.contact.complementarity import (
     Halfway,
     LayerContact,
-    Solver,
     expanded,
     rebound,
     solve_layer,
@@ -19,9 +18,8 @@ from impactfem.contact.complementarity import (
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.findings import Finding
 from impactfem.marching.determinacy import Determinacy
-from impactfem.marching.layers import Answers, ContactGaps, Interior, Rolling
-from impactfem.marching.schemes import SolidScheme
-from impactfem.marching.time_loop import ContactState, TimeLoop
+from impactfem.marching.layers import Answers, Interior, Rolling
+from impactfem.marching.time_loop import ContactState, LoopSettings, TimeLoop
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -31,44 +29,17 @@ Booleans = NDArray[np.bool_]
 class SolidMarch(TimeLoop[Interior]):
     """A march of bodies whose layers are linear but for contact."""
 
-    def __init__(
-        self,
-        comm: Any,
-        interior: Interior,
-        scheme: SolidScheme,
-        gaps: ContactGaps,
-        solver: Solver,
-        layers: int,
-        tolerance: float,
-        restitution: Floats | None = None,
-        rest: tuple[Floats, Floats] | None = None,
-        poisson: Floats | None = None,
-    ) -> None:
-        """Find the contact forces of the initial state.
-
-        Args:
-            comm: As for `TimeLoop`, and so are those not named here.
-            interior: See there.
-            scheme: See there.
-            gaps: See there.
-            solver: See there.
-            layers: See there.
-            tolerance: See there.
-            restitution: Newton's e of each gap, shape (pairs,), where nodes have mass; 0 if None.
-            rest: Where bodies start at rest: forces in the gaps [N], (pairs,), and what these do to
-                massless nodes [m], (nodes, dim). None: they are found.
-            poisson: Poisson's e of each gap, shape (pairs,), where nodes have mass; 0 if None.
-        """
-        self._restitution, self._poisson = restitution, poisson
+    def __init__(self, interior: Interior, settings: LoopSettings) -> None:
+        """Find the contact forces of the initial state; see `TimeLoop`."""
         self._massive, self._volatile = interior.massive, interior.volatile
         self._radiating = interior.radiating
         self._by_mass, self._changes = bool(self._massive.any()), bool(self._volatile.any())
-        self.interior, self._gaps = interior, gaps
+        self.interior, self._gaps = interior, settings.gaps
         self._led: Floats | None = None  # ways of obstacles by the law of speeds
         self._determinacy = Determinacy()
         self._rolled = np.zeros(1)  # what surfaces move in a layer besides the contact nodes
         self._responses = self._answers()
-        super().__init__(comm, interior, scheme, gaps, solver, layers, tolerance, rest)
+        super().__init__(interior, settings)
 
     def _answers(self) -> Answers:
         """How the gaps answer to contact forces; with friction in all directions."""

@@ -15,6 +15,7 @@ from impactfem.findings import Finding
 from impactfem.marching.layers import ContactGaps, Stepper
 from impactfem.marching.newton_steps import LayerSums
 from impactfem.marching.rows import Level, Rows
+from impactfem.marching.rubbing import Friction
 from impactfem.marching.schemes import SolidScheme
 
 Floats = NDArray[np.float64]
@@ -44,6 +45,36 @@ class ContactState:
 _CONTACT = fields(ContactState)
 
 
+@dataclass(frozen=True)
+class LoopSettings:
+    """What a march is told besides its bodies.
+
+    Attributes:
+        comm: MPI communicator.
+        scheme: The scheme as data.
+        gaps: Distances from obstacles and between bodies.
+        solver: Of complementarity problems.
+        layers: Number of layers.
+        tolerance: Rounding level of gaps [m].
+        rest: Where bodies start at rest: forces in the gaps [N], (pairs,), and what these do to
+            massless nodes [m], (nodes, dim). None: they are found.
+        friction: Coulomb's law; None without.
+        restitution: Newton's e of each gap between nodes with mass, (pairs,); None: 0.
+        poisson: Poisson's e likewise.
+    """
+
+    comm: Any
+    scheme: SolidScheme
+    gaps: ContactGaps
+    solver: Solver
+    layers: int
+    tolerance: float
+    rest: tuple[Floats, Floats] | None = None
+    friction: Friction | None = None
+    restitution: Floats | None = None
+    poisson: Floats | None = None
+
+
 class TimeLoop[I: Stepper](ABC):
     """A march through the layers, which can be stopped and continued between any two.
 
@@ -55,36 +86,24 @@ class TimeLoop[I: Stepper](ABC):
         failure: Why the march ended early; empty if it did not.
     """
 
-    _rubs = False  # whether there is friction
     _done: LayerSums | None = None  # of the last layer, where its steps sum up
 
-    def __init__(
-        self,
-        comm: Any,
-        interior: I,
-        scheme: SolidScheme,
-        gaps: ContactGaps,
-        solver: Solver,
-        layers: int,
-        tolerance: float,
-        rest: tuple[Floats, Floats] | None = None,
-    ) -> None:
+    def __init__(self, interior: I, settings: LoopSettings) -> None:
         """Find the contact forces of the initial state.
 
         Args:
-            comm: MPI communicator.
-            interior: What the scheme does inside the body.
-            scheme: The scheme as data.
-            gaps: Distances from the obstacles.
-            solver: Of complementarity problems.
-            layers: Number of layers.
-            tolerance: Rounding level of gaps [m].
-            rest: Where bodies start at rest: forces in the gaps [N], (pairs,), and what these do to
-                massless nodes [m], (nodes, dim). None: they are found.
+            interior: What the scheme does inside the bodies.
+            settings: All else.
         """
-        self._comm, self._scheme, self._gaps = comm, scheme, gaps
+        scheme, gaps, rest, layers = (
+            settings.scheme, settings.gaps, settings.rest, settings.layers,
+        )  # fmt: skip
+        self._comm, self._scheme, self._gaps = settings.comm, scheme, gaps
+        self._solver, self._friction = settings.solver, settings.friction
+        self._restitution, self._poisson = settings.restitution, settings.poisson
+        self._rubs = settings.friction is not None
+        self.layers, self.tolerance = layers, settings.tolerance
         self.interior = interior
-        self._solver, self.layers, self.tolerance = solver, layers, tolerance
         free = interior.surface_displacement
         self.layer = 0
         self.failure = ""  # why the march ended early

@@ -1,7 +1,7 @@
 """Make the time loop of a scene: bodies, their gaps, the solver of contact, their start."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, cast
 
@@ -31,7 +31,7 @@ from impactfem.marching.rigid import RigidMidpoint
 from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import SolidMarch
-from impactfem.marching.time_loop import TimeLoop
+from impactfem.marching.time_loop import LoopSettings, TimeLoop
 from impactfem.marching.wave_bar import WaveBar
 from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.planning.solid_choices import fitting_solver
@@ -115,7 +115,7 @@ def make_loop(
     alone = len(each) == 1 and not few and law is None and not contacts.pairs
     gaps: ContactGaps = contacts.obstacles[0].gaps if alone else contacts.gaps()
     solver, kind = _solver(numbers, tolerance), numbers.linear_solver
-    settings = (scheme, gaps, solver, layers, tolerance)
+    settings = LoopSettings(model.comm, scheme, gaps, solver, layers, tolerance, friction=law)
     if iterates:
         if limit is not None:
             explicit = [
@@ -126,15 +126,10 @@ def make_loop(
                 for part, surface, transfer in each
             ]  # fmt: skip
             together: LevelStepper = explicit[0] if alone else LeapfrogBodies(explicit)
-            started, rest = _brought_to_rest(
-                explicit, together, model, surfaces, settings, progress
-            )
-            level = (
-                LevelMarch(model.comm, together, *settings, rest)
-                if alone
-                else CoupledLevels(model.comm, together, *settings, rest, law)
-            )
-            return Loop(level, gaps, contacts, offsets, started)
+            started = _brought_to_rest(explicit, together, model, surfaces, settings, progress)
+            level = LevelMarch if alone else CoupledLevels
+            march = level(together, replace(settings, rest=_rest(started)))
+            return Loop(march, gaps, contacts, offsets, started)
         bodies = [
             FiniteMidpoint(part.system, part.solid, surface, transfer, dt, kind)
             for part, surface, transfer in each
@@ -142,9 +137,9 @@ def make_loop(
         interior: NewtonStepper = (
             bodies[0] if alone else NewtonBodies([*bodies, *cast("Sequence[FewNewton]", few)])
         )
-        started, rest = _brought_to_rest(bodies, interior, model, surfaces, settings, progress)
-        lively = contacts.restitution(scene)
-        newton = NewtonMarch(model.comm, interior, *settings, rest, law, lively)
+        started = _brought_to_rest(bodies, interior, model, surfaces, settings, progress)
+        settings = replace(settings, rest=_rest(started), restitution=contacts.restitution(scene))
+        newton = NewtonMarch(interior, settings)
         return Loop(newton, gaps, contacts, offsets, started)
     solids = [_interior(*parts, scheme, dt, kind) for parts in each]
     parts, movable = [*solids, *few], [_free(*parts[:2]) for parts in each]
@@ -159,16 +154,20 @@ def make_loop(
         started = start_at_rest(
             model, linear, surfaces, composite, composite.static, gaps, solver, tolerance
         )
-    rest = None if started is None else (started.rest.multiplier, started.static)
     alike: Interior = solids[0] if alone else composite
-    arguments = (model.comm, alike, *settings, contacts.restitution(scene), rest)
-    poisson = contacts.impulsive(scene)
-    march = (
-        SolidMarch(*arguments, poisson=poisson)
-        if law is None
-        else RubbingMarch(*arguments, law, poisson=poisson)
+    settings = replace(
+        settings,
+        rest=_rest(started),
+        restitution=contacts.restitution(scene),
+        poisson=contacts.impulsive(scene),
     )
-    return Loop(march, gaps, contacts, offsets, started)
+    linear_march = SolidMarch if law is None else RubbingMarch
+    return Loop(linear_march(alike, settings), gaps, contacts, offsets, started)
+
+
+def _rest(started: Started | None) -> tuple[Floats, Floats] | None:
+    """What a march takes of the equilibrium that it starts from."""
+    return None if started is None else (started.rest.multiplier, started.static)
 
 
 def _brought_to_rest(
@@ -176,9 +175,9 @@ def _brought_to_rest(
     interior: Stepper,
     model: SolidsModel,
     surfaces: Sequence[SurfaceNodes],
-    settings: tuple[SolidScheme, ContactGaps, Solver, int, float],
+    settings: LoopSettings,
     progress: Progress,
-) -> tuple[Started | None, tuple[Floats, Floats] | None]:
+) -> Started | None:
     """Start bodies among which some have finite strain at rest, if their scene asks for it.
 
     Args:
@@ -186,15 +185,15 @@ def _brought_to_rest(
         interior: What marches all bodies.
         model: See `make_loop`, and so are the others.
         surfaces: Contact nodes of the solids.
-        settings: Scheme, gaps, solver, layers and tolerance of the march.
+        settings: Of the march.
         progress: See there.
 
     Returns:
-        How they came to rest, and what the march takes of it; None both if it was not asked for.
+        How they came to rest; None if it was not asked for.
     """
-    scene, (_, gaps, solver, _, tolerance) = model.scene, settings
+    scene = model.scene
     if not scene.starts_at_rest:
-        return None, None
+        return None
     progress.step("bringing the bodies to rest")
     gravity = np.asarray(scene.vector_gravity.at(0.0))
     spins = [spin_of(part) for part in model.parts]
@@ -213,11 +212,12 @@ def _brought_to_rest(
         return found
 
     started = start_at_rest(
-        model, resting, surfaces, interior, np.zeros_like, gaps, solver, tolerance, arms
-    )
+        model, resting, surfaces, interior, np.zeros_like, settings.gaps, settings.solver,
+        settings.tolerance, arms,
+    )  # fmt: skip
     for body, spin in zip(bodies, spins, strict=True):
         body.turn(spin)
-    return started, (started.rest.multiplier, started.static)
+    return started
 
 
 def _size(model: SolidsModel, few: Sequence[FewInterior], dt: float) -> float:
