@@ -273,9 +273,9 @@ class MechanismMidpoint(Pictured):
         return Sums(kinetic, 0.0, work, momentum, moved, angular)
 
     def told(self) -> dict[str, dict[str, float]]:
-        """Positions, rates and losses of single joints, by the first parts of their columns."""
+        """Positions, rates and losses of joints, by the first parts of their columns."""
         name, tree = self.bodies.names[0], self.bodies.tree
-        return {
+        found = {
             f"{name}.{joint}": {
                 "q": float(self._angle[at]),
                 "v": float(self._v[at]),
@@ -283,6 +283,14 @@ class MechanismMidpoint(Pictured):
             }
             for joint, at in tree.single.items()
         }
+        if tree.free:
+            turned = self._q[[6, 3, 4, 5]]
+            spin = tree.base(self._q) @ self._v[3:6]
+            found[f"{name}.{tree.root}"] = {
+                **dict(zip(("qw", "qx", "qy", "qz"), turned.tolist(), strict=True)),
+                **dict(zip(("wx", "wy", "wz"), spin.tolist(), strict=True)),
+            }
+        return found
 
     def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (it is one)
         """Fields at these places now: displacement [m], velocity [m/s], (nodes, dim)."""

@@ -53,7 +53,7 @@ class LoopSettings:
         comm: MPI communicator.
         scheme: The scheme as data.
         gaps: Distances from obstacles and between bodies.
-        solver: Of complementarity problems.
+        active_set: Solver of complementarity problems.
         layers: Number of layers.
         tolerance: Rounding level of gaps [m].
         rest: Where bodies start at rest: forces in the gaps [N], (pairs,), and what these do to
@@ -66,7 +66,7 @@ class LoopSettings:
     comm: Any
     scheme: SolidScheme
     gaps: ContactGaps
-    solver: Solver
+    active_set: Solver
     layers: int
     tolerance: float
     rest: tuple[Floats, Floats] | None = None
@@ -99,7 +99,7 @@ class TimeLoop[I: Stepper](ABC):
             settings.scheme, settings.gaps, settings.rest, settings.layers,
         )  # fmt: skip
         self._comm, self._scheme, self._gaps = settings.comm, scheme, gaps
-        self._solver, self._friction = settings.solver, settings.friction
+        self._solver, self._friction = settings.active_set, settings.friction
         self._restitution, self._poisson = settings.restitution, settings.poisson
         self._rubs = settings.friction is not None
         self.layers, self.tolerance = layers, settings.tolerance

@@ -252,7 +252,11 @@ def make_history(columns: Columns) -> Table:
         for part, told in found.items():
             name = f"{probe}.{part}"
             kind = f"{part[0]}{'xx' if part[0] == 's' else 'x'}"
-            unit, text = JOINT_COLUMNS.get(part) or PROBE_COLUMNS[kind]
+            unit, text = (
+                JOINT_COLUMNS.get(part)
+                or PROBE_COLUMNS.get(kind)
+                or BODY_COLUMNS["qw" if part[0] == "q" else "wx"]  # of a base that turns freely
+            )
             series[name] = _series(name, told, unit, text, f"{part} at {probe}")
     return Table.over_time(columns.time, series)
 

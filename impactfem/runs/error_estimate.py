@@ -108,7 +108,7 @@ def turned(history: Table, name: str, body: Mapping[str, Any]) -> list[Floats]:
 
     They are the entries of the rotation matrix: two rotations are as far apart in them as the
     points of the body are in the mean square (in space, as if its inertia were that of a ball). Of
-    mechanisms positions of the joints, by what each has to move at t = 0.
+    mechanisms positions of the joints, by what each has to move at t = 0, and of a free base this.
 
     Args:
         history: Of the run.
@@ -117,15 +117,27 @@ def turned(history: Table, name: str, body: Mapping[str, Any]) -> list[Floats]:
     """
     given = body.get("inertia", 0.0)
     if isinstance(given, Mapping):  # of the joints of a mechanism
-        each = ((history[f"{name}.{joint}.q"].values, own) for joint, own in given.items())
-        return [np.sqrt(own / body["mass"]) * position for position, own in each]
+        each = ((f"{name}.{joint}", own / body["mass"]) for joint, own in given.items())
+        return [column for joint, own in each for column in _jointed(history, joint, own)]
     inertia = np.atleast_2d(np.asarray(given, dtype=np.float64))
     if f"{name}.angle" in history:
         radius, angle = np.sqrt(inertia[0, 0] / body["mass"]), history[f"{name}.angle"].values
         return [radius * np.cos(angle), radius * np.sin(angle)]
     if f"{name}.qw" not in history:
         return []
-    scale = np.sqrt(np.trace(inertia) / (6.0 * body["mass"]))
+    return _rotation(history, name, float(np.trace(inertia)) / (3.0 * body["mass"]))
+
+
+def _jointed(history: Table, joint: str, own: float) -> list[Floats]:
+    """Motion in a joint [m], by the square of the radius of gyration of what it moves [m^2]."""
+    if f"{joint}.qw" in history:
+        return _rotation(history, joint, own)
+    return [np.sqrt(own) * history[f"{joint}.q"].values]
+
+
+def _rotation(history: Table, name: str, own: float) -> list[Floats]:
+    """Entries of a rotation matrix [m], by the square of a mean radius of gyration [m^2]."""
+    scale = np.sqrt(0.5 * own)
     w, x, y, z = (history[f"{name}.q{letter}"].values for letter in "wxyz")
     entries = [
         1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w),

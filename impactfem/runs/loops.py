@@ -212,7 +212,7 @@ def _brought_to_rest(
         return found
 
     started = start_at_rest(
-        model, resting, surfaces, interior, np.zeros_like, settings.gaps, settings.solver,
+        model, resting, surfaces, interior, np.zeros_like, settings.gaps, settings.active_set,
         settings.tolerance, arms,
     )  # fmt: skip
     for body, spin in zip(bodies, spins, strict=True):

@@ -119,6 +119,14 @@ class Mechanism(BodyKind):
         InlineTable((Orientation,)), "of its first link at t = 0", default=None,
         absent="as the file has it",
     )  # fmt: skip
+    velocity: Sequence[float] = key(
+        Vector((3,)), "of the origin of a free first link at t = 0", unit="m/s",
+        default=(0.0, 0.0, 0.0),
+    )  # fmt: skip
+    angular_velocity: Sequence[float] = key(
+        Vector((3,)), "of a free first link at t = 0, along the axes of the scene", unit="rad/s",
+        default=(0.0, 0.0, 0.0),
+    )  # fmt: skip
     joints: Mapping[str, JointStart] = key(
         TablesByName(JointStart), "joints by name: position, velocity, motor, restitution",
         default=(),
@@ -137,6 +145,8 @@ class Mechanism(BodyKind):
             base: str = "fixed",
             position: Sequence[float] = (0.0, 0.0, 0.0),
             orientation: Orientation | Mapping[str, Any] | None = None,
+            velocity: Sequence[float] = (0.0, 0.0, 0.0),
+            angular_velocity: Sequence[float] = (0.0, 0.0, 0.0),
             joints: Mapping[str, JointStart | Mapping[str, Any]] = ...,
             place: Place | Mapping[str, Any] | None = None,
         ) -> None: ...

@@ -84,9 +84,14 @@ class Arm(FewBodies):
 
     @property
     def figured(self) -> Mapping[str, Mapping[str, float]]:
-        """What each single joint has to move at t = 0 [kg m^2 or kg], by name."""
-        own = self.tree.inertia(self.position).diagonal()
-        return {"inertia": {name: float(own[at]) for name, at in self.tree.single.items()}}
+        """What each single joint has to move at t = 0 [kg m^2 or kg], by name.
+
+        Of a free base the mean about three axes through its origin, with all links.
+        """
+        tree = self.tree
+        own = tree.inertia(self.position).diagonal()
+        found = {name: float(own[at]) for name, at in tree.single.items()}
+        return {"inertia": found | ({tree.root: float(own[3:6].mean())} if tree.free else {})}
 
     def meeting(
         self,
@@ -191,7 +196,24 @@ def start_of(body: Mechanism, tree: Tree) -> tuple[Joints, Floats, Floats, Found
         motors=motors,
     )
     found = None if body.place is None else place_frame(body, body.place, tree, q)
-    return joints, q if found is None else found.q, v, found
+    q = q if found is None else found.q
+    _set_base_off(body, tree, q, v)
+    return joints, q, v, found
+
+
+def _set_base_off(body: Mechanism, tree: Tree, q: Floats, v: Floats) -> None:
+    """Put the rates of a free base at t = 0 into all rates.
+
+    Raises:
+        KeyedError: It is fixed, but is given some.
+    """
+    if tree.free:
+        v[:3], v[3:6] = body.velocity, tree.base(q).T @ np.asarray(body.angular_velocity)
+        return
+    for where, given in (("velocity", body.velocity), ("angular_velocity", body.angular_velocity)):
+        if any(given):
+            text = f" = {show(list(given))} is of a first link that moves: give base = "
+            raise KeyedError(body.kind, where, f'{text}"free" too, or remove {where}.')
 
 
 def _positions(tree: Tree, q: Floats, body: Mechanism) -> Floats:

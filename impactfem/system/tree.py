@@ -63,6 +63,11 @@ class Tree:
         self.mass = float(sum(inertia.mass for inertia in list(model.inertias)[1:]))
 
     @property
+    def root(self) -> str:
+        """Name of the joint that the first link moves with."""
+        return str(self.model.names[1])
+
+    @property
     def rates(self) -> int:
         """Number of v."""
         return int(self.model.nv)

@@ -281,3 +281,27 @@ def test_two_ranks_do_the_same(tmp_path, monkeypatch):
         np.testing.assert_allclose(
             both.history[name].values, one.history[name].values, rtol=1e-10, atol=1e-10
         )
+
+
+def test_a_free_base_is_thrown_and_spins_as_a_rigid_body_does(tmp_path):
+    """The link's frame is not its centre: the top's spin turns the centre about it."""
+    moments = 'ixx="1" iyy="2" izz="3" ixy="0" ixz="0" iyz="0"'
+    top = '<link name="top"><inertial><origin xyz="0.1 0 0"/><mass value="2"/>'
+    top += f"<inertia {moments}/></inertial></link>"
+    spin = {"velocity": [1.0, 2.0, 3.0], "angular_velocity": [0.3, 1.0, -0.2]}
+    turned = {"orientation": {"axis": [0.0, 0.0, 1.0], "angle": 0.5}}
+    made = scene(tmp_path, robot(top), 5.0, 5e-3, gravity=(0.0, 0.0, 0.0), base="free",
+                 **spin, **turned)  # fmt: skip
+    found = columns(made)
+    arm = 0.1 * np.array([np.cos(0.5), np.sin(0.5), 0.0])
+    speed = np.array(spin["velocity"]) + np.cross(spin["angular_velocity"], arm)
+    body = {"kind": "rigid", "name": "arm", "mass": 2.0, "inertia": [1.0, 2.0, 3.0],
+            "shape": {"kind": "sphere", "radius": 0.1, "center": arm.tolist()},
+            "velocity": speed.tolist(), "angular_velocity": spin["angular_velocity"],
+            **turned}  # fmt: skip
+    rigid = columns(Scene.from_dict(made.to_dict() | {"body": [body]}))
+    for own in ("qw", "qx", "qy", "qz", "wx", "wy", "wz"):
+        assert found[f"arm.root_joint.{own}"] == pytest.approx(rigid[f"arm.{own}"], abs=2e-4)
+    for axis in "xyz":
+        assert found[f"arm.{axis}"] == pytest.approx(rigid[f"arm.{axis}"], abs=1e-6)  # dt^2
+    assert np.abs(found["arm.root_joint.wy"] - 1.0).max() > 0.1

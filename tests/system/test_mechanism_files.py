@@ -128,6 +128,7 @@ MESH = '<collision><geometry><mesh filename="{}"/></geometry></collision>'
         (TWO_R, {"joints": {"elbo": {}}}, 'joints.elbo: there is no joint .*mean "elbow"'),
         (TWO_R, {"joints": {"elbow": {"position": 3.0}}}, "position = 3.0 is outside .* -2.9 to"),
         (TWO_R, {"joints": {"elbow": {"motor": "1/q"}}}, 'motor = "1/q" has no finite value'),
+        (TWO_R, {"velocity": [1, 0, 0]}, r"velocity = .* is of a first link that moves"),
         (TWO_R, {"place": {"frame": "hnd", "target": [1, 1, 0]}}, 'frame "hnd"; did you mean'),
         (TWO_R.replace('mass value="1"', 'mass value="0"').replace('izz="0.1"', 'izz="0"'), {},
          'joint "(shoulder|elbow)" moves nothing that has inertia'),
