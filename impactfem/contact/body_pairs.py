@@ -155,6 +155,8 @@ def make_pair(
 ) -> SurfacePair | None:
     """Pair the surfaces of two bodies; None if no face can meet another.
 
+    Of surfaces that stay those of t = 0 some must be opposite then, of such that follow not yet.
+
     The body with the smaller faces carries the multipliers: each of its nodes then is held off the
     other surface, and no node of the larger faces can hide between them.
 
@@ -187,7 +189,9 @@ def make_pair(
         axisymmetric=axisymmetric,
     )  # fmt: skip
     if not len(found.gap) and within is None:
-        return None
+        points = [side.surface.points for side in sides]
+        if not updated or boxes_apart(*map(box, points)) > reach:
+            return None
     worst = int(np.argmin(found.gap)) if len(found.gap) else None
     if worst is not None and found.gap[worst] < -_ROUNDING * extent:
         place = ", ".join(f"{x:.4g}" for x in sides[0].surface.points[found.nodes[worst]])
@@ -212,6 +216,16 @@ def make_pair(
     if not updated:
         count = len(pair.met([side.surface.points for side in sides]).gap)
     return SurfacePair(**{**vars(pair), "count": count})
+
+
+def box(points: Floats) -> tuple[Floats, Floats]:
+    """Least and largest coordinates of points (count, dim), (dim,) each."""
+    return points.min(axis=0), points.max(axis=0)
+
+
+def boxes_apart(one: tuple[Floats, Floats], two: tuple[Floats, Floats]) -> float:
+    """Distance of two boxes along the axis where they are farthest apart, 0 if they overlap."""
+    return float(np.maximum(one[0] - two[1], two[0] - one[1]).max(initial=0.0))
 
 
 def _part(side: Side, faces: tuple[Boundary, Floats, Booleans], used: Integers) -> Side:

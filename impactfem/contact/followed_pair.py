@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
+from scipy.spatial import cKDTree
 
 from impactfem.contact.mortar import MortarPairs
 from impactfem.contact.mortar_surface import Surface, unit
@@ -92,7 +93,9 @@ class FollowedPair:
         self._last = None
         if not len(found.gap):
             found = self._pair.met(points, None, self._roles)
-            distance = float(found.gap.min(initial=self._pair.reach))
+            # Faces that do not look at each other yet may be nearer than those that do.
+            nodes = cKDTree(points[1]).query(points[0])[0].min() - 0.5 * self._near
+            distance = float(found.gap.min(initial=nodes))
             if distance > self._near:
                 self._last = places.copy(), self._spread(found, places), distance
                 return self._last[1]

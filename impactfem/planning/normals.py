@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.body_pairs import box, boxes_apart
 from impactfem.scene.obstacles.rotation import placement
+from impactfem.scene.pairing import named_body_pairs
 
 if TYPE_CHECKING:
     from impactfem.contact.body_pairs import SurfacePair
@@ -19,6 +21,7 @@ _PAIRS_FOLLOW = (
     "pairs of surfaces follow the bodies, and energy is right to first order in step and faces "
     '(with method = "conserving" to rounding)'
 )
+_LOOKS = 65  # at the ways of bodies that do not face each other at t = 0
 _SLIDES = 0.5  # of an element: way along each other from which pairs of surfaces follow
 
 
@@ -36,7 +39,7 @@ def choose_normals(model: "SolidsModel", reasons: dict[str, str]) -> bool:
     if asked is not None:
         reasons["normals"] = "as asked"
         return asked == "updated"
-    looks = (_finite, _turned, _turning, _sliding, _over_curves)
+    looks = (_finite, _turned, _turning, _sliding, _passing, _over_curves)
     follows = next(filter(None, (look(model) for look in looks)), "")
     reasons["normals"] = follows or _why_fixed(model)
     return bool(follows)
@@ -73,6 +76,31 @@ def _sliding(model: "SolidsModel") -> str:
                 f"{way / width:.2g} faces: {_PAIRS_FOLLOW}"
             )
     return ""
+
+
+def _passing(model: "SolidsModel") -> str:
+    """Bodies of which no face looks at the other's at t = 0 may still come into its way."""
+    met = [set(pair.names) for pair in model.pairs]
+    parts = {part.solid.name: part for part in model.parts}
+    for _, (one, _), (two, _) in named_body_pairs(model.scene):
+        if one in parts and two in parts and one != two and {one, two} not in met:
+            shares = np.linspace(0.0, 1.0, _LOOKS)
+            ways = _way(parts[one], shares) - _way(parts[two], shares)
+            step = np.abs(np.diff(ways, axis=0)).max()  # nothing passes between two looks
+            (low, high), other = _box(parts[one]), _box(parts[two])
+            near = any(boxes_apart((low + way, high + way), other) <= step for way in ways)
+            if step > 0.0 and near:
+                return f"{one} and {two} face each other later than at t = 0: {_PAIRS_FOLLOW}"
+    return ""
+
+
+def _box(part: "SolidPart") -> tuple[Floats, Floats]:
+    """Box around a body at t = 0, of one that turns whatever its angle."""
+    low, high = box(part.places)
+    if np.any(np.asarray(part.solid.angular_velocity, dtype=np.float64) != 0.0):
+        middle, half = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
+        return middle - half, middle + half
+    return low, high
 
 
 def _over_curves(model: "SolidsModel") -> str:
@@ -118,16 +146,25 @@ def _way_along(model: "SolidsModel", pair: "SurfacePair") -> float:
         return 0.0
     normal = met.normal[int(np.argmin(met.gap))]
     one, two = (model.parts[body] for body in pair.bodies)
-    return _across(_way(one) - _way(two), normal)
+    end = np.ones(1)
+    return _across(_way(one, end)[0] - _way(two, end)[0], normal)
 
 
-def _way(part: "SolidPart") -> Floats:
-    """Way of a body by its mean speed, and by gravity unless a support holds it [m]."""
-    duration = part.scene.duration
-    way: Floats = duration * part.system.mean(part.system.velocity)
-    if _is_held(part):
-        return way
-    return way + 0.5 * duration**2 * np.asarray(part.scene.vector_gravity.at(0.0))
+def _way(part: "SolidPart", shares: Floats) -> Floats:
+    """Ways of a body by its mean speed, and by gravity unless a support holds it [m].
+
+    Args:
+        part: The body.
+        shares: Of the duration, (times,).
+
+    Returns:
+        (times, dim).
+    """
+    times = part.scene.duration * shares[:, None]
+    ways: Floats = times * part.system.mean(part.system.velocity)
+    if not _is_held(part):
+        ways = ways + 0.5 * times**2 * np.asarray(part.scene.vector_gravity.at(0.0))
+    return ways
 
 
 def _is_held(part: "SolidPart") -> bool:
