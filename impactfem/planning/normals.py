@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.body_pairs import box, boxes_apart
 from impactfem.scene.obstacles.rotation import placement
 from impactfem.scene.pairing import named_body_pairs
 
@@ -80,6 +79,8 @@ def _sliding(model: "SolidsModel") -> str:
 
 def _passing(model: "SolidsModel") -> str:
     """Bodies of which no face looks at the other's at t = 0 may still come into its way."""
+    from impactfem.contact.body_pairs import box, boxes_apart  # noqa: PLC0415  (loads SciPy)
+
     met = [set(pair.names) for pair in model.pairs]
     parts = {part.solid.name: part for part in model.parts}
     for _, (one, _), (two, _) in named_body_pairs(model.scene):
@@ -87,16 +88,17 @@ def _passing(model: "SolidsModel") -> str:
             shares = np.linspace(0.0, 1.0, _LOOKS)
             ways = _way(parts[one], shares) - _way(parts[two], shares)
             step = np.abs(np.diff(ways, axis=0)).max()  # nothing passes between two looks
-            (low, high), other = _box(parts[one]), _box(parts[two])
+            (low, high), other = (
+                _turned_box(parts[name], *box(parts[name].places)) for name in (one, two)
+            )
             near = any(boxes_apart((low + way, high + way), other) <= step for way in ways)
             if step > 0.0 and near:
                 return f"{one} and {two} face each other later than at t = 0: {_PAIRS_FOLLOW}"
     return ""
 
 
-def _box(part: "SolidPart") -> tuple[Floats, Floats]:
+def _turned_box(part: "SolidPart", low: Floats, high: Floats) -> tuple[Floats, Floats]:
     """Box around a body at t = 0, of one that turns whatever its angle."""
-    low, high = box(part.places)
     if np.any(np.asarray(part.solid.angular_velocity, dtype=np.float64) != 0.0):
         middle, half = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
         return middle - half, middle + half

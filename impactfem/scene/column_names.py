@@ -22,7 +22,7 @@ def check_column_names(scene: Content) -> None:
             text = f" = {show(body.name)} begins columns of the history as {body.name}.x: "
             raise KeyedError(f"body[{index}]", "name", f"{text}give another name.")
     taken: dict[str, str] = {}
-    for index, contact in enumerate(scene.contacts):
+    for contact, index in zip(scene.laws.each, scene.laws.origin, strict=True):
         name, where = name_of(contact), f"contact[{index}]"
         if name in taken:
             given = "" if contact.name is None else f" = {show(name)}"

@@ -35,6 +35,7 @@ class Contact:
     between: Sequence[str] = key(
         ListOf(SideName(), at_least=2),
         "names of two bodies, or of a body and an obstacle; a surface of a solid as ball/skin; "
+        "patterns, as grain_* and *, stand for all pairs that they match and no other law names; "
         "twice the same solid, of finite strain, where it may meet itself",
     )
     restitution: float = key(
@@ -101,6 +102,9 @@ class Contact:
                 text = f" = {show(value)} is not allowed: an impact would gain energy; "
                 text += "give a number from 0 (no rebound) to 1 (no loss)."
                 raise KeyedError(self.heading, name, text)
+        if self.name is not None and any(set("*?") & set(side) for side in self.between):
+            text = f" = {show(self.name)} would be that of several pairs: remove it."
+            raise KeyedError(self.heading, "name", text)
         rubs = bool(self.friction_coefficient)
         for name in _WITH_FRICTION:
             if (value := getattr(self, name)) and not rubs:

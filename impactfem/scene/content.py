@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from impactfem.scene.body import Solver
 from impactfem.scene.contacts import Contact
 from impactfem.scene.joints import Joint
 from impactfem.scene.kinds import Choice, Line, Real
+from impactfem.scene.laws import Laws
 from impactfem.scene.loads import LoadKind, PiecewiseConstant, PiecewiseVector
 from impactfem.scene.mechanism import Mechanism
 from impactfem.scene.obstacles import OBSTACLES, Rigid, Wall
@@ -89,6 +91,14 @@ class Content:
         SettingsKind(Output, "[output]"), "what to write", default=Output()
     )
     folder: Path | None = field(default=None, compare=False, repr=False)
+
+    @cached_property
+    def laws(self) -> Laws:
+        """Its contact laws, each of two names."""
+        names = [body.name for body in self.bodies]
+        obstacles = [obstacle.name for obstacle in self.obstacles]
+        held = [frozenset(joint.between or ()) for joint in self.joints]
+        return Laws.among(self.contacts, names, obstacles, held)
 
     @property
     def kinds(self) -> frozenset[str]:
@@ -214,7 +224,7 @@ def why_marched(scene: Content) -> str | None:
         return f"several bodies of kind {kinds[0]}"
     if not any(scene.kinds <= method.bodies for method in METHODS.values()):
         return f"a {kinds[0]}"
-    for law in scene.contacts:
+    for law in scene.laws.each:
         what = "friction" if law.friction_coefficient > 0.0 else "Poisson's restitution"
         if law.friction_coefficient > 0.0 or law.by_impulses:
             return f"{what} between {' and '.join(law.between)}"

@@ -195,19 +195,21 @@ class Name(Kind):
 
 @dataclass(frozen=True)
 class SideName(Kind):
-    """A name, or the names of a body and one of its surfaces with a slash between."""
+    """A name, a pattern of names, or names of a body and one of its surfaces with a slash."""
 
     type_name: ClassVar[str] = "text"
 
     @property
     @override
     def allowed(self) -> str:
-        return "a name, or body/surface"
+        return "a name, a pattern of names with * or ?, or body/surface"
 
     @override
     def read(self, value: object) -> str:
         text = _text(value)
-        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]{0,39}(/[^/\s]{1,80})?", text):
+        side, pattern = r"[A-Za-z][A-Za-z0-9_-]{0,39}(/[^/\s]{1,80})?", r"[A-Za-z0-9_*?-]{1,40}"
+        wild = set("*?") & set(text)
+        if not re.fullmatch(pattern if wild else side, text):
             raise NotAllowedError("it is neither a name nor body/surface")
         return text
 

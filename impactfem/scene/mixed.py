@@ -4,13 +4,15 @@ Methods of single families know smooth obstacles at rest, points that meet, and 
 march takes any bodies, any obstacle, and friction in the plane or in space.
 """
 
+from collections.abc import Mapping
 from itertools import pairwise
 
 from impactfem.methods import METHODS
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import Body, Content
-from impactfem.scene.pair_checks import check_sides, check_twice
-from impactfem.scene.pairing import law_of, named_body_pairs, obstacles_of, side_of
+from impactfem.scene.laws import side_of
+from impactfem.scene.pair_checks import check_laws
+from impactfem.scene.pairing import law_of, named_body_pairs, obstacles_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -28,10 +30,10 @@ def check_mixed(scene: Content) -> None:
     Raises:
         KeyedError: naming the key.
     """
-    for index, contact in enumerate(scene.contacts):
-        _check_contact(scene, contact, f"contact[{index}]")
-        for earlier in range(index):
-            check_twice(scene, scene.contacts[earlier], contact, f"contact[{earlier}]", index)
+    check_laws(scene)
+    known = {body.name: body for body in scene.bodies}
+    for contact, origin in zip(scene.laws.each, scene.laws.origin, strict=True):
+        _check_contact(scene, contact, f"contact[{origin}]", known)
     _check_partners(scene)
     alone = not scene.obstacles and len(scene.bodies) == 1
     if alone and not all(body.may_meet_nothing for body in scene.bodies):
@@ -108,9 +110,7 @@ def _check_convex(body: Body, what: str) -> None:
         raise KeyedError("contact", "", what + text)
 
 
-def _check_contact(scene: Content, contact: Contact, where: str) -> None:
-    check_sides(scene, contact, where)
-    known = {body.name: body for body in scene.bodies}
+def _check_contact(scene: Content, contact: Contact, where: str, known: Mapping[str, Body]) -> None:
     sides = [known[name] for entry in contact.between if (name := side_of(entry)[0]) in known]
     for body in sides:
         for law in contact.laws_of_mass:

@@ -1,13 +1,14 @@
 """Checks of scenes with several solids that may strike each other."""
 
+from collections import defaultdict
 from collections.abc import Sequence
 from itertools import pairwise
 
 from impactfem.methods import METHODS
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import Content
+from impactfem.scene.laws import is_pattern, side_of, sides_of
 from impactfem.scene.nearest import nearest
-from impactfem.scene.pairing import side_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -22,10 +23,9 @@ def check_pairs(scene: Content) -> None:
         if body.model != before.model:
             text = f" = {show(body.model)}, but body[{index - 1}] has {show(before.model)}: "
             raise KeyedError(f"body[{index}]", "model", f"{text}all bodies need the same model.")
-    for index, contact in enumerate(scene.contacts):
-        _check_contact(scene, contact, f"contact[{index}]")
-        for earlier in range(index):
-            check_twice(scene, scene.contacts[earlier], contact, f"contact[{earlier}]", index)
+    check_laws(scene)
+    for contact, origin in zip(scene.laws.each, scene.laws.origin, strict=True):
+        _check_contact(contact, f"contact[{origin}]")
     rubs = any(contact.friction_coefficient > 0.0 for contact in scene.contacts)
     active_set = scene.solve.active_set
     if rubs and active_set not in {None, "pdas"}:
@@ -33,8 +33,7 @@ def check_pairs(scene: Content) -> None:
         raise KeyedError("solve", "active_set", f"{text}; remove it.")
 
 
-def _check_contact(scene: Content, contact: Contact, where: str) -> None:
-    check_sides(scene, contact, where)
+def _check_contact(contact: Contact, where: str) -> None:
     for law in contact.laws_of_mass:
         text = f" = {show(getattr(contact, law))} is for points, rods, beams and rigid bodies: "
         raise KeyedError(where, law, f"{text}solids have their own elasticity; remove it.")
@@ -46,7 +45,7 @@ def check_itself(scene: Content) -> None:
     Raises:
         KeyedError: naming the key.
     """
-    for index, contact in enumerate(scene.contacts):
+    for contact, index in zip(scene.laws.each, scene.laws.origin, strict=True):
         (one, _), (two, _) = map(side_of, contact.between)
         if one != two:
             continue
@@ -59,6 +58,37 @@ def check_itself(scene: Content) -> None:
         if method is not None and METHODS[method].stable == "limited":
             text = f'{shown} in explicit steps; give solve.method = "conserving".'
             raise KeyedError(f"contact[{index}]", "between", text)
+
+
+def check_laws(scene: Content) -> None:
+    """Refuse laws whose names are none, and those that contradict each other.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    check_patterns(scene)
+    places: dict[frozenset[str], list[int]] = defaultdict(list)
+    for index, contact in enumerate(scene.contacts):
+        if any(map(is_pattern, contact.between)):
+            continue
+        check_sides(scene, contact, f"contact[{index}]")
+        same = places[sides_of(contact)]
+        for earlier in same:
+            check_twice(scene, scene.contacts[earlier], contact, f"contact[{earlier}]", index)
+        same.append(index)
+
+
+def check_patterns(scene: Content) -> None:
+    """Refuse laws whose patterns match nothing.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    stands = set(scene.laws.origin)
+    for index, contact in enumerate(scene.contacts):
+        if index not in stands:
+            text = f" = {show(list(contact.between))} matches no two that may meet and have no law "
+            raise KeyedError(f"contact[{index}]", "between", f"{text}yet; change or remove it.")
 
 
 def check_sides(scene: Content, contact: Contact, where: str) -> None:
@@ -110,8 +140,6 @@ def check_twice(scene: Content, one: Contact, two: Contact, where: str, index: i
         {name: on or whole.get(name) for name, on in map(side_of, entry.between)}
         for entry in (one, two)
     ]
-    if set(sides[0]) != set(sides[1]):
-        return
     shown = show(list(two.between))
     if all(
         sides[0][name] is None or sides[1][name] is None or sides[0][name] == sides[1][name]

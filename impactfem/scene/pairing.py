@@ -5,16 +5,8 @@ from itertools import combinations
 
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import Content
+from impactfem.scene.laws import Side, side_of
 from impactfem.scene.obstacles import Rigid
-
-type Side = tuple[str, tuple[str, ...] | None]
-"""Name of a body and its surfaces; None for all that may touch."""
-
-
-def side_of(name: str) -> Side:
-    """Read "ball" or "ball/skin"."""
-    body, slash, surface = name.partition("/")
-    return body, (surface,) if slash else None
 
 
 def default_name(one: str, two: str) -> str:
@@ -29,10 +21,8 @@ def name_of(contact: Contact) -> str:
 
 def pair_name(scene: Content, one: str, two: str) -> str:
     """Name of the pair of two names: that of its contact, or a body's and an obstacle's."""
-    for entry in scene.contacts:
-        if {side_of(name)[0] for name in entry.between} == {one, two}:
-            return name_of(entry)
-    return default_name(one, two)
+    law = law_of(scene, one, two)
+    return default_name(one, two) if law is None else name_of(law)
 
 
 def named_body_pairs(scene: Content) -> list[tuple[str, Side, Side]]:
@@ -40,13 +30,13 @@ def named_body_pairs(scene: Content) -> list[tuple[str, Side, Side]]:
 
     Bodies that a joint holds together meet only where a contact law says so.
     """
-    names = [body.name for body in scene.bodies]
+    names = {body.name: None for body in scene.bodies}
     if not scene.contacts:
         held = {frozenset(joint.between or ()) for joint in scene.joints}
         pairs = [pair for pair in combinations(names, 2) if frozenset(pair) not in held]
         return [(default_name(one, two), (one, None), (two, None)) for one, two in pairs]
     found = []
-    for entry in scene.contacts:
+    for entry in scene.laws.each:
         one, two = (side_of(name) for name in entry.between)
         if one[0] in names and two[0] in names:
             found.append((name_of(entry), one, two))
@@ -65,10 +55,7 @@ def self_meeting(scene: Content) -> list[str]:
 
 def law_of(scene: Content, one: str, two: str) -> "Contact | None":
     """The law between two names; None where none is given."""
-    for entry in scene.contacts:
-        if {side_of(name)[0] for name in entry.between} == {one, two}:
-            return entry
-    return None
+    return next(iter(scene.laws.of.get(frozenset((one, two)), ())), None)
 
 
 def friction_of(scene: Content, one: str, two: str) -> float:
@@ -82,11 +69,10 @@ def surfaces_on(scene: Content, body: str, obstacle: str) -> tuple[str, ...] | N
 
     None where no contact law names the pair.
     """
-    found = []
-    for entry in scene.contacts:
+    found: list[str] = []
+    for entry in scene.laws.of.get(frozenset((body, obstacle)), ()):
         sides = dict(side_of(name) for name in entry.between)
-        if set(sides) == {body, obstacle}:
-            found += list(sides[body] or ("",))
+        found += list(sides[body] or ("",))
     return tuple(found) or None
 
 
@@ -94,10 +80,5 @@ def obstacles_of(scene: Content, name: str) -> Sequence[Rigid]:
     """Obstacles that a body may meet: those of ``[[contact]]``, or all where there is none."""
     if not scene.contacts:
         return scene.rigid_obstacles
-    partners = {
-        other
-        for entry in scene.contacts
-        for one, other in (entry.between, reversed(tuple(entry.between)))
-        if side_of(one)[0] == name
-    }
+    partners = scene.laws.partners.get(name, ())
     return tuple(obstacle for obstacle in scene.rigid_obstacles if obstacle.name in partners)

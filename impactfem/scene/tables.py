@@ -9,7 +9,7 @@ from impactfem.scene.schema import KeyedError, check_keys, from_table, keys_of
 from impactfem.scene.values import NotAllowedError, show, type_in_words
 
 MAX_OBSTACLES = 100
-MAX_BODIES = 100
+MAX_BODIES = 2000
 MODELLED = (
     f"one bar and one wall, up to {MAX_BODIES} bars in a row, or up to {MAX_BODIES} points, rods, "
     f"beams and solids and up to {MAX_OBSTACLES} obstacles"

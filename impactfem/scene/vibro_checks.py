@@ -5,6 +5,7 @@ from typing import Any
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import Content
 from impactfem.scene.nearest import nearest
+from impactfem.scene.pair_checks import check_patterns
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -21,8 +22,10 @@ def check_vibro(scene: Content) -> None:
         KeyedError: naming the key.
     """
     names = {body.name: body for body in scene.bodies} | {o.name: o for o in scene.obstacles}
-    for index, contact in enumerate(scene.contacts):
-        _check_contact(names, contact, index, scene.contacts[:index])
+    check_patterns(scene)
+    laws = scene.laws
+    for place, (contact, origin) in enumerate(zip(laws.each, laws.origin, strict=True)):
+        _check_contact(names, contact, origin, laws.each[:place])
     if not scene.obstacles and not scene.contacts:
         text = (
             " is missing: nothing can be hit; add an [[obstacle]], or a [[contact]] of two points."

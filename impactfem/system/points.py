@@ -168,7 +168,7 @@ def contact_pairs(scene: Scene) -> list[tuple[tuple[str, str], float]]:
     bodies = {body.name for body in scene.bodies}
     if scene.contacts:
         pairs = []
-        for contact in scene.contacts:
+        for contact in scene.laws.each:
             one, two = contact.between
             pairs.append(((one, two) if one in bodies else (two, one), contact.restitution))
         return pairs

@@ -466,3 +466,30 @@ def test_the_estimated_error_of_a_free_top_is_that_of_its_rotation():
     apart = (turns[0] * turns[1].inv()).magnitude().max()
     told = result.summary["error"]["displacement_max"]
     assert 0.2 * apart < told < 2.0 * apart
+
+
+def test_a_law_by_patterns_is_that_of_the_pairs():
+    disc = {"kind": "rigid", "mass": 1.0, "velocity": [0.5, 0.0]}
+    bodies = [
+        disc | {"name": f"grain_{k}", "shape": {"kind": "disc", "radius": 0.1, "center": c}}
+        for k, c in enumerate(([0.0, 0.101], [0.21, 0.12], [0.1, 0.3]))
+    ]
+    floor = {"kind": "half_space", "name": "floor", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+    law = {"friction_coefficient": 0.3, "restitution": 0.2}
+    names = [["grain_0", "grain_1"], ["grain_0", "grain_2"], ["grain_1", "grain_2"]]
+    names += [[f"grain_{k}", "floor"] for k in range(3)]
+    said = [[law | {"between": pair} for pair in names], [law | {"between": ["*", "*"]}]]
+    one, two = (
+        impactfem.solve(
+            Scene.from_dict(
+                {"title": "grains", "duration": 0.2, "gravity": [0.0, -9.81], "body": bodies,
+                 "obstacle": [floor], "contact": contacts,
+                 "solve": {"dt": 2e-3, "estimate": False}, "output": {"fields": []}}
+            )
+        ).history
+        for contacts in said
+    )  # fmt: skip
+    assert one["friction_work"].values[-1] < -1e-4
+    assert set(one.data_vars) == set(two.data_vars)
+    for name in one.data_vars:
+        np.testing.assert_array_equal(one[name].values, two[name].values)

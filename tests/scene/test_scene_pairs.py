@@ -7,7 +7,8 @@ import pytest
 
 from impactfem.errors import SceneError
 from impactfem.scene import Contact, Scene
-from impactfem.scene.pairing import body_pairs, friction_of, name_of, obstacles_of, side_of
+from impactfem.scene.laws import side_of
+from impactfem.scene.pairing import body_pairs, friction_of, name_of, obstacles_of
 
 
 def block(name, x):
@@ -161,3 +162,40 @@ def test_names_that_make_one_column_twice_are_refused(changes, key, words):
         Scene.from_dict(POINTS | changes)
     assert key in str(caught.value)
     assert words in str(caught.value)
+
+
+def grains(*contacts, **more):
+    floor = {"kind": "half_space", "name": "floor", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
+    disc = {"kind": "rigid", "mass": 1.0}
+    bodies = [
+        disc | {"name": name, "shape": {"kind": "disc", "radius": 0.1, "center": [x, 0.2]}}
+        for name, x in (("grain_1", 0.0), ("grain_2", 1.0), ("stone", 2.0))
+    ]
+    return Scene.from_dict(
+        {"title": "grains", "duration": 0.1, "body": bodies, "obstacle": [floor],
+         "contact": list(contacts)} | more
+    )  # fmt: skip
+
+
+def test_patterns_stand_for_pairs_that_no_other_law_names():
+    scene = grains(
+        {"between": ["grain_*", "*"], "friction_coefficient": 0.3},
+        {"between": ["stone", "grain_2"], "friction_coefficient": 0.5},
+        {"between": ["*", "floor"], "restitution": 0.2},
+    )
+    said = {tuple(law.between): law.friction_coefficient for law in scene.laws.each}
+    assert said == {
+        ("grain_1", "grain_2"): 0.3, ("grain_1", "stone"): 0.3, ("grain_1", "floor"): 0.3,
+        ("grain_2", "floor"): 0.3, ("stone", "grain_2"): 0.5, ("stone", "floor"): 0.0,
+    }  # fmt: skip
+    assert scene.laws.origin == (0, 0, 0, 0, 1, 2)
+    assert friction_of(scene, "grain_2", "stone") == 0.5
+    assert len(scene.to_dict()["contact"]) == 3  # written as it was said
+    joint = {"kind": "fixed", "name": "bond", "between": ["grain_1", "grain_2"],
+             "point": [0.5, 0.2]}  # fmt: skip
+    with pytest.raises(SceneError, match=r"contact\[0\].between .* matches no two that may meet"):
+        grains({"between": ["pebble_*", "*"]})
+    with pytest.raises(SceneError, match=r"matches no two"):  # a joint holds the only two
+        grains({"between": ["grain_*", "grain_*"]}, joint=[joint])
+    with pytest.raises(SceneError, match=r'name = "all" would be that of several pairs'):
+        grains({"name": "all", "between": ["*", "*"]})

@@ -1,13 +1,14 @@
 """The scene in words: bodies, obstacles, contact, loads and duration, with units."""
 
 from collections.abc import Callable, Mapping
+from fnmatch import fnmatchcase
 from typing import Any
 
 from impactfem.report.page.bodies_in_words import body_in_words
 from impactfem.report.page.numbers import goings, number, quantity, vector
 from impactfem.scene import Scene
+from impactfem.scene.laws import side_of
 from impactfem.scene.loads import PiecewiseConstant
-from impactfem.scene.pairing import side_of
 
 _MOST = 12  # bodies, obstacles or contacts that are told one by one
 
@@ -126,8 +127,9 @@ def _contact(scene: Scene, entry: Any) -> str:
     told = "without friction"
     if entry.friction_coefficient:
         told = f"with Coulomb friction of coefficient {number(entry.friction_coefficient)}"
-    sides = {side_of(name)[0] for name in entry.between}
-    if not any(body.waves for body in scene.bodies if body.name in sides):
+    sides = [side_of(name)[0] for name in entry.between]
+    met = [body for body in scene.bodies if any(fnmatchcase(body.name, side) for side in sides)]
+    if not any(body.waves for body in met):
         told += f", with the coefficient of restitution {number(entry.restitution)}"
     return f"{text}, {told}."
 

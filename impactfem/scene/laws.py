@@ -1,0 +1,103 @@
+"""Contact laws by what they are between, with name patterns replaced by the names they match."""
+
+from collections import defaultdict
+from collections.abc import Collection, Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+from impactfem.scene.contacts import Contact
+
+type Side = tuple[str, tuple[str, ...] | None]
+"""Name of a body and its surfaces; None for all that may touch."""
+
+type Both = frozenset[str]
+"""Names of a body and of what it meets, without surfaces."""
+
+
+def side_of(name: str) -> Side:
+    """Read "ball" or "ball/skin"."""
+    body, slash, surface = name.partition("/")
+    return body, (surface,) if slash else None
+
+
+def sides_of(contact: Contact) -> Both:
+    """Names of what a law is between."""
+    return frozenset(side_of(name)[0] for name in contact.between)
+
+
+def is_pattern(name: str) -> bool:
+    """Whether a name of ``between`` stands for several."""
+    return "*" in name or "?" in name
+
+
+@dataclass(frozen=True)
+class Laws:
+    """The contact laws of a scene, each of two names.
+
+    Attributes:
+        each: The laws; those of a pattern stand in its place.
+        origin: Place of each in the scene's ``[[contact]]``.
+        of: Laws of two names: several where they are of different surfaces.
+        partners: What a body or obstacle may meet, by its name.
+    """
+
+    each: tuple[Contact, ...]
+    origin: tuple[int, ...]
+    of: Mapping[Both, Sequence[Contact]]
+    partners: Mapping[str, Collection[str]]
+
+    @classmethod
+    def among(
+        cls,
+        contacts: Sequence[Contact],
+        bodies: Sequence[str],
+        obstacles: Sequence[str],
+        held: Collection[Both],
+    ) -> "Laws":
+        """Find them.
+
+        A pattern stands for all pairs that it matches and that no law names, no pattern before it
+        matches and no joint holds together.
+
+        Args:
+            contacts: As the scene has them.
+            bodies: Names of its bodies.
+            obstacles: Names of its obstacles.
+            held: Bodies that joints hold together.
+        """
+        plain = [not any(map(is_pattern, entry.between)) for entry in contacts]
+        taken = {sides_of(entry) for entry, named in zip(contacts, plain, strict=True) if named}
+        taken |= set(held)
+        each, origin, moving = [], [], set(bodies)
+        for index, (entry, named) in enumerate(zip(contacts, plain, strict=True)):
+            found = [entry]
+            if not named:
+                first, second = (
+                    [name for name in (*bodies, *obstacles) if fnmatchcase(name, pattern)]
+                    for pattern in entry.between
+                )
+                found = []
+                for one in first:
+                    for two in second:
+                        both = frozenset((one, two))
+                        if one != two and both & moving and both not in taken:
+                            taken.add(both)
+                            found.append(_between(entry, one, two))
+            each += found
+            origin += [index] * len(found)
+        of: dict[Both, list[Contact]] = defaultdict(list)
+        partners: dict[str, set[str]] = defaultdict(set)
+        for entry in each:
+            both = sides_of(entry)
+            of[both].append(entry)
+            for name in both:
+                partners[name] |= both - {name} or both
+        return cls(tuple(each), tuple(origin), dict(of), dict(partners))
+
+
+def _between(contact: Contact, one: str, two: str) -> Contact:
+    """The same law between two others; not checked again, as there may be 1e5 of them."""
+    found = copy(contact)
+    object.__setattr__(found, "between", (one, two))
+    return found
