@@ -65,6 +65,7 @@ class Gaps:
     Attributes:
         updated: Whether distance and normal follow the nodes.
         pairs: Names of the pairs of the scene, one for each obstacle.
+        contact, initial, radius: The nodes at t = 0, their displacement and their radii as balls.
         pressures: Matrix from forces [N] to pressures [Pa]; see `impactfem.contact.pressure`.
     """
 
@@ -89,15 +90,33 @@ class Gaps:
             pairs: Names of the pairs of the body with the obstacles.
             radius: Of nodes that are balls [m], (count,) or a number.
         """
-        self.pairs, self._radius = tuple(pairs), radius
+        self.pairs, self.radius = tuple(pairs), radius
         self._obstacles, self.updated = obstacles, updated
-        self._positions, self._initial = contact.positions - initial, initial
+        self.contact, self.initial = contact, initial
+        self._positions = contact.positions - initial
         self._nearest, self._gap, self._normal = contact.obstacle, contact.gap, contact.normal
         self.pressures = contact.pressures
         self.moves = any(obstacle.moves for obstacle in obstacles)
         # What the nodes are nearest to, on the obstacles at rest.
         self._facing = np.zeros_like(self._normal)
         self._face(contact.positions, contact.gap + radius, self._normal, 0.0)
+
+    @property
+    def single(self) -> Any | None:
+        """The obstacle, if there is one only and distances follow the nodes."""
+        return self._obstacles[0] if self.updated and len(self._obstacles) == 1 else None
+
+    @classmethod
+    def joined(cls, each: Sequence["Gaps"]) -> "Gaps":
+        """Of the nodes of several beside the same `single` obstacle: it is asked once for all."""
+        first = each[0]
+        if len(each) == 1:
+            return first
+        initial = np.concatenate([gaps.initial for gaps in each])
+        places = np.concatenate([gaps.contact.positions for gaps in each])
+        radius = np.concatenate([np.broadcast_to(gaps.radius, len(gaps.initial)) for gaps in each])
+        balls = Balls.beside(first.single, places, radius)
+        return cls((first.single,), balls, initial, updated=True, pairs=first.pairs, radius=radius)
 
     def _moving(self) -> Iterator[tuple[NDArray[np.bool_], Any]]:
         """Which gaps are those of each obstacle that moves, (count,), and the obstacle."""
@@ -121,12 +140,18 @@ class Gaps:
         """Which of `pairs` each gap belongs to: that of the obstacle that is now its, (count,)."""
         return self._nearest
 
-    def responses(self, columns: Columns, whole: int | None) -> Responses:
+    def responses(
+        self,
+        columns: Columns,
+        whole: int | None,
+        apart: NDArray[np.int64] | None = None,  # noqa: ARG002  (of several bodies)
+    ) -> Responses:
         """How the gaps answer to contact forces.
 
         Args:
             columns: Answers of the contact nodes.
             whole: For how many nodes answers are worth keeping in full; None: for all.
+            apart: None, as it is one body.
         """
         count, dim = self._normal.shape
         return Responses(count, dim, self.normals, columns, whole)
@@ -169,7 +194,7 @@ class Gaps:
             span: How long the way takes [s].
         """
         if not self.updated:
-            gap = self._gap + np.einsum("ij,ij->i", self._normal, displacement - self._initial)
+            gap = self._gap + np.einsum("ij,ij->i", self._normal, displacement - self.initial)
             moved = np.einsum("ij,ij->i", self._normal, self.shift(time))
             return gap - moved, self._normal
         # Distances where the node is bound to go, normals where the forces act on the way: amid it,
@@ -186,7 +211,7 @@ class Gaps:
                 if mine.any():
                     near[mine], normal[mine] = signed_distance(obstacle, acting[mine], when)
         self._face(acting, near, normal, when)
-        return gap - self._radius - np.einsum("ij,ij->i", normal, static), normal
+        return gap - self.radius - np.einsum("ij,ij->i", normal, static), normal
 
     def normals_at(
         self,

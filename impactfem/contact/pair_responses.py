@@ -1,8 +1,10 @@
 """How gaps between bodies answer to contact forces, from answers of single nodes."""
 
+from typing import cast
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, vstack
+from scipy.sparse import csr_matrix, diags, vstack
 
 from impactfem.contact.responses import Columns
 
@@ -11,6 +13,7 @@ Integers = NDArray[np.int64]
 
 type Weights = Floats | csr_matrix
 
+_MANY = 600  # coordinates of nodes from which answers of bodies apart are kept sparse
 _TOGETHER = 64  # nodes whose columns are asked for at once: bounds the memory for them
 
 
@@ -21,20 +24,25 @@ class PairResponses:
     when a gap first needs the node. From them follow C = B A B^T and D alike, B_i = W_i n_i.
     """
 
-    def __init__(self, dim: int, nodes: int, columns: Columns) -> None:
+    def __init__(
+        self, dim: int, nodes: int, columns: Columns, apart: Integers | None = None
+    ) -> None:
         """Begin without columns.
 
         Args:
             dim: Components of a node.
             nodes: Number of contact nodes.
             columns: Computes columns (collective).
+            apart: Body of each node, where forces on a body move no other one; None: they may.
         """
+        self._apart = apart if dim * nodes > _MANY else None
         self._dim, self._nodes, self._columns = dim, nodes, columns
         self._weights: Weights = csr_matrix((0, nodes))
         self._place = np.full(nodes, -1, dtype=np.int64)
         self._order: list[int] = []
         size = dim * nodes
-        self._layer, self._static = np.empty((0, size)), np.empty((0, size))
+        empty: Weights = np.empty((0, size)) if self._apart is None else csr_matrix((0, size))
+        self._layer, self._static = empty, empty
 
     def follow(self, weights: Weights) -> None:
         """Take other weights W, shape (pairs, nodes): an array where there are few."""
@@ -66,8 +74,8 @@ class PairResponses:
             for k, node in enumerate(part):
                 self._place[node] = len(self._order) + k
             self._order += part.tolist()
-            self._layer = np.vstack([self._layer, layer.reshape(len(part) * dim, -1)])
-            self._static = np.vstack([self._static, static.reshape(len(part) * dim, -1)])
+            self._layer = _below(self._layer, layer.reshape(len(part) * dim, -1))
+            self._static = _below(self._static, static.reshape(len(part) * dim, -1))
 
     def renew(self, changed: NDArray[np.bool_], answers: Columns) -> None:
         """Ask again what is known of nodes whose answers have changed (collective).
@@ -80,13 +88,55 @@ class PairResponses:
         if not known:
             return
         dim = self._dim
+        rows = (dim * self._place[known][:, None] + np.arange(dim)).ravel()
+        if self._apart is not None:
+            self._layer, self._static = self._renewed(np.asarray(known), rows, answers)
+            return
         forces = np.zeros((len(known), dim, self._nodes, dim))
         for k, node in enumerate(known):
             forces[k, :, node] = np.eye(dim)
         found = answers(forces.reshape(-1, self._nodes, dim))
-        rows = (dim * self._place[known][:, None] + np.arange(dim)).ravel()
         for kept, new in zip((self._layer, self._static), found, strict=True):
             kept[rows] = new.reshape(len(rows), -1)
+
+    def _renewed(
+        self, known: Integers, rows: Integers, answers: Columns
+    ) -> tuple[csr_matrix, csr_matrix]:
+        """Answers with those of some nodes asked again, of which each body is asked at once.
+
+        Forces on several bodies in one column do not mix: as many columns are asked for as a body
+        has nodes, and what each says stands at its own nodes.
+
+        Args:
+            known: The nodes.
+            rows: Their rows among those of the answers.
+            answers: Computes answers that nobody keeps.
+        """
+        dim, apart = self._dim, cast("Integers", self._apart)
+        _, counts = np.unique(apart[known], return_counts=True)
+        order = np.argsort(apart[known], kind="stable")
+        turn = np.empty(len(known), dtype=np.int64)  # which of its body's nodes each is
+        turn[order] = np.arange(len(known)) - np.repeat(np.cumsum(counts) - counts, counts)
+        forces = np.zeros((counts.max(), dim, self._nodes, dim))
+        forces[turn[:, None], np.arange(dim), known[:, None], np.arange(dim)] = 1.0
+        found = answers(forces.reshape(-1, self._nodes, dim))
+        # Entries of each row: the coordinates of the nodes of its body.
+        first = np.searchsorted(apart, apart[known])
+        sizes = dim * (np.searchsorted(apart, apart[known], side="right") - first)
+        widths = np.repeat(sizes, dim)
+        within = np.arange(widths.sum()) - np.repeat(np.cumsum(widths) - widths, widths)
+        columns = np.repeat(np.repeat(dim * first, dim), widths) + within
+        asked = np.repeat((dim * turn[:, None] + np.arange(dim)).ravel(), widths)
+        entries = np.repeat(rows, widths), columns
+        shape = self._layer.shape
+        stays = np.ones(shape[0])
+        stays[rows] = 0.0
+        renewed = []
+        for kept, each in zip((self._layer, self._static), found, strict=True):
+            values = each.reshape(len(each), -1)[asked, columns]
+            own = csr_matrix((values, entries), shape=shape)
+            renewed.append(csr_matrix(own + diags(stays) @ kept) if stays.any() else own)
+        return renewed[0], renewed[1]
 
     def matrices(self, rows: Integers, normals: Floats) -> tuple[Floats, Floats]:
         """Response C and compliance D of some gaps along their normals [m/N], (k, k) each."""
@@ -148,7 +198,7 @@ class PairResponses:
         """B A B^T of the answers A in a layer and static, without what rounding made asymmetric."""
         known = self._known_part(parts)
         layer, static = (
-            np.asarray((known @ columns) @ parts.T) for columns in (self._layer, self._static)
+            _full((known @ columns) @ parts.T) for columns in (self._layer, self._static)
         )
         return 0.5 * (layer + layer.T), 0.5 * (static + static.T)
 
@@ -172,5 +222,16 @@ class PairResponses:
             return np.asarray(operator[:, places.ravel()])
         node, axis = np.divmod(operator.indices, self._dim)
         columns = self._dim * self._place[node] + axis
-        shape = (operator.shape[0], len(self._layer))
+        shape = (operator.shape[0], self._layer.shape[0])
         return csr_matrix((operator.data, columns, operator.indptr), shape=shape)
+
+
+def _below(kept: Weights, found: Floats) -> Weights:
+    """Further rows, sparse where those before are."""
+    if isinstance(kept, np.ndarray):
+        return np.vstack([kept, found])
+    return csr_matrix(vstack([kept, csr_matrix(found)]))
+
+
+def _full(matrix: Weights) -> Floats:
+    return matrix if isinstance(matrix, np.ndarray) else np.asarray(matrix.toarray())

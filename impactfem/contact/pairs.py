@@ -128,6 +128,7 @@ class PairGaps:
         self._listed = np.array([place[name] for name in listed], dtype=np.int64)
         self._places, self._initial = places, initial
         self._obstacles, self._meetings = tuple(obstacles), tuple(meetings)
+        self._beside = _by_obstacle(self._obstacles)
         self._moving = any(meet.follows for meet in self._meetings)
         self.updated = self._moving or any(gaps.updated for _, _, gaps in self._obstacles)
         nodes = len(places)
@@ -166,21 +167,23 @@ class PairGaps:
         found.append(first + np.arange(sum(len(entry.gap) for entry in self._first)))
         return self._listed[np.concatenate(found)]
 
-    def responses(self, columns: Columns, whole: int | None) -> Responses | PairResponses:
-        """How the gaps answer to contact forces along their normals.
+    def responses(
+        self, columns: Columns, whole: int | None, apart: Integers | None = None
+    ) -> Responses | PairResponses:
+        """How the gaps answer to contact forces along their normals; see `ContactGaps`.
 
         With weights and normals that stay, a gap answers as a node does that has a gap of its own.
         """
         if self.updated:
-            return self.directed(columns)
+            return self.directed(columns, apart)
         _, normals = self.at(self._initial, self._initial, self._initial, 0.0)
         count, dim = normals.shape
         return Responses(count, dim, normals, columns, whole, self)
 
-    def directed(self, columns: Columns) -> PairResponses:
+    def directed(self, columns: Columns, apart: Integers | None = None) -> PairResponses:
         """How they answer to forces in any direction."""
         nodes, dim = self._places.shape
-        self._responses = PairResponses(dim, nodes, columns)
+        self._responses = PairResponses(dim, nodes, columns, apart)
         self._responses.follow(self._weights)
         return self._responses
 
@@ -258,12 +261,11 @@ class PairGaps:
     ) -> tuple[Floats, Floats]:
         """Gaps (pairs,) and normals (pairs, dim); see `Gaps.at`."""
         self._turning = None
-        gaps, normals = [np.zeros(0)], [np.zeros((0, displacement.shape[1]))]
-        for own, chosen, obstacle in self._obstacles:
-            parts = (displacement[own][chosen], begin[own][chosen], last[own][chosen])
-            gap, normal = obstacle.at(*parts, time, back, span)
-            gaps.append(gap)
-            normals.append(normal)
+        count = self._bound.shape[0]
+        gaps, normals = [np.zeros(count)], [np.zeros((count, displacement.shape[1]))]
+        for nodes, rows, obstacle in self._beside:
+            parts = (displacement[nodes], begin[nodes], last[nodes])
+            gaps[0][rows], normals[0][rows] = obstacle.at(*parts, time, back, span)
         static = last - begin
         met = self._first
         if self._moving:
@@ -292,11 +294,10 @@ class PairGaps:
 
     def shift(self, time: float) -> Floats:
         """Displacement of what nodes face on obstacles since t = 0 [m], (pairs, dim)."""
-        moved, first = np.zeros((self._weights.shape[0], self._places.shape[1])), 0
-        for _, chosen, gaps in self._obstacles:
+        moved = np.zeros((self._weights.shape[0], self._places.shape[1]))
+        for _, rows, gaps in self._beside:
             if gaps.moves:
-                moved[first : first + len(chosen)] = gaps.shift(time)
-            first += len(chosen)
+                moved[rows] = gaps.shift(time)
         return moved
 
     def nodal(self, force: Floats, gap: Floats) -> tuple[Floats, Floats, Floats]:
@@ -335,6 +336,23 @@ class PairGaps:
             last = first + len(meet.memory)
             meet.recall(memory["met"][first:last])
             first = last
+
+
+def _by_obstacle(
+    obstacles: Sequence[tuple[slice, Integers, Gaps]],
+) -> list[tuple[Integers, Integers, Gaps]]:
+    """Nodes and rows of gaps, those of many bodies beside the same obstacle together."""
+    groups: dict[int, list[tuple[Integers, Integers, Gaps]]] = {}
+    first = 0
+    for own, chosen, gaps in obstacles:
+        rows = np.arange(first, first + len(chosen))
+        first += len(chosen)
+        same = id(gaps if gaps.single is None else gaps.single)
+        groups.setdefault(same, []).append((own.start + chosen, rows, gaps))
+    return [
+        (np.concatenate(nodes), np.concatenate(rows), Gaps.joined(gaps))
+        for nodes, rows, gaps in (zip(*group, strict=True) for group in groups.values())
+    ]
 
 
 def _along(ways: Floats, normals: Floats) -> Floats:

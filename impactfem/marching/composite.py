@@ -137,6 +137,11 @@ class Composite(Bodies[Interior]):
         self._free = given + [np.ones((1, 1))] * (len(parts) - len(given))
 
     @property
+    def apart(self) -> NDArray[np.int64] | None:
+        """Body of each contact node: no force moves another body."""
+        return np.repeat(np.arange(len(self.parts)), np.diff(self.offsets))
+
+    @property
     def massive(self) -> Booleans:
         """Contact nodes with mass, of all bodies."""
         return np.concatenate([part.massive for part in self.parts])
@@ -226,8 +231,9 @@ class Composite(Bodies[Interior]):
         layer, static = np.zeros_like(forces), np.zeros_like(forces)
         before = self._count
         self._count += len(forces) if keep else 0
-        for k, part in enumerate(self.parts):
-            mine = forces[:, self.own(k)] * self._free[k]
+        nodes = np.flatnonzero(forces.any(axis=(0, 2)))
+        for k in np.unique(np.searchsorted(self.offsets, nodes, side="right") - 1).tolist():
+            part, mine = self.parts[k], forces[:, self.own(k)] * self._free[k]
             asked = np.flatnonzero(mine.any(axis=(1, 2)))
             if len(asked):
                 answer = part.columns if keep else part.answers

@@ -40,6 +40,7 @@ class FewInterior:
 
     whole_columns: int | None = None
     rolling = False
+    apart: Integers | None = None
 
     def __init__(
         self, bodies: FewBodies, gravity: PiecewiseVector, dt: float, *, counts: bool

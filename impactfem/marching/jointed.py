@@ -39,6 +39,8 @@ class Jointed(Composite):
         counts: Whether this rank sums them up.
     """
 
+    apart = None
+
     def __init__(
         self,
         parts: Sequence[Interior],

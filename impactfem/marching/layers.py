@@ -110,6 +110,10 @@ class Interior(Stepper, Protocol):
     rolling: bool
 
     @property
+    def apart(self) -> Integers | None:
+        """Body of each contact node, (count,), if forces on one body move no other one."""
+
+    @property
     def massive(self) -> Booleans:
         """Contact nodes whose mass makes impacts: between them the law acts on speeds, (count,)."""
 
@@ -236,7 +240,7 @@ class DirectedAnswers(Answers, Protocol):
 class DirectedGaps(Protocol):
     """Gaps that friction acts in; see `ContactGaps`."""
 
-    def directed(self, columns: Columns) -> DirectedAnswers:
+    def directed(self, columns: Columns, apart: Integers | None) -> DirectedAnswers:
         """How the gaps answer to contact forces in any direction."""
 
 
@@ -252,7 +256,9 @@ class ContactGaps(Protocol):
     def pair_of(self) -> Integers:
         """Which of `pairs` each gap belongs to now, (gaps,)."""
 
-    def responses(self, columns: Columns, whole: int | None) -> Answers:
+    def responses(
+        self, columns: Columns, whole: int | None, apart: Integers | None = None
+    ) -> Answers:
         """How the gaps answer to contact forces."""
 
     def relative(self, values: Floats) -> Floats:

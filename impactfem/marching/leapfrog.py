@@ -80,6 +80,7 @@ class Leapfrog:
     """Explicit interior; see `impactfem.marching.layers.Interior`."""
 
     rolling = False
+    apart: NDArray[np.int64] | None = None
 
     def __init__(
         self,

@@ -33,6 +33,7 @@ class Midpoint:
     """Implicit interior; see `impactfem.marching.layers.Interior`."""
 
     rolling = False
+    apart: NDArray[np.int64] | None = None
 
     def __init__(
         self,

@@ -47,7 +47,8 @@ class RubbingMarch(SolidMarch):
 
     def _answers(self) -> DirectedAnswers:
         """How the gaps answer to contact forces in any direction."""
-        return cast("DirectedGaps", self._gaps).directed(self.interior.columns)
+        interior = self.interior
+        return cast("DirectedGaps", self._gaps).directed(interior.columns, interior.apart)
 
     def memory(self) -> dict[str, Floats]:
         """What the next layer needs besides the state of the bodies, the same on all ranks."""

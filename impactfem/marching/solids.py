@@ -43,7 +43,8 @@ class SolidMarch(TimeLoop[Interior]):
 
     def _answers(self) -> Answers:
         """How the gaps answer to contact forces; with friction in all directions."""
-        return self._gaps.responses(self.interior.columns, self.interior.whole_columns)
+        interior = self.interior
+        return self._gaps.responses(interior.columns, interior.whole_columns, interior.apart)
 
     def _initial_contact(self, gap: Floats, normals: Floats) -> tuple[Floats, Floats]:
         """Forces that keep massless nodes out of the obstacle at t = 0."""

@@ -378,10 +378,12 @@ def obstacle_meetings(model: Bodies) -> list[ObstacleMeeting]:
         SceneError: A body is inside an obstacle at t = 0.
     """
     found = []
+    known = {obstacle.name: _faces(obstacle) for obstacle in model.scene.rigid_obstacles}
     for k, bodies in enumerate(model.few):
         places = bodies.places(bodies.position)
         for body, name in enumerate(bodies.names):
-            faces = (pair for o in obstacles_of(model.scene, name) for pair in enumerate(_faces(o)))
+            beside = obstacles_of(model.scene, name)
+            faces = (pair for o in beside for pair in enumerate(known[o.name]))
             for face, obstacle in faces:
                 on = surfaces_on(model.scene, name, obstacle.name)
                 own = bodies.meeting(body, on, (obstacle.name, face))
