@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 import impactfem
 from impactfem.marching.march import SCHEMES, Marching, march
+from impactfem.marching.wave_kernels import SNAP
 from impactfem.reference.bar import exact_bar
 
 FALLS = ((0.39, 0.12, 0.25), (1.3, 0.8, 0.4), (0.2, 1.1, 1.7), (0.07, 0.4, 3.0))  # gap, v0, p
@@ -83,8 +84,18 @@ def motions(draw):
     return impactfem.Bar(**keys), tuple(steps), tuple(pulls), elements, draw(st.floats(0.05, 40.0))
 
 
+SNAPPED = (
+    impactfem.Bar(
+        length=2.71875, density=1.0, youngs_modulus=1.0, far_end="clamped", gap=0.0,
+        velocity="0.015*(2.71875 - x)",
+    ),
+    (0.0, 0.01171875, 2.046875), (0.5, -0.710938, 0.015), 30, 29.599609375,
+)  # fmt: skip
+
+
 @settings(max_examples=40, deadline=None)
 @given(motions())
+@example(SNAPPED)
 @example((impactfem.Bar(length=1.0, density=1.0, youngs_modulus=1.0, velocity=-1.0), (0.0,), (1.0,), 3, 10.0))  # fmt: skip  # noqa: E501
 def test_balances_hold_in_every_layer(motion):
     bar, steps, pulls, elements, courant = motion
@@ -101,9 +112,12 @@ def test_balances_hold_in_every_layer(motion):
     speed = np.abs(bar.initial_velocity(x=nodes)).max() + np.abs(found.mean_velocity).max()
     speed += bar.wave_speed * np.abs(np.diff(found.displacement[0])).max() / nodes[1]
     speed += np.abs(loads).max()
-    assert np.abs(total - total[0]).max() <= 1e-12 * bar.length * speed**2
+    # An impact so near to the end of a piece that it moves there loses the way that is left.
+    impacts = 1 + np.count_nonzero(np.diff((found.multiplier < 0.0).astype(int)) > 0)
+    snapped = impacts * SNAP * dt * speed
+    assert np.abs(total - total[0]).max() <= 1e-12 * bar.length * speed**2 + snapped * speed
     if bar.far_end == "clamped":
-        assert np.ptp(found.displacement[:, -1]) <= 1e-12 * bar.length * (1.0 + speed)
+        assert np.ptp(found.displacement[:, -1]) <= 1e-12 * bar.length * (1.0 + speed) + snapped
     else:
         expected = -found.multiplier * dt / bar.length - loads
         assert np.abs(np.diff(found.mean_velocity) - expected).max() <= 1e-12 * speed
