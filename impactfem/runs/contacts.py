@@ -112,15 +112,21 @@ class Contacts:
             for p in model.pairs
         ]
         balls = model.ball_meetings
-        check_apart(balls, joined[0] + joined[1])
+        single = [(met, met.single) for met in balls if met.single is not None]
+        crowd = BallCrowd.of([pair for _, pair in single]) if single else None
+        start = joined[0] + joined[1]
+        check_apart([met for met in balls if met.single is None], start)
+        if crowd is not None:  # all at once: balls may be many
+            worst = int(np.argmin(crowd(start, start).gap))
+            check_apart([single[worst][0]], start)
         between += [
             Between.two(met.label, met.names, met.pair, met.pair.count)
             for met in balls
             if met.single is None
         ]
-        if single := [(met, met.single) for met in balls if met.single is not None]:
+        if crowd is not None:
             labels, names = zip(*((met.label, met.names) for met, _ in single), strict=True)
-            between.append(Between(labels, names, BallCrowd.of([pair for _, pair in single])))
+            between.append(Between(labels, names, crowd))
         owns = tuple(slice(*ends) for ends in pairwise(offsets))
         return cls(tuple(obstacles), tuple(between), owns, *joined)
 

@@ -39,7 +39,7 @@ class Laws:
         each: The laws; those of a pattern stand in its place.
         origin: Place of each in the scene's ``[[contact]]``.
         of: Laws of two names: several where they are of different surfaces.
-        partners: What a body or obstacle may meet, by its name.
+        partners: What a body or obstacle may meet, by its name, in the order of the laws.
     """
 
     each: tuple[Contact, ...]
@@ -87,12 +87,12 @@ class Laws:
             each += found
             origin += [index] * len(found)
         of: dict[Both, list[Contact]] = defaultdict(list)
-        partners: dict[str, set[str]] = defaultdict(set)
+        partners: dict[str, dict[str, None]] = defaultdict(dict)
         for entry in each:
             both = sides_of(entry)
             of[both].append(entry)
             for name in both:
-                partners[name] |= both - {name} or both
+                partners[name] |= dict.fromkeys(both - {name} or both)
         return cls(tuple(each), tuple(origin), dict(of), dict(partners))
 
 

@@ -48,6 +48,16 @@ def body_pairs(scene: Content) -> list[tuple[Side, Side]]:
     return [(one, two) for _, one, two in named_body_pairs(scene)]
 
 
+def bodies_met(scene: Content, name: str) -> list[str]:
+    """Bodies that a body may meet, as `body_pairs` has them."""
+    names = [body.name for body in scene.bodies]
+    if scene.contacts:
+        known = set(names)
+        return [other for other in scene.laws.partners.get(name, ()) if other in known]
+    held = {other for joint in scene.joints if name in (on := joint.between or ()) for other in on}
+    return [other for other in names if other != name and other not in held]
+
+
 def self_meeting(scene: Content) -> list[str]:
     """Bodies that may meet themselves, by the contact laws."""
     return [one for (one, _), (two, _) in body_pairs(scene) if one == two]

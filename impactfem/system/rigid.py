@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from impactfem.scene import RigidBody, Scene
 from impactfem.scene.obstacles.rotation import gap_at
-from impactfem.scene.pairing import named_body_pairs, obstacles_of
+from impactfem.scene.pairing import bodies_met, obstacles_of
 from impactfem.scene.rigid_keys import rotation
 from impactfem.system.convex import Convex
 from impactfem.system.few import FewBodies
@@ -163,12 +163,7 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         for face in range(1 if obstacle.other_gap(np.zeros((0, dim))) is None else 2)
     ]
     waves = {other.name: other.waves for other in scene.bodies}
-    others = [
-        (other, 0)
-        for _, (one, _), (two, _) in named_body_pairs(scene)
-        for name, other in ((one, two), (two, one))
-        if name == body.name
-    ]
+    others = [(other, 0) for other in bodies_met(scene, body.name)]
     cornered = {other.name for other in scene.bodies if other.has_corners or body.has_corners}
     partners = list(dict.fromkeys([*faces, *(each for each in others if each[0] not in cornered)]))
     rolls = bool(form.radius.any() or len(form.rim))
