@@ -130,10 +130,10 @@ def _check_contact(scene: Content, contact: Contact, where: str, known: Mapping[
             text = f" = {show(value)} is not available on {turning[0]}, which turns; remove it."
             raise KeyedError(where, law, text)
     for law in ("static_friction_coefficient", "restitution_law"):
-        if value := getattr(contact, law):  # of thousands of laws few have them
-            if any(solid.is_finite for solid in scene.solids):
-                text = f" = {show(value)} is not available beside bodies of finite strain; remove "
-                raise KeyedError(where, law, f"{text}it.")
+        # Of thousands of laws few have these.
+        if (value := getattr(contact, law)) and any(solid.is_finite for solid in scene.solids):
+            text = f" = {show(value)} is not available beside bodies of finite strain; remove it."
+            raise KeyedError(where, law, text)
 
 
 def _check_method(scene: Content) -> None:
