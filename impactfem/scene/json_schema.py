@@ -20,6 +20,7 @@ from impactfem.scene.inline import (
     Vector,
 )
 from impactfem.scene.kinds import (
+    SIDE,
     Choice,
     Choices,
     FilePath,
@@ -179,7 +180,7 @@ def _(_kind: Name, _found: dict[str, Schema]) -> Schema:
 
 @_schema.register
 def _(_kind: SideName, _found: dict[str, Schema]) -> Schema:
-    return {"type": "string", "pattern": r"^[A-Za-z][A-Za-z0-9_-]{0,39}(/[^/\s]{1,80})?$"}
+    return {"type": "string", "pattern": f"^({SIDE})$"}
 
 
 @_schema.register

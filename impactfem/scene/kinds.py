@@ -193,6 +193,13 @@ class Name(Kind):
         return text
 
 
+SIDE = (
+    r"[A-Za-z][A-Za-z0-9_-]{0,39}(/[^/\s]{1,80})?"
+    r"|(?=.{1,40}$)[A-Za-z0-9_-]*[*?][A-Za-z0-9_*?-]*"
+)
+"""What names a side of a contact, as a regular expression."""
+
+
 @dataclass(frozen=True)
 class SideName(Kind):
     """A name, a pattern of names, or names of a body and one of its surfaces with a slash."""
@@ -207,9 +214,7 @@ class SideName(Kind):
     @override
     def read(self, value: object) -> str:
         text = _text(value)
-        side, pattern = r"[A-Za-z][A-Za-z0-9_-]{0,39}(/[^/\s]{1,80})?", r"[A-Za-z0-9_*?-]{1,40}"
-        wild = set("*?") & set(text)
-        if not re.fullmatch(pattern if wild else side, text):
+        if not re.fullmatch(SIDE, text):
             raise NotAllowedError("it is neither a name nor body/surface")
         return text
 

@@ -1,10 +1,14 @@
 """Laws of contact between solids: which bodies meet, and what is refused with its remedy."""
 
 import copy
+import json
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
+import impactfem
 from impactfem.errors import SceneError
 from impactfem.scene import Contact, Scene
 from impactfem.scene.laws import side_of
@@ -191,6 +195,10 @@ def test_patterns_stand_for_pairs_that_no_other_law_names():
     assert scene.laws.origin == (0, 0, 0, 0, 1, 2)
     assert friction_of(scene, "grain_2", "stone") == 0.5
     assert len(scene.to_dict()["contact"]) == 3  # written as it was said
+    schema = json.loads((Path(impactfem.__file__).parent / "scene/scene.schema.json").read_text())
+    pattern = schema["definitions"]["Contact"]["properties"]["between"]["items"]["pattern"]
+    for name, fits in (("grain_*", True), ("*", True), ("ball/skin", True), ("*/skin", False)):
+        assert bool(re.search(pattern, name)) == fits
     joint = {"kind": "fixed", "name": "bond", "between": ["grain_1", "grain_2"],
              "point": [0.5, 0.2]}  # fmt: skip
     with pytest.raises(SceneError, match=r"contact\[0\].between .* matches no two that may meet"):
