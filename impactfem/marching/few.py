@@ -6,7 +6,7 @@ with contact forces F of the layer and H where the free motion is halfway. Each 
 bodies, of which there are few, and only rank 0 sums them up.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,11 +14,14 @@ from numpy.typing import NDArray
 
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.errors import ConvergenceError
+from impactfem.marching.few_forces import steady_load, tangent
 from impactfem.marching.layers import Sums
+from impactfem.marching.stations import Held, HeldLumped
 from impactfem.result.shapes import LINE, Shape
 from impactfem.scene import PiecewiseVector
 from impactfem.system.few import FewBodies, Lumped
-from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.system.generalized import LinearSystem
+from impactfem.system.stations import Stations
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -27,7 +30,6 @@ Booleans = NDArray[np.bool_]
 _MOST_ITERATIONS = 50
 _SETTLED = 1e-13  # change of velocities, as a share of the largest
 _NEAR = 1e-9  # share of a body's size by which a probe may lie off its axis
-_SHARE_OF_SIZE = 1e-6  # of coordinates and speeds by which forces are differentiated
 
 
 class FewInterior:
@@ -183,6 +185,10 @@ class FewInterior:
     def destroy(self) -> None:
         """Nothing to free."""
 
+    def held(self, stations: Stations) -> Held:
+        """It as joints hold it; see `impactfem.scene.body.BodyKind.takes_joints`."""
+        raise NotImplementedError
+
 
 class FewMidpoint(FewInterior):
     """Interior of few degrees of freedom; see `impactfem.marching.layers.Interior`."""
@@ -199,17 +205,17 @@ class FewMidpoint(FewInterior):
         self._mass = self._system.mass(bodies.position)
         self._jacobian = bodies.jacobian(self._q)
         self._linear = isinstance(self._system, LinearSystem)
-        self._steady = _steady_load(self._system)
+        self._steady = steady_load(self._system)
         self._turns = np.linalg.solve(self._mass, bodies.moments)
         self._prepare(0.0)
         self._ahead = self._v.copy()
-        self._pushed = np.zeros_like(self._q)
+        self._pushed = self._joined = self._kick = np.zeros_like(self._q)
         self.massive = np.ones(len(self._start), dtype=bool)
         self.volatile = np.full(len(self._start), bodies.turning or not self._linear)
 
     def _prepare(self, time: float) -> None:
         """Invert M + dt C / 2 + dt^2 K / 4, with forces linearised: layers then are products."""
-        stiffness, damping = _tangent(self._system, time, self._q, self._v)
+        stiffness, damping = tangent(self._system, time, self._q, self._v)
         half = 0.5 * self._span
         self._inverse = np.linalg.inv(self._mass + half * damping + half**2 * stiffness)
         self._renew_answer()
@@ -244,16 +250,68 @@ class FewMidpoint(FewInterior):
 
     def predict(self, layer: int) -> Floats:
         """Solve the layer without contact forces."""
+        self.set_out(layer)
+        return self.foreseen()
+
+    def set_out(self, layer: int) -> None:
+        """Solve the layer without forces of contact and joints."""
         time = (layer + 0.5) * self.dt
         if not self._linear:
             self._prepare(time)
         self._time, self._weight = time, self.bodies.weights @ self.gravity(layer)
-        self._pushed = np.zeros_like(self._q)
+        self._pushed = self._joined = self._kick = np.zeros_like(self._q)
         self._ahead = self._settle(self._v)
+
+    def foreseen(self) -> Floats:
+        """Displacements of the contact nodes at the end of the layer, as it is solved now."""
         if self.bodies.turning:
             self._jacobian = self.bodies.jacobian(self._middle(self._ahead))
             self._renew_answer()
         return self.bodies.places(self._end(self._ahead)) - self._start
+
+    def held(self, stations: Stations) -> Held:
+        """It as joints hold it."""
+        return HeldLumped(self, stations)
+
+    @property
+    def rates(self) -> Floats:
+        """Rates of the coordinates at the start of the layer, (d,)."""
+        return self._v
+
+    @property
+    def rates_ahead(self) -> Floats:
+        """The same at its end, as it is solved now."""
+        return self._ahead
+
+    @property
+    def reach(self) -> Floats:
+        """Rates at the end of the layer by unit impulses in it, (d, d)."""
+        return self._inverse
+
+    def reached(self, forces: Floats) -> Floats:
+        """Rates by several contact forces (several, count, dim) for a second, (several, d)."""
+        acting = forces.reshape(len(forces), -1) @ self._jacobian
+        return np.asarray(acting @ self._inverse.T)
+
+    def carried(self, impulses: Floats) -> Floats:
+        """Velocities of the contact nodes by impulses on the coordinates, (several, count, dim)."""
+        moved = impulses @ self._inverse.T @ self._jacobian.T
+        return np.asarray(moved.reshape(len(impulses), *self._start.shape))
+
+    def impel(self, impulse: Floats) -> bool:
+        """Solve the layer with an impulse of joints (d,); whether it answers linearly."""
+        self._joined = impulse
+        self._ahead = self._settle(self._ahead)
+        return self._linear
+
+    def kick(self, impulse: Floats) -> None:
+        """Let the next layer start with rates that an impulse (d,) has changed."""
+        self._kick = np.linalg.solve(self._mass, impulse)
+
+    def strike(self, forces: Floats) -> None:
+        """Add the layer's contact forces (count, dim)."""
+        self._pushed = self._pushed + self.dt * (self._jacobian.T @ forces.ravel())
+        self._ahead = self._settle(self._ahead + self._answer @ forces.ravel())
 
     def _middle(self, ahead: Floats) -> Floats:
         return np.asarray(self._q + 0.25 * self._span * (self._v + ahead))
@@ -267,7 +325,8 @@ class FewMidpoint(FewInterior):
         for _ in range(_MOST_ITERATIONS):
             mean = 0.5 * (self._v + ahead)
             force = self._force(self._middle(ahead), mean) + self._weight
-            missing = self.dt * force + self._pushed - self._mass @ (ahead - self._v)
+            missing = self.dt * force + self._pushed + self._joined
+            missing -= self._mass @ (ahead - self._v)
             change = self._inverse @ missing
             ahead = ahead + change
             if self._linear:
@@ -289,9 +348,11 @@ class FewMidpoint(FewInterior):
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (count, dim)."""
-        self._pushed = self._pushed + self.dt * (self._jacobian.T @ forces.ravel())
-        guess = self._ahead + self._answer @ forces.ravel()
-        self._ahead = guess if self._linear else self._settle(guess)
+        if self._linear:
+            self._pushed = self._pushed + self.dt * (self._jacobian.T @ forces.ravel())
+            self._ahead = self._ahead + self._answer @ forces.ravel()
+        else:
+            self.strike(forces)
 
     def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
         """End the layer and sum up."""
@@ -299,7 +360,7 @@ class FewMidpoint(FewInterior):
         work = np.zeros(len(self._q))
         if self.bodies.load is not None:
             work = self.bodies.load(self._time, self._middle(self._ahead), mean) * (end - self._q)
-        self._q, self._v = end, self._ahead
+        self._q, self._v = end, self._ahead + self._kick
         return self._summed(work)
 
     def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
@@ -328,28 +389,3 @@ class FewMidpoint(FewInterior):
                 )
             )
         return found
-
-
-def _steady_load(system: GeneralizedSystem) -> Floats | None:
-    """Constant loads of a linear system, asked for in every layer; None if they change."""
-    if not isinstance(system, LinearSystem) or not all(s.is_constant for s in system.load):
-        return None
-    return np.array([signal.constant for signal in system.load], dtype=float)
-
-
-def _tangent(system: GeneralizedSystem, time: float, q: Floats, v: Floats) -> tuple[Floats, Floats]:
-    """Stiffness -df/dq and damping -df/dv (d, d) each, by central differences if not constant."""
-    if isinstance(system, LinearSystem):
-        return system.stiffness, system.damping
-    return (
-        _falling(lambda x: system.force(time, x, v), q),
-        _falling(lambda x: system.force(time, q, x), v),
-    )
-
-
-def _falling(force: Callable[[Floats], Floats], values: Floats) -> Floats:
-    """Minus the derivative of forces at some values, (d, d)."""
-    step = _SHARE_OF_SIZE * max(float(np.abs(values).max(initial=0.0)), _SHARE_OF_SIZE)
-    sides = step * np.eye(len(values))
-    columns = [force(values - h) - force(values + h) for h in sides]
-    return np.stack(columns, axis=1) / (2.0 * step)

@@ -9,6 +9,9 @@ rounding. Momentum and angular momentum are kept.
 The rows of a layer are a g_b + b L + c = 0: (1, 0, 0) of a constraint, of a spring k with rest q0
 and a damper d in a coordinate q (k/2 + d/dt, 1/dt, k (q_a/2 - q0) - d q_a/dt), of a given force f
 (0, 1/dt, -f).
+
+Stations of elastic bodies are places whose rates follow impulses linearly in a layer: they turn by
+Cayley's rotation of the T that their spins make, so that joints do the same work on both sides.
 """
 
 import numpy as np
@@ -79,7 +82,7 @@ def _bent(kinds, rows, bodies, gradient, shares, acting, arms, axes, end, count)
 @compiled
 def joined(
     kinds, rows, bodies, arms, axes, across, shares, offsets,
-    laws, start, spins, impulses, given, before, moments, dt, sizes, redundant,
+    laws, start, spins, impulses, given, before, moments, elastic, dt, sizes, redundant,
 ):  # fmt: skip
     """The layer of bodies under impulses of others and those of their joints.
 
@@ -92,10 +95,14 @@ def joined(
         laws: a, b, c of the rows, (rows, 3).
         start: Places and rotations at the start, ((bodies, 3), (bodies, 3, 3)).
         spins: Velocities, and spins along the axes of the bodies, ((bodies, 3), (bodies, 3)).
-        impulses: Given ones of forces and moments, ((bodies, 3), (bodies, 3)).
+        impulses: Given ones of forces and moments, ((bodies, 3), (bodies, 3)); of stations what
+            velocities and spins in space change by without joints.
         given: Impulses of the rows to begin with, (rows,).
         before: Values of the terms at the start, (terms,).
-        moments: Inverse masses (bodies,), moments of inertia and their inverses (bodies, 3, 3).
+        moments: Inverse masses (bodies,), 0 of stations, moments of inertia and their inverses
+            (bodies, 3, 3).
+        elastic: Couples of stations (couples, 2), and how the first moves by unit impulses on the
+            second in the layer, (couples, 6, 6); see `impactfem.system.joint_kernels.delassus`.
         dt: [s].
         sizes: Rounding levels of the rows, (rows,).
         redundant: See `solved`.
@@ -107,6 +114,7 @@ def joined(
         gradients of the terms; iterates.
     """
     inverse_mass, inertia, inverse = moments
+    couples, compliance = elastic
     count, terms, most = len(start[0]), len(kinds), len(offsets)
     speeds, whirls, halves = spins[0].copy(), spins[1].copy(), np.zeros((count, 3))
     ends, middles, freedoms = start[1].copy(), start[1].copy(), np.zeros((count, 3, 3))
@@ -116,7 +124,20 @@ def joined(
     state, least, iterates = UNSETTLED, np.inf, 0
     # Root of the energy of what moves and pushes: what impulses, made alike, are measured by.
     known = 0.0
+    for c in range(len(couples)):
+        body = couples[c, 0]
+        if couples[c, 1] != body:
+            continue
+        for k in range(3):
+            for part in range(2):
+                if compliance[c, k + 3 * part, k + 3 * part] > 0.0:
+                    rate = np.abs(spins[part][body, k]) + np.abs(impulses[part][body, k])
+                    known += rate * rate / compliance[c, k + 3 * part, k + 3 * part]
+        speeds[body] += impulses[0][body]
+        whirls[body] += start[1][body].T @ impulses[1][body]
     for body in range(1, count):
+        if inverse_mass[body] == 0.0:
+            continue
         rate = np.abs(spins[0][body]) + np.abs(impulses[0][body]) * inverse_mass[body]
         known += (rate @ rate) / inverse_mass[body]
         own = start[1][body].T @ impulses[1][body]
@@ -143,6 +164,9 @@ def joined(
             kinds, bodies, arms, axes, start, (places, ends), turned, before, at_end
         )
         pushed, whirled = impulses[0].copy(), impulses[1].copy()
+        for body in range(1, count):
+            if inverse_mass[body] == 0.0:
+                pushed[body], whirled[body] = 0.0, 0.0
         missing = -offsets
         for t in range(terms):
             size = acting[rows[t]] * shares[t]
@@ -153,22 +177,39 @@ def joined(
         bent = _bent(kinds, rows, bodies, gradient, shares, acting, arms, axes, ends, count)
         # Changes of speeds and spins without others of impulses, and by unit moments.
         late, free = np.zeros((count, 3)), np.zeros((count, 6))
-        answers = np.zeros((count, 3, 3))
+        answers, bending = np.zeros((count, 3, 3)), compliance.copy()
         for body in range(1, count):
             half = halves[body]
+            by_spin = (np.eye(3) + skew(half)) * (0.5 * dt / (1.0 + half @ half))
+            turning = start[1][body] @ by_spin
+            if inverse_mass[body] == 0.0:  # a station
+                steps[body] = spins[0][body] + impulses[0][body] - speeds[body]
+                # Along its axes at the start of the layer.
+                spun = start[1][body].T @ impulses[1][body]
+                late[body] = spins[1][body] + spun - whirls[body]
+                for c in range(len(couples)):
+                    if couples[c, 0] == body:
+                        other = couples[c, 1]
+                        wrench = np.concatenate((pushed[other], whirled[other]))
+                        steps[body] += compliance[c, :3] @ wrench
+                        own = compliance[c, 3:] @ wrench
+                        late[body] += start[1][body].T @ own
+                        rolled = turning @ start[1][body].T
+                        bending[c, 3:] = (2.0 / dt) * rolled @ compliance[c, 3:]
+                free[body, :3] = 0.5 * dt * steps[body]
+                free[body, 3:] = turning @ late[body]
+                continue
             own = start[1][body].T @ whirled[body]
             mean = inertia[body] @ (spins[1][body] + whirls[body]) * 0.5
             off = inertia[body] @ (whirls[body] - spins[1][body])
             off += 2.0 * cross(half, mean) + cross(half, own) - own
             tangent = inertia[body] + skew(half) @ inertia[body]
             tangent -= 0.5 * dt * skew(mean + 0.5 * own)
-            by_spin = (np.eye(3) + skew(half)) * (0.5 * dt / (1.0 + half @ half))
             by_moment = (np.eye(3) - skew(half)) @ start[1][body].T
             tangent -= by_moment @ bent[body] @ (start[1][body] @ by_spin)
             inner = inverted(tangent)
             late[body] = -(inner @ off)
             answers[body] = inner @ by_moment
-            turning = start[1][body] @ by_spin
             freedoms[body] = turning @ answers[body] * (2.0 / dt)
             lag = spins[0][body] + inverse_mass[body] * pushed[body] - speeds[body]
             steps[body] = lag
@@ -186,7 +227,7 @@ def joined(
                 ahead += last[t, side] @ free[bodies[t, side]]
             missing[rows[t]] += laws[rows[t], 0] * ahead
         matrix = 0.5 * dt * delassus(
-            rows, bodies, last, scaled, most, inverse_mass, freedoms
+            rows, bodies, last, scaled, most, inverse_mass, freedoms, couples, bending
         )  # fmt: skip
         scale = np.empty(most)
         for r in range(most):
@@ -196,6 +237,7 @@ def joined(
         change = solved(matrix, missing, scale, redundant)
         acting -= change
         last_speeds, last_whirls = speeds.copy(), whirls.copy()
+        pushed, whirled = np.zeros((count, 3)), np.zeros((count, 3))  # by the change of impulses
         for body in range(1, count):
             speeds[body] += steps[body]
             whirls[body] += late[body]
@@ -206,8 +248,19 @@ def joined(
                 if body:
                     speeds[body] -= size * inverse_mass[body] * gradient[t, side, :3]
                     whirls[body] -= size * (answers[body] @ gradient[t, side, 3:])
+                    pushed[body] -= size * gradient[t, side, :3]
+                    whirled[body] -= size * gradient[t, side, 3:]
         moved = 0.0  # twice the energy of the change
+        for c in range(len(couples)):
+            one, two = couples[c]
+            found = compliance[c] @ np.concatenate((pushed[two], whirled[two]))
+            speeds[one] += found[:3]
+            spun = found[3:].copy()
+            whirls[one] += start[1][one].T @ spun
+            moved += found[:3] @ pushed[one] + spun @ whirled[one]
         for body in range(1, count):
+            if inverse_mass[body] == 0.0:
+                continue
             way, whirl = speeds[body] - last_speeds[body], whirls[body] - last_whirls[body]
             moved += (way @ way) / inverse_mass[body] + whirl @ inertia[body] @ whirl
         left = max(np.abs(change / scale).max(), np.sqrt(0.5 * dt * moved))

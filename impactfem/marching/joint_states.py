@@ -20,6 +20,11 @@ _SETTLED = 1e-12  # change of a motor's force, as a share of it
 _STEP = 1e-6  # of coordinates and rates where motors are differentiated
 
 
+def _back(restitution: float, rate: float) -> float:
+    """Share of a rate with which a limit sends back: all of one that leaves, for no work."""
+    return 1.0 if rate > 0.0 else restitution
+
+
 @dataclass
 class Motor:
     """A motor about the last look: constant - stiffness q - damping v; the force it gave."""
@@ -102,7 +107,8 @@ class JointStates:
                 loose = self.slides[k] or self.stops[k]
                 laws[own] = (0.0, 1.0, sliding) if loose else stopping
             if (own := joints.stopping[k]) >= 0 and self.stops[k]:
-                way = 0.5 * dt * (1.0 - joint.restitution) * rates[row]
+                back = _back(joint.restitution, self.stops[k] * rates[row])
+                way = 0.5 * dt * (1.0 - back) * rates[row]
                 laws[own] = 1.0, 0.0, -(q + way)
         return laws
 
@@ -148,10 +154,10 @@ class JointStates:
                 if stops:
                     stops = 0.0 if stops * acting[own] < 0.0 else stops
                 else:
-                    leaving = rate + joint.restitution * rates[row]
                     q = ended[row] + joints.shift(joint)
-                    stops = float(q < joint.limits[0] and leaving < 0.0)
-                    stops -= float(q > joint.limits[1] and leaving > 0.0)
+                    for way, beyond in ((1.0, q < joint.limits[0]), (-1.0, q > joint.limits[1])):
+                        back = _back(joint.restitution, way * rates[row])
+                        stops += way * float(beyond and way * (rate + back * rates[row]) < 0.0)
             found |= slides != self.slides[k] or stops != self.stops[k]
             self.slides[k], self.stops[k] = slides, stops
         return found

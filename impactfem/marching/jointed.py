@@ -10,6 +10,7 @@ at the end of a layer and would go on outwards, its rate turns to -e times that 
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -20,10 +21,11 @@ from impactfem.marching.composite import Composite
 from impactfem.marching.joint_kernels import FAST, FOUND, joined
 from impactfem.marching.joint_states import JointStates
 from impactfem.marching.layers import Interior, Sums
-from impactfem.marching.rigid import RigidMidpoint
+from impactfem.marching.stations import Held, Motion
 from impactfem.result.history import LOST
 from impactfem.system.joint_kernels import DOT, at_gradients, delassus
 from impactfem.system.joints import Joints
+from impactfem.system.stations import couples
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +48,7 @@ class Jointed(Composite):
         parts: Sequence[Interior],
         free: Sequence[Floats] | None,
         joints: Joints,
-        held: Sequence[RigidMidpoint],
+        held: Sequence[Held],
     ) -> None:
         """Join interiors.
 
@@ -54,11 +56,14 @@ class Jointed(Composite):
             parts: The bodies.
             free: See `Composite`.
             joints: What holds some of them.
-            held: Those, in the order of `Joints.names` after the ground.
+            held: Those, in the order of `Joints.parts`.
         """
         super().__init__(parts, free)
-        self._joints, self._held, self.counts = joints, tuple(held), held[0].counts
-        self._owns = [self.own(parts.index(part)) for part in held]
+        self._joints, self._held, self.counts = joints, tuple(held), held[0].part.counts
+        self._held_as = {parts.index(body.part): body for body in held}
+        self._owns = [self.own(k) for k in self._held_as]
+        ends = np.cumsum([1, *(len(stations.names) for _, stations in joints.parts)])
+        self._at = [slice(*both) for both in pairwise(ends)]  # stations of each
         terms, count, each = joints.terms, joints.count, len(joints.joints)
         self._acting = np.zeros(count)
         self._terms = joints.values_at(joints.places, joints.turns, np.zeros(len(terms.kinds)))
@@ -73,11 +78,19 @@ class Jointed(Composite):
         self._reaction: Floats | None = None
         self._middles = joints.turns
         self._ends, self._laws = self._terms, np.zeros((count, 3))
-        before = self.parts[: parts.index(held[0])]
+        before = self.parts[: parts.index(held[0].part)]
         self._first = sum(len(part.inertia()) for part in before)  # sums of the first one held
         # Coordinate, rate, force and moment in the layer, energy taken up to now.
         self._shown = np.zeros((each, 5))
         self._show(self._terms)
+
+    @property
+    def volatile(self) -> NDArray[np.bool_]:
+        """Joints change answers of what they hold in every layer."""
+        found = super().volatile.copy()
+        for own in self._owns:
+            found[own] = True
+        return found
 
     def _coordinates(self, terms: Floats) -> Floats:
         """Rows by values of their terms, (rows,)."""
@@ -92,19 +105,18 @@ class Jointed(Composite):
     def _join(self) -> None:
         """Solve the layer of the bodies that joints hold, with what has pushed so far."""
         joints, terms, dt = self._joints, self._joints.terms, self.dt
-        frames = [(joints.places[0], joints.turns[0]), *(part.frame for part in self._held)]
-        rates = [(np.zeros(3), np.zeros(3)), *(part.rates for part in self._held)]
-        start, spins = _stacked(frames), _stacked(rates)
+        start, spins = self._starts(), _stacked([_STILL, *(body.rates for body in self._held)])
+        elastic = couples([body.compliance for body in self._held])
         begun = self._coordinates(self._terms)
         offsets = np.where(joints.holding, joints.start, 0.0)
         slid = self._states.slides.copy()
         for _ in range(_MOST):
-            given = [(np.zeros(3), np.zeros(3)), *(part.impulses() for part in self._held)]
+            given = [_STILL, *(body.impulses() for body in self._held)]
             self._laws = self._states.laws(begun, self._rates)
             known = (
                 terms.kinds, terms.rows, terms.bodies, terms.arms, terms.axes, terms.across,
                 terms.shares, offsets, self._laws, start, spins, _stacked(given), self._acting,
-                self._terms, joints.masses, dt, self._sizes,
+                self._terms, joints.masses, elastic, dt, self._sizes,
             )  # fmt: skip
             state, self._acting, *moving, self._ends, self._gradient, _ = _solved(known, joints)
             if state != FOUND and self._states.let_go(slid):
@@ -120,8 +132,11 @@ class Jointed(Composite):
                     "check the joints"
                 )
             self._middles = moving[4]
-            each = list(zip(*moving, strict=True))[1:]
-            settled = [part.take(*new) for part, new in zip(self._held, each, strict=True)]
+            pushes = self._wrenches(self._acting)
+            settled = [
+                body.take(Motion(*(each[at] for each in (*moving, pushes))))
+                for body, at in zip(self._held, self._at, strict=True)
+            ]
             ended = self._coordinates(self._ends)
             fine = self._states.settled(begun, ended, self._rates, self._acting, self._time)
             if fine and all(settled):
@@ -133,85 +148,95 @@ class Jointed(Composite):
             )
         self._reaction = None
 
+    def _starts(self) -> tuple[Floats, Floats]:
+        """Places and rotations of all stations at the start of the layer."""
+        joints = self._joints
+        ground = joints.places[:1], joints.turns[:1]
+        return _stacked([ground, *(body.frames for body in self._held)])
+
+    def _wrenches(self, acting: Floats) -> Floats:
+        """Impulses on the stations by those of the rows (..., rows), (..., stations, 6)."""
+        joints, terms = self._joints, self._joints.terms
+        weighed = self._gradient * terms.shares[:, None, None]
+        found = np.zeros((len(joints.names), *acting.shape[:-1], 6))
+        each = acting[..., terms.rows, None, None] * weighed
+        np.add.at(found, terms.bodies, np.moveaxis(each, (-3, -2), (0, 1)))
+        return np.moveaxis(found, 0, -2)
+
     def predict(self, layer: int) -> Floats:
         """Move all bodies to the end of a layer without contact."""
         self._time, self._struck = (layer + 0.5) * self.dt, False
-        places = [np.zeros(0) if part in self._held else part.predict(layer) for part in self.parts]
-        for part in self._held:
-            part.prepare(layer)
+        places = [np.zeros(0)] * len(self.parts)
+        for body in self._held:
+            body.prepare(layer)
         self._join()
-        for part in self._held:
-            places[self.parts.index(part)] = part.foreseen()
+        for k, part in enumerate(self.parts):
+            held = self._held_as.get(k)
+            places[k] = part.predict(layer) if held is None else held.foreseen()
         return np.concatenate(places)
 
     def _each(self, forces: Floats, *, keep: bool) -> tuple[Floats, Floats]:
         """Answers of the contact nodes to several forces (several, count, dim)."""
         layer, static = super()._each(forces, keep=keep)
-        pushes = np.zeros((len(forces), len(self._joints.names), 6))
-        for body, (part, own) in enumerate(zip(self._held, self._owns, strict=True), start=1):
-            pushes[:, body] = part.wrenches(forces[:, own])
-        if pushes.any():
-            moved = self._taken_back(pushes)
-            for body, (part, own) in enumerate(zip(self._held, self._owns, strict=True), start=1):
-                layer[:, own] += part.carried(moved[:, body])
+        if any(forces[:, own].any() for own in self._owns):
+            each = zip(self._held, self._owns, strict=True)
+            back = self._taken_back([body.reached(forces[:, own]) for body, own in each])
+            self._move(layer, back)
         return layer, static
 
     def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
         """Displacements of all nodes and turns of their bodies by moments; see `Composite`."""
         moved, turned = super().twisted(moments)
-        turns = moments.shape[2]
-        pushes = np.zeros((len(moments), len(self._joints.names), 6))
-        for body, own in enumerate(self._owns, start=1):
-            pushes[:, body, 6 - turns :] = moments[:, own].sum(axis=1)
-        back = self._taken_back(pushes)
-        for body, (part, own) in enumerate(zip(self._held, self._owns, strict=True), start=1):
-            moved[:, own] += part.carried(back[:, body])
-            turned[:, own] += back[:, None, body, 6 - turns :]
+        first = 6 - moments.shape[2]
+        rates = []
+        for body, own, at in zip(self._held, self._owns, self._at, strict=True):
+            rates.append(np.zeros((len(moments), at.stop - at.start, 6)))
+            rates[-1][..., first:] = body.whirled(moments[:, own].sum(axis=1))[:, None]
+        back = self._taken_back(rates)
+        self._move(moved, back)
+        for body, own, at in zip(self._held, self._owns, self._at, strict=True):
+            spun = body.whirled(back[:, at, first:].sum(axis=1))
+            turned[:, own] += 0.5 * self.dt * spun[:, None]
         return moved, turned
+
+    def _move(self, moved: Floats, impulses: Floats) -> None:
+        """Add displacements of nodes by impulses on stations, (several, stations, 6)."""
+        for body, own, at in zip(self._held, self._owns, self._at, strict=True):
+            moved[:, own] += 0.5 * self.dt * body.carried(impulses[:, at])
 
     def twist(self, moments: Floats) -> None:
         """Add the layer's moments on nodes (count, turns) to their bodies."""
         others = moments.copy()
-        for part, own in zip(self._held, self._owns, strict=True):
+        for body, own in zip(self._held, self._owns, strict=True):
             others[own] = 0.0
-            part.whirl(moments[own].sum(axis=0))
+            body.whirl(moments[own].sum(axis=0))
         super().twist(others)
         self._struck = True
         self._join()
 
-    def _taken_back(self, pushes: Floats) -> Floats:
-        """Ways and turns of the bodies in the layer by what joints do about forces and moments.
+    def _taken_back(self, rates: Sequence[Floats]) -> Floats:
+        """Impulses of joints on stations in the layer, (several, stations, 6).
 
         Args:
-            pushes: On the bodies with the ground, (several, bodies, 6), as the answer.
+            rates: Of the stations of each body in space by forces for a second, (several, own, 6).
         """
         joints, terms, dt = self._joints, self._joints.terms, self.dt
-        light, free = self._freedoms()
+        moved = np.concatenate([np.zeros((len(rates[0]), 1, 6)), *rates], axis=1)
         weighed = self._gradient * terms.shares[:, None, None]
         if self._reaction is None:
-            self._reaction = self._reactions(weighed, light, free)
-        moved = _moved(pushes, light, free)
+            self._reaction = self._reactions(weighed)
         ways = np.einsum("tsk,ntsk->nt", weighed, moved[:, terms.bodies])
-        rows = np.zeros((joints.count, len(pushes)))
+        rows = np.zeros((joints.count, len(moved)))
         np.add.at(rows, terms.rows, ways.T)
         # Impulses of the rows by unit forces, whose own is dt.
-        acting = -(0.5 * dt**2 * (self._reaction @ rows)).T
-        found = np.zeros_like(pushes)
-        each = acting[:, terms.rows, None, None] * weighed
-        for t, both in enumerate(terms.bodies):
-            found[:, both] += each[:, t]
-        return 0.5 * dt * _moved(found, light, free)
+        return self._wrenches(-(0.5 * dt**2 * (self._reaction @ rows)).T)
 
-    def _freedoms(self) -> tuple[Floats, Floats]:
-        """Inverse masses (bodies,) and moments of inertia in space amid the layer."""
-        free = np.array([np.zeros((3, 3)), *(part.freedom for part in self._held)])
-        return self._joints.masses[0], free
-
-    def _reactions(self, weighed: Floats, light: Floats, free: Floats) -> Floats:
+    def _reactions(self, weighed: Floats) -> Floats:
         """Impulses of the rows that take back unit ways of them, (rows, rows)."""
-        joints, laws = self._joints, self._states.unbounded(self._laws)
-        terms = joints.terms
-        matrix = delassus(terms.rows, terms.bodies, weighed, weighed, joints.count, light, free)
+        laws = self._states.unbounded(self._laws)
+        free = np.concatenate([np.zeros((1, 3, 3)), *(body.freedoms for body in self._held)])
+        elastic = couples([body.compliance for body in self._held])
+        matrix = self._moving(weighed, free, elastic)
         matrix = 0.5 * self.dt * laws[:, :1] * matrix + np.diag(laws[:, 1])
         size = np.sqrt(np.abs(np.diag(matrix)))
         size = np.where(size > 0.0, size, 1.0)
@@ -219,13 +244,23 @@ class Jointed(Composite):
         inverse = np.linalg.pinv(alike, _RANK)
         return np.asarray(inverse / np.outer(size, size) * laws[:, 0])
 
+    def _moving(self, weighed: Floats, free: Floats, elastic: tuple[Any, Floats]) -> Floats:
+        """How rows move by unit impulses in them, (rows, rows); see `delassus`."""
+        joints, terms = self._joints, self._joints.terms
+        return np.asarray(
+            delassus(
+                terms.rows, terms.bodies, weighed, weighed, joints.count, joints.masses[0], free,
+                *elastic,
+            )
+        )  # fmt: skip
+
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:
         """Add the effect of the layer's contact forces (count, dim) to the bodies they act on."""
         others = forces.copy()
-        for part, own in zip(self._held, self._owns, strict=True):
+        for body, own in zip(self._held, self._owns, strict=True):
             others[own] = 0.0
             if forces[own].any():
-                part.strike(forces[own])
+                body.strike(forces[own])
                 self._struck = True
         super().push(others, change, parts)
         if self._struck:
@@ -237,6 +272,8 @@ class Jointed(Composite):
         if self._struck or self._states.stops.any():
             self._project()
         found = super().finish(layer, static)
+        for body in self._held:
+            body.finish()
         way = self._coordinates(self._ends) - self._coordinates(self._terms)
         # What rows take that are neither held exactly nor springs or motors.
         taken = np.where(joints.hard, 0.0, -self._acting * way / self.dt)
@@ -257,33 +294,18 @@ class Jointed(Composite):
             found[self._first].elastic += self._stored(self._terms)
         return found
 
-    def _twists(self, rates: Sequence[tuple[Floats, Floats]], turns: Floats) -> Floats:
-        """Velocities and spins in space of all bodies with the ground, (bodies, 6)."""
-        found = np.zeros((len(self._held) + 1, 6))
-        for k, (speed, spin) in enumerate(rates, start=1):
-            found[k, :3], found[k, 3:] = speed, turns[k] @ spin
-        return found
-
-    def _at_end(self) -> tuple[Floats, Floats, Floats]:
-        """Places and rotations of the bodies at the end of the layer, gradients of terms there."""
-        joints, terms, dt = self._joints, self._joints.terms, self.dt
-        places, turns = joints.places.copy(), joints.turns.copy()
-        for k, part in enumerate(self._held, start=1):
-            mean = 0.5 * (part.rates[0] + part.rates_ahead[0])
-            places[k], turns[k] = part.frame[0] + dt * mean, part.end
-        at = joints.values_at(places, turns, self._ends)
-        found = at_gradients(terms.kinds, terms.bodies, terms.arms, terms.axes, places, turns, at)
-        return places, turns, np.asarray(found * terms.shares[:, None, None])
-
     def _project(self) -> None:
         """Take rates at the end of the layer that the joints allow, the nearest by energy."""
         joints, terms = self._joints, self._joints.terms
         holding = np.flatnonzero(joints.hard)
-        _, turns, weighed = self._at_end()
-        twists = self._twists([part.rates_ahead for part in self._held], turns)
-        light, inverse = joints.masses[0], joints.masses[2]
-        free = turns @ inverse @ turns.swapaxes(1, 2)
-        matrix = delassus(terms.rows, terms.bodies, weighed, weighed, joints.count, light, free)
+        ground = joints.places[:1], joints.turns[:1]
+        places, turns = _stacked([ground, *(body.places_ahead for body in self._held)])
+        at = joints.values_at(places, turns, self._ends)
+        now = at_gradients(terms.kinds, terms.bodies, terms.arms, terms.axes, places, turns, at)
+        weighed = np.asarray(now * terms.shares[:, None, None])
+        twists = np.concatenate([np.zeros((1, 6)), *(body.rates_ahead for body in self._held)])
+        free = turns @ joints.masses[2] @ turns.swapaxes(1, 2)
+        matrix = self._moving(weighed, free, joints.elastic)
         rates = np.zeros(joints.count)
         np.add.at(rates, terms.rows, np.einsum("tsk,tsk->t", weighed, twists[terms.bodies]))
         acting = np.zeros(joints.count)
@@ -291,18 +313,17 @@ class Jointed(Composite):
         acting[holding] = -np.linalg.lstsq(inner, rates[holding], rcond=_RANK)[0]
         pushes = np.zeros_like(twists)
         np.add.at(pushes, terms.bodies, acting[terms.rows, None, None] * weighed)
-        twists = twists + _moved(pushes[None], light, free)[0]
-        for k, part in enumerate(self._held, start=1):
-            part.leave(twists[k, :3], turns[k].T @ twists[k, 3:])
+        for body, own in zip(self._held, self._at, strict=True):
+            body.leave(pushes[own])
 
     def _show(self, terms: Floats) -> None:
         """Rates of the rows now, and what columns of joints show."""
         joints, t, dt = self._joints, self._joints.terms, self.dt
         rows = self._coordinates(terms)
-        frames = [(joints.places[0], joints.turns[0]), *(part.frame for part in self._held)]
-        places, turns = _stacked(frames)
+        places, turns = self._starts()
         now = at_gradients(t.kinds, t.bodies, t.arms, t.axes, places, turns, terms)
-        twists = self._twists([part.rates for part in self._held], turns)
+        speeds, spins = _stacked([_STILL, *(body.rates for body in self._held)])
+        twists = np.hstack([speeds, np.einsum("sij,sj->si", turns, spins)])
         each = np.einsum("tsk,tsk->t", now, twists[t.bodies])
         self._rates = t.sums(each, joints.count)
         acting = self._acting[t.rows] * t.shares / dt
@@ -337,6 +358,8 @@ class Jointed(Composite):
             "joints.acting": self._acting.copy(), "joints.terms": self._terms.copy(),
             "joints.rates": self._rates.copy(), "joints.lost": self._shown[:, 4].copy(),
         }  # fmt: skip
+        for k, body in enumerate(self._held):
+            own |= {f"joints.{k}.{name}": values for name, values in body.memory().items()}
         return super().memory() | own | self._states.memory()
 
     def remember(self, memory: Mapping[str, Floats]) -> None:
@@ -345,6 +368,11 @@ class Jointed(Composite):
         self._acting, self._terms = memory["joints.acting"].copy(), memory["joints.terms"].copy()
         self._rates, self._shown[:, 4] = memory["joints.rates"].copy(), memory["joints.lost"]
         self._states.remember(memory)
+        for k, body in enumerate(self._held):
+            first = f"joints.{k}."
+            body.remember(
+                {n.removeprefix(first): v for n, v in memory.items() if n.startswith(first)}
+            )
 
 
 def _solved(known: Sequence[Any], joints: Joints) -> Any:
@@ -357,10 +385,7 @@ def _solved(known: Sequence[Any], joints: Joints) -> Any:
 
 def _stacked(each: Sequence[tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
     first, second = zip(*each, strict=True)
-    return np.array(first), np.array(second)
+    return np.concatenate(first), np.concatenate(second)
 
 
-def _moved(pushes: Floats, light: Floats, free: Floats) -> Floats:
-    """Velocities and spins by impulses of forces and moments, (several, bodies, 6)."""
-    speeds = light[:, None] * pushes[..., :3]
-    return np.concatenate([speeds, np.einsum("bij,nbj->nbi", free, pushes[..., 3:])], axis=2)
+_STILL = np.zeros((1, 3)), np.zeros((1, 3))  # rates of the ground

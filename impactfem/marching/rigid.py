@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from impactfem.errors import ConvergenceError
 from impactfem.marching.layers import Sums
 from impactfem.marching.pictured import Pictured
+from impactfem.marching.stations import Held, HeldRigid
 from impactfem.marching.turn_kernels import turn
 from impactfem.scene import PiecewiseVector
 from impactfem.system.rigid import Rigid, frame, in_space
+from impactfem.system.stations import Stations
 
 Floats = NDArray[np.float64]
 
@@ -32,6 +34,7 @@ class RigidMidpoint(Pictured):
         super().__init__(bodies, gravity, dt, counts=counts)
         self._dim, count, self._cells = bodies.dim, len(self._start), bodies.picture[1]
         self._mass, self._inverse = bodies.masses[0], np.linalg.inv(bodies.inertia)
+        self._radius = math.sqrt(np.trace(bodies.inertia) / self._mass)  # of gyration
         self.massive = self.volatile = np.ones(count, dtype=bool)
         self._following = bodies.followers
         self.rolling = bool(bodies.rolling.any() or self._following.any()) or (
@@ -162,9 +165,17 @@ class RigidMidpoint(Pictured):
         last, self._half, self._end, self._middle = self._ahead, half, end, middle
         self._freedom = freedom
         self._ahead = self._joined(speed, spin)
-        return self.bodies.loads is None or all(
-            map(_settled, self._split(self._ahead), self._split(last))
-        )
+        return self.bodies.loads is None or self._settled(last)
+
+    def _settled(self, last: Floats) -> bool:
+        """Whether an iterate is the last one but for rounding, of velocity and spin together.
+
+        One of them may be but rounding of the other, which never settles alone.
+        """
+        sizes = np.full(len(last), self._radius)
+        sizes[: self._dim] = 1.0
+        allowed = _SETTLED * np.abs(sizes * self._ahead).max() + np.finfo(float).tiny
+        return bool(np.abs(sizes * (self._ahead - last)).max() <= allowed)
 
     def _joined(self, speed: Floats, spin: Floats) -> Floats:
         return np.concatenate([speed[: self._dim], spin[2 * (3 - self._dim) :]])
@@ -172,6 +183,10 @@ class RigidMidpoint(Pictured):
     def leave(self, speed: Floats, spin: Floats) -> None:
         """Let the next layer start with other rates than this one ends with, (3,) each."""
         self._leaving = self._joined(speed, spin)
+
+    def held(self, stations: Stations) -> Held:
+        """It as joints hold it."""
+        return HeldRigid(self, stations)
 
     @property
     def frame(self) -> tuple[Floats, Floats]:
@@ -355,12 +370,6 @@ class RigidMidpoint(Pictured):
 
 
 _NOTHING, _NOWHERE = np.zeros(3), np.zeros((1, 3))
-
-
-def _settled(new: Floats, last: Floats) -> bool:
-    """Whether an iterate is the last one but for rounding."""
-    allowed = _SETTLED * np.abs(new).max() + np.finfo(float).tiny
-    return bool(np.abs(new - last).max() <= allowed)
 
 
 def _skew(vectors: Floats) -> Floats:

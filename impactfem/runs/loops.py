@@ -38,7 +38,6 @@ from impactfem.planning.solid_choices import fitting_solver
 from impactfem.runs.contacts import Contacts
 from impactfem.runs.static_start import Started, linear_bodies, spin_of, start_at_rest
 from impactfem.scene import Scene
-from impactfem.system.joints import held_parts
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
 if TYPE_CHECKING:
@@ -145,7 +144,7 @@ def make_loop(
     parts, movable = [*solids, *few], [_free(*parts[:2]) for parts in each]
     composite = Composite(parts, movable)
     if model.joints is not None:
-        held = [cast("RigidMidpoint", few[k]) for k in held_parts(scene, model.few)]
+        held = [few[place].held(stations) for place, stations in model.joints.parts]
         composite = Jointed(parts, movable, model.joints, held)
     started = None
     if scene.starts_at_rest:

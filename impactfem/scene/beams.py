@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from impactfem.scene.body import BodyKind, Floats
+from impactfem.scene.body import JOINED, BodyKind, Floats
 from impactfem.scene.flight import Flight
 from impactfem.scene.inline import Vector
 from impactfem.scene.kinds import Choice, Integer, Name, Real
@@ -101,6 +101,7 @@ class Beam(Slender):
 
     kind: ClassVar[str] = "beam"
     round_ends: ClassVar[bool] = False
+    takes_joints: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the beam in histories", default="beam")
     length: float = key(Real(above=0), "length", unit="m")
@@ -145,6 +146,15 @@ class Beam(Slender):
     def box(self) -> tuple[Floats, Floats]:
         """Half edges and centre [m] of a box around its axis in any rotation."""
         return np.full(2, self.length / 2), np.asarray(self.center, dtype=np.float64)
+
+    def missed(self, place: Floats) -> str | None:
+        """Joints hold a section along its axis, within its height."""
+        along = np.array([math.cos(self.inclination), math.sin(self.inclination)])
+        away = place - np.asarray(self.center)
+        far = abs(away @ along) > 0.5 * self.length * (1.0 + JOINED)
+        off = abs(away @ [-along[1], along[0]]) > 0.5 * self.height * (1.0 + JOINED)
+        ends = " to ".join(show([round(x, 12) for x in end]) for end in self.centreline().tolist())
+        return f"from {ends}, within half its height" if far or off else None
 
     @property
     def thickness(self) -> float:

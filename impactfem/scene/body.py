@@ -11,6 +11,8 @@ from impactfem.scene.flight import Flight
 from impactfem.scene.probes import MOVES
 
 Floats = NDArray[np.float64]
+JOINED = 1e-9
+"""Share of places by which a joint may be beside what it holds."""
 type Solver = Literal["bar", "bar_row", "march", "vibro"]
 """Methods of one bar, of bars in a row, the march, or methods of few degrees of freedom."""
 
@@ -30,6 +32,7 @@ class BodyKind:
         probed: What a probe in it may keep.
         settings: Keys of ``[solve]`` that it brings into scenes of several kinds.
         takes_joints: Whether joints hold it.
+        turns_in_joints: Whether it turns where they do, and directions turn with it.
         whole_side: Surfaces that its bare name stands for in ``[[contact]] between``; None for all.
     """
 
@@ -44,12 +47,17 @@ class BodyKind:
     probed: ClassVar[tuple[str, ...]] = MOVES
     settings: ClassVar[tuple[str, ...]] = ()
     takes_joints: ClassVar[bool] = False
+    turns_in_joints: ClassVar[bool] = True
     whole_side: ClassVar[tuple[str, ...] | None] = None
     mesh: str | None = None
 
     def opened(self, folder: Path) -> Self:  # noqa: ARG002  (of those that have files)
         """The same with its file read, whose relative path starts at a folder."""
         return self
+
+    def missed(self, place: Floats) -> str | None:  # noqa: ARG002  (it may be anywhere)
+        """Where joints hold it instead of at a place (dim,), in words; None: there."""
+        return None
 
     @property
     def turns_far(self) -> bool:

@@ -218,12 +218,19 @@ def why_marched(scene: Content) -> str | None:
     kinds = sorted(scene.kinds)
     if len(kinds) > 1:
         return f"bodies of different kinds ({', '.join(kinds)})"
+    if scene.joints:
+        return "joints"
     if not all(body.marches_alone for body in scene.bodies):
         return None
     if len(scene.bodies) > 1 and not all(body.meets_alike for body in scene.bodies):
         return f"several bodies of kind {kinds[0]}"
     if not any(scene.kinds <= method.bodies for method in METHODS.values()):
         return f"a {kinds[0]}"
+    return _of_laws(scene)
+
+
+def _of_laws(scene: Content) -> str | None:
+    """What of laws and obstacles other methods do not know, in words."""
     for law in scene.laws.each:
         what = "friction" if law.friction_coefficient > 0.0 else "Poisson's restitution"
         if law.friction_coefficient > 0.0 or law.by_impulses:

@@ -1,7 +1,9 @@
 """Checks of joints against the bodies of their scene, and against each other."""
 
-from impactfem.scene.content import Content
-from impactfem.scene.joints import GROUND
+import numpy as np
+
+from impactfem.scene.content import BODIES, Content
+from impactfem.scene.joints import GROUND, JOINTS, Joint
 from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
@@ -34,15 +36,51 @@ def check_joints(scene: Content) -> None:
                 raise KeyedError(where, "joints", text)
         for name in joint.between or ():
             _check_side(scene, where, name, joint.between or ())
+        _check_turns(scene, where, joint)
         dim = joint.dim
         if dim is not None and dim != scene.dim:
             key = "point" if joint.points is None else "points"
             text = f" has {dim} coordinates, the bodies have {scene.dim}: give {scene.dim}."
             raise KeyedError(where, key, text)
+        _check_places(scene, where, joint)
+    if scene.joints and any(solid.is_finite for solid in scene.solids):
+        text = f" = {show(scene.joints[0].name)}: joints do not go with bodies of finite strain; "
+        raise KeyedError("joint[0]", "name", f'{text}give these strain = "small", or remove it.')
+
+
+def _check_turns(scene: Content, where: str, joint: Joint) -> None:
+    """Refuse kinds that hold turns of what has none."""
+    still = [
+        body.name for body in scene.bodies
+        if body.name in (joint.between or ()) and not body.turns_in_joints
+    ]  # fmt: skip
+    if not still:
+        return
+    kind, text = joint.kind_of, f" = {show(joint.kind)}: {' and '.join(still)} "
+    if not kind.pins:
+        able = " or ".join(
+            show(name) for name, each in JOINTS.items() if each.pins and scene.dim in each.dims
+        )
+        raise KeyedError(where, "kind", f"{text}does not turn; give {able}, or a rigid body.")
+    if kind.axis[scene.dim - 2] and len(still) == 2:
+        text += 'do not turn, so that neither leads its axis; give "distance", or a rigid body.'
+        raise KeyedError(where, "kind", text)
+
+
+def _check_places(scene: Content, where: str, joint: Joint) -> None:
+    """Refuse places that are not on what is held there."""
+    bodies = {body.name: body for body in scene.bodies}
+    for side, name in enumerate(joint.between or ()):
+        place = joint.places[side]
+        if name == GROUND or (near := bodies[name].missed(np.asarray(place, dtype=float))) is None:
+            continue
+        key = "point" if joint.points is None else f"points[{side}]"
+        text = f" = {show(list(place))} is not on {name}, which joints hold {near}: give a place "
+        raise KeyedError(where, key, f"{text}there.")
 
 
 def _check_side(scene: Content, where: str, name: str, between: object) -> None:
-    """Refuse a side of a joint that is no rigid body, nor the ground."""
+    """Refuse a side of a joint that is no body that joints hold, nor the ground."""
     bodies = {body.name: body for body in scene.bodies}
     if name == GROUND:
         return
@@ -54,8 +92,6 @@ def _check_side(scene: Content, where: str, name: str, between: object) -> None:
         text = f"there is no body {show(name)}; {meant}give two of {', '.join(able)}."
         raise KeyedError(where, "between", given + text)
     if not bodies[name].takes_joints:
-        kind = bodies[name].kind
-        text = (
-            f"{name} is a {kind}, joints hold rigid bodies; model it as one, or remove the joint."
-        )
-        raise KeyedError(where, "between", given + text)
+        kinds = " and ".join(kind for kind, cls in BODIES.items() if cls.takes_joints)
+        text = f"{name} is a {bodies[name].kind}, joints hold bodies of kind {kinds}; model it as "
+        raise KeyedError(where, "between", given + text + "one of these, or remove the joint.")

@@ -1,4 +1,4 @@
-"""Joints between rigid bodies, or with the ground: what they hold, and what acts in them."""
+"""Joints between bodies, or with the ground: what they hold, and what acts in them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -27,6 +27,7 @@ class JointKind:
         given: The key that says where it is.
         crosses: Whether it has a second axis.
         yields: Whether it holds nothing where something acts along its coordinate.
+        pins: Whether it holds places of what does not turn, as points.
     """
 
     dims: tuple[int, ...] = (2, 3)
@@ -35,17 +36,18 @@ class JointKind:
     given: str = "point"
     crosses: bool = False
     yields: bool = False
+    pins: bool = False
 
 
 JOINTS: Mapping[str, JointKind] = {
-    "fixed": JointKind(),
+    "fixed": JointKind(pins=True),
     "revolute": JointKind(axis=(False, True), unit="rad"),
-    "prismatic": JointKind(axis=(True, True), unit="m"),
+    "prismatic": JointKind(axis=(True, True), unit="m", pins=True),
     "universal": JointKind((3,), (False, True), crosses=True),
-    "ball": JointKind((3,)),
-    "planar": JointKind((3,), (False, True)),
+    "ball": JointKind((3,), pins=True),
+    "planar": JointKind((3,), (False, True), pins=True),
     "cylindrical": JointKind((3,), (False, True), "m"),
-    "distance": JointKind(unit="m", given="points", yields=True),
+    "distance": JointKind(unit="m", given="points", yields=True, pins=True),
     "gear": JointKind(given="joints"),
 }
 
@@ -76,7 +78,7 @@ class Soft:
 @table("[[joint]]")
 @dataclass(frozen=True, kw_only=True)
 class Joint:
-    """What holds two rigid bodies together, or one to the ground.
+    """What holds two bodies together, or one to the ground.
 
     Raises:
         SceneError: a value is missing or not allowed.
@@ -87,7 +89,8 @@ class Joint:
     name: str = key(Name(), "name of the joint in columns such as `NAME.q`", default="joint")
     kind: str = key(Choice(tuple(JOINTS)), "what it leaves free")
     between: Sequence[str] | None = key(
-        ListOf(Name(), at_least=2), 'names of two rigid bodies, or "ground" and one; not of a gear',
+        ListOf(Name(), at_least=2),
+        'names of two rigid bodies, points or beams, or "ground" and one; not of a gear',
         default=None, absent="none",
     )  # fmt: skip
     joints: Sequence[str] | None = key(
@@ -176,6 +179,13 @@ class Joint:
         """Number of coordinates; None of a gear."""
         given = self.points[0] if self.points is not None else self.point
         return None if given is None else len(given)
+
+    @property
+    def places(self) -> tuple[Sequence[float], Sequence[float]]:
+        """Where it holds the one and the other body at t = 0 [m]; of a gear nowhere."""
+        if self.points is not None:
+            return self.points[0], self.points[1]
+        return self.point or (), self.point or ()
 
     @property
     def holds(self) -> bool:

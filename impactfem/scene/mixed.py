@@ -35,7 +35,7 @@ def check_mixed(scene: Content) -> None:
     for contact, origin in zip(scene.laws.each, scene.laws.origin, strict=True):
         _check_contact(scene, contact, f"contact[{origin}]", known)
     _check_partners(scene)
-    alone = not scene.obstacles and len(scene.bodies) == 1
+    alone = not (scene.obstacles or scene.joints) and len(scene.bodies) == 1
     if alone and not all(body.may_meet_nothing for body in scene.bodies):
         raise KeyedError("obstacle", "", " is missing: nothing can be hit; add an [[obstacle]].")
     _check_method(scene)

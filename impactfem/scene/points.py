@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from impactfem.scene.body import BodyKind, Floats
+from impactfem.scene.body import JOINED, BodyKind, Floats
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import Formulas, InlineTable, ListOf, Vector
@@ -60,6 +60,8 @@ class Point(BodyKind):
 
     kind: ClassVar[str] = "point"
     meets_alike: ClassVar[bool] = True
+    takes_joints: ClassVar[bool] = True
+    turns_in_joints: ClassVar[bool] = False
 
     name: str = key(Name(), "name of the point in histories", default="point")
     mass: float = key(Real(above=0), "mass", unit="kg")
@@ -151,6 +153,12 @@ class Point(BodyKind):
     def centre_velocity(self) -> Floats:
         """Velocity at t = 0 [m/s], (dim,)."""
         return np.asarray(self.velocity, dtype=np.float64)
+
+    def missed(self, place: Floats) -> str | None:
+        """Joints hold it where it is."""
+        own = np.asarray(self.position, dtype=np.float64)
+        near = JOINED * max(np.abs(own).max(), np.abs(place).max())
+        return None if np.abs(own - place).max() <= near else f"at {show(list(self.position))}"
 
     @property
     def dim(self) -> int:

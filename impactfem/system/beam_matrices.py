@@ -26,6 +26,7 @@ class BeamMatrices:
         deflections: Coordinates that are deflections, shape (deflections,).
         places: s of these [m], shape (deflections,).
         rotations: Coordinates that are rotations, shape (rotations,).
+        turning_places: s of these [m], shape (rotations,).
     """
 
     mass: Floats
@@ -34,6 +35,39 @@ class BeamMatrices:
     deflections: NDArray[np.int64]
     places: Floats
     rotations: NDArray[np.int64]
+    turning_places: Floats
+
+    def section(self, s: float) -> Floats:
+        """Axial displacement, deflection [m] and rotation at s by the coordinates, (3, d)."""
+        found, nodes = np.zeros((3, len(self.mass))), self.nodes
+        k = int(np.clip(np.searchsorted(nodes, s) - 1, 0, len(nodes) - 2))
+        h = nodes[k + 1] - nodes[k]
+        x = (s - nodes[k]) / h
+        found[0, [3 * k, 3 * k + 3]] = 1.0 - x, x
+        if len(self.places) == len(nodes):  # cubic Hermite elements: the rotation is the slope
+            own = 3 * k + np.array([1, 2, 4, 5])
+            found[1, own] = (
+                1 - 3 * x**2 + 2 * x**3, h * x * (1 - x) ** 2, 3 * x**2 - 2 * x**3,
+                h * x**2 * (x - 1),
+            )  # fmt: skip
+            found[2, own] = (
+                6 * x * (x - 1) / h, (1 - x) * (1 - 3 * x), 6 * x * (1 - x) / h, x * (3 * x - 2)
+            )  # fmt: skip
+            return found
+        fields = ((self.deflections, self.places), (self.rotations, self.turning_places))
+        for row, (coordinates, places) in enumerate(fields, start=1):
+            own = np.flatnonzero(np.abs(places - 0.5 * (nodes[k] + nodes[k + 1])) < 0.6 * h)
+            found[row, coordinates[own]] = _lagrange(places[own], s)
+        return found
+
+
+def _lagrange(places: Floats, s: float) -> Floats:
+    """Values at s of the polynomials that are 1 at one of some places and 0 at the others."""
+    off = np.eye(len(places), dtype=bool)
+    return np.asarray(
+        np.where(off, 1.0, s - places).prod(axis=1)
+        / np.where(off, 1.0, places[:, None] - places).prod(axis=1)
+    )
 
 
 def hermite_mass(h: float, line_mass: float, rotary_inertia: float) -> Floats:
@@ -92,7 +126,7 @@ def euler_bernoulli(beam: Beam, *, rotary: bool = False) -> BeamMatrices:
         stiffness[dofs] += local_stiffness
     nodes = _nodes(beam)
     first = 3 * np.arange(n + 1)
-    return BeamMatrices(mass, stiffness, nodes, first + 1, nodes, first + 2)
+    return BeamMatrices(mass, stiffness, nodes, first + 1, nodes, first + 2, nodes)
 
 
 def timoshenko(beam: Beam, degree: int = 2) -> BeamMatrices:
@@ -132,7 +166,9 @@ def timoshenko(beam: Beam, degree: int = 2) -> BeamMatrices:
     for matrix, form in ((mass, forms.mass), (stiffness, forms.stiffness)):
         rows, columns, values = fem.assemble_rows(fem.compile_form(form))
         np.add.at(matrix, (numbers[rows], numbers[columns]), values)
-    return BeamMatrices(mass, stiffness, nodes, new[0], places[0][order[0]], new[1])
+    return BeamMatrices(
+        mass, stiffness, nodes, new[0], places[0][order[0]], new[1], places[1][order[1]]
+    )
 
 
 def beam_matrices(beam: Beam) -> BeamMatrices:

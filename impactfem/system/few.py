@@ -16,6 +16,7 @@ from impactfem.scene import Bar
 from impactfem.system.beam import FreeBeam
 from impactfem.system.convex import Convex
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.system.stations import Stations
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -115,6 +116,10 @@ class FewBodies:
             return self.nodes_of(body)
         return np.concatenate([self.ends[name] for name in surfaces or self.ends])
 
+    def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
+        """What joints hold of bodies at places [m], (3,); see `BodyKind.takes_joints`."""
+        raise NotImplementedError
+
     def lines_of(self, body: int) -> Integers:
         """Lines of one of the bodies, by places among its own nodes, (lines, 2)."""
         own = self.nodes_of(body)
@@ -137,6 +142,8 @@ class Lumped(FewBodies):
         load: Forces that do work besides gravity, springs and inertia, (t, q, q') -> (d,); None
             without any.
         beam: The beam, None for other bodies.
+        section: Of a body and a place in space the place of what moves there [m], (3,), and its
+            velocity and spin in space by q', (6, d); None of bodies that joints do not hold.
     """
 
     system: GeneralizedSystem
@@ -148,6 +155,28 @@ class Lumped(FewBodies):
     elastic: Callable[[Floats], float]
     load: Callable[[float, Floats, Floats], Floats] | None
     beam: FreeBeam | None = None
+    section: Callable[[int, Floats], tuple[Floats, Floats]] | None = None
+
+    def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
+        """One for each place, but for those that are the same."""
+        if self.section is None:
+            raise NotImplementedError
+        of: list[int] = []
+        names: list[str] = []
+        places: list[Floats] = []
+        rows: list[Floats] = []
+        for name, wanted in asked:
+            place, moving = self.section(self.names.index(name), wanted)
+            known = [n == name and (p == place).all() for n, p in zip(names, places, strict=True)]
+            of.append(known.index(True) if any(known) else len(names))
+            if not any(known):
+                names.append(name)
+                places.append(place)
+                rows.append(moving)
+        return Stations.along(
+            tuple(of), tuple(names), np.array(places), np.array(rows),
+            self.system.mass(self.position), self.velocity,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from impactfem.system.generalized import LinearSystem
 from impactfem.system.mechanism import mechanism_system
 from impactfem.system.net import net_system
 from impactfem.system.points import free_points
-from impactfem.system.rigid import rigid_system
+from impactfem.system.rigid import in_space, rigid_system
 
 Floats = NDArray[np.float64]
 
@@ -47,6 +47,12 @@ def _of_points(points: Sequence[Point]) -> Lumped:
     masses = tuple(p.mass for p in points)
     radius = np.array([p.radius for p in points])
     velocity = np.concatenate([p.velocity or () for p in points]).astype(float)
+
+    def section(body: int, _: Floats) -> tuple[Floats, Floats]:
+        rows = np.zeros((6, count * dim))
+        rows[:dim, body * dim : (body + 1) * dim] = np.eye(dim)
+        return in_space(position[body * dim : (body + 1) * dim]), rows
+
     return Lumped(
         names=tuple(p.name for p in points),
         masses=masses,
@@ -72,6 +78,7 @@ def _of_points(points: Sequence[Point]) -> Lumped:
         ends={},
         elastic=free.elastic,
         load=free.load,
+        section=section,
         words="a point" if count == 1 else f"{count} points",
     )
 
@@ -108,6 +115,15 @@ def _of_beam(beam: Beam) -> Lumped:
     touching = np.full(count, beam.contact == "along")
     touching[[0, -1]] = True
     weights = matrices.mass @ free.rigid_modes[:, :2]
+
+    def section(_: int, place: Floats) -> tuple[Floats, Floats]:
+        s = float((place[:2] - beam.center) @ along)
+        s = min(max(s, matrices.nodes[0]), matrices.nodes[-1])
+        moving, rows = matrices.section(s), np.zeros((6, size))
+        rows[:2] = np.outer(along, moving[0]) + np.outer(across, moving[1])
+        rows[5] = moving[2]
+        return in_space(np.asarray(beam.center) + s * along), rows
+
     return Lumped(
         names=(beam.name,),
         masses=(beam.mass,),
@@ -136,6 +152,7 @@ def _of_beam(beam: Beam) -> Lumped:
         load=None,
         words=f"a free beam of {beam.elements} elements",
         beam=free,
+        section=section,
     )
 
 

@@ -110,7 +110,7 @@ def at_gradients(kinds, bodies, arms, axes, places, turns, now):
 
 
 @compiled
-def delassus(rows, bodies, last, gradient, count, inverse_mass, freedoms):
+def delassus(rows, bodies, last, gradient, count, inverse_mass, freedoms, couples, compliance):
     """How rows move by unit impulses in them per second, G' A G^T, (rows, rows).
 
     Args:
@@ -118,6 +118,10 @@ def delassus(rows, bodies, last, gradient, count, inverse_mass, freedoms):
         last, gradient: G' along which rows move, and G along which they act, (terms, 2, 6).
         count: Number of rows.
         inverse_mass, freedoms: Inverse masses and moments of inertia in space of the bodies.
+        couples: Bodies of which the second moves the first besides, as stations of an elastic body
+            do, (couples, 2).
+        compliance: Velocities and spins in space of the first by unit impulses on the second,
+            (couples, 6, 6).
     """
     found = np.zeros((count, count))
     for t in range(len(rows)):
@@ -130,4 +134,12 @@ def delassus(rows, bodies, last, gradient, count, inverse_mass, freedoms):
                 for other in range(2):
                     if bodies[s, other] == body:
                         found[rows[s], rows[t]] += last[s, other] @ moved
+            for c in range(len(couples)):
+                if couples[c, 1] != body:
+                    continue
+                moved = compliance[c] @ gradient[t, side]
+                for s in range(len(rows)):
+                    for other in range(2):
+                        if bodies[s, other] == couples[c, 0]:
+                            found[rows[s], rows[t]] += last[s, other] @ moved
     return found

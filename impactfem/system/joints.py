@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +11,10 @@ from impactfem.errors import SceneError
 from impactfem.scene import Joint, Scene
 from impactfem.scene.joints import GROUND
 from impactfem.system.few import FewBodies
-from impactfem.system.joint_kernels import (
-    ANGLE,
-    DISTANCE,
-    DOT,
-    POINT,
-    SLIDE,
-    at_gradients,
-    delassus,
-    values,
-)
-from impactfem.system.rigid import Rigid, frame, in_space
+from impactfem.system.joint_kernels import at_gradients, delassus, values
+from impactfem.system.joint_rows import JointFrame, Rows
+from impactfem.system.rigid import in_space
+from impactfem.system.stations import Stations, couples
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -58,14 +50,18 @@ class Terms:
 
 @dataclass(frozen=True)
 class Joints:
-    """Joints between rigid bodies.
+    """Joints between bodies, which they hold at stations.
 
     Attributes:
         joints: As the scene has them.
-        names: Of the bodies; the first is the ground.
+        parts: Which systems without meshes they hold, and where.
+        names: Bodies of the stations; the first is the ground. "Bodies" below are stations.
         places, turns: Of these at t = 0, (bodies, 3), (bodies, 3, 3).
         speeds, spins: Of these, spins along their axes, (bodies, 3) each.
-        masses: Inverse masses (bodies,), moments of inertia and their inverses (bodies, 3, 3).
+        masses: Inverse masses (bodies,), 0 of what is not rigid, moments of inertia and their
+            inverses (bodies, 3, 3).
+        elastic: Couples of stations that are not rigid bodies, and how impulses move these; see
+            `impactfem.system.stations.couples`.
         terms: Of all rows.
         owner: Joint of each row, (rows,).
         holding: Rows that are constraints, (rows,).
@@ -75,12 +71,14 @@ class Joints:
     """
 
     joints: tuple[Joint, ...]
+    parts: tuple[tuple[int, Stations], ...]
     names: tuple[str, ...]
     places: Floats
     turns: Floats
     speeds: Floats
     spins: Floats
     masses: tuple[Floats, Floats, Floats]
+    elastic: tuple[Integers, Floats]
     terms: Terms
     owner: Integers
     holding: NDArray[np.bool_]
@@ -115,7 +113,7 @@ class Joints:
         t, (light, _, inverse) = self.terms, self.masses
         scaled = self.gradient * t.shares[:, None, None]
         free = self.turns @ inverse @ self.turns.swapaxes(1, 2)
-        found = delassus(t.rows, t.bodies, scaled, scaled, self.count, light, free)
+        found = delassus(t.rows, t.bodies, scaled, scaled, self.count, light, free, *self.elastic)
         return np.asarray(found[np.ix_(self.holding, self.holding)])
 
     @cached_property
@@ -129,8 +127,8 @@ class Joints:
     @property
     def mobility(self) -> int:
         """Number of degrees of freedom that the joints leave to the bodies at t = 0."""
-        each = 3 if self.joints[0].dim == 2 else 6
-        return each * (len(self.names) - 1) - int(self.holding.sum()) + self.redundant
+        free = sum(stations.freedoms for _, stations in self.parts)
+        return free - int(self.holding.sum()) + self.redundant
 
     def rates(self, speeds: Floats, whirls: Floats) -> Floats:
         """Rates of the rows at t = 0 by velocities and spins in space, (rows,)."""
@@ -168,6 +166,16 @@ class Joints:
         largest = max(np.abs(self.speeds).max(), np.abs(whirls).max())
         if abs(apart[worst]) <= _MOVING * largest:
             return
+        joint = self.joints[self.owner[worst]]
+        text = (
+            f"joint {joint.name}: its bodies part with {abs(apart[worst]):.4g} (m/s, or rad/s) at "
+            "t = 0; give velocities that it allows"
+        )
+        given = [keys for _, each in self.parts for keys in [each.given] * len(each.names)]
+        fixed = [name for name, keys in zip(self.names[1:], given, strict=True) if not keys]
+        if fixed:
+            names = " and ".join(dict.fromkeys(fixed))
+            raise SceneError(f"{text}, such as 0 of {names} and of what joints hold to it")
         acting = np.zeros(self.count)
         acting[self.holding] = -np.linalg.pinv(self.response(), _RANK) @ apart[self.holding]
         impulse = acting[self.terms.rows] * self.terms.shares
@@ -177,36 +185,23 @@ class Joints:
         free = self.turns @ inverse @ self.turns.swapaxes(1, 2)
         speeds = self.speeds + light[:, None] * pushes[:, :3]
         turning = whirls + np.einsum("bij,bj->bi", free, pushes[:, 3:])
-        joint = self.joints[self.owner[worst]]
+        for (one, two), moving in zip(*self.elastic, strict=True):
+            speeds[one] += (moving @ pushes[two])[:3]
         dim = joint.dim or 3
+        shown = [
+            {"velocity": _shown(speed[:dim])}
+            | {"angular_velocity": _shown(spin) if dim == 3 else _shown(spin[2:])[1:-1]}
+            for speed, spin in zip(speeds[1:], turning[1:], strict=True)
+        ]
         fitting = "; ".join(
-            f"{name}: velocity = {_shown(speed[:dim])}, angular_velocity = "
-            f"{_shown(spin) if dim == 3 else _shown(spin[2:])[1:-1]}"
-            for name, speed, spin in zip(self.names[1:], speeds[1:], turning[1:], strict=True)
+            f"{name}: " + ", ".join(f"{key} = {values[key]}" for key in keys)
+            for name, keys, values in zip(self.names[1:], given, shown, strict=True)
         )
-        raise SceneError(
-            f"joint {joint.name}: its bodies part with {abs(apart[worst]):.4g} (m/s, or rad/s) at "
-            f"t = 0; give velocities that it allows, the nearest by energy are {fitting}"
-        )
+        raise SceneError(f"{text}, the nearest by energy are {fitting}")
 
 
 def _shown(values: Floats) -> str:
     return "[" + ", ".join(f"{round(value, 12) + 0.0:.9g}" for value in values.tolist()) + "]"
-
-
-class _Rows:
-    """Terms and rows as they are found."""
-
-    def __init__(self) -> None:
-        self.terms: list[tuple[int, int, tuple[int, int], Floats, Floats, Floats, float]] = []
-        self.owner: list[int] = []
-        self.holding: list[bool] = []
-
-    def add(self, joint: int, *, holds: bool) -> int:
-        """A row."""
-        self.owner.append(joint)
-        self.holding.append(holds)
-        return len(self.owner) - 1
 
 
 def joints_of(scene: Scene, few: Sequence[FewBodies]) -> Joints | None:
@@ -221,28 +216,30 @@ def joints_of(scene: Scene, few: Sequence[FewBodies]) -> Joints | None:
     """
     if not scene.joints:
         return None
-    rigid = [cast("Rigid", few[k]) for k in held_parts(scene, few)]
-    names = (GROUND, *(body.names[0] for body in rigid))
-    frames = [(np.zeros(3), np.eye(3)), *(frame(body.position) for body in rigid)]
-    places, turns = (np.array(each) for each in zip(*frames, strict=True))
+    parts, at = _held(scene, few)
+    each = [stations for _, stations in parts]
+    names = (GROUND, *(name for stations in each for name in stations.names))
+    none, still = np.zeros((1, 3)), np.eye(3)[None]
+    places = np.concatenate([none, *(stations.places for stations in each)])
+    turns = np.concatenate([still, *(stations.turns for stations in each)])
+    speeds = np.concatenate([none, *(stations.speeds for stations in each)])
+    spins = np.concatenate([none, *(stations.spins for stations in each)])
+    inertia = np.concatenate([still, *(stations.inertia for stations in each)])
+    light = np.concatenate([np.zeros(1), *(stations.light for stations in each)])
+    inverse = np.where((light > 0.0)[:, None, None], np.linalg.inv(inertia), 0.0)
     dim = scene.dim
-    none = np.zeros(3)
-    speeds = np.array([none, *(in_space(body.velocity[:dim]) for body in rigid)])
-    spins = np.array(
-        [none, *(np.pad(b.velocity[dim:], (3 - len(b.velocity[dim:]), 0)) for b in rigid)]
-    )
-    inertia = np.array([np.eye(3), *(body.inertia for body in rigid)])
-    inverse = np.array([np.zeros((3, 3)), *(np.linalg.inv(body.inertia) for body in rigid)])
-    light = np.array([0.0, *(1.0 / body.masses[0] for body in rigid)])
-    rows = _Rows()
+    turning = {body.name: body.turns_in_joints for body in scene.bodies}
+    rows = Rows()
     moving, rubbing, stopping = (np.full(len(scene.joints), -1) for _ in range(3))
     coordinates: dict[str, int] = {}
     for k, joint in enumerate(scene.joints):
         if joint.between is None:
             continue
-        one, two = (names.index(name) for name in joint.between)
-        made = _Frame(joint, (one, two), places, turns)
-        for kind, first, second in made.held(dim):
+        # Directions turn with the first side: a point has none that do.
+        swapped = not turning.get(joint.between[0], True)
+        turns_both = all(turning.get(name, True) for name in joint.between)
+        made = JointFrame(joint, (at[k, 0], at[k, 1]), places, turns, swapped=swapped)
+        for kind, first, second in made.held(dim, turning=turns_both):
             made.put(rows, rows.add(k, holds=True), kind, first, second)
         coordinates[joint.name] = len(rows.terms)
         wanted = joint.moves, joint.friction > 0.0, joint.limits is not None
@@ -267,92 +264,33 @@ def joints_of(scene: Scene, few: Sequence[FewBodies]) -> Joints | None:
         np.zeros(len(kinds)),
     )  # fmt: skip
     found = Joints(
-        scene.joints, names, places, turns, speeds, spins, (light, inertia, inverse), terms,
-        np.array(rows.owner), np.array(rows.holding), moving, rubbing,
-        stopping, terms.sums(first, len(rows.owner)),
+        scene.joints, parts, names, places, turns, speeds, spins, (light, inertia, inverse),
+        couples([stations.compliance for stations in each]), terms, np.array(rows.owner),
+        np.array(rows.holding), moving, rubbing, stopping, terms.sums(first, len(rows.owner)),
     )  # fmt: skip
     found.check_start()
     return found
 
 
-def held_parts(scene: Scene, few: Sequence[FewBodies]) -> list[int]:
-    """Places of the systems that joints may hold among the bodies without meshes of a scene."""
-    able = {body.name for body in scene.bodies if body.takes_joints}
-    return [k for k, body in enumerate(few) if body.names[0] in able]
-
-
-class _Frame:
-    """Place and axes of a joint along the axes of both its bodies."""
-
-    def __init__(
-        self, joint: Joint, bodies: tuple[int, int], places: Floats, turns: Floats
-    ) -> None:
-        self._joint, self._bodies = joint, bodies
-        given = joint.points or (joint.point, joint.point)
-        at = [in_space(np.asarray(point, dtype=float)) for point in given]
-        each = list(zip(at, bodies, strict=True))
-        self._arms = np.array([turns[b].T @ (p - places[b]) for p, b in each])
-        axis = np.array([0.0, 0.0, 1.0])
-        if joint.axis is not None:
-            axis = in_space(np.asarray(joint.axis, dtype=float) / np.abs(joint.axis).max())
-        self._axis = axis / np.linalg.norm(axis)
-        if len(given[0] or ()) == 2:
-            one = np.cross([0.0, 0.0, 1.0], self._axis)
-            one = one if joint.axis is not None else np.array([1.0, 0.0, 0.0])
-        elif joint.second_axis is not None:
-            one = np.asarray(joint.second_axis, dtype=float) / np.abs(joint.second_axis).max()
-        else:
-            one = np.cross(self._axis, np.eye(3)[np.argmin(np.abs(self._axis))])
-        one = one - (one @ self._axis) * self._axis
-        self._one = one / np.linalg.norm(one)
-        self._two = np.cross(self._axis, self._one)
-        self._turns = turns[list(bodies)]
-
-    def _own(self, direction: Floats) -> Floats:
-        """A direction in space along the axes of both bodies, (2, 3)."""
-        return np.asarray(np.einsum("bij,i->bj", self._turns, direction))
-
-    def put(self, rows: _Rows, row: int, kind: int, first: Floats, second: Floats) -> None:
-        """Add a term of directions in space of the first and the second body to a row.
-
-        The direction of a POINT does not turn with a body.
-        """
-        axes = np.array([self._own(first)[0], self._own(second)[1]])
-        if kind == POINT:
-            axes[0] = first
-        across = self._own(self._one)
-        rows.terms.append((kind, row, self._bodies, self._arms, axes, across, 1.0))
-
-    def held(self, dim: int) -> list[tuple[int, Floats, Floats]]:
-        """Kinds of terms and their directions that are constraints."""
-        axis, one, two = self._axis, self._one, self._two
-        space = [(POINT, direction, direction) for direction in np.eye(3)[:dim]]
-        across = [(SLIDE, one, one), (SLIDE, two, two)]
-        lean = [(DOT, one, axis), (DOT, two, axis)]
-        twist = [(DOT, one, two)]
-        if dim == 2:
-            flat = np.eye(3)
-            plane = [(DOT, flat[0], flat[1])]
-            found = {
-                "fixed": space + plane,
-                "revolute": space,
-                "prismatic": [(SLIDE, one, one), *plane],
-            }
-        else:
-            found = {
-                "fixed": space + lean + twist,
-                "revolute": space + lean,
-                "prismatic": across + lean + twist,
-                "universal": [*space, (DOT, axis, one)],
-                "ball": space,
-                "planar": [(SLIDE, axis, axis), *lean],
-                "cylindrical": across + lean,
-            }
-        found["distance"] = [(DISTANCE, axis, axis)] if self._joint.holds else []
-        return found[self._joint.kind]
-
-    @property
-    def coordinate(self) -> tuple[int, Floats, Floats]:
-        """Kind of the term that is its coordinate, and its directions."""
-        kinds = {"revolute": ANGLE, "distance": DISTANCE}
-        return kinds.get(self._joint.kind, SLIDE), self._axis, self._axis
+def _held(
+    scene: Scene, few: Sequence[FewBodies]
+) -> tuple[tuple[tuple[int, Stations], ...], dict[tuple[int, int], int]]:
+    """Systems that joints hold, and stations by joint and side; 0 is the ground."""
+    parts: list[tuple[int, Stations]] = []
+    at: dict[tuple[int, int], int] = {}
+    count = 1
+    for place, bodies in enumerate(few):
+        sides, asked = [], []
+        for k, joint in enumerate(scene.joints):
+            for side, name in enumerate(joint.between or ()):
+                at.setdefault((k, side), 0)
+                if name in bodies.names:
+                    sides.append((k, side))
+                    asked.append((name, in_space(np.asarray(joint.places[side], dtype=float))))
+        if not asked:
+            continue
+        stations = bodies.stations(asked)
+        at |= {key: count + own for key, own in zip(sides, stations.of, strict=True)}
+        count += len(stations.names)
+        parts.append((place, stations))
+    return tuple(parts), at

@@ -17,6 +17,7 @@ from impactfem.scene.pairing import bodies_met, obstacles_of
 from impactfem.scene.rigid_keys import rotation
 from impactfem.system.convex import Convex
 from impactfem.system.few import FewBodies
+from impactfem.system.stations import Stations
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -123,6 +124,25 @@ class Rigid(FewBodies):
         if self.dim == 2:
             return {"inertia": float(self.inertia[2, 2])}
         return {"inertia": self.inertia.tolist()}
+
+    def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
+        """One, wherever joints hold it."""
+        dim = self.dim
+        centre, turn = frame(self.position)
+        return Stations(
+            of=(0,) * len(asked),
+            names=self.names,
+            places=centre[None],
+            turns=turn[None],
+            speeds=in_space(self.velocity[:dim])[None],
+            spins=np.pad(self.velocity[dim:], (3 - len(self.velocity[dim:]), 0))[None],
+            light=np.array([1.0 / self.masses[0]]),
+            inertia=self.inertia[None],
+            rows=None,
+            compliance=np.zeros((1, 6, 1, 6)),
+            freedoms=len(self.velocity),
+            given=("velocity", "angular_velocity"),
+        )
 
     def meeting(
         self,
