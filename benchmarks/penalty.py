@@ -121,10 +121,21 @@ def integrate_penalty(
             given.
         ConvergenceError: The integrator or the projection failed.
     """
+    return trajectory(*follow(system, position, velocity, duration, settings))
+
+
+def follow(
+    system: GeneralizedSystem,
+    position: ArrayLike,
+    velocity: ArrayLike,
+    duration: float,
+    settings: PenaltySettings,
+) -> tuple[Projector, Record]:
+    """The penalty forces and the record of the motion, with its contacts; errors as above."""
     projector, record, u, v = begin(system, position, velocity, duration, settings)
     slack = (settings.atol or 1e-11) / math.sqrt(settings.stiffness)
     Legs(projector, record, _solver(system, u, settings), slack).run(u, v, duration)
-    return trajectory(projector, record)
+    return projector, record
 
 
 def begin(

@@ -34,6 +34,7 @@ Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
 _MAX_LINEARISATIONS = 50
+_ROUNDING = 4.0 * np.finfo(float).eps  # of gaps, over the size of positions
 _SETTLED = 1e-14  # change of the multipliers, as a share of them, that counts as rounding
 
 
@@ -118,7 +119,9 @@ class Projector:
             multiplier = _multiplier(matrix, offset, active)
             change = float(np.abs(multiplier - last).max(initial=0.0))
             point = u + answers @ multiplier
-            if change <= _SETTLED * float(np.abs(multiplier).max(initial=0.0)):
+            # At the border of K multipliers are rounding of phi, which goes on changing.
+            rounding = _ROUNDING * float(np.abs(u).max()) / float(matrix.diagonal().min())
+            if change <= _SETTLED * float(np.abs(multiplier).max(initial=0.0)) + rounding:
                 slack = self.system.gap(t, point)
                 return _tidy(multiplier, slack, jacobian, matrix, answers, active)
             last = multiplier
