@@ -9,6 +9,8 @@ from scipy.sparse import csr_matrix
 
 from impactfem.contact.ball_pairs import BallPair
 from impactfem.contact.pairs import NOTHING, Meeting
+from impactfem.errors import ConvergenceError
+from impactfem.system.rigid import NEAR
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -18,38 +20,70 @@ Integers = NDArray[np.int64]
 class BallCrowd:
     """Pairs of single balls, as `impactfem.contact.pairs` takes them.
 
+    Where balls have fewer nodes than others that they may meet, each pair that is near has one of
+    them in a layer; pairs that are not near weigh nothing.
+
     Attributes:
-        one, other: Places of the balls among all contact nodes, (pairs,).
+        ends: Places of the balls of each pair among all contact nodes, of a ball with shared nodes
+            the first of these, (pairs, 2).
+        shared: How many of these it has, 0: its node is its own in this pair, (pairs, 2).
         room: Sum of their radii [m], (pairs,).
-        weights: 1 and -1 of both, (pairs, nodes).
+        near: Gap of pairs that are near [m], (pairs,).
+        total: Number of all contact nodes.
     """
 
-    one: Integers
-    other: Integers
+    ends: Integers
+    shared: Integers
     room: Floats
-    weights: csr_matrix
+    near: Floats
+    total: int
 
     follows = True
     memory = NOTHING
 
     @classmethod
-    def of(cls, pairs: Sequence[BallPair]) -> "BallCrowd":
-        """Join pairs that are `BallPair.single`."""
-        one = np.array([pair.balls[0] for pair in pairs], dtype=np.int64)
-        other = np.array([pair.target.nodes[0] for pair in pairs], dtype=np.int64)
-        room = np.array([pair.radius[0] + pair.target.radius[0] for pair in pairs])
-        count = len(pairs)
-        entries = np.tile([1.0, -1.0], count), np.column_stack([one, other]).ravel()
-        shape = (count, pairs[0].total)
-        return cls(one, other, room, csr_matrix((*entries, 2 * np.arange(count + 1)), shape=shape))
+    def of(cls, pairs: Sequence[BallPair], shared: Integers) -> "BallCrowd":
+        """Join pairs that are `BallPair.single`.
+
+        Args:
+            pairs: See there.
+            shared: As of `impactfem.system.few.FewBodies`, of all contact nodes.
+        """
+        ends = np.array([(pair.balls[0], pair.target.nodes[0]) for pair in pairs])
+        radii = np.array([(pair.radius[0], pair.target.radius[0]) for pair in pairs])
+        several = shared[ends]
+        near = np.where(several.any(axis=1), NEAR * radii.min(axis=1), np.inf)
+        return cls(ends, several, radii.sum(axis=1), near, pairs[0].total)
 
     def recall(self, memory: Floats) -> None:
         """Nothing: it is looked at anew each time."""
 
     def __call__(self, places: Floats, acting: Floats) -> Meeting:
         """See `BallPair.__call__`."""
-        length = np.linalg.norm(places[self.one] - places[self.other], axis=1)
-        way = acting[self.one] - acting[self.other]
+        one, other = self.ends.T
+        gap = np.linalg.norm(places[one] - places[other], axis=1) - self.room
+        way = acting[one] - acting[other]
         apart = np.linalg.norm(way, axis=1)
         normal = way / np.maximum(apart, np.finfo(float).tiny)[:, None]
-        return Meeting(self.weights, length - self.room, normal, np.zeros(len(length)))
+        near = gap <= self.near
+        nodes = self._nodes(np.flatnonzero(near), gap)
+        starts = 2 * np.concatenate([[0], np.cumsum(near)])
+        entries = np.tile([1.0, -1.0], len(nodes)), nodes.ravel(), starts
+        weights = csr_matrix(entries, shape=(len(gap), self.total))
+        return Meeting(weights, gap, normal, np.zeros(len(gap)))
+
+    def _nodes(self, pairs: Integers, gap: Floats) -> Integers:
+        """Nodes of pairs that are near, the closest first in their choice, (pairs, 2)."""
+        nodes, shared = self.ends[pairs], self.shared[pairs]
+        flat, room = nodes.ravel(), shared.ravel()
+        order = np.lexsort((np.repeat(gap[pairs], 2), flat))
+        ranked = flat[order]
+        first = np.searchsorted(ranked, ranked)
+        rank = np.empty(len(flat), dtype=np.int64)
+        rank[order] = np.arange(len(flat)) - first
+        if ((room > 0) & (rank >= room)).any():
+            raise ConvergenceError(
+                f"more than {room.max()} balls lie around one, in each other: use a smaller "
+                "solve.dt"
+            )
+        return np.asarray(flat + np.where(room > 0, rank, 0)).reshape(-1, 2)

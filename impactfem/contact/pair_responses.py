@@ -13,6 +13,9 @@ Integers = NDArray[np.int64]
 
 type Weights = Floats | csr_matrix
 
+type Roots = tuple[NDArray[np.bool_], csr_matrix]
+"""Which nodes have roots, (nodes,), and these, of which other rows are 0, (nodes dim, numbers)."""
+
 _MANY = 600  # coordinates of nodes from which answers of bodies apart are kept sparse
 _TOGETHER = 64  # nodes whose columns are asked for at once: bounds the memory for them
 
@@ -22,6 +25,9 @@ class PairResponses:
 
     Kept are the answers of all contact nodes to unit forces along each axis on single nodes, found
     when a gap first needs the node. From them follow C = B A B^T and D alike, B_i = W_i n_i.
+
+    Bodies that move by few coordinates give roots R of theirs instead, A = R R^T and D = 0: none of
+    their nodes has to be asked.
     """
 
     def __init__(
@@ -43,6 +49,8 @@ class PairResponses:
         size = dim * nodes
         empty: Weights = np.empty((0, size)) if self._apart is None else csr_matrix((0, size))
         self._layer, self._static = empty, empty
+        self._rooted: NDArray[np.bool_] = np.zeros(nodes, dtype=bool)
+        self._roots: Weights | None = None
 
     def follow(self, weights: Weights) -> None:
         """Take other weights W, shape (pairs, nodes): an array where there are few."""
@@ -63,7 +71,7 @@ class PairResponses:
 
     def learn(self, nodes: Integers) -> None:
         """Compute what is missing for some nodes, in their order (collective)."""
-        missing = nodes[self._place[nodes] < 0]
+        missing = nodes[(self._place[nodes] < 0) & ~self._rooted[nodes]]
         dim = self._dim
         for first in range(0, len(missing), _TOGETHER):
             part = missing[first : first + _TOGETHER]
@@ -77,13 +85,19 @@ class PairResponses:
             self._layer = _below(self._layer, layer.reshape(len(part) * dim, -1))
             self._static = _below(self._static, static.reshape(len(part) * dim, -1))
 
-    def renew(self, changed: NDArray[np.bool_], answers: Columns) -> None:
+    def renew(
+        self, changed: NDArray[np.bool_], answers: Columns, roots: Roots | None = None
+    ) -> None:
         """Ask again what is known of nodes whose answers have changed (collective).
 
         Args:
             changed: Which nodes, shape (nodes,).
             answers: Computes answers that nobody keeps.
+            roots: Of the nodes that have some.
         """
+        if roots is not None:
+            self._rooted, values = roots
+            self._roots = values if self._apart is not None else values.toarray()
         known = [node for node in self._order if changed[node]]
         if not known:
             return
@@ -146,8 +160,10 @@ class PairResponses:
         self, rows: Integers, normals: Floats, forces: Floats, multipliers: Floats
     ) -> Floats:
         """Changes of all gaps by layer forces and static ones on some of them, (pairs,)."""
-        known = self._known_part(self._operator(rows, normals[rows]))
+        operator = self._operator(rows, normals[rows])
+        known = self._known_part(operator)
         moved = (known.T @ forces) @ self._layer + (known.T @ multipliers) @ self._static
+        moved += self._rolled(operator.T @ forces)
         relative = self._weights @ moved.reshape(self._nodes, self._dim)
         found: Floats = np.einsum("ij,ij->i", normals, relative)
         return found
@@ -178,8 +194,10 @@ class PairResponses:
         weights = self._weights[rows]
         total = np.zeros(self._nodes * self._dim)
         for columns, values in ((self._layer, forces), (self._static, multipliers)):
-            on_nodes = (weights.T @ values)[self.known]
-            total += on_nodes.ravel() @ columns
+            on_nodes = weights.T @ values
+            total += on_nodes[self.known].ravel() @ columns
+            if columns is self._layer:
+                total += self._rolled(on_nodes.ravel())
         found: Floats = self._weights @ total.reshape(self._nodes, self._dim)
         return found
 
@@ -200,7 +218,17 @@ class PairResponses:
         layer, static = (
             _full((known @ columns) @ parts.T) for columns in (self._layer, self._static)
         )
-        return 0.5 * (layer + layer.T), 0.5 * (static + static.T)
+        layer, static = 0.5 * (layer + layer.T), 0.5 * (static + static.T)
+        if self._roots is not None:
+            moved = parts @ self._roots
+            layer += _full(moved @ moved.T)
+        return layer, static
+
+    def _rolled(self, forces: Floats) -> Floats:
+        """Displacements by forces on bodies with roots, (nodes dim,) each."""
+        if self._roots is None:
+            return np.zeros(len(forces))
+        return np.asarray(self._roots @ (self._roots.T @ forces))
 
     def _operator(self, rows: Integers, normals: Floats) -> Weights:
         """B of some gaps, shape (k, nodes * dim)."""
@@ -220,10 +248,8 @@ class PairResponses:
         if isinstance(operator, np.ndarray):
             places = self._dim * self.known[:, None] + np.arange(self._dim)
             return np.asarray(operator[:, places.ravel()])
-        node, axis = np.divmod(operator.indices, self._dim)
-        columns = self._dim * self._place[node] + axis
-        shape = (operator.shape[0], self._layer.shape[0])
-        return csr_matrix((operator.data, columns, operator.indptr), shape=shape)
+        columns = self._dim * self.known[:, None] + np.arange(self._dim)
+        return csr_matrix(operator[:, columns.ravel()])
 
 
 def _below(kept: Weights, found: Floats) -> Weights:

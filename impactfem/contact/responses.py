@@ -88,7 +88,7 @@ class Responses:
         """The same: here each gap has its node."""
         self.require(nodes)
 
-    def renew(self, changed: NDArray[np.bool_], answers: Columns) -> None:
+    def renew(self, changed: NDArray[np.bool_], answers: Columns, roots: object = None) -> None:
         """Nothing: answers of gaps with fixed normals never change."""
 
     def _learn(self, rows: Integers) -> None:

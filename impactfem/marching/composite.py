@@ -5,7 +5,9 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import block_diag, csr_matrix
 
+from impactfem.contact.pair_responses import Roots
 from impactfem.errors import SceneError
 from impactfem.marching.layers import Interior, Rolling, Stepper, Sums
 
@@ -133,13 +135,22 @@ class Composite(Bodies[Interior]):
         self._count = 0  # forces that were asked for
         self._asked = [np.zeros(0, dtype=np.int64) for _ in parts]  # which of them reach each body
         self.rolling = any(part.rolling for part in parts)
-        given = list(free or ())
-        self._free = given + [np.ones((1, 1))] * (len(parts) - len(given))
+        self._free = list(free or ())
+
+    def _on(self, body: int, forces: Floats) -> Floats:
+        """The part of forces (..., count, dim) that moves nodes of a body."""
+        own = forces[..., self.own(body), :]
+        return own * self._free[body] if body < len(self._free) else own
 
     @property
     def apart(self) -> NDArray[np.int64] | None:
         """Body of each contact node: no force moves another body."""
-        return np.repeat(np.arange(len(self.parts)), np.diff(self.offsets))
+        each, first = [], 0
+        for k, part in enumerate(self.parts):
+            own = np.zeros(self.offsets[k + 1] - self.offsets[k], dtype=np.int64)
+            each.append(first + (own if part.apart is None else part.apart))
+            first = int(each[-1].max(initial=first - 1)) + 1
+        return np.concatenate(each)
 
     @property
     def massive(self) -> Booleans:
@@ -199,15 +210,14 @@ class Composite(Bodies[Interior]):
         moved = np.zeros((*moments.shape[:2], dim))
         turned = np.zeros_like(moments)
         for own, part in self._rolling():
-            moved[:, own], turns = part.twisted(moments[:, own].sum(axis=1))
-            turned[:, own] = turns[:, None]
+            moved[:, own], turned[:, own] = part.twisted(moments[:, own])
         return moved, turned
 
     def twist(self, moments: Floats) -> None:
         """Add the layer's moments on nodes (count, turns) to their bodies."""
         for own, part in self._rolling():
             if moments[own].any():
-                part.twist(moments[own].sum(axis=0))
+                part.twist(moments[own])
 
     @property
     def _turns(self) -> int:
@@ -227,13 +237,33 @@ class Composite(Bodies[Interior]):
         """The same, but not numbered."""
         return self._each(forces, keep=False)
 
+    def roots(self) -> Roots | None:
+        """Answers of the bodies that have some; none moves another."""
+        each = [part.roots() for part in self.parts]
+        if all(found is None for found in each):
+            return None
+        sizes = np.diff(self.offsets).tolist()
+        dim = self.parts[0].surface_displacement.shape[1]
+        rooted, roots = zip(
+            *(
+                (np.zeros(size, dtype=bool), csr_matrix((dim * size, 0)))
+                if found is None
+                else found
+                for size, found in zip(sizes, each, strict=True)
+            ),
+            strict=True,
+        )
+        if len(roots) == 1:
+            return rooted[0], roots[0]
+        return np.concatenate(rooted), csr_matrix(block_diag(roots))
+
     def _each(self, forces: Floats, *, keep: bool) -> tuple[Floats, Floats]:
         layer, static = np.zeros_like(forces), np.zeros_like(forces)
         before = self._count
         self._count += len(forces) if keep else 0
         nodes = np.flatnonzero(forces.any(axis=(0, 2)))
         for k in np.unique(np.searchsorted(self.offsets, nodes, side="right") - 1).tolist():
-            part, mine = self.parts[k], forces[:, self.own(k)] * self._free[k]
+            part, mine = self.parts[k], self._on(k, forces)
             asked = np.flatnonzero(mine.any(axis=(1, 2)))
             if len(asked):
                 answer = part.columns if keep else part.answers
@@ -247,7 +277,7 @@ class Composite(Bodies[Interior]):
         """Displacement of massless contact nodes by static forces on them, (count, dim) each."""
         found = np.zeros_like(forces)
         for k, part in enumerate(self.parts):
-            mine = forces[self.own(k)] * self._free[k]
+            mine = self._on(k, forces)
             if mine.any():
                 found[self.own(k)] = part.static(mine)
         return found
@@ -255,7 +285,7 @@ class Composite(Bodies[Interior]):
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:
         """Add the effect of the layer's contact forces (count, dim) to the bodies they act on."""
         for k, part in enumerate(self.parts):
-            mine = forces[self.own(k)] * self._free[k]
+            mine = self._on(k, forces)
             if mine.any():
                 known = None if change is None else change[self.own(k)]
                 part.push(mine, known, parts[self._asked[k]])

@@ -6,7 +6,7 @@ with contact forces F of the layer and H where the free motion is halfway. Each 
 bodies, of which there are few, and only rank 0 sums them up.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from impactfem.contact.closest import closest_shares, distances
 from impactfem.errors import ConvergenceError
 from impactfem.marching.few_forces import steady_load, tangent
 from impactfem.marching.layers import Sums
+from impactfem.marching.meshless import Meshless
 from impactfem.marching.stations import Held, HeldLumped
 from impactfem.result.shapes import LINE, Shape
 from impactfem.scene import PiecewiseVector
@@ -32,17 +33,12 @@ _SETTLED = 1e-13  # change of velocities, as a share of the largest
 _NEAR = 1e-9  # share of a body's size by which a probe may lie off its axis
 
 
-class FewInterior:
-    """What interiors of bodies without meshes have in common: no node of them is massless.
+class FewInterior(Meshless):
+    """Bodies without meshes as they are marched and shown.
 
     Attributes:
         bodies: What moves.
-        counts: Whether this rank sums the bodies up.
     """
-
-    whole_columns: int | None = None
-    rolling = False
-    apart: Integers | None = None
 
     def __init__(
         self, bodies: FewBodies, gravity: PiecewiseVector, dt: float, *, counts: bool
@@ -55,7 +51,8 @@ class FewInterior:
             dt: Time step [s].
             counts: Whether this rank sums the bodies up.
         """
-        self.dt, self.bodies, self.counts, self._gravity = dt, bodies, counts, gravity
+        super().__init__(gravity, dt, counts=counts)
+        self.bodies = bodies
         self._q, self._v = bodies.position.copy(), bodies.velocity.copy()
         self._start = bodies.places(bodies.position)
         size = self._start.size
@@ -66,14 +63,18 @@ class FewInterior:
         self.volatile: Booleans = none
 
     @property
+    def stepper(self) -> Any:
+        """What steps it: itself, or what steps other bodies with it."""
+        return self
+
+    @classmethod
+    def step_together(cls, alike: Sequence["FewInterior"]) -> None:
+        """Let bodies of this kind that nothing joins be stepped at once, where that is faster."""
+
+    @property
     def coordinates(self) -> Floats:
         """Q now, shape (d,)."""
         return self._q
-
-    @property
-    def velocity(self) -> Floats:
-        """None: its velocities are in `memory`, the same on all ranks."""
-        return np.zeros(0)
 
     @property
     def surface_displacement(self) -> Floats:
@@ -142,34 +143,12 @@ class FewInterior:
         dim = self.bodies.dim
         return np.zeros((dim * (dim - 1) // 2, *self._start.shape))
 
-    def share(self, layer: int) -> float:  # noqa: ARG002  (as the interface has it)
-        """All of a layer's contact force acts."""
-        return 1.0
-
-    def gravity(self, layer: int) -> Floats:
-        """Mean gravity of a layer [m/s^2], shape (dim,)."""
-        if self._gravity.is_constant:  # asked for in every layer
-            return np.array(self._gravity.values[0])
-        return np.asarray(self._gravity.mean(layer * self.dt, (layer + 1) * self.dt))
-
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Displacements of the contact nodes by several forces; nothing is massless."""
         moved = forces.reshape(len(forces), -1) @ self._compliance.T
         return moved.reshape(forces.shape), np.zeros_like(forces)
 
     answers = columns
-
-    def static(self, forces: Floats) -> Floats:
-        """Nothing is massless."""
-        return np.zeros_like(forces)
-
-    def placed(self, static: Floats) -> Floats:  # noqa: ARG002  (as the interface has it)
-        """None, as `velocity`."""
-        return np.zeros(0)
-
-    def state(self) -> dict[str, Any]:
-        """None, as `velocity`."""
-        return {}
 
     def memory(self) -> dict[str, Floats]:
         """Coordinates and their rates."""
@@ -178,12 +157,6 @@ class FewInterior:
     def remember(self, memory: Mapping[str, Floats]) -> None:
         """Go on from what `memory` gave."""
         self._q, self._v = memory["coordinates"].copy(), memory["rates"].copy()
-
-    def restore(self, state: dict[str, Any], surface: Floats) -> None:
-        """Nothing: see `remember`."""
-
-    def destroy(self) -> None:
-        """Nothing to free."""
 
     def held(self, stations: Stations) -> Held:
         """It as joints hold it; see `impactfem.scene.body.BodyKind.takes_joints`."""

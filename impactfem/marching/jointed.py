@@ -175,6 +175,9 @@ class Jointed(Composite):
             places[k] = part.predict(layer) if held is None else held.foreseen()
         return np.concatenate(places)
 
+    def roots(self) -> None:
+        """None: joints take part."""
+
     def _each(self, forces: Floats, *, keep: bool) -> tuple[Floats, Floats]:
         """Answers of the contact nodes to several forces (several, count, dim)."""
         layer, static = super()._each(forces, keep=keep)

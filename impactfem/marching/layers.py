@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.pair_responses import Roots
 from impactfem.contact.responses import Columns
 
 Floats = NDArray[np.float64]
@@ -150,6 +151,9 @@ class Interior(Stepper, Protocol):
     def answers(self, forces: Floats) -> tuple[Floats, Floats]:
         """The same for volatile nodes that are asked again: not numbered."""
 
+    def roots(self) -> Roots | None:
+        """Answers of volatile nodes now, in place of their columns; see `PairResponses`."""
+
     def static(self, forces: Floats) -> Floats:
         """Displacement of massless contact nodes by static forces on them, (count, dim) each."""
 
@@ -179,18 +183,18 @@ class Rolling(Protocol):
         """
 
     def turning(self) -> tuple[Floats, Floats]:
-        """Spins [rad/s] at both ends of the layer without contact forces, (turns,) each."""
+        """Spins of nodes at both ends of the layer without contact [rad/s], (count, turns) each."""
 
     def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
-        """What several moments do (several, turns) [N m].
+        """What several moments on nodes do (several, count, turns) [N m].
 
         Returns:
-            Displacements of the contact nodes [m], (several, count, dim), and turns of the body
-            [rad], (several, turns), both as `Interior.columns` has those of forces.
+            Displacements of the contact nodes [m], (several, count, dim), and turns of their bodies
+            [rad], (several, count, turns), both as `Interior.columns` has those of forces.
         """
 
-    def twist(self, moment: Floats) -> None:
-        """Add the moment (turns,) of the layer."""
+    def twist(self, moments: Floats) -> None:
+        """Add the layer's moments on nodes (count, turns)."""
 
 
 class Answers(Protocol):
@@ -223,7 +227,7 @@ class Answers(Protocol):
     def static(self, rows: Integers, normals: Floats, multipliers: Floats) -> Floats | None:
         """Displacements of the contact nodes by static forces, (nodes, dim); None if not kept."""
 
-    def renew(self, changed: Booleans, answers: Columns) -> None:
+    def renew(self, changed: Booleans, answers: Columns, roots: Roots | None) -> None:
         """Ask again for the answers of volatile nodes (collective)."""
 
 

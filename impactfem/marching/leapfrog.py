@@ -132,6 +132,9 @@ class Leapfrog:
         """Velocities of contact nodes in the layers beside the level [m/s] (collective)."""
         return self._surface.gather(self.velocity), way / self.dt
 
+    def roots(self) -> None:
+        """Nothing is volatile."""
+
     def answers(self, forces: Floats) -> tuple[Floats, Floats]:
         """Never asked: no answer changes."""
         return self.columns(forces)

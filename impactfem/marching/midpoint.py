@@ -222,6 +222,9 @@ class Midpoint:
         before = self._surface.gather(self.velocity)
         return before, 2.0 / self.dt * way - before
 
+    def roots(self) -> None:
+        """Nothing is volatile."""
+
     def answers(self, forces: Floats) -> tuple[Floats, Floats]:
         """Never asked: no answer changes."""
         return self.columns(forces)

@@ -94,7 +94,7 @@ class SolidMarch(TimeLoop[Interior]):
         if interior.rolling:
             self._rolled = cast("Rolling", interior).touched(self._gaps.spread(normals))
         if self._changes:
-            self._responses.renew(self._volatile, interior.answers)
+            self._responses.renew(self._volatile, interior.answers, interior.roots())
         force, multiplier, static, iterations = self._layer_forces(gap, normals, free, last)
         self.layer = layer + 1
         self.rows.put(self.layer, interior.finish(layer, static))

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from impactfem.system.stations import Stations
 
 if TYPE_CHECKING:
-    from impactfem.marching.few import FewInterior, FewMidpoint
-    from impactfem.marching.rigid import RigidMidpoint
+    from impactfem.marching.few import FewMidpoint
+    from impactfem.marching.meshless import Meshless
+    from impactfem.marching.rigid import RigidBodies
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ class Held(Protocol):
     """A body that joints hold, in the order of a layer's calls."""
 
     @property
-    def part(self) -> "FewInterior":
+    def part(self) -> "Meshless":
         """What marches it."""
 
     def prepare(self, layer: int) -> None:
@@ -118,7 +119,7 @@ class HeldRigid:
         part: The body.
     """
 
-    def __init__(self, part: "RigidMidpoint", stations: Stations) -> None:
+    def __init__(self, part: "RigidBodies", stations: Stations) -> None:
         """Hold it."""
         self.part, self._light, self._inertia = part, stations.light[0], stations.inertia[0]
         self.compliance = stations.compliance
@@ -130,25 +131,22 @@ class HeldRigid:
     @property
     def frames(self) -> tuple[Floats, Floats]:
         """Its centre and rotation."""
-        centre, turn = self.part.frame
-        return centre[None], turn[None]
+        return self.part.frame
 
     @property
     def rates(self) -> tuple[Floats, Floats]:
         """Of its centre."""
-        speed, spin = self.part.rates
-        return speed[None], spin[None]
+        return self.part.rates
 
     def impulses(self) -> tuple[Floats, Floats]:
         """On its centre."""
-        force, moment = self.part.impulses()
-        return force[None], moment[None]
+        return self.part.impulses()
 
     def take(self, motion: Motion) -> bool:
         """Take a solution."""
         return self.part.take(
-            motion.speeds[0], motion.spins[0], motion.halves[0], motion.ends[0],
-            motion.middles[0], motion.freedoms[0],
+            motion.speeds, motion.spins, motion.halves, motion.ends, motion.middles,
+            motion.freedoms,
         )  # fmt: skip
 
     def foreseen(self) -> Floats:
@@ -160,31 +158,31 @@ class HeldRigid:
         """At the end of the layer."""
         part = self.part
         mean = 0.5 * (part.rates[0] + part.rates_ahead[0])
-        return (part.frame[0] + part.dt * mean)[None], part.end[None]
+        return part.frame[0] + part.dt * mean, part.end
 
     @property
     def rates_ahead(self) -> Floats:
         """In space."""
         speed, spin = self.part.rates_ahead
-        return np.concatenate([speed, self.part.end @ spin])[None]
+        return np.hstack([speed, spin @ self.part.end[0].T])
 
     @property
     def freedoms(self) -> Floats:
         """Amid the layer."""
-        return self.part.freedom[None]
+        return self.part.freedom
 
     def _moved(self, wrenches: Floats) -> Floats:
         return np.concatenate(
-            [self._light * wrenches[..., :3], wrenches[..., 3:] @ self.part.freedom.T], axis=-1
+            [self._light * wrenches[..., :3], wrenches[..., 3:] @ self.part.freedom[0].T], axis=-1
         )
 
     def reached(self, forces: Floats) -> Floats:
         """By force and moment about its centre."""
-        return self._moved(self.part.wrenches(forces))[:, None]
+        return self._moved(self.part.wrenches(forces))
 
     def carried(self, wrenches: Floats) -> Floats:
         """With its centre and its turn."""
-        return self.part.carried(self._moved(wrenches[:, 0]))
+        return self.part.carried(self._moved(wrenches))
 
     def strike(self, forces: Floats) -> None:
         """Add contact forces."""
@@ -193,17 +191,17 @@ class HeldRigid:
     def whirled(self, moments: Floats) -> Floats:
         """About its centre."""
         first = 3 - moments.shape[-1]
-        return np.asarray(moments @ self.part.freedom[first:, first:])
+        return np.asarray(moments @ self.part.freedom[0, first:, first:])
 
     def whirl(self, moment: Floats) -> None:
         """Add a moment."""
-        self.part.whirl(moment)
+        self.part.whirl(moment[None])
 
     def leave(self, wrenches: Floats) -> None:
         """Change its rates at the end."""
-        (speed, spin), (wrench,), end = self.part.rates_ahead, wrenches, self.part.end
-        turned = np.linalg.solve(self._inertia, end.T @ wrench[3:])
-        self.part.leave(speed + self._light * wrench[:3], spin + turned)
+        (speed, spin), end = self.part.rates_ahead, self.part.end[0]
+        turned = np.linalg.solve(self._inertia, end.T @ wrenches[0, 3:])
+        self.part.leave(speed + self._light * wrenches[:, :3], spin + turned)
 
     def finish(self) -> None:
         """Nothing: it knows where it is."""

@@ -43,6 +43,7 @@ class AxisWatch:
             for march in few
             for k, name in enumerate(march.bodies.names)
         ]
+        self._steppers = tuple(dict.fromkeys(march.stepper for march in few))
         self._obstacles = {name: obstacles_of(scene, name) for _, name, _ in self._bodies}
         share = (np.arange(_PLACES) + 0.5) / _PLACES
         self._shares = np.stack([1.0 - share, share])
@@ -52,9 +53,10 @@ class AxisWatch:
         """Look at a level if it is its turn."""
         if level.layer % self._every:
             return
-        for march, name, lines in self._bodies:
-            fast = float(np.linalg.norm(march.surface_velocity, axis=1).max())
+        for stepper in self._steppers:
+            fast = float(np.linalg.norm(stepper.surface_velocity, axis=1).max())
             self.speed = max(self.speed, fast) if np.isfinite(fast) else self.speed
+        for march, name, lines in self._bodies:
             if not len(lines):
                 continue
             nodes = march.bodies.places(march.coordinates)

@@ -113,7 +113,11 @@ class Contacts:
         ]
         balls = model.ball_meetings
         single = [(met, met.single) for met in balls if met.single is not None]
-        crowd = BallCrowd.of([pair for _, pair in single]) if single else None
+        shared = [np.zeros(len(each), dtype=np.int64) for each in places[: len(solids)]]
+        shared += [bodies.shared for bodies in model.few]
+        crowd = (
+            BallCrowd.of([pair for _, pair in single], np.concatenate(shared)) if single else None
+        )
         start = joined[0] + joined[1]
         check_apart([met for met in balls if met.single is None], start)
         if crowd is not None:  # all at once: balls may be many

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -27,7 +27,7 @@ from impactfem.marching.midpoint import Midpoint
 from impactfem.marching.net import NetMidpoint
 from impactfem.marching.newton_bodies import NewtonBodies, NewtonStepper
 from impactfem.marching.newton_march import NewtonMarch
-from impactfem.marching.rigid import RigidMidpoint
+from impactfem.marching.rigid_body import RigidMidpoint
 from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import SolidMarch
@@ -141,7 +141,7 @@ def make_loop(
         newton = NewtonMarch(interior, settings)
         return Loop(newton, gaps, contacts, offsets, started)
     solids = [_interior(*parts, scheme, dt, kind) for parts in each]
-    parts, movable = [*solids, *few], [_free(*parts[:2]) for parts in each]
+    parts, movable = [*solids, *_steppers(model, few)], [_free(*parts[:2]) for parts in each]
     composite = Composite(parts, movable)
     if model.joints is not None:
         held = [few[place].held(stations) for place, stations in model.joints.parts]
@@ -153,7 +153,7 @@ def make_loop(
         started = start_at_rest(
             model, linear, surfaces, composite, composite.static, gaps, solver, tolerance
         )
-    alike: Interior = solids[0] if alone else composite
+    whole: Interior = solids[0] if alone else composite
     settings = replace(
         settings,
         rest=_rest(started),
@@ -161,7 +161,17 @@ def make_loop(
         poisson=contacts.impulsive(scene),
     )
     linear_march = SolidMarch if law is None else RubbingMarch
-    return Loop(linear_march(alike, settings), gaps, contacts, offsets, started)
+    return Loop(linear_march(whole, settings), gaps, contacts, offsets, started)
+
+
+def _steppers(model: SolidsModel, few: Sequence[Marched]) -> list[Interior]:
+    """What steps bodies without meshes: those of a kind that follow each other without joints."""
+    joined = set() if model.joints is None else {place for place, _ in model.joints.parts}
+    kinds = [type(part) for part in few]
+    for (made, held), places in groupby(range(len(few)), lambda k: (kinds[k], k in joined)):
+        if not held:
+            made.step_together([few[k] for k in places])
+    return list(dict.fromkeys(part.stepper for part in few))
 
 
 def _rest(started: Started | None) -> tuple[Floats, Floats] | None:

@@ -20,7 +20,7 @@ from impactfem.marching.layers import ContactGaps
 from impactfem.marching.mechanism import MechanismMidpoint
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.net import NetMidpoint
-from impactfem.marching.rigid import RigidMidpoint
+from impactfem.marching.rigid_body import RigidMidpoint
 from impactfem.marching.rows import Level
 from impactfem.marching.schemes import scheme_of
 from impactfem.marching.time_loop import TimeLoop

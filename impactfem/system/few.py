@@ -91,6 +91,11 @@ class FewBodies:
         return None
 
     @property
+    def shared(self) -> Integers:
+        """Of contact nodes how many from there on other balls share, 0: none do, (nodes,)."""
+        return np.zeros(len(self.radius), dtype=np.int64)
+
+    @property
     def facing(self) -> Floats:
         """Way along the first axis that the end at each contact node looks, 0 if any, (nodes,)."""
         return np.zeros(len(self.radius))
@@ -202,6 +207,11 @@ class ElasticBar(FewBodies):
     def impedance(self) -> float:
         """Z = rho A c [kg/s]."""
         return self.bar.density * self.bar.area * self.bar.wave_speed
+
+    @property
+    def shared(self) -> Integers:
+        """Of contact nodes how many from there on other balls share, 0: none do, (nodes,)."""
+        return np.zeros(len(self.radius), dtype=np.int64)
 
     @property
     def facing(self) -> Floats:

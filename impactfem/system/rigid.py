@@ -7,6 +7,7 @@ space: a body in the plane is one that turns about z only.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,9 @@ Integers = NDArray[np.int64]
 type Loads = Callable[[float, Floats, Floats, Floats], tuple[Floats, Floats]]
 """Force [N] and moment [N m], (3,) each, by time, centre, velocity and spin in space."""
 
+
+NEAR = 0.2
+"""Gap within which balls among many are near, as a share of the smaller radius."""
 
 _LEVEL = 1e-9  # sine of the angle to an obstacle below which a rim lies flat on it
 _NEAR = 0.5  # least cosine between lowest directions in a layer: a rim that rocks has others
@@ -72,7 +76,8 @@ class Rigid(FewBodies):
     """A rigid body.
 
     A ball (a disc, the ends of a capsule) rolls: it touches different things at different places of
-    its surface. So each obstacle and body has a contact node of its own at its centre.
+    its surface. So each obstacle and body has a contact node of its own at its centre. Among many
+    balls a ball has as many nodes as others find room around it, which those that are near share.
 
     Attributes:
         inertia: About the centre along the axes of the body [kg m^2], (3, 3).
@@ -86,6 +91,7 @@ class Rigid(FewBodies):
         loads: What acts besides gravity; None if nothing does.
         picture: Points [m], (points, 3), along the axes of the body, and cells of its picture.
         shape: What edges and faces of others meet, along its axes from the centre; None if none.
+        crowded: Of each contact node how many from it on others share, 0 where none do, (nodes,).
         markers: Nodes in its place that stand for all of it, and followers, which move with the
             centre and have arms along the axes of space (`impactfem.contact.convex_pairs`); none
             where no edges and faces meet it.
@@ -102,8 +108,14 @@ class Rigid(FewBodies):
     loads: Loads | None
     picture: tuple[Floats, Integers]
     shape: Convex | None
+    crowded: Integers
     markers: Integers
     unit: float
+
+    @property
+    def shared(self) -> Integers:
+        """See `crowded`."""
+        return self.crowded
 
     @property
     def followers(self) -> Floats:
@@ -187,17 +199,21 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
     cornered = {other.name for other in scene.bodies if other.has_corners or body.has_corners}
     partners = list(dict.fromkeys([*faces, *(each for each in others if each[0] not in cornered)]))
     rolls = bool(form.radius.any() or len(form.rim))
-    copies, count = max(1, len(partners)) if rolls else 1, len(form.nodes)
+    alike = _alike(scene, body, partners)
+    partners = [each for each in partners if each not in alike]
+    room = min(len(alike), _room(scene, body)) if alike else 0
+    copies, count = max(1, len(partners) + room) if rolls else 1, len(form.nodes)
     own = np.arange(count)
     meets = {partner: own + count * k * rolls for k, partner in enumerate(partners)}
+    meets |= dict.fromkeys(alike, own + count * len(partners))
     rolling = np.tile(form.radius, copies)
     for (name, _), nodes in meets.items():
         rolling[nodes] *= not waves.get(name, False)
     arms = in_space(np.tile(form.nodes - center, (copies, 1)))
     radius = np.tile(form.radius, copies)
     count, shape = len(arms), None
-    unit, markers = _MARKED * form.volume ** (1.0 / dim), np.zeros(0, dtype=np.int64)
-    if len(partners) < len({*faces, *others}) or len(obstacles) < len(named):
+    unit, markers = _MARKED * form.volume ** (1.0 / dim), _NONE
+    if len(meets) < len({*faces, *others}) or len(obstacles) < len(named):
         shape = _shape(body)
         markers = count + np.arange(1 + dim + dim * shape.rounds)
         arms = np.vstack([arms, np.zeros((len(markers), 3))])
@@ -257,11 +273,32 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         loads=_loads(body),
         picture=(in_space(form.points - center), form.cells),
         shape=shape,
+        crowded=np.where(np.arange(len(radius)) == len(own) * len(partners), room, 0),
         markers=markers,
         unit=unit,
     )
 
 
+def _alike(
+    scene: Scene, body: RigidBody, partners: Sequence[tuple[str, int]]
+) -> set[tuple[str, int]]:
+    """Other balls, where there are so many that they share nodes."""
+    rolling = {other.name for other in scene.bodies if other.rolls} if body.rolls else set()
+    found = {each for each in partners if each[0] in rolling}
+    return found if found and len(found) > _room(scene, body) else set()
+
+
+def _room(scene: Scene, body: RigidBody) -> int:
+    """How many others, the least of all, have room around a ball: by the angles that they fill."""
+    own = float(body.form.radius[0])
+    least = min(float(cast("RigidBody", b).form.radius[0]) for b in scene.bodies if b.rolls)
+    sine = least / (own + (1.0 + NEAR) * least)
+    filled = 1.0 - np.sqrt(1.0 - sine**2)
+    most = np.pi / np.arcsin(sine) if body.dim == 2 else 2.0 / filled
+    return int(most) + _SPARE
+
+
+_SPARE = 2  # nodes besides: balls that a step has moved may lie a little in each other
 _MARKED = 0.25  # arm of markers, as a share of the size of a body
 _LOOKS = 4  # for what is nearest to the lowest place of a rim at t = 0
 

@@ -7,6 +7,8 @@ from moving_scenes import alone, differences, stopping
 import impactfem
 from impactfem import Scene
 from impactfem.contact import pair_responses
+from impactfem.models import solids
+from impactfem.system import rigid
 
 BOX = [
     {"kind": "half_space", "name": name, "point": point, "normal": normal}
@@ -17,8 +19,10 @@ BOX = [
 ]  # fmt: skip
 
 
-def grains(count=6, **more):
-    places = [[0.12 + 0.22 * (k % 3) + 0.01 * k, 0.101 + 0.23 * (k // 3)] for k in range(count)]
+PLACES = [[0.12 + 0.22 * (k % 3) + 0.01 * k, 0.101 + 0.23 * (k // 3)] for k in range(6)]
+
+
+def grains(places=PLACES, **more):
     bodies = [
         {"kind": "rigid", "name": f"grain_{k}", "mass": 1.0 + k, "angular_velocity": 3.0 * k,
          "shape": {"kind": "disc", "radius": 0.1, "center": place}}
@@ -40,7 +44,7 @@ def beside_a_solid():
         "youngs_modulus": 1e6, "poisson_ratio": 0.3,
         "supports": [{"surface": "bottom", "kind": "fixed"}],
     }  # fmt: skip
-    whole = grains(3, duration=0.1).to_dict()
+    whole = grains(PLACES[:3], duration=0.1).to_dict()
     for body in whole["body"]:
         body["shape"]["center"][1] += 0.2
         body["angular_velocity"] = 0.0
@@ -71,6 +75,57 @@ def test_a_restart_with_sparse_answers_goes_on(tmp_path, monkeypatch):
         impactfem.solve(made, checkpoints=tmp_path)
     again = impactfem.solve(made, checkpoints=tmp_path, restart=tmp_path)
     assert differences(whole, again) == {}
+
+
+def crowd(**more):
+    """More discs than have room around one: nodes are shared by those that are near."""
+    places = [[0.12 + 0.22 * (k % 3) + 0.002 * k, 0.101 + 0.21 * (k // 3)] for k in range(15)]
+    return grains(places, duration=0.15, **more)
+
+
+def test_nodes_that_balls_share_do_as_their_own(monkeypatch):
+    shared = impactfem.solve(crowd()).history
+    room = []
+    monkeypatch.setattr(rigid, "_room", lambda *_: room.append(1) or 1000)
+    solids._model.cache_clear()
+    own = impactfem.solve(crowd()).history
+    solids._model.cache_clear()
+    assert room
+    assert (own["contact_force"].values > 10.0).mean() > 0.5
+    for name in (name for name in own.data_vars if name.startswith(("grain", "total"))):
+        one, two = own[name].values, shared[name].values
+        size = np.nanmax(np.abs(one), initial=1.0)
+        np.testing.assert_allclose(one, two, rtol=0.0, atol=1e-9 * size, err_msg=name)
+
+
+def test_a_restart_with_shared_nodes_goes_on(tmp_path, monkeypatch):
+    made = crowd().with_settings({"output.checkpoint": 25})
+    whole = impactfem.solve(made)
+    with stopping(monkeypatch, 70):
+        impactfem.solve(made, checkpoints=tmp_path)
+    again = impactfem.solve(made, checkpoints=tmp_path, restart=tmp_path)
+    assert differences(whole, again) == {}
+
+
+def test_bodies_stepped_together_move_as_each_does_alone():
+    """Free flights with spins about no axis of symmetry and forces by formula."""
+    bodies = [
+        {"kind": "rigid", "name": f"top_{k}", "mass": 1.0 + k, "velocity": [0.1 * k, 0.0, 1.0],
+         "angular_velocity": [3.0, 0.2 + k, -1.0], "force": [f"-{k}*vx", "0", "0"],
+         "shape": {"kind": "block", "size": [0.1, 0.2, 0.3], "corner": [k, 0.0, 0.0]}}
+        for k in range(3)
+    ]  # fmt: skip
+    base = {"title": "tops", "duration": 0.5, "solve": {"dt": 5e-3, "estimate": False},
+            "output": {"fields": []}}  # fmt: skip
+    together = impactfem.solve(Scene.from_dict(base | {"body": bodies})).history
+    for body in bodies:
+        alone = impactfem.solve(Scene.from_dict(base | {"body": [body]})).history
+        names = [n for n in alone.data_vars if n.startswith(body["name"])]
+        assert names
+        for name in names:
+            np.testing.assert_allclose(
+                together[name].values, alone[name].values, rtol=0.0, atol=1e-12, err_msg=name
+            )
 
 
 @pytest.mark.parallel(2)

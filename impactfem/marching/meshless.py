@@ -1,0 +1,71 @@
+"""What steppers of bodies without meshes have in common."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.pair_responses import Roots
+from impactfem.scene import PiecewiseVector
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Meshless:
+    """What steppers of bodies without meshes have in common: no node of them is massless.
+
+    Attributes:
+        counts: Whether this rank sums the bodies up.
+    """
+
+    whole_columns: int | None = None
+    rolling = False
+    apart: Integers | None = None
+
+    def __init__(self, gravity: PiecewiseVector, dt: float, *, counts: bool) -> None:
+        """Begin at t = 0.
+
+        Args:
+            gravity: [m/s^2].
+            dt: Time step [s].
+            counts: Whether this rank sums the bodies up.
+        """
+        self.dt, self.counts, self._gravity = dt, counts, gravity
+
+    @property
+    def velocity(self) -> Floats:
+        """None: its velocities are in `memory`, the same on all ranks."""
+        return np.zeros(0)
+
+    def share(self, layer: int) -> float:  # noqa: ARG002  (as the interface has it)
+        """All of a layer's contact force acts."""
+        return 1.0
+
+    def gravity(self, layer: int) -> Floats:
+        """Mean gravity of a layer [m/s^2], shape (dim,)."""
+        if self._gravity.is_constant:  # asked for in every layer
+            return np.array(self._gravity.values[0])
+        return np.asarray(self._gravity.mean(layer * self.dt, (layer + 1) * self.dt))
+
+    def roots(self) -> Roots | None:
+        """None: nodes are asked."""
+        return None
+
+    def static(self, forces: Floats) -> Floats:
+        """Nothing is massless."""
+        return np.zeros_like(forces)
+
+    def placed(self, static: Floats) -> Floats:  # noqa: ARG002  (as the interface has it)
+        """None, as `velocity`."""
+        return np.zeros(0)
+
+    def state(self) -> dict[str, Any]:
+        """None, as `velocity`."""
+        return {}
+
+    def restore(self, state: dict[str, Any], surface: Floats) -> None:
+        """Nothing: all of it is in `memory`."""
+
+    def destroy(self) -> None:
+        """Nothing to free."""

@@ -1,0 +1,103 @@
+"""A rigid body as it is marched, alone or with others, and shown."""
+
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.marching.few import FewInterior
+from impactfem.marching.pictured import Pictured
+from impactfem.marching.rigid import RigidBodies
+from impactfem.marching.stations import Held, HeldRigid
+from impactfem.scene import PiecewiseVector
+from impactfem.system.rigid import Rigid, frame, in_space
+from impactfem.system.stations import Stations
+
+Floats = NDArray[np.float64]
+
+
+class RigidMidpoint(Pictured):
+    """One of the bodies that `RigidBodies` steps, at first the only one."""
+
+    bodies: Rigid
+
+    def __init__(self, bodies: Rigid, gravity: PiecewiseVector, dt: float, *, counts: bool) -> None:
+        """Begin at t = 0; see `FewInterior`."""
+        super().__init__(bodies, gravity, dt, counts=counts)
+        self._cells = bodies.picture[1]
+        self._march, self._at = RigidBodies([bodies], gravity, dt, counts=counts), 0
+
+    @property
+    def stepper(self) -> RigidBodies:
+        """What steps it."""
+        return self._march
+
+    @classmethod
+    def step_together(cls, alike: Sequence[FewInterior]) -> None:
+        """Step bodies that nothing joins at once."""
+        each = cast("Sequence[RigidMidpoint]", alike)
+        one = each[0]
+        bodies = [part.bodies for part in each]
+        march = RigidBodies(bodies, one._gravity, one.dt, counts=one.counts)  # noqa: SLF001
+        for k, part in enumerate(each):
+            part._march, part._at = march, k  # noqa: SLF001
+
+    @property
+    def _own(self) -> slice:
+        return self._march.owns[self._at]
+
+    @property
+    def coordinates(self) -> Floats:
+        """Centre and angle or quaternion now."""
+        return self._march.coordinates(self._at)
+
+    @property
+    def surface_displacement(self) -> Floats:
+        """Of its contact nodes since t = 0 [m], (count, dim)."""
+        return self._march.surface_displacement[self._own]
+
+    @property
+    def surface_velocity(self) -> Floats:
+        """Of its contact nodes [m/s], (count, dim)."""
+        return self._march.surface_velocity[self._own]
+
+    def held(self, stations: Stations) -> Held:
+        """It as joints hold it."""
+        return HeldRigid(self._march, stations)
+
+    def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (it is one)
+        """Fields at these places now: displacement [m], velocity [m/s], (nodes, dim)."""
+        places, rest = self._pictured(self.coordinates), self._pictured(self.bodies.position)
+        speed, spin = (each[self._at] for each in self._march.rates)
+        centre, turn = (each[self._at] for each in self._march.frame)
+        velocity = speed + np.cross(turn @ spin, in_space(places) - centre)
+        return {"displacement": places - rest, "velocity": velocity[:, : self.bodies.dim]}
+
+    def _pictured(self, q: Floats) -> Floats:
+        """Places [m] of contact nodes, then of the points of the picture, (nodes, dim)."""
+        centre, turn = frame(q)
+        arms = np.vstack([self.bodies.arms, self.bodies.picture[0]])
+        return np.asarray((centre + arms @ turn.T)[:, : self.bodies.dim])
+
+    def acting(self, body: int, forces: Floats) -> Floats:  # noqa: ARG002  (it is one)
+        """Contact forces [N] at these places by those on the contact nodes, (nodes, dim) each.
+
+        What acts on nodes that stand for the whole body is shown as its resultant, at the point of
+        the picture where that comes in.
+        """
+        own, (points, _) = self.bodies.markers, self.bodies.picture
+        shown, others = forces, np.zeros((len(points), self.bodies.dim))
+        if len(own) and forces[own].any():
+            shown = forces.copy()
+            shown[own] = 0.0
+            each, turn = in_space(forces[own]), self._march.frame[1][self._at]
+            force = each.sum(axis=0)
+            moment = np.cross(self._march.acting[self._own][own], each).sum(axis=0)
+            if (size := float(np.linalg.norm(force))) > 0.0:
+                way = force / size
+                beside = points @ turn.T - np.cross(way, moment) / size
+                along = beside @ way
+                off = np.linalg.norm(beside - along[:, None] * way, axis=1)
+                others[np.argmin(off + np.maximum(along, 0.0))] = force[: self.bodies.dim]
+        return np.vstack([shown, others])
