@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 
 import impactfem
 from impactfem.studies.hard.point_facts import facts_of, run
-from impactfem.studies.hard.point_special import CASES, hop_height
-from impactfem.studies.hard.rows import Sizes
+from impactfem.studies.hard.point_special import CASES, highest_hop, hop_height, several
+from impactfem.studies.hard.rows import Row, Sizes
 from impactfem.system.generalized import LinearSystem
 
 NEXT_TO_VERTEX = "corner 2pi/5, 5e-5 and 1e-6 beside the vertex"
@@ -38,6 +38,14 @@ def test_every_claim_holds_but_the_known_ones(board):
     failures = {(c.case, c.method): c.faults or c.message
                 for c in board.without_controls().failures}  # fmt: skip
     assert failures.keys() == KNOWN, failures
+
+
+@pytest.mark.slow
+def test_a_smooth_force_has_two_motions_from_one_start():
+    found = several("event_driven", Row(sizes=Sizes(row=1e-3)))  # tops are seen at rows
+    assert found["rest"] == 0.0
+    assert max(found["left"], found["hops"]) < 1e-5
+    assert highest_hop() == pytest.approx(0.0550747, abs=1e-7)
 
 
 @pytest.mark.slow

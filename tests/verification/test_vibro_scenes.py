@@ -80,6 +80,40 @@ def cradle(e):
     return Scene(title="cradle", duration=1.0, bodies=balls, contacts=contacts)
 
 
+def lying(force, **solve):
+    return Scene(
+        title="ball on a floor",
+        duration=1.0,
+        bodies=[Point(name="ball", mass=1.0, position=[0.0], force=[force])],
+        obstacles=[HalfSpace(name="floor", point=[0.0], normal=[1.0])],
+        contacts=[Contact(between=["ball", "floor"], restitution=0.5)],
+        solve=impactfem.Solve(dt=1e-2, **solve),
+    )
+
+
+@pytest.mark.parametrize("method", ["event_driven", *STEPPED])
+@pytest.mark.parametrize("force", ["-9.81", "-1 - 0.5*cos(3*t)"])
+def test_a_ball_that_lies_on_the_floor_is_believed(method, force):
+    result = impactfem.solve(lying(force, method=method))
+    assert result.summary["verdict"]["level"] == "trust"
+    assert result.summary["error"]["displacement_max"] < 1e-9
+    if method == "event_driven":
+        assert "grows 1-fold" in result.summary["details"]["error_estimate"]
+
+
+@pytest.mark.slow
+def test_rest_under_a_smooth_force_that_others_leave_is_told():
+    t = "max(t, 1e-3)"
+    force = f"-10*1.5**(-1/{t})/{t}**2*exp(8*sin(2*pi/{t}) - 8)"
+    result = impactfem.solve(lying(force, method="moreau_jean"))
+    assert not result.history["ball.x"].values.any()
+    assert result.summary["error"] is None
+    (text,) = (
+        f["text"] for f in result.summary["verdict"]["findings"] if f["code"] == "no_estimate"
+    )
+    assert "stays at rest, others may leave from the same start" in text
+
+
 OUTCOMES = {
     "simultaneous": (1.0, "simultaneous", (-1 / 3, 2 / 3, 2 / 3)),
     "sequential": (1.0, "sequential", (0.0, 0.0, 1.0)),

@@ -6,6 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import quad
+from scipy.optimize import brentq
 
 from impactfem.methods import METHODS
 from impactfem.studies.hard.board import Case, Facts
@@ -23,6 +26,11 @@ from impactfem.studies.hard.points import (
 )
 from impactfem.studies.hard.rows import Row, load
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+
+Floats = NDArray[np.float64]
+
+_AREA = float(quad(lambda s: math.exp(-0.25 / ((s - 0.5) * (1.0 - s))), 0.5, 1.0)[0])
+_DEAD = 1e-3  # [s] before which the force is below 1e-170 N
 
 _LAWS: Mapping[str, tuple[dict[str, Any], tuple[float, float, float]]] = {
     "simultaneous": ({}, (-1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0)),
@@ -126,8 +134,67 @@ def hop(method: str, row: Row) -> Facts:
     return {"hop": abs(float(highest - _STOP) / hop_height() - 1.0)}
 
 
+def bump(share: float) -> float:
+    """A smooth push in the second half of an interval [0, 1], of integral 1 and mean 3/4."""
+    room = (share - 0.5) * (1.0 - share)
+    return math.exp(-0.25 / room) / _AREA if room > 0.0 else 0.0
+
+
+def pressing(begin: float = 0.0) -> GeneralizedSystem:
+    """A ball on a floor, e = 1/2, pressed by a smooth force under which it rests or hops.
+
+    Between t = 1/(n + 1) and 1/n the push has the impulse F_n = 1.5^-n. A ball launched there with
+    F_n / 4 lands after the push with 3/4 F_n and rebounds with 3/8 F_n, which is F_(n - 1) / 4: it
+    hops at all times t > 0 from the same start, u = u' = 0, from which it may rest. M. Schatzman
+    (Nonlinear Anal. 2 (1978) 355-373) has an example of this kind.
+
+    Args:
+        begin: When time starts [s], <= 1.
+    """
+
+    def force(t: float, _u: Floats, _v: Floats) -> Floats:
+        if t + begin < _DEAD:
+            return np.zeros(1)
+        n = math.floor(1.0 / (t + begin))
+        rate = n * (n + 1.0)
+        return np.array([-(1.5**-n) * rate * bump((t + begin - 1.0 / (n + 1.0)) * rate)])
+
+    return GeneralizedSystem(
+        mass=1.0, force=force, constraints=lambda u: u, jacobian=lambda _: np.eye(1),
+        restitution=0.5,
+    )  # fmt: skip
+
+
+def highest_hop() -> float:
+    """Top [m] of the hop from 1/2 to 1, launched with F_1 / 4: where the push has taken this."""
+
+    def taken(share: float) -> float:
+        return float(quad(bump, 0.5, share)[0])
+
+    top = float(brentq(lambda share: taken(share) - 0.25, 0.6, 0.9, xtol=1e-12))
+    fall = float(quad(lambda share: (top - share) * bump(share), 0.5, top)[0])
+    return 0.5 * (0.25 * top - fall) / 1.5
+
+
+def several(method: str, row: Row) -> Facts:
+    """The ball that may rest or hop: from rest, from a start 1e-9 above, and launched at t = 1/8.
+
+    All methods take rest; the slightest change of the start ends in the hops.
+    """
+    rest, beside = (
+        run(method, pressing(), [height], [0.0], 1.0, row.sizes) for height in (0.0, 1e-9)
+    )
+    hops = run(method, pressing(0.125), [0.0], [0.25 * 1.5**-7], 0.875, row.sizes)
+    top = highest_hop()
+    return {
+        "rest": float(np.abs(rest.position).max()),
+        "left": abs(float(beside.position.max()) / top - 1.0),
+        "hops": abs(float(hops.position.max()) / top - 1.0),
+    }
+
+
 CASES: tuple[Case, ...] = load(
     "points",
-    (zeno, bounces, graze, corner, table, bowl, forces, kick, cradle, stack, spring, hop),
+    (zeno, bounces, graze, corner, table, bowl, forces, kick, cradle, stack, spring, hop, several),
 )
 """Hard cases of points."""
