@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.contact.ball_kernels import gaps_of
 from impactfem.contact.ball_pairs import BallPair
 from impactfem.contact.pairs import NOTHING, Meeting
 from impactfem.errors import ConvergenceError
@@ -60,11 +61,7 @@ class BallCrowd:
 
     def __call__(self, places: Floats, acting: Floats) -> Meeting:
         """See `BallPair.__call__`."""
-        one, other = self.ends.T
-        gap = np.linalg.norm(places[one] - places[other], axis=1) - self.room
-        way = acting[one] - acting[other]
-        apart = np.linalg.norm(way, axis=1)
-        normal = way / np.maximum(apart, np.finfo(float).tiny)[:, None]
+        gap, normal = gaps_of(self.ends, self.room, places, acting)
         near = gap <= self.near
         nodes = self._nodes(np.flatnonzero(near), gap)
         starts = 2 * np.concatenate([[0], np.cumsum(near)])

@@ -288,13 +288,12 @@ def solve_friction_layer_at_speed(
     dim = free.shape[1]
     fast = halfway.rows[acting][:, None]
     wide = (dim * acting[:, None] + np.arange(dim)).ravel()
-    block = np.ix_(wide, wide)
     old, place_a = before
     known = [np.where(fast, 0.0, values[acting]) for values in before]
     found = solve_friction_layer(
-        np.where(fast, halfway.way[acting], free[acting]), response[block], compliance[block],
-        (known[0], known[1]), friction[acting], rule, tolerance, max_iterations,
-        None if held is None else np.where(fast, 0.0, held[acting]), law,
+        np.where(fast, halfway.way[acting], free[acting]), _among(response, wide),
+        _among(compliance, wide), (known[0], known[1]), friction[acting], rule, tolerance,
+        max_iterations, None if held is None else np.where(fast, 0.0, held[acting]), law,
     )  # fmt: skip
     force, multiplier, work = np.zeros_like(old), np.zeros_like(old), np.zeros(len(old))
     force[acting] = found.force
@@ -308,6 +307,11 @@ def solve_friction_layer_at_speed(
     resists = masters != np.arange(len(free))
     work[resists] += (force * place)[resists, 0]
     return FrictionContact(force, multiplier, place, work, found.theta, found.iterations)
+
+
+def _among(matrix: Floats, places: Integers) -> Floats:
+    """The part of a matrix that some places have; all of them stand in their order."""
+    return matrix if len(places) == len(matrix) else matrix[np.ix_(places, places)]
 
 
 def _without_friction(

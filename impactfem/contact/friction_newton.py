@@ -28,13 +28,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact import cone_kernels
+from impactfem.contact.cone_kernels import newton_cones
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
-
-_ROUNDING = 1e-13  # share of the largest displacement that counts as zero
-_STEPS = 25  # of Newton from one start; the method needs 3 to 8 where it converges
-_SHORTER = (1.0, 0.5, 0.25)  # shares of a step, of which the best is taken
 
 
 @dataclass(frozen=True)
@@ -125,111 +124,26 @@ def newton(
     Returns:
         The best forces, their error in units of the tolerance, and linear systems solved.
     """
-    pairs, dim = start.shape
-    scale = problem.scales()
-    force = best = start
-    least, step = np.inf, 0
-    error, missed = _missed(problem, force, scale, tolerance)
-    for step in range(min(_STEPS, limit) + 1):
-        if not np.isfinite(missed):
-            break
-        # Below the tolerance steps go on while they gain: the energy asks for the last digit.
-        if least <= 1.0 and missed > 0.5 * least:
-            return best, least, step
-        if missed < least:
-            best, least = force, missed
-        if missed == 0.0 or step == min(_STEPS, limit):
-            break
-        jacobian = _derivative(problem, force, scale)
-        way = _solved(jacobian, error.ravel()).reshape(pairs, dim)
-        found = np.inf
-        for share in _SHORTER:
-            trial = force - share * way
-            push = problem.pushes
-            trial[push, 0] = np.where(trial[push, 0] > 0.0, trial[push, 0], 0.0)
-            further, amount = _missed(problem, trial, scale, tolerance)
-            if amount < found:
-                found, following, error = amount, trial, further
-            if found < missed:
-                break
-        if not np.isfinite(found):
-            break
-        force, missed = following, found
-    return best, least, step
+    found, left, steps = newton_cones(*_law(problem), start, tolerance, limit)
+    return found, float(left), int(steps)
 
 
 def missed_by(problem: ConeProblem, force: Floats, tolerance: float) -> float:
     """Error of forces in units of the tolerance [m]."""
-    return _missed(problem, force, problem.scales(), tolerance)[1]
+    return float(cone_kernels.missed_by(_law(problem), force, tolerance)[2])
 
 
 def residual(problem: ConeProblem, force: Floats) -> float:
     """Largest error of the law in a force, as a share of the largest force."""
-    error = _missed(problem, force, problem.scales(), 0.0)[0]
+    error = cone_kernels.missed_by(_law(problem), force, 0.0)[1]
     largest = float(np.abs(force).max(initial=0.0))
     worst = float(np.abs(error).max(initial=0.0))
     return worst / largest if largest else worst
 
 
-def _missed(
-    problem: ConeProblem, force: Floats, scale: Floats, tolerance: float
-) -> tuple[Floats, float]:
-    """Errors of the law [N], shape (pairs, dim), and the largest in units of the tolerance."""
-    answer, push = problem.answers(force), problem.pushes
-    pressing = problem.pressing(force)
-    trial = force - answer / scale
-    wanted = np.empty_like(force)
-    most = problem.spins * pressing
-    wanted[:, 0] = np.where(push, np.maximum(trial[:, 0], 0.0), np.clip(trial[:, 0], -most, most))
-    length = np.sqrt(np.einsum("ij,ij->i", trial[:, 1:], trial[:, 1:]))
-    bound = problem.friction * pressing
-    share = np.where(length > bound, bound / np.where(length > 0.0, length, 1.0), 1.0)
-    wanted[:, 1:] = share[:, None] * trial[:, 1:]
-    error = force - wanted
-    moved = np.abs(problem.matrix) @ np.abs(force.ravel())
-    spread = max(np.abs(problem.offset).max(initial=0.0), float(moved.max(initial=0.0)))
-    missed = float(np.abs(error * scale).max(initial=0.0))
-    return error, missed / max(tolerance, _ROUNDING * spread, np.finfo(float).tiny)
-
-
-def _derivative(problem: ConeProblem, force: Floats, scale: Floats) -> Floats:
-    """Derivative of the errors by the forces, shape (pairs dim, pairs dim)."""
-    pairs, dim = force.shape
-    answer = problem.answers(force)
-    blocks = problem.matrix.reshape(pairs, dim, pairs, dim)
-    mine, masters, push = np.arange(pairs), problem.masters, problem.pushes
-    jacobian = np.zeros((pairs, dim, pairs, dim))
-    trial = force - answer / scale
-    pressing = problem.pressing(force)
-
-    most = problem.spins * pressing
-    free = np.where(push, trial[:, 0] > 0.0, np.abs(trial[:, 0]) <= most) & (push | (most > 0.0))
-    jacobian[free, 0] = blocks[free, 0] / scale[free, 0, None, None]
-    jacobian[~free, 0, mine[~free], 0] = 1.0
-    ends = np.flatnonzero(~free & ~push)
-    jacobian[ends, 0, masters[ends], 0] -= problem.spins[ends] * np.sign(trial[ends, 0])
-
-    tangential = trial[:, 1:]
-    length = np.sqrt(np.einsum("ij,ij->i", tangential, tangential))
-    bound = problem.friction * pressing
-    stick = (length <= bound) & (bound > 0.0)
-    jacobian[stick, 1:] = blocks[stick, 1:] / scale[stick, 1:, None, None]
-    slip = np.flatnonzero(~stick)
-    if len(slip):
-        some = np.where(length[slip] > 0.0, length[slip], 1.0)
-        along = tangential[slip] / some[:, None]
-        turn = np.eye(dim - 1) - np.einsum("ij,ik->ijk", along, along)
-        turn *= (bound[slip] / some)[:, None, None]
-        part = np.einsum("ijk,iklm->ijlm", turn, blocks[slip, 1:] / scale[slip, 1:, None, None])
-        part[np.arange(len(slip)), :, slip, 1:] += np.eye(dim - 1) - turn
-        part[np.arange(len(slip)), :, masters[slip], 0] -= problem.friction[slip, None] * along
-        jacobian[slip, 1:] = part
-    return jacobian.reshape(pairs * dim, pairs * dim)
-
-
-def _solved(matrix: Floats, right: Floats) -> Floats:
-    try:
-        return np.linalg.solve(matrix, right)
-    except np.linalg.LinAlgError:  # dependent pairs
-        found: Floats = np.linalg.lstsq(matrix, right)[0]
-        return found
+def _law(problem: ConeProblem) -> tuple[Floats | Integers, ...]:
+    """What kernels take of a problem."""
+    return (
+        np.ascontiguousarray(problem.matrix), np.ascontiguousarray(problem.offset),
+        problem.friction, problem.masters, problem.spins, problem.base, problem.scales(),
+    )  # fmt: skip

@@ -214,11 +214,13 @@ class PairResponses:
 
     def _reduced(self, parts: Weights) -> tuple[Floats, Floats]:
         """B A B^T of the answers A in a layer and static, without what rounding made asymmetric."""
-        known = self._known_part(parts)
-        layer, static = (
-            _full((known @ columns) @ parts.T) for columns in (self._layer, self._static)
-        )
-        layer, static = 0.5 * (layer + layer.T), 0.5 * (static + static.T)
+        layer, static = np.zeros((2, parts.shape[0], parts.shape[0]))
+        if self._order:  # bodies with roots are not asked
+            known = self._known_part(parts)
+            layer, static = (
+                _full((known @ columns) @ parts.T) for columns in (self._layer, self._static)
+            )
+            layer, static = 0.5 * (layer + layer.T), 0.5 * (static + static.T)
         if self._roots is not None:
             moved = parts @ self._roots
             layer += _full(moved @ moved.T)

@@ -147,6 +147,7 @@ class PairGaps:
         self._responses: PairResponses | None = None
         self._met: Sequence[Meeting] = self._first
         self._turning: TurningGaps | None = None
+        self._pair: Integers | None = None  # of each gap, where that stays
 
     def _weigh(self, met: Sequence[Meeting]) -> None:
         """Keep the weights of all gaps, and how they spread forces."""
@@ -160,12 +161,17 @@ class PairGaps:
 
     def pair_of(self) -> Integers:
         """Which of `pairs` each gap belongs to now, (gaps,)."""
+        if self._pair is not None:
+            return self._pair
         found, first = [], 0
         for _, _, gaps in self._obstacles:
             found.append(first + gaps.pair_of())
             first += len(gaps.pairs)
         found.append(first + np.arange(sum(len(entry.gap) for entry in self._first)))
-        return self._listed[np.concatenate(found)]
+        pair: Integers = self._listed[np.concatenate(found)]
+        if all(len(gaps.pairs) == 1 for _, _, gaps in self._obstacles):
+            self._pair = pair  # none can change
+        return pair
 
     def responses(
         self, columns: Columns, whole: int | None, apart: Integers | None = None

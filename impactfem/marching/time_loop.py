@@ -247,6 +247,9 @@ class TimeLoop[I: Stepper](ABC):
         pair = self._gaps.pair_of()
         rows.pair_force[row] = np.bincount(pair, force, count)
         rows.pair_impact[row] = self.interior.dt * np.bincount(pair, struck, count)
+        if len(pair) == count:  # one each
+            rows.pair_gap[row, pair] = self.contact.gap
+            return
         rows.pair_gap[row] = np.inf
         np.minimum.at(rows.pair_gap[row], pair, self.contact.gap)
 

@@ -8,6 +8,7 @@ from scipy.optimize import brentq, minimize
 
 from impactfem.contact import friction as friction_module
 from impactfem.contact.complementarity import Halfway, solve_by_active_set, solve_layer
+from impactfem.contact.cone_kernels import least_solution
 from impactfem.contact.friction import solve_friction_layer, solve_friction_layer_at_speed
 from impactfem.contact.friction_kernels import sweep_cones
 from impactfem.contact.friction_newton import (
@@ -361,3 +362,14 @@ def test_velocity_rule_acts_against_the_speed_at_the_end(seed, pairs, dim, mu):
     bound = mu * found.force[:, 0]
     against = (found.force[:, 1:] * end[:, 1:]).sum(axis=1)
     assert against == pytest.approx(-bound * np.linalg.norm(end[:, 1:], axis=1), abs=1e-9 * scale)
+
+
+@given(_SEEDS, st.integers(1, 12), st.data())
+@settings(deadline=None, max_examples=30)
+def test_of_dependent_rows_the_least_solution_is_taken(seed, count, data):
+    rank = data.draw(st.integers(0, count))
+    rng = np.random.default_rng(seed)
+    matrix = rng.standard_normal((count, rank)) @ rng.standard_normal((rank, count))
+    right = matrix @ rng.standard_normal(count)
+    wanted = np.linalg.lstsq(matrix, right, rcond=1e-12)[0]
+    np.testing.assert_allclose(least_solution(matrix, right), wanted, atol=1e-6)

@@ -1,0 +1,223 @@
+"""Compiled Newton's steps for contact forces in their cones; see `contact.friction_newton`."""
+
+import numpy as np
+
+from impactfem.compiled import compiled
+
+_ROUNDING = 1e-13  # share of the largest displacement that counts as zero
+_STEPS = 25  # of Newton from one start; the method needs 3 to 8 where it converges
+_SHORTER = (1.0, 0.5, 0.25)  # shares of a step, of which the best is taken
+_DEPENDENT = 1e-14  # pivots of matrices with a diagonal of about 1 that count as zero
+_TINY = np.finfo(np.float64).tiny
+
+
+@compiled
+def newton_cones(matrix, offset, friction, master, spinning, base, scale, start, tolerance, limit):
+    """Newton's steps from some forces.
+
+    Args:
+        matrix, offset, friction, master, spinning, base: See
+            `impactfem.contact.friction_newton.ConeProblem`.
+        scale: The numbers a of each component [m/N], (pairs, dim).
+        start: Forces [N], (pairs, dim).
+        tolerance: Rounding level of displacements [m].
+        limit: Of linear systems.
+
+    Returns:
+        The best forces, their error in units of the tolerance, and linear systems solved.
+    """
+    law = matrix, offset, friction, master, spinning, base, scale
+    pairs, dim = start.shape
+    push = master == np.arange(pairs)
+    force = start.copy()
+    best, following = force, force
+    least, step, most = np.inf, 0, min(_STEPS, limit)
+    answer, error, missed = missed_by(law, force, tolerance)
+    for step in range(most + 1):
+        if not np.isfinite(missed):
+            break
+        # Below the tolerance steps go on while they gain: the energy asks for the last digit.
+        if least <= 1.0 and missed > 0.5 * least:
+            return best, least, step
+        if missed < least:
+            best, least = force, missed
+        if missed == 0.0 or step == most:
+            break
+        way = _solved(_derivative(law, force, answer), error.copy().reshape(-1))
+        found = np.inf
+        for share in _SHORTER:
+            trial = force - share * way.reshape(pairs, dim)
+            for j in range(pairs):
+                if push[j] and not trial[j, 0] > 0.0:
+                    trial[j, 0] = 0.0
+            after, further, amount = missed_by(law, trial, tolerance)
+            if amount < found:
+                found, following, error, answer = amount, trial, further, after
+            if found < missed:
+                break
+        if not np.isfinite(found):
+            break
+        force, missed = following, found
+    return best, least, step
+
+
+@compiled
+def missed_by(law, force, tolerance):
+    """Answers (w, s) to forces, errors of the law [N], (pairs, dim) each, and the largest error.
+
+    That is in units of the tolerance.
+    """
+    matrix, offset, friction, master, spinning, base, scale = law
+    pairs, dim = force.shape
+    answer, error = np.empty((pairs, dim)), np.empty((pairs, dim))
+    flat, spread = force.copy().reshape(-1), 0.0
+    for j in range(pairs):
+        for c in range(dim):
+            total, size = offset[j, c], 0.0
+            spread = max(spread, abs(offset[j, c]))
+            row = matrix[j * dim + c]
+            for k in range(pairs * dim):
+                if flat[k] != 0.0:
+                    total += row[k] * flat[k]
+                    size += abs(row[k] * flat[k])
+            answer[j, c] = total
+            spread = max(spread, size)
+    worst, finite = 0.0, True
+    for j in range(pairs):
+        pressing = base[master[j]] + max(force[master[j], 0], 0.0)
+        trial, most = force[j] - answer[j] / scale[j], spinning[j] * pressing
+        if master[j] == j:
+            wanted = max(trial[0], 0.0)
+        else:
+            wanted = min(max(trial[0], -most), most)
+        error[j, 0] = force[j, 0] - wanted
+        length, bound = np.sqrt((trial[1:] * trial[1:]).sum()), friction[j] * pressing
+        share = bound / length if length > bound else 1.0
+        error[j, 1:] = force[j, 1:] - share * trial[1:]
+        for c in range(dim):
+            amount = abs(error[j, c] * scale[j, c])
+            finite = finite and np.isfinite(amount)
+            worst = max(worst, amount)
+    if not finite:
+        worst = np.nan
+    return answer, error, worst / max(tolerance, _ROUNDING * spread, _TINY)
+
+
+@compiled
+def _derivative(law, force, answer):
+    """Derivative of the errors by the forces, (pairs dim, pairs dim)."""
+    matrix, _, friction, master, spinning, base, scale = law
+    pairs, dim = force.shape
+    jacobian = np.zeros((pairs * dim, pairs * dim))
+    for j in range(pairs):
+        first, own = j * dim, master[j]
+        pressing = base[own] + max(force[own, 0], 0.0)
+        trial, most = force[j] - answer[j] / scale[j], spinning[j] * pressing
+        push = own == j
+        if (push and trial[0] > 0.0) or (not push and most > 0.0 and abs(trial[0]) <= most):
+            jacobian[first] = matrix[first] / scale[j, 0]
+        else:
+            jacobian[first, first] = 1.0
+            if not push:
+                jacobian[first, own * dim] -= spinning[j] * np.sign(trial[0])
+        length, bound = np.sqrt((trial[1:] * trial[1:]).sum()), friction[j] * pressing
+        if length <= bound and bound > 0.0:
+            for c in range(1, dim):
+                jacobian[first + c] = matrix[first + c] / scale[j, c]
+            continue
+        some = length if length > 0.0 else 1.0
+        for c in range(1, dim):
+            along = trial[c] / some
+            for d in range(1, dim):
+                turn = bound / some * ((1.0 if c == d else 0.0) - along * trial[d] / some)
+                jacobian[first + c] += turn / scale[j, d] * matrix[first + d]
+                jacobian[first + c, first + d] += (1.0 if c == d else 0.0) - turn
+            jacobian[first + c, own * dim] -= friction[j] * along
+    return jacobian
+
+
+@compiled
+def _solved(matrix, right):
+    """The solution, the least one where pairs depend on each other."""
+    fine, found = _eliminated(matrix, right)
+    return found if fine else least_solution(matrix, right)
+
+
+@compiled
+def _eliminated(matrix, right):
+    """Whether rows of a matrix with a diagonal of about 1 are independent, and the solution."""
+    found, left = right.copy(), matrix.copy()
+    count = len(right)
+    for k in range(count):
+        best = k
+        for i in range(k + 1, count):
+            if abs(left[i, k]) > abs(left[best, k]):
+                best = i
+        if not abs(left[best, k]) > _DEPENDENT:
+            return False, found
+        if best != k:
+            for j in range(k, count):
+                left[k, j], left[best, j] = left[best, j], left[k, j]
+            found[k], found[best] = found[best], found[k]
+        for i in range(k + 1, count):
+            share = left[i, k] / left[k, k]
+            if share != 0.0:
+                for j in range(k + 1, count):
+                    left[i, j] -= share * left[k, j]
+                found[i] -= share * found[k]
+    for k in range(count - 1, -1, -1):
+        for j in range(k + 1, count):
+            found[k] -= left[k, j] * found[j]
+        found[k] /= left[k, k]
+    return True, found
+
+
+@compiled
+def least_solution(matrix, right):
+    """The solution of least length where rows of a square matrix depend on each other.
+
+    Elimination with complete pivots shows the rank; what moves nothing is taken off the solution.
+    """
+    found, left = right.copy(), matrix.copy()
+    count, rank = len(right), 0
+    order = np.arange(count)
+    for k in range(count):
+        largest, row, column = 0.0, k, k
+        for i in range(k, count):
+            for j in range(k, count):
+                if abs(left[i, j]) > largest:
+                    largest, row, column = abs(left[i, j]), i, j
+        if not largest > _DEPENDENT:
+            break
+        rank = k + 1
+        for j in range(count):
+            left[k, j], left[row, j] = left[row, j], left[k, j]
+        found[k], found[row] = found[row], found[k]
+        for i in range(count):
+            left[i, k], left[i, column] = left[i, column], left[i, k]
+        order[k], order[column] = order[column], order[k]
+        for i in range(k + 1, count):
+            share = left[i, k] / left[k, k]
+            if share != 0.0:
+                for j in range(k + 1, count):
+                    left[i, j] -= share * left[k, j]
+                found[i] -= share * found[k]
+    free = count - rank
+    basis = np.zeros((free + 1, count))  # what moves nothing, and a solution
+    for f in range(free):
+        basis[f, rank + f] = 1.0
+    basis[free, :rank] = found[:rank]
+    for f in range(free + 1):
+        for k in range(rank - 1, -1, -1):
+            total = basis[f, k]
+            for j in range(k + 1, rank):
+                total -= left[k, j] * basis[f, j]
+            if f < free:
+                total -= left[k, rank + f]
+            basis[f, k] = total / left[k, k]
+    null, some = basis[:free], basis[free].copy()
+    _, share = _eliminated(null @ null.T, null @ some)
+    least = some - share @ null
+    solution = np.empty(count)
+    solution[order] = least
+    return solution
