@@ -1,4 +1,4 @@
-"""Time a step of rigid balls that are poured into a box, with friction (half a minute for 40 to 200).
+"""Time a step of rigid balls that are poured into a box, with friction (half a minute for all).
 
     python benchmarks/poured_balls.py [COUNT...]
 
