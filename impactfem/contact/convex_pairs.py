@@ -8,7 +8,8 @@ that follow the centre with arms along the axes of space, *followers*, carry tha
 are pushed at one point, so that friction too keeps their angular momentum.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,9 @@ from scipy.sparse import csr_matrix
 from impactfem.contact.convex_kernels import separate, touching
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.pairs import NOTHING, Meeting
+from impactfem.scene.obstacles.rotation import AT_REST, Placement, placement
 from impactfem.system.convex import Convex
+from impactfem.system.rigid import in_space
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -78,27 +81,33 @@ class Marked:
 
 
 @dataclass(frozen=True)
-class Unmoved:
-    """An obstacle at rest.
+class Placed:
+    """An obstacle, where it is at a time.
 
     Attributes:
-        shape: The obstacle from its centre.
-        centre: [m], (3,).
+        shape: The obstacle at rest from its centre.
+        centre: At rest [m], (3,).
         along: Of an endless one its direction, (3,): what is near is met; None if it ends.
+        at: How it has moved and turned.
     """
 
     shape: Convex
     centre: Floats
     along: Floats | None = None
 
+    at: Placement = AT_REST
+
     nodes = np.zeros(0, dtype=np.int64)
 
-    def pose(self, places: Floats, near: Floats) -> Pose:  # noqa: ARG002
+    def pose(self, places: Floats, near: Floats) -> Pose:
         """Where it is met near some place."""
-        centre = self.centre
+        dim, centre, turn = places.shape[1], self.centre.copy(), np.eye(3)
         if self.along is not None:
-            centre = centre + ((near - centre) @ self.along) * self.along
-        return centre, np.eye(3)
+            near = in_space(self.at.back(near[:dim]))
+            centre += ((near - centre) @ self.along) * self.along
+        centre[:dim] = self.at.moved(centre[:dim])
+        turn[:dim, :dim] = self.at.turned(np.eye(dim)).T
+        return centre, turn
 
     def weights(self, at: Floats, n: Floats, pose: Pose, places: Floats) -> Floats:  # noqa: ARG002
         """None: it takes any force."""
@@ -114,12 +123,14 @@ class ConvexPair:
         other: What it meets.
         total: Number of all contact nodes.
         touch: Distance [m] below which they touch: rounding of places.
+        led: How far an obstacle goes from where forces act to where places are [m].
     """
 
     one: Marked
-    other: Marked | Unmoved
+    other: Marked | Placed
     total: int
     touch: float
+    led: float = 0.0
 
     follows = True
     memory = NOTHING
@@ -155,7 +166,7 @@ class ConvexPair:
         own = self.nodes
         way = float(np.linalg.norm(places[own] - acting[own], axis=1).max())
         apart = float(np.linalg.norm(one[0] - other[0])) - first.reach - second.reach
-        if apart > 2.0 * way:
+        if apart > 2.0 * way + self.led:
             return self._open(places.shape[1])
         size = min(first.reach, second.reach)
         n, places_one, places_two = self._touching(one, other, size)
@@ -195,3 +206,60 @@ class ConvexPair:
         normal[:, -1] = 1.0
         none = csr_matrix((count, self.total))
         return Meeting(none, np.full(count, FAR), normal, np.zeros(count))
+
+
+class LedPair:
+    """A convex body and an obstacle that moves or turns, as `impactfem.contact.pairs.Led` says.
+
+    Args:
+        pair: Both, the obstacle at rest.
+        other: The obstacle of the pair.
+        obstacle: What says how it moves.
+    """
+
+    follows = True
+    memory = NOTHING
+
+    def __init__(self, pair: ConvexPair, other: Placed, obstacle: Any) -> None:
+        self._pair, self._other, self._obstacle = pair, other, obstacle
+        self._time = self._acting = self.speed = 0.0
+        self._facing = np.zeros((pair.count, pair.one.dim))
+        self.count, self.thickness, self.touch = pair.count, pair.thickness, pair.touch
+        self.nodes = pair.nodes
+
+    def recall(self, memory: Floats) -> None:
+        """Nothing: it is looked at anew each time."""
+
+    def tell(self, time: float, acting: float) -> None:
+        """At which times the next answer's places are, and forces act [s]."""
+        self._time, self._acting = time, acting
+
+    def shift(self, time: float) -> Floats:
+        """How far what each gap faces has moved with the obstacle since t = 0 [m], (gaps, dim)."""
+        now, first = placement(self._obstacle, time), placement(self._obstacle, 0.0)
+        return np.zeros_like(self._facing) + now.since(first, self._facing)
+
+    def __call__(self, places: Floats, acting: Floats) -> Meeting:
+        """As of `ConvexPair`: contact points where forces act, gaps where all has gone from there.
+
+        The obstacle's way is that of what each gap faces, as that of the body is of its material.
+        """
+        obstacle, dim = self._obstacle, self._facing.shape[1]
+        then, now = placement(obstacle, self._acting), placement(obstacle, self._time)
+        reach = self._other.shape.reach
+        corners = self._other.centre[:dim] + reach * np.concatenate([np.eye(dim), -np.eye(dim)])
+        way = np.zeros_like(corners) + now.since(then, corners)
+        led = 2.0 * dim * float(np.linalg.norm(way, axis=1).max())
+        pair = replace(self._pair, other=replace(self._other, at=then), led=led)
+        met = pair(places, acting)
+        there = met.gap < 0.5 * FAR
+        along = met.normal * (met.gap + self.touch)[:, None]
+        own = met.weights @ (places - acting)
+        along -= met.normal * np.einsum("ij,ij->i", met.normal, own)[:, None]
+        self._facing[there] = then.back(met.weights @ acting - along)[there]
+        moved = np.zeros_like(self._facing) + now.since(then, self._facing)
+        met.gap[there] -= np.einsum("ij,ij->i", met.normal, moved)[there]
+        if there.any() and self._time > self._acting:
+            fast = float(np.linalg.norm(moved[there], axis=1).max()) / (self._time - self._acting)
+            self.speed = max(self.speed, fast)
+        return met

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +90,23 @@ class NodeMeet(Meet, Protocol):
     @property
     def nodes(self) -> Integers:
         """See above."""
+
+
+@runtime_checkable
+class Led(Protocol):
+    """Also knows the time, as an obstacle that it meets moves or turns.
+
+    Attributes:
+        speed: Largest one of what gaps faced on it so far [m/s].
+    """
+
+    speed: float
+
+    def tell(self, time: float, acting: float) -> None:
+        """At which times the next answer's places are, and forces act [s]."""
+
+    def shift(self, time: float) -> Floats:
+        """How far what each gap faces has moved with the obstacle since t = 0 [m], (gaps, dim)."""
 
 
 class PairGaps:
@@ -275,6 +292,9 @@ class PairGaps:
         static = last - begin
         met = self._first
         if self._moving:
+            for meet in self._meetings:
+                if isinstance(meet, Led):
+                    meet.tell(time, time if displacement is begin else time - back * span)
             there = self._places + displacement + static
             acting = there - back * (displacement - begin)
             met = [
@@ -304,6 +324,12 @@ class PairGaps:
         for _, rows, gaps in self._beside:
             if gaps.moves:
                 moved[rows] = gaps.shift(time)
+        first = self._bound.shape[0]
+        for meet, entry in zip(self._meetings, self._first, strict=True):
+            end = first + len(entry.gap)
+            if isinstance(meet, Led):
+                moved[first:end] = meet.shift(time)
+            first = end
         return moved
 
     def nodal(self, force: Floats, gap: Floats) -> tuple[Floats, Floats, Floats]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.convex_pairs import ConvexPair, Marked, Unmoved
+from impactfem.contact.convex_pairs import ConvexPair, LedPair, Marked, Placed
 from impactfem.scene import Scene
 from impactfem.scene.pairing import named_body_pairs, obstacles_of, pair_name
 from impactfem.system.convex import Convex
@@ -23,7 +23,7 @@ _ENDLESS = 2.0  # an endless obstacle is taken so many reaches of a body to both
 
 def convex_meetings(
     scene: Scene, few: Sequence[FewBodies], offsets: Sequence[int]
-) -> Iterator[tuple[str, tuple[str, str], str, ConvexPair, bool]]:
+) -> Iterator[tuple[str, tuple[str, str], str, ConvexPair | LedPair, bool]]:
     """Name, both sides, the one that carries, gaps, and False, of each pair of convex bodies.
 
     Args:
@@ -44,9 +44,11 @@ def convex_meetings(
     for name, own in marked.items():
         for obstacle in obstacles_of(scene, name) if corners[name] else ():
             if not obstacle.meets_corners:
-                other = _unmoved(obstacle, own.shape.reach)
+                other = _placed(obstacle, own.shape.reach)
                 label, names = pair_name(scene, name, obstacle.name), (name, obstacle.name)
-                yield label, names, name, ConvexPair(own, other, total, touch), False
+                still = ConvexPair(own, other, total, touch)
+                led = LedPair(still, other, obstacle) if obstacle.moves else still
+                yield label, names, name, led, False
 
 
 def _marked(few: Sequence[FewBodies], offsets: Sequence[int]) -> Mapping[str, Marked]:
@@ -59,15 +61,15 @@ def _marked(few: Sequence[FewBodies], offsets: Sequence[int]) -> Mapping[str, Ma
     }
 
 
-def _unmoved(obstacle: Any, reach: float) -> Unmoved:
-    """An obstacle at rest, of an endless one what a body with some reach may meet."""
+def _placed(obstacle: Any, reach: float) -> Placed:
+    """An obstacle, of an endless one what a body with some reach may meet."""
     if obstacle.corners is not None:
         centre = obstacle.corners.mean(axis=0)
-        return Unmoved(Convex.of(obstacle.corners - centre), in_space(centre))
+        return Placed(Convex.of(obstacle.corners - centre), in_space(centre))
     core = obstacle.core
     if core.axis is None:
-        return Unmoved(
+        return Placed(
             Convex.of(np.zeros((1, len(core.center))), core.radius), in_space(core.center)
         )
     ends = _ENDLESS * (reach + core.radius) * np.stack([-core.axis, core.axis])
-    return Unmoved(Convex.of(ends, core.radius), core.center, core.axis)
+    return Placed(Convex.of(ends, core.radius), core.center, core.axis)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.distance import signed_distance
+from impactfem.contact.pairs import Led
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.few import FewInterior
 from impactfem.marching.rows import Level
@@ -37,6 +38,7 @@ class AxisWatch:
         """Look at some layers of a march."""
         scene, self.speed = model.scene, 0.0
         self._reach = min((met.pair.thickness for met in model.ball_meetings), default=np.inf)
+        self._led = [met.pair for met in model.ball_meetings if isinstance(met.pair, Led)]
         self._every = max(1, layers // _LOOKS)
         self._bodies = [
             (march, name, march.bodies.nodes_of(k)[march.bodies.lines_of(k)])
@@ -71,10 +73,11 @@ class AxisWatch:
     def findings(self) -> Iterator[Finding]:
         """What was seen."""
         dt = self._bodies[0][0].dt if self._bodies else 0.0
-        share = self.speed * dt / self._reach
-        text = f"a body moves {self.speed * dt:.2g} m in a step, {percent(share)} of the least "
+        speed = self.speed + max((led.speed for led in self._led), default=0.0)
+        share = speed * dt / self._reach
+        text = f"a body moves {speed * dt:.2g} m in a step, {percent(share)} of the least "
         text += "thickness of two that may meet: they can pass through each other"
-        remedy = f"use solve.dt below {_SHARES[0] * self._reach / (self.speed or 1.0):.1g}"
+        remedy = f"use solve.dt below {_SHARES[0] * self._reach / (speed or 1.0):.1g}"
         yield from by_limits("contact_unresolved", share, _SHARES, text, remedy=remedy)
         for march, name, lines in self._bodies:
             if not len(lines):

@@ -92,10 +92,6 @@ def _check_partners(scene: Content) -> None:
                 text += f"{obstacle.name} may meet edges and faces of {body.name}, and is not "
                 text += "convex; give boxes, a half_space, or a body that is a ball."
                 raise KeyedError("contact", "", text)
-            if obstacle.moves:
-                text += f"{obstacle.name} moves and meets edges and faces of {body.name}; let it "
-                text += "rest, or give a half_space or a body that is a ball."
-                raise KeyedError("contact", "", text)
 
 
 def _check_convex(body: Body, what: str) -> None:
@@ -141,5 +137,6 @@ def _check_method(scene: Content) -> None:
     if method is None or method in MARCHING:
         return
     fitting = " or ".join(show(name) for name in MARCHING)
-    text = f" = {show(method)} does not solve {scene.why_marched}: give {fitting}."
+    what = scene.why_marched or f"bodies of kind {' and '.join(sorted(scene.kinds))}"
+    text = f" = {show(method)} does not solve {what}: give {fitting}."
     raise KeyedError("solve", "method", text)

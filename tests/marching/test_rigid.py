@@ -325,16 +325,9 @@ def test_contacts_that_are_not_there_yet_are_refused():
     with pytest.raises(SceneError, match="needs friction_coefficient: without friction"):
         Contact(between=["a", "b"], tangential_restitution=1.0)
     edge = tumbling()
-    step = {"kind": "box", "name": "step", "size": [1, 1, 1], "center": [3, 0, 0]}
-    edge["obstacle"].append(step | {"motion": ["t", "0", "0"]})
+    step = {"kind": "polyline", "name": "step", "points": [[0, -3], [1, -3], [2, -2]]}
+    edge["obstacle"].append(step)
     edge["contact"].append({"between": ["b", "step"]})
-    with pytest.raises(SceneError, match="step moves and meets edges and faces of b; let it rest"):
-        Scene.from_dict(edge)
-    edge["obstacle"][-1] = {
-        "kind": "polyline",
-        "name": "step",
-        "points": [[0, -3], [1, -3], [2, -2]],
-    }
     with pytest.raises(SceneError, match="step may meet edges and faces of b, and is not convex"):
         Scene.from_dict(edge)
 
