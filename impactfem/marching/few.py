@@ -18,6 +18,7 @@ from impactfem.marching.few_forces import steady_load, tangent
 from impactfem.marching.layers import Sums
 from impactfem.marching.meshless import Meshless
 from impactfem.marching.stations import Held, HeldLumped
+from impactfem.marching.watched import Watched
 from impactfem.result.shapes import LINE, Shape
 from impactfem.scene import PiecewiseVector
 from impactfem.system.few import FewBodies, Lumped
@@ -33,7 +34,7 @@ _SETTLED = 1e-13  # change of velocities, as a share of the largest
 _NEAR = 1e-9  # share of a body's size by which a probe may lie off its axis
 
 
-class FewInterior(Meshless):
+class FewInterior(Watched, Meshless):
     """Bodies without meshes as they are marched and shown.
 
     Attributes:

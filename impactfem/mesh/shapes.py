@@ -52,7 +52,13 @@ def shape_mesh(
     Raises:
         MeshError: The mesh would be too large, or Gmsh failed.
     """
-    plan = outline(shape, axisymmetric=axisymmetric)
+    return drawn_mesh(outline(shape, axisymmetric=axisymmetric), size, refine, degree=degree)
+
+
+def drawn_mesh(
+    plan: Outline, size: float, refine: Sequence[Any] = (), *, degree: int = 1
+) -> RawMesh:
+    """The same of what is drawn already."""
     scaled = size / plan.frame.scale
     balls = [_in_drawing(ball, plan) for ball in refine]
     check_count(plan, size, balls)

@@ -1,5 +1,7 @@
 """Whether steps and elements follow the damping of solids."""
 
+from typing import Any
+
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.schemes import SOLID_SCHEMES
 from impactfem.planning.solid_costs import Size, leading_speed
@@ -19,6 +21,20 @@ schemes whose contact nodes have mass and are damped.
 """
 
 
+def mass_damping_findings(body: Any, dt: float) -> list[Finding]:
+    """What of the damping of a body by its mass steps of dt [s] do not follow."""
+    rate = body.rayleigh_mass * dt
+    if rate == 0.0:
+        return []
+    text = (
+        f"damping by the mass stops {body.name} in {1.0 / body.rayleigh_mass:.3g} s, and "
+        f"steps of {dt:.3g} s do not follow it"
+    )
+    text += ": the velocity turns round in each" if rate > RATE_LIMITS[1] else ""
+    remedy = f"take solve.dt <= {RATE_LIMITS[0] / body.rayleigh_mass:.1g}, or damp it less"
+    return [*by_limits("setting", rate, RATE_LIMITS, text, body.name, remedy)]
+
+
 def damping_findings(
     method: str, solid: Solid, size: Size, extent: float, dt: float
 ) -> list[Finding]:
@@ -31,16 +47,7 @@ def damping_findings(
         extent: Its largest extent [m].
         dt: Time step [s], about.
     """
-    rate = solid.rayleigh_mass * dt
-    found: list[Finding] = []
-    if rate > 0.0:
-        text = (
-            f"damping by the mass stops {solid.name} in {1.0 / solid.rayleigh_mass:.3g} s, and "
-            f"steps of {dt:.3g} s do not follow it"
-        )
-        text += ": the velocity turns round in each" if rate > RATE_LIMITS[1] else ""
-        remedy = f"take solve.dt <= {RATE_LIMITS[0] / solid.rayleigh_mass:.1g}, or damp it less"
-        found += by_limits("setting", rate, RATE_LIMITS, text, solid.name, remedy)
+    found = mass_damping_findings(solid, dt)
     if not SOLID_SCHEMES[method].massless:
         return found
     h = min([size.mesh_size, *(ball.size for ball in solid.refine)])

@@ -1,9 +1,10 @@
 """Whether the error of solids is estimated, by runs on other elements, and what these cost."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from impactfem.errors import SceneError
-from impactfem.scene import Scene, Solid
+from impactfem.scene import Scene
 
 ACROSS = 3.0
 """Elements across a body that elements twice as large must leave."""
@@ -13,14 +14,14 @@ WORTH = 5.0
 
 
 def choose_estimate(
-    scene: Scene, solids: Sequence[Solid], smallest: Sequence[float], curved: bool,
+    scene: Scene, solids: Sequence[Any], smallest: Sequence[float], curved: bool,
     cost: Callable[[float], float], reasons: dict[str, str],
 ) -> tuple[bool, float]:  # fmt: skip
     """Whether further runs shall tell the error, and their time [s].
 
     Args:
         scene: The scene.
-        solids: Its solids.
+        solids: Its bodies that have elements.
         smallest: Smallest extent of each [m].
         curved: Whether an element of a mesh file is curved.
         cost: Estimated time [s] of a run on elements so many times as large.

@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from impactfem.errors import SceneError
 from impactfem.findings import Finding, warning
 from impactfem.methods import METHODS
@@ -20,10 +22,13 @@ if TYPE_CHECKING:
     from impactfem.models.solids import SolidsModel
     from impactfem.system.few import FewBodies
 
-METHOD = "moreau_jean"
+METHOD, OF_PLACES = "moreau_jean", "conserving"
+"""Chosen where what touches has mass, and where it has none."""
+
 _LAYERS = 2000
 _PER_RADIAN = 20.0  # steps of a radian of the fastest vibration
 _OF_TRANSIT, _MOST_OF_TRANSIT = 200, 5000  # steps of a wave through a bar that are chosen
+_DENTED = 3.0  # Zener's number beyond which balls stay on large plates, dents or not
 _BRAKED, _RESOLVED = 0.05, 0.25  # steps by the time in which a bar brakes a body: chosen, told
 _MOST = 10_000_000
 _SECONDS = 6e-4  # of a layer; up to 1e-3 with friction
@@ -38,12 +43,11 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
         SceneError: The settings cannot work.
     """
     from impactfem.models.solids import solids_model  # noqa: PLC0415  (loads DOLFINx)
+    from impactfem.planning.damping import mass_damping_findings  # noqa: PLC0415  (likewise)
 
     solve = scene.solve
-    reasons = {"method": f"{scene.why_marched}: impulses on velocities, of any bodies at once"}
-    if solve.method is not None:
-        reasons["method"] = "as asked"
     model = solids_model(scene, (), updated=True)
+    method, reasons = _method(scene, model)
     dt, layers = _steps(scene, model.few, reasons)
     if layers > _MOST:
         raise SceneError(
@@ -51,27 +55,29 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
             f"more than {_MOST:g}: give a larger dt or a shorter duration"
         )
     seconds = _SECONDS * layers
+    meshed = scene.meshed
     estimate, more = choose_estimate(
-        scene, (), (), curved=False, cost=lambda factor: seconds / factor, reasons=reasons
-    )
-    if solve.estimate is None:
+        scene, meshed, [body.least_width for body in meshed], curved=False,
+        cost=lambda factor: seconds / factor, reasons=reasons,
+    )  # fmt: skip
+    if solve.estimate is None and not meshed:
         reasons["estimate"] = "by runs with steps twice and four times as long"
     return Plan(
-        method=solve.method or METHOD,
+        method=method,
         model=f"{few_in_words(model.few)}, {joined_in_words(model)}{law_in_words(scene)}",
         numbers=MarchNumbers(
             degree=0,
             degrees=(),
             strains=(),
             cells="none",
-            mesh_size=0.0,
+            mesh_size=min((body.mesh_size or 0.0 for body in meshed), default=0.0),
             dt=dt,
             courant=None,
             layers=layers,
             linear_solver="mumps",
             normals="updated",
             active_set=solve.active_set or "pdas",
-            tolerance=solve.tolerance or METHODS[METHOD].tolerance,
+            tolerance=solve.tolerance or METHODS[method].tolerance,
             max_iterations=solve.max_iterations or 200,
             contact_pairs=model.contact_count,
             unknowns=model.unknowns,
@@ -81,8 +87,33 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
         memory_mib=_memory(scene, layers),
         seconds=seconds + more,
         reasons=reasons,
-        findings=(*law_findings(scene), *bar_findings(model.few, dt), *joint_findings(model)),
+        findings=(
+            *law_findings(scene),
+            *bar_findings(model.few, dt),
+            *joint_findings(model),
+            *dent_findings(model),
+            *(found for body in meshed for found in mass_damping_findings(body, dt)),
+        ),
     )
+
+
+def _method(scene: Scene, model: "SolidsModel") -> tuple[str, dict[str, str]]:
+    """The method and the reason for it.
+
+    Raises:
+        SceneError: The law of the one that is asked for acts on masses that there are not.
+    """
+    asked, text = scene.solve.method, "impulses on velocities, of any bodies at once"
+    light = [name for bodies in model.few if bodies.massless for name in bodies.names]
+    if asked == METHOD and light:
+        raise SceneError(
+            f'solve.method = "{asked}": what touches of {light[0]} has no mass that impulses could '
+            f'act on; give "{OF_PLACES}" or "massless", or leave it out'
+        )
+    if light:
+        text = f"what touches of {light[0]} has no mass, and energy is kept to rounding"
+    reason = "as asked" if asked is not None else f"{scene.why_marched}: {text}"
+    return asked or (OF_PLACES if light else METHOD), {"method": reason}
 
 
 def _memory(scene: Scene, layers: int) -> float:
@@ -138,6 +169,27 @@ def joint_findings(model: "SolidsModel") -> list[Finding]:
     return found
 
 
+def dent_findings(model: "SolidsModel") -> list[Finding]:
+    """Balls that plates are too stiff for, whose dents are left out."""
+    scene, found = model.scene, []
+    known = {name: (few, k) for few in model.few for k, name in enumerate(few.names)}
+    fall = scene.duration * float(np.abs(scene.vector_gravity.values).max(initial=0.0))
+    for _, *sides in named_body_pairs(scene):
+        names = [name for name, _ in sides if name in known]
+        for struck, ball in (names, names[::-1]) if len(names) == 2 else ():
+            (plate, at), (other, k) = known[struck], known[ball]
+            speed = fall + float(np.linalg.norm(plate.speeds[at] - other.speeds[k]))
+            radius = float(other.radius[other.nodes_of(k)].max())
+            give = plate.give(other.masses[k], radius, speed)
+            if 0.0 < give < _DENTED:
+                text = f"{ball} would dent {struck} about as much as that gives way (Zener's "
+                text += f"number {give:.2g}), which is left out: forces and times of their "
+                text += "contact belong to the mesh, and the rebound is too slow"
+                remedy = "model both as solids, or take it as a ball that is rigid on a rigid skin"
+                found.append(warning("impact_law", text, struck, remedy))
+    return found
+
+
 def few_step(few: Sequence["FewBodies"]) -> float:
     """Step that follows what vibrates in the bodies [s]; infinite if nothing does."""
     rates = (bodies.rate() for bodies in few)
@@ -154,7 +206,7 @@ def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]
     )
     from impactfem.models.ball_contacts import point_loads  # noqa: PLC0415  (loads SciPy)
 
-    found = law_findings(model.scene) + joint_findings(model)
+    found = law_findings(model.scene) + joint_findings(model) + dent_findings(model)
     for name, solid in sorted(set(point_loads(model))):
         text = (
             f"{name} presses on single places of {solid}, which give way the more the smaller the "

@@ -95,7 +95,7 @@ def body_reel(result: Record, fields: Snapshots, frames: int | None) -> BodyReel
     else:
         left, right = figure.subplots(1, 2, width_ratios=[1.3, 1.0])
     above = painter.prepare(left, window, float(fields.times[layers[0]]))
-    if result.scene.solids:
+    if skin.is_stressed.any():
         colours = ScalarMappable(Normalize(0.0, painter.stress), "viridis")
         figure.colorbar(colours, ax=left, label=STRESS, shrink=0.9)
     if painter.force > 0.0:

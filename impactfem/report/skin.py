@@ -111,9 +111,9 @@ class Skin:
         blocks, points = layout.blocks, layout.points
         none = np.empty((0, 2), dtype=np.int64)
         lines, balls = blocks.pop(LINE, none), blocks.pop(VERTEX, none).ravel()
-        parts = [_surface(points, cells, BY_VTK_TYPE[kind]) for kind, cells in blocks.items()]
         if dim is None:
             dim = max((BY_VTK_TYPE[kind].dim for kind in blocks), default=2)
+        parts = [_surface(points, cells, BY_VTK_TYPE[kind], dim) for kind, cells in blocks.items()]
         skin = cls(
             fields, points, dim,
             np.concatenate([np.empty((0, 3), dtype=np.int64), *(part[0] for part in parts)]),
@@ -217,9 +217,11 @@ class Skin:
 
 
 def _surface(
-    points: Floats, cells: Integers, kind: CellKind
+    points: Floats, cells: Integers, kind: CellKind, dim: int
 ) -> tuple[Integers, Integers, Integers]:
     """Triangles, facets and boundary segments of solids of one kind of cells; see `Skin`."""
+    if kind.dim < dim:  # plates are surfaces already, and forces act inside their outline
+        return face_triangles(cells), cells, np.empty((0, 2), dtype=np.int64)
     facets, owners = boundary_facets(cells, kind)
     outward = points[facets].mean(axis=1) - points[cells[owners]].mean(axis=1)
     if kind.dim == 2:

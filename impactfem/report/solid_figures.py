@@ -99,7 +99,7 @@ def body(result: Record) -> Figure | None:
             axes.label_outer()
     for axes in panels[len(snapshots) :]:
         axes.set_visible(False)
-    if result.scene.solids:
+    if skin.is_stressed.any():
         colours = ScalarMappable(Normalize(0.0, painter.stress), "viridis")
         figure.colorbar(colours, ax=list(panels), label=STRESS, shrink=0.9)
     if maps:
@@ -112,7 +112,7 @@ def body(result: Record) -> Figure | None:
     if keys := _keys(painter, areas=not maps):
         figure.legend(handles=keys, loc="outside lower center", frameon=False)
     what = "bodies" if len(result.scene.bodies) > 1 else "body"
-    what = f"deformed {what}" if result.scene.solids else what
+    what = f"deformed {what}" if result.scene.meshed else what
     figure.suptitle(_title(result, f"{what}, true to scale"), fontsize=11)
     return figure
 

@@ -61,11 +61,9 @@ class AxisWatch:
         for march, name, lines in self._bodies:
             if not len(lines):
                 continue
-            nodes = march.bodies.places(march.coordinates)
-            places = np.einsum("sp,lsd->lpd", self._shares, nodes[lines])
-            flat = places.reshape(-1, places.shape[2])
+            flat, room = march.unguarded(lines, self._shares)
             for obstacle in self._obstacles[name]:
-                depth = -float(signed_distance(obstacle, flat, level.time)[0].min())
+                depth = room - float(signed_distance(obstacle, flat, level.time)[0].min())
                 pair = name, obstacle.name
                 if np.isfinite(depth) and depth > self.depth.get(pair, 0.0):
                     self.depth[pair] = depth
@@ -80,16 +78,16 @@ class AxisWatch:
         remedy = f"use solve.dt below {_SHARES[0] * self._reach / (speed or 1.0):.1g}"
         yield from by_limits("contact_unresolved", share, _SHARES, text, remedy=remedy)
         for march, name, lines in self._bodies:
+            yield from march.findings()
             if not len(lines):
                 continue
-            nodes = march.bodies.places(march.bodies.position)[lines]
-            length = float(np.linalg.norm(nodes[:, 1] - nodes[:, 0], axis=1).sum())
+            size, what, remedy = march.unguarded_in_words(lines)
             for (body, obstacle), depth in self.depth.items():
                 if body == name:
-                    share = depth / length
-                    text = f"the axis of {name} lies up to {depth:.2g} m in {obstacle}, "
-                    text += f"{percent(share)} of its length: only its nodes touch obstacles"
-                    remedy = 'model it as a solid, or as a beam with contact = "along"'
+                    share = depth / size
+                    text = f"{what.format(name=name)} up to {depth:.2g} m in {obstacle}, "
+                    text += f"{percent(share)} of its {march.measure}: only its contact nodes "
+                    text += "touch obstacles"
                     yield from by_limits(
                         "penetration", share, PENETRATION_LIMITS, text, name, remedy
                     )

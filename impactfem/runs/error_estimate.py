@@ -15,7 +15,7 @@ from impactfem.log import Progress
 from impactfem.planning import MarchNumbers, Plan
 from impactfem.reference.bar import Errors, relative
 from impactfem.result.table import Table
-from impactfem.scene import Scene, Solid
+from impactfem.scene import Scene
 
 if TYPE_CHECKING:
     from impactfem.runs.solid_rows import SolidsMotion
@@ -220,8 +220,8 @@ def _share(ratio: float) -> float:
 
 
 def can_be_resized(scene: Scene) -> bool:
-    """Whether all solids are meshed by this run, so that their elements can be made larger."""
-    return all(solid.mesh_size is not None for solid in scene.solids)
+    """Whether all bodies are meshed by this run, so that their elements can be made larger."""
+    return all(body.mesh_size is not None for body in scene.meshed)
 
 
 def _run(scene: Scene, chosen: Plan[MarchNumbers], factor: float) -> Track:
@@ -261,23 +261,24 @@ def resized(scene: Scene, factor: float) -> Iterator[Scene]:
         MeshError: A mesh file cannot be refined.
     """
     with ExitStack() as files:
-        others = {solid.name: _with_size(scene, solid, factor, files) for solid in scene.solids}
+        others = {body.name: _with_size(scene, body, factor, files) for body in scene.meshed}
         bodies = tuple(others.get(body.name, body) for body in scene.bodies)
         settings = replace(scene.solve, dt=None, courant=None, estimate=False)
         output = replace(scene.output, fields=(), checkpoint=0)
         yield replace(scene, bodies=bodies, probes=(), solve=settings, output=output)
 
 
-def _with_size(scene: Scene, solid: Solid, factor: float, files: ExitStack) -> Solid:
-    """The solid with elements so many times as large."""
-    if solid.mesh_size is None:
+def _with_size(scene: Scene, body: Any, factor: float, files: ExitStack) -> Any:
+    """The body with elements so many times as large."""
+    if body.mesh_size is None:
         from impactfem.fem import MPI  # noqa: PLC0415
         from impactfem.mesh.body_files import refined  # noqa: PLC0415
 
-        path = Path(scene.folder or "", str(solid.mesh))
-        return replace(solid, mesh=files.enter_context(refined(MPI.COMM_WORLD, path, solid.dim)))
-    balls = tuple(replace(ball, size=factor * ball.size) for ball in solid.refine)
-    return replace(solid, mesh_size=factor * solid.mesh_size, refine=balls)
+        path = Path(scene.folder or "", str(body.mesh))
+        finer = files.enter_context(refined(MPI.COMM_WORLD, path, body.mesh_dim))
+        return replace(body, mesh=finer)
+    balls = tuple(replace(ball, size=factor * ball.size) for ball in body.refine)
+    return replace(body, mesh_size=factor * body.mesh_size, **({"refine": balls} if balls else {}))
 
 
 def difference(fine: Track, coarse: Track, reference: str) -> Errors:

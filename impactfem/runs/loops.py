@@ -27,6 +27,7 @@ from impactfem.marching.midpoint import Midpoint
 from impactfem.marching.net import NetMidpoint
 from impactfem.marching.newton_bodies import NewtonBodies, NewtonStepper
 from impactfem.marching.newton_march import NewtonMarch
+from impactfem.marching.plate import PlateMidpoint
 from impactfem.marching.rigid_body import RigidMidpoint
 from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SolidScheme
@@ -48,7 +49,9 @@ Floats = NDArray[np.float64]
 
 _LAYERS = 100  # whose way tells how coordinates round
 
-type Marched = FewMidpoint | WaveBar | RigidMidpoint | MechanismMidpoint | NetMidpoint
+type Marched = (
+    FewMidpoint | WaveBar | RigidMidpoint | MechanismMidpoint | NetMidpoint | PlateMidpoint
+)
 """What marches bodies without meshes."""
 
 Discretised = tuple[SolidPart, SurfaceNodes, Any]

@@ -20,6 +20,7 @@ from impactfem.marching.layers import ContactGaps
 from impactfem.marching.mechanism import MechanismMidpoint
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.net import NetMidpoint
+from impactfem.marching.plate import PlateMidpoint
 from impactfem.marching.rigid_body import RigidMidpoint
 from impactfem.marching.rows import Level
 from impactfem.marching.schemes import scheme_of
@@ -43,6 +44,7 @@ from impactfem.system.inside import check_inside
 from impactfem.system.massless import mass_transfer
 from impactfem.system.mechanism import Arm
 from impactfem.system.net import Net
+from impactfem.system.plate import ThinPlate
 from impactfem.system.rigid import Rigid
 from impactfem.system.stretches import Stretches
 
@@ -59,6 +61,7 @@ _INTERIORS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
     Rigid: RigidMidpoint,
     Arm: MechanismMidpoint,
     Net: NetMidpoint,
+    ThinPlate: PlateMidpoint,
 }
 """How bodies without meshes are marched."""
 

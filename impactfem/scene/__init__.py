@@ -18,6 +18,15 @@ from impactfem.scene.obstacles import (
     Wall,
 )
 from impactfem.scene.obstacles.rotation import Rotation
+from impactfem.scene.plate import Plate
+from impactfem.scene.plate_keys import (
+    DiscOutline,
+    EdgeSupport,
+    FacePressure,
+    PolygonOutline,
+    RectangleOutline,
+    RingOutline,
+)
 from impactfem.scene.points import Point, Spring
 from impactfem.scene.probes import Probe
 from impactfem.scene.rigid import RigidBody
@@ -40,6 +49,9 @@ __all__ = [
     "Contact",
     "Cylinder",
     "Disc",
+    "DiscOutline",
+    "EdgeSupport",
+    "FacePressure",
     "Formula",
     "HalfSpace",
     "Hull",
@@ -51,9 +63,12 @@ __all__ = [
     "PiecewiseConstant",
     "PiecewiseVector",
     "Place",
+    "Plate",
     "Point",
+    "PolygonOutline",
     "Pressure",
     "Probe",
+    "RectangleOutline",
     "Refinement",
     "RigidBody",
     "RigidBox",
@@ -62,6 +77,7 @@ __all__ = [
     "RigidPolyline",
     "RigidSphere",
     "Ring",
+    "RingOutline",
     "Rod",
     "Rotation",
     "Scene",

@@ -76,7 +76,7 @@ class Rod(Slender):
         return np.full(2, self.length / 2 + self.radius), np.asarray(self.center, dtype=np.float64)
 
     @property
-    def thickness(self) -> float:
+    def line_thickness(self) -> float:
         """Its diameter [m]."""
         return 2.0 * self.radius
 
@@ -157,7 +157,7 @@ class Beam(Slender):
         return f"from {ends}, within half its height" if far or off else None
 
     @property
-    def thickness(self) -> float:
+    def line_thickness(self) -> float:
         """Its height [m]."""
         return self.height
 

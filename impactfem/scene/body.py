@@ -31,6 +31,9 @@ class BodyKind:
         substeps: Whether its steps can be of any length, as beside bodies under finite strain.
         probed: What a probe in it may keep.
         settings: Keys of ``[solve]`` that it brings into scenes of several kinds.
+        balls_only: Whether other bodies that it meets must be balls.
+        rubs: Whether friction acts on it.
+        meshed: Whether it has elements, larger ones of which tell its error.
         takes_joints: Whether joints hold it.
         turns_in_joints: Whether it turns where they do, and directions turn with it.
         whole_side: Surfaces that its bare name stands for in ``[[contact]] between``; None for all.
@@ -46,6 +49,9 @@ class BodyKind:
     substeps: ClassVar[bool] = True
     probed: ClassVar[tuple[str, ...]] = MOVES
     settings: ClassVar[tuple[str, ...]] = ()
+    balls_only: ClassVar[bool] = False
+    rubs: ClassVar[bool] = True
+    meshed: ClassVar[bool] = False
     takes_joints: ClassVar[bool] = False
     turns_in_joints: ClassVar[bool] = True
     whole_side: ClassVar[tuple[str, ...] | None] = None
@@ -68,6 +74,11 @@ class BodyKind:
     def rolls(self) -> bool:
         """Whether it is a ball that turns, and touches with different places of its surface."""
         return False
+
+    @property
+    def is_ball(self) -> bool:
+        """Whether it is a ball, or a point."""
+        return self.rolls
 
     @property
     def has_corners(self) -> bool:
@@ -129,6 +140,6 @@ class BodyKind:
         return None
 
     @property
-    def thickness(self) -> float:
+    def line_thickness(self) -> float:
         """Thickness around its centreline [m]; 0 if it has none."""
         return 0.0

@@ -18,6 +18,7 @@ from impactfem.scene.laws import Laws
 from impactfem.scene.loads import LoadKind, PiecewiseConstant, PiecewiseVector
 from impactfem.scene.mechanism import Mechanism
 from impactfem.scene.obstacles import OBSTACLES, Rigid, Wall
+from impactfem.scene.plate import Plate
 from impactfem.scene.points import Point
 from impactfem.scene.probes import MAX_PROBES, Probe
 from impactfem.scene.rigid import RigidBody
@@ -28,11 +29,11 @@ from impactfem.scene.springs import SpringNet
 from impactfem.scene.tables import MAX_BODIES, MAX_OBSTACLES, ObjectsKind, SettingsKind
 from impactfem.scene.values import show
 
-type Body = Bar | Solid | Point | Rod | Beam | RigidBody | Mechanism | SpringNet
+type Body = Bar | Solid | Point | Rod | Beam | RigidBody | Mechanism | SpringNet | Plate
 type Obstacle = Wall | Rigid
 
 BODIES: Mapping[str, type[Any]] = {
-    cls.kind: cls for cls in (Bar, Solid, Point, Rod, Beam, RigidBody, Mechanism, SpringNet)
+    cls.kind: cls for cls in (Bar, Solid, Point, Rod, Beam, RigidBody, Mechanism, SpringNet, Plate)
 }
 MAX_CONTACTS = 10_000
 MAX_JOINTS = 10_000
@@ -127,6 +128,11 @@ class Content:
     def points(self) -> tuple[Point, ...]:
         """The points of the scene."""
         return self._all(Point)
+
+    @property
+    def meshed(self) -> tuple[Any, ...]:
+        """The bodies of the scene that have elements."""
+        return tuple(body for body in self.bodies if body.meshed)
 
     @property
     def solids(self) -> tuple[Solid, ...]:

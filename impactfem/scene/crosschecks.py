@@ -134,7 +134,9 @@ def _check_counts(scene: Content) -> None:
         if bar.point is not None:
             text = f" = {show(list(bar.point))} is for bars beside other bodies: these lie on the "
             raise KeyedError(f"body[{index}]", "point", f"{text}x axis; give gap instead.")
-    if len(scene.bodies) > 1 or not all(body.waves for body in scene.bodies):
+    if len(scene.bodies) > 1:
+        return
+    if any(body.may_meet_nothing or not body.waves for body in scene.bodies):
         return
     if not scene.obstacles and not self_meeting(scene):
         kind = "wall" if scene.bars else "half_space"

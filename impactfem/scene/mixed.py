@@ -73,6 +73,7 @@ def _check_partners(scene: Content) -> None:
         one, two = (bodies[body] for body, _ in sides)
         what = f" of {one.name} and {two.name} ({name}) is not available: "
         for body, other in ((one, two), (two, one)):
+            _check_meets(body, other, what)
             if body.has_corners and not (other.rolls or other.has_corners):
                 text = f"{body.name} has edges and faces, and meets rigid bodies and obstacles "
                 text += "only; remove it, and list the pairs that may meet by [[contact]]."
@@ -94,6 +95,14 @@ def _check_partners(scene: Content) -> None:
                 raise KeyedError("contact", "", text)
 
 
+def _check_meets(body: Body, other: Body, what: str) -> None:
+    """Refuse bodies that it does not meet."""
+    if body.balls_only and not other.is_ball:
+        text = f"a {body.kind} meets obstacles, points and rigid balls only; list the pairs that "
+        text += "may meet by [[contact]]."
+        raise KeyedError("contact", "", what + text)
+
+
 def _check_convex(body: Body, what: str) -> None:
     """Refuse edges and faces of bodies that are not convex, or whose hull has very many."""
     if not body.is_convex:
@@ -109,6 +118,10 @@ def _check_convex(body: Body, what: str) -> None:
 def _check_contact(scene: Content, contact: Contact, where: str, known: Mapping[str, Body]) -> None:
     sides = [known[name] for entry in contact.between if (name := side_of(entry)[0]) in known]
     for body in sides:
+        if contact.friction_coefficient and not body.rubs:
+            text = f" = {show(contact.friction_coefficient)}: friction on {body.name}, a "
+            text += f"{body.kind}, is not available; remove it."
+            raise KeyedError(where, "friction_coefficient", text)
         for law in contact.laws_of_mass:
             if body.waves:
                 text = f" = {show(getattr(contact, law))}: {body.name} rebounds by its own "

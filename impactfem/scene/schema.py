@@ -291,11 +291,11 @@ def describe() -> list[TableDoc]:
 
 def _rank(heading: str) -> int:
     """Return the place of a table in the reference: as in a scene file, inline tables last."""
-    kinds = ("bar", "solid", "point", "rod", "beam", "rigid", "mechanism", "springs")
+    kinds = ("bar", "solid", "point", "rod", "beam", "rigid", "mechanism", "springs", "plate")
     bodies = (f'[[body]] with kind = "{kind}"' for kind in kinds)
     inline = (
-        "supports", "tractions", "pressures", "shape", "refine", "springs", "orientation",
-        "rotation", "joints", "place", "soft",
+        "supports", "tractions", "pressures", "outline", "shape", "refine", "springs",
+        "orientation", "rotation", "joints", "place", "soft",
     )  # fmt: skip
     others = ("[[obstacle]]", "[[contact]]", "[[joint]]", "[[probe]]", "[solve]", "[output]")
     order = (TOP, *bodies, *others, *inline)

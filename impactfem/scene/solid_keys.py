@@ -64,6 +64,7 @@ class SolidKeys(BodyKind):
     probed: ClassVar[tuple[str, ...]] = STRAINS
     waves: ClassVar[bool] = True
     settles: ClassVar[bool] = True
+    meshed: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the body in histories", default="solid")
@@ -201,6 +202,11 @@ class SolidKeys(BodyKind):
     def dim(self) -> int:
         """Number of coordinates: 3, or 2 for plane and axisymmetric models."""
         return 3 if self.model == "3d" else 2
+
+    @property
+    def mesh_dim(self) -> int:
+        """Dimension of its elements."""
+        return self.dim
 
     @property
     def is_plane(self) -> bool:

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.scene import Bar, Beam, Mechanism, Point, RigidBody, Rod, Scene, SpringNet
+from impactfem.scene import Bar, Beam, Mechanism, Plate, Point, RigidBody, Rod, Scene, SpringNet
 from impactfem.system.beam import free_beam
 from impactfem.system.few import ElasticBar, FewBodies, Lumped, rigid_in_plane
 from impactfem.system.frequency import highest_frequency
 from impactfem.system.generalized import LinearSystem
 from impactfem.system.mechanism import mechanism_system
 from impactfem.system.net import net_system
+from impactfem.system.plate import plate_system
 from impactfem.system.points import free_points
 from impactfem.system.rigid import in_space, rigid_system
 
@@ -207,6 +208,7 @@ _MAKERS: Mapping[type, Callable[[Scene, list[Any]], Sequence[FewBodies]]] = {
     RigidBody: lambda scene, bodies: [rigid_system(scene, body) for body in bodies],
     Mechanism: lambda scene, bodies: [mechanism_system(scene, body) for body in bodies],
     SpringNet: lambda scene, nets: [net_system(scene, net) for net in nets],
+    Plate: lambda scene, plates: [plate_system(scene, plate) for plate in plates],
     Bar: lambda _, bars: list(map(_of_bar, bars)),
 }
 """Systems of bodies of one kind: the place to add a body without a mesh."""

@@ -120,7 +120,7 @@ CASES = {
     "no mass": ({"body.0.area": 1e-320, "body.0.density": 1e-9}, ["body[0].area = 1e-320", "SI"]),
     "tiny": ({"body.0.length": 1e-306}, ["body[0].length = 1e-306", "below 1e-50", "SI units"]),
     # words and names
-    "kind": ({"body.0.kind": "plate"}, ['body[0].kind = "plate"', 'give "bar"']),
+    "kind": ({"body.0.kind": "shell"}, ['body[0].kind = "shell"', 'give "bar"']),
     "near kind": ({"obstacle.0.kind": "Wall"}, ['"Wall"', 'did you mean "wall"?']),
     "method": ({"solve.method": "galerkn"}, ['"galerkn"', 'did you mean "galerkin"?']),
     "far end": ({"body.0.far_end": "fixed"}, ['body[0].far_end = "fixed"', '"free" or "clamped"']),

@@ -93,7 +93,7 @@ CASES = {
     "key of a body": ({"solve.mesh_size": 1}, ["solve.mesh_size", '[[body]] with kind = "solid"']),
     "key of a solid": (
         {**OF_BAR, "body.0.mesh_size": 0.1},
-        ["body[0].mesh_size", 'only kind = "solid" or "rigid" or "springs" has it'],
+        ["body[0].mesh_size", 'only kind = "solid" or "rigid" or "springs" or "plate" has it'],
     ),
     "friction": ({"obstacle.0.friction_coefficient": 0.3}, ["belongs to [[contact]]", "move it"]),
     "restitution": ({"obstacle.0.restitution": 0.3}, ["belongs to [[contact]]", "move it"]),

@@ -172,12 +172,12 @@ def _boundary(solid: Any) -> str:
     return text
 
 
-def _damping(solid: Any) -> str:
+def _damping(body: Any) -> str:
     parts = []
-    if solid.rayleigh_mass:
-        parts.append(f"{quantity(solid.rayleigh_mass, '1/s')} times the mass")
-    if solid.rayleigh_stiffness:
-        parts.append(f"{quantity(solid.rayleigh_stiffness, 's')} times the stiffness")
+    if body.rayleigh_mass:
+        parts.append(f"{quantity(body.rayleigh_mass, '1/s')} times the mass")
+    if stiff := getattr(body, "rayleigh_stiffness", 0.0):
+        parts.append(f"{quantity(stiff, 's')} times the stiffness")
     return f" Damping: {' plus '.join(parts)}." if parts else ""
 
 
@@ -253,6 +253,35 @@ def _springs(_: Scene, body: Any) -> str:
     return f"{text}, held at {', '.join(held)}." if held else f"{text}."
 
 
+def _plate(scene: Scene, plate: Any) -> str:
+    origin = plate.mesh or f"a {plate.outline.kind}"
+    text = f"A thin elastic plate, {origin} {quantity(plate.thickness, 'm')} thick about "
+    text += f"{vector(plate.center, 'm')}, its normal along {vector(plate.frame[1][2], '')}. "
+    text += "Kirchhoff's theory on discrete Kirchhoff triangles: Young's modulus "
+    text += f"{quantity(plate.youngs_modulus, 'Pa')}, Poisson's ratio "
+    text += f"{number(plate.poisson_ratio)}, density {quantity(plate.density, 'kg/m³')}."
+    text += _damping(plate)
+    for support in plate.supports:
+        text += f" Its edge {support.edge} is {_EDGES[support.kind]}."
+    for load in plate.pressures:
+        text += f" A pressure {formula(load.value)} Pa pushes on its {load.face}."
+    if not is_zero((plate.displacement,)):
+        text += f" It starts with the displacement {formula(plate.displacement)} m,"
+        text += f" and the velocity {formula(plate.velocity)} m/s along the normal."
+    elif not is_zero((plate.velocity,)):
+        text += f" It starts with the velocity {formula(plate.velocity)} m/s along the normal."
+    touches = bool(scene.obstacles) or len(scene.bodies) > 1
+    return text + " Vertices that touch have no mass." * touches
+
+
+_EDGES = {
+    "clamped": "clamped",
+    "simply_supported": "simply supported (hard)",
+    "soft_support": "supported, free to turn",
+    "free": "free",
+}
+
+
 def _mechanism(_: Scene, body: Any) -> str:
     text = f"A mechanism from {body.file}, its base {body.base} at "
     text += f"{vector(body.position, 'm')}."
@@ -300,4 +329,5 @@ _BODIES: Mapping[str, Callable[[Scene, Any], str]] = {
     "rigid": _rigid,
     "springs": _springs,
     "mechanism": _mechanism,
+    "plate": _plate,
 }

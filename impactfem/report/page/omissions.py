@@ -54,7 +54,7 @@ def _few_freedoms(scene: Scene) -> list[str]:
     """Of points, rods and beams, each kind that the scene has."""
     kinds = dict.fromkeys(body.kind for body in scene.bodies)
     found = [text for kind in _LEFT_OUT if kind in kinds for text in _LEFT_OUT[kind]]
-    if found and not scene.solids:
+    if found and not scene.meshed:
         found.append(_INSTANT)
     for body in scene.bodies:
         theory = getattr(body, "theory", None)
@@ -74,6 +74,12 @@ _LEFT_OUT = {
     ],
     "rigid": ["Elasticity of rigid bodies: they have no waves, an impact is an instant."],
     "springs": ["What lies between the springs: masses and edges touch, cells are empty."],
+    "plate": [
+        "Shear and rotary inertia of plates, and with them waves as short as they are thick.",
+        "Stretching of the middle of plates: deflections are small beside the thickness.",
+        "Motion of plates along their middle: they move along their normal only.",
+        "Local indentation of plates: the contact itself is rigid.",
+    ],
     "beam": [
         "Large rotations of beams: displacements are small about the place at t = 0.",
         "Local indentation of beams: the contact itself is rigid.",

@@ -186,7 +186,7 @@ def _reach(point: Ball) -> Floats:
 
 def _draw_slender(axes: Axes, body: Any, line: Floats, size: float, *, named: bool) -> None:
     """A slender body along its centreline; its name where there are others, else its length."""
-    thick = body.thickness
+    thick = body.line_thickness
     for start, end in pairwise(line):
         along = (end - start) / (np.linalg.norm(end - start) or 1.0)
         across = 0.5 * max(thick, 0.012 * size) * np.array([-along[1], along[0]])

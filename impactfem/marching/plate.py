@@ -1,0 +1,305 @@
+"""Layers of a thin plate: the midpoint rule with one factorisation, and massless contact.
+
+With forces F of the layer at its middle, damping a M and mu = 4 / dt^2 + 2 a / dt
+
+    (K + mu M) q = f + F + M (mu q_a + 2 v_a / dt),
+    q_b = 2 q - q_a,   v_b = 2 (q_b - q_a) / dt - v_a.
+
+Slopes and the vertices that touch have no mass: at the ends of layers they are in equilibrium,
+K_cc q_c = F_c - K_ci q_i, with the forces there. So energy is kept as of solids (`midpoint`).
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import diags
+from scipy.sparse.linalg import splu
+
+from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS, Finding, by_limits, percent
+from impactfem.marching.few import FewInterior
+from impactfem.marching.layers import Sums
+from impactfem.result.shapes import TRIANGLE, Shape
+from impactfem.scene import PiecewiseVector
+from impactfem.system.kirchhoff import DOFS
+from impactfem.system.plate import ThinPlate
+from impactfem.system.surface import CHOLESKY
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_STIFFENING = 0.488
+"""By which a clamped disc is stiffer if it deflects by its thickness: w^3 term of q over the linear
+one (S. Timoshenko, S. Woinowsky-Krieger, Theory of plates and shells, 1959, chapter 13)."""
+
+_SHEAR = 19.0
+"""Deflection by shear over that by bending, times (width / thickness)^2: a clamped square, nu = 0.3
+(.00150463 against .00126532 q L^4 / D at a tenth)."""
+
+_INSIDE = np.array([(i, j, 4 - i - j) for i in range(5) for j in range(5 - i)]) / 4.0
+"""Weights of the corners of a triangle at places that are looked at, (15, 3)."""
+
+_NEAR = 1e-9  # share of the plate's size by which a probe may lie off its mid-surface
+
+
+class PlateMidpoint(FewInterior):
+    """Interior of a plate; see `impactfem.marching.layers.Interior`."""
+
+    bodies: ThinPlate
+
+    def __init__(
+        self, bodies: ThinPlate, gravity: PiecewiseVector, dt: float, *, counts: bool
+    ) -> None:
+        """Factor once and begin at t = 0; see `FewInterior`."""
+        super().__init__(bodies, gravity, dt, counts=counts)
+        self._normal = bodies.plate.frame[1][2]
+        vertex = bodies.basis[::DOFS].T.tocsr()  # from forces on vertices to those on q
+        self._of_vertices = vertex
+        self._mass = vertex @ bodies.node_mass
+        self._light = np.flatnonzero(bodies.light)
+        self._heavy = np.flatnonzero(~bodies.light)
+        slopes = np.flatnonzero(~bodies.deflected)
+        self._slopes, self._deflected = slopes, np.flatnonzero(bodies.deflected)
+        stiffness = bodies.stiffness.tocsc()
+        self._mu = 4.0 / dt**2 + 2.0 / dt * bodies.plate.rayleigh_mass
+        self._layer = splu((stiffness + self._mu * diags(self._mass)).tocsc(), **CHOLESKY)
+        self._statics = splu(stiffness[self._light][:, self._light].tocsc(), **CHOLESKY)
+        self._pull = stiffness[self._light][:, self._heavy].tocsr()
+        self._turned = splu(stiffness[slopes][:, slopes].tocsc(), **CHOLESKY)
+        self._turning = stiffness[slopes][:, self._deflected].tocsr()
+        # Of contact nodes among q, and among the massless of q.
+        self._touch = np.asarray(vertex.tocsc()[:, bodies.touch].indices, dtype=np.int64)
+        self._massless = bodies.massless
+        self._among = np.searchsorted(self._light, self._touch) if self._massless else self._touch
+        self.massive = np.full(len(self._touch), not self._massless)
+        arms = bodies.plate.frame[0] + bodies.mesh.points @ bodies.plate.frame[1][:2]
+        self._moments = np.cross(arms - bodies.centers[0], self._normal)  # (vertices, 3)
+        local = np.column_stack([np.ones(len(bodies.mesh.points)), bodies.mesh.points])
+        self._fit, self._fitting = local, np.linalg.pinv(local)
+        self._seen = np.zeros(2)
+        self._loads = self._pressed(0.0)  # of the layer
+        # At the start slopes are in equilibrium, and so is what touches, unless it is asked for.
+        self._settle_slopes(self._q)
+        self._zero = bodies.deflection(self._q)
+        self._start = bodies.places(self._q)
+        self._contact = self._free_contact(self._q)
+
+    def _pressed(self, time: float) -> Floats:
+        """Forces of pressures on q, moved off what has no mass."""
+        forces = self.bodies.pressure(time)
+        return np.asarray(self._of_vertices @ (self.bodies.transfer.T @ forces))
+
+    def _settle_slopes(self, q: Floats) -> None:
+        """Bring slopes into equilibrium with deflections, in place."""
+        q[self._slopes] = -self._turned.solve(self._turning @ q[self._deflected])
+
+    def _free_contact(self, q: Floats) -> Floats:
+        """Deflection of the contact nodes without contact forces [m], (count,)."""
+        if not self._massless:
+            return np.asarray(q[self._touch])
+        return np.asarray(-self._statics.solve(self._pull @ q[self._heavy])[self._among])
+
+    @property
+    def surface_displacement(self) -> Floats:
+        """Of the contact nodes since t = 0, without contact forces [m], (count, 3)."""
+        return np.outer(self._contact - self._zero[self.bodies.touch], self._normal)
+
+    @property
+    def surface_velocity(self) -> Floats:
+        """Of the contact nodes [m/s], (count, 3)."""
+        return np.outer(self._speed()[self.bodies.touch], self._normal)
+
+    def _speed(self) -> Floats:
+        """Of all vertices along the normal [m/s]; of massless ones the mean of their neighbours."""
+        return np.asarray(self.bodies.transfer @ self.bodies.deflection(self._v))
+
+    def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
+        """Velocities of contact nodes at both ends of the layer [m/s], (count, 3) each."""
+        before = self.surface_velocity
+        return before, 2.0 / self.dt * way - before
+
+    def predict(self, layer: int) -> Floats:
+        """Solve the layer without contact forces."""
+        begin, end = layer * self.dt, (layer + 1) * self.dt
+        if not self.bodies.is_steady:
+            self._loads = 0.5 * (self._pressed(begin) + self._pressed(end))
+        motion = self._mass * (self._mu * self._q + (2.0 / self.dt) * self._v)
+        weight = self._mass * float(self.gravity(layer) @ self._normal)
+        middle = self._layer.solve(motion + weight + self._loads)
+        self._before = self._q.copy()
+        self._q = self._before.copy()
+        heavy = self._heavy
+        self._q[heavy] = 2.0 * middle[heavy] - self._before[heavy]
+        self._contact = self._free_contact(self._q)
+        return self.surface_displacement
+
+    def _answer(self, forces: Floats) -> Floats:
+        """Change of q at the end of the layer by forces on contact nodes (several, count, 3)."""
+        right = np.zeros((len(self._q), len(forces)))
+        right[self._touch] = (forces @ self._normal).T
+        found = 2.0 * self._layer.solve(right)
+        found[self._light] = 0.0
+        return np.asarray(found)
+
+    def _of_contact(self, answer: Floats) -> Floats:
+        """What changes of q (d, several) do to the contact nodes, (several, count)."""
+        if not self._massless:
+            return np.asarray(answer[self._touch].T)
+        moved = -self._statics.solve(np.ascontiguousarray(self._pull @ answer[self._heavy]))
+        return np.asarray(moved[self._among].T)
+
+    def columns(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Answers of the contact nodes to several forces (several, count, 3) in a layer."""
+        moved = self._of_contact(self._answer(forces))
+        return moved[:, :, None] * self._normal, self._pressing(forces)
+
+    answers = columns
+
+    def _pressing(self, forces: Floats) -> Floats:
+        """Displacement of massless contact nodes by several static forces, (several, count, 3)."""
+        if not self._massless:
+            return np.zeros_like(forces)
+        right = np.zeros((len(self._light), len(forces)))
+        right[self._among] = (forces @ self._normal).T
+        moved = self._statics.solve(right)[self._among].T
+        return np.asarray(moved[:, :, None] * self._normal)
+
+    def static(self, forces: Floats) -> Floats:
+        """Displacement of massless contact nodes by static forces on them, (count, 3) each."""
+        return np.asarray(self._pressing(forces[None])[0])
+
+    def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
+        """Add the layer's contact forces (count, 3)."""
+        answer = self._answer(forces[None])
+        self._q += answer[:, 0]
+        self._contact = self._contact + self._of_contact(answer)[0]
+
+    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
+        """End the layer and sum up."""
+        heavy = self._heavy
+        moved = self._q[heavy] - self._before[heavy]
+        self._v[heavy] = 2.0 / self.dt * moved - self._v[heavy]
+        self._place(static)
+        return self._summed(float(self._loads[heavy] @ moved))
+
+    def initial(self, static: Floats) -> list[Sums]:
+        """Sums of the initial state."""
+        self._place(static)
+        return self._summed(0.0)
+
+    def _place(self, static: Floats) -> None:
+        """Put what has no mass where it is with contact forces."""
+        if self._massless:
+            self._q[self._touch] = self._contact + static @ self._normal
+        self._settle_slopes(self._q)
+        self._look()
+
+    def _summed(self, work: float) -> list[Sums]:
+        if not self.counts:
+            return [Sums(0.0, 0.0, 0.0, *np.zeros((3, 3)))]
+        bodies, mass = self.bodies, self.bodies.node_mass
+        momenta = mass * bodies.deflection(self._v)
+        moved = float(mass @ (bodies.deflection(self._q) - self._zero))
+        return [
+            Sums(
+                0.5 * float(self._mass @ self._v**2),
+                0.5 * float(self._q @ (bodies.stiffness @ self._q)),
+                work,
+                float(momenta.sum()) * self._normal,
+                moved * self._normal,
+                momenta @ self._moments,
+            )
+        ]
+
+    def material(self, body: int) -> Floats:  # noqa: ARG002  (it is one)
+        """Vertices of the mid-surface, undeformed [m], (vertices, 3)."""
+        center, axes = self.bodies.plate.frame
+        return np.asarray(center + self.bodies.mesh.points @ axes[:2])
+
+    def drawn(self, body: int, name: str) -> Shape:
+        """Its mid-surface."""
+        return Shape(name, self.material(body), self.bodies.mesh.cells, TRIANGLE)
+
+    def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (it is one)
+        """Displacement [m], velocity [m/s], stress at the faces [Pa] of its vertices, by name."""
+        moved = self.bodies.deflection(self._q)
+        return {
+            "displacement": np.outer(moved, self._normal),
+            "velocity": np.outer(self._speed(), self._normal),
+            "von_mises": self.bodies.von_mises(self._q),
+        }
+
+    def acting(self, body: int, forces: Floats) -> Floats:  # noqa: ARG002  (it is one)
+        """Contact forces [N] on its vertices by those on the contact nodes, (vertices, 3)."""
+        found = np.zeros((len(self.bodies.mesh.points), 3))
+        found[self.bodies.touch] = forces
+        return found
+
+    def located(self, body: int, point: Floats) -> tuple[Integers, Floats, bool]:  # noqa: ARG002
+        """Corners of the triangle of the mid-surface around a place, their weights, if it is in."""
+        center, axes = self.bodies.plate.frame
+        mesh = self.bodies.mesh
+        x, y, off = axes @ (point - center)
+        corners = mesh.points[mesh.cells]
+        edges = (corners[:, 1:] - corners[:, :1]).swapaxes(1, 2)
+        others = np.linalg.solve(edges, (np.array([x, y]) - corners[:, 0])[:, :, None])[:, :, 0]
+        shares = np.hstack([1.0 - others.sum(axis=1, keepdims=True), others])
+        at = int(np.argmax(shares.min(axis=1)))
+        inside = abs(off) <= 0.5 * self.bodies.plate.thickness * (1.0 + _NEAR)
+        if inside and shares[at].min() >= -_NEAR:
+            return mesh.cells[at], shares[at], True
+        nearest = int(np.argmin(np.linalg.norm(mesh.points - np.array([x, y]), axis=1)))
+        return np.array([nearest]), np.ones(1), False
+
+    def _look(self) -> None:
+        """Keep how far it deflects from the plane that fits it best, and how steep it is."""
+        moved = (self.bodies.basis @ self._q).reshape(-1, DOFS)
+        flat = 0.0 if self.bodies.enclosed else self._fit @ (self._fitting @ moved[:, 0])
+        deflection = float(np.abs(moved[:, 0] - flat).max())
+        steepness = float(np.sqrt((moved[:, 1:] ** 2).sum(axis=1).max()))
+        self._seen = np.maximum(self._seen, [deflection, steepness])
+
+    def findings(self) -> Iterator[Finding]:
+        """Deflections that stretch the mid-surface, and slopes that are not small."""
+        name, (deflection, steepness) = self.bodies.names[0], self._seen.tolist()
+        share = deflection / self.bodies.plate.thickness
+        stiffer = _STIFFENING * share**2
+        text = f"{name} deflects by {deflection:.3g} m, {share:.2g} times its thickness: a clamped "
+        text += f"disc would be about {percent(stiffer)} stiffer by the stretching of its middle, "
+        text += "which is left out"
+        if not self.bodies.enclosed:
+            text += "; here edges are free, and it stretches less or not at all"
+        limits = STRAIN_LIMITS if self.bodies.enclosed else (STRAIN_LIMITS[0], np.inf)
+        remedy = "smaller loads or speeds, or model it as a solid of finite strain"
+        yield from by_limits("model_strain", stiffer, limits, text, name, remedy)
+        text = f"{name} is inclined by up to {steepness:.2g} rad, taken as small"
+        yield from by_limits("model_rotation", steepness, ROTATION_LIMITS, text, name, remedy)
+        share = _SHEAR * (self.bodies.plate.thickness / self.bodies.width) ** 2
+        text = f"{name} is thick for Kirchhoff's theory: shear, which is left out, would let a "
+        text += f"clamped square of its width give way by {percent(share)} more"
+        remedy = "model it as a solid"
+        yield from by_limits("model_thin", share, STRAIN_LIMITS, text, name, remedy)
+
+    measure = "thickness"
+
+    def unguarded(self, lines: Integers, shares: Floats) -> tuple[Floats, float]:  # noqa: ARG002
+        """Places in all triangles, their vertices among them, and half the thickness."""
+        moved = np.outer(self.bodies.deflection(self._q), self._normal)
+        corners = (self.material(0) + moved)[self.bodies.mesh.cells]
+        places = np.einsum("pk,ckd->cpd", _INSIDE, corners).reshape(-1, 3)
+        return places, 0.5 * self.bodies.plate.thickness
+
+    def unguarded_in_words(self, lines: Integers) -> tuple[float, str, str]:  # noqa: ARG002
+        """See `FewInterior`."""
+        remedy = "take a smaller mesh_size: vertices between those that touch keep their mass"
+        return self.bodies.plate.thickness, "places of {name} lie", remedy
+
+    def memory(self) -> dict[str, Floats]:
+        """Coordinates, rates, contact nodes without forces, and what was seen."""
+        return super().memory() | {"contact": self._contact.copy(), "seen": self._seen.copy()}
+
+    def remember(self, memory: Mapping[str, Any]) -> None:
+        """Go on from what `memory` gave."""
+        super().remember(memory)
+        self._contact, self._seen = memory["contact"].copy(), memory["seen"].copy()

@@ -1,0 +1,54 @@
+"""What a watch asks bodies without meshes of solids: where obstacles may pass unseen."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.findings import Finding
+from impactfem.system.few import FewBodies
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Watched:
+    """Bodies that touch with their contact nodes, joined by axes.
+
+    Attributes:
+        bodies: What moves.
+        measure: What a depth of what contact nodes do not guard is compared with.
+    """
+
+    bodies: FewBodies
+    measure = "length"
+
+    @property
+    def coordinates(self) -> Floats:
+        """Q now, shape (d,)."""
+        raise NotImplementedError
+
+    def unguarded(self, lines: Integers, shares: Floats) -> tuple[Floats, float]:
+        """Places that obstacles may reach between contact nodes now, and how near they may come.
+
+        Args:
+            lines: Contact nodes joined by axes, (lines, 2).
+            shares: Weights of both ends of places that are looked at, (2, places).
+
+        Returns:
+            Places [m], (several, dim), and a distance [m].
+        """
+        nodes = self.bodies.places(self.coordinates)[lines]
+        places = np.einsum("sp,lsd->lpd", shares, nodes)
+        return places.reshape(-1, places.shape[2]), 0.0
+
+    def unguarded_in_words(self, lines: Integers) -> tuple[float, str, str]:
+        """Size [m] that a depth is compared with, what lies so deep, and what helps."""
+        nodes = self.bodies.places(self.bodies.position)[lines]
+        length = float(np.linalg.norm(nodes[:, 1] - nodes[:, 0], axis=1).sum())
+        remedy = 'model it as a solid, or as a beam with contact = "along"'
+        return length, "the axis of {name} lies", remedy
+
+    def findings(self) -> Iterator[Finding]:
+        """What was seen of limits of its model."""
+        yield from ()

@@ -1,0 +1,291 @@
+"""Plates as the march takes them."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.linalg import eigsh, splu
+
+from impactfem.errors import MeshError, SceneError
+from impactfem.scene import Scene
+from impactfem.scene.plate import Plate
+from impactfem.system.few import FewBodies
+from impactfem.system.kirchhoff import DOFS, curvatures, kirchhoff_stiffness
+from impactfem.system.plate_mesh import (
+    Booleans,
+    PlateMesh,
+    apart_from_others,
+    held_slopes,
+    mass_to_neighbours,
+    net_between,
+    plate_mesh,
+)
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_OF_BENDING = 5.0  # modes up to about the second are followed like a vibration, as of beams
+_FEW = 150  # vertices with mass up to which frequencies are found by a dense matrix
+_RIGID = 1e-6  # of the largest of a few squared frequencies, below which motions are rigid
+
+
+@dataclass(frozen=True, kw_only=True)
+class ThinPlate(FewBodies):
+    """A plate; q are w and the slopes that are free, its contact nodes those without mass.
+
+    Attributes:
+        plate: As the scene has it.
+        mesh: Of its mid-surface.
+        basis: w and slopes of all vertices by q, (3 vertices, d).
+        stiffness: In q [N/m, N, N m], (d, d).
+        deflected: Which of q are deflections, not slopes, (d,).
+        light: Which of q have no mass, (d,).
+        node_mass: Of the vertices, after what touches gave its away [kg], (vertices,).
+        transfer: P of `mass_to_neighbours`, by which loads move too; (vertices, vertices).
+        curved: `curvatures` of the vertices by q, (3 vertices, d).
+        enclosed: Whether all of its outline is held.
+        touch: Vertices that may touch, (count,); `lines` are triangles between them, for balls.
+    """
+
+    plate: Plate
+    mesh: PlateMesh
+    basis: csr_matrix
+    stiffness: csr_matrix
+    deflected: Booleans
+    light: Booleans
+    node_mass: Floats
+    transfer: csr_matrix
+    touch: Integers
+    curved: csr_matrix
+    enclosed: bool
+
+    @property
+    def width(self) -> float:
+        """Least one [m], about."""
+        size = float(np.ptp(self.mesh.points, axis=0).max())
+        return min(self.plate.least_width, float(self.mesh.areas.sum()) / size)
+
+    @property
+    def massless(self) -> bool:
+        """Whether what touches has no mass."""
+        return bool((self.light & self.deflected).any())
+
+    def deflection(self, q: Floats) -> Floats:
+        """Of all vertices [m], (vertices,)."""
+        return np.asarray((self.basis @ q)[::DOFS])
+
+    def give(self, mass: float, radius: float, speed: float) -> float:
+        """Zener's number of a rigid ball on a plate without end (see `FewBodies.give`).
+
+        Source: C. Zener, Phys. Rev. 59 (1941) 669-673, whose lambda this is.
+        """
+        plate = self.plate
+        nu = plate.poisson_ratio
+        dent = 4.0 / 3.0 * plate.youngs_modulus / (1.0 - nu**2) * math.sqrt(radius)
+        wave = 8.0 * math.sqrt(plate.rigidity * plate.density * plate.thickness)
+        return float((dent**2 * speed * mass**3) ** 0.2 / wave)
+
+    def von_mises(self, q: Floats) -> Floats:
+        """Of either face at all vertices [Pa], (vertices,): 6 / t^2 times the moments there."""
+        plate = self.plate
+        scale = 6.0 * plate.rigidity / plate.thickness**2
+        one, two, mixed = scale * (self.curved @ q).reshape(-1, 3).T
+        x, y = one + plate.poisson_ratio * two, two + plate.poisson_ratio * one
+        shear = 0.5 * (1.0 - plate.poisson_ratio) * mixed
+        return np.asarray(np.sqrt(x**2 - x * y + y**2 + 3.0 * shear**2))
+
+    def pressure(self, t: float) -> Floats:
+        """Forces of the pressures along the normal on all vertices [N], (vertices,)."""
+        found = np.zeros(len(self.mesh.points))
+        x, y = self.mesh.points.T
+        for load in self.plate.pressures:
+            values = load.value(x=x, y=y, t=t) + np.zeros(len(found))
+            if not np.isfinite(values).all():
+                bad = int(np.argmin(np.isfinite(values)))
+                raise SceneError(
+                    f"body {self.plate.name}: the pressure {load.value.text!r} on its {load.face} "
+                    f"is {values[bad]:g} at x = {x[bad]:g}, y = {y[bad]:g}, t = {t:g}; give a "
+                    "formula that is finite on the whole plate"
+                )
+            found += (-1.0 if load.face == "top" else 1.0) * (self.mesh.shares @ values)
+        return found
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether the pressures stay as they are."""
+        return not any("t" in load.value.used for load in self.plate.pressures)
+
+
+def plate_system(scene: Scene, plate: Plate) -> ThinPlate:
+    """Discretise a plate (collective).
+
+    Vertices that may touch are no neighbours of each other and have no mass, and slopes have none
+    either: both are in equilibrium with the rest. Where there is nothing to meet all keep theirs.
+
+    Raises:
+        MeshError: It cannot be meshed, has an unknown edge, or all of it is held.
+        SceneError: A formula has no finite value.
+    """
+    mesh = plate_mesh(plate, scene.folder or Path())
+    return discretised(plate, mesh, touches=bool(scene.obstacles) or len(scene.bodies) > 1)
+
+
+def discretised(plate: Plate, mesh: PlateMesh, *, touches: bool) -> ThinPlate:
+    """The same on a mesh that is given.
+
+    Args:
+        plate: As the scene has it.
+        mesh: Of its mid-surface.
+        touches: Whether there is anything that it may meet.
+    """
+    still, ways = held_slopes(mesh, plate)
+    count = len(mesh.points)
+    touch = apart_from_others(mesh, ~still)
+    if not len(touch) or (touches and len(touch) == count - int(still.sum())):
+        raise MeshError(
+            f"body {plate.name}: no vertex is left that could move and have mass: give a smaller "
+            "mesh_size"
+        )
+    light = touch if touches else np.zeros(0, dtype=np.int64)
+    transfer = mass_to_neighbours(mesh, light)
+    area = np.asarray(mesh.shares.sum(axis=1)).ravel()
+    density = plate.density * plate.thickness
+    mass = np.asarray(transfer.T @ (density * area))
+    mass[still] = 0.0
+    basis, deflected, vertex = _basis(still, ways)
+    stiffness = kirchhoff_stiffness(mesh.points, mesh.cells, plate.rigidity, plate.poisson_ratio)
+    reduced = csr_matrix(basis.T @ stiffness @ basis)
+    massless = ~deflected | np.isin(vertex, light)
+    center, axes = plate.frame
+    start = center + mesh.points @ axes[:2]
+    x, y = mesh.points.T
+    u, v = (
+        _at_start(plate, name, np.asarray(getattr(plate, name)(x=x, y=y)) + np.zeros(count), mesh)
+        for name in ("displacement", "velocity")
+    )
+    v[still] = 0.0
+    v = np.asarray(transfer @ v)  # of what has no mass the mean of its neighbours
+    position = np.zeros(basis.shape[1])
+    position[deflected] = u[vertex[deflected]]
+    rest = start[touch]
+
+    def places(q: Floats) -> Floats:
+        return np.asarray(rest + np.outer((basis @ q)[DOFS * touch], axes[2]))
+
+    total = float(density * area.sum())
+    half = 0.5 * plate.thickness
+    first = _first_frequency(reduced, mass[vertex] * ~massless)
+    return ThinPlate(
+        names=(plate.name,),
+        masses=(total,),
+        centers=(area @ start / area.sum())[None],
+        speeds=(mass @ v / total * axes[2])[None],
+        inertias=(0.0,),
+        angles=(0.0,),
+        position=position,
+        velocity=np.where(deflected, v[vertex], 0.0),
+        places=places,
+        radius=np.full(len(touch), half),
+        shell=np.full(len(touch), half),
+        touching=np.ones(len(touch), dtype=bool),
+        body=np.zeros(len(touch), dtype=np.int64),
+        lines=net_between(mesh, touch),
+        ends={},
+        rate=lambda: _OF_BENDING * first,
+        words=f"a thin plate of {len(mesh.cells)} discrete Kirchhoff triangles",
+        plate=plate,
+        mesh=mesh,
+        basis=basis,
+        stiffness=reduced,
+        deflected=deflected,
+        light=massless,
+        node_mass=mass,
+        transfer=transfer,
+        touch=touch,
+        curved=csr_matrix(curvatures(mesh.points, mesh.cells) @ basis),
+        enclosed=bool(still[mesh.rim].all()),
+    )
+
+
+def _basis(still: Booleans, ways: list[list[Floats]]) -> tuple[csr_matrix, Booleans, Integers]:
+    """Basis of free motions, which of them are deflections, and the vertex of each."""
+    rows, columns, values = [], [], []
+    deflected: list[bool] = []
+    vertices: list[int] = []
+
+    def add(vertex: int, entries: list[tuple[int, float]], *, moves: bool) -> None:
+        for part, value in entries:
+            rows.append(DOFS * vertex + part)
+            columns.append(len(vertices))
+            values.append(value)
+        deflected.append(moves)
+        vertices.append(vertex)
+
+    for vertex, (held, along) in enumerate(zip(still.tolist(), ways, strict=True)):
+        if not held:
+            add(vertex, [(0, 1.0)], moves=True)
+        if not along:
+            add(vertex, [(1, 1.0)], moves=False)
+            add(vertex, [(2, 1.0)], moves=False)
+        elif np.linalg.matrix_rank(np.array(along), tol=1e-6) == 1:
+            add(vertex, [(1, -along[0][1]), (2, along[0][0])], moves=False)
+    shape = DOFS * len(still), len(vertices)
+    basis = csr_matrix(coo_matrix((values, (rows, columns)), shape=shape))
+    return basis, np.array(deflected, dtype=bool), np.array(vertices, dtype=np.int64)
+
+
+def _at_start(plate: Plate, name: str, values: Floats, mesh: PlateMesh) -> Floats:
+    """Values of a formula at the vertices at t = 0.
+
+    Raises:
+        SceneError: One is not finite.
+    """
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        place = ", ".join(f"{c:g}" for c in mesh.points[bad[0]])
+        raise SceneError(
+            f"body {plate.name}: {name} = {getattr(plate, name).text!r} is {values[bad[0]]} at "
+            f"({place}); give a formula that is finite on the whole plate"
+        )
+    return values.copy()
+
+
+def frequencies(stiffness: csr_matrix, mass: Floats, count: int) -> Floats:
+    """Lowest angular frequencies [rad/s], rigid motions among them, by shifted inversion.
+
+    Args:
+        stiffness: In q.
+        mass: Diagonal of the mass, 0 of what has none.
+        count: How many.
+    """
+    heavy = mass > 0.0
+    if int(heavy.sum()) <= _FEW:
+        return _dense_frequencies(stiffness, mass, heavy)[:count]
+    weights = csr_matrix(coo_matrix((mass, (np.arange(len(mass)),) * 2)))
+    scale = float(np.median(stiffness.diagonal()[heavy]) / mass[heavy].mean())
+    start = np.ones(len(mass))
+    found = eigsh(
+        stiffness, count, weights, sigma=-1e-9 * scale, which="LM", v0=start,
+        return_eigenvectors=False,
+    )  # fmt: skip
+    return np.asarray(np.sqrt(np.maximum(np.sort(found), 0.0)))
+
+
+def _dense_frequencies(stiffness: csr_matrix, mass: Floats, heavy: Booleans) -> Floats:
+    """All of a small system, by what is left where everything without mass is in equilibrium."""
+    own, beside = stiffness[heavy][:, heavy].toarray(), stiffness[~heavy][:, heavy].toarray()
+    if beside.size:
+        own -= beside.T @ splu(stiffness[~heavy][:, ~heavy].tocsc()).solve(beside)
+    root = np.sqrt(mass[heavy])
+    found = np.linalg.eigvalsh(own / np.outer(root, root))
+    return np.asarray(np.sqrt(np.maximum(found, 0.0)))
+
+
+def _first_frequency(stiffness: csr_matrix, mass: Floats) -> float:
+    """The lowest one of vibrations [rad/s]."""
+    found = frequencies(stiffness, mass, min(6, int((mass > 0.0).sum())))
+    lively = found[found**2 > _RIGID * found[-1] ** 2] if len(found) else found
+    return float(lively[0]) if len(lively) else 0.0

@@ -1,0 +1,277 @@
+"""Plates in the march: vibration, contact with stops and balls, place, restart, refusals."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from moving_scenes import differences, stopping
+
+import impactfem
+from impactfem import MeshError, SceneError
+
+STEEL = {"density": 7800.0, "youngs_modulus": 2.06e11, "poisson_ratio": 0.3}
+SIDES = ("left", "right", "bottom", "top")
+PLAIN = {"kind": "plate", "outline": {"kind": "rectangle", "size": [1.0, 1.0]}, "mesh_size": 0.1,
+         "thickness": 0.01, "density": 100.0, "youngs_modulus": 1.092e7,
+         "poisson_ratio": 0.3}  # fmt: skip
+"""D = rho t = 1."""
+
+
+def held(kind, edges=SIDES):
+    return [{"edge": edge, "kind": kind} for edge in edges]
+
+
+def scene_of(*bodies, duration, dt, method=None, output=None, **more):
+    more.setdefault("gravity", [0.0, 0.0, 0.0])
+    return impactfem.Scene(
+        title="plate", duration=duration, bodies=bodies,
+        solve=impactfem.Solve(dt=dt, estimate=False, method=method),
+        output=output or impactfem.Output(fields=[]), **more,
+    )  # fmt: skip
+
+
+def made(**changes):
+    given = {key: value for key, value in (PLAIN | changes).items() if key != "kind"}
+    return impactfem.Plate(name="plate", **given)
+
+
+def flat_stop(duration=0.6, dt=1e-3, *, size=0.08, normal=(0.0, 0.0, 1.0), angle=0.0, **more):
+    """A clamped square that is thrown onto a flat stop, 0.3 of its free amplitude away."""
+    plate = made(
+        mesh_size=size, supports=held("clamped"), normal=normal, angle=angle,
+        velocity="-256*(0.25-x**2)**2*(0.25-y**2)**2",
+    )  # fmt: skip
+    up = np.array(normal) / np.linalg.norm(normal)
+    stop = impactfem.HalfSpace(
+        name="stop", point=tuple(-(0.3 / 35.985 + 0.005) * up), normal=tuple(up)
+    )
+    return scene_of(plate, obstacles=(stop,), duration=duration, dt=dt, **more)
+
+
+def contacts(history):
+    pressed = np.asarray(history["contact_force"]) > 0.0
+    return np.count_nonzero(pressed[1:] & ~pressed[:-1])
+
+
+def test_energy_of_many_contacts_is_kept_to_rounding():
+    result = impactfem.solve(flat_stop(duration=3.0))
+    history = result.history
+    energy = np.asarray(history["total_energy"])
+    assert result.summary["method"] == "conserving"
+    assert contacts(history) > 30
+    assert np.abs(energy / energy[0] - 1.0).max() < 1e-11
+    # Half way between those that touch, vertices go through: it is said.
+    found = {each["code"] for each in result.summary["verdict"]["findings"]}
+    assert "penetration" in found
+    assert "model_strain" in found  # it deflects by more than its thickness
+
+
+def test_force_has_no_jumps_but_those_of_the_step():
+    def largest_jump(dt):
+        force = np.asarray(impactfem.solve(flat_stop(0.08, dt)).history["contact_force"])
+        return np.abs(np.diff(force)).max() / force.max()
+
+    jumps = [largest_jump(dt) for dt in (1e-3, 5e-4, 2.5e-4)]
+    assert jumps[2] < 0.15
+    assert [a / b for a, b in pairwise(jumps)] == pytest.approx([2.0, 2.0], abs=0.35)
+
+
+def test_plates_anywhere_move_alike():
+    one = impactfem.solve(flat_stop()).history
+    other = impactfem.solve(flat_stop(normal=(1.0, -2.0, 0.7), angle=0.4)).history
+    forces = [np.asarray(history["contact_force"]) for history in (one, other)]
+    assert contacts(one) > 3
+    assert np.abs(forces[0] - forces[1]).max() < 1e-10 * forces[0].max()
+    way = np.array([1.0, -2.0, 0.7]) / np.linalg.norm([1.0, -2.0, 0.7])
+    moved = np.stack([np.asarray(other[f"plate.{axis}"]) for axis in "xyz"], axis=1)
+    assert np.abs(moved - np.outer(np.asarray(one["plate.z"]), way)).max() < 1e-12
+
+
+def test_massless_damps_and_does_not_gain():
+    energy = np.asarray(impactfem.solve(flat_stop(method="massless")).history["total_energy"])
+    assert (np.diff(energy) < 1e-12 * energy[0]).all()
+    assert 0.3 < energy[-1] / energy[0] < 0.99
+
+
+def test_pulse_of_pressure_drives_the_first_mode():
+    """A hinged square under a steady pressure swings about its deflection; a probe sees it."""
+    plate = made(
+        mesh_size=0.05, supports=held("simply_supported"),
+        pressures=[{"face": "top", "value": "sin(pi*(x+0.5))*sin(pi*(y+0.5))*where(t<0.1,1,0)"}],
+    )  # fmt: skip
+    probe = impactfem.Probe(name="at", body="plate", point=[0.2, -0.1, 0.0])
+    result = impactfem.solve(scene_of(plate, duration=0.4, dt=2e-3, probes=(probe,)))
+    time, omega = np.asarray(result.history["time"]), 2.0 * math.pi**2
+    there = math.sin(0.7 * math.pi) * math.sin(0.4 * math.pi) / omega**2
+    after = np.maximum(time - 0.1, 0.0)
+    exact = there * (np.cos(omega * time) - np.cos(omega * after))
+    assert np.abs(np.asarray(result.history["at.uz"]) - exact).max() < 0.02 * np.abs(exact).max()
+    energy = np.asarray(result.history["total_energy"])
+    scale = np.asarray(result.history["kinetic_energy"]).max()
+    assert np.abs(energy - energy[0]).max() < 1e-10 * scale
+
+
+def test_free_plate_flies_with_gravity_and_keeps_its_momenta():
+    plate = made(velocity="1+0.5*x", normal=(0.0, 0.6, 0.8))
+    result = impactfem.solve(scene_of(plate, duration=0.2, dt=2e-3, gravity=[0.0, 0.0, -5.0]))
+    history, time = result.history, np.asarray(result.history["time"])
+    way = time - 0.5 * 5.0 * 0.8 * time**2  # along the normal, in which alone it moves
+    assert np.asarray(history["plate.z"]) == pytest.approx(0.8 * way, abs=1e-10)
+    energy = np.asarray(history["total_energy"])
+    assert np.abs(energy / energy[0] - 1.0).max() < 1e-11
+    spin = np.asarray(history["angular_momentum.y"]) + 0.0
+    own = spin - spin[0]
+    # The centre carries momentum along the normal through its start: no moment about it.
+    assert np.abs(own).max() < 1e-10
+
+
+def ball_on_plate(size, dt, duration, *, ball="point", **more):
+    plate = impactfem.Plate(
+        name="plate", outline={"kind": "rectangle", "size": [0.3, 0.3]}, mesh_size=size,
+        thickness=0.004, supports=held("clamped"), **STEEL,
+    )  # fmt: skip
+    place, speed = (0.001, 0.002, 0.022 + 1e-9), (0.0, 0.0, -1.0)
+    if ball == "point":
+        striker = impactfem.Point(
+            name="ball", radius=0.02, mass=0.03, position=place, velocity=speed
+        )
+    else:
+        striker = impactfem.RigidBody(
+            name="ball", model="3d", shape={"kind": "sphere", "radius": 0.02, "center": place},
+            mass=0.03, velocity=speed,
+        )  # fmt: skip
+    bodies = (plate, striker)[:: 1 if ball == "point" else -1]
+    return scene_of(*bodies, duration=duration, dt=dt, **more)
+
+
+@pytest.mark.slow
+def test_ball_is_braked_as_by_a_plate_without_end():
+    """Before waves are back v = v0 exp(-t / tau), tau = m / 8 sqrt(D rho h) (Zener, rigid ball)."""
+    impedance = 8.0 * math.sqrt(2.06e11 * 0.004**3 / (12.0 * 0.91) * 7800.0 * 0.004)
+    tau = 0.03 / impedance
+    errors = []
+    for size, dt in ((0.012, 4e-7), (0.006, 2e-7)):
+        history = impactfem.solve(ball_on_plate(size, dt, 1.6 * tau)).history
+        time, speed = np.asarray(history["time"]), np.asarray(history["ball.vz"])
+        late = (time > 0.5 * tau) & (time < 1.5 * tau)
+        errors.append(np.abs(speed + np.exp(-time / tau))[late].max())
+    assert errors[1] < 0.13
+    assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.5)  # second order, to this limit
+
+
+def test_balls_of_either_kind_in_either_order_strike_alike():
+    """On either face: a plate whose top looks down is the same plate."""
+    runs = [impactfem.solve(ball_on_plate(0.03, 1e-6, 1e-4, ball=b)) for b in ("point", "rigid")]
+    speeds = [np.asarray(run.history["ball.vz"]) for run in runs]
+    assert speeds[0][-1] > -0.99
+    assert np.abs(speeds[0] - speeds[1]).max() < 1e-9
+    energy = np.asarray(runs[0].history["total_energy"])
+    assert np.abs(energy / energy[0] - 1.0).max() < 1e-3  # directions turn: first order
+
+
+def test_a_rounded_stop_below_is_hit_by_the_bottom():
+    """A sphere under the middle, touched at the distance of its radius and half the thickness."""
+    sphere = impactfem.RigidSphere(name="stop", center=(0.0, 0.0, -0.513), radius=0.5)
+    plate = made(mesh_size=0.08, supports=held("clamped"), velocity="-(1-4*x**2)*(1-4*y**2)")
+    result = impactfem.solve(scene_of(plate, obstacles=(sphere,), duration=0.05, dt=5e-4))
+    history = result.history
+    assert np.asarray(history["gap"])[0] == pytest.approx(0.008, abs=2e-3)
+    pressed = np.asarray(history["contact_force"]) > 0.0
+    assert pressed.any()
+    assert np.nanmin(np.asarray(history["gap"])) > -1e-12
+    assert np.asarray(history["momentum.z"])[-1] > np.asarray(history["momentum.z"])[0]
+
+
+def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
+    scene = flat_stop(0.2, 2e-3, output=impactfem.Output(checkpoint=20))
+    whole = impactfem.solve(scene)
+    assert whole.summary["contact"]["impulse"] > 0.0
+    with stopping(monkeypatch, 67):
+        impactfem.solve(scene, checkpoints=tmp_path)
+    again = impactfem.solve(scene, checkpoints=tmp_path, restart=tmp_path)
+    assert differences(whole, again) == {}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"outline": None}, "neither is given"),
+        ({"mesh": "a.msh"}, "both are given"),
+        ({"mesh_size": None}, "mesh_size is missing"),
+        ({"mesh_size": 2.0}, "exceeds the width"),
+        ({"thickness": 0.2}, "thickness = 0.2 is more than 0.1 of the least width"),
+        ({"supports": held("clamped", ("rim",))}, "give left or right"),
+        ({"supports": held("elastic")}, "soft_support"),
+        ({"theory": "reissner_mindlin"}, "theory"),
+        ({"pressures": [{"face": "top", "value": "gap"}]}, "unknown name"),
+        ({"pressures": [{"face": "up", "value": 1.0}]}, "top"),
+        ({"normal": [0.0, 0.0, 0.0]}, "not all 0"),
+        ({"outline": {"kind": "ring", "inner_radius": 2.0, "radius": 1.0}}, "inner_radius"),
+        (
+            {"outline": {"kind": "polygon", "points": [[0, 0], [1, 1], [1, 0], [0, 1]]}},
+            "edge_1 and edge_3 cross",
+        ),
+        ({"outline": {"kind": "polygon", "points": [[0, 0], [0, 0], [1, 1]]}}, "twice in a row"),
+    ],
+)
+def test_what_cannot_be_is_refused(change, message):
+    with pytest.raises(SceneError, match=message):
+        made(**change)
+
+
+def test_what_is_not_available_is_refused():
+    floor = impactfem.HalfSpace(name="floor", point=(0.0, 0.0, -0.1), normal=(0.0, 0.0, 1.0))
+    for law, message in (
+        ({"friction_coefficient": 0.3}, "friction on plate"),
+        ({"restitution": 0.5}, "own elasticity"),
+    ):
+        contact = impactfem.Contact(between=("plate", "floor"), **law)
+        with pytest.raises(SceneError, match=message):
+            scene_of(made(), obstacles=(floor,), contacts=(contact,), duration=1.0, dt=0.1)
+    with pytest.raises(SceneError, match="start"):
+        scene_of(made(), start="static", duration=1.0, dt=0.1)
+    other = impactfem.Plate(**{k: v for k, v in PLAIN.items() if k != "kind"}, name="other")
+    with pytest.raises(SceneError, match="meets obstacles, points and rigid balls"):
+        scene_of(made(), other, duration=1.0, dt=0.1)
+    with pytest.raises(SceneError, match="has no mass"):
+        impactfem.plan(flat_stop(method="moreau_jean"))
+    near = impactfem.HalfSpace(name="floor", point=(0.0, 0.0, -0.001), normal=(0.0, 0.0, 1.0))
+    with pytest.raises(SceneError, match="inside at"):
+        impactfem.solve(scene_of(made(), obstacles=(near,), duration=1.0, dt=0.1))
+    rough = made(pressures=[{"face": "top", "value": "1/t"}])
+    with pytest.raises(SceneError, match="finite on the whole plate"):
+        impactfem.solve(scene_of(rough, duration=1.0, dt=0.1))
+
+
+def test_plate_of_a_mesh_file(tmp_path):
+    text = """
+    Point(1) = {0, 0, 0, 0.2}; Point(2) = {1, 0, 0, 0.2};
+    Point(3) = {1, 0.5, 0, 0.2}; Point(4) = {0, 0.5, 0, 0.2};
+    Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+    Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+    Physical Surface("all") = {1}; Physical Curve("foot") = {4};
+    """
+    (tmp_path / "part.geo").write_text(text)
+    given = {"outline": None, "mesh": "part.geo", "mesh_size": None}
+    plate = made(**given, supports=held("clamped", ("foot",)), velocity="-x**2")
+    result = impactfem.solve(scene_of(plate, duration=0.1, dt=1e-2, folder=tmp_path))
+    assert result.summary["bodies"]["plate"]["mass"] == pytest.approx(0.5, rel=1e-12)
+    energy = np.asarray(result.history["total_energy"])
+    assert np.abs(energy / energy[0] - 1.0).max() < 1e-11
+    wrong = made(**given, supports=held("clamped", ("head",)))
+    with pytest.raises(MeshError, match="head"):
+        impactfem.solve(scene_of(wrong, duration=0.1, dt=1e-2, folder=tmp_path))
+
+
+@pytest.mark.parallel(2)
+def test_ranks_agree(monkeypatch):
+    from moving_scenes import alone
+    from pytest_mpi import parallel_assert
+
+    together = impactfem.solve(flat_stop(0.1, 2e-3))
+    with alone(monkeypatch):
+        own = impactfem.solve(flat_stop(0.1, 2e-3))
+    one, two = (np.asarray(run.history["contact_force"]) for run in (together, own))
+    parallel_assert(one.max() > 0.0)
+    parallel_assert(np.abs(one - two).max() <= 1e-10 * one.max())

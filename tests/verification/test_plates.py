@@ -1,0 +1,201 @@
+"""Thin plates against closed forms: deflections, frequencies, rigid motions, curvatures."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.sparse.linalg import spsolve
+from scipy.special import iv, jv
+
+import impactfem
+from impactfem.system.kirchhoff import curvatures, kirchhoff_stiffness
+from impactfem.system.plate import discretised, frequencies
+from impactfem.system.plate_mesh import PlateMesh, plate_mesh
+
+NU = 0.3
+SQUARE = {"kind": "rectangle", "size": [1.0, 1.0]}
+SIDES = ("left", "right", "bottom", "top")
+DISC = {"kind": "disc", "radius": 1.0}
+
+
+def plate_of(outline, size, kind=None, edges=SIDES, *, touches=False, mesh=None, **more):
+    """A plate with D = rho t = 1 under the pressure 1 from below."""
+    nu = more.setdefault("poisson_ratio", NU)
+    t = 0.01
+    body = impactfem.Plate(
+        outline=outline, mesh_size=size, thickness=t, density=1.0 / t,
+        youngs_modulus=12.0 * (1.0 - nu**2) / t**3,
+        supports=[{"edge": edge, "kind": kind} for edge in edges] if kind else [],
+        pressures=[{"face": "bottom", "value": 1.0}], **more,
+    )  # fmt: skip
+    return discretised(body, mesh or plate_mesh(body, Path()), touches=touches)
+
+
+def grid(n, shift=0.0):
+    """The unit square about the origin as 2 n^2 triangles, its inner vertices moved by shares h."""
+    i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1))
+    points = np.stack([i.ravel(), j.ravel()], axis=1) / n - 0.5
+    inner = (np.abs(points).max(axis=1) < 0.5 - 1e-9) & (np.abs(points).max(axis=1) > 1e-9)
+    moves = np.random.default_rng(1).uniform(-shift / n, shift / n, points.shape)
+    number = i + j * (n + 1)
+    a, b = number[:-1, :-1].ravel(), number[:-1, 1:].ravel()
+    c, d = number[1:, :-1].ravel(), number[1:, 1:].ravel()
+    cells = np.concatenate([np.stack([a, b, d], 1), np.stack([a, d, c], 1)])
+    line = np.stack([np.arange(n), np.arange(1, n + 1)], axis=1)
+    edges = {
+        "bottom": line,
+        "top": line + n * (n + 1),
+        "left": (n + 1) * line,
+        "right": (n + 1) * line + n,
+    }
+    return PlateMesh(points + inner[:, None] * moves, cells, edges)
+
+
+def deflected(plate):
+    """Deflections under the pressure, and where, (vertices,) and (vertices, 2)."""
+    forces = plate.basis[::3].T @ (plate.transfer.T @ plate.pressure(0.0))
+    return plate.deflection(spsolve(plate.stiffness.tocsc(), forces)), plate.mesh.points
+
+
+def tones(plate, count):
+    return frequencies(plate.stiffness, plate.basis[::3].T @ plate.node_mass, count)
+
+
+@pytest.mark.parametrize(
+    ("kind", "exact", "found"),
+    [("clamped", 0.00126532, 0.0012678), ("simply_supported", 0.00406235, 0.0040599)],
+)
+def test_deflection_of_squares(kind, exact, found):
+    """As measured of this element beforehand, to five digits; second order; distorted meshes."""
+
+    def middle(n, shift=0.0):
+        w, points = deflected(plate_of(SQUARE, 0.1, kind, mesh=grid(n, shift)))
+        return w[np.argmin(np.linalg.norm(points, axis=1))]
+
+    fine = middle(32)
+    assert fine == pytest.approx(found, abs=6e-8)
+    ratio = (middle(16) - exact) / (fine - exact)
+    assert ratio == pytest.approx(4.0, abs=0.3)
+    assert middle(32, 0.2) == pytest.approx(exact, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "edge"), [("clamped", 0.0), ("simply_supported", 4.0 / 1.3), ("soft_support", 4 / 1.3)]
+)
+def test_deflection_of_discs(kind, edge):
+    """W = q (1 - r^2) (1 + e - r^2) / 64 D, e = 4 / (1 + nu) where the rim may turn.
+
+    A polygon whose sides each held both slopes would be clamped: off by 75 %.
+    """
+    w, points = deflected(plate_of(DISC, 0.05, kind, ("rim",)))
+    r2 = (points**2).sum(axis=1)
+    exact = (1.0 - r2) * (1.0 + edge - r2) / 64.0
+    assert np.abs(w - exact).max() < 1.5e-3 * exact.max()
+
+
+def test_stress_at_the_faces_of_a_clamped_disc():
+    """M = q (1 + nu - k r^2) / 16, k = 3 + nu along the radius and 1 + 3 nu around."""
+    plate = plate_of(DISC, 0.05, "clamped", ("rim",))
+    forces = plate.basis[::3].T @ plate.pressure(0.0)
+    found = plate.von_mises(spsolve(plate.stiffness.tocsc(), forces))
+    r2 = (plate.mesh.points**2).sum(axis=1)
+    radial, around = (((1 + NU) - k * r2) / 16.0 * 6.0 / 0.01**2 for k in (3 + NU, 1 + 3 * NU))
+    exact = np.sqrt(radial**2 - radial * around + around**2)
+    inner = r2 < 0.9
+    assert np.abs(found - exact)[inner].max() < 0.01 * exact.max()
+    assert np.abs(found - exact).max() < 0.1 * exact.max()  # means over triangles, short of the rim
+
+
+def test_deflection_of_a_ring_and_a_polygon():
+    """A ring clamped at its hole, free outside; a strip of any angle that bends as a beam."""
+    ring = {"kind": "ring", "inner_radius": 0.4, "radius": 1.0}
+    w, points = deflected(plate_of(ring, 0.05, "clamped", ("inner",)))
+    r = np.linalg.norm(points, axis=1)
+    # w = r^4 / 64 + A r^2 + B log r + C + E r^2 log r, with the shear force that the load makes.
+    a, b, nu = 0.4, 1.0, NU
+    shear = -(b**2) / 8.0  # E: Q = -d(lap w)/dr = -(q r / 2 + 4 E / r) = 0 at b
+
+    def slopes(x):
+        return np.array([2 * x, 1 / x]), x**3 / 16 + shear * x * (2 * math.log(x) + 1)
+
+    def bends(x):
+        given = 3 * x**2 / 16 + shear * (2 * math.log(x) + 3)
+        parts, rest = slopes(x)
+        return np.array([2.0, -1 / x**2]) + nu / x * parts, given + nu / x * rest
+
+    (one, first), (two, second) = slopes(a), bends(b)
+    big, small = np.linalg.solve(np.array([one, two]), -np.array([first, second]))
+
+    def form(x):
+        return x**4 / 64 + shear * x**2 * np.log(x) + big * x**2 + small * np.log(x)
+
+    exact = form(r) - form(a)
+    assert np.abs(w - exact).max() < 0.01 * np.abs(exact).max()
+    cosine, sine = math.cos(0.3), math.sin(0.3)
+    corners = np.array([[-0.5, -0.05], [0.5, -0.05], [0.5, 0.05], [-0.5, 0.05]])
+    turned = corners @ np.array([[cosine, sine], [-sine, cosine]])
+    polygon = {"kind": "polygon", "points": turned.tolist()}
+    strip = plate_of(polygon, 0.02, "simply_supported", ("edge_2", "edge_4"), poisson_ratio=0.0)
+    w, _ = deflected(strip)
+    assert w.max() == pytest.approx(5.0 / 384.0, rel=2e-3)
+
+
+def test_frequencies_of_a_square():
+    """The first ten of pi^2 (m^2 + n^2), with and without mass where it touches."""
+    pairs = sorted(m * m + n * n for m in range(1, 8) for n in range(1, 8))
+    exact = math.pi**2 * np.array(pairs[:10])
+    whole = plate_of(SQUARE, 1 / 32, "simply_supported")
+    assert tones(whole, 10) == pytest.approx(exact, rel=3e-3)
+    light = plate_of(SQUARE, 1 / 32, "simply_supported", touches=True)
+    assert light.massless
+    assert not whole.massless
+    assert tones(light, 10) == pytest.approx(exact, rel=3e-3)
+    # What touches gives its mass away, but for what goes to edges that are held.
+    assert light.node_mass[light.touch].max() == 0.0
+    assert not light.mesh.neighbours[light.touch][:, light.touch].nnz
+
+
+def test_frequencies_of_a_free_disc():
+    """Three rigid motions, then those of the Bessel functions J and I with free edges."""
+    nu = NU
+
+    def determinant(k, n):
+        rows = []
+        for f, sign in ((jv, -1.0), (iv, 1.0)):
+            value = f(n, k)
+            slope = k * (0.5 * (f(n - 1, k) + math.copysign(1.0, sign) * f(n + 1, k)))
+            curve = sign * k**2 * value - slope + n**2 * value  # r^2 f''
+            moment = curve + nu * (slope - n**2 * value)
+            shear = sign * k**2 * slope - (1.0 - nu) * n**2 * (slope - value)
+            rows.append((moment, shear))
+        return rows[0][0] * rows[1][1] - rows[0][1] * rows[1][0]
+
+    roots = []
+    for n in range(4):
+        ks = np.linspace(1.5, 4.7, 400)
+        values = [determinant(k, n) for k in ks]
+        for a, b, one, two in zip(ks, ks[1:], values, values[1:], strict=False):
+            if one * two < 0.0:
+                roots += [brentq(determinant, a, b, args=(n,)) ** 2] * (1 if n == 0 else 2)
+    exact = np.sort(roots)[:7]
+    assert (exact[0], exact[2]) == pytest.approx((5.3583, 9.0031), abs=1e-4)  # as tables have them
+    found = tones(plate_of(DISC, 0.05), 10)
+    assert found[:3] == pytest.approx(0.0, abs=1e-3)
+    assert found[3:] == pytest.approx(exact, rel=4e-3)
+
+
+def test_constant_curvature_and_rigid_motions_are_exact():
+    """The patch test of plates, on an irregular mesh."""
+    mesh = plate_of(DISC, 0.3).mesh
+    stiffness = kirchhoff_stiffness(mesh.points, mesh.cells, 2.0, NU)
+    values = np.linalg.eigvalsh(stiffness.toarray())
+    assert np.count_nonzero(values < 1e-10 * values[-1]) == 3
+    (x, y), (a, b, c) = mesh.points.T, (0.7, -0.4, 0.3)
+    field = np.stack([a * x**2 + b * x * y + c * y**2, 2 * a * x + b * y, b * x + 2 * c * y], 1)
+    density = (1 - NU) * (4 * a**2 + 2 * b**2 + 4 * c**2) + NU * (2 * a + 2 * c) ** 2
+    bent = (curvatures(mesh.points, mesh.cells) @ field.ravel()).reshape(-1, 3)
+    assert bent == pytest.approx(np.tile([2 * a, 2 * c, 2 * b], (len(x), 1)), abs=1e-10)
+    energy = field.ravel() @ (stiffness @ field.ravel())
+    assert energy == pytest.approx(2.0 * density * mesh.areas.sum(), rel=1e-12)
