@@ -37,9 +37,6 @@ _SHEAR = 19.0
 """Deflection by shear over that by bending, times (width / thickness)^2: a clamped square, nu = 0.3
 (.00150463 against .00126532 q L^4 / D at a tenth)."""
 
-_INSIDE = np.array([(i, j, 4 - i - j) for i in range(5) for j in range(5 - i)]) / 4.0
-"""Weights of the corners of a triangle at places that are looked at, (15, 3)."""
-
 _NEAR = 1e-9  # share of the plate's size by which a probe may lie off its mid-surface
 
 
@@ -283,12 +280,10 @@ class PlateMidpoint(FewInterior):
 
     measure = "thickness"
 
-    def unguarded(self, lines: Integers, shares: Floats) -> tuple[Floats, float]:  # noqa: ARG002
-        """Places in all triangles, their vertices among them, and half the thickness."""
+    def unguarded(self, lines: Integers) -> tuple[Floats, float]:  # noqa: ARG002
+        """All triangles, and half the thickness."""
         moved = np.outer(self.bodies.deflection(self._q), self._normal)
-        corners = (self.material(0) + moved)[self.bodies.mesh.cells]
-        places = np.einsum("pk,ckd->cpd", _INSIDE, corners).reshape(-1, 3)
-        return places, 0.5 * self.bodies.plate.thickness
+        return (self.material(0) + moved)[self.bodies.mesh.cells], 0.5 * self.bodies.plate.thickness
 
     def unguarded_in_words(self, lines: Integers) -> tuple[float, str, str]:  # noqa: ARG002
         """See `FewInterior`."""

@@ -28,19 +28,16 @@ class Watched:
         """Q now, shape (d,)."""
         raise NotImplementedError
 
-    def unguarded(self, lines: Integers, shares: Floats) -> tuple[Floats, float]:
-        """Places that obstacles may reach between contact nodes now, and how near they may come.
+    def unguarded(self, lines: Integers) -> tuple[Floats, float]:
+        """Where obstacles may pass between contact nodes now, and how near they may come.
 
         Args:
             lines: Contact nodes joined by axes, (lines, 2).
-            shares: Weights of both ends of places that are looked at, (2, places).
 
         Returns:
-            Places [m], (several, dim), and a distance [m].
+            Corners of lines or triangles [m], (several, corners, dim), and a distance [m].
         """
-        nodes = self.bodies.places(self.coordinates)[lines]
-        places = np.einsum("sp,lsd->lpd", shares, nodes)
-        return places.reshape(-1, places.shape[2]), 0.0
+        return self.bodies.places(self.coordinates)[lines], 0.0
 
     def unguarded_in_words(self, lines: Integers) -> tuple[float, str, str]:
         """Size [m] that a depth is compared with, what lies so deep, and what helps."""

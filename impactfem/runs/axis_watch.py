@@ -17,11 +17,20 @@ from impactfem.marching.few import FewInterior
 from impactfem.marching.rows import Level
 from impactfem.models.solids import SolidsModel
 from impactfem.runs.verdict import PENETRATION_LIMITS
+from impactfem.scene.content import Obstacle
 from impactfem.scene.pairing import obstacles_of
 
 Floats = NDArray[np.float64]
 
-_PLACES = 8  # along each line, looked at
+_PLACES = 8  # along each line, looked at first
+_ALONG = (np.arange(_PLACES) + 0.5) / _PLACES
+_WEIGHTS = {
+    2: np.stack([1.0 - _ALONG, _ALONG], axis=1),
+    3: np.array([*np.eye(3), *(0.5 * (1.0 - np.eye(3))), [1.0 / 3.0] * 3]),
+}
+"""Weights of the corners at places of a line, and of a triangle, (places, corners)."""
+
+_BEST, _LOOKS_CLOSER, _CLOSER = 8, 12, 0.7  # simplices that are looked at again, each smaller
 _LOOKS = 400  # at a run
 _SHARES = (0.5, 1.0)  # of a thickness, passed in a step
 
@@ -47,8 +56,6 @@ class AxisWatch:
         ]
         self._steppers = tuple(dict.fromkeys(march.stepper for march in few))
         self._obstacles = {name: obstacles_of(scene, name) for _, name, _ in self._bodies}
-        share = (np.arange(_PLACES) + 0.5) / _PLACES
-        self._shares = np.stack([1.0 - share, share])
         self.depth: dict[tuple[str, str], float] = {}
 
     def __call__(self, level: Level) -> None:
@@ -61,9 +68,9 @@ class AxisWatch:
         for march, name, lines in self._bodies:
             if not len(lines):
                 continue
-            flat, room = march.unguarded(lines, self._shares)
+            simplices, room = march.unguarded(lines)
             for obstacle in self._obstacles[name]:
-                depth = room - float(signed_distance(obstacle, flat, level.time)[0].min())
+                depth = room - _nearest(obstacle, simplices, level.time)
                 pair = name, obstacle.name
                 if np.isfinite(depth) and depth > self.depth.get(pair, 0.0):
                     self.depth[pair] = depth
@@ -100,3 +107,22 @@ class AxisWatch:
         """Go on from what was seen."""
         self.speed, seen = json.loads(state)
         self.depth = {(body, obstacle): depth for body, obstacle, depth in seen}
+
+
+def _nearest(obstacle: Obstacle, simplices: Floats, time: float) -> float:
+    """Least signed distance [m] of an obstacle from lines or triangles (several, corners, dim).
+
+    The distance from a convex obstacle is convex on each: a look at ever smaller parts about the
+    best place finds tips that are far smaller than the simplices.
+    """
+    weights, least = _WEIGHTS[simplices.shape[1]], np.inf
+    for _ in range(1 + _LOOKS_CLOSER):
+        places = np.einsum("pk,nkd->npd", weights, simplices)
+        flat = signed_distance(obstacle, places.reshape(-1, places.shape[2]), time)[0]
+        away = flat.reshape(places.shape[:2])
+        own = away.min(axis=1)
+        least = min(least, float(own.min()))
+        best = np.argsort(own)[:_BEST]
+        centres = places[best, away[best].argmin(axis=1)][:, None]
+        simplices = centres + _CLOSER * (simplices[best] - centres)
+    return least
