@@ -144,6 +144,17 @@ def _solved(matrix, right):
 
 
 @compiled
+def _take_off(left, found, k):
+    """Take multiples of row k off all rows below, in place."""
+    for i in range(k + 1, len(found)):
+        share = left[i, k] / left[k, k]
+        if share != 0.0:
+            for j in range(k + 1, len(found)):
+                left[i, j] -= share * left[k, j]
+            found[i] -= share * found[k]
+
+
+@compiled
 def _eliminated(matrix, right):
     """Whether rows of a matrix with a diagonal of about 1 are independent, and the solution."""
     found, left = right.copy(), matrix.copy()
@@ -159,12 +170,7 @@ def _eliminated(matrix, right):
             for j in range(k, count):
                 left[k, j], left[best, j] = left[best, j], left[k, j]
             found[k], found[best] = found[best], found[k]
-        for i in range(k + 1, count):
-            share = left[i, k] / left[k, k]
-            if share != 0.0:
-                for j in range(k + 1, count):
-                    left[i, j] -= share * left[k, j]
-                found[i] -= share * found[k]
+        _take_off(left, found, k)
     for k in range(count - 1, -1, -1):
         for j in range(k + 1, count):
             found[k] -= left[k, j] * found[j]
@@ -196,12 +202,7 @@ def least_solution(matrix, right):
         for i in range(count):
             left[i, k], left[i, column] = left[i, column], left[i, k]
         order[k], order[column] = order[column], order[k]
-        for i in range(k + 1, count):
-            share = left[i, k] / left[k, k]
-            if share != 0.0:
-                for j in range(k + 1, count):
-                    left[i, j] -= share * left[k, j]
-                found[i] -= share * found[k]
+        _take_off(left, found, k)
     free = count - rank
     basis = np.zeros((free + 1, count))  # what moves nothing, and a solution
     for f in range(free):

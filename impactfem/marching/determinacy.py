@@ -17,6 +17,7 @@ Integers = NDArray[np.int64]
 _MOST = 60  # pairs up to which dependent forces are looked for
 _TAKEN = ("the contact opens", "an impulse that ends the slip", "slip under the larger force")
 _NUMBERS = 12
+_NARROW = 1e-6  # of a force, between whose limits it counts as determined
 
 
 class Determinacy:
@@ -115,12 +116,14 @@ class Determinacy:
         found, known = [], self.figures(names)
         if told := known.get("overconstrained"):
             low, high = told["limits"]
+            which = "their friction, not normal forces (to 1e-6 of these)"
+            if high - low > _NARROW * high:
+                which = f"a normal force of {told['normal_force']:.6g} N of {told['pair']} may be "
+                which += f"any from {low:.6g} to {high:.6g} N"
             text = (
                 f"forces of {told['contacts']} contacts are not determined by the motion from t = "
-                f"{told['time']:.6g} s on, in {told['dimension']} dimensions: a normal force of "
-                f"{told['normal_force']:.6g} N of {told['pair']} may be any from {low:.6g} to "
-                f"{high:.6g} N; motions are determined, and so are sum and moment of the forces on "
-                "each body"
+                f"{told['time']:.6g} s on, in {told['dimension']} dimensions: {which}; motions are "
+                "determined, and so are sum and moment of the forces on each body"
             )
             found.append(
                 Finding(
