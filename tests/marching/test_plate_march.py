@@ -157,7 +157,9 @@ def test_ball_is_braked_as_by_a_plate_without_end():
         late = (time > 0.5 * tau) & (time < 1.5 * tau)
         errors.append(np.abs(speed + np.exp(-time / tau))[late].max())
     assert errors[1] < 0.13
-    assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.5)  # second order, to this limit
+    # About second order. The ball's place among the vertices that touch is another one in each
+    # mesh, and versions of Gmsh draw other meshes: 4.0 and 3.5 were seen.
+    assert 1.5 < math.log2(errors[0] / errors[1]) < 2.5
 
 
 def test_balls_of_either_kind_in_either_order_strike_alike():
