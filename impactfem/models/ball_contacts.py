@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.ball_pairs import BallPair, Target
+from impactfem.contact.ball_pairs import BallPair, RollingPair, Target
 from impactfem.contact.body_pairs import Side
 from impactfem.contact.boundary import Boundary
 from impactfem.contact.followed_pair import FAR
@@ -22,6 +22,7 @@ from impactfem.scene import Scene, Solid
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.pairing import (
     body_pairs,
+    friction_of,
     named_body_pairs,
     obstacles_of,
     pair_name,
@@ -113,6 +114,7 @@ class _Balls:
     Attributes:
         facing: Of each node the way that its end looks along the x axis, 0 if it has none.
         places: At t = 0 [m], (nodes, dim).
+        followers: Nodes that follow a ball that rolls, and their arm [m]; see `RollingPair`.
     """
 
     name: str
@@ -121,6 +123,7 @@ class _Balls:
     lines: Integers
     facing: Floats
     places: Floats
+    followers: tuple[Integers, float] | None = None
 
     @property
     def axis(self) -> Target:
@@ -172,7 +175,8 @@ def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
         if first is None or second is None or not (len(first.nodes) and len(second.nodes)):
             continue
         if isinstance(first, _Faces) or isinstance(second, _Faces):
-            found += _on_solid(label, first, second, offsets[-1])
+            rubs = friction_of(model.scene, names[0], names[1]) > 0.0
+            found += _on_solid(label, first, second, offsets[-1], rubs=rubs)
         elif model.scene.dim == 1:
             found += _on_line(label, first, second, offsets[-1], asked=asked)
         else:
@@ -197,11 +201,15 @@ def _sides(model: Bodies, offsets: Sequence[int]) -> dict[str, _Side]:
 
     def balls(bodies: FewBodies, body: int, start: int) -> _Side:
         places, lines = bodies.places(bodies.position), bodies.lines_of(body)
+        following = None
+        if bodies.convex is not None:
+            _, markers, unit, dim = bodies.convex
+            following = markers[dim + 1 :] + start, unit
 
         def some(surfaces: Sequence[str] | None, other: str) -> _Balls:
             own = bodies.meeting(body, surfaces, (other, 0))
             parts = own + start, bodies.radius[own], lines, bodies.facing[own], places[own]
-            return _Balls(bodies.names[body], *parts)
+            return _Balls(bodies.names[body], *parts, following)
 
         return some
 
@@ -214,13 +222,15 @@ def _sides(model: Bodies, offsets: Sequence[int]) -> dict[str, _Side]:
 
 
 def _on_solid(
-    label: str, one: _Balls | _Faces, two: _Balls | _Faces, total: int
+    label: str, one: _Balls | _Faces, two: _Balls | _Faces, total: int, *, rubs: bool
 ) -> list[BallMeeting]:
     """A body without a mesh on a solid.
 
     Where its radius spans several faces, their nodes are held off it: the patch of contact then has
     the shape that bodies take. Else its nodes are held off the faces, a place at a time; corners of
     the solid are held off its axis too, if it has a thickness.
+
+    A rigid ball with friction is always held off the faces: it would roll over nodes as over teeth.
     """
     ball, solid = (two, one) if isinstance(one, _Faces) else (one, two)
     if not isinstance(ball, _Balls) or not isinstance(solid, _Faces):
@@ -228,10 +238,13 @@ def _on_solid(
     names, none = (one.name, two.name), np.zeros(len(solid.nodes))
     thick = float(ball.radius.min())
     around = BallPair(solid.nodes, none, ball.axis, total)
-    if thick >= _RESOLVED * solid.size:
-        return [BallMeeting(label, names, solid.name, around, patch=True)]
     target = Target.of_surface(solid.nodes, solid.surface)
     places = BallPair(ball.nodes, ball.radius, target, total)
+    if rubs and ball.followers is not None:
+        rolling = RollingPair(places, *ball.followers)
+        return [BallMeeting(label, names, ball.name, rolling, patch=False)]
+    if thick >= _RESOLVED * solid.size:
+        return [BallMeeting(label, names, solid.name, around, patch=True)]
     found = [BallMeeting(label, names, ball.name, places, patch=False)]
     if len(ball.lines) and thick > 0.0:
         found.append(BallMeeting(label, names, solid.name, around, patch=False))

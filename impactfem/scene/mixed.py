@@ -12,7 +12,7 @@ from impactfem.scene.contacts import Contact
 from impactfem.scene.content import Body, Content
 from impactfem.scene.laws import side_of
 from impactfem.scene.pair_checks import check_laws
-from impactfem.scene.pairing import law_of, named_body_pairs, obstacles_of
+from impactfem.scene.pairing import named_body_pairs, obstacles_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -67,7 +67,7 @@ def check_dimensions(scene: Content) -> None:
 
 
 def _check_partners(scene: Content) -> None:
-    """Refuse contact of edges and faces with what has none, and friction of balls with waves."""
+    """Refuse contact of edges and faces with what has none."""
     bodies = {body.name: body for body in scene.bodies}
     for name, *sides in named_body_pairs(scene):
         one, two = (bodies[body] for body, _ in sides)
@@ -79,10 +79,6 @@ def _check_partners(scene: Content) -> None:
                 text += "only; remove it, and list the pairs that may meet by [[contact]]."
                 raise KeyedError("contact", "", what + text)
             _check_convex(body, what)
-            law = law_of(scene, one.name, two.name)
-            if body.rolls and other.waves and law is not None and law.friction_coefficient:
-                text = f"with friction, as {other.name} has waves; remove friction_coefficient."
-                raise KeyedError("contact", "", what + text)
     for body in (body for body in scene.bodies if body.has_corners):
         for obstacle in obstacles_of(scene, body.name):
             if obstacle.meets_corners:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from impactfem.scene import RigidBody, Scene
 from impactfem.scene.obstacles.rotation import gap_at
-from impactfem.scene.pairing import bodies_met, obstacles_of
+from impactfem.scene.pairing import bodies_met, friction_of, obstacles_of
 from impactfem.scene.rigid_keys import rotation
 from impactfem.system.convex import Convex
 from impactfem.system.few import FewBodies
@@ -84,7 +84,7 @@ class Rigid(FewBodies):
         arms: From the centre to the contact nodes along the axes of the body [m], (nodes, 3).
         meets: Contact nodes that meet a body or obstacle, by its name and the number of its face.
         rolling: Radius with which nodes roll [m], (nodes,): that of their balls but beside solids,
-            which they may touch at several places, without friction.
+            which they may touch at several places: followers carry the arms of these.
         rims: What of the nodes are places on circles around `arms`; None if nothing is.
         normals, lowest: Of what these may touch at t = 0, towards them, and their directions from
             the axis, (nodes, 3).
@@ -194,7 +194,7 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         for name, obstacle in obstacles.items()
         for face in range(1 if obstacle.other_gap(np.zeros((0, dim))) is None else 2)
     ]
-    waves = {other.name: other.waves for other in scene.bodies}
+    solids = {solid.name for solid in scene.solids}
     others = [(other, 0) for other in bodies_met(scene, body.name)]
     cornered = {other.name for other in scene.bodies if other.has_corners or body.has_corners}
     partners = list(dict.fromkeys([*faces, *(each for each in others if each[0] not in cornered)]))
@@ -208,12 +208,13 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
     meets |= dict.fromkeys(alike, own + count * len(partners))
     rolling = np.tile(form.radius, copies)
     for (name, _), nodes in meets.items():
-        rolling[nodes] *= not waves.get(name, False)
+        rolling[nodes] *= name not in solids
     arms = in_space(np.tile(form.nodes - center, (copies, 1)))
     radius = np.tile(form.radius, copies)
     count, shape = len(arms), None
     unit, markers = _MARKED * form.volume ** (1.0 / dim), _NONE
-    if len(meets) < len({*faces, *others}) or len(obstacles) < len(named):
+    rubs = body.rolls and any(friction_of(scene, body.name, name) for name in solids)
+    if rubs or len(meets) < len({*faces, *others}) or len(obstacles) < len(named):
         shape = _shape(body)
         markers = count + np.arange(1 + dim + dim * shape.rounds)
         arms = np.vstack([arms, np.zeros((len(markers), 3))])
