@@ -202,54 +202,35 @@ class BallPair:
         return np.where(met, side * length, np.inf), direction
 
 
-@dataclass(frozen=True)
-class RollingPair:
+@dataclass(frozen=True, kw_only=True)
+class RollingPair(BallPair):
     """A rigid ball on a surface that rubs: it is pushed where they touch.
 
     What touches is other material of the ball at each time, at an arm from its centre that does not
     turn with it. Nodes that follow the centre with arms along the axes of space carry that arm, as
     in `impactfem.contact.convex_pairs`. Both bodies are pushed at one place, so that friction keeps
-    their angular momentum. An arm along the normal changes no gap: they are those of `pair`.
+    their angular momentum. An arm along the normal changes no gap.
 
     Attributes:
-        pair: The ball, held off the surface.
         followers: What follows its centre among all contact nodes, one along each axis, (dim,).
         unit: Arm of these [m].
     """
 
-    pair: BallPair
     followers: Integers
     unit: float
-
-    follows = True
-    touch = 0.0
-    memory = NOTHING
-
-    def recall(self, memory: Floats) -> None:
-        """Nothing: it is looked at anew each time."""
 
     @property
     def nodes(self) -> Integers:
         """Places of all its nodes among all contact nodes."""
-        return np.concatenate([self.pair.nodes, self.followers])
-
-    @property
-    def thickness(self) -> float:
-        """See `BallPair.thickness`."""
-        return self.pair.thickness
-
-    @property
-    def count(self) -> int:
-        """Number of gaps."""
-        return self.pair.count
+        return np.concatenate([super().nodes, self.followers])
 
     def __call__(self, places: Floats, acting: Floats) -> Meeting:
         """How they meet with all contact nodes at some places (nodes, dim); see `BallPair`."""
-        met, dim = self.pair(places, acting), places.shape[1]
+        met, dim = super().__call__(places, acting), places.shape[1]
         # From the centre to what is met; gaps that meet nothing weigh nothing.
         shares = -(met.weights @ acting) / self.unit
         carried = np.hstack([shares, -shares.sum(axis=1, keepdims=True)])
-        nodes = np.append(self.followers, self.pair.balls)
+        nodes = np.append(self.followers, self.balls)
         ends = (dim + 1) * np.arange(self.count + 1)
         entries = carried.ravel(), np.tile(nodes, self.count), ends
         weights = met.weights + csr_matrix(entries, shape=met.weights.shape)

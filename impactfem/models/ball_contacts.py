@@ -239,12 +239,15 @@ def _on_solid(
     thick = float(ball.radius.min())
     around = BallPair(solid.nodes, none, ball.axis, total)
     target = Target.of_surface(solid.nodes, solid.surface)
-    places = BallPair(ball.nodes, ball.radius, target, total)
     if rubs and ball.followers is not None:
-        rolling = RollingPair(places, *ball.followers)
+        followers, unit = ball.followers
+        rolling = RollingPair(
+            ball.nodes, ball.radius, target, total, followers=followers, unit=unit
+        )
         return [BallMeeting(label, names, ball.name, rolling, patch=False)]
     if thick >= _RESOLVED * solid.size:
         return [BallMeeting(label, names, solid.name, around, patch=True)]
+    places = BallPair(ball.nodes, ball.radius, target, total)
     found = [BallMeeting(label, names, ball.name, places, patch=False)]
     if len(ball.lines) and thick > 0.0:
         found.append(BallMeeting(label, names, solid.name, around, patch=False))

@@ -277,8 +277,7 @@ def _with_size(scene: Scene, body: Any, factor: float, files: ExitStack) -> Any:
         path = Path(scene.folder or "", str(body.mesh))
         finer = files.enter_context(refined(MPI.COMM_WORLD, path, body.mesh_dim))
         return replace(body, mesh=finer)
-    balls = tuple(replace(ball, size=factor * ball.size) for ball in body.refine)
-    return replace(body, mesh_size=factor * body.mesh_size, **({"refine": balls} if balls else {}))
+    return body.with_elements(factor)
 
 
 def difference(fine: Track, coarse: Track, reference: str) -> Errors:

@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -49,7 +49,6 @@ class Plate(BodyKind):
     balls_only: ClassVar[bool] = True
     rubs: ClassVar[bool] = False
     meshed: ClassVar[bool] = True
-    refine: ClassVar[tuple[()]] = ()
     mesh_dim: ClassVar[int] = 2
 
     name: str = key(Name(), "name of the plate in histories", default="plate")
@@ -146,6 +145,10 @@ class Plate(BodyKind):
 
     def _fail(self, name: str, text: str) -> KeyedError:
         return KeyedError(self.kind, name, f" = {show(getattr(self, name))} {text}")
+
+    def with_elements(self, factor: float) -> Self:
+        """The same with elements so many times as large, of one that has a `mesh_size`."""
+        return replace(self, mesh_size=factor * (self.mesh_size or 0.0))
 
     @property
     def least_width(self) -> float:

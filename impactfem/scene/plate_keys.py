@@ -1,6 +1,6 @@
 """Tables inside that of a plate: its outline, how edges are held, pressures on its faces."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -12,10 +12,12 @@ from impactfem.scene.formula import Formula
 from impactfem.scene.inline import ListOf, Vector
 from impactfem.scene.kinds import Choice, FormulaOf, Real
 from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.shapes import Block, Disc, Ring
 from impactfem.scene.values import show
 
 EDGE_SUPPORTS = ("clamped", "simply_supported", "soft_support", "free")
-FACES = ("top", "bottom")
+FACES: Mapping[str, float] = {"top": -1.0, "bottom": 1.0}
+"""Which way along the normal a pressure on a face pushes."""
 
 
 @table('outline = { kind = "rectangle" }')
@@ -36,14 +38,15 @@ class RectangleOutline:
         check_fields(self, self.kind)
 
     @property
+    def shape(self) -> Block:
+        """The same as that of a solid."""
+        a, b = self.size
+        return Block(size=(a, b), corner=(-0.5 * a, -0.5 * b))
+
+    @property
     def extent(self) -> tuple[float, float]:
         """Least and largest width [m]."""
         return min(self.size), max(self.size)
-
-    @property
-    def area(self) -> float:
-        """[m^2]."""
-        return self.size[0] * self.size[1]
 
 
 @table('outline = { kind = "disc" }')
@@ -64,14 +67,14 @@ class DiscOutline:
         check_fields(self, self.kind)
 
     @property
+    def shape(self) -> Disc:
+        """The same as that of a solid."""
+        return Disc(radius=self.radius)
+
+    @property
     def extent(self) -> tuple[float, float]:
         """Least and largest width [m]."""
         return 2.0 * self.radius, 2.0 * self.radius
-
-    @property
-    def area(self) -> float:
-        """[m^2]."""
-        return float(np.pi * self.radius**2)
 
 
 @table('outline = { kind = "ring" }')
@@ -96,14 +99,14 @@ class RingOutline:
             raise KeyedError(self.kind, "inner_radius", f"{text}one.")
 
     @property
+    def shape(self) -> Ring:
+        """The same as that of a solid."""
+        return Ring(inner_radius=self.inner_radius, radius=self.radius)
+
+    @property
     def extent(self) -> tuple[float, float]:
         """Least and largest width [m]."""
         return self.radius - self.inner_radius, 2.0 * self.radius
-
-    @property
-    def area(self) -> float:
-        """[m^2]."""
-        return float(np.pi * (self.radius - self.inner_radius) * (self.radius + self.inner_radius))
 
 
 @table('outline = { kind = "polygon" }')
@@ -116,6 +119,7 @@ class PolygonOutline:
     """
 
     kind: ClassVar[str] = "polygon"
+    shape: ClassVar[None] = None
 
     points: Sequence[Sequence[float]] = key(
         ListOf(Vector((2,)), at_least=3), "corners in their order, from the centre", unit="m"
@@ -156,11 +160,6 @@ class PolygonOutline:
         """Least and largest width [m], about."""
         width = float(np.ptp(self.corners, axis=0).max())
         return abs(self.signed_area) / width, width
-
-    @property
-    def area(self) -> float:
-        """[m^2]."""
-        return abs(self.signed_area)
 
 
 def _cross(corners: NDArray[np.float64], i: int, j: int) -> bool:
@@ -206,7 +205,7 @@ class FacePressure:
         SceneError: a value is not allowed.
     """
 
-    face: str = key(Choice(FACES), "on which face it pushes")
+    face: str = key(Choice(tuple(FACES)), "on which face it pushes")
     value: Formula = key(  # noqa: RUF009  # a field
         FormulaOf(("x", "y", "t")), "pressure; x and y in the plate, from its centre", unit="Pa"
     )

@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 from impactfem.scene.body import BodyKind, Solver
 from impactfem.scene.boundary import (
@@ -207,6 +207,11 @@ class SolidKeys(BodyKind):
     def mesh_dim(self) -> int:
         """Dimension of its elements."""
         return self.dim
+
+    def with_elements(self, factor: float) -> Self:
+        """The same with elements so many times as large, of one that has a `mesh_size`."""
+        balls = tuple(replace(ball, size=factor * ball.size) for ball in self.refine)
+        return replace(self, mesh_size=factor * (self.mesh_size or 0.0), refine=balls)
 
     @property
     def is_plane(self) -> bool:

@@ -218,11 +218,6 @@ class ElasticBar(FewBodies):
         return self.bar.density * self.bar.area * self.bar.wave_speed
 
     @property
-    def shared(self) -> Integers:
-        """Of contact nodes how many from there on other balls share, 0: none do, (nodes,)."""
-        return np.zeros(len(self.radius), dtype=np.int64)
-
-    @property
     def facing(self) -> Floats:
         """The near end looks back, the far end ahead."""
         return np.array([-1.0, 1.0])

@@ -10,8 +10,6 @@ So K = T^T K_b T with the bending form K_b on quadratic slopes and a sparse T. S
 K.-J. Bathe, L.-W. Ho, Int. J. Numer. Meth. Eng. 15 (1980) 1771-1812.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
@@ -54,40 +52,6 @@ def kirchhoff_stiffness(
     return csr_matrix(edge_map.T @ plain @ edge_map)
 
 
-def _edge_map(points: Floats, cells: Integers, nodes: Integers) -> csr_matrix:
-    """T: quadratic slopes, by their nodes (cells, 6), of the degrees of freedom of vertices."""
-    rows: list[Any] = []
-    columns: list[Any] = []
-    values: list[Any] = []
-
-    def put(row: Integers, column: Integers, value: Floats) -> None:
-        rows.append(row)
-        columns.append(column)
-        values.append(np.broadcast_to(value, row.shape))
-
-    at, first = np.unique(nodes[:, :3], return_index=True)
-    vertex = cells.ravel()[first]
-    for axis in range(2):
-        put(2 * at + axis, DOFS * vertex + 1 + axis, np.ones(1))
-    ends = np.concatenate([cells[:, pair] for pair in _EDGES])
-    at, first = np.unique(nodes[:, 3:].T, return_index=True)
-    one, two = ends[first].T
-    way = points[two] - points[one]
-    length = np.linalg.norm(way, axis=1)
-    s = way / length[:, None]
-    for axis in range(2):
-        row = 2 * at + axis
-        put(row, DOFS * two, 1.5 / length * s[:, axis])
-        put(row, DOFS * one, -1.5 / length * s[:, axis])
-        for other in range(2):
-            share = 0.5 * float(axis == other) - 0.75 * s[:, axis] * s[:, other]
-            for end in (one, two):
-                put(row, DOFS * end + 1 + other, share)
-    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-    shape = 2 * (int(nodes.max()) + 1), DOFS * len(points)
-    return csr_matrix(coo_matrix(entries, shape=shape))
-
-
 def curvatures(points: Floats, cells: Integers) -> csr_matrix:
     """Curvatures w_xx, w_yy and 2 w_xy of vertices by degrees of freedom, 3 rows each [1/m].
 
@@ -97,30 +61,78 @@ def curvatures(points: Floats, cells: Integers) -> csr_matrix:
         points: Vertices [m], (vertices, 2).
         cells: Triangles, (cells, 3).
     """
-    count = len(cells)
-    nodes = 6 * np.arange(count)[:, None] + np.arange(6)  # slopes of each triangle of its own
     corners = points[cells]
-    edges = corners[:, 1:] - corners[:, :1]
-    inverse = np.linalg.inv(edges)  # columns are gradients of barycentric coordinates 1 and 2
-    rising = np.stack([-inverse.sum(axis=2), inverse[:, :, 0], inverse[:, :, 1]], axis=1)
-    area = 0.5 * np.abs(np.linalg.det(edges))
+    edges = (corners[:, 1:] - corners[:, :1]).swapaxes(1, 2)
+    inverse, area = np.linalg.inv(edges), 0.5 * np.abs(np.linalg.det(edges))
+    # Gradients of the linear functions of the corners.
+    rising = np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
     around = np.bincount(cells.ravel(), np.repeat(area, 3), len(points))
-    rows: list[Any] = []
-    columns: list[Any] = []
-    values: list[Any] = []
+    slopes, count = _slopes(corners), len(cells)
+    bent = np.empty((count, 3, 3, 3 * DOFS))  # of triangles at their corners
     for corner in range(3):
         # Derivatives there of the quadratic functions of vertices, then of the edges' middles.
-        slope = [(3.0 if k == corner else -1.0) * rising[:, k] for k in range(3)]
-        for a, b in _EDGES:
-            share = 4.0 * float(corner in (a, b))
-            slope.append(share * rising[:, b if a == corner else a])
-        weight = (area / around[cells[:, corner]])[:, None]
-        for node in range(6):
-            across = weight * slope[node]
-            for row, axis, part in ((0, 0, 0), (1, 1, 1), (2, 0, 1), (2, 1, 0)):
-                rows.append(3 * cells[:, corner] + row)
-                columns.append(2 * nodes[:, node] + axis)
-                values.append(across[:, part])
-    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-    shape = 3 * len(points), 12 * count
-    return csr_matrix(coo_matrix(entries, shape=shape)) @ _edge_map(points, cells, nodes)
+        shapes = np.zeros((count, 6, 2))
+        shapes[:, :3] = -rising
+        shapes[:, corner] = 3.0 * rising[:, corner]
+        for k, pair in enumerate(_EDGES):
+            if corner in pair:
+                shapes[:, 3 + k] = 4.0 * rising[:, sum(pair) - corner]
+        each = np.einsum("cna,cnbd->cabd", shapes, slopes)
+        each *= (area / around[cells[:, corner]])[:, None, None, None]
+        bent[:, corner] = np.stack(
+            [each[:, 0, 0], each[:, 1, 1], each[:, 0, 1] + each[:, 1, 0]], axis=1
+        )
+    own = _freedoms(cells)
+    size = DOFS * len(points)
+    return _assembled(bent.reshape(count, 9, -1), own, own, (size, size))
+
+
+def _edge_map(points: Floats, cells: Integers, nodes: Integers) -> csr_matrix:
+    """T: quadratic slopes, by their nodes (cells, 6), of the degrees of freedom of vertices."""
+    slopes = _slopes(points[cells])
+    _, first = np.unique(nodes, return_index=True)  # neighbours have the same ones
+    chosen = np.zeros(nodes.size, dtype=bool)
+    chosen[first] = True
+    slopes *= chosen.reshape(*nodes.shape, 1, 1)
+    rows = (2 * nodes[:, :, None] + np.arange(2)).reshape(len(cells), -1)
+    shape = 2 * (int(nodes.max()) + 1), DOFS * len(points)
+    return _assembled(slopes.reshape(len(cells), 12, -1), rows, _freedoms(cells), shape)
+
+
+def _slopes(corners: Floats) -> Floats:
+    """Slopes at the nodes of elements by their degrees of freedom, (cells, 6, 2, 9).
+
+    Args:
+        corners: (cells, 3, 2).
+    """
+    found = np.zeros((len(corners), 6, 2, 3 * DOFS))
+    for corner in range(3):
+        for axis in range(2):
+            found[:, corner, axis, DOFS * corner + 1 + axis] = 1.0
+    for k, (one, two) in enumerate(_EDGES):
+        way = corners[:, two] - corners[:, one]
+        length = np.linalg.norm(way, axis=1)[:, None]
+        s = way / length
+        found[:, 3 + k, :, DOFS * two] = 1.5 / length * s
+        found[:, 3 + k, :, DOFS * one] = -1.5 / length * s
+        share = 0.5 * np.eye(2) - 0.75 * s[:, :, None] * s[:, None, :]
+        for end in (one, two):
+            found[:, 3 + k, :, DOFS * end + 1 : DOFS * end + 3] = share
+    return found
+
+
+def _freedoms(cells: Integers) -> Integers:
+    """Degrees of freedom of the corners of elements, (cells, 9)."""
+    return (DOFS * cells[:, :, None] + np.arange(DOFS)).reshape(len(cells), -1)
+
+
+def _assembled(
+    values: Floats, rows: Integers, columns: Integers, shape: tuple[int, int]
+) -> csr_matrix:
+    """Sum of matrices of elements (cells, m, n), at rows (cells, m) and columns (cells, n)."""
+    row, column = (
+        np.broadcast_to(each, values.shape) for each in (rows[:, :, None], columns[:, None])
+    )
+    found = csr_matrix(coo_matrix((values.ravel(), (row.ravel(), column.ravel())), shape=shape))
+    found.eliminate_zeros()
+    return found

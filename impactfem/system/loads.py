@@ -19,9 +19,11 @@ _AXES = "xyz"
 
 
 class FormulaValues:
-    """A formula of place and time at some places of a surface."""
+    """A formula of place and time at some places of a surface, or of another whole."""
 
-    def __init__(self, formula: Formula, label: str, places: Floats, comm: Any) -> None:
+    def __init__(
+        self, formula: Formula, label: str, places: Floats, comm: Any, whole: str = "surface"
+    ) -> None:
         """Take the places of this rank.
 
         Args:
@@ -29,8 +31,9 @@ class FormulaValues:
             label: What it is, for messages.
             places: [m], shape (count, dim).
             comm: MPI communicator.
+            whole: Of what the places are, for messages.
         """
-        self._formula, self._label, self._comm = formula, label, comm
+        self._formula, self._label, self._comm, self._whole = formula, label, comm, whole
         self._points = dict(zip(_AXES, np.ascontiguousarray(places.T), strict=False))
 
     @property
@@ -53,7 +56,8 @@ class FormulaValues:
                 place = ", ".join(f"{x[bad[0]]:g}" for x in self._points.values())
                 error = SceneError(
                     f"the {self._label} = {self._formula.text!r} has no finite value at ({place}), "
-                    f"t = {t:g} s; give a formula that is finite on the whole surface"
+                    f"t = {t:g} s; give a formula that is finite on the whole "
+                    f"{self._whole}"
                 )
             fem.raise_together(self._comm, error)
         return values

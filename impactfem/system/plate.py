@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import eigsh, splu
 
-from impactfem.errors import MeshError, SceneError
-from impactfem.scene import Scene
+from impactfem import fem
+from impactfem.errors import MeshError
+from impactfem.scene import Formula, Scene
 from impactfem.scene.plate import Plate
+from impactfem.scene.plate_keys import FACES
 from impactfem.system.few import FewBodies
 from impactfem.system.kirchhoff import DOFS, curvatures, kirchhoff_stiffness
+from impactfem.system.loads import FormulaValues
 from impactfem.system.plate_mesh import (
     Booleans,
     PlateMesh,
@@ -45,6 +48,7 @@ class ThinPlate(FewBodies):
         light: Which of q have no mass, (d,).
         node_mass: Of the vertices, after what touches gave its away [kg], (vertices,).
         transfer: P of `mass_to_neighbours`, by which loads move too; (vertices, vertices).
+        loads: Pressures at the vertices, and which way along the normal they push.
         curved: `curvatures` of the vertices by q, (3 vertices, d).
         enclosed: Whether all of its outline is held.
         touch: Vertices that may touch, (count,); `lines` are triangles between them, for balls.
@@ -59,6 +63,7 @@ class ThinPlate(FewBodies):
     node_mass: Floats
     transfer: csr_matrix
     touch: Integers
+    loads: tuple[tuple[float, FormulaValues], ...]
     curved: csr_matrix
     enclosed: bool
 
@@ -100,23 +105,14 @@ class ThinPlate(FewBodies):
     def pressure(self, t: float) -> Floats:
         """Forces of the pressures along the normal on all vertices [N], (vertices,)."""
         found = np.zeros(len(self.mesh.points))
-        x, y = self.mesh.points.T
-        for load in self.plate.pressures:
-            values = load.value(x=x, y=y, t=t) + np.zeros(len(found))
-            if not np.isfinite(values).all():
-                bad = int(np.argmin(np.isfinite(values)))
-                raise SceneError(
-                    f"body {self.plate.name}: the pressure {load.value.text!r} on its {load.face} "
-                    f"is {values[bad]:g} at x = {x[bad]:g}, y = {y[bad]:g}, t = {t:g}; give a "
-                    "formula that is finite on the whole plate"
-                )
-            found += (-1.0 if load.face == "top" else 1.0) * (self.mesh.shares @ values)
+        for sign, values in self.loads:
+            found += sign * (self.mesh.shares @ values.at(t))
         return found
 
     @property
     def is_steady(self) -> bool:
         """Whether the pressures stay as they are."""
-        return not any("t" in load.value.used for load in self.plate.pressures)
+        return all(values.is_steady for _, values in self.loads)
 
 
 def plate_system(scene: Scene, plate: Plate) -> ThinPlate:
@@ -161,11 +157,14 @@ def discretised(plate: Plate, mesh: PlateMesh, *, touches: bool) -> ThinPlate:
     massless = ~deflected | np.isin(vertex, light)
     center, axes = plate.frame
     start = center + mesh.points @ axes[:2]
-    x, y = mesh.points.T
-    u, v = (
-        _at_start(plate, name, np.asarray(getattr(plate, name)(x=x, y=y)) + np.zeros(count), mesh)
-        for name in ("displacement", "velocity")
-    )
+
+    def values(formula: Formula, label: str) -> FormulaValues:
+        return FormulaValues(
+            formula, f"{label} of {plate.name}", mesh.points, fem.MPI.COMM_SELF, "plate"
+        )
+
+    u = values(plate.displacement, "displacement").at(0.0)
+    v = values(plate.velocity, "velocity").at(0.0).copy()
     v[still] = 0.0
     v = np.asarray(transfer @ v)  # of what has no mass the mean of its neighbours
     position = np.zeros(basis.shape[1])
@@ -205,6 +204,10 @@ def discretised(plate: Plate, mesh: PlateMesh, *, touches: bool) -> ThinPlate:
         node_mass=mass,
         transfer=transfer,
         touch=touch,
+        loads=tuple(
+            (FACES[load.face], values(load.value, f"pressure on the {load.face}"))
+            for load in plate.pressures
+        ),
         curved=csr_matrix(curvatures(mesh.points, mesh.cells) @ basis),
         enclosed=bool(still[mesh.rim].all()),
     )
@@ -235,22 +238,6 @@ def _basis(still: Booleans, ways: list[list[Floats]]) -> tuple[csr_matrix, Boole
     shape = DOFS * len(still), len(vertices)
     basis = csr_matrix(coo_matrix((values, (rows, columns)), shape=shape))
     return basis, np.array(deflected, dtype=bool), np.array(vertices, dtype=np.int64)
-
-
-def _at_start(plate: Plate, name: str, values: Floats, mesh: PlateMesh) -> Floats:
-    """Values of a formula at the vertices at t = 0.
-
-    Raises:
-        SceneError: One is not finite.
-    """
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
-        place = ", ".join(f"{c:g}" for c in mesh.points[bad[0]])
-        raise SceneError(
-            f"body {plate.name}: {name} = {getattr(plate, name).text!r} is {values[bad[0]]} at "
-            f"({place}); give a formula that is finite on the whole plate"
-        )
-    return values.copy()
 
 
 def frequencies(stiffness: csr_matrix, mass: Floats, count: int) -> Floats:

@@ -20,8 +20,7 @@ from impactfem.mesh.outline import NEAR, Frame, Outline, Plane, Polygon
 from impactfem.mesh.raw import RawMesh
 from impactfem.mesh.shapes import drawn_mesh, shape_mesh
 from impactfem.scene.plate import Plate
-from impactfem.scene.plate_keys import PolygonOutline, RectangleOutline, RingOutline
-from impactfem.scene.shapes import Block, Disc, Ring
+from impactfem.scene.plate_keys import PolygonOutline
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -50,24 +49,22 @@ class PlateMesh:
         one, two = (self.points[self.cells[:, k]] - self.points[self.cells[:, 0]] for k in (1, 2))
         return np.asarray(0.5 * np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]))
 
-    @cached_property
-    def shares(self) -> csr_matrix:
-        """Integrals of products of linear functions [m^2], (vertices, vertices)."""
-        each = self.areas[:, None, None] * (np.ones((3, 3)) + np.eye(3)) / 12.0
+    def _coupled(self, each: Floats) -> csr_matrix:
+        """Sums of what each triangle has of its corners, (cells, 3, 3): (vertices, vertices)."""
         rows = np.repeat(self.cells, 3, axis=1).ravel()
         columns = np.tile(self.cells, (1, 3)).ravel()
         count = len(self.points)
         return csr_matrix(coo_matrix((each.ravel(), (rows, columns)), shape=(count, count)))
 
     @cached_property
+    def shares(self) -> csr_matrix:
+        """Integrals of products of linear functions [m^2], (vertices, vertices)."""
+        return self._coupled(self.areas[:, None, None] * (np.ones((3, 3)) + np.eye(3)) / 12.0)
+
+    @cached_property
     def neighbours(self) -> csr_matrix:
         """How many triangles each two vertices share, without themselves, (vertices, vertices)."""
-        found = self.shares.copy()
-        found.data[:] = 0.0
-        ones = np.ones(9 * len(self.cells))
-        rows = np.repeat(self.cells, 3, axis=1).ravel()
-        columns = np.tile(self.cells, (1, 3)).ravel()
-        found = csr_matrix(coo_matrix((ones, (rows, columns)), shape=found.shape))
+        found = self._coupled(np.ones((len(self.cells), 3, 3)))
         found.setdiag(0.0)
         found.eliminate_zeros()
         found.sort_indices()
@@ -119,14 +116,9 @@ def _made(plate: Plate, folder: Path) -> RawMesh:
 
 def _drawn(outline: Any, size: float) -> RawMesh:
     """Triangles in an outline about the origin."""
-    if isinstance(outline, PolygonOutline):
+    if outline.shape is None:
         return drawn_mesh(_polygon(outline), size)
-    if isinstance(outline, RectangleOutline):
-        a, b = outline.size
-        return shape_mesh(Block(size=(a, b), corner=(-0.5 * a, -0.5 * b)), size)
-    if isinstance(outline, RingOutline):
-        return shape_mesh(Ring(inner_radius=outline.inner_radius, radius=outline.radius), size)
-    return shape_mesh(Disc(radius=outline.radius), size)
+    return shape_mesh(outline.shape, size)
 
 
 @dataclass(frozen=True)
