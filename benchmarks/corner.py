@@ -8,7 +8,6 @@ from the vertex (e = 1); the limits of the undamped penalty method, starts (0, -
 the limit of the over-damped one, alpha = 1.5.
 """
 
-import argparse
 import csv
 import math
 from collections.abc import Callable
@@ -21,7 +20,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from penalty import PenaltySettings, integrate_penalty
 from scipy.integrate import solve_ivp
-from stamp import write_stamp
+from stamp import study_arguments, write_stamp
 
 from impactfem.system.generalized import LinearSystem
 from impactfem.vibro.event_driven import EventSettings, integrate_events
@@ -152,11 +151,7 @@ def _axes(theta: float) -> tuple[Floats, Floats]:
 
 def main() -> None:
     """Run the studies and write tables and pictures."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    root = Path(__file__).parent
-    parser.add_argument("--results", type=Path, default=root / "results")
-    parser.add_argument("--images", type=Path, default=root.parent / "docs" / "images")
-    arguments = parser.parse_args()
+    arguments = study_arguments(__doc__).parse_args()
     damped = overdamped()
     third, right, fifths = 2 * math.pi / 3, math.pi / 2, 2 * math.pi / 5
     arcs = {"2pi/3": arc(third), "pi/2": arc(right), "2pi/5": arc(fifths)}

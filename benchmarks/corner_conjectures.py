@@ -11,10 +11,8 @@ are kept apart by 0.2 s: what is left of one dies out as exp(-0.38 sqrt(k) t), a
 meets the vertex before is one that starts beside it, of which the paper says nothing.
 """
 
-import argparse
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from corner import corner
@@ -22,7 +20,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from penalty import PenaltySettings, integrate_penalty
-from stamp import write_stamp
+from stamp import study_arguments, write_stamp
 
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
@@ -153,11 +151,7 @@ def _spatial(rng: np.random.Generator) -> list[Case]:
 
 def main() -> None:
     """Run all and write the table and the picture."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    folder = Path(__file__).parent
-    parser.add_argument("--results", type=Path, default=folder / "results")
-    parser.add_argument("--images", type=Path, default=folder.parent / "docs" / "images")
-    arguments = parser.parse_args()
+    arguments = study_arguments(__doc__).parse_args()
     every, found = cases(), {}
     for case in every:
         found[case.name] = np.array([measure(case, k) for k in STIFFNESSES])

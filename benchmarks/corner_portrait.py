@@ -12,10 +12,8 @@ with E = v1 v2 / (xi1 - xi2) and epsilon = exp((xi2 - xi1) t0 sqrt(k)). (The pri
 E (1 - epsilon)^2 over R^3; the radial force of a motion with R^2 Theta' = G is G^2 / R^3.)
 """
 
-import argparse
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from corner import THROWN, corner
@@ -24,7 +22,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 from penalty import PenaltySettings, integrate_penalty
 from scipy.integrate import solve_ivp
-from stamp import write_stamp
+from stamp import study_arguments, write_stamp
 
 Floats = NDArray[np.float64]
 
@@ -141,11 +139,7 @@ def facts(alpha: float, slide: float) -> list[float]:
 
 def main() -> None:
     """Write the table and the picture."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    root = Path(__file__).parent
-    parser.add_argument("--results", type=Path, default=root / "results")
-    parser.add_argument("--images", type=Path, default=root.parent / "docs" / "images")
-    arguments = parser.parse_args()
+    arguments = study_arguments(__doc__).parse_args()
     lines = [
         "alpha = 1.5, v = (0.6, 0.8):", "",
         "| t0 sqrt(k) | η | (20) off by | A2 off by | top R / Rc | turn [°], τ = η | top | back |",

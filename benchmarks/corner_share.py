@@ -21,10 +21,8 @@ of those that move for a time T. Both vanish as k grows: the first conjecture of
 (2000), section 3.1, for polygons.
 """
 
-import argparse
 import math
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 from corner import corner
@@ -33,7 +31,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from penalty import PenaltySettings, follow
 from scipy.optimize import brentq
-from stamp import write_stamp
+from stamp import study_arguments, write_stamp
 
 from impactfem.system.generalized import LinearSystem
 
@@ -136,10 +134,7 @@ def sampled_triangle(k: float, runs: int, rng: np.random.Generator) -> Floats:
 
 def main() -> None:
     """Measure widths and shares, write the tables and the picture."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    folder = Path(__file__).parent
-    parser.add_argument("--results", type=Path, default=folder / "results")
-    parser.add_argument("--images", type=Path, default=folder.parent / "docs" / "images")
+    parser = study_arguments(__doc__)
     parser.add_argument("--runs", type=int, default=1000)
     arguments = parser.parse_args()
     rng = np.random.default_rng(1)

@@ -7,7 +7,6 @@ t = 2.5. The residual factor is max u - min u over the last six forcing periods,
 impact detection. Source: Paoli and Schatzman (2000), section 5, figures 4 to 7.
 """
 
-import argparse
 import csv
 import math
 import time
@@ -18,7 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from penalty import PenaltySettings, integrate_penalty
 from plain_penalty import integrate_plainly
-from stamp import write_stamp
+from stamp import study_arguments, write_stamp
 
 from impactfem.result.trajectory import Trajectory
 from impactfem.scene.signal import Signal
@@ -91,11 +90,7 @@ def penalise(
 
 def main() -> None:
     """Run the study and write tables and pictures."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    root = Path(__file__).parent
-    parser.add_argument("--results", type=Path, default=root / "results")
-    parser.add_argument("--images", type=Path, default=root.parent / "docs" / "images")
-    arguments = parser.parse_args()
+    arguments = study_arguments(__doc__).parse_args()
     exact = detect()
     rows, plain = study(exact)
     amplitudes = other_amplitudes()

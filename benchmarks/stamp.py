@@ -37,6 +37,15 @@ def processor() -> str:
     return names[0] if names else platform.machine()
 
 
+def study_arguments(description: str | None) -> argparse.ArgumentParser:
+    """Where a study writes its tables and pictures: options --results and --images."""
+    parser = argparse.ArgumentParser(description=description)
+    images = RESULTS.parents[1] / "docs" / "images"
+    parser.add_argument("--results", type=Path, default=RESULTS)
+    parser.add_argument("--images", type=Path, default=images)
+    return parser
+
+
 def stamp(note: str = "") -> dict[str, Any]:
     """Date, machine, load and versions of a measurement that ends now, and a note on it."""
     facts: dict[str, Any] = {

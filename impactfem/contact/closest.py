@@ -29,6 +29,21 @@ def closest_shares(points: Floats, simplices: Floats) -> Floats:
     return _on_triangles(points, simplices)
 
 
+def shares_inside(point: Floats, simplices: Floats) -> Floats:
+    """Weights of the corners that give a place, below 0 where it lies beyond their side.
+
+    Args:
+        point: Shape (dim,).
+        simplices: Triangles in the plane or tetrahedra, flat ones too, (simplices, dim + 1, dim).
+
+    Returns:
+        Shape (simplices, corners).
+    """
+    edges = (simplices[:, 1:] - simplices[:, :1]).swapaxes(1, 2)
+    others = (np.linalg.pinv(edges) @ (point - simplices[:, 0])[:, :, None])[:, :, 0]
+    return np.hstack([1.0 - others.sum(axis=1, keepdims=True), others])
+
+
 def _on_lines(points: Floats, lines: Floats) -> Floats:
     along = lines[:, 1] - lines[:, 0]
     square = np.maximum(np.einsum("sd,sd->s", along, along), _TINY)

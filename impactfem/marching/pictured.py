@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.closest import shares_inside
 from impactfem.marching.few import FewInterior
 from impactfem.result.shapes import TETRAHEDRON, TRIANGLE, Shape
 
@@ -34,11 +35,7 @@ class Pictured(FewInterior):
         """Corners of the cell of its picture around a place, or of the nearest one."""
         places, cells = self.material(body), self._cells + len(self._start)
         if len(cells):
-            corners = places[cells]
-            edges = (corners[:, 1:] - corners[:, :1]).swapaxes(1, 2)
-            # A cell may be flat.
-            others = (np.linalg.pinv(edges) @ (point - corners[:, 0])[:, :, None])[:, :, 0]
-            shares = np.hstack([1.0 - others.sum(axis=1, keepdims=True), others])
+            shares = shares_inside(point, places[cells])
             at = int(np.argmax(shares.min(axis=1)))
             if shares[at].min() >= -(_ROUND if self.bodies.radius.any() else _NEAR):
                 return cells[at], shares[at], True

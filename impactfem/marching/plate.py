@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse import diags
 from scipy.sparse.linalg import splu
 
+from impactfem.contact.closest import shares_inside
 from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS, Finding, by_limits, percent
 from impactfem.marching.few import FewInterior
 from impactfem.marching.layers import Sums
@@ -238,10 +239,7 @@ class PlateMidpoint(FewInterior):
         center, axes = self.bodies.plate.frame
         mesh = self.bodies.mesh
         x, y, off = axes @ (point - center)
-        corners = mesh.points[mesh.cells]
-        edges = (corners[:, 1:] - corners[:, :1]).swapaxes(1, 2)
-        others = np.linalg.solve(edges, (np.array([x, y]) - corners[:, 0])[:, :, None])[:, :, 0]
-        shares = np.hstack([1.0 - others.sum(axis=1, keepdims=True), others])
+        shares = shares_inside(np.array([x, y]), mesh.points[mesh.cells])
         at = int(np.argmax(shares.min(axis=1)))
         inside = abs(off) <= 0.5 * self.bodies.plate.thickness * (1.0 + _NEAR)
         if inside and shares[at].min() >= -_NEAR:

@@ -24,7 +24,7 @@ from impactfem.marching.rigid_kernels import (
     turned,
     turned_further,
 )
-from impactfem.marching.rigid_sums import no_sums, sums_of
+from impactfem.marching.rigid_sums import about_axes, applied, no_sums, sums_of
 from impactfem.scene import PiecewiseVector
 from impactfem.system.rigid import Rigid, in_space
 
@@ -75,7 +75,7 @@ class RigidBodies(Meshless):
         self._loads = np.zeros((2, len(bodies), 3))
         q, v = (np.array([getattr(e, name) for e in bodies]) for name in ("position", "velocity"))
         self._centre, self._angles = in_space(q[:, :dim]), q[:, dim:].copy()
-        self._speed, self._spin = in_space(v[:, :dim]), _last(v[:, dim:])
+        self._speed, self._spin = in_space(v[:, :dim]), about_axes(v[:, dim:])
         self._first = self._centre.copy()
         # Of what rims touch, and where on them.
         self._normals = np.concatenate([each.normals for each in bodies])
@@ -125,7 +125,7 @@ class RigidBodies(Meshless):
     def _velocities(self, rotations: Floats, rates: tuple[Floats, Floats], arms: Floats) -> Floats:
         """Of places of the bodies with arms in space (nodes, 3) [m/s], (nodes, dim)."""
         speeds, spins = rates
-        whirl = (rotations @ spins[:, :, None])[:, :, 0]
+        whirl = applied(rotations, spins)
         return np.asarray(carried(speeds[None], whirl[None], self.apart, arms, self._dim)[0])
 
     @property
@@ -201,10 +201,14 @@ class RigidBodies(Meshless):
         dt = self.dt
         for k, loads in self._driven:
             mean = 0.5 * (self._speed[k] + self._speed_ahead[k])
-            whirl = self._turn[k] @ (0.5 * (self._spin[k] + self._spin_ahead[k]))
-            self._loads[:, k] = loads(self._time, self._centre[k] + 0.5 * dt * mean, mean, whirl)
+            place = self._centre[k] + 0.5 * dt * mean
+            self._loads[:, k] = loads(self._time, place, mean, self._whirl(k))
         force, moment = self._loads
         return dt * (force + self._weight) + self._pushed, dt * moment + self._turned
+
+    def _whirl(self, body: int | slice = slice(None)) -> Floats:
+        """Mean spins of the layer in space, (3,) or (bodies, 3)."""
+        return applied(self._turn[body], 0.5 * (self._spin[body] + self._spin_ahead[body]))
 
     def take(
         self, speeds: Floats, spins: Floats, halves: Floats, ends: Floats, middles: Floats,
@@ -280,7 +284,7 @@ class RigidBodies(Meshless):
         towards = in_space(normals)
         self._offset = self._following - self._roll * towards
         self.acting = self._amid + self._around(self._middle) + self._offset
-        spins = (self._turn @ (0.5 * (self._spin + self._spin_ahead))[:, :, None])[:, :, 0]
+        spins = self._whirl()
         beyond = self._around(self._middle) + self._offset
         moved = self._around(self.end) - self._begun
         none = np.zeros_like(spins[None])
@@ -297,7 +301,7 @@ class RigidBodies(Meshless):
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Displacements of the contact nodes by several forces; nothing is massless."""
         wrench = self.wrenches(forces)
-        whirl = (self.freedom @ wrench[..., 3:, None])[..., 0]
+        whirl = applied(self.freedom, wrench[..., 3:])
         speeds = wrench[..., :3] / self._mass
         moved = carried(speeds, whirl, self.apart, self.acting, self._dim)
         return 0.5 * self.dt**2 * moved, np.zeros_like(forces)
@@ -333,15 +337,15 @@ class RigidBodies(Meshless):
         """Spins of nodes at both ends of the layer without contact forces [rad/s]."""
         first = 2 * (3 - self._dim)
         before, after = (
-            (rotations @ spins[:, :, None])[:, first:, 0]
+            applied(rotations, spins)[:, first:]
             for rotations, spins in ((self._turn, self._spin), (self.end, self._spin_ahead))
         )
         return before[self.apart], after[self.apart]
 
     def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
         """Displacements and turns of nodes by several moments on them; see `Rolling`."""
-        whole, first = _last(self._on_bodies(moments)), 2 * (3 - self._dim)
-        turns = 0.5 * self.dt**2 * (self.freedom @ whole[..., None])[..., 0]
+        whole, first = about_axes(self._on_bodies(moments)), 2 * (3 - self._dim)
+        turns = 0.5 * self.dt**2 * applied(self.freedom, whole)
         moved = carried(np.zeros_like(turns), turns, self.apart, self.acting, self._dim)
         return moved, turns[:, self.apart, first:]
 
@@ -357,7 +361,7 @@ class RigidBodies(Meshless):
 
     def whirl(self, moments: Floats) -> Integers:
         """Add the impulses of moments (bodies, turns), to be solved for; on which bodies."""
-        self._turned = self._turned + self.dt * _last(moments)
+        self._turned = self._turned + self.dt * about_axes(moments)
         return np.flatnonzero(moments.any(axis=1))
 
     def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
@@ -365,8 +369,7 @@ class RigidBodies(Meshless):
         work, mean = np.zeros(len(self._mass)), 0.5 * (self._speed + self._speed_ahead)
         for k, _ in self._driven:
             force, moment = self._loads[:, k]
-            whirl = self._turn[k] @ (0.5 * (self._spin[k] + self._spin_ahead[k]))
-            work[k] = self.dt * float(force @ mean[k] + moment @ whirl)
+            work[k] = self.dt * float(force @ mean[k] + moment @ self._whirl(k))
         self._centre = self._centre + self.dt * mean
         self._angles = turned_further(self._angles, self._half)
         self._speed, self._spin = self._leaving or self.rates_ahead
@@ -391,9 +394,3 @@ class RigidBodies(Meshless):
 
 
 _NOWHERE = np.zeros((1, 3))
-
-
-def _last(values: Floats) -> Floats:
-    """Spins or moments (..., 3) by these or by those about z, (..., 1)."""
-    missing = 3 - values.shape[-1]
-    return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(missing, 0)]) if missing else values

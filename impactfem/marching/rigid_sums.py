@@ -25,10 +25,10 @@ def sums_of(
         dim: Dimension of space.
     """
     turns = dim * (dim - 1) // 2
-    own = (inertia @ spin[:, :, None])[:, :, 0]
+    own = applied(inertia, spin)
     kinetic = mass[:, 0] * np.einsum("bi,bi->b", speed, speed)
     kinetic = 0.5 * (kinetic + np.einsum("bi,bi->b", spin, own))
-    angular = (rotated @ own[:, :, None])[:, 3 - turns :, 0]
+    angular = applied(rotated, own)[:, 3 - turns :]
     if dim == 2:
         size, rotated = inertia[:, 2, 2, None, None], rotated[:, :2, :2]
         second = 0.5 * size * np.eye(2)
@@ -47,3 +47,14 @@ def no_sums(bodies: int, dim: int) -> list[Sums]:
     none = np.zeros(dim)
     turning = np.zeros(dim * (dim - 1) // 2), np.zeros(2 * dim**2)
     return [Sums(0.0, 0.0, 0.0, none, none, *turning) for _ in range(bodies)]
+
+
+def applied(matrices: Floats, vectors: Floats) -> Floats:
+    """Matrices (..., 3, 3) by as many vectors, (..., 3)."""
+    return np.asarray((matrices @ vectors[..., None])[..., 0])
+
+
+def about_axes(values: Floats) -> Floats:
+    """Spins or moments (..., 3) by these or by those about z, (..., 1)."""
+    missing = 3 - values.shape[-1]
+    return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(missing, 0)]) if missing else values

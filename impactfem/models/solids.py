@@ -20,14 +20,9 @@ from impactfem.errors import SceneError
 from impactfem.fem import MPI
 from impactfem.marching.schemes import SOLID_SCHEMES
 from impactfem.mesh.body import BodyMesh, build_body_mesh
-from impactfem.models.ball_contacts import (
-    BallMeeting,
-    ObstacleMeeting,
-    ball_meetings,
-    obstacle_meetings,
-    strike,
-)
+from impactfem.models.ball_contacts import BallMeeting, ball_meetings, strike
 from impactfem.models.key import SceneKey
+from impactfem.models.obstacle_contacts import ObstacleMeeting, obstacle_meetings
 from impactfem.models.solid_contact import contact_of, reach_of
 from impactfem.scene import Scene, Solid
 from impactfem.scene.obstacles import Rigid

@@ -65,3 +65,14 @@ def write_stl(path, corners, *, binary=False):
         lines += ["endloop", "endfacet"]
     path.write_text("\n".join([*lines, "endsolid body", ""]))
     return path
+
+
+def write_half_square(path, size, foot):
+    """A geometry file of a rectangle, 1 m by .5 m, one of whose four sides is named foot."""
+    path.write_text(f"""
+    Point(1) = {{0, 0, 0, {size}}}; Point(2) = {{1, 0, 0, {size}}};
+    Point(3) = {{1, 0.5, 0, {size}}}; Point(4) = {{0, 0.5, 0, {size}}};
+    Line(1) = {{1, 2}}; Line(2) = {{2, 3}}; Line(3) = {{3, 4}}; Line(4) = {{4, 1}};
+    Curve Loop(1) = {{1, 2, 3, 4}}; Plane Surface(1) = {{1}};
+    Physical Surface("all") = {{1}}; Physical Curve("foot") = {{{foot}}};
+    """)

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from moving_scenes import differences, stopping
+from surfaces import write_half_square
 
 import impactfem
 from impactfem import MeshError, SceneError
@@ -258,14 +259,7 @@ def test_what_is_not_available_is_refused():
 
 
 def test_plate_of_a_mesh_file(tmp_path):
-    text = """
-    Point(1) = {0, 0, 0, 0.2}; Point(2) = {1, 0, 0, 0.2};
-    Point(3) = {1, 0.5, 0, 0.2}; Point(4) = {0, 0.5, 0, 0.2};
-    Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
-    Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
-    Physical Surface("all") = {1}; Physical Curve("foot") = {4};
-    """
-    (tmp_path / "part.geo").write_text(text)
+    write_half_square(tmp_path / "part.geo", size=0.2, foot=4)
     given = {"outline": None, "mesh": "part.geo", "mesh_size": None}
     plate = made(**given, supports=held("clamped", ("foot",)), velocity="-x**2")
     result = impactfem.solve(scene_of(plate, duration=0.1, dt=1e-2, folder=tmp_path))

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from moving_scenes import differences, stopping
+from surfaces import write_half_square
 
 import impactfem
 from impactfem import SceneError
@@ -257,14 +258,7 @@ def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
 
 
 def test_net_of_a_mesh_file(tmp_path):
-    text = """
-    Point(1) = {0, 0, 0, 0.3}; Point(2) = {1, 0, 0, 0.3};
-    Point(3) = {1, 0.5, 0, 0.3}; Point(4) = {0, 0.5, 0, 0.3};
-    Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
-    Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
-    Physical Surface("all") = {1}; Physical Curve("foot") = {1};
-    """
-    (tmp_path / "net.geo").write_text(text)
+    write_half_square(tmp_path / "net.geo", size=0.3, foot=1)
     given = {"mesh": "net.geo", "mass": 1.0, "stiffness": 10.0}
     held = impactfem.SpringNet(**given, supports=[{"surface": "foot", "kind": "fixed"}])
     net = net_system(scene_of(held, folder=tmp_path), held)
