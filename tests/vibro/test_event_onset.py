@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from impactfem.scene.beams import Beam
@@ -76,6 +76,7 @@ def test_an_unstrained_pair_rests_on_the_wall_for_half_a_period(general, exact, 
 
 
 @settings(max_examples=80, deadline=None)
+@example([0.1, 0.1], 100.0, 3.0, 0.0625, 0.0, False)
 @given(
     st.lists(st.sampled_from([1.0, 0.1, 0.3, 7.0]), min_size=1, max_size=4),
     st.sampled_from([1.0, 100.0, 0.7]), st.floats(0.05, 3.0), st.floats(0.05, 6.0),
@@ -87,7 +88,10 @@ def test_unstrained_chains_between_walls(masses, k, gap, speed, e, both_sides):
     start = np.zeros(d), np.linalg.solve(MIXED[:d, :d], np.full(d, -speed))
     run = integrate_events(system, *start, 3.0 * gap / speed, EventSettings(rows=100))
     assert run.gap.min() >= -1e-12 * gap
-    assert np.diff(run.total).max() <= 1e-10 * run.kinetic.max()
+    # A chain that flies far takes strains out of large places: the rounding of u.K u is its own.
+    far = np.abs(run.position).max(axis=0)
+    rounding = np.finfo(float).eps * float(far @ np.abs(system.stiffness) @ far)
+    assert np.diff(run.total).max() <= 1e-10 * run.kinetic.max() + rounding
     push = run.impulse.max() / run.times[1]
     assert run.contact_force.min() >= -1e-10 * push
 
