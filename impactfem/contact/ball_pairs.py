@@ -6,6 +6,7 @@ the moment of momentum. The closest places are found anew in each layer.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,11 @@ from impactfem.contact.pairs import NOTHING, Meeting
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
 
 _SAME = 1e-9  # share of a distance by which two count as the same
 _ALIKE = 0.9  # cosine of directions from which two closest places count as one
+_RIM = 0.01  # share of a face by which what slides off an open surface is still on it
 _TINY = np.finfo(float).tiny
 
 
@@ -57,6 +60,15 @@ class Target:
             flat = np.stack([flat[:, (0, 1, 2)], flat[:, (0, 2, 3)]], axis=1).reshape(-1, 3)
             signs = np.repeat(signs, 2)
         return cls(nodes, flat, signs, np.zeros(len(nodes)))
+
+    @cached_property
+    def rims(self) -> Booleans:
+        """Whether a surface ends at the side opposite each corner, (simplices, corners)."""
+        corners = self.simplices.shape[1]
+        sides = [np.delete(self.simplices, k, axis=1) for k in range(corners)]
+        flat = np.sort(np.stack(sides, axis=1).reshape(-1, corners - 1), axis=1)
+        _, which, count = np.unique(flat, axis=0, return_inverse=True, return_counts=True)
+        return np.asarray((count[which.ravel()] == 1).reshape(-1, corners))
 
     def normals(self, places: Floats) -> Floats:
         """Outward normals of its faces, their length that of the areas, (simplices, dim)."""
@@ -179,7 +191,11 @@ class BallPair:
         """
         target, inner = self.target, (shares > _SAME).all(axis=2)
         faces = target.normals(places)
-        faces = faces / np.maximum(np.linalg.norm(faces, axis=1), _TINY)[:, None]
+        areas = np.linalg.norm(faces, axis=1)
+        faces, sizes = (
+            faces / np.maximum(areas, _TINY)[:, None],
+            areas ** (1.0 / (faces.shape[1] - 1)),
+        )
         nodes = np.zeros((len(target.nodes), faces.shape[1]))
         for corner in target.simplices.T:
             np.add.at(nodes, corner, faces)
@@ -199,6 +215,10 @@ class BallPair:
         met = inner | (length <= near * (1.0 + _SAME))
         nearest = length <= length.min(axis=1, keepdims=True) * (1.0 + _SAME)
         met &= (side > 0.0) | nearest
+        if target.rims.any():  # what is behind an open surface, but beside it, is not inside
+            beyond = ((shares <= _SAME) & target.rims).any(axis=2)
+            beside = np.linalg.norm(arms + length[..., None] * outward, axis=2)
+            met &= (side > 0.0) | ~beyond | ((beside <= _RIM * sizes) & (length <= sizes))
         return np.where(met, side * length, np.inf), direction
 
 
@@ -226,12 +246,24 @@ class RollingPair(BallPair):
 
     def __call__(self, places: Floats, acting: Floats) -> Meeting:
         """How they meet with all contact nodes at some places (nodes, dim); see `BallPair`."""
-        met, dim = super().__call__(places, acting), places.shape[1]
-        # From the centre to what is met; gaps that meet nothing weigh nothing.
-        shares = -(met.weights @ acting) / self.unit
-        carried = np.hstack([shares, -shares.sum(axis=1, keepdims=True)])
-        nodes = np.append(self.followers, self.balls)
-        ends = (dim + 1) * np.arange(self.count + 1)
-        entries = carried.ravel(), np.tile(nodes, self.count), ends
-        weights = met.weights + csr_matrix(entries, shape=met.weights.shape)
-        return replace(met, weights=weights)
+        met = super().__call__(places, acting)
+        ways = met.weights @ acting
+        arms = carried(ways, self.followers, int(self.balls[0]), self.unit, self.total)
+        return replace(met, weights=met.weights + arms)
+
+
+def carried(ways: Floats, followers: Integers, centre: int, unit: float, total: int) -> csr_matrix:
+    """Weights that move forces on places of a ball to what it touches, (gaps, nodes).
+
+    Args:
+        ways: From what is met to the places [m], (gaps, dim); what meets nothing weighs nothing.
+        followers: What follows its centre among all contact nodes, one along each axis, (dim,).
+        centre: Place of the centre among these.
+        unit: Arm of the followers [m].
+        total: Number of all contact nodes.
+    """
+    count, dim = ways.shape
+    shares = -ways / unit
+    values = np.hstack([shares, -shares.sum(axis=1, keepdims=True)])
+    nodes, ends = np.append(followers, centre), (dim + 1) * np.arange(count + 1)
+    return csr_matrix((values.ravel(), np.tile(nodes, count), ends), shape=(count, total))

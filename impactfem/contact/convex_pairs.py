@@ -66,7 +66,7 @@ class Marked:
 
         Args:
             at: The places [m], (places, 3).
-            n: Direction across which they touch, towards the body, (3,).
+            n: Directions across which they touch, towards the body, (3,) or (places, 3).
             pose: Of the body.
             places: Of all contact nodes [m], (nodes, dim).
         """

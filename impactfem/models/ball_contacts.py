@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from impactfem.contact.ball_pairs import BallPair, RollingPair, Target
 from impactfem.contact.body_pairs import Side
 from impactfem.contact.boundary import Boundary
+from impactfem.contact.convex_pairs import Marked
 from impactfem.contact.line_pairs import LinePair
 from impactfem.contact.mortar_surface import Surface
 from impactfem.contact.pairs import NodeMeet
 from impactfem.errors import SceneError
-from impactfem.models.convex_contacts import convex_meetings
+from impactfem.models.convex_contacts import convex_meetings, marked_bodies, on_edges
 from impactfem.scene import Scene, Solid
 from impactfem.scene.pairing import (
     body_pairs,
@@ -120,7 +121,7 @@ class _Balls:
     followers: tuple[Integers, float] | None = None
 
     @property
-    def axis(self) -> Target:
+    def target(self) -> Target:
         return Target.of_axis(self.nodes, self.lines, self.radius)
 
 
@@ -131,6 +132,10 @@ class _Faces:
     name: str
     nodes: Integers
     surface: Surface
+
+    @property
+    def target(self) -> Target:
+        return Target.of_surface(self.nodes, self.surface)
 
     @property
     def size(self) -> float:
@@ -156,6 +161,8 @@ def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
         SceneError: Two bodies overlap at t = 0, or have no extent, so that they cannot meet.
     """
     asked, sides = bool(model.scene.contacts), _sides(model, offsets)
+    marked = marked_bodies(model.few, offsets)
+    edged = {body.name for body in model.scene.bodies if body.has_corners}
     found: list[BallMeeting] = []
     for label, *both in named_body_pairs(model.scene):
         # A law names the ends that meet; without any all do.
@@ -166,6 +173,9 @@ def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
         )
         if isinstance(first, _Faces) and isinstance(second, _Faces):
             continue
+        for name, other, side in zip(names, reversed(names), (second, first), strict=True):
+            if name in edged and other not in marked and side is not None:
+                found += _on_edges(label, name, marked[name], side, offsets[-1])
         if first is None or second is None or not (len(first.nodes) and len(second.nodes)):
             continue
         if isinstance(first, _Faces) or isinstance(second, _Faces):
@@ -231,8 +241,8 @@ def _on_solid(
         raise TypeError("one is a solid, one is not")
     names, none = (one.name, two.name), np.zeros(len(solid.nodes))
     thick = float(ball.radius.min())
-    around = BallPair(solid.nodes, none, ball.axis, total)
-    target = Target.of_surface(solid.nodes, solid.surface)
+    around = BallPair(solid.nodes, none, ball.target, total)
+    target = solid.target
     if rubs and ball.followers is not None:
         followers, unit = ball.followers
         rolling = RollingPair(
@@ -248,6 +258,18 @@ def _on_solid(
     return found
 
 
+def _on_edges(
+    label: str, name: str, body: Marked, other: _Balls | _Faces, total: int
+) -> list[BallMeeting]:
+    """A rigid body with edges and faces on one that deforms."""
+    pairs, carriers = on_edges(body, other.target, total), (other.name, name)
+    patch = other.target.signs is not None
+    return [
+        BallMeeting(label, carriers, carrier, pair, patch=patch)
+        for carrier, pair in zip(carriers, pairs, strict=False)
+    ]
+
+
 def _slender(label: str, one: _Balls, two: _Balls, total: int, *, asked: bool) -> list[BallMeeting]:
     """Two bodies without meshes: nodes of each on the axis of the other, if it has one."""
     if float(one.radius.min() + two.radius.min()) <= 0.0:
@@ -260,7 +282,7 @@ def _slender(label: str, one: _Balls, two: _Balls, total: int, *, asked: bool) -
     names = one.name, two.name
     pairs = [(one, two)] if len(two.lines) or not len(one.lines) else []
     pairs += [(two, one)] if len(one.lines) else []
-    met = [(a, BallPair(a.nodes, a.radius, b.axis, total)) for a, b in pairs]
+    met = [(a, BallPair(a.nodes, a.radius, b.target, total)) for a, b in pairs]
     return [
         BallMeeting(label, names, a.name, pair, patch=False, single=pair if pair.single else None)
         for a, pair in met

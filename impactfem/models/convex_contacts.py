@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.ball_pairs import Target
+from impactfem.contact.convex_nodes import CornersOnFaces, NodesOnConvex
 from impactfem.contact.convex_pairs import ConvexPair, LedPair, Marked, Placed
 from impactfem.scene import Scene
 from impactfem.scene.pairing import named_body_pairs, obstacles_of, pair_name
@@ -15,10 +17,24 @@ from impactfem.system.few import FewBodies
 from impactfem.system.rigid import in_space
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 TOUCH = 5e-10
 """Share of the extent of the bodies by which they may be apart and touch: rounding of places."""
 _ENDLESS = 2.0  # an endless obstacle is taken so many reaches of a body to both sides
+
+
+def on_edges(body: Marked, target: Target, total: int) -> Iterator[NodesOnConvex | CornersOnFaces]:
+    """Gaps between a rigid body with edges and faces and one that deforms.
+
+    Args:
+        body: The rigid one.
+        target: The other one: its nodes, and what is between them.
+        total: Number of all contact nodes.
+    """
+    yield NodesOnConvex(target.nodes, target.radius, body, total)
+    if target.simplices.shape[1] > 1:
+        yield CornersOnFaces.of(body, target, total)
 
 
 def convex_meetings(
@@ -31,7 +47,7 @@ def convex_meetings(
         few: Its bodies without meshes.
         offsets: Where the contact nodes of each part of the march begin, their number last.
     """
-    marked, total = _marked(few, offsets), offsets[-1]
+    marked, total = marked_bodies(few, offsets), offsets[-1]
     if not marked:
         return
     places = np.concatenate([bodies.places(bodies.position) for bodies in few])
@@ -51,7 +67,7 @@ def convex_meetings(
                 yield label, names, name, led, False
 
 
-def _marked(few: Sequence[FewBodies], offsets: Sequence[int]) -> Mapping[str, Marked]:
+def marked_bodies(few: Sequence[FewBodies], offsets: Sequence[int]) -> Mapping[str, Marked]:
     """Rigid bodies with markers, by their names."""
     starts = list(pairwise(offsets))[-len(few) :] if few else []
     return {

@@ -1,7 +1,8 @@
 """A watch on what contact of bodies without meshes may miss: corners, and steps that are too long.
 
-Rods and beams touch obstacles with their nodes, so that corners may pass between; balls and axes
-have no inside, so that what moves farther in a step than they are thick may pass through them.
+Rods and beams touch obstacles with their nodes, so that corners may pass between; edges of rigid
+bodies may pass between nodes of solids; balls and axes have no inside, so that what moves farther
+in a step than they are thick may pass through them.
 """
 
 import json
@@ -10,6 +11,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.convex_nodes import CornersOnFaces
 from impactfem.contact.distance import signed_distance
 from impactfem.contact.pairs import Led
 from impactfem.findings import Finding, by_limits, percent
@@ -39,15 +41,24 @@ class AxisWatch:
     """Measures how deep axes lie in obstacles.
 
     Attributes:
-        depth: Of each pair of a body and an obstacle [m], by their names.
+        depth: Of each pair of a body and an obstacle [m], or of a rigid body and a solid, by their
+            names.
         speed: Largest of a contact node [m/s].
     """
 
-    def __init__(self, model: SolidsModel, few: Sequence[FewInterior], layers: int) -> None:
-        """Look at some layers of a march."""
+    def __init__(
+        self, model: SolidsModel, few: Sequence[FewInterior], places: Floats, layers: int
+    ) -> None:
+        """Look at some layers of a march with contact nodes at places (nodes, dim) at first."""
         scene, self.speed = model.scene, 0.0
         self._reach = min((met.pair.thickness for met in model.ball_meetings), default=np.inf)
         self._led = [met.pair for met in model.ball_meetings if isinstance(met.pair, Led)]
+        self._places = places
+        self._edges = {
+            met.names: met.pair
+            for met in model.ball_meetings
+            if isinstance(met.pair, CornersOnFaces) and len(met.pair.between)
+        }
         self._every = max(1, layers // _LOOKS)
         self._bodies = [
             (march, name, march.bodies.nodes_of(k)[march.bodies.lines_of(k)])
@@ -65,6 +76,10 @@ class AxisWatch:
         for stepper in self._steppers:
             fast = float(np.linalg.norm(stepper.surface_velocity, axis=1).max())
             self.speed = max(self.speed, fast) if np.isfinite(fast) else self.speed
+        for names, edged in self._edges.items():
+            depth = -edged.least_between(self._places + level.surface)
+            if depth > self.depth.get(names, 0.0):
+                self.depth[names] = depth
         for march, name, lines in self._bodies:
             if not len(lines):
                 continue
@@ -84,6 +99,13 @@ class AxisWatch:
         text += "thickness of two that may meet: they can pass through each other"
         remedy = f"use solve.dt below {_SHARES[0] * self._reach / (speed or 1.0):.1g}"
         yield from by_limits("contact_unresolved", share, _SHARES, text, remedy=remedy)
+        for names, edged in self._edges.items():
+            depth = self.depth.get(names, 0.0)
+            share, (other, name) = depth / edged.body.shape.thickness, names
+            text = f"an edge of {name} lies up to {depth:.2g} m in {other}, {percent(share)} of "
+            text += f"{name}: only its corners and the nodes of {other} touch"
+            remedy = "take smaller elements where they meet"
+            yield from by_limits("penetration", share, PENETRATION_LIMITS, text, name, remedy)
         for march, name, lines in self._bodies:
             yield from march.findings()
             if not len(lines):

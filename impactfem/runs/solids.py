@@ -154,7 +154,7 @@ def run_solids(
             march,
             loop.gaps,
             limits,
-            AxisWatch(model, few, layers),
+            AxisWatch(model, few, loop.contacts.places, layers),
             looking,
             others,
             checkpoints,

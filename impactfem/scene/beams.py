@@ -28,6 +28,7 @@ class Slender(BodyKind):
     """What rods and beams have in common: a straight axis in the plane at t = 0."""
 
     dim: ClassVar[int] = 2
+    meets_edges: ClassVar[bool] = True
 
     length: float
     center: Sequence[float]

@@ -32,6 +32,7 @@ class BodyKind:
         probed: What a probe in it may keep.
         settings: Keys of ``[solve]`` that it brings into scenes of several kinds.
         balls_only: Whether other bodies that it meets must be balls.
+        meets_edges: Whether edges and faces of rigid bodies may meet it.
         rubs: Whether friction acts on it.
         meshed: Whether it has elements, larger ones of which tell its error.
         takes_joints: Whether joints hold it.
@@ -50,6 +51,7 @@ class BodyKind:
     probed: ClassVar[tuple[str, ...]] = MOVES
     settings: ClassVar[tuple[str, ...]] = ()
     balls_only: ClassVar[bool] = False
+    meets_edges: ClassVar[bool] = False
     rubs: ClassVar[bool] = True
     meshed: ClassVar[bool] = False
     takes_joints: ClassVar[bool] = False
@@ -82,7 +84,7 @@ class BodyKind:
 
     @property
     def has_corners(self) -> bool:
-        """Whether it has edges and faces, and meets rigid bodies and obstacles only."""
+        """Whether it has edges and faces."""
         return False
 
     @property

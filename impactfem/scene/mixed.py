@@ -74,9 +74,9 @@ def _check_partners(scene: Content) -> None:
         what = f" of {one.name} and {two.name} ({name}) is not available: "
         for body, other in ((one, two), (two, one)):
             _check_meets(body, other, what)
-            if body.has_corners and not (other.rolls or other.has_corners):
-                text = f"{body.name} has edges and faces, and meets rigid bodies and obstacles "
-                text += "only; remove it, and list the pairs that may meet by [[contact]]."
+            if body.has_corners and not (other.rolls or other.has_corners or other.meets_edges):
+                text = f"{body.name} has edges and faces, which a {other.kind} does not meet; "
+                text += "list the pairs that may meet by [[contact]]."
                 raise KeyedError("contact", "", what + text)
             _check_convex(body, what)
     for body in (body for body in scene.bodies if body.has_corners):

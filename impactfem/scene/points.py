@@ -61,6 +61,7 @@ class Point(BodyKind):
     kind: ClassVar[str] = "point"
     meets_alike: ClassVar[bool] = True
     is_ball: ClassVar[bool] = True
+    meets_edges: ClassVar[bool] = True
     takes_joints: ClassVar[bool] = True
     turns_in_joints: ClassVar[bool] = False
 

@@ -65,6 +65,7 @@ class SolidKeys(BodyKind):
     waves: ClassVar[bool] = True
     settles: ClassVar[bool] = True
     meshed: ClassVar[bool] = True
+    meets_edges: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the body in histories", default="solid")

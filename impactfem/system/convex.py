@@ -5,6 +5,7 @@ is the line, or its end the rim's place, that looks at what it meets.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -163,6 +164,16 @@ class Convex:
         return int(np.diff(self.starts).max()) if len(self.normals) else len(self.vertices)
 
     @property
+    def simplices(self) -> Integers:
+        """Triangles of its faces, in the plane their lines; without faces its line or point."""
+        if not len(self.normals):
+            return np.arange(len(self.vertices))[None]
+        loops = np.split(self.loop, self.starts[1:-1])
+        if np.ptp(self.vertices[:, 2]) == 0.0:
+            return np.array(loops)
+        return np.array([[loop[0], *two] for loop in loops for two in pairwise(loop[1:])])
+
+    @property
     def rounds(self) -> bool:
         """Whether it rolls."""
         return self.radius > 0.0 or self.axis is not None
@@ -209,14 +220,13 @@ class Convex:
 
         Args:
             place: Along its axes [m], (places, 3).
-            n: Direction across which they touch, towards the body, (3,).
+            n: Directions across which they touch, towards the body, (3,) or (places, 3).
         """
         if self.axis is None:
             return place + self.radius * n
-        if abs(float(n @ self.axis)) > _END_ON:
-            return place
         inner = self.vertices.mean(axis=0)
-        return np.asarray(inner + ((place - inner) @ self.axis)[:, None] * self.axis)
+        below = inner + ((place - inner) @ self.axis)[:, None] * self.axis
+        return np.where(np.abs(n @ self.axis)[..., None] > _END_ON, place, below)
 
 
 def _in_space(points: Floats) -> Floats:

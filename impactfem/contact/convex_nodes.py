@@ -1,0 +1,238 @@
+"""Gaps between a rigid body with edges and faces and the contact nodes of one that deforms.
+
+Nodes are held off the body, wherever they touch it, and the corners of the body off the faces or
+the axis between these nodes. Forces act along the way between both, or where it is closed across
+the face, so that they have no moment.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, eye_array, vstack
+
+from impactfem.contact.ball_pairs import BallPair, Target, carried
+from impactfem.contact.closest import closest_shares, distances
+from impactfem.contact.convex_pairs import Marked
+from impactfem.contact.pairs import NOTHING, Meeting
+from impactfem.system.convex import Convex
+from impactfem.system.rigid import in_space
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_SAME = 1e-9  # share of a size that is none
+_ALONG = np.stack([1.0 - np.arange(1, 8) / 8.0, np.arange(1, 8) / 8.0], axis=1)
+"""Weights of the corners at places along an edge."""
+
+
+@dataclass(frozen=True)
+class NodesOnConvex:
+    """Contact nodes that are held off a rigid body, as `impactfem.contact.pairs` takes them.
+
+    Attributes:
+        balls: Places of the nodes among all contact nodes, (nodes,).
+        radius: Of these [m], (nodes,).
+        body: What they are held off.
+        total: Number of all contact nodes.
+    """
+
+    balls: Integers
+    radius: Floats
+    body: Marked
+    total: int
+
+    follows = True
+    touch = 0.0
+    memory = NOTHING
+
+    def recall(self, memory: Floats) -> None:
+        """Nothing: it is looked at anew each time."""
+
+    @property
+    def nodes(self) -> Integers:
+        """Places of all its nodes among all contact nodes."""
+        return np.concatenate([self.balls, self.body.nodes])
+
+    @property
+    def thickness(self) -> float:
+        """Way [m] to the middle of the body, from which on nodes would be pushed out elsewhere."""
+        return 0.5 * self.body.shape.thickness + float(self.radius.min())
+
+    @property
+    def count(self) -> int:
+        """Number of gaps, one of each node."""
+        return len(self.balls)
+
+    def __call__(self, places: Floats, acting: Floats) -> Meeting:
+        """How they meet with all contact nodes at some places (nodes, dim); see `BallPair`."""
+        count, dim = self.count, places.shape[1]
+        gap, _, _ = self._looks(places)
+        _, at, normal = self._looks(acting)
+        pose = self.body.pose(acting, np.zeros(3))
+        own = self.body.weights(at, -normal, pose, acting)
+        width = 1 + own.shape[1]
+        values = np.hstack([np.ones((count, 1)), -own])
+        columns = np.hstack([self.balls[:, None], np.tile(self.body.nodes, (count, 1))])
+        ends = width * np.arange(count + 1)
+        weights = csr_matrix((values.ravel(), columns.ravel(), ends), shape=(count, self.total))
+        return Meeting(weights, gap - self.radius, normal[:, :dim], np.zeros(count))
+
+    def _looks(self, places: Floats) -> tuple[Floats, Floats, Floats]:
+        """Gaps [m], nearest places on the body [m] and directions from there, in space."""
+        centre, turn = self.body.pose(places, np.zeros(3))
+        gap, at, normal = nearest(self.body.shape, (in_space(places[self.balls]) - centre) @ turn)
+        return gap, centre + at @ turn.T, normal @ turn.T
+
+
+@dataclass(frozen=True)
+class CornersOnFaces:
+    """Corners of a rigid body that are held off what is between nodes.
+
+    Corners are affine sums of the body's nodes: `BallPair` takes them as nodes after all others. Of
+    a cylinder they are places around its rims, one of which looks at the face that is nearest.
+
+    Attributes:
+        pair: Their gaps, with corners for balls.
+        body: Whose corners they are.
+    """
+
+    pair: BallPair
+    body: Marked
+
+    follows = True
+    touch = 0.0
+    memory = NOTHING
+
+    @classmethod
+    def of(cls, body: Marked, target: Target, total: int) -> "CornersOnFaces":
+        """Of all corners of a body, beside so many contact nodes."""
+        count = len(body.shape.vertices)
+        radius = np.full(count, body.shape.radius)
+        return cls(BallPair(total + np.arange(count), radius, target, total + count), body)
+
+    def recall(self, memory: Floats) -> None:
+        """Nothing: it is looked at anew each time."""
+
+    @property
+    def nodes(self) -> Integers:
+        """Places of all its nodes among all contact nodes."""
+        return np.concatenate([self.body.nodes, self.pair.target.nodes])
+
+    @property
+    def thickness(self) -> float:
+        """See `BallPair.thickness`."""
+        return self.pair.thickness
+
+    @property
+    def count(self) -> int:
+        """Number of gaps."""
+        return self.pair.count
+
+    def __call__(self, places: Floats, acting: Floats) -> Meeting:
+        """How they meet with all contact nodes at some places (nodes, dim); see `BallPair`."""
+        total, nodes, shape = len(places), self.body.nodes, self.body.shape
+        beside, arms = csr_matrix(vstack([eye_array(total), self._corners(acting)])), 0.0 * places
+        followers = nodes[self.body.dim + 1 :]  # their places are told without their arms
+        arms[followers] = self.body.unit * np.eye(self.body.dim)[: len(followers)]
+        there = beside @ (acting + arms)
+        met = self.pair(beside @ (places + arms), there)
+        weights = met.weights @ beside
+        if shape.radius:
+            ways = met.weights @ there
+            weights = weights + carried(ways, followers, int(nodes[0]), self.body.unit, total)
+        return replace(met, weights=csr_matrix(weights))
+
+    @cached_property
+    def between(self) -> Floats:
+        """Places along its edges in space, along its axes [m]; in the plane corners are all."""
+        shape = self.body.shape
+        corners = shape.vertices[shape.edges if self.body.dim == 3 else []]
+        found: Floats = np.einsum("pk,ekd->epd", _ALONG, corners.reshape(-1, 2, 3))
+        return found.reshape(-1, 3)
+
+    def least_between(self, places: Floats) -> float:
+        """Least gap along its edges [m], with all contact nodes at places (nodes, dim)."""
+        centre, turn = self.body.pose(places, np.zeros(3))
+        total, count = len(places), len(self.between)
+        radius = np.full(count, self.body.shape.radius)
+        there = np.vstack([places, centre + self.between @ turn.T])
+        edges = BallPair(total + np.arange(count), radius, self.pair.target, len(there))
+        return float(edges(there, there).gap.min())
+
+    def _corners(self, acting: Floats) -> csr_matrix:
+        """Weights of all contact nodes in the corners, (corners, nodes)."""
+        body, shape = self.body, self.body.shape
+        pose, n = body.pose(acting, np.zeros(3)), np.zeros(3)
+        centre, turn = pose
+        if shape.axis is not None:
+            faces = acting[self.pair.target.nodes[self.pair.target.simplices]]
+            middle = shape.vertices.mean(axis=0) @ turn.T + centre
+            arms, length = distances(middle[None], faces, closest_shares(middle[None], faces))
+            n = arms[0, np.argmin(length[0])] @ turn / length.min()
+        at = shape.placed(centre, turn, shape.aim(n))[0]
+        found = body.weights(at, turn @ n, pose, acting)
+        count, width = found.shape
+        ends = width * np.arange(count + 1)
+        return csr_matrix(
+            (found.ravel(), np.tile(body.nodes, count), ends), shape=(count, len(acting))
+        )
+
+
+def nearest(shape: Convex, points: Floats) -> tuple[Floats, Floats, Floats]:
+    """Signed distances of points from a body, places on it that are nearest, and directions.
+
+    Args:
+        shape: The body.
+        points: Along its axes [m], (points, 3).
+
+    Returns:
+        Distances [m], negative inside, (points,); places [m] and unit normals there, (points, 3).
+    """
+    found = _from_cylinder if shape.axis is not None else _from_hull
+    gap, normal = found(shape, points)
+    gap = gap - shape.radius
+    return gap, points - gap[:, None] * normal, normal
+
+
+def _from_hull(shape: Convex, points: Floats) -> tuple[Floats, Floats]:
+    """Distances from a hull of corners, and directions."""
+    corners = shape.vertices[shape.simplices]
+    arms, length = distances(points, corners, closest_shares(points, corners))
+    each, best = np.arange(len(points)), np.argmin(length, axis=1)
+    gap, arm = length[each, best], arms[each, best]
+    normal = arm / np.maximum(gap, np.finfo(float).tiny)[:, None]
+    if len(shape.normals) and not shape.radius:
+        outer = shape.vertices[shape.loop[shape.starts[:-1]]]
+        heights = np.einsum("pfd,fd->pf", points[:, None] - outer, shape.normals)
+        face = np.argmax(heights, axis=1)
+        height = heights[each, face]
+        # Inside the nearest face counts; so it does on it, where the way is rounding.
+        flat = height <= _SAME * shape.reach
+        flat &= (height <= 0.0) | (gap <= 2.0 * _SAME * shape.reach)
+        gap, normal = (
+            np.where(flat, height, gap),
+            np.where(flat[:, None], shape.normals[face], normal),
+        )
+    return gap, normal
+
+
+def _from_cylinder(shape: Convex, points: Floats) -> tuple[Floats, Floats]:
+    """Distances from a round cylinder, and directions."""
+    middle, axis = shape.vertices.mean(axis=0), np.asarray(shape.axis)
+    along = (points - middle) @ axis
+    across = points - middle - along[:, None] * axis
+    off = np.linalg.norm(across, axis=1)
+    tiny = np.finfo(float).tiny
+    out = across / np.maximum(off, tiny)[:, None]
+    end = np.where(along < 0.0, -1.0, 1.0)[:, None] * axis
+    half = float(((shape.vertices - middle) @ axis).max())
+    beyond, beside = np.abs(along) - half, off - shape.girth
+    # Off the rim there are both ways, else the one that is longer.
+    a, b = np.maximum(beyond, 0.0), np.maximum(beside, 0.0)
+    rim = (a > 0.0) & (b > 0.0)
+    gap = np.where(rim, np.hypot(a, b), np.maximum(beyond, beside))
+    slant = (a[:, None] * end + b[:, None] * out) / np.maximum(np.hypot(a, b), tiny)[:, None]
+    flat = np.where((beyond >= beside)[:, None], end, out)
+    return gap, np.where(rim[:, None], slant, flat)
