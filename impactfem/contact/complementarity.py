@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 
 from impactfem.contact.active_set import primal_dual_active_set
+from impactfem.contact.springs import ContactSprings
 from impactfem.errors import ConvergenceError
 
 Floats = NDArray[np.float64]
@@ -69,6 +70,7 @@ def solve_layer(
     before: tuple[Floats, Floats],
     rule: Rule,
     solver: Solver,
+    springs: ContactSprings | None = None,
 ) -> LayerContact:
     """Find the contact forces of a layer.
 
@@ -80,6 +82,7 @@ def solve_layer(
         before: lambda_a [N] and true gaps gap_a [m] at the start.
         rule: How theta is chosen.
         solver: Solver of complementarity problems.
+        springs: In the gaps; None without any.
 
     Raises:
         ConvergenceError: The active set or theta was not found.
@@ -92,7 +95,11 @@ def solve_layer(
         nonlocal total, start
         offset = free + response @ ((1.0 - theta) * old)
         matrix = theta * response + compliance
-        new, iterations = solver(matrix, offset, start)
+        if springs is None:
+            new, iterations = solver(matrix, offset, start)
+        else:
+            new, iterations = springs.solve(solver, matrix, offset, start)
+            offset = offset + springs.depth(new)
         total += iterations
         start = new > 0.0
         return new, offset + matrix @ new
@@ -102,10 +109,13 @@ def solve_layer(
         released, pressed = float(old @ gap), float(new @ gap_a)
         change = new - old
         strained = compliance @ change
+        more, less = (0.0, 0.0) if springs is None else springs.excess(old, new)
+        released, pressed = released + more, pressed + less
         room = released + pressed + float(change @ strained)
         wanted = 0.5 + 0.5 * (released - pressed) / room if room > 0.0 else 0.5
         wanted = min(max(wanted, 0.5 if rule == "dissipative" else 0.0), 1.0)
         stored = float(new @ (compliance @ new))
+        stored += 0.0 if springs is None else 2.0 * float(springs.energy(new).sum())
         return wanted - theta, abs(wanted - theta) * room <= _EXACT * stored
 
     theta = 0.5
@@ -286,6 +296,7 @@ def solve_layer_at_speed(
     before: tuple[Floats, Floats],
     rule: Rule,
     solver: Solver,
+    springs: ContactSprings | None = None,
 ) -> LayerContact:
     """Find the contact forces of a layer in which the law of some gaps acts on velocities.
 
@@ -297,13 +308,14 @@ def solve_layer_at_speed(
         before: See there.
         rule: See there; how theta weighs impulses does not matter.
         solver: See there.
+        springs: See there.
     """
     acting = halfway.acting(free)
     fast, block = halfway.rows[acting], np.ix_(acting, acting)
     found = solve_layer(
         np.where(fast, halfway.way[acting], free[acting]), response[block], compliance[block],
         (np.where(fast, 0.0, before[0][acting]), np.where(fast, 0.0, before[1][acting])),
-        rule, solver,
+        rule, solver, None if springs is None else springs.some(acting),
     )  # fmt: skip
     force, multiplier = np.zeros(len(free)), np.zeros(len(free))
     force[acting] = found.force

@@ -96,6 +96,8 @@ class Rows:
         attitude: See `Sums`, of each body and this rank, 0 where it has none,
             (rows, bodies, 2, dim, dim).
         gap, force, contact_energy, obstacle_work, friction_work: Of all ranks, (rows,).
+        indentation, spring_energy: How far springs in gaps are pressed at most [m], and what all of
+            them store [J], (rows,).
         impact: Impulse of impacts between nodes with mass [N s], which is none of the force.
         impact_work: Work of the contact forces between such nodes [J], <= 0.
         largest: Force of the node with the largest [N], (rows,).
@@ -119,6 +121,8 @@ class Rows:
     contact_energy: Floats
     obstacle_work: Floats
     friction_work: Floats
+    indentation: Floats
+    spring_energy: Floats
     impact: Floats
     impact_work: Floats
     largest: Floats
@@ -144,7 +148,7 @@ class Rows:
         each: list[Any] = [
             sums,
             attitude,
-            *np.zeros((8, rows)),
+            *np.zeros((10, rows)),
             *np.zeros((2, rows), dtype=np.int64),
         ]
         each += [pair_force, pair_gap, pair_impact, np.zeros((rows, rubbing, turns))]
@@ -157,7 +161,7 @@ class Rows:
 
     def times(self, factor: int) -> "Rows":
         """Those of so many bodies that move alike; gaps and counts are the same."""
-        counts = {"gap", "active", "iterations", "pair_gap", "slip", "probes"}
+        counts = {"gap", "indentation", "active", "iterations", "pair_gap", "slip", "probes"}
         return Rows(
             *(
                 getattr(self, entry.name) * (1 if entry.name in counts else factor)

@@ -16,6 +16,7 @@ from impactfem.contact.complementarity import (
     solve_layer_at_speed,
 )
 from impactfem.contact.friction_newton import ConeProblem
+from impactfem.contact.springs import ContactSprings, unresolved
 from impactfem.findings import Finding
 from impactfem.marching.determinacy import Determinacy
 from impactfem.marching.layers import Answers, Interior, Rolling
@@ -139,6 +140,8 @@ class SolidMarch(TimeLoop[Interior]):
         else:
             any_loose = by_mass or self._radiating.any()
             loose = only_on(self._massive | self._radiating) if any_loose else none
+        if self._springs is not None:  # they keep the force from layer to layer
+            loose = loose & ~self._springs.there
         ends = loose & ~only_on(~self._radiating) if self._radiating.any() else none
         self._fast = loose & ~ends  # what `_struck` asks of the same layer
         return self._fast, ends
@@ -235,7 +238,8 @@ class SolidMarch(TimeLoop[Interior]):
             before = old[rows], old_gap[rows]
             law = Halfway((fast | ends)[rows], halfway[rows], ends[rows])
             given = law, share * response, compliance, before
-            found = self._solve(gap[rows], *given, self._expanding(count)[rows])
+            springs = None if self._springs is None else self._springs.some(rows)
+            found = self._solve(gap[rows], *given, self._expanding(count)[rows], springs)
             iterations += found.iterations
             acting = share * found.force
             true = gap + self._responses.approach(rows, normals, acting, found.multiplier)
@@ -276,8 +280,12 @@ class SolidMarch(TimeLoop[Interior]):
         return self._determinacy.figures(self._gap_names())
 
     def findings(self) -> tuple[Finding, ...]:
-        """The same in words."""
-        return self._determinacy.findings(self._gap_names())
+        """The same in words, and contacts that their steps do not resolve."""
+        found = self._determinacy.findings(self._gap_names())
+        if self._springs is None:
+            return found
+        pressed = self.rows.indentation[: self.layer + 1]
+        return (*found, *unresolved(pressed, self.interior.dt))
 
     def _gap_names(self) -> list[str]:
         return [self._gaps.pairs[k] for k in self._gaps.pair_of()]
@@ -301,7 +309,7 @@ class SolidMarch(TimeLoop[Interior]):
 
     def _solve(
         self, gap: Floats, halfway: Halfway, response: Floats, compliance: Floats,
-        before: tuple[Floats, Floats], poisson: Floats,
+        before: tuple[Floats, Floats], poisson: Floats, springs: ContactSprings | None,
     ) -> LayerContact:  # fmt: skip
         """Solve a layer; Poisson's impacts have two phases.
 
@@ -309,9 +317,11 @@ class SolidMarch(TimeLoop[Interior]):
         it adds to the force before, and larger where nodes would come together otherwise.
         """
         rule, solver = self._scheme.rule, self._solver
+        if springs is not None and rule == "middle":
+            rule = "conserving"  # springs keep their energy, whatever impacts beside them do
+        rest = response, compliance, before, rule, solver, springs
         if not halfway.rows.any():
-            return solve_layer(gap, response, compliance, before, rule, solver)
-        rest = response, compliance, before, rule, solver
+            return solve_layer(gap, *rest)
         found = solve_layer_at_speed(gap, halfway, *rest)
         if not poisson.any():
             return found

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.complementarity import Solver
+from impactfem.contact.springs import ContactSprings
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI
 from impactfem.findings import Finding
@@ -61,6 +62,7 @@ class LoopSettings:
         friction: Coulomb's law; None without.
         restitution: Newton's e of each gap between nodes with mass, (pairs,); None: 0.
         poisson: Poisson's e likewise.
+        springs: In the gaps; None without any.
     """
 
     comm: Any
@@ -73,6 +75,7 @@ class LoopSettings:
     friction: Friction | None = None
     restitution: Floats | None = None
     poisson: Floats | None = None
+    springs: ContactSprings | None = None
 
 
 class TimeLoop[I: Stepper](ABC):
@@ -101,7 +104,7 @@ class TimeLoop[I: Stepper](ABC):
         self._comm, self._scheme, self._gaps = settings.comm, scheme, gaps
         self._solver, self._friction = settings.active_set, settings.friction
         self._restitution, self._poisson = settings.restitution, settings.poisson
-        self._rubs = settings.friction is not None
+        self._rubs, self._springs = settings.friction is not None, settings.springs
         self.layers, self.tolerance = layers, settings.tolerance
         self.interior = interior
         free = interior.surface_displacement
@@ -149,6 +152,11 @@ class TimeLoop[I: Stepper](ABC):
     def asked(self) -> Integers:
         """Contact nodes whose answers to forces are known, in the order of their finding."""
         return np.zeros(0, dtype=np.int64)
+
+    @property
+    def springs(self) -> bool:
+        """Whether there are springs in gaps."""
+        return self._springs is not None
 
     @property
     def pairs(self) -> tuple[str, ...]:
@@ -229,6 +237,9 @@ class TimeLoop[I: Stepper](ABC):
         rows.active[row] = np.count_nonzero(force > 0.0)
         rows.iterations[row] = iterations
         self._close_pairs(row, lasting, force - lasting)
+        if self._springs is not None:
+            rows.indentation[row] = self._springs.depth(state.multiplier).max(initial=0.0)
+            rows.spring_energy[row] = self._springs.energy(state.multiplier).sum()
         if self._skips:
             # gap = g + D lambda and lambda gap = 0: lambda D lambda = lambda . (gap - g).
             pressed = self._pressed_work(self._gaps.relative(state.static))

@@ -15,7 +15,8 @@ from impactfem.planning.solid_costs import count_layers
 from impactfem.planning.solid_plan import MarchNumbers, law_in_words
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
-from impactfem.scene.pairing import named_body_pairs
+from impactfem.scene.laws import side_of
+from impactfem.scene.pairing import law_of, named_body_pairs
 from impactfem.sizing import physical_mib
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ METHOD, OF_PLACES = "moreau_jean", "conserving"
 _LAYERS = 2000
 _PER_RADIAN = 20.0  # steps of a radian of the fastest vibration
 _OF_TRANSIT, _MOST_OF_TRANSIT = 200, 5000  # steps of a wave through a bar that are chosen
+_OF_DENT = 100
+"""Steps in a contact with a stiffness: forces to 4e-4."""
 _DENTED = 3.0  # Zener's number beyond which balls stay on large plates, dents or not
 _BRAKED, _RESOLVED = 0.05, 0.25  # steps by the time in which a bar brakes a body: chosen, told
 _MOST = 10_000_000
@@ -112,6 +115,10 @@ def _method(scene: Scene, model: "SolidsModel") -> tuple[str, dict[str, str]]:
         )
     if light:
         text = f"what touches of {light[0]} has no mass, and energy is kept to rounding"
+    sprung = [law for law in scene.laws.each if law.stiffness is not None]
+    if sprung and not light:
+        text = "what the stiffness of contacts takes it gives back, to rounding"
+    light = light or ["the contact"] * bool(sprung)
     reason = "as asked" if asked is not None else f"{scene.why_marched}: {text}"
     return asked or (OF_PLACES if light else METHOD), {"method": reason}
 
@@ -176,6 +183,9 @@ def dent_findings(model: "SolidsModel") -> list[Finding]:
     fall = scene.duration * float(np.abs(scene.vector_gravity.values).max(initial=0.0))
     for _, *sides in named_body_pairs(scene):
         names = [name for name, _ in sides if name in known]
+        law = law_of(scene, *names) if len(names) == 2 else None
+        if law is not None and law.stiffness is not None:
+            continue
         for struck, ball in (names, names[::-1]) if len(names) == 2 else ():
             (plate, at), (other, k) = known[struck], known[ball]
             speed = fall + float(np.linalg.norm(plate.speeds[at] - other.speeds[k]))
@@ -185,7 +195,8 @@ def dent_findings(model: "SolidsModel") -> list[Finding]:
                 text = f"{ball} would dent {struck} about as much as that gives way (Zener's "
                 text += f"number {give:.2g}), which is left out: forces and times of their "
                 text += "contact belong to the mesh, and the rebound is too slow"
-                remedy = "model both as solids, or take it as a ball that is rigid on a rigid skin"
+                remedy = "give [[contact]] stiffness: by Hertz 4/3 E* sqrt(radius) with "
+                remedy += "stiffness_exponent = 1.5, where 1/E* is the sum of (1 - nu^2)/E of both"
                 found.append(warning("impact_law", text, struck, remedy))
     return found
 
@@ -194,6 +205,34 @@ def few_step(few: Sequence["FewBodies"]) -> float:
     """Step that follows what vibrates in the bodies [s]; infinite if nothing does."""
     rates = (bodies.rate() for bodies in few)
     return min((1.0 / (_PER_RADIAN * rate) for rate in rates if rate > 0.0), default=float("inf"))
+
+
+def dent_times(scene: Scene, few: Sequence["FewBodies"]) -> list[float]:
+    """How long contacts with a stiffness last, of rigid bodies at their first speeds [s].
+
+    From m d'' = -K d^p with the speed v: T = 2 (d / v) sqrt(pi) G(1 + 1/(p+1)) / G(1/2 + 1/(p+1))
+    with the Gamma function G and the largest indentation d = ((p + 1) m v^2 / (2 K))^(1/(p+1)).
+    """
+    fall = scene.duration * float(np.abs(scene.vector_gravity.values).max(initial=0.0))
+    known = {
+        name: (bodies.masses[k], bodies.speeds[k])
+        for bodies in few
+        for k, name in enumerate(bodies.names)
+    }
+    found = []
+    for law in scene.laws.each:
+        sides = [known[name] for name, _ in map(side_of, law.between) if name in known]
+        if law.stiffness is None or not sides:
+            continue
+        mass = 1.0 / sum(1.0 / each[0] for each in sides)
+        speeds = [each[1] for each in sides]
+        speed = fall + float(np.linalg.norm(speeds[0] - (speeds[1] if len(speeds) > 1 else 0.0)))
+        power = law.stiffness_exponent + 1.0
+        if speed > 0.0:
+            dent = (0.5 * power * mass * speed**2 / law.stiffness) ** (1.0 / power)
+            share = math.gamma(1.0 + 1.0 / power) / math.gamma(0.5 + 1.0 / power)
+            found.append(2.0 * dent / speed * math.sqrt(math.pi) * share)
+    return found
 
 
 def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]:
@@ -292,4 +331,8 @@ def _step(scene: Scene, few: Sequence["FewBodies"], reasons: dict[str, str]) -> 
         f"{_LAYERS} steps, and {_PER_RADIAN:g} in a radian of the fastest vibration; impacts are "
         "not located, so that errors are of the order of the step"
     )
-    return min(even, few_step(few))
+    lasting = min(dent_times(scene, few), default=float("inf")) / _OF_DENT
+    if lasting < min(even, few_step(few)):
+        reasons["dt"] = f"{_OF_DENT} steps in the shortest contact that has a stiffness, "
+        reasons["dt"] += "as rigid bodies would have it at their first speeds"
+    return min(even, few_step(few), lasting)

@@ -11,6 +11,7 @@ from impactfem.contact.ball_crowd import BallCrowd
 from impactfem.contact.body_pairs import SurfacePair
 from impactfem.contact.gaps import Gaps
 from impactfem.contact.pairs import Meet, PairGaps
+from impactfem.contact.springs import ContactSprings
 from impactfem.marching.rubbing import Friction
 from impactfem.models.ball_contacts import check_apart, places_of
 from impactfem.models.solids import SolidsModel
@@ -177,6 +178,15 @@ class Contacts:
         """Poisson's e of the gaps; None if it is 0 everywhere."""
         found = self._each(scene, lambda law: law.restitution if law.by_impulses else 0.0)
         return found if found.any() else None
+
+    def springs(self, scene: Scene) -> ContactSprings | None:
+        """What gives way in the gaps; None if nothing does."""
+        stiffness = self._each(scene, lambda law: law.stiffness or 0.0)
+        if not stiffness.any():
+            return None
+        exponent = self._each(scene, lambda law: law.stiffness_exponent)
+        there = stiffness > 0.0
+        return ContactSprings(np.where(there, stiffness, np.inf), np.where(there, exponent, 1.0))
 
     def _each(self, scene: Scene, value: Callable[[Contact], float]) -> Floats:
         known: dict[Names, float] = {}

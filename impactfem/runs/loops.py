@@ -162,6 +162,7 @@ def make_loop(
         rest=_rest(started),
         restitution=contacts.restitution(scene),
         poisson=contacts.impulsive(scene),
+        springs=contacts.springs(scene),
     )
     linear_march = SolidMarch if law is None else RubbingMarch
     return Loop(linear_march(whole, settings), gaps, contacts, offsets, started)

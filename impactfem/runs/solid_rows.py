@@ -122,6 +122,11 @@ def solids_motion(
             ("time",), rows.impact,
             {"units": "N s", "long_name": "impulse of impacts", "comment": _IMPACTS},
         )  # fmt: skip
+    if march.springs:
+        history["indentation"] = Series(
+            ("time",), rows.indentation,
+            {"units": "m", "long_name": "largest indentation", "comment": _INDENTED},
+        )  # fmt: skip
     history["potential_energy"].attrs["comment"] = "minus the work of gravity and other loads"
     finite = all(bool(np.isfinite(history[name].values).all()) for name in _MOVING) and bool(
         np.isfinite(together).all()
@@ -145,6 +150,7 @@ def _taken(rows: Rows, told: Mapping[str, Mapping[str, Floats]]) -> dict[str, fl
 
 
 _IMPACTS = "impulses of impacts between bodies without massless nodes during (t_{m-1}, t_m]"
+_INDENTED = "what the stiffness of contacts gives way, beyond which gap counts"
 _MOVING = ("contact_force", "total_energy")
 
 
@@ -382,7 +388,7 @@ def elastic_energy(scheme: SolidScheme, rows: Rows, elastic: Floats) -> Floats:
         rows: As the march has left them.
         elastic: Sums of the elastic energy [J], without that of contact for explicit schemes.
     """
-    energy = elastic.copy()
+    energy = elastic + rows.spring_energy
     if scheme.massless and scheme.staggered:
         contact = rows.contact_energy
         energy[1:] += 0.5 * (contact[1:] + contact[:-1])

@@ -55,6 +55,7 @@ class Rod(Slender):
     """
 
     kind: ClassVar[str] = "rod"
+    dents: ClassVar[bool] = True
     round_ends: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the rod in histories", default="rod")
@@ -156,6 +157,11 @@ class Beam(Slender):
         off = abs(away @ [-along[1], along[0]]) > 0.5 * self.height * (1.0 + JOINED)
         ends = " to ".join(show([round(x, 12) for x in end]) for end in self.centreline().tolist())
         return f"from {ends}, within half its height" if far or off else None
+
+    @property
+    def dents(self) -> bool:  # type: ignore[override]
+        """Whether its contacts may have a stiffness: not where all of it may lie on something."""
+        return self.contact == CONTACTS[0]
 
     @property
     def line_thickness(self) -> float:

@@ -33,6 +33,7 @@ class BodyKind:
         settings: Keys of ``[solve]`` that it brings into scenes of several kinds.
         balls_only: Whether other bodies that it meets must be balls.
         meets_edges: Whether edges and faces of rigid bodies may meet it.
+        dents: Whether its contacts, at single places, may have a stiffness.
         rubs: Whether friction acts on it.
         meshed: Whether it has elements, larger ones of which tell its error.
         takes_joints: Whether joints hold it.
@@ -52,6 +53,7 @@ class BodyKind:
     settings: ClassVar[tuple[str, ...]] = ()
     balls_only: ClassVar[bool] = False
     meets_edges: ClassVar[bool] = False
+    dents: ClassVar[bool] = False
     rubs: ClassVar[bool] = True
     meshed: ClassVar[bool] = False
     takes_joints: ClassVar[bool] = False

@@ -50,6 +50,17 @@ class Contact:
         default=None,
         absent="moreau with friction, else newton",
     )
+    stiffness: float | None = key(
+        Real(above=0),
+        "of what gives way where they touch, as a dent: force over indentation to the power of "
+        "stiffness_exponent (point, rod, beam, bar, plate, ball of kind rigid)",
+        unit="N/m^stiffness_exponent",
+        default=None,
+        absent="nothing gives way",
+    )
+    stiffness_exponent: float = key(
+        Real(at_least=1), "1 of a spring, 1.5 of a ball (Hertz)", default=1.0
+    )
     friction_coefficient: float = key(Real(at_least=0), "Coulomb's coefficient", default=0.0)
     static_friction_coefficient: float | None = key(
         Real(at_least=0),
@@ -105,6 +116,20 @@ class Contact:
         if self.name is not None and any(set("*?") & set(side) for side in self.between):
             text = f" = {show(self.name)} would be that of several pairs: remove it."
             raise KeyedError(self.heading, "name", text)
+        self._check_stiffness()
+        self._check_friction()
+
+    def _check_stiffness(self) -> None:
+        if self.stiffness_exponent != 1.0 and self.stiffness is None:
+            text = f" = {show(self.stiffness_exponent)} is that of stiffness: give it too."
+            raise KeyedError(self.heading, "stiffness_exponent", text)
+        for name in ("restitution", "friction_coefficient"):
+            if self.stiffness is not None and (value := getattr(self, name)):
+                text = f" = {show(value)} is not available with stiffness, which gives back what "
+                text += "it takes; remove one."
+                raise KeyedError(self.heading, name, text)
+
+    def _check_friction(self) -> None:
         rubs = bool(self.friction_coefficient)
         for name in _WITH_FRICTION:
             if (value := getattr(self, name)) and not rubs:

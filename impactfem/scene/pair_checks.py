@@ -39,6 +39,36 @@ def _check_contact(contact: Contact, where: str) -> None:
         raise KeyedError(where, law, f"{text}solids have their own elasticity; remove it.")
 
 
+def check_springs(scene: Content) -> None:
+    """Refuse a stiffness of contacts that are no single places, or beside friction.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    known = {body.name: body for body in scene.bodies}
+    rubs = [law.between for law in scene.laws.each if law.friction_coefficient]
+    finite = [solid.name for solid in scene.solids if solid.is_finite]
+    for contact, index in zip(scene.laws.each, scene.laws.origin, strict=True):
+        if contact.stiffness is None:
+            continue
+        shown = f" = {show(contact.stiffness)}: "
+        names = [side_of(entry)[0] for entry in contact.between]
+        for name, other in zip(names, reversed(names), strict=True):
+            body = known.get(name)
+            # Of a plate on an obstacle all vertices may touch.
+            if body and not (body.dents and (other in known or not body.balls_only)):
+                text = f"{shown}{name}, a {body.kind}, may touch at many places, or gives way by "
+                text += "itself; remove it, or take a point, a rigid ball, a bar or a plate."
+                raise KeyedError(f"contact[{index}]", "stiffness", text)
+        if finite:
+            text = f'{shown}it is not available beside {finite[0]}, whose strain is "finite"; '
+            raise KeyedError(f"contact[{index}]", "stiffness", f"{text}remove one.")
+        if rubs:
+            text = f"{shown}it is not available beside friction, which {' and '.join(rubs[0])} "
+            text += "have; remove one."
+            raise KeyedError(f"contact[{index}]", "stiffness", text)
+
+
 def check_itself(scene: Content) -> None:
     """Refuse bodies that meet themselves and cannot.
 

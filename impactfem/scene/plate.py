@@ -47,6 +47,7 @@ class Plate(BodyKind):
     may_meet_nothing: ClassVar[bool] = True
     substeps: ClassVar[bool] = False
     balls_only: ClassVar[bool] = True
+    dents: ClassVar[bool] = True
     rubs: ClassVar[bool] = False
     meshed: ClassVar[bool] = True
     mesh_dim: ClassVar[int] = 2

@@ -62,6 +62,7 @@ class Point(BodyKind):
     meets_alike: ClassVar[bool] = True
     is_ball: ClassVar[bool] = True
     meets_edges: ClassVar[bool] = True
+    dents: ClassVar[bool] = True
     takes_joints: ClassVar[bool] = True
     turns_in_joints: ClassVar[bool] = False
 

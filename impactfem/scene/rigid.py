@@ -193,6 +193,11 @@ class RigidBody(BodyKind):
         return not self.has_corners
 
     @property
+    def dents(self) -> bool:  # type: ignore[override]
+        """Whether its contacts may have a stiffness: those of balls."""
+        return self.rolls
+
+    @property
     def has_corners(self) -> bool:
         """Whether it is no single ball."""
         return len(self.form.nodes) > 1

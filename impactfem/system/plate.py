@@ -12,6 +12,7 @@ from scipy.sparse.linalg import eigsh, splu
 from impactfem import fem
 from impactfem.errors import MeshError
 from impactfem.scene import Formula, Scene
+from impactfem.scene.pairing import bodies_met, law_of, obstacles_of
 from impactfem.scene.plate import Plate
 from impactfem.scene.plate_keys import FACES
 from impactfem.system.few import FewBodies
@@ -119,27 +120,32 @@ def plate_system(scene: Scene, plate: Plate) -> ThinPlate:
     """Discretise a plate (collective).
 
     Vertices that may touch are no neighbours of each other and have no mass, and slopes have none
-    either: both are in equilibrium with the rest. Where there is nothing to meet all keep theirs.
+    either: both are in equilibrium with the rest. Where there is nothing to meet all keep theirs,
+    and so they do where all contacts have a stiffness, which any vertex then may have.
 
     Raises:
         MeshError: It cannot be meshed, has an unknown edge, or all of it is held.
         SceneError: A formula has no finite value.
     """
     mesh = plate_mesh(plate, scene.folder or Path())
-    return discretised(plate, mesh, touches=bool(scene.obstacles) or len(scene.bodies) > 1)
+    met = [*bodies_met(scene, plate.name), *(o.name for o in obstacles_of(scene, plate.name))]
+    laws = [law_of(scene, plate.name, name) for name in met]
+    sprung = bool(laws) and all(law is not None and law.stiffness is not None for law in laws)
+    return discretised(plate, mesh, touches=bool(met) and not sprung, sprung=sprung)
 
 
-def discretised(plate: Plate, mesh: PlateMesh, *, touches: bool) -> ThinPlate:
+def discretised(plate: Plate, mesh: PlateMesh, *, touches: bool, sprung: bool = False) -> ThinPlate:
     """The same on a mesh that is given.
 
     Args:
         plate: As the scene has it.
         mesh: Of its mid-surface.
-        touches: Whether there is anything that it may meet.
+        touches: Whether there is anything that it may meet without a stiffness between.
+        sprung: Whether all that it meets has one.
     """
     still, ways = held_slopes(mesh, plate)
     count = len(mesh.points)
-    touch = apart_from_others(mesh, ~still)
+    touch = np.flatnonzero(~still) if sprung else apart_from_others(mesh, ~still)
     if not len(touch) or (touches and len(touch) == count - int(still.sum())):
         raise MeshError(
             f"body {plate.name}: no vertex is left that could move and have mass: give a smaller "
@@ -191,7 +197,7 @@ def discretised(plate: Plate, mesh: PlateMesh, *, touches: bool) -> ThinPlate:
         shell=np.full(len(touch), half),
         touching=np.ones(len(touch), dtype=bool),
         body=np.zeros(len(touch), dtype=np.int64),
-        lines=net_between(mesh, touch),
+        lines=mesh.cells_of(touch) if sprung else net_between(mesh, touch),
         ends={},
         rate=lambda: _OF_BENDING * first,
         words=f"a thin plate of {len(mesh.cells)} discrete Kirchhoff triangles",

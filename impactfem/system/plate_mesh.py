@@ -56,6 +56,13 @@ class PlateMesh:
         count = len(self.points)
         return csr_matrix(coo_matrix((each.ravel(), (rows, columns)), shape=(count, count)))
 
+    def cells_of(self, chosen: Integers) -> Integers:
+        """Triangles between some vertices, by their places among them, (several, 3)."""
+        place = np.full(len(self.points), -1, dtype=np.int64)
+        place[chosen] = np.arange(len(chosen))
+        found = place[self.cells]
+        return found[(found >= 0).all(axis=1)]
+
     @cached_property
     def shares(self) -> csr_matrix:
         """Integrals of products of linear functions [m^2], (vertices, vertices)."""

@@ -1,0 +1,126 @@
+"""Contacts that give way by themselves: a dent about a single place, which bodies do not model.
+
+A spring lies in the gap: pressed by d it pushes with f = K d^p, and its free end is what may not
+pass. It is one more part of the convex energy of `impactfem.contact.complementarity`: the true gap
+is g + D lambda + d(lambda), and with the energy U(d) = f d / (p + 1) of the springs
+
+    V(g) = lambda . D lambda / 2 + U,
+    theta = 1/2 + (lambda_a . gap_b - lambda_b . gap_a + e_a - e_b) / (2 R),
+    R = lambda_a . gap_b + lambda_b . gap_a + change . D change + e_a + e_b,
+
+where e_a = U_b - U_a - lambda_a . (d_b - d_a) >= 0, and e_b likewise, are what the springs store
+beyond the work of the force of one end. With p = 1 the spring is a compliance 1 / K more.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import ConvergenceError
+from impactfem.findings import Finding, by_limits
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
+
+_EXACT = 1e-14  # share of the largest force by which the law may be missed
+_LEAST = 1e-12  # share of the deepest gap from which on a spring counts as pressed
+_MOST = 100  # Newton steps
+_RESOLVED = (20.0, 4.0)  # layers in a contact below which forces call for care, and are none
+
+
+@dataclass(frozen=True)
+class ContactSprings:
+    """Springs in gaps.
+
+    Attributes:
+        stiffness: K of each gap [N/m^p], (gaps,); infinite where there is none.
+        exponent: p, (gaps,), at least 1.
+    """
+
+    stiffness: Floats
+    exponent: Floats
+
+    @property
+    def there(self) -> Booleans:
+        """Which gaps have one."""
+        return np.isfinite(self.stiffness)
+
+    def some(self, rows: Integers) -> "ContactSprings":
+        """Those of some gaps."""
+        return ContactSprings(self.stiffness[rows], self.exponent[rows])
+
+    def depth(self, force: Floats) -> Floats:
+        """How far they are pressed by forces [N]: d [m], (gaps,); 0 where there is none."""
+        return np.asarray((force / self.stiffness) ** (1.0 / self.exponent))
+
+    def energy(self, force: Floats) -> Floats:
+        """What they store then [J], (gaps,)."""
+        return force * self.depth(force) / (self.exponent + 1.0)
+
+    def excess(self, old: Floats, new: Floats) -> tuple[float, float]:
+        """e_a and e_b of the forces at both ends of a layer [J]; see the module."""
+        way = self.depth(new) - self.depth(old)
+        gained = float((self.energy(new) - self.energy(old)).sum())
+        return max(0.0, gained - float(old @ way)), max(0.0, float(new @ way) - gained)
+
+    def solve(
+        self,
+        solver: Callable[[Floats, Floats, Booleans], tuple[Floats, int]],
+        matrix: Floats,
+        offset: Floats,
+        start: Booleans,
+    ) -> tuple[Floats, int]:
+        """Forces with 0 <= lambda _|_ offset + matrix lambda + d(lambda) >= 0, and systems solved.
+
+        Newton's steps, each a complementarity problem with the tangents of the springs. From
+        deeper than they are pressed, where they begin, the steps come down without passing.
+
+        Raises:
+            ConvergenceError: They did not.
+        """
+        there, total = self.there, 0
+        deepest = -float(offset.min(initial=0.0))
+        if deepest <= 0.0:
+            return np.zeros(len(offset)), 0
+        least = _LEAST * deepest
+        stiffness = np.where(there, self.stiffness, 0.0)
+        depth = np.maximum(-offset, least)
+        for _ in range(_MOST):
+            pushed = stiffness * depth**self.exponent
+            give = np.zeros(len(offset))
+            give[there] = (depth / self.exponent)[there] / pushed[there]
+            shifted = offset + np.where(there, depth - give * pushed, 0.0)
+            force, count = solver(matrix + np.diag(give), shifted, start)
+            total, start = total + count, force > 0.0
+            depth = depth + give * (force - pushed)
+            missed = np.abs(stiffness * depth**self.exponent - force)[there & start]
+            closing = (offset + matrix @ force)[there & ~start]
+            fine = missed.max(initial=0.0) <= _EXACT * force.max(initial=0.0)
+            if fine and closing.min(initial=0.0) >= -least:
+                return force, total
+            depth = np.where(start, depth, least)
+            depth = np.maximum(depth, least)
+        raise ConvergenceError(
+            f"contact: forces of springs in {np.count_nonzero(there)} gaps were not found in "
+            f"{_MOST} steps; use a smaller solve.dt"
+        )
+
+
+def unresolved(indentation: Floats, dt: float) -> tuple[Finding, ...]:
+    """Whether a contact was too short for its steps.
+
+    Args:
+        indentation: Largest of all gaps at each level [m], (levels,).
+        dt: Of a layer [s].
+    """
+    changes = np.diff(np.concatenate([[0], (indentation > 0.0).astype(np.int8), [0]]))
+    starts, ends = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0)
+    whole = ends < len(indentation)  # what lasts at the end of the run may go on
+    shortest = float((ends - starts)[whole].min(initial=np.iinfo(np.int64).max)) + 1.0
+    text = f"a contact that gives way lasts {shortest:g} steps: its force is not resolved"
+    remedy = f"use solve.dt below {shortest * dt / _RESOLVED[0]:.1g}"
+    code, limits = "contact_unresolved", (1.0 / _RESOLVED[0], 1.0 / _RESOLVED[1])
+    return by_limits(code, 1.0 / shortest, limits, text, remedy=remedy)
