@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from impactfem.scene.flight import Flight
 from impactfem.scene.probes import MOVES
+from impactfem.scene.schema import KeyedError
+from impactfem.scene.values import show
 
 Floats = NDArray[np.float64]
 JOINED = 1e-9
@@ -98,6 +100,19 @@ class BodyKind:
     def hull_corners(self) -> int:
         """Number of corners of its convex hull; 0 if it has no edges and faces."""
         return 0
+
+    def check_on_axis(self, where: str) -> None:
+        """Refuse what does not stand beside axisymmetric solids.
+
+        Args:
+            where: Its table, for messages.
+
+        Raises:
+            KeyedError: naming the key.
+        """
+        text = f" = {show(self.kind)}: beside axisymmetric solids there are solids and balls on "
+        text += 'the axis only: give a point with a radius there, or solids of model = "3d".'
+        raise KeyedError(where, "kind", text)
 
     def check_beside(self, bodies: Sequence[Any]) -> None:
         """Refuse what contradicts other bodies of its scene, all of which are given.

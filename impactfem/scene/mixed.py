@@ -55,8 +55,11 @@ def check_dimensions(scene: Content) -> None:
             text += "give all the same number, to a bar by point and axis."
             raise KeyedError(f"body[{index}]", "", text)
     if any(solid.is_axisymmetric for solid in scene.solids):
-        text = ' = "axisymmetric": points, rods, beams and bars are not round about its axis; use '
-        raise KeyedError("body", "model", f'{text}model = "3d".')
+        for index, body in enumerate(scene.bodies):
+            body.check_on_axis(f"body[{index}]")
+        if scene.joints:
+            text = ": joints are not available beside axisymmetric solids, where balls stay on the "
+            raise KeyedError("joint[0]", "", f"{text}axis; remove it.")
     if scene.dim > 1:
         return
     rubbing = [k for k, law in enumerate(scene.contacts) if law.friction_coefficient > 0.0]
@@ -118,11 +121,13 @@ def _check_contact(scene: Content, contact: Contact, where: str, known: Mapping[
             text = f" = {show(contact.friction_coefficient)}: friction on {body.name}, a "
             text += f"{body.kind}, is not available; remove it."
             raise KeyedError(where, "friction_coefficient", text)
-        for law in contact.laws_of_mass:
-            if body.waves:
-                text = f" = {show(getattr(contact, law))}: {body.name} rebounds by its own "
-                text += "elasticity, which needs no such law; remove it."
-                raise KeyedError(where, law, text)
+        for law in contact.laws_of_mass if body.waves else ():
+            text = f" = {show(getattr(contact, law))}: {body.name} rebounds by its own "
+            text += "elasticity, which needs no such law; remove it."
+            if "restitution" not in law:
+                text = f" = {show(getattr(contact, law))} is not available on {body.name}, whose "
+                text += "contact nodes have no mass; remove it."
+            raise KeyedError(where, law, text)
     for law in ("rolling_resistance", "spinning_resistance"):
         value = getattr(contact, law)
         if value and (not any(body.rolls for body in sides) or scene.dim + (law[0] == "r") < 3):

@@ -149,6 +149,22 @@ class Point(BodyKind):
                 text += f"{' or '.join(map(show, points)) or 'anchor, a place'}."
                 raise KeyedError(self.kind, f"springs[{number}].to", text)
 
+    def check_on_axis(self, where: str) -> None:
+        """Refuse a ball that leaves the axis.
+
+        Raises:
+            KeyedError: naming the key.
+        """
+        given = {"position": self.position, "velocity": self.velocity, "force": self.force}
+        given |= {f"springs[{k}].anchor": spring.anchor for k, spring in enumerate(self.springs)}
+        for name, entries in given.items():
+            if entries is None or _is_zero(entries[0]):
+                continue
+            shown = show([e.plain if isinstance(e, Formula) else e for e in entries])
+            text = f" = {shown}: beside axisymmetric solids a point is a ball on the axis, whose "
+            text += 'first entries are 0.0: give these, or solids of model = "3d".'
+            raise KeyedError(where, name, text)
+
     def box(self) -> tuple[Floats, Floats]:
         """Half edges and centre [m] of a box around it."""
         return np.full(self.dim, self.radius), np.asarray(self.position, dtype=np.float64)
@@ -189,3 +205,9 @@ class Point(BodyKind):
             if not np.isfinite(formula(**values)):
                 text = f" = {show(formula.text)} has no finite value at the start: rewrite it."
                 raise KeyedError(self.kind, where, text)
+
+
+def _is_zero(entry: float | Formula) -> bool:
+    if isinstance(entry, Formula):
+        return entry.is_constant and entry() == 0.0
+    return entry == 0.0

@@ -224,6 +224,9 @@ class SolidKeys(BodyKind):
         """Whether x is the radius and y the axis."""
         return self.model == "axisymmetric"
 
+    def check_on_axis(self, where: str) -> None:
+        """Nothing: models tell whether they fit."""
+
     @property
     def is_finite(self) -> bool:
         """Whether it is computed under finite strain and rotation."""

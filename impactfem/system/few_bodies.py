@@ -41,8 +41,11 @@ def few_bodies(scene: Scene) -> tuple[FewBodies, ...]:
     return tuple(found)
 
 
-def _of_points(points: Sequence[Point]) -> Lumped:
+def _of_points(scene: Scene, points: Sequence[Point]) -> Lumped:
     dim, count = points[0].dim, len(points)
+    # On an axis the forces around a ball have no sum across it.
+    ways = [0.0, 1.0] if any(solid.is_axisymmetric for solid in scene.solids) else np.ones(dim)
+    moving = np.diag(np.tile(ways, count))
     free = free_points(points)
     position = np.concatenate([p.position for p in points]).astype(float)
     masses = tuple(p.mass for p in points)
@@ -69,7 +72,7 @@ def _of_points(points: Sequence[Point]) -> Lumped:
         position=position,
         velocity=velocity,
         places=lambda q: q.reshape(count, dim).copy(),
-        jacobian=lambda _: np.eye(count * dim),
+        jacobian=lambda _: moving,
         turning=False,
         radius=radius,
         shell=radius,
@@ -202,7 +205,7 @@ def _means(bar: Bar) -> tuple[float, float]:
 _NO_LINES = np.zeros((0, 2), dtype=np.int64)
 
 _MAKERS: Mapping[type, Callable[[Scene, list[Any]], Sequence[FewBodies]]] = {
-    Point: lambda _, points: [_of_points(points)],
+    Point: lambda scene, points: [_of_points(scene, points)],
     Rod: lambda _, rods: list(map(_of_rod, rods)),
     Beam: lambda _, beams: list(map(_of_beam, beams)),
     RigidBody: lambda scene, bodies: [rigid_system(scene, body) for body in bodies],
