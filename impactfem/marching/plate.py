@@ -24,7 +24,7 @@ from impactfem.marching.layers import Sums
 from impactfem.result.shapes import TRIANGLE, Shape
 from impactfem.scene import PiecewiseVector
 from impactfem.system.kirchhoff import DOFS
-from impactfem.system.plate import ThinPlate
+from impactfem.system.plate import PlateSystem
 from impactfem.system.surface import CHOLESKY
 
 Floats = NDArray[np.float64]
@@ -44,26 +44,28 @@ _NEAR = 1e-9  # share of the plate's size by which a probe may lie off its mid-s
 class PlateMidpoint(FewInterior):
     """Interior of a plate; see `impactfem.marching.layers.Interior`."""
 
-    bodies: ThinPlate
+    bodies: PlateSystem
 
     def __init__(
-        self, bodies: ThinPlate, gravity: PiecewiseVector, dt: float, *, counts: bool
+        self, bodies: PlateSystem, gravity: PiecewiseVector, dt: float, *, counts: bool
     ) -> None:
         """Factor once and begin at t = 0; see `FewInterior`."""
         super().__init__(bodies, gravity, dt, counts=counts)
         self._normal = bodies.plate.frame[1][2]
         vertex = bodies.basis[::DOFS].T.tocsr()  # from forces on vertices to those on q
         self._of_vertices = vertex
-        self._mass = vertex @ bodies.node_mass
+        self._mass = bodies.weight
         self._light = np.flatnonzero(bodies.light)
         self._heavy = np.flatnonzero(~bodies.light)
         slopes = np.flatnonzero(~bodies.deflected)
         self._slopes, self._deflected = slopes, np.flatnonzero(bodies.deflected)
+        self._follows = not bodies.shear  # slopes do, whatever deflections do
         stiffness = bodies.stiffness.tocsc()
         self._mu = 4.0 / dt**2 + 2.0 / dt * bodies.plate.rayleigh_mass
         self._layer = splu((stiffness + self._mu * diags(self._mass)).tocsc(), **CHOLESKY)
-        self._statics = splu(stiffness[self._light][:, self._light].tocsc(), **CHOLESKY)
-        self._pull = stiffness[self._light][:, self._heavy].tocsr()
+        if bodies.massless:
+            self._statics = splu(stiffness[self._light][:, self._light].tocsc(), **CHOLESKY)
+            self._pull = stiffness[self._light][:, self._heavy].tocsr()
         self._turned = splu(stiffness[slopes][:, slopes].tocsc(), **CHOLESKY)
         self._turning = stiffness[slopes][:, self._deflected].tocsr()
         # Of contact nodes among q, and among the massless of q.
@@ -190,7 +192,8 @@ class PlateMidpoint(FewInterior):
         """Put what has no mass where it is with contact forces."""
         if self._massless:
             self._q[self._touch] = self._contact + static @ self._normal
-        self._settle_slopes(self._q)
+        if self._follows:
+            self._settle_slopes(self._q)
         self._look()
 
     def _summed(self, work: float) -> list[Sums]:
@@ -199,6 +202,9 @@ class PlateMidpoint(FewInterior):
         bodies, mass = self.bodies, self.bodies.node_mass
         momenta = mass * bodies.deflection(self._v)
         moved = float(mass @ (bodies.deflection(self._q) - self._zero))
+        # Slopes turn about the axes of the plate that lie across them.
+        _, x, y = (bodies.turning @ (bodies.basis[k::DOFS] @ self._v) for k in range(DOFS))
+        turning = y * bodies.plate.frame[1][0] - x * bodies.plate.frame[1][1]
         return [
             Sums(
                 0.5 * float(self._mass @ self._v**2),
@@ -206,7 +212,7 @@ class PlateMidpoint(FewInterior):
                 work,
                 float(momenta.sum()) * self._normal,
                 moved * self._normal,
-                momenta @ self._moments,
+                momenta @ self._moments + turning,
             )
         ]
 
@@ -270,10 +276,10 @@ class PlateMidpoint(FewInterior):
         yield from by_limits("model_strain", stiffer, limits, text, name, remedy)
         text = f"{name} is inclined by up to {steepness:.2g} rad, taken as small"
         yield from by_limits("model_rotation", steepness, ROTATION_LIMITS, text, name, remedy)
-        share = _SHEAR * (self.bodies.plate.thickness / self.bodies.width) ** 2
+        share = self._follows * _SHEAR * (self.bodies.plate.thickness / self.bodies.width) ** 2
         text = f"{name} is thick for Kirchhoff's theory: shear, which is left out, would let a "
         text += f"clamped square of its width give way by {percent(share)} more"
-        remedy = "model it as a solid"
+        remedy = 'give theory = "reissner_mindlin", or model it as a solid'
         yield from by_limits("model_thin", share, STRAIN_LIMITS, text, name, remedy)
 
     measure = "thickness"

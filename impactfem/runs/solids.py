@@ -44,7 +44,7 @@ from impactfem.system.inside import check_inside
 from impactfem.system.massless import mass_transfer
 from impactfem.system.mechanism import Arm
 from impactfem.system.net import Net
-from impactfem.system.plate import ThinPlate
+from impactfem.system.plate import PlateSystem
 from impactfem.system.rigid import Rigid
 from impactfem.system.stretches import Stretches
 
@@ -61,7 +61,7 @@ _INTERIORS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
     Rigid: RigidMidpoint,
     Arm: MechanismMidpoint,
     Net: NetMidpoint,
-    ThinPlate: PlateMidpoint,
+    PlateSystem: PlateMidpoint,
 }
 """How bodies without meshes are marched."""
 

@@ -1,4 +1,4 @@
-"""Thin elastic plates."""
+"""Elastic plates."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -27,14 +27,17 @@ from impactfem.scene.values import show
 if TYPE_CHECKING:
     from impactfem.scene.boundary import FormulaLike
 
-THEORIES = ("kirchhoff",)
-_THICK = 0.1  # thickness by the least width from which on the theory of thin plates is refused
+THEORIES = {"kirchhoff": 0.0, "reissner_mindlin": 5.0 / 6.0}
+"""Theories by their shear correction factor; 0 of that without shear."""
+_THICK = {None: 0.2, "kirchhoff": 0.1, "reissner_mindlin": 0.2}
+"""Thickness by the least width from which on a theory is refused."""
+_SHEARS = 0.05  # the same from which on shear counts, unless theory says so
 
 
 @table('[[body]] with kind = "plate"')
 @dataclass(frozen=True, kw_only=True)
 class Plate(BodyKind):
-    """A thin elastic plate that bends: Kirchhoff's theory, small deflections along its normal.
+    """An elastic plate that bends, by Kirchhoff or by Reissner and Mindlin; small deflections.
 
     Raises:
         SceneError: a value is missing or not allowed, or two contradict each other.
@@ -84,7 +87,10 @@ class Plate(BodyKind):
     rayleigh_mass: float = key(
         Real(at_least=0), "damping by the mass: speeds fall at this rate", unit="1/s", default=0.0
     )
-    theory: str = key(Choice(THEORIES), "thin plates without shear", default=THEORIES[0])
+    theory: str | None = key(
+        Choice(tuple(THEORIES)), "thin, or thick with shear and rotary inertia",
+        default=None, absent="with shear from a twentieth of the width on, but where balls meet it",
+    )  # fmt: skip
     velocity: Formula = key(  # noqa: RUF009  # a field
         FormulaOf(("x", "y")), "at t = 0 along the normal", unit="m/s", default=0.0
     )
@@ -115,7 +121,7 @@ class Plate(BodyKind):
             normal: Sequence[float] = (0.0, 0.0, 1.0),
             angle: float = 0.0,
             rayleigh_mass: float = 0.0,
-            theory: str = "kirchhoff",
+            theory: str | None = None,
             velocity: "FormulaLike" = 0.0,
             displacement: "FormulaLike" = 0.0,
             supports: Sequence[EdgeSupport | Mapping[str, Any]] = (),
@@ -134,9 +140,10 @@ class Plate(BodyKind):
             raise KeyedError(self.kind, "mesh_size", " is missing: give the size of elements.")
         if self.mesh_size > largest:
             raise self._fail("mesh_size", f"exceeds the width {largest:.6g} m: give a smaller one.")
-        if self.thickness > _THICK * least:
-            text = f"is more than {_THICK:g} of the least width {least:.6g} m: theory = "
-            text += f'{show(self.theory)} is for thin plates; use kind = "solid", or check units.'
+        if self.thickness > _THICK[self.theory] * least:
+            text = f"is more than {_THICK[self.theory]:g} of the least width {least:.6g} m: "
+            text += "too thick for theory = " + show(self.theory or "reissner_mindlin")
+            text += '; use kind = "solid", or check units.'
             raise self._fail("thickness", text)
         for index, support in enumerate(self.supports):
             if support.edge not in self.outline.edges:
@@ -161,6 +168,29 @@ class Plate(BodyKind):
         """D = E t^3 / (12 (1 - nu^2)) [N m]."""
         across = 12.0 * (1.0 - self.poisson_ratio) * (1.0 + self.poisson_ratio)
         return self.youngs_modulus * self.thickness**3 / across
+
+    def shear(self, width: float, *, struck: bool) -> float:
+        """D over the stiffness to shear [m^2]; 0 without shear.
+
+        Args:
+            width: The least one [m].
+            struck: Whether balls or points may meet it.
+        """
+        thick = self.thickness > _SHEARS * width and not struck
+        factor = THEORIES[self.theory or ("reissner_mindlin" if thick else "kirchhoff")]
+        return self.thickness**2 / (6.0 * factor * (1.0 - self.poisson_ratio)) if factor else 0.0
+
+    def check_beside(self, bodies: Sequence[Any]) -> None:
+        """Refuse points and balls on a plate that shears: there they would sink in without end.
+
+        Raises:
+            KeyedError: There are some.
+        """
+        balls = [body.name for body in bodies if body.is_ball]
+        if balls and THEORIES.get(self.theory or ""):
+            text = f" = {show(self.theory)}: {balls[0]} would press on a single place, which gives "
+            text += 'way to shear the more the smaller elements are; give theory = "kirchhoff".'
+            raise KeyedError("", "theory", text)
 
     @property
     def rayleigh_damping(self) -> tuple[float, float]:

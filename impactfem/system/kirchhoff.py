@@ -27,8 +27,8 @@ DOFS = 3
 _EDGES = ((1, 2), (0, 2), (0, 1))  # vertices of the edges of a triangle, as Basix numbers them
 
 
-def kirchhoff_stiffness(
-    points: Floats, cells: Integers, rigidity: float, poisson_ratio: float
+def triangle_stiffness(
+    points: Floats, cells: Integers, rigidity: float, poisson_ratio: float, shear: float = 0.0
 ) -> csr_matrix:
     """Stiffness of a plate that nothing holds, (3 vertices, 3 vertices) [N/m, N, N m].
 
@@ -39,6 +39,7 @@ def kirchhoff_stiffness(
         cells: Triangles, (cells, 3).
         rigidity: D = E t^3 / (12 (1 - nu^2)) [N m].
         poisson_ratio: nu.
+        shear: D over the stiffness to shear [m^2]; 0 of a plate without shear.
     """
     mesh = fem.serial_mesh(points, cells)
     space = dolfinx_fem.functionspace(mesh, ("Lagrange", 2, (2,)))
@@ -48,18 +49,62 @@ def kirchhoff_stiffness(
     plain = csr_matrix((values.copy(), columns.copy(), starts.copy()), shape=matrix.getSize())
     matrix.destroy()
     ours = fem.input_numbers(mesh)[fem.cell_nodes(mesh)]
-    edge_map = _edge_map(points, np.asarray(ours), np.asarray(space.dofmap.list, dtype=np.int64))
-    return csr_matrix(edge_map.T @ plain @ edge_map)
+    nodes = np.asarray(space.dofmap.list, dtype=np.int64)
+    edge_map = _edge_map(points, np.asarray(ours), nodes, shear)
+    bent = csr_matrix(edge_map.T @ plain @ edge_map)
+    return bent + _sheared(points, cells, rigidity, shear) if shear else bent
 
 
-def curvatures(points: Floats, cells: Integers) -> csr_matrix:
-    """Curvatures w_xx, w_yy and 2 w_xy of vertices by degrees of freedom, 3 rows each [1/m].
+def _sheared(points: Floats, cells: Integers, rigidity: float, shear: float) -> csr_matrix:
+    """Stiffness to shear: strains along edges, at corners by both edges there, linear between."""
+    corners = points[cells]
+    along, ways, lengths = _way_missed(corners)
+    strain = along / (1.0 + _softness(lengths, shear))[:, :, None]
+    strain *= _softness(lengths, shear)[:, :, None]
+    own = _freedoms(cells)
+    at = np.empty((len(cells), 3, 2, 3 * DOFS))
+    for corner in range(3):
+        beside = [k for k, pair in enumerate(_EDGES) if corner in pair]
+        at[:, corner] = np.linalg.solve(ways[:, beside], strain[:, beside])
+    edges = corners[:, 1:] - corners[:, :1]
+    area = 0.5 * np.abs(np.linalg.det(edges))
+    linear = (np.ones((3, 3)) + np.eye(3)) / 12.0
+    each = np.einsum("c,ij,ciad,cjae->cde", rigidity / shear * area, linear, at, at)
+    size = DOFS * len(points)
+    return _assembled(each, own, own, (size, size))
+
+
+def _softness(lengths: Floats, shear: float) -> Floats:
+    """Phi of edges: 12 D / (shear stiffness l^2), (cells, 3)."""
+    return 12.0 * shear / lengths**2
+
+
+def _way_missed(corners: Floats) -> tuple[Floats, Floats, Floats]:
+    """(w_j - w_i) / l - s . (b_i + b_j) / 2 of edges by degrees of freedom, (cells, 3, 9).
+
+    Also their directions, (cells, 3, 2), and lengths [m], (cells, 3).
+    """
+    found = np.zeros((len(corners), 3, 3 * DOFS))
+    first, last = (corners[:, [pair[k] for pair in _EDGES]] for k in (0, 1))
+    lengths = np.linalg.norm(last - first, axis=2)
+    ways = (last - first) / lengths[:, :, None]
+    for k, (one, two) in enumerate(_EDGES):
+        found[:, k, DOFS * two] = 1.0 / lengths[:, k]
+        found[:, k, DOFS * one] = -1.0 / lengths[:, k]
+        for end in (one, two):
+            found[:, k, DOFS * end + 1 : DOFS * end + 3] = -0.5 * ways[:, k]
+    return found, ways, lengths
+
+
+def curvatures(points: Floats, cells: Integers, shear: float = 0.0) -> csr_matrix:
+    """Curvatures b_xx, b_yy and b_xy + b_yx of vertices by degrees of freedom, 3 rows each [1/m].
 
     Those of the triangles at a vertex, weighted by their areas.
 
     Args:
         points: Vertices [m], (vertices, 2).
         cells: Triangles, (cells, 3).
+        shear: See `triangle_stiffness`.
     """
     corners = points[cells]
     edges = (corners[:, 1:] - corners[:, :1]).swapaxes(1, 2)
@@ -67,7 +112,7 @@ def curvatures(points: Floats, cells: Integers) -> csr_matrix:
     # Gradients of the linear functions of the corners.
     rising = np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
     around = np.bincount(cells.ravel(), np.repeat(area, 3), len(points))
-    slopes, count = _slopes(corners), len(cells)
+    slopes, count = _slopes(corners, shear), len(cells)
     bent = np.empty((count, 3, 3, 3 * DOFS))  # of triangles at their corners
     for corner in range(3):
         # Derivatives there of the quadratic functions of vertices, then of the edges' middles.
@@ -87,9 +132,9 @@ def curvatures(points: Floats, cells: Integers) -> csr_matrix:
     return _assembled(bent.reshape(count, 9, -1), own, own, (size, size))
 
 
-def _edge_map(points: Floats, cells: Integers, nodes: Integers) -> csr_matrix:
+def _edge_map(points: Floats, cells: Integers, nodes: Integers, shear: float) -> csr_matrix:
     """T: quadratic slopes, by their nodes (cells, 6), of the degrees of freedom of vertices."""
-    slopes = _slopes(points[cells])
+    slopes = _slopes(points[cells], shear)
     _, first = np.unique(nodes, return_index=True)  # neighbours have the same ones
     chosen = np.zeros(nodes.size, dtype=bool)
     chosen[first] = True
@@ -99,25 +144,22 @@ def _edge_map(points: Floats, cells: Integers, nodes: Integers) -> csr_matrix:
     return _assembled(slopes.reshape(len(cells), 12, -1), rows, _freedoms(cells), shape)
 
 
-def _slopes(corners: Floats) -> Floats:
+def _slopes(corners: Floats, shear: float) -> Floats:
     """Slopes at the nodes of elements by their degrees of freedom, (cells, 6, 2, 9).
 
     Args:
         corners: (cells, 3, 2).
+        shear: See `triangle_stiffness`.
     """
     found = np.zeros((len(corners), 6, 2, 3 * DOFS))
     for corner in range(3):
         for axis in range(2):
             found[:, corner, axis, DOFS * corner + 1 + axis] = 1.0
+    along, ways, lengths = _way_missed(corners)
+    more = 1.5 / (1.0 + _softness(lengths, shear))[:, :, None] * along
     for k, (one, two) in enumerate(_EDGES):
-        way = corners[:, two] - corners[:, one]
-        length = np.linalg.norm(way, axis=1)[:, None]
-        s = way / length
-        found[:, 3 + k, :, DOFS * two] = 1.5 / length * s
-        found[:, 3 + k, :, DOFS * one] = -1.5 / length * s
-        share = 0.5 * np.eye(2) - 0.75 * s[:, :, None] * s[:, None, :]
-        for end in (one, two):
-            found[:, 3 + k, :, DOFS * end + 1 : DOFS * end + 3] = share
+        mean = 0.5 * (found[:, one] + found[:, two])
+        found[:, 3 + k] = mean + ways[:, k, :, None] * more[:, k, None]
     return found
 
 

@@ -16,7 +16,7 @@ from impactfem.scene.pairing import bodies_met, law_of, obstacles_of
 from impactfem.scene.plate import Plate
 from impactfem.scene.plate_keys import FACES
 from impactfem.system.few import FewBodies
-from impactfem.system.kirchhoff import DOFS, curvatures, kirchhoff_stiffness
+from impactfem.system.kirchhoff import DOFS, curvatures, triangle_stiffness
 from impactfem.system.loads import FormulaValues
 from impactfem.system.plate_mesh import (
     Booleans,
@@ -37,7 +37,7 @@ _RIGID = 1e-6  # of the largest of a few squared frequencies, below which motion
 
 
 @dataclass(frozen=True, kw_only=True)
-class ThinPlate(FewBodies):
+class PlateSystem(FewBodies):
     """A plate; q are w and the slopes that are free, its contact nodes those without mass.
 
     Attributes:
@@ -48,6 +48,9 @@ class ThinPlate(FewBodies):
         deflected: Which of q are deflections, not slopes, (d,).
         light: Which of q have no mass, (d,).
         node_mass: Of the vertices, after what touches gave its away [kg], (vertices,).
+        weight: Mass of q, (d,) [kg, kg m^2].
+        turning: Rotary inertia of the vertices about any axis in the plate [kg m^2], (vertices,).
+        shear: D over the stiffness to shear [m^2]; 0 without shear.
         transfer: P of `mass_to_neighbours`, by which loads move too; (vertices, vertices).
         loads: Pressures at the vertices, and which way along the normal they push.
         curved: `curvatures` of the vertices by q, (3 vertices, d).
@@ -62,6 +65,9 @@ class ThinPlate(FewBodies):
     deflected: Booleans
     light: Booleans
     node_mass: Floats
+    weight: Floats
+    turning: Floats
+    shear: float
     transfer: csr_matrix
     touch: Integers
     loads: tuple[tuple[float, FormulaValues], ...]
@@ -71,8 +77,7 @@ class ThinPlate(FewBodies):
     @property
     def width(self) -> float:
         """Least one [m], about."""
-        size = float(np.ptp(self.mesh.points, axis=0).max())
-        return min(self.plate.least_width, float(self.mesh.areas.sum()) / size)
+        return _width(self.plate, self.mesh)
 
     @property
     def massless(self) -> bool:
@@ -116,7 +121,7 @@ class ThinPlate(FewBodies):
         return all(values.is_steady for _, values in self.loads)
 
 
-def plate_system(scene: Scene, plate: Plate) -> ThinPlate:
+def plate_system(scene: Scene, plate: Plate) -> PlateSystem:
     """Discretise a plate (collective).
 
     Vertices that may touch are no neighbours of each other and have no mass, and slopes have none
@@ -131,10 +136,22 @@ def plate_system(scene: Scene, plate: Plate) -> ThinPlate:
     met = [*bodies_met(scene, plate.name), *(o.name for o in obstacles_of(scene, plate.name))]
     laws = [law_of(scene, plate.name, name) for name in met]
     sprung = bool(laws) and all(law is not None and law.stiffness is not None for law in laws)
-    return discretised(plate, mesh, touches=bool(met) and not sprung, sprung=sprung)
+    struck = any(body.is_ball for body in scene.bodies if body.name in met)
+    return discretised(
+        plate, mesh, touches=bool(met) and not sprung, sprung=sprung,
+        shear=plate.shear(_width(plate, mesh), struck=struck),
+    )  # fmt: skip
 
 
-def discretised(plate: Plate, mesh: PlateMesh, *, touches: bool, sprung: bool = False) -> ThinPlate:
+def _width(plate: Plate, mesh: PlateMesh) -> float:
+    """Least one [m], about."""
+    size = float(np.ptp(mesh.points, axis=0).max())
+    return min(plate.least_width, float(mesh.areas.sum()) / size)
+
+
+def discretised(
+    plate: Plate, mesh: PlateMesh, *, touches: bool, sprung: bool = False, shear: float = 0.0
+) -> PlateSystem:
     """The same on a mesh that is given.
 
     Args:
@@ -142,6 +159,7 @@ def discretised(plate: Plate, mesh: PlateMesh, *, touches: bool, sprung: bool = 
         mesh: Of its mid-surface.
         touches: Whether there is anything that it may meet without a stiffness between.
         sprung: Whether all that it meets has one.
+        shear: D over the stiffness to shear [m^2]; 0 without shear.
     """
     still, ways = held_slopes(mesh, plate)
     count = len(mesh.points)
@@ -158,9 +176,14 @@ def discretised(plate: Plate, mesh: PlateMesh, *, touches: bool, sprung: bool = 
     mass = np.asarray(transfer.T @ (density * area))
     mass[still] = 0.0
     basis, deflected, vertex = _basis(still, ways)
-    stiffness = kirchhoff_stiffness(mesh.points, mesh.cells, plate.rigidity, plate.poisson_ratio)
+    bending = plate.rigidity, plate.poisson_ratio
+    stiffness = triangle_stiffness(mesh.points, mesh.cells, *bending, shear)
     reduced = csr_matrix(basis.T @ stiffness @ basis)
-    massless = ~deflected | np.isin(vertex, light)
+    # Rotary inertia, of plates that shear: others have none, and follow their deflection.
+    turning = plate.density * plate.thickness**3 / 12.0 * area * bool(shear)
+    inertia = sum(basis[k::DOFS].power(2).T @ turning for k in (1, 2))
+    weight = basis[::DOFS].T @ mass + inertia
+    massless = weight == 0.0
     center, axes = plate.frame
     start = center + mesh.points @ axes[:2]
 
@@ -182,8 +205,8 @@ def discretised(plate: Plate, mesh: PlateMesh, *, touches: bool, sprung: bool = 
 
     total = float(density * area.sum())
     half = 0.5 * plate.thickness
-    first = _first_frequency(reduced, mass[vertex] * ~massless)
-    return ThinPlate(
+    first = _first_frequency(reduced, weight * ~massless)
+    return PlateSystem(
         names=(plate.name,),
         masses=(total,),
         centers=(area @ start / area.sum())[None],
@@ -200,7 +223,8 @@ def discretised(plate: Plate, mesh: PlateMesh, *, touches: bool, sprung: bool = 
         lines=mesh.cells_of(touch) if sprung else net_between(mesh, touch),
         ends={},
         rate=lambda: _OF_BENDING * first,
-        words=f"a thin plate of {len(mesh.cells)} discrete Kirchhoff triangles",
+        words=f"a {'thick' if shear else 'thin'} plate of {len(mesh.cells)} discrete Kirchhoff"
+        f"{'-Mindlin' if shear else ''} triangles",
         plate=plate,
         mesh=mesh,
         basis=basis,
@@ -208,13 +232,16 @@ def discretised(plate: Plate, mesh: PlateMesh, *, touches: bool, sprung: bool = 
         deflected=deflected,
         light=massless,
         node_mass=mass,
+        weight=weight,
+        turning=turning,
+        shear=shear,
         transfer=transfer,
         touch=touch,
         loads=tuple(
             (FACES[load.face], values(load.value, f"pressure on the {load.face}"))
             for load in plate.pressures
         ),
-        curved=csr_matrix(curvatures(mesh.points, mesh.cells) @ basis),
+        curved=csr_matrix(curvatures(mesh.points, mesh.cells, shear) @ basis),
         enclosed=bool(still[mesh.rim].all()),
     )
 

@@ -1,5 +1,6 @@
 """Plates in the march: vibration, contact with stops and balls, place, restart, refusals."""
 
+import dataclasses
 import math
 from itertools import pairwise
 
@@ -214,10 +215,11 @@ def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
         ({"mesh": "a.msh"}, "both are given"),
         ({"mesh_size": None}, "mesh_size is missing"),
         ({"mesh_size": 2.0}, "exceeds the width"),
-        ({"thickness": 0.2}, "thickness = 0.2 is more than 0.1 of the least width"),
+        ({"thickness": 0.25}, "thickness = 0.25 is more than 0.2 of the least width"),
+        ({"thickness": 0.11, "theory": "kirchhoff"}, "is more than 0.1 of the least width"),
         ({"supports": held("clamped", ("rim",))}, "give left or right"),
         ({"supports": held("elastic")}, "soft_support"),
-        ({"theory": "reissner_mindlin"}, "theory"),
+        ({"theory": "mindlin"}, "theory"),
         ({"pressures": [{"face": "top", "value": "gap"}]}, "unknown name"),
         ({"pressures": [{"face": "up", "value": 1.0}]}, "top"),
         ({"normal": [0.0, 0.0, 0.0]}, "not all 0"),
@@ -232,6 +234,38 @@ def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
 def test_what_cannot_be_is_refused(change, message):
     with pytest.raises(SceneError, match=message):
         made(**change)
+
+
+@pytest.mark.parametrize("kind", ["point", "rigid"])
+def test_balls_do_not_meet_plates_that_shear(kind):
+    ball = {"kind": kind, "name": "ball", "mass": 1.0, "velocity": [0.0, 0.0, -1.0]}
+    if kind == "point":
+        ball |= {"position": [0.0, 0.0, 1.0], "radius": 0.1}
+    else:
+        ball["shape"] = {"kind": "sphere", "radius": 0.1, "center": [0.0, 0.0, 1.0]}
+    plate = {**PLAIN, "thickness": 0.06}
+    table = {"title": "struck", "duration": 1e-3, "body": [plate, ball], "solve": {"dt": 1e-4}}
+    with pytest.raises(SceneError, match='"reissner_mindlin": ball would press on a single'):
+        impactfem.Scene.from_dict(table | {"body": [plate | {"theory": "reissner_mindlin"}, ball]})
+    assert "a thin plate of" in impactfem.plan(impactfem.Scene.from_dict(table)).model
+
+
+def test_thick_plates_keep_energy_and_momenta():
+    """On a flat stop; and one that flies free, whose rotary inertia counts."""
+    scene = flat_stop()
+    (plate,) = scene.bodies
+    thick = dataclasses.replace(plate, theory="reissner_mindlin")
+    history = impactfem.solve(dataclasses.replace(scene, bodies=(thick,))).history
+    assert history["contact_force"].values.max() > 0.0
+    assert np.ptp(history["total_energy"].values) < 1e-11 * history["total_energy"].values.max()
+    t = 0.15
+    again = {"thickness": t, "density": 1.0 / t, "youngs_modulus": 12.0 * 0.91 / t**3}
+    free = made(supports=[], pressures=[], velocity="x + 0.3*y*y", **again)
+    run = impactfem.solve(scene_of(free, duration=1.0, dt=0.01))
+    assert "a thick plate of" in run.summary["plan"]["model"]
+    for name in ("momentum.z", "angular_momentum.x", "angular_momentum.y", "total_energy"):
+        values = run.history[name].values
+        assert np.ptp(values) < 1e-11 * max(0.01, np.abs(values).max()), name
 
 
 def test_what_is_not_available_is_refused():

@@ -10,7 +10,7 @@ from scipy.sparse.linalg import spsolve
 from scipy.special import iv, jv
 
 import impactfem
-from impactfem.system.kirchhoff import curvatures, kirchhoff_stiffness
+from impactfem.system.kirchhoff import curvatures, triangle_stiffness
 from impactfem.system.plate import discretised, frequencies
 from impactfem.system.plate_mesh import PlateMesh, plate_mesh
 
@@ -20,17 +20,18 @@ SIDES = ("left", "right", "bottom", "top")
 DISC = {"kind": "disc", "radius": 1.0}
 
 
-def plate_of(outline, size, kind=None, edges=SIDES, *, touches=False, mesh=None, **more):
+def plate_of(outline, size, kind=None, edges=SIDES, *, touches=False, mesh=None, shear=0.0,
+             thickness=0.01, **more):  # fmt: skip
     """A plate with D = rho t = 1 under the pressure 1 from below."""
     nu = more.setdefault("poisson_ratio", NU)
-    t = 0.01
+    t = thickness
     body = impactfem.Plate(
         outline=outline, mesh_size=size, thickness=t, density=1.0 / t,
         youngs_modulus=12.0 * (1.0 - nu**2) / t**3,
         supports=[{"edge": edge, "kind": kind} for edge in edges] if kind else [],
         pressures=[{"face": "bottom", "value": 1.0}], **more,
     )  # fmt: skip
-    return discretised(body, mesh or plate_mesh(body, Path()), touches=touches)
+    return discretised(body, mesh or plate_mesh(body, Path()), touches=touches, shear=shear)
 
 
 def grid(n, shift=0.0):
@@ -157,6 +158,57 @@ def test_frequencies_of_a_square():
     assert not light.mesh.neighbours[light.touch][:, light.touch].nnz
 
 
+THICK = {
+    "clamped": {0.1: 0.00150463, 0.01: 0.00126785, 1e-3: 0.00126535, 1e-4: 0.00126532},
+    "simply_supported": {0.1: 0.00427284, 0.01: 0.00406446, 1e-3: 0.00406237, 1e-4: 0.00406235},
+}
+"""Deflections of Reissner-Mindlin squares by thickness, shear factor 5/6 [p L^4 / D]."""
+
+
+def shear_of(t):
+    return t**2 / (6.0 * 5.0 / 6.0 * (1.0 - NU))
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.2])
+@pytest.mark.parametrize("kind", THICK)
+def test_thick_squares_do_not_lock(kind, shift):
+    for t, exact in THICK[kind].items():
+
+        def middle(n, t=t):
+            mesh = grid(n, shift)
+            w, points = deflected(plate_of(SQUARE, 0.1, kind, mesh=mesh, shear=shear_of(t)))
+            return w[np.argmin(np.linalg.norm(points, axis=1))]
+
+        coarse, fine = (abs(middle(n) / exact - 1.0) for n in (16, 32))
+        assert fine < 2.2e-3
+        assert math.log2(coarse / fine) > 1.75
+
+
+def test_a_thick_clamped_disc():
+    """w = p R^4 / (64 D) + p R^2 / (4 kappa G t)."""
+    t = 0.2
+    w, points = deflected(plate_of(DISC, 0.05, "clamped", ("rim",), shear=shear_of(t)))
+    exact = 1.0 / 64.0 + 0.25 * shear_of(t)
+    middle = int(np.argmin(np.linalg.norm(points, axis=1)))
+    r = float(np.linalg.norm(points[middle]))
+    exact = (1.0 - r**2) ** 2 / 64.0 + 0.25 * shear_of(t) * (1.0 - r**2)
+    assert w[middle] == pytest.approx(exact, rel=3e-3)
+
+
+def test_frequencies_of_a_thick_square():
+    """(S k^2 - m w^2) (D k^2 + S - J w^2) = S^2 k^2 with the rotary inertia J, S = kappa G t."""
+    t = 0.1
+    plate = plate_of(SQUARE, 1 / 32, "simply_supported", shear=shear_of(t), thickness=t)
+    squares = math.pi**2 * np.array(
+        sorted(m * m + n * n for m in range(1, 8) for n in range(1, 8))[:10]
+    )
+    s, j = 1.0 / shear_of(t), t**2 / 12.0  # rho t = D = 1
+    half = 0.5 * (j * s * squares + squares + s)
+    exact = np.sqrt((half - np.sqrt(half**2 - j * s * squares**2)) / j)
+    known = frequencies(plate.stiffness, plate.weight, 10)
+    assert known == pytest.approx(exact, rel=3e-3)
+
+
 def test_frequencies_of_a_free_disc():
     """Three rigid motions, then those of the Bessel functions J and I with free edges."""
     nu = NU
@@ -189,7 +241,7 @@ def test_frequencies_of_a_free_disc():
 def test_constant_curvature_and_rigid_motions_are_exact():
     """The patch test of plates, on an irregular mesh."""
     mesh = plate_of(DISC, 0.3).mesh
-    stiffness = kirchhoff_stiffness(mesh.points, mesh.cells, 2.0, NU)
+    stiffness = triangle_stiffness(mesh.points, mesh.cells, 2.0, NU)
     values = np.linalg.eigvalsh(stiffness.toarray())
     assert np.count_nonzero(values < 1e-10 * values[-1]) == 3
     (x, y), (a, b, c) = mesh.points.T, (0.7, -0.4, 0.3)

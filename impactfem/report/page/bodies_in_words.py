@@ -257,7 +257,9 @@ def _plate(scene: Scene, plate: Any) -> str:
     origin = plate.mesh or f"a {plate.outline.kind}"
     text = f"A thin elastic plate, {origin} {quantity(plate.thickness, 'm')} thick about "
     text += f"{vector(plate.center, 'm')}, its normal along {vector(plate.frame[1][2], '')}. "
-    text += "Kirchhoff's theory on discrete Kirchhoff triangles: Young's modulus "
+    shears = plate.theory == "reissner_mindlin"
+    text += f"{'Reissner and Mindlin' if shears else 'Kirchhoff'}'s theory on triangles: "
+    text += "Young's modulus "
     text += f"{quantity(plate.youngs_modulus, 'Pa')}, Poisson's ratio "
     text += f"{number(plate.poisson_ratio)}, density {quantity(plate.density, 'kg/m³')}."
     text += _damping(plate)
