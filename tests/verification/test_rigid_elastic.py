@@ -95,34 +95,43 @@ def test_a_rigid_box_on_a_clamped_solid_bar(kind, a, sizes, within):
 A = 0.02  # contact radius over that of the ball
 
 
-def hertz(half, per, nu=0.3, steps=200, **solve):
+def hertz(half, per, nu=0.3, steps=200, *, dim=2, **solve):
     """A rigid ball on a block of a half width and height in contact radii, so slow as to be static.
+
+    In space a quarter of both is computed, the ball on a guide.
 
     Returns:
         Contact time, largest force, impulse of the ball over Hertz's, history.
     """
-    stiff = 1.0 / (1.0 - nu**2)
-    force, depth = 4.0 / 3.0 * stiff * A**3, A**2
+    stiff, still = 1.0 / (1.0 - nu**2), [0.0] * (dim - 2)
+    force, depth = 4.0 / 3.0 * stiff * A**3 * (1.0 if dim == 2 else 0.25), A**2
     time = 100.0 * half * A  # transits of waves of speed 1
     speed = 2.94328 * depth / time
     mass = 0.8 * force * depth / speed**2
     balls, size = [], A / per
     while size < 0.125 * half * A:  # from the contact outwards elements double
-        balls.append({"point": [0.0, 0.0], "radius": 1.2 * per * size, "size": size})
+        balls.append({"point": [0.0, 0.0, *still], "radius": 1.2 * per * size, "size": size})
         size *= 2.0
     block = {
-        "kind": "solid", "name": "block", "model": "axisymmetric", "strain": "small",
+        "kind": "solid", "name": "block", "strain": "small",
         "density": 1.0, "youngs_modulus": 1.0, "poisson_ratio": nu, "degree": 2, "refine": balls,
         "mesh_size": 0.125 * half * A,
         "shape": {"kind": "block", "size": [half * A, half * A], "corner": [0.0, -half * A]},
+        "model": "axisymmetric",
         "supports": [{"surface": "bottom", "kind": "fixed"}],
     }  # fmt: skip
+    wide = {"size": [2 * half * A, half * A, 2 * half * A], "corner": [-half * A] * 3}
+    if dim == 3:
+        block |= {"model": "3d", "shape": {"kind": "block", "symmetry": ["x", "z"]} | wide}
     dt = time / steps
     ball = {"kind": "point", "name": "ball", "mass": mass, "radius": 1.0,
-            "position": [0.0, 1.0 + 0.5 * speed * dt], "velocity": [0.0, -speed]}  # fmt: skip
+            "position": [0.0, 1.0 + 0.5 * speed * dt, *still],
+            "velocity": [0.0, -speed, *still]}  # fmt: skip
+    guide = {"kind": "prismatic", "name": "guide", "between": ["ball", "ground"],
+             "axis": [0.0, 1.0, 0.0], "point": ball["position"]}  # fmt: skip
     made = Scene.from_dict(
         {"title": "Hertz", "duration": 1.1 * time, "body": [block, ball],
-         "contact": [{"between": ["ball", "block/top"]}],
+         "contact": [{"between": ["ball", "block/top"]}], "joint": [guide] * (dim - 2),
          "solve": {"dt": dt, "estimate": False} | solve, "output": {"fields": []}}
     )  # fmt: skip
     history = impactfem.solve(made).history
@@ -153,3 +162,10 @@ def test_hertz_at_other_poisson_ratios(nu):
     time, force, impulse, history = hertz(96.0, 4, nu=nu, method="conserving")
     assert (time, force, impulse) == pytest.approx((1.0, 1.0, 1.0), abs=0.01)
     assert history["total_energy"].values.max() <= (1.0 + 1e-11) * history["total_energy"].values[0]
+
+
+@pytest.mark.slow
+def test_hertz_in_space():
+    time, force, impulse, _ = hertz(96.0, 3, steps=100, dim=3)
+    assert (time, force, impulse) == pytest.approx((1.0, 1.0, 1.0), abs=0.011)
+    assert impulse == pytest.approx(1.0, abs=1e-4)
