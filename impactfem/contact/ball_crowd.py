@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix
 
 from impactfem.contact.ball_kernels import gaps_of
 from impactfem.contact.ball_pairs import BallPair
-from impactfem.contact.pairs import NOTHING, Meeting
+from impactfem.contact.pairs import Anew, Meeting
 from impactfem.errors import ConvergenceError
 from impactfem.system.rigid import NEAR
 
@@ -18,7 +18,7 @@ Integers = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class BallCrowd:
+class BallCrowd(Anew):
     """Pairs of single balls, as `impactfem.contact.pairs` takes them.
 
     Where balls have fewer nodes than others that they may meet, each pair that is near has one of
@@ -39,9 +39,6 @@ class BallCrowd:
     near: Floats
     total: int
 
-    follows = True
-    memory = NOTHING
-
     @classmethod
     def of(cls, pairs: Sequence[BallPair], shared: Integers) -> "BallCrowd":
         """Join pairs that are `BallPair.single`.
@@ -55,9 +52,6 @@ class BallCrowd:
         several = shared[ends]
         near = np.where(several.any(axis=1), NEAR * radii.min(axis=1), np.inf)
         return cls(ends, several, radii.sum(axis=1), near, pairs[0].total)
-
-    def recall(self, memory: Floats) -> None:
-        """Nothing: it is looked at anew each time."""
 
     def __call__(self, places: Floats, acting: Floats) -> Meeting:
         """See `BallPair.__call__`."""

@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.mortar_surface import Surface
-from impactfem.contact.pairs import NOTHING, Meeting
+from impactfem.contact.pairs import Anew, Meeting
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -83,7 +83,7 @@ class Target:
 
 
 @dataclass(frozen=True)
-class BallPair:
+class BallPair(Anew):
     """Balls that are held off a target, as `impactfem.contact.pairs` takes them.
 
     A ball may touch a surface that bends inwards at several places, at most as many as there are
@@ -103,12 +103,7 @@ class BallPair:
     total: int
     far: float = FAR
 
-    follows = True
     touch = 0.0
-    memory = NOTHING
-
-    def recall(self, memory: Floats) -> None:
-        """Nothing: it is looked at anew each time."""
 
     @property
     def nodes(self) -> Integers:

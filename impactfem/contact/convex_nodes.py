@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix, eye_array, vstack
 from impactfem.contact.ball_pairs import BallPair, Target, carried
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.convex_pairs import Marked
-from impactfem.contact.pairs import NOTHING, Meeting
+from impactfem.contact.pairs import Anew, Meeting
 from impactfem.system.convex import Convex
 from impactfem.system.rigid import in_space
 
@@ -28,7 +28,7 @@ _ALONG = np.stack([1.0 - np.arange(1, 8) / 8.0, np.arange(1, 8) / 8.0], axis=1)
 
 
 @dataclass(frozen=True)
-class NodesOnConvex:
+class NodesOnConvex(Anew):
     """Contact nodes that are held off a rigid body, as `impactfem.contact.pairs` takes them.
 
     Attributes:
@@ -43,12 +43,7 @@ class NodesOnConvex:
     body: Marked
     total: int
 
-    follows = True
     touch = 0.0
-    memory = NOTHING
-
-    def recall(self, memory: Floats) -> None:
-        """Nothing: it is looked at anew each time."""
 
     @property
     def nodes(self) -> Integers:
@@ -87,7 +82,7 @@ class NodesOnConvex:
 
 
 @dataclass(frozen=True)
-class CornersOnFaces:
+class CornersOnFaces(Anew):
     """Corners of a rigid body that are held off what is between nodes.
 
     Corners are affine sums of the body's nodes: `BallPair` takes them as nodes after all others. Of
@@ -101,9 +96,7 @@ class CornersOnFaces:
     pair: BallPair
     body: Marked
 
-    follows = True
     touch = 0.0
-    memory = NOTHING
 
     @classmethod
     def of(cls, body: Marked, target: Target, total: int) -> "CornersOnFaces":
@@ -111,9 +104,6 @@ class CornersOnFaces:
         count = len(body.shape.vertices)
         radius = np.full(count, body.shape.radius)
         return cls(BallPair(total + np.arange(count), radius, target, total + count), body)
-
-    def recall(self, memory: Floats) -> None:
-        """Nothing: it is looked at anew each time."""
 
     @property
     def nodes(self) -> Integers:

@@ -17,7 +17,7 @@ from scipy.sparse import csr_matrix
 
 from impactfem.contact.convex_kernels import separate, touching
 from impactfem.contact.followed_pair import FAR
-from impactfem.contact.pairs import NOTHING, Meeting
+from impactfem.contact.pairs import Anew, Meeting
 from impactfem.scene.obstacles.rotation import AT_REST, Placement, placement
 from impactfem.system.convex import Convex
 from impactfem.system.rigid import in_space
@@ -115,7 +115,7 @@ class Placed:
 
 
 @dataclass(frozen=True)
-class ConvexPair:
+class ConvexPair(Anew):
     """Two convex bodies that are held off each other.
 
     Attributes:
@@ -131,12 +131,6 @@ class ConvexPair:
     total: int
     touch: float
     led: float = 0.0
-
-    follows = True
-    memory = NOTHING
-
-    def recall(self, memory: Floats) -> None:
-        """Nothing: it is looked at anew each time."""
 
     @property
     def nodes(self) -> Integers:
@@ -208,7 +202,7 @@ class ConvexPair:
         return Meeting(none, np.full(count, FAR), normal, np.zeros(count))
 
 
-class LedPair:
+class LedPair(Anew):
     """A convex body and an obstacle that moves or turns, as `impactfem.contact.pairs.Led` says.
 
     Args:
@@ -217,18 +211,12 @@ class LedPair:
         obstacle: What says how it moves.
     """
 
-    follows = True
-    memory = NOTHING
-
     def __init__(self, pair: ConvexPair, other: Placed, obstacle: Any) -> None:
         self._pair, self._other, self._obstacle = pair, other, obstacle
         self._time = self._acting = self.speed = 0.0
         self._facing = np.zeros((pair.count, pair.one.dim))
         self.count, self.thickness, self.touch = pair.count, pair.thickness, pair.touch
         self.nodes = pair.nodes
-
-    def recall(self, memory: Floats) -> None:
-        """Nothing: it is looked at anew each time."""
 
     def tell(self, time: float, acting: float) -> None:
         """At which times the next answer's places are, and forces act [s]."""

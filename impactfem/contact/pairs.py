@@ -65,6 +65,16 @@ class Meet(Protocol):
         """How they meet with the contact nodes at some places, forces acting at others [m]."""
 
 
+class Anew:
+    """A `Meet` that looks anew each time, and depends on no earlier answer."""
+
+    follows = True
+    memory = NOTHING
+
+    def recall(self, memory: Floats) -> None:
+        """Nothing."""
+
+
 class NodeMeet(Meet, Protocol):
     """Finds how nodes of bodies without meshes meet others.
 
