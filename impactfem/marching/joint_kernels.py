@@ -18,7 +18,15 @@ import numpy as np
 
 from impactfem.compiled import compiled
 from impactfem.marching.turn_kernels import cayley, cross, inverted, skew
-from impactfem.system.joint_kernels import ANGLE, DOT, at_gradients, delassus, gradients, values
+from impactfem.system.joint_kernels import (
+    ANGLE,
+    DOT,
+    ROUNDING,
+    at_gradients,
+    delassus,
+    gradients,
+    values,
+)
 
 FOUND, FAST, UNSETTLED = range(3)
 """How a layer ended: found; a body turns too far; no solution."""
@@ -128,11 +136,13 @@ def joined(
         body = couples[c, 0]
         if couples[c, 1] != body:
             continue
-        for k in range(3):
-            for part in range(2):
-                if compliance[c, k + 3 * part, k + 3 * part] > 0.0:
+        for part in range(2):
+            first = 3 * part
+            whole = np.trace(compliance[c, first : first + 3, first : first + 3])
+            for k in range(3):
+                if compliance[c, k + first, k + first] > ROUNDING * whole:
                     rate = np.abs(spins[part][body, k]) + np.abs(impulses[part][body, k])
-                    known += rate * rate / compliance[c, k + 3 * part, k + 3 * part]
+                    known += rate * rate / compliance[c, k + first, k + first]
         speeds[body] += impulses[0][body]
         whirls[body] += start[1][body].T @ impulses[1][body]
     for body in range(1, count):

@@ -41,6 +41,11 @@ class JointLaws:
         """No joint at a limit; those with friction stick."""
         return cls(joints, np.where(joints.friction > 0.0, STICKS, FREE))
 
+    @property
+    def stopped(self) -> bool:
+        """Whether any is at a limit."""
+        return bool(np.isin(self.states, (LOWER, UPPER)).any())
+
     def held(self, before: Floats) -> tuple[Integers, Floats]:
         """Which rates are set, and to what, by those before the layer, (v,)."""
         at = np.flatnonzero((self.states == LOWER) | (self.states == UPPER))

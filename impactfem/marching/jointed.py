@@ -106,11 +106,13 @@ class Jointed(Composite):
         """Solve the layer of the bodies that joints hold, with what has pushed so far."""
         joints, terms, dt = self._joints, self._joints.terms, self.dt
         start, spins = self._starts(), _stacked([_STILL, *(body.rates for body in self._held)])
-        elastic = couples([body.compliance for body in self._held])
         begun = self._coordinates(self._terms)
         offsets = np.where(joints.holding, joints.start, 0.0)
         slid = self._states.slides.copy()
+        if joints.redundant:  # what changes have the least of, their sums need not
+            self._acting = np.zeros(joints.count)
         for _ in range(_MOST):
+            elastic = couples([body.compliance for body in self._held])
             given = [_STILL, *(body.impulses() for body in self._held)]
             self._laws = self._states.laws(begun, self._rates)
             known = (
@@ -131,15 +133,17 @@ class Jointed(Composite):
                     f"{names}: bodies {why} at t = {self._time:.6g} s; use a smaller solve.dt, or "
                     "check the joints"
                 )
+            ended = self._coordinates(self._ends)
+            if not self._states.settled(begun, ended, self._rates, self._acting, self._time):
+                continue  # bodies that moved as wrong states have it could go too far
             self._middles = moving[4]
             pushes = self._wrenches(self._acting)
+            jumps = bool(self._states.stops.any())
             settled = [
-                body.take(Motion(*(each[at] for each in (*moving, pushes))))
+                body.take(Motion(jumps, *(each[at] for each in (*moving, pushes))))
                 for body, at in zip(self._held, self._at, strict=True)
             ]
-            ended = self._coordinates(self._ends)
-            fine = self._states.settled(begun, ended, self._rates, self._acting, self._time)
-            if fine and all(settled):
+            if all(settled):
                 break
         else:
             raise ConvergenceError(
@@ -238,8 +242,7 @@ class Jointed(Composite):
         """Impulses of the rows that take back unit ways of them, (rows, rows)."""
         laws = self._states.unbounded(self._laws)
         free = np.concatenate([np.zeros((1, 3, 3)), *(body.freedoms for body in self._held)])
-        elastic = couples([body.compliance for body in self._held])
-        matrix = self._moving(weighed, free, elastic)
+        matrix = self._moving(weighed, free, couples([body.compliance for body in self._held]))
         matrix = 0.5 * self.dt * laws[:, :1] * matrix + np.diag(laws[:, 1])
         size = np.sqrt(np.abs(np.diag(matrix)))
         size = np.where(size > 0.0, size, 1.0)
@@ -272,7 +275,8 @@ class Jointed(Composite):
     def finish(self, layer: int, static: Floats) -> list[Sums]:
         """End the layer of all bodies; sums of each."""
         joints = self._joints
-        if self._struck or self._states.stops.any():
+        jumped = any(body.jumped for body in self._held)
+        if self._struck or jumped or self._states.stops.any():
             self._project()
         found = super().finish(layer, static)
         for body in self._held:
@@ -308,7 +312,8 @@ class Jointed(Composite):
         weighed = np.asarray(now * terms.shares[:, None, None])
         twists = np.concatenate([np.zeros((1, 6)), *(body.rates_ahead for body in self._held)])
         free = turns @ joints.masses[2] @ turns.swapaxes(1, 2)
-        matrix = self._moving(weighed, free, joints.elastic)
+        elastic = couples([body.compliance_ahead for body in self._held])
+        matrix = self._moving(weighed, free, elastic)
         rates = np.zeros(joints.count)
         np.add.at(rates, terms.rows, np.einsum("tsk,tsk->t", weighed, twists[terms.bodies]))
         acting = np.zeros(joints.count)

@@ -13,8 +13,7 @@ gradient of Gonzalez (J. Nonlinear Sci. 6 (1996) 449-467) does the same to Hamil
 x is of second order in the step, and so are the errors of the motion. The rows of a free base are
 the balances of momentum and of angular momentum in space, R_b pi_b - R_a pi_a + dt v x p, whose
 power is the same since the base turns about v; x acts in the joints only, so that momenta stay.
- The forces of a layer on its
-contact nodes have the power F.J v, where J is that of the places that touch amid the layer.
+The forces of a layer on its contact nodes have the power F.J v, J of the places amid the layer.
 """
 
 from collections.abc import Mapping
@@ -23,12 +22,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError
+from impactfem.marching.held_tree import HeldTree
 from impactfem.marching.joint_laws import JointLaws
 from impactfem.marching.layers import Sums
 from impactfem.marching.pictured import Pictured
+from impactfem.marching.stations import Held
 from impactfem.result.history import LOST
 from impactfem.scene import PiecewiseVector
 from impactfem.system.mechanism import Arm
+from impactfem.system.stations import Stations
 from impactfem.system.tree import cross
 
 Floats = NDArray[np.float64]
@@ -38,6 +40,7 @@ _MOST, _SETTLED = 100, 1e-14  # iterates of a layer, and their change as a share
 _EPSILON = float(np.finfo(float).eps)
 _ROUNDS = 8.0  # by which energies round
 _LEAST = 1e6  # of these, beside twice the kinetic energy: below it x would be but rounding
+_TURNED = 0.03  # share of the kinetic energies of both ends that the mean rates keep in impacts
 _SHARE = 1e-6  # of positions and rates by which motors are differentiated
 
 
@@ -59,7 +62,9 @@ class MechanismMidpoint(Pictured):
         self._leans = False  # whether contact forces acted in the last layer
         self._offset = np.zeros((count, 3))  # from nodes to where they touch
         self._ahead = self._v.copy()
+        self._chords = False  # whether a free base turns by Cayley's rotation, as joints need it
         self._begin()
+        self._inverse = np.linalg.inv(self._inertia)
         self._acting = self._start - self._centre
         self._jacobian = np.zeros((3 * count, bodies.tree.rates))
 
@@ -68,9 +73,11 @@ class MechanismMidpoint(Pictured):
         tree = self.bodies.tree
         self._inertia, self._centre = tree.inertia(self._q), tree.centre(self._q)
         self._momentum, self._pushed = self._inertia @ self._v, np.zeros(tree.rates)
+        self._joined, self._kick, self._jumps = *np.zeros((2, tree.rates)), False
         # The joints give what energy lacks: the momenta of a free base stay.
         self._inner = slice(6 * (tree.free and tree.rates > 6), None)
         self._balance = self._inertia[self._inner, self._inner]
+        self._whole = float(self._v[self._inner] @ self._balance @ self._v[self._inner])
 
     def memory(self) -> dict[str, Floats]:
         """Coordinates, rates, positions counted over turns, what joints took, their states."""
@@ -103,9 +110,13 @@ class MechanismMidpoint(Pictured):
     def predict(self, layer: int) -> Floats:
         """Solve the layer without contact forces.
 
-        Where these acted in the last layer, the joints stay at their limits and stick as they did
-        then: contact forces are asked for in that state.
+        Where these acted in the last layer, joints stay as they were then: forces are asked so.
         """
+        self.set_out(layer)
+        return self.foreseen()
+
+    def set_out(self, layer: int) -> None:
+        """Begin a layer, without contact forces."""
         self._time, self._pull = (layer + 0.5) * self.dt, self.gravity(layer)
         level = self.bodies.tree.mass * float(np.abs(self._pull) @ np.abs(self._centre))
         self._rounding = _EPSILON * (level + 0.5 * float(self._v @ self._inertia @ self._v))
@@ -114,7 +125,10 @@ class MechanismMidpoint(Pictured):
         self._prepare()
         self._settle(settled=self._leans)
         self._frozen, self._leans = self._leans, False
-        middle, end = self._way(0.5), self._way(1.0)
+
+    def foreseen(self) -> Floats:
+        """Displacements of the contact nodes at its end, (count, dim)."""
+        middle, end = self.way(0.5), self.way(1.0)
         bodies, tree = self.bodies, self.bodies.tree
         turns, there = tree.poses(middle, bodies.moving)
         self._links = tree.jacobians(middle, bodies.moving)
@@ -124,10 +138,13 @@ class MechanismMidpoint(Pictured):
         self._renew_answer()
         return np.asarray(bodies.places(end) - self._start)
 
-    def _way(self, share: float) -> Floats:
+    def way(self, share: float) -> Floats:
         """Coordinates after a share of the layer."""
-        mean = 0.5 * (self._v + self._ahead)
-        return self.bodies.tree.integrate(self._q, share * self.dt * mean)
+        way = 0.5 * self.dt * (self._v + self._ahead)
+        if self._chords:
+            half = 0.5 * float(np.linalg.norm(way[3:6]))
+            way[3:6] *= np.arctan(half) / half if half else 1.0
+        return self.bodies.tree.integrate(self._q, share * way)
 
     def _prepare(self) -> None:
         """Invert M + dt D / 2 + dt^2 K / 4, with K and D of the motors and dampers."""
@@ -147,17 +164,85 @@ class MechanismMidpoint(Pictured):
 
     def _renew_answer(self) -> None:
         """Ways of the contact nodes by forces on them: limits and friction hold what they do."""
-        bodies, held = self.bodies, self._laws.held(self._v)[0]
+        bodies = self.bodies
         arms = self._spans + self._offset
         links = self._links[bodies.on]
         turning = cross(links[:, 3:].swapaxes(1, 2), arms[:, None, :]).swapaxes(1, 2)
         self._jacobian = (links[:, :3] + turning).reshape(-1, bodies.tree.rates)
         self._acting = self._amid + arms
-        inverse = self._inverse
-        if len(held):
-            rows = inverse[held]
-            inverse = inverse - rows.T @ np.linalg.solve(rows[:, held], rows)
-        self._compliance = 0.5 * self.dt**2 * self._jacobian @ inverse @ self._jacobian.T
+        self._compliance = 0.5 * self.dt**2 * self._jacobian @ self.reach @ self._jacobian.T
+
+    @property
+    def reach(self) -> Floats:
+        """Rates by unit impulses in the layer, (v, v)."""
+        return self._holding(self._inverse)
+
+    @property
+    def reach_ahead(self) -> Floats:
+        """Rates by unit impulses at its end, which leave no time for motors, (v, v)."""
+        return self._holding(np.linalg.inv(self.bodies.tree.inertia(self.way(1.0))))
+
+    def _holding(self, inverse: Floats) -> Floats:
+        """Answers with limits and friction that hold what they do, (v, v)."""
+        if not len(held := self._laws.held(self._v)[0]):
+            return inverse
+        rows = inverse[held]
+        return np.asarray(inverse - rows.T @ np.linalg.solve(rows[:, held], rows))
+
+    @property
+    def rates(self) -> Floats:
+        """Of the coordinates at the start of the layer, (v,)."""
+        return self._v
+
+    @property
+    def rates_ahead(self) -> Floats:
+        """At its end, (v,)."""
+        return self._ahead
+
+    def held(self, stations: Stations) -> Held:
+        """Its links."""
+        self._chords = self.bodies.tree.free
+        return HeldTree(self, stations)
+
+    def exact(self, rows: Floats, ways: Floats, rounding: Floats) -> Floats:
+        """Rows of rates (rows, v) that with the mean ones give `ways` (rows,), but for rounding."""
+        along = self._along(mean := 0.5 * (self._v + self._ahead))
+        share, missing = 1.0 / (float(along @ mean) + self._least), ways - rows @ mean
+        missing[np.abs(missing) <= rounding] = 0.0
+        return np.asarray(rows + np.outer(missing, share * along))
+
+    def _along(self, rates: Floats) -> Floats:
+        """Momenta of the joints of the tree alone, (v,): those of a free base stay."""
+        found = np.zeros_like(rates)
+        found[self._inner] = self._balance @ rates[self._inner]
+        return found
+
+    def impel(self, impulse: Floats, *, jumps: bool) -> None:
+        """Solve the layer with an impulse (v,) of joints with others; whether it turns rates."""
+        self._joined, self._jumps = impulse, jumps
+        self._settle()
+
+    def strike(self, forces: Floats) -> None:
+        """Add the impulses of contact forces (count, dim), to be solved for."""
+        self._pushed = self._pushed + self.dt * (self._jacobian.T @ forces.ravel())
+        self._leans, self._frozen = True, False
+
+    def reached(self, forces: Floats) -> Floats:
+        """Rates by contact forces (several, count, dim) [1/s], (several, v)."""
+        return np.asarray(forces.reshape(len(forces), -1) @ self._jacobian @ self.reach)
+
+    def carried(self, impulses: Floats) -> Floats:
+        """Velocities of the contact nodes by impulses (several, v), (several, count, dim)."""
+        return np.asarray((impulses @ self.reach @ self._jacobian.T).reshape(len(impulses), -1, 3))
+
+    @property
+    def stopped(self) -> bool:
+        """Whether joints are at limits in the layer."""
+        return self._laws.stopped
+
+    def kick(self, impulse: Floats) -> None:
+        """Let the next layer start with rates that an impulse (v,) has changed."""
+        self._kick = self.reach_ahead @ impulse
 
     def _settle(self, *, settled: bool = False) -> None:
         """Rates at the end of the layer; with the states of its joints unless they are settled."""
@@ -176,11 +261,12 @@ class MechanismMidpoint(Pictured):
         bodies, dt, v = self.bodies, self.dt, self._v
         tree, joints = bodies.tree, bodies.joints
         held, rates = self._laws.held(v)
-        given = self._pushed + self._laws.rubbing(dt) + self._momentum
+        given = self._pushed + self._joined + self._laws.rubbing(dt) + self._momentum
         impulses, hold = np.zeros(len(v)), self._inverse[np.ix_(held, held)]
+        struck = self._leans or self._jumps or self._laws.stopped
         for _ in range(_MOST):
             mean = 0.5 * (v + self._ahead)
-            middle, end = self._way(0.5), self._way(1.0)
+            middle, end = self.way(0.5), self.way(1.0)
             inertia, centre = tree.inertia(end), tree.centre(end)
             force = tree.whirl(middle, mean)
             force += tree.mass * (self._pull @ tree.centre_jacobian(middle))
@@ -192,11 +278,15 @@ class MechanismMidpoint(Pictured):
                 half = amid.T @ ends
                 turned[3:6] = half.T @ self._momentum[3:6] - self._momentum[3:6]
                 turned[3:6] -= half @ momentum[3:6] - momentum[3:6]
-            along = np.zeros(len(v))
-            along[self._inner] = self._balance @ mean[self._inner]
+            along = self._along(mean)
             gained = 0.5 * float(v @ (inertia - self._inertia) @ self._ahead)
             gained += tree.mass * float(self._pull @ (centre - self._centre))
-            share = 1.0 / (float(along @ mean) + self._least)
+            twice = float(along @ mean)
+            share = 1.0 / (twice + self._least)
+            inner = self._ahead[self._inner]
+            kept = _TURNED * (self._whole + float(inner @ self._balance @ inner))
+            if struck and kept > self._least:  # what turns round has no mean to make x of
+                share *= -np.expm1(-((twice / kept) ** 2))
             force += (gained / dt - float(force @ mean)) * share * along
             self._drive = joints.drive(self._time, self._angle + 0.5 * dt * mean, mean)
             force += self._drive - joints.damping * mean
@@ -234,7 +324,7 @@ class MechanismMidpoint(Pictured):
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)
         """Velocities where nodes touch at both ends of the layer without contact forces."""
         before = self._velocities(self._q, self._v, self._offset)
-        return before, self._velocities(self._way(1.0), self._ahead, self._offset)
+        return before, self._velocities(self.way(1.0), self._ahead, self._offset)
 
     def spins(self) -> Floats:
         """Velocities where nodes touch by unit spins in the layer [m], (turns, count, dim)."""
@@ -242,8 +332,7 @@ class MechanismMidpoint(Pictured):
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (count, dim)."""
-        self._pushed = self._pushed + self.dt * (self._jacobian.T @ forces.ravel())
-        self._leans, self._frozen = True, False
+        self.strike(forces)
         self._settle()
 
     def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
@@ -254,8 +343,8 @@ class MechanismMidpoint(Pictured):
         work = self.dt * float(self._drive @ mean)
         pushed = self._impulses + self._laws.rubbing(self.dt)
         self._lost += (self.dt * self.bodies.joints.damping * mean - pushed) * mean
-        self._angle, end = self._ends(), self._way(1.0)
-        self._q, self._v = end, self._ahead
+        self._angle, end = self._ends(), self.way(1.0)
+        self._q, self._v = end, self._ahead + self._kick
         self._begin()
         return [self._summed(work)]
 

@@ -24,11 +24,13 @@ class Motion:
     """A layer of stations as joints have solved it; see `impactfem.marching.joint_kernels.joined`.
 
     Attributes:
+        jumps: Whether limits turn rates.
         speeds, spins, halves: At its end, (stations, 3).
         ends, middles, freedoms: (stations, 3, 3).
         wrenches: Impulses of forces and moments of the joints, (stations, 6).
     """
 
+    jumps: bool
     speeds: Floats
     spins: Floats
     halves: Floats
@@ -84,6 +86,14 @@ class Held(Protocol):
     def compliance(self) -> Floats:
         """Rates in space by unit impulses in the layer, (stations, 6, stations, 6); 0 of rigid."""
 
+    @property
+    def compliance_ahead(self) -> Floats:
+        """The same at its end, of impulses that leave no time for anything else."""
+
+    @property
+    def jumped(self) -> bool:
+        """Whether laws of its own have given impulses in the layer."""
+
     def reached(self, forces: Floats) -> Floats:
         """Rates in space by contact forces (several, count, dim) [1/s], (several, stations, 6)."""
 
@@ -117,12 +127,14 @@ class HeldRigid:
 
     Attributes:
         part: The body.
+        jumped: Never.
     """
 
     def __init__(self, part: "RigidBodies", stations: Stations) -> None:
         """Hold it."""
+        self.jumped = False
         self.part, self._light, self._inertia = part, stations.light[0], stations.inertia[0]
-        self.compliance = stations.compliance
+        self.compliance = self.compliance_ahead = stations.compliance
 
     def prepare(self, layer: int) -> None:
         """Begin a layer."""
@@ -222,13 +234,16 @@ class HeldLumped:
 
     Attributes:
         part: The bodies.
+        jumped: Never.
     """
 
     def __init__(self, part: "FewMidpoint", stations: Stations) -> None:
         """Hold them."""
         if stations.rows is None:
             raise NotImplementedError
+        self.jumped = False
         self.part, count = part, len(stations.places)
+        self.compliance_ahead = stations.compliance
         self._rows = stations.rows.reshape(6 * count, -1)
         self._places = stations.places
         self._turns = self._ends = stations.turns

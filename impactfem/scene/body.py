@@ -40,6 +40,7 @@ class BodyKind:
         meshed: Whether it has elements, larger ones of which tell its error.
         takes_joints: Whether joints hold it.
         turns_in_joints: Whether it turns where they do, and directions turn with it.
+        joined_by_surface: Whether joints name a part of it (`arm/hand`), not all of it.
         whole_side: Surfaces that its bare name stands for in ``[[contact]] between``; None for all.
     """
 
@@ -60,6 +61,7 @@ class BodyKind:
     meshed: ClassVar[bool] = False
     takes_joints: ClassVar[bool] = False
     turns_in_joints: ClassVar[bool] = True
+    joined_by_surface: ClassVar[bool] = False
     whole_side: ClassVar[tuple[str, ...] | None] = None
     mesh: str | None = None
 

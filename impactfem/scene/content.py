@@ -98,7 +98,7 @@ class Content:
         """Its contact laws, each of two names."""
         names = [body.name for body in self.bodies]
         obstacles = [obstacle.name for obstacle in self.obstacles]
-        held = [frozenset(joint.between or ()) for joint in self.joints]
+        held = [joint.bodies for joint in self.joints]
         return Laws.among(self.contacts, names, obstacles, held)
 
     @property

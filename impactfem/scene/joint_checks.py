@@ -4,6 +4,7 @@ import numpy as np
 
 from impactfem.scene.content import BODIES, Content
 from impactfem.scene.joints import GROUND, JOINTS, Joint
+from impactfem.scene.laws import side_of
 from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
@@ -52,7 +53,7 @@ def _check_turns(scene: Content, where: str, joint: Joint) -> None:
     """Refuse kinds that hold turns of what has none."""
     still = [
         body.name for body in scene.bodies
-        if body.name in (joint.between or ()) and not body.turns_in_joints
+        if body.name in joint.bodies and not body.turns_in_joints
     ]  # fmt: skip
     if not still:
         return
@@ -72,7 +73,10 @@ def _check_places(scene: Content, where: str, joint: Joint) -> None:
     bodies = {body.name: body for body in scene.bodies}
     for side, name in enumerate(joint.between or ()):
         place = joint.places[side]
-        if name == GROUND or (near := bodies[name].missed(np.asarray(place, dtype=float))) is None:
+        if (
+            name == GROUND
+            or (near := bodies[side_of(name)[0]].missed(np.asarray(place, dtype=float))) is None
+        ):
             continue
         key = "point" if joint.points is None else f"points[{side}]"
         text = f" = {show(list(place))} is not on {name}, which joints hold {near}: give a place "
@@ -85,6 +89,16 @@ def _check_side(scene: Content, where: str, name: str, between: object) -> None:
     if name == GROUND:
         return
     given = f" = {show(list(between))}: "  # type: ignore[call-overload]
+    whole, part = side_of(name)
+    if whole in bodies and bodies[whole].joined_by_surface != (part is not None):
+        text = f"{whole} is a {bodies[whole].kind}, "
+        if part is None:
+            text += f"of which joints hold links: give {show(f'{name}/LINK')}."
+        else:
+            text += f"which joints hold as a whole: give {show(whole)}."
+        raise KeyedError(where, "between", given + text)
+    if part is not None:
+        name = whole
     if name not in bodies:
         able = [*(body.name for body in scene.bodies if body.takes_joints), GROUND]
         near = nearest(name, able)

@@ -8,7 +8,8 @@ import numpy as np
 
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import InlineTable, ListOf, Vector
-from impactfem.scene.kinds import Choice, FormulaOf, Name, Real
+from impactfem.scene.kinds import Choice, FormulaOf, Name, Real, SideName
+from impactfem.scene.laws import side_of
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
 
@@ -89,8 +90,9 @@ class Joint:
     name: str = key(Name(), "name of the joint in columns such as `NAME.q`", default="joint")
     kind: str = key(Choice(tuple(JOINTS)), "what it leaves free")
     between: Sequence[str] | None = key(
-        ListOf(Name(), at_least=2),
-        'names of two rigid bodies, points or beams, or "ground" and one; not of a gear',
+        ListOf(SideName(), at_least=2),
+        "names of two rigid bodies, points, beams or links of mechanisms (`arm/hand`), or "
+        '"ground" and one; not of a gear',
         default=None, absent="none",
     )  # fmt: skip
     joints: Sequence[str] | None = key(
@@ -179,6 +181,11 @@ class Joint:
         """Number of coordinates; None of a gear."""
         given = self.points[0] if self.points is not None else self.point
         return None if given is None else len(given)
+
+    @property
+    def bodies(self) -> frozenset[str]:
+        """Names of the bodies that it is between, and of the ground."""
+        return frozenset(side_of(name)[0] for name in self.between or ())
 
     @property
     def places(self) -> tuple[Sequence[float], Sequence[float]]:

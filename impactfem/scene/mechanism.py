@@ -101,6 +101,8 @@ class Mechanism(BodyKind):
     solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
     may_meet_nothing: ClassVar[bool] = True
     substeps: ClassVar[bool] = False
+    takes_joints: ClassVar[bool] = True
+    joined_by_surface: ClassVar[bool] = True
     dim: ClassVar[int] = 3
 
     name: str = key(Name(), "name of the mechanism in histories", default="mechanism")

@@ -32,7 +32,7 @@ def named_body_pairs(scene: Content) -> list[tuple[str, Side, Side]]:
     """
     names = {body.name: None for body in scene.bodies}
     if not scene.contacts:
-        held = {frozenset(joint.between or ()) for joint in scene.joints}
+        held = {joint.bodies for joint in scene.joints}
         pairs = [pair for pair in combinations(names, 2) if frozenset(pair) not in held]
         return [(default_name(one, two), (one, None), (two, None)) for one, two in pairs]
     found = []
@@ -54,7 +54,7 @@ def bodies_met(scene: Content, name: str) -> list[str]:
     if scene.contacts:
         known = set(names)
         return [other for other in scene.laws.partners.get(name, ()) if other in known]
-    held = {other for joint in scene.joints if name in (on := joint.between or ()) for other in on}
+    held = {other for joint in scene.joints if name in (on := joint.bodies) for other in on}
     return [other for other in names if other != name and other not in held]
 
 

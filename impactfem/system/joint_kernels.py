@@ -19,6 +19,9 @@ from impactfem.compiled import compiled
 POINT, DOT, SLIDE, DISTANCE, ANGLE = range(5)
 """Kinds of terms; see `values`."""
 
+ROUNDING = 64.0 * float(np.finfo(np.float64).eps)
+"""Share of what rows could move at most below which their motion is but rounding."""
+
 _SAME = 1e-5  # relative turn [rad] below which an angle is its linear part to rounding
 
 
@@ -113,6 +116,8 @@ def at_gradients(kinds, bodies, arms, axes, places, turns, now):
 def delassus(rows, bodies, last, gradient, count, inverse_mass, freedoms, couples, compliance):
     """How rows move by unit impulses in them per second, G' A G^T, (rows, rows).
 
+    What is but rounding is 0: across its plane a flat linkage does not move at all.
+
     Args:
         rows, bodies: Of the terms, (terms,), (terms, 2).
         last, gradient: G' along which rows move, and G along which they act, (terms, 2, 6).
@@ -123,10 +128,17 @@ def delassus(rows, bodies, last, gradient, count, inverse_mass, freedoms, couple
         compliance: Velocities and spins in space of the first by unit impulses on the second,
             (couples, 6, 6).
     """
-    found = np.zeros((count, count))
+    found, sizes = np.zeros((count, count)), np.zeros(count)
     for t in range(len(rows)):
         for side in range(2):
             body = bodies[t, side]
+            push, twist = gradient[t, side, :3], gradient[t, side, 3:]
+            light, free = 3.0 * inverse_mass[body], np.trace(freedoms[body])
+            for c in range(len(couples)):
+                if couples[c, 0] == body and couples[c, 1] == body:
+                    light += np.trace(compliance[c, :3, :3])
+                    free += np.trace(compliance[c, 3:, 3:])
+            sizes[rows[t]] += light * (push @ push) + abs(free) * (twist @ twist)
             moved = np.empty(6)
             moved[:3] = inverse_mass[body] * gradient[t, side, :3]
             moved[3:] = freedoms[body] @ gradient[t, side, 3:]
@@ -142,4 +154,8 @@ def delassus(rows, bodies, last, gradient, count, inverse_mass, freedoms, couple
                     for other in range(2):
                         if bodies[s, other] == couples[c, 0]:
                             found[rows[s], rows[t]] += last[s, other] @ moved
+    for r in range(count):
+        if abs(found[r, r]) <= ROUNDING * sizes[r]:
+            found[r, :] = 0.0
+            found[:, r] = 0.0
     return found

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from impactfem.errors import SceneError
 from impactfem.scene import Joint, Scene
 from impactfem.scene.joints import GROUND
+from impactfem.scene.laws import side_of
 from impactfem.system.few import FewBodies
 from impactfem.system.joint_kernels import at_gradients, delassus, values
 from impactfem.system.joint_rows import JointFrame, Rows
@@ -172,7 +173,7 @@ class Joints:
             "t = 0; give velocities that it allows"
         )
         given = [keys for _, each in self.parts for keys in [each.given] * len(each.names)]
-        fixed = [name for name, keys in zip(self.names[1:], given, strict=True) if not keys]
+        fixed = [n for _, each in self.parts for n in each.names if not (each.given or each.told)]
         if fixed:
             names = " and ".join(dict.fromkeys(fixed))
             raise SceneError(f"{text}, such as 0 of {names} and of what joints hold to it")
@@ -193,10 +194,17 @@ class Joints:
             | {"angular_velocity": _shown(spin) if dim == 3 else _shown(spin[2:])[1:-1]}
             for speed, spin in zip(speeds[1:], turning[1:], strict=True)
         ]
-        fitting = "; ".join(
+        texts = [
             f"{name}: " + ", ".join(f"{key} = {values[key]}" for key in keys)
             for name, keys, values in zip(self.names[1:], given, shown, strict=True)
-        )
+            if keys
+        ]
+        first = 1
+        for _, each in self.parts:
+            if each.told is not None:
+                texts.append(each.told(pushes[first : first + len(each.names)]))
+            first += len(each.names)
+        fitting = "; ".join(texts)
         raise SceneError(f"{text}, the nearest by energy are {fitting}")
 
 
@@ -236,7 +244,7 @@ def joints_of(scene: Scene, few: Sequence[FewBodies]) -> Joints | None:
         if joint.between is None:
             continue
         # Directions turn with the first side: a point has none that do.
-        swapped = not turning.get(joint.between[0], True)
+        swapped = not turning.get(side_of(joint.between[0])[0], True)
         turns_both = all(turning.get(name, True) for name in joint.between)
         made = JointFrame(joint, (at[k, 0], at[k, 1]), places, turns, swapped=swapped)
         for kind, first, second in made.held(dim, turning=turns_both):
@@ -284,7 +292,7 @@ def _held(
         for k, joint in enumerate(scene.joints):
             for side, name in enumerate(joint.between or ()):
                 at.setdefault((k, side), 0)
-                if name in bodies.names:
+                if side_of(name)[0] in bodies.names:
                     sides.append((k, side))
                     asked.append((name, in_space(np.asarray(joint.places[side], dtype=float))))
         if not asked:

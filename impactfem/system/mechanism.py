@@ -1,7 +1,7 @@
 """Mechanisms as the march takes them: a tree in minimal coordinates, and what of it can touch."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from impactfem.system.few import FewBodies
 from impactfem.system.inverse_kinematics import Found, place_frame
 from impactfem.system.link_shapes import LinkNodes, Partner, named, picture
 from impactfem.system.mechanism_file import read_mechanism
+from impactfem.system.stations import Stations
 from impactfem.system.tree import Tree
 
 Floats = NDArray[np.float64]
@@ -92,6 +93,52 @@ class Arm(FewBodies):
         own = tree.inertia(self.position).diagonal()
         found = {name: float(own[at]) for name, at in tree.single.items()}
         return {"inertia": found | ({tree.root: float(own[3:6].mean())} if tree.free else {})}
+
+    def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
+        """The links that are named.
+
+        Raises:
+            KeyedError: The file has no such link, or but one that is free, whose momenta would
+                not stay: no joint of the tree makes up for energy.
+        """
+        tree, links = self.tree, self.tree.links()
+        if tree.free and tree.rates == 6:
+            text = (
+                f" = {show(asked[0][0])} is the only link of {self.names[0]}, and free: model it "
+            )
+            raise KeyedError("joint", "between", text + 'as a body of kind "rigid".')
+        names = tuple(dict.fromkeys(name for name, _ in asked))
+        for name in names:
+            link = name.partition("/")[2]
+            if link not in links:
+                raise named("joint", "between", name, list(links), "link")
+        joints = [links[name.partition("/")[2]] for name in names]
+        turns, places = tree.poses(self.position, joints)
+        found = Stations.along(
+            tuple(names.index(name) for name, _ in asked), names, places,
+            tree.jacobians(self.position, joints), tree.inertia(self.position), self.velocity,
+        )  # fmt: skip
+        spins = np.einsum("sji,sj->si", turns, found.spins)
+        return replace(
+            found, turns=turns, spins=spins, freedoms=tree.rates, given=(), told=self._told(joints)
+        )
+
+    def _told(self, joints: Sequence[int]) -> Callable[[Floats], str]:
+        """Says what impulses on the frames of joints at t = 0 make of the rates, by their keys."""
+        tree, q = self.tree, self.position
+
+        def told(impulses: Floats) -> str:
+            rows = tree.jacobians(q, joints).reshape(-1, tree.rates)
+            made = np.linalg.solve(tree.inertia(q), rows.T @ impulses.ravel())
+            v = np.round(self.velocity + made, 13) + 0.0
+            found = [f"joints.{name}.velocity = {v[at]:.13g}" for name, at in tree.single.items()]
+            if tree.free:
+                spin = np.round(tree.base(q) @ v[3:6], 13) + 0.0
+                for key, values in (("velocity", v[:3]), ("angular_velocity", spin)):
+                    found.append(f"{key} = [" + ", ".join(f"{x:.13g}" for x in values) + "]")
+            return f"{self.names[0]}: " + ", ".join(found)
+
+        return told
 
     def meeting(
         self,

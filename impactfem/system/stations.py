@@ -5,6 +5,7 @@ joint holds them: its velocity and spin are rows of their coordinates' rates, an
 moves the whole body.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +31,8 @@ class Stations:
             6); 0 of rigid bodies, which have `light` and `inertia`.
         freedoms: Number of degrees of freedom of the bodies.
         given: Keys by which a scene sets their velocities; none: it cannot set those of a place.
+        told: Says the rates that impulses (stations, 6) at t = 0 make, by the keys that set them;
+            None: velocities and spins of the stations say it.
     """
 
     of: tuple[int, ...]
@@ -44,6 +47,7 @@ class Stations:
     compliance: Floats
     freedoms: int
     given: tuple[str, ...]
+    told: Callable[[Floats], str] | None = None
 
     @classmethod
     def along(
