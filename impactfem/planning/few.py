@@ -115,12 +115,11 @@ def _method(scene: Scene, model: "SolidsModel") -> tuple[str, dict[str, str]]:
         )
     if light:
         text = f"what touches of {light[0]} has no mass, and energy is kept to rounding"
-    sprung = [law for law in scene.laws.each if law.stiffness is not None]
+    sprung = any(law.stiffness is not None for law in scene.laws.each)
     if sprung and not light:
         text = "what the stiffness of contacts takes it gives back, to rounding"
-    light = light or ["the contact"] * bool(sprung)
     reason = "as asked" if asked is not None else f"{scene.why_marched}: {text}"
-    return asked or (OF_PLACES if light else METHOD), {"method": reason}
+    return asked or (OF_PLACES if light or sprung else METHOD), {"method": reason}
 
 
 def _memory(scene: Scene, layers: int) -> float:

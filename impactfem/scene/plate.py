@@ -27,9 +27,10 @@ from impactfem.scene.values import show
 if TYPE_CHECKING:
     from impactfem.scene.boundary import FormulaLike
 
-THEORIES = {"kirchhoff": 0.0, "reissner_mindlin": 5.0 / 6.0}
+THIN, SHEARING = "kirchhoff", "reissner_mindlin"
+THEORIES = {THIN: 0.0, SHEARING: 5.0 / 6.0}
 """Theories by their shear correction factor; 0 of that without shear."""
-_THICK = {None: 0.2, "kirchhoff": 0.1, "reissner_mindlin": 0.2}
+_THICK = {None: 0.2, THIN: 0.1, SHEARING: 0.2}
 """Thickness by the least width from which on a theory is refused."""
 _SHEARS = 0.05  # the same from which on shear counts, unless theory says so
 
@@ -89,7 +90,7 @@ class Plate(BodyKind):
     )
     theory: str | None = key(
         Choice(tuple(THEORIES)), "thin, or thick with shear and rotary inertia",
-        default=None, absent="with shear from a twentieth of the width on, but where balls meet it",
+        default=None, absent="with shear from a twentieth of the width, but beside balls",
     )  # fmt: skip
     velocity: Formula = key(  # noqa: RUF009  # a field
         FormulaOf(("x", "y")), "at t = 0 along the normal", unit="m/s", default=0.0
@@ -142,7 +143,7 @@ class Plate(BodyKind):
             raise self._fail("mesh_size", f"exceeds the width {largest:.6g} m: give a smaller one.")
         if self.thickness > _THICK[self.theory] * least:
             text = f"is more than {_THICK[self.theory]:g} of the least width {least:.6g} m: "
-            text += "too thick for theory = " + show(self.theory or "reissner_mindlin")
+            text += "too thick for theory = " + show(self.theory or SHEARING)
             text += '; use kind = "solid", or check units.'
             raise self._fail("thickness", text)
         for index, support in enumerate(self.supports):
@@ -169,15 +170,15 @@ class Plate(BodyKind):
         across = 12.0 * (1.0 - self.poisson_ratio) * (1.0 + self.poisson_ratio)
         return self.youngs_modulus * self.thickness**3 / across
 
-    def shear(self, width: float, *, struck: bool) -> float:
-        """D over the stiffness to shear [m^2]; 0 without shear.
+    def theory_beside(self, bodies: Sequence[Any]) -> str:
+        """Its theory beside others, all bodies of its scene; see `theory`."""
+        thick = self.thickness > _SHEARS * self.least_width
+        struck = any(body.is_ball for body in bodies)
+        return self.theory or (SHEARING if thick and not struck else THIN)
 
-        Args:
-            width: The least one [m].
-            struck: Whether balls or points may meet it.
-        """
-        thick = self.thickness > _SHEARS * width and not struck
-        factor = THEORIES[self.theory or ("reissner_mindlin" if thick else "kirchhoff")]
+    def shear_beside(self, bodies: Sequence[Any]) -> float:
+        """D over the stiffness to shear [m^2]; 0 without shear."""
+        factor = THEORIES[self.theory_beside(bodies)]
         return self.thickness**2 / (6.0 * factor * (1.0 - self.poisson_ratio)) if factor else 0.0
 
     def check_beside(self, bodies: Sequence[Any]) -> None:

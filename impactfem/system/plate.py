@@ -77,7 +77,8 @@ class PlateSystem(FewBodies):
     @property
     def width(self) -> float:
         """Least one [m], about."""
-        return _width(self.plate, self.mesh)
+        size = float(np.ptp(self.mesh.points, axis=0).max())
+        return min(self.plate.least_width, float(self.mesh.areas.sum()) / size)
 
     @property
     def massless(self) -> bool:
@@ -136,17 +137,10 @@ def plate_system(scene: Scene, plate: Plate) -> PlateSystem:
     met = [*bodies_met(scene, plate.name), *(o.name for o in obstacles_of(scene, plate.name))]
     laws = [law_of(scene, plate.name, name) for name in met]
     sprung = bool(laws) and all(law is not None and law.stiffness is not None for law in laws)
-    struck = any(body.is_ball for body in scene.bodies if body.name in met)
     return discretised(
         plate, mesh, touches=bool(met) and not sprung, sprung=sprung,
-        shear=plate.shear(_width(plate, mesh), struck=struck),
+        shear=plate.shear_beside(scene.bodies),
     )  # fmt: skip
-
-
-def _width(plate: Plate, mesh: PlateMesh) -> float:
-    """Least one [m], about."""
-    size = float(np.ptp(mesh.points, axis=0).max())
-    return min(plate.least_width, float(mesh.areas.sum()) / size)
 
 
 def discretised(

@@ -255,10 +255,9 @@ def _springs(_: Scene, body: Any) -> str:
 
 def _plate(scene: Scene, plate: Any) -> str:
     origin = plate.mesh or f"a {plate.outline.kind}"
-    text = f"A thin elastic plate, {origin} {quantity(plate.thickness, 'm')} thick about "
+    text = f"An elastic plate, {origin} {quantity(plate.thickness, 'm')} thick about "
     text += f"{vector(plate.center, 'm')}, its normal along {vector(plate.frame[1][2], '')}. "
-    shears = plate.theory == "reissner_mindlin"
-    text += f"{'Reissner and Mindlin' if shears else 'Kirchhoff'}'s theory on triangles: "
+    text += f"{_THEORIES[plate.theory_beside(scene.bodies)]}'s theory on triangles: "
     text += "Young's modulus "
     text += f"{quantity(plate.youngs_modulus, 'Pa')}, Poisson's ratio "
     text += f"{number(plate.poisson_ratio)}, density {quantity(plate.density, 'kg/m³')}."
@@ -276,6 +275,7 @@ def _plate(scene: Scene, plate: Any) -> str:
     return text + " Vertices that touch have no mass." * touches
 
 
+_THEORIES = {"kirchhoff": "Kirchhoff", "reissner_mindlin": "Reissner and Mindlin"}
 _EDGES = {
     "clamped": "clamped",
     "simply_supported": "simply supported (hard)",
