@@ -320,11 +320,12 @@ def _of_pair(pair: str, met: PairMotion) -> dict[str, Series]:
             columns[f"{name}.{pair}"] = values
     return {
         name: _series(
-            name, values + 0.0, *PAIR_COLUMNS[kind], f"{kind.replace('_', ' ')} of {pair}",
-            label=pair,
+            name, values + 0.0, *PAIR_COLUMNS[kind],
+            f"{kind.replace('_', ' ')} of {pair}{axis and f' along {axis[1:]}'}", label=pair,
         )
         for name, values in columns.items()
         for kind in [name.partition(".")[0]]
+        for axis in [name.removeprefix(f"{kind}.{pair}")]
     }  # fmt: skip
 
 
