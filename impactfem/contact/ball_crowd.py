@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix
 
 from impactfem.contact.ball_kernels import gaps_of
 from impactfem.contact.ball_pairs import BallPair
-from impactfem.contact.pairs import Anew, Meeting
+from impactfem.contact.meeting import Anew, Meeting
 from impactfem.errors import ConvergenceError
 from impactfem.system.rigid import NEAR
 

@@ -14,8 +14,8 @@ from scipy.sparse import csr_matrix
 
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.followed_pair import FAR
+from impactfem.contact.meeting import Anew, Meeting, weights_on
 from impactfem.contact.mortar_surface import Surface
-from impactfem.contact.pairs import Anew, Meeting
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -187,10 +187,7 @@ class BallPair(Anew):
         target, inner = self.target, (shares > _SAME).all(axis=2)
         faces = target.normals(places)
         areas = np.linalg.norm(faces, axis=1)
-        faces, sizes = (
-            faces / np.maximum(areas, _TINY)[:, None],
-            areas ** (1.0 / (faces.shape[1] - 1)),
-        )
+        faces = faces / np.maximum(areas, _TINY)[:, None]
         nodes = np.zeros((len(target.nodes), faces.shape[1]))
         for corner in target.simplices.T:
             np.add.at(nodes, corner, faces)
@@ -211,6 +208,7 @@ class BallPair(Anew):
         nearest = length <= length.min(axis=1, keepdims=True) * (1.0 + _SAME)
         met &= (side > 0.0) | nearest
         if target.rims.any():  # what is behind an open surface, but beside it, is not inside
+            sizes = areas ** (1.0 / (faces.shape[1] - 1))
             beyond = ((shares <= _SAME) & target.rims).any(axis=2)
             beside = np.linalg.norm(arms + length[..., None] * outward, axis=2)
             met &= (side > 0.0) | ~beyond | ((beside <= _RIM * sizes) & (length <= sizes))
@@ -257,8 +255,6 @@ def carried(ways: Floats, followers: Integers, centre: int, unit: float, total: 
         unit: Arm of the followers [m].
         total: Number of all contact nodes.
     """
-    count, dim = ways.shape
     shares = -ways / unit
     values = np.hstack([shares, -shares.sum(axis=1, keepdims=True)])
-    nodes, ends = np.append(followers, centre), (dim + 1) * np.arange(count + 1)
-    return csr_matrix((values.ravel(), np.tile(nodes, count), ends), shape=(count, total))
+    return weights_on(values, np.append(followers, centre), total)

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from impactfem.contact.boundary import Boundary
 from impactfem.contact.followed_pair import FollowedPair, along_ways, pair_weights
+from impactfem.contact.meeting import NOTHING, Meet, Meeting
 from impactfem.contact.mortar import MortarPairs, faces_in_reach, mortar
 from impactfem.contact.mortar_surface import Kind, Surface, surface
-from impactfem.contact.pairs import NOTHING, Meet, Meeting
 from impactfem.contact.self_pairs import WithinBody
 from impactfem.errors import SceneError
 

@@ -14,8 +14,8 @@ from scipy.sparse import csr_matrix, eye_array, vstack
 
 from impactfem.contact.ball_pairs import BallPair, Target, carried
 from impactfem.contact.closest import closest_shares, distances
-from impactfem.contact.convex_pairs import Marked
-from impactfem.contact.pairs import Anew, Meeting
+from impactfem.contact.convex_pairs import Marked, Pose
+from impactfem.contact.meeting import Anew, Meeting, weights_on
 from impactfem.system.convex import Convex
 from impactfem.system.rigid import in_space
 
@@ -62,21 +62,22 @@ class NodesOnConvex(Anew):
 
     def __call__(self, places: Floats, acting: Floats) -> Meeting:
         """How they meet with all contact nodes at some places (nodes, dim); see `BallPair`."""
-        count, dim = self.count, places.shape[1]
-        gap, _, _ = self._looks(places)
-        _, at, normal = self._looks(acting)
-        pose = self.body.pose(acting, np.zeros(3))
+        still = np.zeros(3)
+        gap, _, _ = self._looks(places, self.body.pose(places, still))
+        pose = self.body.pose(acting, still)
+        _, at, normal = self._looks(acting, pose)
         own = self.body.weights(at, -normal, pose, acting)
-        width = 1 + own.shape[1]
-        values = np.hstack([np.ones((count, 1)), -own])
-        columns = np.hstack([self.balls[:, None], np.tile(self.body.nodes, (count, 1))])
-        ends = width * np.arange(count + 1)
-        weights = csr_matrix((values.ravel(), columns.ravel(), ends), shape=(count, self.total))
-        return Meeting(weights, gap - self.radius, normal[:, :dim], np.zeros(count))
+        values = np.hstack([np.ones((self.count, 1)), -own])
+        beside = np.broadcast_to(self.body.nodes, own.shape)
+        nodes = np.hstack([self.balls[:, None], beside])
+        weights = weights_on(values, nodes, self.total)
+        return Meeting(
+            weights, gap - self.radius, normal[:, : places.shape[1]], np.zeros(self.count)
+        )
 
-    def _looks(self, places: Floats) -> tuple[Floats, Floats, Floats]:
+    def _looks(self, places: Floats, pose: Pose) -> tuple[Floats, Floats, Floats]:
         """Gaps [m], nearest places on the body [m] and directions from there, in space."""
-        centre, turn = self.body.pose(places, np.zeros(3))
+        centre, turn = pose
         gap, at, normal = nearest(self.body.shape, (in_space(places[self.balls]) - centre) @ turn)
         return gap, centre + at @ turn.T, normal @ turn.T
 
@@ -162,12 +163,7 @@ class CornersOnFaces(Anew):
             arms, length = distances(middle[None], faces, closest_shares(middle[None], faces))
             n = arms[0, np.argmin(length[0])] @ turn / length.min()
         at = shape.placed(centre, turn, shape.aim(n))[0]
-        found = body.weights(at, turn @ n, pose, acting)
-        count, width = found.shape
-        ends = width * np.arange(count + 1)
-        return csr_matrix(
-            (found.ravel(), np.tile(body.nodes, count), ends), shape=(count, len(acting))
-        )
+        return weights_on(body.weights(at, turn @ n, pose, acting), body.nodes, len(acting))
 
 
 def nearest(shape: Convex, points: Floats) -> tuple[Floats, Floats, Floats]:

@@ -17,7 +17,7 @@ from scipy.sparse import csr_matrix
 
 from impactfem.contact.convex_kernels import separate, touching
 from impactfem.contact.followed_pair import FAR
-from impactfem.contact.pairs import Anew, Meeting
+from impactfem.contact.meeting import Anew, Meeting
 from impactfem.scene.obstacles.rotation import AT_REST, Placement, placement
 from impactfem.system.convex import Convex
 from impactfem.system.rigid import in_space
@@ -203,7 +203,7 @@ class ConvexPair(Anew):
 
 
 class LedPair(Anew):
-    """A convex body and an obstacle that moves or turns, as `impactfem.contact.pairs.Led` says.
+    """A convex body and an obstacle that moves or turns, as `impactfem.contact.meeting.Led` says.
 
     Args:
         pair: Both, the obstacle at rest.

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
+from impactfem.contact.meeting import Meeting
 from impactfem.contact.mortar import MortarPairs
 from impactfem.contact.mortar_surface import Surface, unit
-from impactfem.contact.pairs import Meeting
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from impactfem.contact.pairs import NOTHING, Meeting
+from impactfem.contact.meeting import NOTHING, Meeting
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

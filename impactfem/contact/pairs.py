@@ -1,14 +1,13 @@
 """Gaps of several bodies: each to its obstacles, and between surfaces of two of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
 from impactfem.contact.gaps import Gaps
+from impactfem.contact.meeting import Led, Meet, Meeting
 from impactfem.contact.pair_responses import PairResponses, Weights
 from impactfem.contact.responses import Columns, Responses
 from impactfem.contact.turning_gaps import TurningGaps
@@ -17,106 +16,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Meeting:
-    """Weighted gaps between two surfaces at given places.
-
-    Attributes:
-        weights: W over all contact nodes, carrier minus other, shape (pairs, nodes).
-        gap: Weighted gaps [m], shape (pairs,).
-        normal: Unit normals towards the carrier, shape (pairs, dim).
-        area: Areas of the multipliers [m^2], shape (pairs,).
-        patch: Weights, >= 0, of nodes whose turning turns the gap's directions, (pairs, nodes);
-            None where forces along the gap have no moment anyway.
-    """
-
-    weights: csr_matrix
-    gap: Floats
-    normal: Floats
-    area: Floats
-    patch: csr_matrix | None = None
-
-
-NOTHING: Floats = np.zeros(0)
-"""Memory of what depends on no earlier answer."""
-
 _ENTRIES = 4096  # of weights that are kept as an array
-
-
-class Meet(Protocol):
-    """Finds how two surfaces meet.
-
-    Attributes:
-        follows: Whether the answer is found anew in each layer.
-    """
-
-    @property
-    def follows(self) -> bool:
-        """See above."""
-
-    @property
-    def memory(self) -> Floats:
-        """What of earlier answers the next one depends on, always as many numbers, (numbers,)."""
-
-    def recall(self, memory: Floats) -> None:
-        """Go on from what `memory` was."""
-
-    def __call__(self, places: Floats, acting: Floats) -> Meeting:
-        """How they meet with the contact nodes at some places, forces acting at others [m]."""
-
-
-class Anew:
-    """A `Meet` that looks anew each time, and depends on no earlier answer."""
-
-    follows = True
-    memory = NOTHING
-
-    def recall(self, memory: Floats) -> None:
-        """Nothing."""
-
-
-class NodeMeet(Meet, Protocol):
-    """Finds how nodes of bodies without meshes meet others.
-
-    Attributes:
-        count: Number of gaps.
-        thickness: What a body must not move in a step [m]; infinite if nothing can pass.
-        nodes: Places of all nodes of both sides among all contact nodes.
-        touch: How much smaller than distances gaps are, so that rounding opens none [m].
-    """
-
-    @property
-    def count(self) -> int:
-        """See above."""
-
-    @property
-    def thickness(self) -> float:
-        """See above."""
-
-    @property
-    def touch(self) -> float:
-        """See above."""
-
-    @property
-    def nodes(self) -> Integers:
-        """See above."""
-
-
-@runtime_checkable
-class Led(Protocol):
-    """Also knows the time, as an obstacle that it meets moves or turns.
-
-    Attributes:
-        speed: Largest one of what gaps faced on it so far [m/s].
-    """
-
-    speed: float
-
-    def tell(self, time: float, acting: float) -> None:
-        """At which times the next answer's places are, and forces act [s]."""
-
-    def shift(self, time: float) -> Floats:
-        """How far what each gap faces has moved with the obstacle since t = 0 [m], (gaps, dim)."""
 
 
 class PairGaps:

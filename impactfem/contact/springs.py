@@ -101,8 +101,7 @@ class ContactSprings:
             fine = missed.max(initial=0.0) <= _EXACT * force.max(initial=0.0)
             if fine and closing.min(initial=0.0) >= -least:
                 return force, total
-            depth = np.where(start, depth, least)
-            depth = np.maximum(depth, least)
+            depth = np.where(start, np.maximum(depth, least), least)
         raise ConvergenceError(
             f"contact: forces of springs in {np.count_nonzero(there)} gaps were not found in "
             f"{_MOST} steps; use a smaller solve.dt"

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.marching.stations import Motion
+from impactfem.marching.stations import HeldByRows, Motion
 from impactfem.system.stations import Stations
 from impactfem.system.tree import cross
 
@@ -31,7 +31,7 @@ _SETTLED = 1e-13  # change of rates of stations by forces that are not linear
 _ROUNDS = 16.0 * float(np.finfo(float).eps)  # of places, by which ways in a layer round
 
 
-class HeldTree:
+class HeldTree(HeldByRows["MechanismMidpoint"]):
     """Links of a mechanism: stations at the origins of their frames.
 
     Attributes:
@@ -121,10 +121,6 @@ class HeldTree:
         sizes = np.repeat([np.abs(each).max() for each in found], 3)
         return bool((off <= _SETTLED * sizes + 2.0 * self._rounding).all())
 
-    def foreseen(self) -> Floats:
-        """Displacements of the contact nodes."""
-        return self.part.foreseen()
-
     @property
     def places_ahead(self) -> tuple[Floats, Floats]:
         """At the end of the layer."""
@@ -143,34 +139,9 @@ class HeldTree:
         return np.asarray(answer).reshape(self._count, 6, self._count, 6)
 
     @property
-    def freedoms(self) -> Floats:
-        """None: see `compliance`."""
-        return np.zeros((self._count, 3, 3))
-
-    @property
     def jumped(self) -> bool:
         """Whether joints of the mechanism are at limits."""
         return self.part.stopped
-
-    def reached(self, forces: Floats) -> Floats:
-        """By what contact forces make of all rates."""
-        found = self.part.reached(forces) @ self._rows.T
-        return found.reshape(len(forces), self._count, 6)
-
-    def carried(self, wrenches: Floats) -> Floats:
-        """With all rates."""
-        return self.part.carried(wrenches.reshape(len(wrenches), -1) @ self._rows)
-
-    def strike(self, forces: Floats) -> None:
-        """Add contact forces."""
-        self.part.strike(forces)
-
-    def whirled(self, moments: Floats) -> Floats:
-        """Nothing: contact has no moments on links."""
-        return np.zeros_like(moments)
-
-    def whirl(self, moment: Floats) -> None:
-        """Nothing."""
 
     def leave(self, wrenches: Floats) -> None:
         """Change all rates at the end."""

@@ -226,7 +226,65 @@ class HeldRigid:
         """Nothing."""
 
 
-class HeldLumped:
+class Coordinates(Protocol):
+    """Bodies whose contact nodes move by coordinates that stations share."""
+
+    def foreseen(self) -> Floats:
+        """Displacements of the contact nodes at the end of the layer, (count, dim)."""
+
+    def strike(self, forces: Floats) -> None:
+        """Add contact forces (count, dim)."""
+
+    def reached(self, forces: Floats) -> Floats:
+        """Rates by several contact forces (several, count, dim) for a second, (several, d)."""
+
+    def carried(self, impulses: Floats) -> Floats:
+        """Velocities of the contact nodes by impulses (several, d), (several, count, dim)."""
+
+
+class HeldByRows[B: Coordinates]:
+    """Stations whose rates are rows of those of coordinates: what contact does goes by these.
+
+    Attributes:
+        part: The bodies.
+    """
+
+    part: B
+    _rows: Floats  # (6 stations, d)
+
+    def _each(self, values: Floats) -> Floats:
+        return values.reshape(*values.shape[:-1], -1, 6)
+
+    def foreseen(self) -> Floats:
+        """Displacements of the contact nodes."""
+        return self.part.foreseen()
+
+    @property
+    def freedoms(self) -> Floats:
+        """None: see `compliance`."""
+        return np.zeros((len(self._rows) // 6, 3, 3))
+
+    def reached(self, forces: Floats) -> Floats:
+        """By what contact forces make of all rates."""
+        return self._each(self.part.reached(forces) @ self._rows.T)
+
+    def carried(self, wrenches: Floats) -> Floats:
+        """With all rates."""
+        return self.part.carried(wrenches.reshape(len(wrenches), -1) @ self._rows)
+
+    def strike(self, forces: Floats) -> None:
+        """Add contact forces."""
+        self.part.strike(forces)
+
+    def whirled(self, moments: Floats) -> Floats:
+        """Nothing: contact has no moments on what does not roll."""
+        return np.zeros_like(moments)
+
+    def whirl(self, moment: Floats) -> None:
+        """Nothing."""
+
+
+class HeldLumped(HeldByRows["FewMidpoint"]):
     """Points or a beam: stations whose rates are rows of the coordinates' rates.
 
     Rotations of the stations are those of the steps that joints have seen: these do the work of
@@ -260,9 +318,6 @@ class HeldLumped:
         self._wrench = np.zeros(len(self._rows))
         self.part.set_out(layer)
         self._renew()
-
-    def _each(self, values: Floats) -> Floats:
-        return values.reshape(*values.shape[:-1], -1, 6)
 
     def _moved(self, moved: Floats) -> Floats:
         """Places by ways of the coordinates."""
@@ -301,10 +356,6 @@ class HeldLumped:
         allowed = _SETTLED * np.abs(found).max() + np.finfo(float).tiny
         return bool(np.abs(found - thought).max() <= allowed)
 
-    def foreseen(self) -> Floats:
-        """Displacements of the contact nodes."""
-        return self.part.foreseen()
-
     @property
     def places_ahead(self) -> tuple[Floats, Floats]:
         """At the end of the layer."""
@@ -318,35 +369,10 @@ class HeldLumped:
         return self._each(self._rows @ self.part.rates_ahead)
 
     @property
-    def freedoms(self) -> Floats:
-        """None: see `compliance`."""
-        return np.zeros((len(self._places), 3, 3))
-
-    @property
     def compliance(self) -> Floats:
         """Of the layer."""
         count = len(self._places)
         return self._flat.reshape(count, 6, count, 6)
-
-    def reached(self, forces: Floats) -> Floats:
-        """By what contact forces make of all coordinates."""
-        return self._each(self.part.reached(forces) @ self._rows.T)
-
-    def carried(self, wrenches: Floats) -> Floats:
-        """With all coordinates."""
-        flat = wrenches.reshape(len(wrenches), -1)
-        return self.part.carried(flat @ self._rows)
-
-    def strike(self, forces: Floats) -> None:
-        """Add contact forces."""
-        self.part.strike(forces)
-
-    def whirled(self, moments: Floats) -> Floats:
-        """Nothing: contact has no moments on what does not roll."""
-        return np.zeros_like(moments)
-
-    def whirl(self, moment: Floats) -> None:
-        """Nothing."""
 
     def leave(self, wrenches: Floats) -> None:
         """Change all rates at the end, as impulses without time for anything else do."""

@@ -13,8 +13,8 @@ from impactfem.contact.body_pairs import Side
 from impactfem.contact.boundary import Boundary
 from impactfem.contact.convex_pairs import Marked
 from impactfem.contact.line_pairs import LinePair
+from impactfem.contact.meeting import NodeMeet
 from impactfem.contact.mortar_surface import Surface
-from impactfem.contact.pairs import NodeMeet
 from impactfem.errors import SceneError
 from impactfem.models.convex_contacts import convex_meetings, marked_bodies, on_edges
 from impactfem.scene import Scene, Solid

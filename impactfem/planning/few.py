@@ -115,11 +115,10 @@ def _method(scene: Scene, model: "SolidsModel") -> tuple[str, dict[str, str]]:
         )
     if light:
         text = f"what touches of {light[0]} has no mass, and energy is kept to rounding"
-    sprung = any(law.stiffness is not None for law in scene.laws.each)
-    if sprung and not light:
+    if scene.gives_way and not light:
         text = "what the stiffness of contacts takes it gives back, to rounding"
     reason = "as asked" if asked is not None else f"{scene.why_marched}: {text}"
-    return asked or (OF_PLACES if light or sprung else METHOD), {"method": reason}
+    return asked or (OF_PLACES if light or scene.gives_way else METHOD), {"method": reason}
 
 
 def _memory(scene: Scene, layers: int) -> float:
@@ -179,18 +178,15 @@ def dent_findings(model: "SolidsModel") -> list[Finding]:
     """Balls that plates are too stiff for, whose dents are left out."""
     scene, found = model.scene, []
     known = {name: (few, k) for few in model.few for k, name in enumerate(few.names)}
-    fall = scene.duration * float(np.abs(scene.vector_gravity.values).max(initial=0.0))
+    fall = _falling(scene)
     for _, *sides in named_body_pairs(scene):
         names = [name for name, _ in sides if name in known]
-        law = law_of(scene, *names) if len(names) == 2 else None
-        if law is not None and law.stiffness is not None:
-            continue
         for struck, ball in (names, names[::-1]) if len(names) == 2 else ():
             (plate, at), (other, k) = known[struck], known[ball]
             speed = fall + float(np.linalg.norm(plate.speeds[at] - other.speeds[k]))
             radius = float(other.radius[other.nodes_of(k)].max())
             give = plate.give(other.masses[k], radius, speed)
-            if 0.0 < give < _DENTED:
+            if 0.0 < give < _DENTED and not _sprung(scene, struck, ball):
                 text = f"{ball} would dent {struck} about as much as that gives way (Zener's "
                 text += f"number {give:.2g}), which is left out: forces and times of their "
                 text += "contact belong to the mesh, and the rebound is too slow"
@@ -206,20 +202,31 @@ def few_step(few: Sequence["FewBodies"]) -> float:
     return min((1.0 / (_PER_RADIAN * rate) for rate in rates if rate > 0.0), default=float("inf"))
 
 
+def _sprung(scene: Scene, one: str, other: str) -> bool:
+    """Whether the contact of two bodies has a stiffness."""
+    law = law_of(scene, one, other)
+    return law is not None and law.stiffness is not None
+
+
+def _falling(scene: Scene) -> float:
+    """Speed that gravity may give within the run [m/s]."""
+    return scene.duration * float(np.abs(scene.vector_gravity.values).max(initial=0.0))
+
+
 def dent_times(scene: Scene, few: Sequence["FewBodies"]) -> list[float]:
     """How long contacts with a stiffness last, of rigid bodies at their first speeds [s].
 
     From m d'' = -K d^p with the speed v: T = 2 (d / v) sqrt(pi) G(1 + 1/(p+1)) / G(1/2 + 1/(p+1))
     with the Gamma function G and the largest indentation d = ((p + 1) m v^2 / (2 K))^(1/(p+1)).
     """
-    fall = scene.duration * float(np.abs(scene.vector_gravity.values).max(initial=0.0))
+    fall = _falling(scene)
     known = {
         name: (bodies.masses[k], bodies.speeds[k])
         for bodies in few
         for k, name in enumerate(bodies.names)
     }
     found = []
-    for law in scene.laws.each:
+    for law in scene.laws.each if scene.gives_way else ():
         sides = [known[name] for name, _ in map(side_of, law.between) if name in known]
         if law.stiffness is None or not sides:
             continue

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from impactfem.contact.convex_nodes import CornersOnFaces
 from impactfem.contact.distance import signed_distance
-from impactfem.contact.pairs import Led
+from impactfem.contact.meeting import Led
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.few import FewInterior
 from impactfem.marching.rows import Level

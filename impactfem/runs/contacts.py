@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from impactfem.contact.ball_crowd import BallCrowd
 from impactfem.contact.body_pairs import SurfacePair
 from impactfem.contact.gaps import Gaps
-from impactfem.contact.pairs import Meet, PairGaps
+from impactfem.contact.meeting import Meet
+from impactfem.contact.pairs import PairGaps
 from impactfem.contact.springs import ContactSprings
 from impactfem.marching.rubbing import Friction
 from impactfem.models.ball_contacts import check_apart, places_of
@@ -181,9 +182,9 @@ class Contacts:
 
     def springs(self, scene: Scene) -> ContactSprings | None:
         """What gives way in the gaps; None if nothing does."""
-        stiffness = self._each(scene, lambda law: law.stiffness or 0.0)
-        if not stiffness.any():
+        if not scene.gives_way:
             return None
+        stiffness = self._each(scene, lambda law: law.stiffness or 0.0)
         exponent = self._each(scene, lambda law: law.stiffness_exponent)
         there = stiffness > 0.0
         return ContactSprings(np.where(there, stiffness, np.inf), np.where(there, exponent, 1.0))

@@ -184,6 +184,11 @@ class Content:
         return why_marched(self)
 
     @property
+    def gives_way(self) -> bool:
+        """Whether any contact has a stiffness."""
+        return any(law.stiffness is not None for law in self.contacts)
+
+    @property
     def axial_gravity(self) -> PiecewiseConstant:
         """Gravity of a bar, towards the wall [m/s^2].
 

@@ -45,6 +45,8 @@ def check_springs(scene: Content) -> None:
     Raises:
         KeyedError: naming the key.
     """
+    if not scene.gives_way:
+        return
     known = {body.name: body for body in scene.bodies}
     rubs = [law.between for law in scene.laws.each if law.friction_coefficient]
     finite = [solid.name for solid in scene.solids if solid.is_finite]

@@ -5,6 +5,7 @@ is the line, or its end the rim's place, that looks at what it meets.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -163,7 +164,7 @@ class Convex:
         """How many places may touch at once on one of its faces."""
         return int(np.diff(self.starts).max()) if len(self.normals) else len(self.vertices)
 
-    @property
+    @cached_property
     def simplices(self) -> Integers:
         """Triangles of its faces, in the plane their lines; without faces its line or point."""
         if not len(self.normals):

@@ -59,8 +59,8 @@ def _sheared(points: Floats, cells: Integers, rigidity: float, shear: float) -> 
     """Stiffness to shear: strains along edges, at corners by both edges there, linear between."""
     corners = points[cells]
     along, ways, lengths = _way_missed(corners)
-    strain = along / (1.0 + _softness(lengths, shear))[:, :, None]
-    strain *= _softness(lengths, shear)[:, :, None]
+    soft = _softness(lengths, shear)[:, :, None]
+    strain = along / (1.0 + soft) * soft
     own = _freedoms(cells)
     at = np.empty((len(cells), 3, 2, 3 * DOFS))
     for corner in range(3):

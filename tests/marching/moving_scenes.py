@@ -214,6 +214,27 @@ def forget():
     impactfem.models.solids._parts.cache_clear()
 
 
+def check_ranks(made, monkeypatch):
+    """Ranks that share a run and ranks that each do all of it have the same to 1e-10."""
+    both = impactfem.solve(made())
+    with alone(monkeypatch):
+        one = impactfem.solve(made())
+    for name, apart in differences(both, one).items():
+        size = np.nanmax(np.abs(one.history[name]), initial=1.0)
+        assert apart < 1e-10 * size, name
+
+
+def check_restart(made, layer, tmp_path, monkeypatch):
+    """A run that is stopped in a layer and goes on equals the whole to the last bit; both runs."""
+    whole = impactfem.solve(made)
+    with stopping(monkeypatch, layer):
+        impactfem.solve(made, checkpoints=tmp_path)
+    again = impactfem.solve(made, checkpoints=tmp_path, restart=tmp_path)
+    found = differences(whole, again)
+    assert found == {}, found
+    return whole, again
+
+
 def differences(one, other):
     """Largest difference of each column of the histories and of each field, if there is any."""
     found = {}

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from moving_scenes import alone, differences, stopping
+from moving_scenes import check_ranks, check_restart
 
 import impactfem
 from impactfem import Scene, SceneError
@@ -113,17 +113,9 @@ def test_other_bodies_and_joints_are_refused():
 
 def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
     made = scene(mu=0.1).with_settings({"output.checkpoint": 20})
-    whole = impactfem.solve(made)
-    with stopping(monkeypatch, 47):
-        impactfem.solve(made, checkpoints=tmp_path)
-    again = impactfem.solve(made, checkpoints=tmp_path, restart=tmp_path)
-    assert differences(whole, again) == {}
+    check_restart(made, 47, tmp_path, monkeypatch)
 
 
 @pytest.mark.parallel(2)
 def test_two_ranks_do_the_same(monkeypatch):
-    both = impactfem.solve(scene(mu=0.1))
-    with alone(monkeypatch):
-        one = impactfem.solve(scene(mu=0.1))
-    for name, apart in differences(both, one).items():
-        assert apart < 1e-10 * np.nanmax(np.abs(one.history[name]), initial=1.0), name
+    check_ranks(lambda: scene(mu=0.1), monkeypatch)

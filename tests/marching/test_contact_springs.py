@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from moving_scenes import alone, differences, stopping
+from moving_scenes import check_ranks, check_restart
 from scipy.integrate import solve_ivp
 
 import impactfem
@@ -156,20 +156,12 @@ def bouncing():
 
 
 def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
-    whole = impactfem.solve(bouncing())
-    with stopping(monkeypatch, 1100):
-        impactfem.solve(bouncing(), checkpoints=tmp_path)
-    again = impactfem.solve(bouncing(), checkpoints=tmp_path, restart=tmp_path)
-    assert differences(whole, again) == {}
+    check_restart(bouncing(), 1100, tmp_path, monkeypatch)
 
 
 @pytest.mark.parallel(2)
 def test_two_ranks_do_the_same(monkeypatch):
-    both = impactfem.solve(bouncing())
-    with alone(monkeypatch):
-        one = impactfem.solve(bouncing())
-    for name, apart in differences(both, one).items():
-        assert apart < 1e-10 * np.nanmax(np.abs(one.history[name]), initial=1.0), name
+    check_ranks(bouncing, monkeypatch)
 
 
 SOLID = {"kind": "solid", "name": "s", "model": "plane_strain", "density": 1e3, "mesh_size": 0.1,

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from moving_scenes import alone, differences, stopping
+from moving_scenes import alone, check_restart
 
 import impactfem
 from impactfem import (
@@ -240,12 +240,8 @@ def tumble():
 
 
 def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
-    whole = impactfem.solve(tumble())
+    whole, _ = check_restart(tumble(), 60, tmp_path, monkeypatch)
     assert min(np.abs(column(whole, f"impulse.{p}")).max() for p in ("b0.b1", "b1.ball")) > 0.0
-    with stopping(monkeypatch, 60):
-        impactfem.solve(tumble(), checkpoints=tmp_path)
-    again = impactfem.solve(tumble(), checkpoints=tmp_path, restart=tmp_path)
-    assert differences(whole, again) == {}
 
 
 @pytest.mark.parallel(2)

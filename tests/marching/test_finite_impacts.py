@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from moving_scenes import differences, stopping
+from moving_scenes import check_restart
 
 import impactfem
 from impactfem.errors import SceneError
@@ -90,11 +90,7 @@ def test_no_layer_of_a_rod_and_a_point_gains_energy():
 @pytest.mark.slow
 def test_a_continued_run_with_impacts_equals_the_whole_one(tmp_path, monkeypatch):
     case = tumbling()
-    whole = impactfem.solve(case)
-    with stopping(monkeypatch, 70):
-        impactfem.solve(case, checkpoints=tmp_path)
-    again = impactfem.solve(case, checkpoints=tmp_path, restart=tmp_path)
-    assert differences(whole, again) == {}
+    check_restart(case, 70, tmp_path, monkeypatch)
 
 
 def test_what_has_no_law_is_refused():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from moving_scenes import alone, differences, stopping
+from moving_scenes import check_ranks, check_restart
 
 import impactfem
 from impactfem import Scene
@@ -70,11 +70,7 @@ def test_sparse_answers_are_the_full_ones(made, monkeypatch):
 def test_a_restart_with_sparse_answers_goes_on(tmp_path, monkeypatch):
     monkeypatch.setattr(pair_responses, "_MANY", 0)
     made = grains().with_settings({"output.checkpoint": 50})
-    whole = impactfem.solve(made)
-    with stopping(monkeypatch, 140):
-        impactfem.solve(made, checkpoints=tmp_path)
-    again = impactfem.solve(made, checkpoints=tmp_path, restart=tmp_path)
-    assert differences(whole, again) == {}
+    check_restart(made, 140, tmp_path, monkeypatch)
 
 
 def crowd(**more):
@@ -100,11 +96,7 @@ def test_nodes_that_balls_share_do_as_their_own(monkeypatch):
 
 def test_a_restart_with_shared_nodes_goes_on(tmp_path, monkeypatch):
     made = crowd().with_settings({"output.checkpoint": 25})
-    whole = impactfem.solve(made)
-    with stopping(monkeypatch, 70):
-        impactfem.solve(made, checkpoints=tmp_path)
-    again = impactfem.solve(made, checkpoints=tmp_path, restart=tmp_path)
-    assert differences(whole, again) == {}
+    check_restart(made, 70, tmp_path, monkeypatch)
 
 
 def test_bodies_stepped_together_move_as_each_does_alone():
@@ -131,9 +123,4 @@ def test_bodies_stepped_together_move_as_each_does_alone():
 @pytest.mark.parallel(2)
 def test_two_ranks_do_the_same(monkeypatch):
     monkeypatch.setattr(pair_responses, "_MANY", 0)
-    both = impactfem.solve(beside_a_solid())
-    with alone(monkeypatch):
-        one = impactfem.solve(beside_a_solid())
-    for name, apart in differences(both, one).items():
-        size = np.nanmax(np.abs(one.history[name]), initial=1.0)
-        assert apart < 1e-10 * size, name
+    check_ranks(beside_a_solid, monkeypatch)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from moving_scenes import alone, differences, stopping
+from moving_scenes import alone, check_restart
 
 pytest.importorskip("pinocchio")
 
@@ -263,12 +263,8 @@ def striking(folder: Path) -> Scene:
 
 def test_restart_goes_on_to_the_last_bit(tmp_path, monkeypatch):
     made = striking(tmp_path)
-    whole = impactfem.solve(made)
+    whole, _ = check_restart(made, 140, tmp_path, monkeypatch)
     assert whole.summary["contact"]["impulse"] > 0.0
-    with stopping(monkeypatch, 140):
-        impactfem.solve(made, checkpoints=tmp_path)
-    again = impactfem.solve(made, checkpoints=tmp_path, restart=tmp_path)
-    assert differences(whole, again) == {}
 
 
 @pytest.mark.parallel(2)

@@ -4,7 +4,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
-from moving_scenes import differences, stopping
+from moving_scenes import check_restart
 
 import impactfem
 from impactfem import SceneError
@@ -288,11 +288,7 @@ def test_a_continued_run_equals_the_whole_one(tmp_path, monkeypatch):
     ]
     scene = mixed(bodies, 0.06, [FLOOR], contacts, (0.3, -9.81), dt=5e-4)
     scene = scene.with_settings({"output.fields": ["vtkhdf"], "output.checkpoint": 16})
-    whole = impactfem.solve(scene)
-    with stopping(monkeypatch, 52):
-        impactfem.solve(scene, checkpoints=tmp_path)
-    again = impactfem.solve(scene, checkpoints=tmp_path, restart=tmp_path)
-    assert differences(whole, again) == {}
+    whole, again = check_restart(scene, 52, tmp_path, monkeypatch)
     assert again.summary["energy"] == whole.summary["energy"]
     assert whole.summary["contact"]["impulse"] > 0.0
     assert set(whole.fields.layout.names) == {"s", "b", "r", "p"}

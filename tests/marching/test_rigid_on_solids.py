@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from moving_scenes import alone, differences, stopping
+from moving_scenes import alone, check_restart
 from pytest_mpi import parallel_assert
 
 import impactfem
@@ -113,12 +113,8 @@ def test_a_spinning_disc_strikes_the_end_of_a_bar(mu, rolls):
 
 def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
     made = scene(modulus=1e7, duration=0.03).with_settings({"output.checkpoint": 10})
-    whole = impactfem.solve(made)
+    whole, _ = check_restart(made, 17, tmp_path, monkeypatch)
     assert whole.summary["energy"]["taken"]["friction"] > 0.0
-    with stopping(monkeypatch, 17):
-        impactfem.solve(made, checkpoints=tmp_path)
-    again = impactfem.solve(made, checkpoints=tmp_path, restart=tmp_path)
-    assert differences(whole, again) == {}
 
 
 @pytest.mark.parallel(2)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from moving_scenes import differences, stopping
+from moving_scenes import check_restart
 from surfaces import write_half_square
 
 import impactfem
@@ -249,12 +249,8 @@ def falling(**more):
 
 def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
     scene = falling(output=impactfem.Output(checkpoint=20))
-    whole = impactfem.solve(scene)
+    whole, _ = check_restart(scene, 67, tmp_path, monkeypatch)
     assert whole.summary["contact"]["impulse"] > 0.0
-    with stopping(monkeypatch, 67):
-        impactfem.solve(scene, checkpoints=tmp_path)
-    again = impactfem.solve(scene, checkpoints=tmp_path, restart=tmp_path)
-    assert differences(whole, again) == {}
 
 
 def test_net_of_a_mesh_file(tmp_path):

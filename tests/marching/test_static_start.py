@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from moving_scenes import METHODS, differences, stopping
+from moving_scenes import METHODS, check_restart
 
 import impactfem
 from impactfem.errors import SceneError
@@ -172,11 +172,7 @@ def test_the_start_is_the_same_after_a_restart(tmp_path, monkeypatch):
     bodies[0]["tractions"] = [{"surface": "right", "value": ["-100*t", "0"]}]
     output = {"fields": ["vtkhdf"], "every": 3, "checkpoint": 5}
     case = scene(bodies, output=output)
-    whole = impactfem.solve(case)
-    with stopping(monkeypatch, 10):
-        impactfem.solve(case, checkpoints=tmp_path)
-    again = impactfem.solve(case, checkpoints=tmp_path, restart=tmp_path)
-    assert differences(whole, again) == {}
+    whole, again = check_restart(case, 10, tmp_path, monkeypatch)
     assert again.summary["details"]["start"] == whole.summary["details"]["start"]
     # Fields of t = 0 show the bodies as they are then.
     first = whole.fields.read(0)
