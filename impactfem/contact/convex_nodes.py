@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix, eye_array, vstack
 from impactfem.contact.ball_pairs import BallPair, Target, carried
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.convex_pairs import Marked, Pose
-from impactfem.contact.meeting import Anew, Meeting, weights_on
+from impactfem.contact.meeting import Anew, Meeting, patch_of, weights_on
 from impactfem.system.convex import Convex
 from impactfem.system.rigid import in_space
 
@@ -71,9 +71,9 @@ class NodesOnConvex(Anew):
         beside = np.broadcast_to(self.body.nodes, own.shape)
         nodes = np.hstack([self.balls[:, None], beside])
         weights = weights_on(values, nodes, self.total)
-        return Meeting(
-            weights, gap - self.radius, normal[:, : places.shape[1]], np.zeros(self.count)
-        )
+        patch, beyond = patch_of(weights, self.body.nodes), -self.body.beyond(own)
+        normal = normal[:, : places.shape[1]]
+        return Meeting(weights, gap - self.radius, normal, np.zeros(self.count), patch, beyond)
 
     def _looks(self, places: Floats, pose: Pose) -> tuple[Floats, Floats, Floats]:
         """Gaps [m], nearest places on the body [m] and directions from there, in space."""
@@ -133,7 +133,9 @@ class CornersOnFaces(Anew):
         if shape.radius:
             ways = met.weights @ there
             weights = weights + carried(ways, followers, int(nodes[0]), self.body.unit, total)
-        return replace(met, weights=csr_matrix(weights))
+        patch = patch_of(met.weights, self.pair.target.nodes)[:, :total]
+        beyond = weights @ arms
+        return replace(met, weights=csr_matrix(weights), patch=patch, beyond=beyond)
 
     @cached_property
     def between(self) -> Floats:

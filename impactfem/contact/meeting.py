@@ -22,6 +22,8 @@ class Meeting:
         area: Areas of the multipliers [m^2], shape (pairs,).
         patch: Weights, >= 0, of nodes whose turning turns the gap's directions, (pairs, nodes);
             None where forces along the gap have no moment anyway.
+        beyond: What of the ways between the pushed places weights do not tell [m], (pairs, dim);
+            None where forces act along the way that they tell.
     """
 
     weights: csr_matrix
@@ -29,6 +31,7 @@ class Meeting:
     normal: Floats
     area: Floats
     patch: csr_matrix | None = None
+    beyond: Floats | None = None
 
 
 NOTHING: Floats = np.zeros(0)
@@ -109,6 +112,14 @@ class Led(Protocol):
 
     def shift(self, time: float) -> Floats:
         """How far what each gap faces has moved with the obstacle since t = 0 [m], (gaps, dim)."""
+
+
+def patch_of(weights: csr_matrix, nodes: Integers) -> csr_matrix:
+    """Weights 1 of those of some nodes that gaps weigh, be it by 0."""
+    found = weights.copy()
+    found.data = np.isin(found.indices, nodes).astype(float)
+    found.eliminate_zeros()
+    return found
 
 
 def weights_on(values: Floats, nodes: Integers, total: int) -> csr_matrix:

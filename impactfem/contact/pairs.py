@@ -164,7 +164,9 @@ class PairGaps:
             end, normal = first + len(entry.gap), entry.normal
             if entry.patch is not None:
                 patches.append((first, entry.patch))
-            elif meet.follows:
+                if entry.beyond is not None:
+                    ways[first:end] += entry.beyond
+            elif meet.follows and entry.beyond is None:
                 normal = _along(ways[first:end], normal)
             normals.append(normal)
             first = end

@@ -33,6 +33,14 @@ class FewNewton(FewMidpoint):
         """Displacement of the contact nodes at the end of the step [m], (count, dim)."""
         return self.bodies.places(self._end(self._ahead)) - self._start
 
+    @property
+    def surface_way(self) -> Floats:
+        """How far the contact nodes move in the step [m], (count, dim)."""
+        return self.surface_iterate - self.surface_displacement
+
+    def touch(self, normals: Floats) -> None:
+        """Nothing: nodes touch themselves."""
+
     def predicted(self, start: float, end: float) -> Floats:
         """Where contact nodes go if nothing changes [m], (count, dim)."""
         return self.bodies.places(self._q + (end - start) * self._v) - self._start

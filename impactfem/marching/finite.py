@@ -180,6 +180,14 @@ class FiniteMidpoint(FiniteBody):
         stiffness = self._stiffest + 2.0 / step**2 * self._heaviest
         self._rounding = _ROUNDING * stiffness * (far + 0.1 * self.size)
 
+    @property
+    def surface_way(self) -> Floats:
+        """How far the contact nodes move in the step [m], (count, dim) (collective)."""
+        return self._surface.gather(self._after - self.displacement)
+
+    def touch(self, normals: Floats) -> None:
+        """Nothing: nodes touch themselves."""
+
     def predicted(self, start: float, end: float) -> Floats:
         """Where contact nodes go if nothing changes [m], (count, dim) (collective)."""
         return self._surface.gather(self.displacement + (end - start) * self.velocity)

@@ -46,6 +46,16 @@ class NewtonStepper(Stepper, Protocol):
     def surface_iterate(self) -> Floats:
         """Displacement of contact nodes at the end of the step, by the last iterate [m]."""
 
+    @property
+    def surface_way(self) -> Floats:
+        """How far what touches at contact nodes moves in the step, by the last iterate [m].
+
+        Of shape (count, dim). Forces do their work on it.
+        """
+
+    def touch(self, normals: Floats) -> None:
+        """Learn where bodies that roll touch, by the normals of their nodes (count, dim)."""
+
     def predicted(self, start: float, end: float) -> Floats:
         """Where contact nodes go if nothing changes [m], (count, dim) (collective)."""
 
@@ -108,6 +118,16 @@ class NewtonBodies(Bodies[NewtonStepper]):
     def surface_iterate(self) -> Floats:
         """Displacement of the contact nodes at the end of the step [m], (count, dim)."""
         return np.concatenate([part.surface_iterate for part in self.parts])
+
+    @property
+    def surface_way(self) -> Floats:
+        """How far what touches moves in the step [m], (count, dim)."""
+        return np.concatenate([part.surface_way for part in self.parts])
+
+    def touch(self, normals: Floats) -> None:
+        """Learn where bodies that roll touch."""
+        for k, part in enumerate(self.parts):
+            part.touch(normals[self.own(k)])
 
     def predicted(self, start: float, end: float) -> Floats:
         """Where contact nodes go if nothing changes [m], (count, dim)."""

@@ -228,12 +228,13 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
                 self._looked = None
             normals = gaps.normals_at(middle, middle_time, interior.arms(middle))
             shift = gaps.shift(end) - gaps.shift(start)  # of what nodes now face
+            interior.touch(gaps.spread(normals))
             directions = frames(normals) if self._rubs else normals[:, None, :]
             if force is None:
                 force = turned(directions, self._tangential)
                 force[:, 0] = last
                 force[~may] = 0.0
-            way = turned(directions, gaps.relative(place - begin) - shift)
+            way = turned(directions, gaps.relative(interior.surface_way) - shift)
             left = interior.unbalanced(gaps.spread(in_space(directions, force)))
             apart = way.copy()
             apart[:, 0] += room

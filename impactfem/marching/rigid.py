@@ -48,11 +48,14 @@ class RigidBodies(Meshless):
         freedom: Inverse moments of inertia in space amid it, (bodies, 3, 3).
     """
 
+    _straight = False  # of `impactfem.marching.turn_kernels.turn`
+
     def __init__(
         self, bodies: Sequence[Rigid], gravity: PiecewiseVector, dt: float, *, counts: bool
     ) -> None:
         """Begin at t = 0; see `impactfem.marching.few.FewInterior`."""
         super().__init__(gravity, dt, counts=counts)
+        self._span = dt  # of the step
         self._bodies, self._dim = tuple(bodies), bodies[0].dim
         dim, sizes = self._dim, [len(each.arms) for each in bodies]
         ends = np.cumsum([0, *sizes])
@@ -169,7 +172,7 @@ class RigidBodies(Meshless):
         self._amid = turned(self._middle, self.apart, self._arms)
         self._ended = turned(self.end, self.apart, self._arms)
         self.acting = self._amid + self._around(self._middle) + self._offset
-        way = 0.5 * self.dt * (self._speed + self._speed_ahead)
+        way = 0.5 * self._span * (self._speed + self._speed_ahead)
         return self._places(self._centre + way, self.end, self._ended)
 
     def _settle(self, chosen: Integers) -> None:
@@ -177,7 +180,7 @@ class RigidBodies(Meshless):
         for _ in range(_MOST):
             pushed, kick = self.impulses()
             given = self._inertia, self._inverse, self._turn, self._spin, kick
-            *found, fine = turn_all(*given, self.dt, chosen)
+            *found, fine = turn_all(*given, self._span, chosen, self._straight)
             if not fine.all():
                 name = self._bodies[chosen[~fine][0]].names[0]
                 raise ConvergenceError(
@@ -198,7 +201,7 @@ class RigidBodies(Meshless):
 
     def impulses(self) -> tuple[Floats, Floats]:
         """Of forces and moments in the layer without those of joints [N s], [N m s]."""
-        dt = self.dt
+        dt = self._span
         for k, loads in self._driven:
             mean = 0.5 * (self._speed[k] + self._speed_ahead[k])
             place = self._centre[k] + 0.5 * dt * mean
@@ -288,7 +291,7 @@ class RigidBodies(Meshless):
         beyond = self._around(self._middle) + self._offset
         moved = self._around(self.end) - self._begun
         none = np.zeros_like(spins[None])
-        ways = carried(none, self.dt * spins[None], self.apart, beyond, self._dim)[0]
+        ways = carried(none, self._span * spins[None], self.apart, beyond, self._dim)[0]
         self._normals = towards if self._rims else self._normals
         return np.asarray(ways - moved[:, : self._dim])
 
@@ -304,13 +307,13 @@ class RigidBodies(Meshless):
         whirl = applied(self.freedom, wrench[..., 3:])
         speeds = wrench[..., :3] / self._mass
         moved = carried(speeds, whirl, self.apart, self.acting, self._dim)
-        return 0.5 * self.dt**2 * moved, np.zeros_like(forces)
+        return 0.5 * self._span**2 * moved, np.zeros_like(forces)
 
     answers = columns
 
     def roots(self) -> Roots:
         """Answers of all nodes: of a body they have the rank of its freedom."""
-        way, count, dim = np.sqrt(0.5) * self.dt, len(self._mass), self._dim
+        way, count, dim = np.sqrt(0.5) * self._span, len(self._mass), self._dim
         light = 1.0 / np.sqrt(self._mass[:, 0])
         entries = root_entries(self.apart, self.acting, way * light, way**2 * self.freedom, dim)
         return self.massive, csr_matrix(
@@ -329,7 +332,7 @@ class RigidBodies(Meshless):
 
     def strike(self, forces: Floats) -> Integers:
         """Add the impulses of contact forces (count, dim), to be solved for; on which bodies."""
-        wrench = self.dt * self.wrenches(forces[None])[0]
+        wrench = self._span * self.wrenches(forces[None])[0]
         self._pushed, self._turned = self._pushed + wrench[:, :3], self._turned + wrench[:, 3:]
         return np.flatnonzero(wrench.any(axis=1))
 
@@ -345,7 +348,7 @@ class RigidBodies(Meshless):
     def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
         """Displacements and turns of nodes by several moments on them; see `Rolling`."""
         whole, first = about_axes(self._on_bodies(moments)), 2 * (3 - self._dim)
-        turns = 0.5 * self.dt**2 * applied(self.freedom, whole)
+        turns = 0.5 * self._span**2 * applied(self.freedom, whole)
         moved = carried(np.zeros_like(turns), turns, self.apart, self.acting, self._dim)
         return moved, turns[:, self.apart, first:]
 
@@ -361,20 +364,24 @@ class RigidBodies(Meshless):
 
     def whirl(self, moments: Floats) -> Integers:
         """Add the impulses of moments (bodies, turns), to be solved for; on which bodies."""
-        self._turned = self._turned + self.dt * about_axes(moments)
+        self._turned = self._turned + self._span * about_axes(moments)
         return np.flatnonzero(moments.any(axis=1))
 
     def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
         """End the layer and sum up."""
+        return self._summed(self._go_on())
+
+    def _go_on(self) -> Floats:
+        """Take the rates, places and turns that were found; the work of loads [J], (bodies,)."""
         work, mean = np.zeros(len(self._mass)), 0.5 * (self._speed + self._speed_ahead)
         for k, _ in self._driven:
             force, moment = self._loads[:, k]
-            work[k] = self.dt * float(force @ mean[k] + moment @ self._whirl(k))
-        self._centre = self._centre + self.dt * mean
+            work[k] = self._span * float(force @ mean[k] + moment @ self._whirl(k))
+        self._centre = self._centre + self._span * mean
         self._angles = turned_further(self._angles, self._half)
         self._speed, self._spin = self._leaving or self.rates_ahead
         self._begin()
-        return self._summed(work)
+        return work
 
     def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state."""

@@ -1,7 +1,7 @@
 """A rigid body as it is marched, alone or with others, and shown."""
 
 from collections.abc import Sequence
-from typing import cast
+from typing import ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,13 @@ class RigidMidpoint(Pictured):
     """One of the bodies that `RigidBodies` steps, at first the only one."""
 
     bodies: Rigid
+    _marches: ClassVar[type[RigidBodies]] = RigidBodies
 
     def __init__(self, bodies: Rigid, gravity: PiecewiseVector, dt: float, *, counts: bool) -> None:
         """Begin at t = 0; see `FewInterior`."""
         super().__init__(bodies, gravity, dt, counts=counts)
         self._cells = bodies.picture[1]
-        self._march, self._at = RigidBodies([bodies], gravity, dt, counts=counts), 0
+        self._march, self._at = self._marches([bodies], gravity, dt, counts=counts), 0
 
     @property
     def stepper(self) -> RigidBodies:
@@ -39,7 +40,7 @@ class RigidMidpoint(Pictured):
         each = cast("Sequence[RigidMidpoint]", alike)
         one = each[0]
         bodies = [part.bodies for part in each]
-        march = RigidBodies(bodies, one._gravity, one.dt, counts=one.counts)  # noqa: SLF001
+        march = cls._marches(bodies, one._gravity, one.dt, counts=one.counts)  # noqa: SLF001
         for k, part in enumerate(each):
             part._march, part._at = march, k  # noqa: SLF001
 

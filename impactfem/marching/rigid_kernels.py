@@ -10,7 +10,7 @@ from impactfem.marching.turn_kernels import turn
 
 
 @compiled
-def turn_all(inertia, inverse, rotations, spins, impulses, dt, chosen):
+def turn_all(inertia, inverse, rotations, spins, impulses, dt, chosen, straight):
     """The rotations of a layer of some bodies; see `impactfem.marching.turn_kernels.turn`.
 
     Args:
@@ -20,6 +20,7 @@ def turn_all(inertia, inverse, rotations, spins, impulses, dt, chosen):
         impulses: Of moments in space [N m s], (bodies, 3).
         dt: [s].
         chosen: Which bodies, (some,).
+        straight: See `turn`.
 
     Returns:
         What `turn` does, with an axis of the chosen bodies before.
@@ -31,7 +32,7 @@ def turn_all(inertia, inverse, rotations, spins, impulses, dt, chosen):
     for i in range(count):
         k = chosen[i]
         new[i], half[i], end[i], middle[i], freedom[i], found[i] = turn(
-            inertia[k], inverse[k], rotations[k], spins[k], impulses[k], dt
+            inertia[k], inverse[k], rotations[k], spins[k], impulses[k], dt, straight
         )
     return new, half, end, middle, freedom, found
 

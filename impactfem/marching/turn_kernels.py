@@ -14,7 +14,8 @@ R_b = R_a (1 - T/2)^-1 (1 + T/2) with T as a skew matrix, so that the balance is
 T is along W_m: without moments W_m . J (W_b - W_a) = 0, and the energy stays as exactly as the
 angular momentum does. With them W_m R_a^T . impulse is their work, as (1 + T/2) W_m = W_m: that of
 a force on a material point r along its chord T x (mean of R_a r, R_b r), but for the square of phi
-(bodies in joints take T = dt W_m, which has no such share). Free spin about a principal axis, and
+(bodies in joints, and beside others under finite strain, take T = dt W_m, which has no
+such share). Free spin about a principal axis, and
 any of a ball, is exact. (After J. C. Simo, K. K. Wong, Int. J. Numer. Meth. Eng. 31 (1991) 19-52,
 who take the same balance.)
 """
@@ -31,7 +32,7 @@ _LARGEST = 2.0  # rotation in a step [rad]; beyond pi it has no such form
 
 
 @compiled
-def turn(inertia, inverse, rotation, spin, impulse, dt):
+def turn(inertia, inverse, rotation, spin, impulse, dt, straight):
     """The rotation of a layer.
 
     Args:
@@ -40,6 +41,7 @@ def turn(inertia, inverse, rotation, spin, impulse, dt):
         spin: W_a [rad/s], (3,).
         impulse: Of moments in space [N m s], (3,).
         dt: [s].
+        straight: Whether T = dt W_m.
 
     Returns:
         W_b [rad/s] and T / 2, (3,) each; R_b, the mean of R_a and R_b, and the inverse inertia in
@@ -49,7 +51,7 @@ def turn(inertia, inverse, rotation, spin, impulse, dt):
     new = spin.copy()
     # Of what rounding is told by: impulses may stop a body but for that.
     given = max(np.abs(spin).max(), np.abs(inverse @ own).max())
-    half, stretch = _stretched(spin, new, dt)
+    half, stretch = _stretched(spin, new, dt, straight)
     found = False
     for k in range(_MOST):
         mean = 0.5 * (spin + new)
@@ -60,7 +62,7 @@ def turn(inertia, inverse, rotation, spin, impulse, dt):
         tangent -= 0.5 * dt * stretch * skew(momentum + 0.5 * own)
         change = inverted(tangent) @ missing
         new = new - change
-        half, stretch = _stretched(spin, new, dt)
+        half, stretch = _stretched(spin, new, dt, straight)
         size, left = max(given, np.abs(new).max()), np.abs(change).max()
         if not stretch > 0.0:
             break
@@ -74,13 +76,15 @@ def turn(inertia, inverse, rotation, spin, impulse, dt):
 
 
 @compiled
-def _stretched(spin, new, dt):
+def _stretched(spin, new, dt, straight):
     """T / 2, and tan(a) / a of half the angle that a layer turns; 0 if that is too large."""
     mean = 0.5 * (spin + new)
     angle = 0.5 * dt * np.sqrt(mean @ mean)
     if not angle < 0.5 * _LARGEST:
         return np.zeros(3), 0.0
-    stretch = np.tan(angle) / angle if angle > _SMALL else 1.0 + angle * angle / 3.0
+    stretch = 1.0
+    if not straight:
+        stretch = np.tan(angle) / angle if angle > _SMALL else 1.0 + angle * angle / 3.0
     return 0.5 * dt * stretch * mean, stretch
 
 

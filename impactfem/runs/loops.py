@@ -42,7 +42,6 @@ from impactfem.scene import Scene
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
 if TYPE_CHECKING:
-    from impactfem.marching.few_newton import FewNewton
     from impactfem.planning import MarchNumbers
 
 Floats = NDArray[np.float64]
@@ -136,9 +135,8 @@ def make_loop(
             FiniteMidpoint(part.system, part.solid, surface, transfer, dt, kind)
             for part, surface, transfer in each
         ]
-        interior: NewtonStepper = (
-            bodies[0] if alone else NewtonBodies([*bodies, *cast("Sequence[FewNewton]", few)])
-        )
+        beside = cast("Sequence[NewtonStepper]", _steppers(model, few))
+        interior: NewtonStepper = bodies[0] if alone else NewtonBodies([*bodies, *beside])
         started = _brought_to_rest(bodies, interior, model, surfaces, settings, progress)
         settings = replace(settings, rest=_rest(started), restitution=contacts.restitution(scene))
         newton = NewtonMarch(interior, settings)

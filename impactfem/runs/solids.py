@@ -22,6 +22,7 @@ from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.net import NetMidpoint
 from impactfem.marching.plate import PlateMidpoint
 from impactfem.marching.rigid_body import RigidMidpoint
+from impactfem.marching.rigid_newton import RigidNewton
 from impactfem.marching.rows import Level
 from impactfem.marching.schemes import scheme_of
 from impactfem.marching.time_loop import TimeLoop
@@ -65,7 +66,10 @@ _INTERIORS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
 }
 """How bodies without meshes are marched."""
 
-_STEPPERS: "Mapping[type[FewBodies], Callable[..., FewNewton]]" = {Lumped: FewNewton}
+_STEPPERS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
+    Lumped: FewNewton,
+    Rigid: RigidNewton,
+}
 """The same beside bodies under finite strain."""
 
 _FRAMES = 150  # layers of fields that are kept of bodies without meshes, at most twice as many

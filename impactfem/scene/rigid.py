@@ -40,7 +40,6 @@ class RigidBody(BodyKind):
     kind: ClassVar[str] = "rigid"
     solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
     may_meet_nothing: ClassVar[bool] = True
-    substeps: ClassVar[bool] = False
     takes_joints: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the body in histories", default="rigid")
