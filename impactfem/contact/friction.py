@@ -74,8 +74,10 @@ from impactfem.contact.complementarity import (
     solve_by_active_set,
     solve_layer,
 )
+from impactfem.contact.friction_many import Accuracy
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.friction_solver import solve_cones
+from impactfem.contact.rooted import Matrix, Rooted, among, full
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -120,8 +122,8 @@ class FrictionContact:
 
 def solve_friction_layer(
     free: Floats,
-    response: Floats,
-    compliance: Floats,
+    answers: Matrix,
+    static: Matrix,
     before: tuple[Floats, Floats],
     friction: Floats,
     rule: Rule,
@@ -129,15 +131,17 @@ def solve_friction_layer(
     max_iterations: int = 1000,
     held: Floats | None = None,
     moments: tuple[Integers, Floats] | None = None,
+    near: Floats | None = None,
+    accuracy: Accuracy | None = None,
 ) -> FrictionContact:
     """Find the contact forces of a layer with friction.
 
     Args:
         free: Places (gap, r_t) at the end of the layer if F were zero, massless nodes in
             equilibrium [m], shape (pairs, dim).
-        response: C, change of these places per unit of F [m/N], shape (pairs dim, pairs dim), the
+        answers: C, change of these places per unit of F [m/N], shape (pairs dim, pairs dim), the
             components of a pair one after the other.
-        compliance: D [m/N], of the same shape; zero where contact nodes have mass.
+        static: D [m/N], of the same shape; zero where contact nodes have mass.
         before: f_a [N] and true places r_a [m] at the start, shape (pairs, dim) each.
         friction: Coefficients mu, shape (pairs,), >= 0.
         rule: How theta is chosen; "middle" is for nodes with mass, D = 0.
@@ -147,20 +151,24 @@ def solve_friction_layer(
             layers; those of ``before`` if None.
         moments: Master and resistance to spinning of each pair where some are moments, shape
             (pairs,) each; see `impactfem.contact.friction_newton.ConeProblem`.
+        near: Forces to begin with where answers are kept by roots [N], (pairs, dim).
+        accuracy: What is asked of these.
 
     Raises:
         ConvergenceError: Stick and slip or theta were not found.
     """
     old, place_a = before
     law = moments or (None, None)
+    if rule == "middle" and friction.any():
+        stuck = place_a[:, 1:] if held is None else held
+        rest = stuck, tolerance, max_iterations
+        return _with_mass(free, answers, before, friction, *rest, law, near, accuracy)
+    response, compliance = full(answers), full(static)
     if not friction.any():
         return _without_friction(
             free, response, compliance, before, rule, tolerance, max_iterations
         )
     stuck = place_a[:, 1:] if held is None else held
-    if rule == "middle":
-        rest = stuck, tolerance, max_iterations
-        return _with_mass(free, response, before, friction, *rest, law)
     total, start = 0, old
     none = np.zeros(len(free))
 
@@ -229,13 +237,15 @@ def _balanced(
 
 def _with_mass(
     free: Floats,
-    response: Floats,
+    response: Matrix,
     before: tuple[Floats, Floats],
     friction: Floats,
     stuck: Floats,
     tolerance: float,
     max_iterations: int,
     law: tuple[Integers | None, Floats | None],
+    near: Floats | None,
+    accuracy: Accuracy | None,
 ) -> FrictionContact:
     """Take theta = 1/2 for normal forces; T obeys the law with Lambda.
 
@@ -250,7 +260,9 @@ def _with_mass(
     problem = ConeProblem(response, slipped, friction, given[:, 0], *law)
     start = old.copy()
     start[:, 0] *= 0.5
-    found, iterations = solve_cones(problem, start, tolerance, max_iterations)
+    if isinstance(response, Rooted) and near is not None:
+        start = near
+    found, iterations = solve_cones(problem, start, tolerance, max_iterations, accuracy)
     force, multiplier = given + found, found.copy()
     multiplier[:, 0] *= 2.0
     place = offset + _times(response, found)
@@ -261,8 +273,8 @@ def _with_mass(
 def solve_friction_layer_at_speed(
     free: Floats,
     halfway: Halfway,
-    response: Floats,
-    compliance: Floats,
+    response: Matrix,
+    compliance: Matrix,
     before: tuple[Floats, Floats],
     friction: Floats,
     rule: Rule,
@@ -270,6 +282,7 @@ def solve_friction_layer_at_speed(
     max_iterations: int = 1000,
     held: Floats | None = None,
     moments: tuple[Integers, Floats] | None = None,
+    accuracy: Accuracy | None = None,
 ) -> FrictionContact:
     """Find the contact forces of a layer in which the law of some gaps acts on velocities.
 
@@ -290,10 +303,12 @@ def solve_friction_layer_at_speed(
     wide = (dim * acting[:, None] + np.arange(dim)).ravel()
     old, place_a = before
     known = [np.where(fast, 0.0, values[acting]) for values in before]
+    near = np.where(fast, old[acting], known[0] * np.array([0.5, *[1.0] * (dim - 1)]))
     found = solve_friction_layer(
-        np.where(fast, halfway.way[acting], free[acting]), _among(response, wide),
-        _among(compliance, wide), (known[0], known[1]), friction[acting], rule, tolerance,
+        np.where(fast, halfway.way[acting], free[acting]), among(response, wide),
+        among(compliance, wide), (known[0], known[1]), friction[acting], rule, tolerance,
         max_iterations, None if held is None else np.where(fast, 0.0, held[acting]), law,
+        near, accuracy,
     )  # fmt: skip
     force, multiplier, work = np.zeros_like(old), np.zeros_like(old), np.zeros(len(old))
     force[acting] = found.force
@@ -307,11 +322,6 @@ def solve_friction_layer_at_speed(
     resists = masters != np.arange(len(free))
     work[resists] += (force * place)[resists, 0]
     return FrictionContact(force, multiplier, place, work, found.theta, found.iterations)
-
-
-def _among(matrix: Floats, places: Integers) -> Floats:
-    """The part of a matrix that some places have; all of them stand in their order."""
-    return matrix if len(places) == len(matrix) else matrix[np.ix_(places, places)]
 
 
 def _without_friction(
@@ -339,7 +349,7 @@ def _without_friction(
     return FrictionContact(force, multiplier, place, none, layer.theta, layer.iterations)
 
 
-def _times(matrix: Floats, values: Floats) -> Floats:
+def _times(matrix: Matrix, values: Floats) -> Floats:
     found: Floats = (matrix @ values.ravel()).reshape(values.shape)
     return found
 

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from impactfem.contact import cone_kernels
 from impactfem.contact.cone_kernels import newton_cones
+from impactfem.contact.rooted import Matrix, among, full, own_blocks
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -42,7 +43,7 @@ class ConeProblem:
 
     Attributes:
         matrix: A [m/N], symmetric positive definite, shape (pairs dim, pairs dim), the components
-            of a pair one after the other, the normal one first.
+            of a pair one after the other, the normal one first; of many pairs by its roots.
         offset: o [m], shape (pairs, dim).
         friction: mu, shape (pairs,), >= 0; of moments the resistance to rolling [m].
         base: Part of the bound's normal force that is given [N], shape (pairs,), >= 0.
@@ -51,7 +52,7 @@ class ConeProblem:
         spinning: Resistance to spinning of pairs that are moments [m], shape (pairs,).
     """
 
-    matrix: Floats
+    matrix: Matrix
     offset: Floats
     friction: Floats
     base: Floats
@@ -87,9 +88,13 @@ class ConeProblem:
         """Largest tangential force of each pair [N]."""
         return np.asarray(self.friction * self.pressing(force))
 
+    def own(self) -> Floats:
+        """Answers of pairs to their own forces [m/N], (pairs, dim, dim)."""
+        return own_blocks(self.matrix, self.offset.shape[1])
+
     def scales(self) -> Floats:
         """The numbers a of each component [m/N], (pairs, dim)."""
-        diagonal = np.diag(self.matrix).reshape(self.offset.shape)
+        diagonal = self.matrix.diagonal().reshape(self.offset.shape)
         across: Floats = diagonal[:, 1:].mean(axis=1)
         scale = np.repeat(across[:, None], self.offset.shape[1], axis=1)
         scale[:, 0] = diagonal[:, 0]
@@ -100,7 +105,7 @@ class ConeProblem:
         dim = self.offset.shape[1]
         wide = (dim * pairs[:, None] + np.arange(dim)).ravel()
         return ConeProblem(
-            self.matrix[np.ix_(wide, wide)], self.offset[pairs], self.friction[pairs],
+            among(self.matrix, wide), self.offset[pairs], self.friction[pairs],
             self.base[pairs], np.searchsorted(pairs, self.masters[pairs]), self.spins[pairs],
         )  # fmt: skip
 
@@ -111,9 +116,9 @@ class ConeProblem:
             force: That solve this problem if they solve the new one, (pairs, dim).
             share: Of the compliance that each force has.
         """
-        own = share * np.diag(self.matrix)
+        own = share * self.matrix.diagonal()
         offset = self.offset - (own * force.ravel()).reshape(force.shape)
-        return replace(self, matrix=self.matrix + np.diag(own), offset=offset)
+        return replace(self, matrix=full(self.matrix) + np.diag(own), offset=offset)
 
 
 def newton(
@@ -144,6 +149,6 @@ def residual(problem: ConeProblem, force: Floats) -> float:
 def _law(problem: ConeProblem) -> tuple[Floats | Integers, ...]:
     """What kernels take of a problem."""
     return (
-        np.ascontiguousarray(problem.matrix), np.ascontiguousarray(problem.offset),
+        np.ascontiguousarray(full(problem.matrix)), np.ascontiguousarray(problem.offset),
         problem.friction, problem.masters, problem.spins, problem.base, problem.scales(),
     )  # fmt: skip

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.friction_newton import ConeProblem
+from impactfem.contact.rooted import Matrix, full, own_blocks
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -21,7 +22,7 @@ _ROUNDING = 1e-9
 _RANK = 1e-9  # share of the largest singular value that counts as none
 
 
-def jams(matrix: Floats, friction: Floats, slip: Floats) -> Booleans:
+def jams(matrix: Matrix, friction: Floats, slip: Floats) -> Booleans:
     """Which contacts jam while they slip, (pairs,).
 
     Args:
@@ -29,9 +30,7 @@ def jams(matrix: Floats, friction: Floats, slip: Floats) -> Booleans:
         friction: Coefficients, (pairs,).
         slip: Unit directions of slip along the tangents, 0 where there is none, (pairs, dim - 1).
     """
-    pairs, dim = len(slip), slip.shape[1] + 1
-    blocks = matrix.reshape(pairs, dim, pairs, dim)
-    own = blocks[np.arange(pairs), :, np.arange(pairs)]
+    own = own_blocks(matrix, slip.shape[1] + 1)
     pressed = own[:, 0, 0] - friction * np.einsum("pk,pk->p", own[:, 0, 1:], slip)
     found: Booleans = slip.any(axis=1) & (pressed <= 0.0)
     return found
@@ -65,14 +64,14 @@ def all_solutions(problem: ConeProblem) -> list[Floats]:
 
 def _in_modes(problem: ConeProblem, modes: tuple[str | float, ...]) -> Floats | None:
     pairs = len(modes)
-    system, right = np.eye(2 * pairs), np.zeros(2 * pairs)
+    system, right, matrix = np.eye(2 * pairs), np.zeros(2 * pairs), full(problem.matrix)
     for j, mode in enumerate(modes):
         n, t = 2 * j, 2 * j + 1
         if mode == "open":
             continue
-        system[n], right[n] = problem.matrix[n], -problem.offset[j, 0]
+        system[n], right[n] = matrix[n], -problem.offset[j, 0]
         if mode == "stick":
-            system[t], right[t] = problem.matrix[t], -problem.offset[j, 1]
+            system[t], right[t] = matrix[t], -problem.offset[j, 1]
         else:
             system[t, n] = float(mode) * problem.friction[j]
     try:
@@ -115,7 +114,7 @@ def dependent(problem: ConeProblem, force: Floats) -> Floats:
     for j in np.flatnonzero(pushes & ~sticks):
         spread[j * dim : (j + 1) * dim, j * dim] = force[j] / force[j, 0]
     spread = spread[:, free.ravel()]
-    root = np.sqrt(np.maximum(np.diag(problem.matrix), np.finfo(float).tiny))
+    root = np.sqrt(np.maximum(problem.matrix.diagonal(), np.finfo(float).tiny))
     answers = (problem.matrix @ spread) / root[:, None]
     size = np.linalg.norm(answers, axis=0)
     size = np.where(size > 0.0, size, 1.0)

@@ -24,12 +24,15 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from impactfem.contact.friction_kernels import sweep_cones
+from impactfem.contact.friction_many import WORST, Accuracy, Many
 from impactfem.contact.friction_newton import ConeProblem, missed_by, newton, residual
+from impactfem.contact.rooted import Rooted, full
 from impactfem.errors import ConvergenceError
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+_FEW = 60  # pairs up to which an island has an array of answers
 _HELD = 1e-12  # share of the largest compliance below which a direction does not yield
 _DEPENDENT = 1e-9  # least eigenvalue of the matrix with unit diagonal
 _FIRST, _MOST = 0.1, 10.0  # compliances of proximal steps, as shares of those that forces have
@@ -42,7 +45,11 @@ _GROWING = (0.05, 0.1, 0.2, 0.4, 0.7)  # shares of the friction
 
 
 def solve_cones(
-    problem: ConeProblem, start: Floats, tolerance: float, max_iterations: int
+    problem: ConeProblem,
+    start: Floats,
+    tolerance: float,
+    max_iterations: int,
+    accuracy: Accuracy | None = None,
 ) -> tuple[Floats, int]:
     """Find the forces.
 
@@ -51,6 +58,7 @@ def solve_cones(
         start: Forces to begin with, shape (pairs, dim).
         tolerance: Rounding level of displacements [m].
         max_iterations: Limit of linear systems.
+        accuracy: Of many pairs whose answers are kept by roots; it learns what was reached.
 
     Returns:
         Forces x [N], shape (pairs, dim), and the number of linear systems solved.
@@ -59,14 +67,39 @@ def solve_cones(
         ConvergenceError: They were not found.
     """
     problem, start = _yielding(problem, start)
-    force, total = np.zeros_like(start), 0
-    for pairs in _islands(problem):
+    force, total, accuracy = np.zeros_like(start), 0, accuracy or Accuracy()
+    wrong = np.ones(len(start), dtype=bool)
+    if isinstance(problem.matrix, Rooted):
+        force, wrong = Many(problem, tolerance).swept(start, accuracy)
+        start, total = force.copy(), 1
+        if accuracy.asked is not None:
+            left = Many(problem, tolerance).residual(force)
+            accuracy.reached = max(accuracy.reached, min(left, accuracy.asked))
+    for pairs in _islands(problem) if wrong.any() else ():
+        if not wrong[pairs].any():
+            continue
         whole = len(pairs) == len(start)
         part = problem if whole else problem.part(pairs)
-        found, systems = _solve(part, start[pairs], tolerance, max_iterations)
+        if isinstance(part.matrix, Rooted) and len(pairs) > _FEW:
+            found, systems = _solve_many(part, start[pairs], tolerance, max_iterations, accuracy)
+        else:
+            dense = replace(part, matrix=full(part.matrix))
+            found, systems = _solve(dense, start[pairs], tolerance, max_iterations)
         force[pairs] = found
         total = max(total, systems)
     return force, total
+
+
+def _solve_many(
+    problem: ConeProblem, start: Floats, tolerance: float, limit: int, accuracy: Accuracy
+) -> tuple[Floats, int]:
+    """Forces of an island of many pairs."""
+    many = Many(problem, tolerance)
+    best, left, total = many.polished(start, accuracy.share, limit)
+    if left > max(WORST, accuracy.share):
+        raise _not_found(problem, len(start), total, left)
+    accuracy.reached = max(accuracy.reached, left)
+    return best, total
 
 
 def _solve(problem: ConeProblem, start: Floats, tolerance: float, limit: int) -> tuple[Floats, int]:
@@ -80,14 +113,17 @@ def _solve(problem: ConeProblem, start: Floats, tolerance: float, limit: int) ->
         if error < missed:
             best, missed = force, error
     if missed > 1.0:
-        left = residual(problem, best)
-        raise ConvergenceError(
-            f"contact: no forces of {len(start)} pairs were found that obey friction, in {total} "
-            f"linear systems; the least residual is {left:.2g} of the largest force, the largest "
-            f"friction_coefficient is {problem.friction[problem.pushes].max():g}: use a smaller "
-            "one, or a smaller solve.dt"
-        )
+        raise _not_found(problem, len(start), total, residual(problem, best))
     return _without_traces(problem, best), total
+
+
+def _not_found(problem: ConeProblem, pairs: int, total: int, left: float) -> ConvergenceError:
+    return ConvergenceError(
+        f"contact: no forces of {pairs} pairs were found that obey friction, in {total} "
+        f"linear systems; the least residual is {left:.2g} of the largest force, the largest "
+        f"friction_coefficient is {problem.friction[problem.pushes].max():g}: use a smaller "
+        "one, or a smaller solve.dt"
+    )
 
 
 def _proximal(
@@ -128,12 +164,12 @@ def _starts(problem: ConeProblem, start: Floats, tolerance: float, limit: int) -
 
 def _yielding(problem: ConeProblem, start: Floats) -> tuple[ConeProblem, Floats]:
     """The same where directions that supports hold, as across an axis, get no force."""
-    matrix, diagonal = problem.matrix, np.diag(problem.matrix)
+    diagonal = problem.matrix.diagonal()
     largest = diagonal.max(initial=0.0)
     fixed = diagonal <= _HELD * largest
     if not fixed.any():
         return problem, start
-    held = fixed.reshape(start.shape)
+    matrix, held = full(problem.matrix), fixed.reshape(start.shape)
     own = np.where(fixed, largest or 1.0, 0.0)
     offset = np.where(held, 0.0, problem.offset)
     matrix = np.where(fixed[:, None] | fixed, 0.0, matrix) + np.diag(own)
@@ -145,6 +181,8 @@ def _islands(problem: ConeProblem) -> list[Integers]:
     pairs, dim = problem.offset.shape
     if pairs < 2:
         return [np.arange(pairs)] if pairs else []
+    if isinstance(problem.matrix, Rooted):
+        return problem.matrix.islands(dim)
     linked = (problem.matrix.reshape(pairs, dim, pairs, dim) != 0.0).any(axis=(1, 3))
     linked[np.arange(pairs), problem.masters] = True
     count, island = connected_components(csr_matrix(linked), directed=False)
@@ -153,7 +191,7 @@ def _islands(problem: ConeProblem) -> list[Integers]:
 
 def _without_traces(problem: ConeProblem, force: Floats) -> Floats:
     """No force, not even by rounding, where a pair is open."""
-    first, push = np.diag(problem.matrix)[:: force.shape[1]], problem.pushes
+    first, push = problem.matrix.diagonal()[:: force.shape[1]], problem.pushes
     is_open = push & (force[:, 0] <= problem.answers(force)[:, 0] / first)
     force = force.copy()
     force[is_open, 0] = 0.0
@@ -174,8 +212,8 @@ def _swept(problem: ConeProblem, start: Floats, sweeps: int, damped: float) -> F
     """
     force = start.copy()
     pressing = problem.base + np.maximum(force[:, 0], 0.0)
-    matrix = np.ascontiguousarray(problem.matrix)
-    size = float(np.abs(problem.offset.ravel() / np.diag(matrix)).max(initial=0.0))
+    matrix = np.ascontiguousarray(full(problem.matrix))
+    size = float(np.abs(problem.offset.ravel() / matrix.diagonal()).max(initial=0.0))
     law = problem.friction, problem.masters, problem.spins, problem.base
     for _ in range(sweeps if damped else 1):
         rest = (_FROZEN, 1e-10 * size) if damped else (sweeps, 1e-15 * size)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags, vstack
 
 from impactfem.contact.responses import Columns
+from impactfem.contact.rooted import Matrix, Rooted
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -168,20 +169,33 @@ class PairResponses:
         found: Floats = np.einsum("ij,ij->i", normals, relative)
         return found
 
-    def blocks(self, rows: Integers, frames: Floats) -> tuple[Floats, Floats]:
-        """C and D of some gaps in all directions [m/N], each (k dim, k dim).
+    def blocks(self, rows: Integers, frames: Floats) -> tuple[Matrix, Matrix]:
+        """C and D of some gaps in all directions [m/N], each (k dim, k dim); of many their roots.
 
         Args:
             rows: The gaps, known by `require`.
             frames: Orthonormal directions of each, the normal first, shape (k, dim, dim).
         """
         size = len(rows) * self._dim
-        each = [self._operator(rows, frames[:, i]) for i in range(self._dim)]
-        if isinstance(each[0], np.ndarray):
+        if isinstance(self._weights, np.ndarray):
+            each = [self._operator(rows, frames[:, i]) for i in range(self._dim)]
             return self._reduced(np.stack(each, axis=1).reshape(size, -1))
-        parts = csr_matrix(vstack(each))
-        order = np.arange(size).reshape(self._dim, len(rows)).T.ravel()
-        return self._reduced(csr_matrix(parts[order]))
+        # A row of each direction, with what the gap weighs.
+        part = self._weights[rows]
+        counts = np.diff(part.indptr)
+        every = np.repeat(np.arange(len(rows)), self._dim)
+        entries = _ranges(part.indptr[every], counts[every])
+        directions = np.repeat(frames.reshape(size, -1), counts[every], axis=0)
+        values = part.data[entries, None] * directions
+        columns = self._dim * part.indices[entries, None] + np.arange(self._dim)
+        ends = self._dim * np.concatenate([[0], np.cumsum(counts[every])])
+        shape = size, self._nodes * self._dim
+        parts = csr_matrix((values.ravel(), columns.ravel(), ends), shape=shape)
+        if self._order or not isinstance(self._roots, csr_matrix):
+            return self._reduced(parts)
+        roots = csr_matrix(parts @ self._roots)
+        roots.sort_indices()
+        return Rooted(roots), Rooted.none(size)
 
     def moved(self, rows: Integers, forces: Floats, multipliers: Floats) -> Floats:
         """Relative displacements in all gaps by vector forces on some, (pairs, dim).
@@ -252,6 +266,11 @@ class PairResponses:
             return np.asarray(operator[:, places.ravel()])
         columns = self._dim * self.known[:, None] + np.arange(self._dim)
         return csr_matrix(operator[:, columns.ravel()])
+
+
+def _ranges(first: Integers, counts: Integers) -> Integers:
+    """Numbers from some on, so many of each, one after the other."""
+    return np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts)
 
 
 def _below(kept: Weights, found: Floats) -> Weights:

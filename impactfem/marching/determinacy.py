@@ -150,9 +150,7 @@ class Determinacy:
 
 def _may_jam(problem: ConeProblem) -> bool:
     """Whether friction of some contact can act as much along its normal as its pressure does."""
-    pairs, dim = problem.offset.shape
-    mine = np.arange(pairs)
-    own = problem.matrix.reshape(pairs, dim, pairs, dim)[mine, :, mine]
+    own = problem.own()
     return bool((problem.friction * np.linalg.norm(own[:, 0, 1:], axis=1) >= own[:, 0, 0]).any())
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from impactfem.contact.pair_responses import Roots
 from impactfem.contact.responses import Columns
+from impactfem.contact.rooted import Matrix
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -234,7 +235,7 @@ class Answers(Protocol):
 class DirectedAnswers(Answers, Protocol):
     """Answers in all directions, as friction needs them."""
 
-    def blocks(self, rows: Integers, frames: Floats) -> tuple[Floats, Floats]:
+    def blocks(self, rows: Integers, frames: Floats) -> tuple[Matrix, Matrix]:
         """C and D of some gaps in all directions [m/N], (k dim, k dim); with friction."""
 
     def moved(self, rows: Integers, forces: Floats, multipliers: Floats) -> Floats:

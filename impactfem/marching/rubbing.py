@@ -1,6 +1,6 @@
 """Friction in the time loop: what the law needs of a layer, and what it leaves for the next one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,10 @@ from impactfem.contact.friction import (
     solve_friction_layer,
     solve_friction_layer_at_speed,
 )
+from impactfem.contact.friction_many import Accuracy
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.friction_solver import solve_cones
+from impactfem.contact.rooted import Matrix, full
 from impactfem.marching.resisting import Moments
 from impactfem.marching.schemes import SolidScheme
 
@@ -32,6 +34,7 @@ class Friction:
             allows, shape (pairs,).
         static: mu of what does not slip, shape (pairs,), not smaller.
         rolling, spinning: Moments that resist over the normal force [m], shape (pairs,).
+        accuracy: Of the forces of many contacts.
     """
 
     coefficients: Floats
@@ -41,6 +44,7 @@ class Friction:
     static: Floats
     rolling: Floats
     spinning: Floats
+    accuracy: Accuracy = field(default_factory=Accuracy)
 
 
 @dataclass
@@ -123,7 +127,7 @@ def rub(
     law: Friction,
     scheme: SolidScheme,
     layer: LayerGaps,
-    blocks: tuple[Floats, Floats],
+    blocks: tuple[Matrix, Matrix],
     share: float,
     moments: Moments | None = None,
 ) -> tuple[FrictionContact, NDArray[np.bool_]]:
@@ -163,7 +167,7 @@ def _with_poisson(
     law: Friction,
     scheme: SolidScheme,
     layer: LayerGaps,
-    blocks: tuple[Floats, Floats],
+    blocks: tuple[Matrix, Matrix],
     share: float,
     mu: Floats,
     moments: Moments | None,
@@ -186,7 +190,7 @@ def _solve(
     law: Friction,
     scheme: SolidScheme,
     layer: LayerGaps,
-    blocks: tuple[Floats, Floats],
+    blocks: tuple[Matrix, Matrix],
     share: float,
     mu: Floats,
     moments: Moments | None,
@@ -204,7 +208,7 @@ def _solve(
     limits = scheme.rule, law.tolerance, law.max_iterations
     if not layer.fast.any():
         states = free, response, compliance, (old, before), mu
-        return solve_friction_layer(*states, *limits, held)
+        return solve_friction_layer(*states, *limits, held, accuracy=law.accuracy)
     moved = _by(response, given)
     free[:, 1:] += moved[:, 1:]
     # Gaps of velocities still act where they would close without forces.
@@ -219,8 +223,8 @@ def _solve(
         fast, ends = np.concatenate([fast, yes]), np.concatenate([ends, ~yes])
         old, before = (np.concatenate([each, none]) for each in (old, before))
         across = share * moments.across
-        response = np.block([[response, across], [across.T, share * moments.own]])
-        compliance = np.pad(compliance, (0, none.size))
+        response = np.block([[full(response), across], [across.T, share * moments.own]])
+        compliance = np.pad(full(compliance), (0, none.size))
         held = None if held is None else np.concatenate([held, none[:, 1:]])
         mu = np.concatenate([mu, moments.rolling])
         pairs = (
@@ -229,11 +233,11 @@ def _solve(
         )
     return solve_friction_layer_at_speed(
         free, Halfway(fast, ways, ends), response, compliance, (old, before), mu, *limits, held,
-        pairs,
+        pairs, law.accuracy,
     )  # fmt: skip
 
 
-def _by(matrix: Floats, forces: Floats) -> Floats:
+def _by(matrix: Matrix, forces: Floats) -> Floats:
     return np.asarray((matrix @ forces.ravel()).reshape(-1, forces.shape[1]))
 
 

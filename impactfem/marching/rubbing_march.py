@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.friction_newton import ConeProblem
+from impactfem.findings import Finding
 from impactfem.marching.composite import Composite
 from impactfem.marching.layers import DirectedAnswers, DirectedGaps, Interior
 from impactfem.marching.resisting import Moments, resisting
@@ -52,7 +53,9 @@ class RubbingMarch(SolidMarch):
 
     def memory(self) -> dict[str, Floats]:
         """What the next layer needs besides the state of the bodies, the same on all ranks."""
-        return super().memory() | {name: getattr(self._rubbing, name) for name in _REMEMBERED}
+        reached = {"residual": np.array(self._rubbing.law.accuracy.reached)}
+        own = {name: getattr(self._rubbing, name) for name in _REMEMBERED}
+        return super().memory() | own | reached
 
     def restore(
         self, state: dict[str, Any], memory: Mapping[str, Floats], asked: Integers, layer: int
@@ -61,6 +64,26 @@ class RubbingMarch(SolidMarch):
         super().restore(state, memory, asked, layer)
         for name in _REMEMBERED:
             setattr(self._rubbing, name, memory[name])
+        self._rubbing.law.accuracy.reached = float(memory["residual"])
+
+    def figures(self) -> Mapping[str, Any]:
+        """What is not determined of the forces, and the residual where it is not rounding."""
+        reached = self._rubbing.law.accuracy.reached
+        return {**super().figures(), **({"friction_residual": reached} if reached else {})}
+
+    def findings(self) -> tuple[Finding, ...]:
+        """The same in words, where the residual is larger than asked."""
+        accuracy = self._rubbing.law.accuracy
+        if accuracy.reached <= accuracy.share:
+            return super().findings()
+        text = f"forces of many contacts with friction were found to {accuracy.reached:.2g} of the "
+        text += f"largest force in a layer, not to {accuracy.share:.2g}"
+        remedy = "trust forces to that share, or use a smaller solve.dt"
+        value, limit = accuracy.reached, accuracy.share
+        return (
+            *super().findings(),
+            Finding("not_converged", "warning", text, value=value, limit=limit, remedy=remedy),
+        )
 
     def _end_layer(self, time: float, part: float, place: Floats) -> None:
         """Keep the tangential state, and sum up what friction and moved obstacles have done."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from impactfem.contact.ball_crowd import BallCrowd
 from impactfem.contact.body_pairs import SurfacePair
+from impactfem.contact.friction_many import Accuracy
 from impactfem.contact.gaps import Gaps
 from impactfem.contact.meeting import Meet
 from impactfem.contact.pairs import PairGaps
@@ -168,6 +169,7 @@ class Contacts:
             static=self._each(scene, lambda law: law.sticking),
             rolling=self._each(scene, lambda law: law.rolling_resistance),
             spinning=self._each(scene, lambda law: law.spinning_resistance),
+            accuracy=Accuracy(scene.solve.friction_residual),
         )
 
     def restitution(self, scene: Scene) -> Floats | None:

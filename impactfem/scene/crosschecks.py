@@ -69,12 +69,23 @@ def check_scene(scene: Content, gravity: object) -> None:
         check_gravity(scene, gravity)
         (_check_marched if scene.marches else check_vibro)(scene)
     _check_start(scene)
+    _check_residual(scene)
     check_column_names(scene)
     check_probes(scene)
     _check_settings(scene)
     if scene.solve.dt is not None and scene.solve.dt > scene.duration:
         text = f" = {scene.solve.dt} exceeds duration = {scene.duration}: give a smaller step."
         raise KeyedError("solve", "dt", text)
+
+
+def _check_residual(scene: Content) -> None:
+    """Refuse a residual of friction where no sweeps look for its forces."""
+    asked = scene.solve.friction_residual
+    rubs = any(law.friction_coefficient for law in scene.contacts)
+    if asked is None or (rubs and scene.marches and not all(body.waves for body in scene.bodies)):
+        return
+    text = f" = {show(asked)} is for friction of bodies without waves, of which there is none here"
+    raise KeyedError("solve", "friction_residual", f"{text}: remove it.")
 
 
 def _check_bodies(scene: Content) -> None:

@@ -72,6 +72,12 @@ class Solve:
     max_iterations: int | None = key(
         Integer(1, 1_000_000), "largest number of active-set iterations", default=None
     )
+    friction_residual: float | None = key(
+        Real(above=0, below=0.1),
+        "error left in forces of many contacts with friction, as a share of the largest "
+        "(rigid bodies)",
+        default=None,
+    )
     mesh: str | None = key(
         FilePath(endings=(".geo", ".msh")),
         "space-time mesh to use instead of a generated one",

@@ -124,3 +124,23 @@ def test_bodies_stepped_together_move_as_each_does_alone():
 def test_two_ranks_do_the_same(monkeypatch):
     monkeypatch.setattr(pair_responses, "_MANY", 0)
     check_ranks(beside_a_solid, monkeypatch)
+
+
+def test_a_residual_that_is_asked_for_is_kept_and_said(monkeypatch):
+    """The motion is that of exact forces, to about the residual; energy never grows."""
+    monkeypatch.setattr(pair_responses, "_MANY", 0)
+    exact = impactfem.solve(crowd()).history
+    run = impactfem.solve(crowd().with_settings({"solve.friction_residual": 1e-4}))
+    assert 0.0 < run.summary["details"]["friction_residual"] <= 1e-4
+    for name in (f"grain_{k}.y" for k in range(15)):
+        np.testing.assert_allclose(run.history[name], exact[name], rtol=0.0, atol=2e-5)
+    assert np.diff(run.history["total_energy"].values).max() < 1e-5
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [{"contact": [{"between": ["*", "*"]}]}, {"solve": {"dt": 2e-3, "friction_residual": 0.2}}],
+)
+def test_a_residual_without_friction_or_too_large_is_refused(changed):
+    with pytest.raises(impactfem.SceneError, match=r"solve\.friction_residual"):
+        impactfem.solve(crowd(**{"solve": {"dt": 2e-3, "friction_residual": 1e-3}} | changed))

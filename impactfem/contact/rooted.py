@@ -1,0 +1,102 @@
+"""Answers of gaps between bodies of few coordinates each: A = R R^T, of which R is kept."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from impactfem.contact.rooted_kernels import own_of
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Rooted:
+    """A matrix A = R R^T that is asked for products, its diagonal and parts.
+
+    A row of R has the coordinates of the bodies on both sides of a gap, a row of A those of all
+    gaps on these bodies: of many bodies R is far smaller, and A is not made.
+
+    Attributes:
+        roots: R, (rows, coordinates).
+    """
+
+    roots: csr_matrix
+
+    __array_ufunc__ = None  # a number of NumPy times this asks __rmul__
+
+    @classmethod
+    def none(cls, size: int) -> "Rooted":
+        """0, of so many rows."""
+        return cls(csr_matrix((size, 0)))
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return int(self.roots.shape[0])
+
+    def __matmul__(self, forces: Floats) -> Floats:
+        """A times a vector."""
+        return np.asarray(self.roots @ (self.roots.T @ forces))
+
+    def __rmul__(self, share: float) -> "Rooted":
+        """A times a number >= 0."""
+        return self if share == 1.0 else Rooted(csr_matrix(np.sqrt(share) * self.roots))
+
+    def diagonal(self) -> Floats:
+        """Of A, (rows,)."""
+        return np.asarray(self.roots.multiply(self.roots).sum(axis=1)).ravel()
+
+    def among(self, places: Integers) -> "Rooted":
+        """The part of some rows and the same columns."""
+        return self if len(places) == len(self) else Rooted(csr_matrix(self.roots[places]))
+
+    def islands(self, dim: int) -> list[Integers]:
+        """Pairs of so many rows that move each other: what acts on a body moves all of it."""
+        pairs, roots = len(self) // dim, self.roots
+        body = pairs + roots.indices
+        own = np.repeat(np.arange(len(self)) // dim, np.diff(roots.indptr))
+        size = pairs + roots.shape[1]
+        graph = csr_matrix((np.ones(len(own), dtype=bool), (own, body)), shape=(size, size))
+        _, island = connected_components(graph, directed=False)
+        order = np.argsort(island[:pairs], kind="stable")
+        cuts = np.flatnonzero(np.diff(island[:pairs][order])) + 1
+        return [np.sort(part) for part in np.split(order, cuts)]
+
+    def sparse(self) -> csr_matrix:
+        """A as a sparse matrix."""
+        return csr_matrix(self.roots @ self.roots.T)
+
+    def full(self) -> Floats:
+        """A as an array."""
+        return np.asarray(self.sparse().toarray())
+
+
+type Matrix = Floats | Rooted
+
+
+def full(matrix: Matrix) -> Floats:
+    """A matrix as an array."""
+    return matrix.full() if isinstance(matrix, Rooted) else matrix
+
+
+def among(matrix: Matrix, places: Integers) -> Matrix:
+    """The part of a matrix that some places have; all of them stand in their order."""
+    if isinstance(matrix, Rooted):
+        return matrix.among(places)
+    return matrix if len(places) == len(matrix) else matrix[np.ix_(places, places)]
+
+
+def own_blocks(matrix: Matrix, dim: int) -> Floats:
+    """Answers of pairs to their own forces, (pairs, dim, dim)."""
+    pairs = len(matrix) // dim
+    if not isinstance(matrix, Rooted):
+        each = np.arange(pairs)
+        return np.asarray(matrix.reshape(pairs, dim, pairs, dim)[each, :, each])
+    return np.asarray(own_of(*_rows(matrix.roots), pairs, dim))
+
+
+def _rows(matrix: csr_matrix) -> tuple[Integers, Integers, Floats]:
+    return matrix.indptr, matrix.indices, matrix.data
