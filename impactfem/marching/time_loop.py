@@ -63,6 +63,7 @@ class LoopSettings:
         restitution: Newton's e of each gap between nodes with mass, (pairs,); None: 0.
         poisson: Poisson's e likewise.
         springs: In the gaps; None without any.
+        most_pairs: Of which rows are kept for each; of more none is.
     """
 
     comm: Any
@@ -76,6 +77,7 @@ class LoopSettings:
     restitution: Floats | None = None
     poisson: Floats | None = None
     springs: ContactSprings | None = None
+    most_pairs: int | None = None
 
 
 class TimeLoop[I: Stepper](ABC):
@@ -86,6 +88,7 @@ class TimeLoop[I: Stepper](ABC):
         contact: Forces and gaps at the last level.
         rows: What each layer has left.
         layer: Number of layers done.
+        pairs: Names of the pairs of the scene of which rows are kept.
         failure: Why the march ended early; empty if it did not.
     """
 
@@ -107,6 +110,8 @@ class TimeLoop[I: Stepper](ABC):
         self._rubs, self._springs = settings.friction is not None, settings.springs
         self.layers, self.tolerance = layers, settings.tolerance
         self.interior = interior
+        most = settings.most_pairs
+        self.pairs: tuple[str, ...] = gaps.pairs if most is None or len(gaps.pairs) <= most else ()
         free = interior.surface_displacement
         self.layer = 0
         self.failure = ""  # why the march ended early
@@ -125,7 +130,7 @@ class TimeLoop[I: Stepper](ABC):
         self.contact = ContactState(multiplier, true, multiplier, true, static)
         sums = interior.initial(static)
         self.rows = Rows.empty(
-            layers + 1, len(sums), free.shape[1], len(gaps.pairs), friction=self._rubs
+            layers + 1, len(sums), free.shape[1], len(self.pairs), friction=self._rubs
         )
         self.rows.put(0, sums)
         self._impulsive = np.zeros(count, dtype=bool)
@@ -157,11 +162,6 @@ class TimeLoop[I: Stepper](ABC):
     def springs(self) -> bool:
         """Whether there are springs in gaps."""
         return self._springs is not None
-
-    @property
-    def pairs(self) -> tuple[str, ...]:
-        """Names of the pairs of the scene that gaps belong to."""
-        return self._gaps.pairs
 
     def memory(self) -> dict[str, Floats]:
         """What the next layer needs besides the state of the bodies, the same on all ranks."""
@@ -236,7 +236,8 @@ class TimeLoop[I: Stepper](ABC):
         rows.largest[row] = lasting.max(initial=0.0)
         rows.active[row] = np.count_nonzero(force > 0.0)
         rows.iterations[row] = iterations
-        self._close_pairs(row, lasting, force - lasting)
+        if self.pairs:
+            self._close_pairs(row, lasting, force - lasting)
         if self._springs is not None:
             rows.indentation[row] = self._springs.depth(state.multiplier).max(initial=0.0)
             rows.spring_energy[row] = self._springs.energy(state.multiplier).sum()

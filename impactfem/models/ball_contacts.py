@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Protocol
 
@@ -120,7 +121,12 @@ class _Balls:
     places: Floats
     followers: tuple[Integers, float] | None = None
 
-    @property
+    @cached_property
+    def thinnest(self) -> float:
+        """Least radius [m]."""
+        return float(self.radius.min())
+
+    @cached_property
     def target(self) -> Target:
         return Target.of_axis(self.nodes, self.lines, self.radius)
 
@@ -210,8 +216,16 @@ def _sides(model: Bodies, offsets: Sequence[int]) -> dict[str, _Side]:
             _, markers, unit, dim = bodies.convex
             following = markers[dim + 1 :] + start, unit
 
+        made: dict[int, tuple[Integers, _Balls]] = {}  # of nodes that many others meet
+
         def some(surfaces: Sequence[str] | None, other: str) -> _Balls:
             own = bodies.meeting(body, surfaces, (other, 0))
+            known = made.get(id(own))
+            if known is None or known[0] is not own:
+                known = made[id(own)] = own, only(own)
+            return known[1]
+
+        def only(own: Integers) -> _Balls:
             parts = own + start, bodies.radius[own], lines, bodies.facing[own], places[own]
             return _Balls(bodies.names[body], *parts, following)
 
@@ -272,7 +286,7 @@ def _on_edges(
 
 def _slender(label: str, one: _Balls, two: _Balls, total: int, *, asked: bool) -> list[BallMeeting]:
     """Two bodies without meshes: nodes of each on the axis of the other, if it has one."""
-    if float(one.radius.min() + two.radius.min()) <= 0.0:
+    if one.thinnest + two.thinnest <= 0.0:
         if not asked:
             return []
         raise SceneError(

@@ -302,7 +302,7 @@ class SolidsModel:
         part = self.parts[body]
         return SurfaceNodes.of(self.comm, part.solid.dim, self.numbers[body], part.system.numbers)
 
-    @property
+    @cached_property
     def contact_count(self) -> int:
         """Number of gaps."""
         obstacles = sum(part.contact.count for part in self.parts if part.contact is not None)

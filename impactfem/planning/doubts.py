@@ -5,7 +5,7 @@ nothing. Where that is not certain (loads, rotations, moving obstacles), nothing
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from impactfem.exact import ExactBar
 from impactfem.findings import Finding, warning
 from impactfem.scene import Scene
-from impactfem.scene.pairing import body_pairs, obstacles_of
+from impactfem.scene.pairing import bodies_met, obstacles_of, self_meeting
 
 MEETS_NOTHING = "meets_nothing"
 """Code of bodies that meet nothing."""
 
 _SAMPLES = 2000
+_ROUNDING = 1e-9  # share of the size of boxes within which they touch
 _FAST = 3.0  # times the speed of waves
 
 type Floats = NDArray[np.float64]
@@ -28,9 +29,13 @@ type Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Path:
-    """A box on its way: half its edges (dim,), and its centres (samples, dim) [m]."""
+    """A box on its way: half its edges (dim,), velocity at t = 0 (dim,) and centres (samples, dim).
+
+    In m and m/s.
+    """
 
     half: Floats
+    velocity: Floats
     centres: Floats
 
     @property
@@ -80,13 +85,14 @@ def _meet_nothing(scene: Scene) -> bool:
     paths = {name: path for name, path in known.items() if path is not None}
     if len(paths) < len(known):
         return False
-    # Other methods than the march take points to meet only where it is said.
-    pairs = body_pairs(scene) if scene.contacts or scene.marches else []
-    return not any(
+    if any(
         _may_meet(path, obstacle)
         for name, path in paths.items()
         for obstacle in obstacles_of(scene, name)
-    ) and not any(_may_touch(paths[one[0]], paths[two[0]]) for one, two in pairs)
+    ):
+        return False
+    # Other methods than the march take points to meet only where it is said.
+    return not (scene.contacts or scene.marches) or not _may_touch(scene, paths)
 
 
 def _units(body: Any) -> list[Finding]:
@@ -115,7 +121,7 @@ def _path(scene: Scene, body: Any, times: Floats) -> _Path | None:
     step = times[1] - times[0]
     speed = velocity + np.vstack([np.zeros_like(velocity), np.cumsum(gravity[:-1], axis=0) * step])
     way = np.vstack([np.zeros_like(velocity), np.cumsum(speed[1:] + speed[:-1], axis=0) * step / 2])
-    return _Path(np.asarray(flight.half), np.asarray(flight.center) + way)
+    return _Path(np.asarray(flight.half), velocity, np.asarray(flight.center) + way)
 
 
 def _may_meet(path: _Path, obstacle: Any) -> bool:
@@ -133,7 +139,24 @@ def _may_meet(path: _Path, obstacle: Any) -> bool:
     return bool((np.linalg.norm(apart, axis=1) <= reach).any())
 
 
-def _may_touch(one: _Path, two: _Path) -> bool:
-    """Whether two boxes on their ways may touch."""
-    apart = np.abs(one.centres - two.centres) - one.half - two.half
-    return bool((apart <= one.margin + two.margin).all(axis=1).any())
+def _may_touch(scene: Scene, paths: Mapping[str, _Path]) -> bool:
+    """Whether the boxes of two bodies that may meet ever touch, which fall alike."""
+    names = list(paths)
+    half = np.array([path.half for path in paths.values()])
+    speed = np.array([path.velocity for path in paths.values()])
+    start = np.array([path.centres[0] for path in paths.values()])
+    for k, name in enumerate(names):
+        others = slice(k + 1, None)
+        # Along each axis -room <= apart + speed t <= room.
+        apart, fast = start[others] - start[k], speed[others] - speed[k]
+        room = (1.0 + _ROUNDING) * (half[others] + half[k])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.sort([(-room - apart) / fast, (room - apart) / fast], axis=0)
+        still = np.where(np.abs(apart) <= room, np.inf, -np.inf)
+        first = np.where(fast == 0.0, -still, ends[0]).max(axis=1)
+        last = np.where(fast == 0.0, still, ends[1]).min(axis=1)
+        near = np.flatnonzero((first <= last) & (last >= 0.0) & (first <= scene.duration))
+        met = bodies_met(scene, name) if len(near) else ()
+        if not set(met).isdisjoint(names[k + 1 + j] for j in near.tolist()):
+            return True
+    return bool(self_meeting(scene))

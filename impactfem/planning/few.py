@@ -177,6 +177,8 @@ def joint_findings(model: "SolidsModel") -> list[Finding]:
 def dent_findings(model: "SolidsModel") -> list[Finding]:
     """Balls that plates are too stiff for, whose dents are left out."""
     scene, found = model.scene, []
+    if all(math.isinf(few.give(1.0, 1.0, 1.0)) for few in model.few):
+        return []  # no plates among them
     known = {name: (few, k) for few in model.few for k, name in enumerate(few.names)}
     fall = _falling(scene)
     for _, *sides in named_body_pairs(scene):

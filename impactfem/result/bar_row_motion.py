@@ -12,7 +12,7 @@ from impactfem.result.fields import Fields
 from impactfem.result.history import BodyMotion, Columns, PairMotion, make_history
 from impactfem.result.table import Table
 from impactfem.scene import Bar
-from impactfem.scene.pairing import default_name
+from impactfem.scene.laws import default_name
 
 Floats = NDArray[np.float64]
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -192,11 +193,21 @@ class Contacts:
         return ContactSprings(np.where(there, stiffness, np.inf), np.where(there, exponent, 1.0))
 
     def _each(self, scene: Scene, value: Callable[[Contact], float]) -> Floats:
-        known: dict[Names, float] = {}
-        for names in set(self.names):
-            law = law_of(scene, *names)
-            known[names] = 0.0 if law is None else value(law)
-        return np.array([known[names] for names in self.names])
+        """Values of the laws of the gaps, 0 without one, (gaps,)."""
+        laws = [law_of(scene, *names) for names in self._different]
+        known = np.array([0.0 if law is None else value(law) for law in laws])
+        return np.asarray(known[self._which], dtype=float)
+
+    @cached_property
+    def _different(self) -> list[Names]:
+        """What gaps are between, each once."""
+        return list(dict.fromkeys(self.names))
+
+    @cached_property
+    def _which(self) -> Integers:
+        """Which of these each gap is between, (gaps,)."""
+        place = {names: k for k, names in enumerate(self._different)}
+        return np.array([place[names] for names in self.names], dtype=np.int64)
 
 
 def _rows(model: SolidsModel, offsets: Sequence[int], pair: SurfacePair) -> list[Integers]:

@@ -36,6 +36,7 @@ from impactfem.marching.time_loop import LoopSettings, TimeLoop
 from impactfem.marching.wave_bar import WaveBar
 from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.planning.solid_choices import fitting_solver
+from impactfem.result.history import MOST_PAIRS
 from impactfem.runs.contacts import Contacts
 from impactfem.runs.static_start import Started, linear_bodies, spin_of, start_at_rest
 from impactfem.scene import Scene
@@ -116,7 +117,9 @@ def make_loop(
     alone = len(each) == 1 and not few and law is None and not contacts.pairs
     gaps: ContactGaps = contacts.obstacles[0].gaps if alone else contacts.gaps()
     solver, kind = _solver(numbers, tolerance), numbers.linear_solver
-    settings = LoopSettings(model.comm, scheme, gaps, solver, layers, tolerance, friction=law)
+    settings = LoopSettings(
+        model.comm, scheme, gaps, solver, layers, tolerance, friction=law, most_pairs=MOST_PAIRS
+    )
     if iterates:
         if limit is not None:
             explicit = [

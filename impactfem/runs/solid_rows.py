@@ -344,6 +344,8 @@ def pair_motions(
     bodies: Mapping[str, BodyMotion],
 ) -> dict[str, PairMotion]:
     """What each pair does; arguments as of `solids_motion`, and the motions of the bodies."""
+    if not march.pairs:
+        return {}
     # Forces are those on the carrier, columns those on the first body of the pair.
     first = {name: one for name, (one, _), _ in named_body_pairs(model.scene)}
     turned = {pair.label for pair in model.pairs if pair.names[0] != first[pair.label]}

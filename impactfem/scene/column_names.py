@@ -1,7 +1,7 @@
 """Names that make columns of a history: no two things of a scene may claim the same column."""
 
 from impactfem.scene.content import Content
-from impactfem.scene.pairing import name_of
+from impactfem.scene.laws import name_of
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 

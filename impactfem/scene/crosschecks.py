@@ -33,12 +33,21 @@ _SOLID_ONLY = ("normals", "linear_solver", "estimate")
 _ELASTIC_ONLY = ("courant", "active_set", "gamma", "max_iterations")
 _VIBRO_ONLY = ("impact_law", "stick_speed")
 
-_BARS: Sequence[tuple[str, Sequence[str]]] = ((FAMILY, _VIBRO_ONLY), ("solids", _SOLID_ONLY))
+_RUBBING = ("friction of bodies without waves", ("friction_residual",))
+_BARS: Sequence[tuple[str, Sequence[str]]] = (
+    (FAMILY, _VIBRO_ONLY),
+    ("solids", _SOLID_ONLY),
+    _RUBBING,
+)
 _FOREIGN: Mapping[Solver, Sequence[tuple[str, Sequence[str]]]] = {
     "bar": _BARS,
     "bar_row": _BARS,
     "march": ((FAMILY, _VIBRO_ONLY),),
-    "vibro": (("solids", _SOLID_ONLY[:2]), ("bars and solids", (*_BAR_ONLY, *_ELASTIC_ONLY))),
+    "vibro": (
+        ("solids", _SOLID_ONLY[:2]),
+        ("bars and solids", (*_BAR_ONLY, *_ELASTIC_ONLY)),
+        _RUBBING,
+    ),
 }
 """Whose keys what solves a scene does not know."""
 
@@ -69,7 +78,6 @@ def check_scene(scene: Content, gravity: object) -> None:
         check_gravity(scene, gravity)
         (_check_marched if scene.marches else check_vibro)(scene)
     _check_start(scene)
-    _check_residual(scene)
     check_column_names(scene)
     check_probes(scene)
     _check_settings(scene)
@@ -82,7 +90,7 @@ def _check_residual(scene: Content) -> None:
     """Refuse a residual of friction where no sweeps look for its forces."""
     asked = scene.solve.friction_residual
     rubs = any(law.friction_coefficient for law in scene.contacts)
-    if asked is None or (rubs and scene.marches and not all(body.waves for body in scene.bodies)):
+    if asked is None or (rubs and not all(body.waves for body in scene.bodies)):
         return
     text = f" = {show(asked)} is for friction of bodies without waves, of which there is none here"
     raise KeyedError("solve", "friction_residual", f"{text}: remove it.")
@@ -103,6 +111,7 @@ def _check_marched(scene: Content) -> None:
             key = f"supports[{index}].value"
             check_motion(places[solid.name], key, support.value or (), scene.duration)
     check_finite(scene)
+    _check_residual(scene)
     if len(scene.solids) < len(scene.bodies):
         check_mixed(scene)
     else:

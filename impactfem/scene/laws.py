@@ -2,9 +2,9 @@
 
 from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from functools import cached_property
 
 from impactfem.scene.contacts import Contact
 
@@ -26,6 +26,16 @@ def sides_of(contact: Contact) -> Both:
     return frozenset(side_of(name)[0] for name in contact.between)
 
 
+def default_name(one: str, two: str) -> str:
+    """Name of a pair that has none: "ball/skin" and "floor" are "ball_skin.floor"."""
+    return f"{one}.{two}".replace("/", "_")
+
+
+def name_of(contact: Contact) -> str:
+    """Name of the pair in columns and messages."""
+    return contact.name or default_name(*contact.between)
+
+
 def is_pattern(name: str) -> bool:
     """Whether a name of ``between`` stands for several."""
     return "*" in name or "?" in name
@@ -40,12 +50,24 @@ class Laws:
         origin: Place of each in the scene's ``[[contact]]``.
         of: Laws of two names: several where they are of different surfaces.
         partners: What a body or obstacle may meet, by its name, in the order of the laws.
+        bodies: Names of the bodies.
     """
 
     each: tuple[Contact, ...]
     origin: tuple[int, ...]
     of: Mapping[Both, Sequence[Contact]]
     partners: Mapping[str, Collection[str]]
+    bodies: Collection[str]
+
+    @cached_property
+    def between_bodies(self) -> Sequence[tuple[str, Side, Side]]:
+        """Names of the pairs of bodies, and these."""
+        found, known = [], set(self.bodies)
+        for entry in self.each:
+            one, two = (side_of(name) for name in entry.between)
+            if one[0] in known and two[0] in known:
+                found.append((name_of(entry), one, two))
+        return found
 
     @classmethod
     def among(
@@ -89,15 +111,14 @@ class Laws:
         of: dict[Both, list[Contact]] = defaultdict(list)
         partners: dict[str, dict[str, None]] = defaultdict(dict)
         for entry in each:
-            both = sides_of(entry)
-            of[both].append(entry)
-            for name in both:
-                partners[name] |= dict.fromkeys(both - {name} or both)
-        return cls(tuple(each), tuple(origin), dict(of), dict(partners))
+            (one, _), (two, _) = map(side_of, entry.between)
+            of[frozenset((one, two))].append(entry)
+            partners[one][two] = partners[two][one] = None
+        return cls(tuple(each), tuple(origin), dict(of), dict(partners), tuple(bodies))
 
 
 def _between(contact: Contact, one: str, two: str) -> Contact:
     """The same law between two others; not checked again, as there may be 1e5 of them."""
-    found = copy(contact)
-    object.__setattr__(found, "between", (one, two))
+    found = object.__new__(type(contact))
+    found.__dict__.update(contact.__dict__, between=(one, two))
     return found

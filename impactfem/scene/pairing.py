@@ -2,21 +2,14 @@
 
 from collections.abc import Sequence
 from itertools import combinations
+from typing import TYPE_CHECKING
 
-from impactfem.scene.contacts import Contact
 from impactfem.scene.content import Content
-from impactfem.scene.laws import Side, side_of
+from impactfem.scene.laws import Side, default_name, name_of, side_of
 from impactfem.scene.obstacles import Rigid
 
-
-def default_name(one: str, two: str) -> str:
-    """Name of a pair that has none: "ball/skin" and "floor" are "ball_skin.floor"."""
-    return f"{one}.{two}".replace("/", "_")
-
-
-def name_of(contact: Contact) -> str:
-    """Name of the pair in columns and messages."""
-    return contact.name or default_name(*contact.between)
+if TYPE_CHECKING:
+    from impactfem.scene.contacts import Contact
 
 
 def pair_name(scene: Content, one: str, two: str) -> str:
@@ -25,7 +18,7 @@ def pair_name(scene: Content, one: str, two: str) -> str:
     return default_name(one, two) if law is None else name_of(law)
 
 
-def named_body_pairs(scene: Content) -> list[tuple[str, Side, Side]]:
+def named_body_pairs(scene: Content) -> Sequence[tuple[str, Side, Side]]:
     """Names of the pairs of `body_pairs`, and these.
 
     Bodies that a joint holds together meet only where a contact law says so.
@@ -35,12 +28,7 @@ def named_body_pairs(scene: Content) -> list[tuple[str, Side, Side]]:
         held = {joint.bodies for joint in scene.joints}
         pairs = [pair for pair in combinations(names, 2) if frozenset(pair) not in held]
         return [(default_name(one, two), (one, None), (two, None)) for one, two in pairs]
-    found = []
-    for entry in scene.laws.each:
-        one, two = (side_of(name) for name in entry.between)
-        if one[0] in names and two[0] in names:
-            found.append((name_of(entry), one, two))
-    return found
+    return scene.laws.between_bodies
 
 
 def body_pairs(scene: Content) -> list[tuple[Side, Side]]:

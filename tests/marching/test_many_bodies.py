@@ -7,6 +7,7 @@ from moving_scenes import check_ranks, check_restart
 import impactfem
 from impactfem import Scene
 from impactfem.contact import pair_responses
+from impactfem.marching.time_loop import TimeLoop
 from impactfem.models import solids
 from impactfem.system import rigid
 
@@ -144,3 +145,19 @@ def test_a_residual_that_is_asked_for_is_kept_and_said(monkeypatch):
 def test_a_residual_without_friction_or_too_large_is_refused(changed):
     with pytest.raises(impactfem.SceneError, match=r"solve\.friction_residual"):
         impactfem.solve(crowd(**{"solve": {"dt": 2e-3, "friction_residual": 1e-3}} | changed))
+
+
+def test_of_many_pairs_no_rows_are_kept(monkeypatch):
+    """A history has columns of up to 100 pairs: of more none take memory in each layer."""
+    run, kept = TimeLoop.run, []
+
+    def watched(self, observers=()):
+        kept.append((self.rows.pair_force.shape, self.rows.slip.shape))
+        run(self, observers)
+
+    monkeypatch.setattr(TimeLoop, "run", watched)
+    many = impactfem.solve(crowd().with_settings({"duration": 0.02})).history
+    few = impactfem.solve(grains(duration=0.02)).history
+    assert kept == [((11, 0), (11, 0)), ((11, 33), (11, 33))]
+    assert "gap.grain_1.grain_2" in few
+    assert "gap.grain_1.grain_2" not in many
