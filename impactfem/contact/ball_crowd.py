@@ -9,6 +9,7 @@ from scipy.sparse import csr_matrix
 
 from impactfem.contact.ball_kernels import gaps_of
 from impactfem.contact.ball_pairs import BallPair
+from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting
 from impactfem.errors import ConvergenceError
 from impactfem.system.rigid import NEAR
@@ -53,17 +54,24 @@ class BallCrowd(Anew):
         near = np.where(several.any(axis=1), NEAR * radii.min(axis=1), np.inf)
         return cls(ends, several, radii.sum(axis=1), near, pairs[0].total)
 
+    @property
+    def room_near(self) -> int:
+        """Number of pairs that can be near at once: each takes a node of both balls."""
+        own = np.count_nonzero((self.shared == 0).any(axis=1))
+        _, first = np.unique(self.ends, return_index=True)
+        return min(len(self.ends), int(own + self.shared.ravel()[first].sum() // 2))
+
     def __call__(self, places: Floats, acting: Floats) -> Meeting:
         """See `BallPair.__call__`."""
         gap, normal = gaps_of(self.ends, self.room, places, acting)
         near = gap <= self.near
-        nodes = self._nodes(np.flatnonzero(near), gap)
+        nodes = self.nodes_of(np.flatnonzero(near), gap)
         starts = 2 * np.concatenate([[0], np.cumsum(near)])
         entries = np.tile([1.0, -1.0], len(nodes)), nodes.ravel(), starts
         weights = csr_matrix(entries, shape=(len(gap), self.total))
         return Meeting(weights, gap, normal, np.zeros(len(gap)))
 
-    def _nodes(self, pairs: Integers, gap: Floats) -> Integers:
+    def nodes_of(self, pairs: Integers, gap: Floats) -> Integers:
         """Nodes of pairs that are near, the closest first in their choice, (pairs, 2)."""
         nodes, shared = self.ends[pairs], self.shared[pairs]
         flat, room = nodes.ravel(), shared.ravel()
@@ -78,3 +86,65 @@ class BallCrowd(Anew):
                 "solve.dt"
             )
         return np.asarray(flat + np.where(room > 0, rank, 0)).reshape(-1, 2)
+
+
+class NearPairs:
+    """The pairs of a crowd that are near, each in a gap of its own as long as it is near.
+
+    Many balls have far more pairs than near ones. A gap that is given back is open in the layer
+    that follows, so that nothing of its pair is left when another one gets it. Where none is near
+    the nearest pair has one.
+
+    Attributes:
+        held, pairs: See `impactfem.contact.meeting.Lent`.
+    """
+
+    follows = True
+
+    def __init__(self, crowd: BallCrowd) -> None:
+        """Begin with none."""
+        self._crowd, self.pairs = crowd, len(crowd.ends)
+        self.held: Integers = np.full(crowd.room_near, -1, dtype=np.int64)
+
+    @property
+    def memory(self) -> Floats:
+        """See `impactfem.contact.meeting.Meet`."""
+        return self.held.astype(float)
+
+    def recall(self, memory: Floats) -> None:
+        """Go on from what `memory` was."""
+        self.held = memory.astype(np.int64)
+
+    def __call__(self, places: Floats, acting: Floats) -> Meeting:
+        """See `BallPair.__call__`."""
+        crowd = self._crowd
+        gap, normal = gaps_of(crowd.ends, crowd.room, places, acting)
+        near = np.flatnonzero(gap <= crowd.near)
+        near = near if len(near) else np.array([np.argmin(gap)])
+        self._lend(near)
+        lent = self.held >= 0
+        pairs = self.held[lent]
+        nodes = crowd.nodes_of(near, gap)[np.searchsorted(near, pairs)]
+        found, ways = np.full(len(lent), FAR), np.zeros((len(lent), places.shape[1]))
+        ways[:, -1] = 1.0
+        found[lent], ways[lent] = gap[pairs], normal[pairs]
+        starts = 2 * np.concatenate([[0], np.cumsum(lent)])
+        entries = np.tile([1.0, -1.0], len(nodes)), nodes.ravel(), starts
+        weights = csr_matrix(entries, shape=(len(lent), crowd.total))
+        return Meeting(weights, found, ways, np.zeros(len(lent)))
+
+    def _lend(self, near: Integers) -> None:
+        """Give gaps to pairs that have come near, in rising order, and take those of others."""
+        before, free = self.held, np.flatnonzero(self.held < 0)
+        given_back = np.flatnonzero((before >= 0) & ~np.isin(before, near))
+        new = np.setdiff1d(near, before, assume_unique=True)
+        if len(new) > len(free):
+            free = np.concatenate([free, given_back])
+        if len(new) > len(free):
+            raise ConvergenceError(
+                f"{len(near)} pairs of balls are near, more than there is room for: use a smaller "
+                "solve.dt"
+            )
+        self.held = before.copy()
+        self.held[given_back] = -1
+        self.held[free[: len(new)]] = new

@@ -70,10 +70,11 @@ def solve_cones(
     force, total, accuracy = np.zeros_like(start), 0, accuracy or Accuracy()
     wrong = np.ones(len(start), dtype=bool)
     if isinstance(problem.matrix, Rooted):
-        force, wrong = Many(problem, tolerance).swept(start, accuracy)
+        many = Many(problem, tolerance)
+        force, wrong = many.swept(start, accuracy)
         start, total = force.copy(), 1
         if accuracy.asked is not None:
-            left = Many(problem, tolerance).residual(force)
+            left = many.residual(force)
             accuracy.reached = max(accuracy.reached, min(left, accuracy.asked))
     for pairs in _islands(problem) if wrong.any() else ():
         if not wrong[pairs].any():

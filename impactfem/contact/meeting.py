@@ -114,6 +114,19 @@ class Led(Protocol):
         """How far what each gap faces has moved with the obstacle since t = 0 [m], (gaps, dim)."""
 
 
+@runtime_checkable
+class Lent(Protocol):
+    """Has fewer gaps than pairs, and lends each to a pair while that is near.
+
+    Attributes:
+        held: Which pair has each gap, -1: none, (gaps,).
+        pairs: Their number.
+    """
+
+    held: Integers
+    pairs: int
+
+
 def patch_of(weights: csr_matrix, nodes: Integers) -> csr_matrix:
     """Weights 1 of those of some nodes that gaps weigh, be it by 0."""
     found = weights.copy()

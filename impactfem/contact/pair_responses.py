@@ -64,6 +64,8 @@ class PairResponses:
 
     def require(self, rows: Integers) -> None:
         """Compute what is missing for some gaps (collective)."""
+        if self._rooted.all():
+            return
         part = self._weights[rows]
         if isinstance(part, np.ndarray):
             self.learn(np.flatnonzero(part.any(axis=0)))
@@ -206,6 +208,9 @@ class PairResponses:
             multipliers: Static forces [N], shape (k, dim).
         """
         weights = self._weights[rows]
+        if not self._order:  # bodies with roots are not asked
+            rolled = self._rolled((weights.T @ forces).ravel())
+            return np.asarray(self._weights @ rolled.reshape(self._nodes, self._dim))
         total = np.zeros(self._nodes * self._dim)
         for columns, values in ((self._layer, forces), (self._static, multipliers)):
             on_nodes = weights.T @ values
@@ -217,6 +222,8 @@ class PairResponses:
 
     def parts(self, rows: Integers, forces: Floats) -> Floats:
         """Vector forces (k, dim) in some gaps as a sum of those that were asked for, (asked,)."""
+        if not self._order:
+            return np.zeros(0)
         on_nodes: Floats = (self._weights[rows].T @ forces)[self.known]
         return on_nodes.ravel()
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
 from impactfem.contact.gaps import Gaps
-from impactfem.contact.meeting import Led, Meet, Meeting
+from impactfem.contact.meeting import Led, Lent, Meet, Meeting
 from impactfem.contact.pair_responses import PairResponses, Weights
 from impactfem.contact.responses import Columns, Responses
 from impactfem.contact.turning_gaps import TurningGaps
@@ -46,7 +46,7 @@ class PairGaps:
             obstacles: For each body the places of its nodes, those of them (counted from the first
                 of the body) that can touch an obstacle, and their gaps.
             meetings: Pairs of surfaces.
-            names: Of the pair of each gap between surfaces.
+            names: Of the pair of each gap between surfaces; of gaps that are lent of each pair.
         """
         before = [name for _, _, gaps in obstacles for name in gaps.pairs]
         listed = (*before, *names)
@@ -94,8 +94,13 @@ class PairGaps:
         for _, _, gaps in self._obstacles:
             found.append(first + gaps.pair_of())
             first += len(gaps.pairs)
-        found.append(first + np.arange(sum(len(entry.gap) for entry in self._first)))
-        pair: Integers = self._listed[np.concatenate(found)]
+        for meet, entry in zip(self._meetings, self._first, strict=True):
+            own = np.maximum(meet.held, 0) if isinstance(meet, Lent) else np.arange(len(entry.gap))
+            found.append(first + own)
+            first += meet.pairs if isinstance(meet, Lent) else len(entry.gap)
+        pair: Integers = self._listed[np.concatenate([np.zeros(0, dtype=np.int64), *found])]
+        if any(isinstance(meet, Lent) for meet in self._meetings):
+            return pair
         if all(len(gaps.pairs) == 1 for _, _, gaps in self._obstacles):
             self._pair = pair  # none can change
         return pair

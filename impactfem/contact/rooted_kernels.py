@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from impactfem.compiled import compiled
+from impactfem.compiled import compiled, fused
 
-_LOCAL = 10  # alternations between the normal and the tangential force of a contact
+_LOCAL = 2  # alternations between the normal and the tangential force of a contact
 _SAME = 1e-3  # share of the change that counts at which they end
 _MOMENTUM, _GROWS = 0.9, 1.2  # share of the last step that is added, but where steps grow so much
 
@@ -38,7 +38,7 @@ def own_of(ends, columns, values, pairs, dim):
     return found
 
 
-@compiled
+@fused
 def sweep_roots(
     ends, columns, values, own, offset, friction, base, force, motion, sweeps, share, least
 ):

@@ -1,6 +1,6 @@
 """What a run says of contact forces that the equations of motion do not determine."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,9 +24,9 @@ class Determinacy:
     """Looks at the contact problems of layers; see `impactfem.contact.friction_solutions`.
 
     Attributes:
-        seen: What it has found as numbers: dimension of the dependent forces, time, gap, its
+        seen: What it has found as numbers: dimension of the dependent forces, time, pair, its
             force and the limits between which it may lie, contacts that push; layers in which
-            friction jams, time, gap, solutions, and which of `_TAKEN` was taken.
+            friction jams, time, pair, solutions, and which of `_TAKEN` was taken.
     """
 
     def __init__(self) -> None:
@@ -38,6 +38,7 @@ class Determinacy:
         self,
         time: float,
         rows: Integers,
+        pair_of: Callable[[], Integers],
         problem: ConeProblem,
         force: Floats,
         slip: Floats | None = None,
@@ -47,12 +48,13 @@ class Determinacy:
         Args:
             time: Its end [s].
             rows: Numbers of the gaps.
+            pair_of: Tells which pair of the scene each gap is of now.
             problem: Their law, in velocities.
             force: What was found, (pairs, dim).
             slip: Velocities along the tangents at its start, (pairs, dim - 1); None: no friction.
         """
         if slip is not None:
-            self._look_at_friction(time, rows, problem, force, slip)
+            self._look_at_friction(time, rows, pair_of, problem, force, slip)
         pushes = force[:, 0] > 0.0
         if not 1 < int(pushes.sum()) <= _MOST:
             return
@@ -65,10 +67,24 @@ class Determinacy:
         if basis.shape[1] > self.seen[0]:
             most, low, high = _limits(problem, force, basis)
             own = force[most, 0]
-            self.seen[:7] = basis.shape[1], time, rows[most], own, low, high, pushes.sum()
+            self.seen[:7] = (
+                basis.shape[1],
+                time,
+                pair_of()[rows[most]],
+                own,
+                low,
+                high,
+                pushes.sum(),
+            )
 
     def _look_at_friction(
-        self, time: float, rows: Integers, problem: ConeProblem, force: Floats, slip: Floats
+        self,
+        time: float,
+        rows: Integers,
+        pair_of: Callable[[], Integers],
+        problem: ConeProblem,
+        force: Floats,
+        slip: Floats,
     ) -> None:
         size = np.linalg.norm(slip, axis=1)
         along = slip / np.where(size > 0.0, size, 1.0)[:, None]
@@ -88,13 +104,13 @@ class Determinacy:
         taken = 0 if not pushed else 1 if ended else 2
         self.seen[7] += 1
         if self.seen[7] == 1:
-            self.seen[8:] = time, rows[at], count, taken
+            self.seen[8:] = time, pair_of()[rows[at]], count, taken
 
     def figures(self, names: Sequence[str]) -> Mapping[str, Any]:
         """What it has found, for the details of a run.
 
         Args:
-            names: Of the pair of each gap.
+            names: Of the pairs of the scene.
         """
         found: dict[str, Any] = {}
         if self.seen[0]:

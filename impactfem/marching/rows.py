@@ -171,17 +171,11 @@ class Rows:
 
     def put(self, row: int, bodies: Sequence[Sums]) -> None:
         """Store the sums of a row, of each body."""
-        self.sums[row] = [
-            [
-                sums.kinetic,
-                sums.elastic,
-                sums.work,
-                *sums.momentum,
-                *sums.first_moment,
-                *sums.angular_momentum,
-            ]
-            for sums in bodies
-        ]
+        row_of, dim = self.sums[row], self.attitude.shape[-1]
+        row_of[:, :3] = [(sums.kinetic, sums.elastic, sums.work) for sums in bodies]
+        row_of[:, 3 : 3 + dim] = [sums.momentum for sums in bodies]
+        row_of[:, 3 + dim : 3 + 2 * dim] = [sums.first_moment for sums in bodies]
+        row_of[:, 3 + 2 * dim :] = [sums.angular_momentum for sums in bodies]
         for body, sums in enumerate(bodies):
             if sums.attitude is not None:
                 self.attitude[row, body].flat = sums.attitude

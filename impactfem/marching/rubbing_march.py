@@ -230,7 +230,7 @@ class RubbingMarch(SolidMarch):
             )  # fmt: skip
             slip = turned(directions, self._slipping[rows])[:, 1:]
             slip[np.linalg.norm(slip, axis=1) <= _SLOW * self._fastest] = 0.0
-            self._determinacy.look(time, rows, law, found.force, slip)
+            self._determinacy.look(time, rows, gaps.pair_of, law, found.force, slip)
         state.stuck = np.zeros(count)
         state.stuck[rows] = sticks
         self._true_gap = true

@@ -273,22 +273,20 @@ class SolidMarch(TimeLoop[Interior]):
         flat = matrix.reshape(2 * count, 2 * count)
         problem = ConeProblem(flat, np.zeros((count, 2)), none, none)
         time = (self.layer + 1) * self.interior.dt
-        self._determinacy.look(time, rows, problem, np.column_stack([force, none]))
+        found, pair_of = np.column_stack([force, none]), self._gaps.pair_of
+        self._determinacy.look(time, rows, pair_of, problem, found)
 
     def figures(self) -> Mapping[str, Any]:
         """What is not determined of the forces."""
-        return self._determinacy.figures(self._gap_names())
+        return self._determinacy.figures(self._gaps.pairs)
 
     def findings(self) -> tuple[Finding, ...]:
         """The same in words, and contacts that their steps do not resolve."""
-        found = self._determinacy.findings(self._gap_names())
+        found = self._determinacy.findings(self._gaps.pairs)
         if self._springs is None:
             return found
         pressed = self.rows.indentation[: self.layer + 1]
         return (*found, *unresolved(pressed, self.interior.dt))
-
-    def _gap_names(self) -> list[str]:
-        return [self._gaps.pairs[k] for k in self._gaps.pair_of()]
 
     def memory(self) -> dict[str, Floats]:
         """What the next layer and the findings need; see `TimeLoop.memory`."""

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.ball_crowd import BallCrowd
+from impactfem.contact.ball_crowd import BallCrowd, NearPairs
 from impactfem.contact.body_pairs import SurfacePair
 from impactfem.contact.friction_many import Accuracy
 from impactfem.contact.gaps import Gaps
@@ -18,6 +18,7 @@ from impactfem.contact.springs import ContactSprings
 from impactfem.marching.rubbing import Friction
 from impactfem.models.ball_contacts import check_apart, places_of
 from impactfem.models.solids import SolidsModel
+from impactfem.result.history import MOST_PAIRS
 from impactfem.scene import Contact, Scene
 from impactfem.scene.pairing import law_of, pair_name
 from impactfem.system.surface import SurfaceNodes
@@ -47,7 +48,10 @@ class Beside:
 
 @dataclass(frozen=True)
 class Between:
-    """Bodies that may meet: of each gap the name of the pair and theirs, and the gaps."""
+    """Bodies that may meet: names of pairs, bodies of each gap, and the gaps.
+
+    Gaps that are lent have one law, and bodies that have it.
+    """
 
     labels: tuple[str, ...]
     names: tuple[Names, ...]
@@ -134,7 +138,10 @@ class Contacts:
         ]
         if crowd is not None:
             labels, names = zip(*((met.label, met.names) for met, _ in single), strict=True)
-            between.append(Between(labels, names, crowd))
+            meet: Meet = crowd
+            if len(single) > MOST_PAIRS and crowd.room_near < len(single) and _alike(model, names):
+                meet, names = NearPairs(crowd), names[: crowd.room_near]
+            between.append(Between(labels, names, meet))
         owns = tuple(slice(*ends) for ends in pairwise(offsets))
         return cls(tuple(obstacles), tuple(between), owns, *joined)
 
@@ -208,6 +215,14 @@ class Contacts:
         """Which of these each gap is between, (gaps,)."""
         place = {names: k for k, names in enumerate(self._different)}
         return np.array([place[names] for names in self.names], dtype=np.int64)
+
+
+def _alike(model: SolidsModel, names: Sequence[Names]) -> bool:
+    """Whether one law is between all pairs."""
+    laws = (law_of(model.scene, *both) for both in names)
+    every = ({} if law is None else law.__dict__ | {"between": ()} for law in laws)
+    first = next(every)
+    return all(law == first for law in every)
 
 
 def _rows(model: SolidsModel, offsets: Sequence[int], pair: SurfacePair) -> list[Integers]:

@@ -6,9 +6,10 @@ from moving_scenes import check_ranks, check_restart
 
 import impactfem
 from impactfem import Scene
-from impactfem.contact import pair_responses
+from impactfem.contact import ball_crowd, pair_responses
 from impactfem.marching.time_loop import TimeLoop
 from impactfem.models import solids
+from impactfem.runs import contacts
 from impactfem.system import rigid
 
 BOX = [
@@ -161,3 +162,61 @@ def test_of_many_pairs_no_rows_are_kept(monkeypatch):
     assert kept == [((11, 0), (11, 0)), ((11, 33), (11, 33))]
     assert "gap.grain_1.grain_2" in few
     assert "gap.grain_1.grain_2" not in many
+
+
+@pytest.fixture
+def lent(monkeypatch):
+    """Number of gaps that are lent to pairs, and to which, of each layer."""
+    seen, look = [], ball_crowd.NearPairs.__call__
+
+    def watched(self, places, acting):
+        met = look(self, places, acting)
+        seen.append(self.held)
+        return met
+
+    monkeypatch.setattr(ball_crowd.NearPairs, "__call__", watched)
+    return seen
+
+
+def test_gaps_that_are_lent_do_as_those_of_all_pairs(monkeypatch, lent):
+    made = crowd(gravity=[6.0, -8.0])
+    found = impactfem.solve(made).history
+    assert lent
+    assert len(lent[-1]) < 105
+    assert len({tuple(held) for held in lent}) > 3  # pairs come and go
+    monkeypatch.setattr(contacts, "MOST_PAIRS", 1000)
+    count = len(lent)
+    every = impactfem.solve(made).history
+    assert len(lent) == count
+    assert (every["contact_force"].values > 10.0).mean() > 0.5
+    for name in (name for name in every.data_vars if name.startswith(("grain", "total", "gap"))):
+        one, two = found[name].values, every[name].values
+        size = np.nanmax(np.abs(two), initial=1.0)
+        np.testing.assert_allclose(one, two, rtol=0.0, atol=1e-9 * size, err_msg=name)
+
+
+def test_a_gap_is_lent_again_only_after_a_layer_in_which_it_was_open():
+    ends = np.array([[0, 1], [0, 2], [1, 2]])
+    places = np.array([[0.0, 0.0], [1.0, 0.0], [9.0, 0.0]])
+    one = np.ones(3)
+    pairs = ball_crowd.NearPairs(ball_crowd.BallCrowd(ends, np.ones_like(ends), one, 0.1 * one, 3))
+    assert len(pairs.held) == 1
+    far = pairs(places, places).gap
+    np.testing.assert_allclose(far, 0.0, atol=1e-15)
+    moved = places + np.array([[8.0, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    with pytest.raises(impactfem.ConvergenceError, match="more than there is room"):
+        pairs(places[[0, 1, 1]], places)
+    met = pairs(moved, moved)  # no other gap is free: it goes to the next pair at once
+    assert pairs.held.tolist() == [1]
+    np.testing.assert_array_equal(met.weights.toarray(), [[1.0, 0.0, -1.0]])
+    wide = ball_crowd.NearPairs(
+        ball_crowd.BallCrowd(ends, 4 * np.ones_like(ends), one, 0.1 * one, 12)
+    )
+    wide(places, places)
+    first = wide.held.copy()
+    wide(moved, moved)
+    assert first.tolist()[0] == 0
+    assert wide.held.tolist()[:2] == [-1, 1]
+    kept = wide.memory
+    wide.recall(kept)
+    np.testing.assert_array_equal(wide.held, kept)
