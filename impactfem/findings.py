@@ -11,6 +11,7 @@ CODES: Mapping[str, str] = {
     "model_rotation": "a body turns further than small-strain elasticity allows",
     "model_strain": "a body is strained further than small-strain elasticity allows",
     "model_thin": "a body is thicker than its theory is for",
+    "model_layers": "layers couple bending and stretching, which is left out",
     "contact_unresolved": "a contact lasts too few steps",
     "contact_single_node": "a single node carries the contact force",
     "force_peak": "the largest force of a step belongs to the mesh",

@@ -59,7 +59,7 @@ class PlateMidpoint(FewInterior):
         self._heavy = np.flatnonzero(~bodies.light)
         slopes = np.flatnonzero(~bodies.deflected)
         self._slopes, self._deflected = slopes, np.flatnonzero(bodies.deflected)
-        self._follows = not bodies.shear  # slopes do, whatever deflections do
+        self._follows = not bodies.shears  # slopes do, whatever deflections do
         stiffness = bodies.stiffness.tocsc()
         self._mu = 4.0 / dt**2 + 2.0 / dt * bodies.plate.rayleigh_mass
         self._layer = splu((stiffness + self._mu * diags(self._mass)).tocsc(), **CHOLESKY)
@@ -247,7 +247,7 @@ class PlateMidpoint(FewInterior):
         x, y, off = axes @ (point - center)
         shares = shares_inside(np.array([x, y]), mesh.points[mesh.cells])
         at = int(np.argmax(shares.min(axis=1)))
-        inside = abs(off) <= 0.5 * self.bodies.plate.thickness * (1.0 + _NEAR)
+        inside = abs(off) <= 0.5 * self.bodies.depth * (1.0 + _NEAR)
         if inside and shares[at].min() >= -_NEAR:
             return mesh.cells[at], shares[at], True
         nearest = int(np.argmin(np.linalg.norm(mesh.points - np.array([x, y]), axis=1)))
@@ -264,7 +264,7 @@ class PlateMidpoint(FewInterior):
     def findings(self) -> Iterator[Finding]:
         """Deflections that stretch the mid-surface, and slopes that are not small."""
         name, (deflection, steepness) = self.bodies.names[0], self._seen.tolist()
-        share = deflection / self.bodies.plate.thickness
+        share = deflection / self.bodies.depth
         stiffer = _STIFFENING * share**2
         text = f"{name} deflects by {deflection:.3g} m, {share:.2g} times its thickness: a clamped "
         text += f"disc would be about {percent(stiffer)} stiffer by the stretching of its middle, "
@@ -276,23 +276,31 @@ class PlateMidpoint(FewInterior):
         yield from by_limits("model_strain", stiffer, limits, text, name, remedy)
         text = f"{name} is inclined by up to {steepness:.2g} rad, taken as small"
         yield from by_limits("model_rotation", steepness, ROTATION_LIMITS, text, name, remedy)
-        share = self._follows * _SHEAR * (self.bodies.plate.thickness / self.bodies.width) ** 2
+        depth = self.bodies.plate.section.shear_depth
+        depth *= self.bodies.depth / self.bodies.plate.depth
+        share = self._follows * _SHEAR * (depth / self.bodies.width) ** 2
         text = f"{name} is thick for Kirchhoff's theory: shear, which is left out, would let a "
         text += f"clamped square of its width give way by {percent(share)} more"
         remedy = 'give theory = "reissner_mindlin", or model it as a solid'
         yield from by_limits("model_thin", share, STRAIN_LIMITS, text, name, remedy)
+
+        share = self.bodies.plate.section.coupled
+        text = f"bending stretches the layers of {name}, which is taken as free: held in its plane "
+        text += f"it would be up to {percent(share)} stiffer"
+        remedy = "take layers that are symmetric about the middle, or model it as a solid"
+        yield from by_limits("model_layers", share, STRAIN_LIMITS, text, name, remedy)
 
     measure = "thickness"
 
     def unguarded(self, lines: Integers) -> tuple[Floats, float]:  # noqa: ARG002
         """All triangles, and half the thickness."""
         moved = np.outer(self.bodies.deflection(self._q), self._normal)
-        return (self.material(0) + moved)[self.bodies.mesh.cells], 0.5 * self.bodies.plate.thickness
+        return (self.material(0) + moved)[self.bodies.mesh.cells], 0.5 * self.bodies.depth
 
     def unguarded_in_words(self, lines: Integers) -> tuple[float, str, str]:  # noqa: ARG002
         """See `FewInterior`."""
         remedy = "take a smaller mesh_size: vertices between those that touch keep their mass"
-        return self.bodies.plate.thickness, "places of {name} lie", remedy
+        return self.bodies.depth, "places of {name} lie", remedy
 
     def memory(self) -> dict[str, Floats]:
         """Coordinates, rates, contact nodes without forces, and what was seen."""

@@ -97,7 +97,7 @@ def _meet_nothing(scene: Scene) -> bool:
 
 def _units(body: Any) -> list[Finding]:
     """A body that moves faster than its waves: its modulus is perhaps in GPa or MPa."""
-    if not hasattr(body, "youngs_modulus"):
+    if getattr(body, "youngs_modulus", None) is None:
         return []
     waves = math.sqrt(body.youngs_modulus / body.density)
     entries = body.velocity if isinstance(body.velocity, tuple) else (body.velocity,)

@@ -39,6 +39,7 @@ _STATUS = {
     "model_rotation": "out_of_model",
     "model_strain": "out_of_model",
     "model_thin": "out_of_model",
+    "model_layers": "out_of_model",
 }
 """Status of a run by the code of its worst fault; "completed" for all others."""
 

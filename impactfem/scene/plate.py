@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -11,14 +12,19 @@ from impactfem.scene.body import BodyKind, Floats, Solver
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import InlineTable, ListOf, Vector
 from impactfem.scene.kinds import Choice, FilePath, FormulaOf, Name, Real
+from impactfem.scene.laminate import Section
 from impactfem.scene.plate_keys import (
     OUTLINES,
     DiscOutline,
     EdgeSupport,
     FacePressure,
+    Layer,
+    Orthotropic,
     PolygonOutline,
     RectangleOutline,
     RingOutline,
+    check_moduli,
+    ply_of,
 )
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.solid_keys import MESH_FILES
@@ -28,8 +34,8 @@ if TYPE_CHECKING:
     from impactfem.scene.boundary import FormulaLike
 
 THIN, SHEARING = "kirchhoff", "reissner_mindlin"
-THEORIES = {THIN: 0.0, SHEARING: 5.0 / 6.0}
-"""Theories by their shear correction factor; 0 of that without shear."""
+THEORIES = {THIN: False, SHEARING: True}
+"""Whether plates shear, by their theory."""
 _THICK = {None: 0.2, THIN: 0.1, SHEARING: 0.2}
 """Thickness by the least width from which on a theory is refused."""
 _SHEARS = 0.05  # the same from which on shear counts, unless theory says so
@@ -70,7 +76,10 @@ class Plate(BodyKind):
         Real(above=0), "size of elements; required with an outline or a STEP file", unit="m",
         default=None, absent="by the mesh file",
     )  # fmt: skip
-    thickness: float = key(Real(above=0), "thickness", unit="m")
+    thickness: Formula | None = key(  # noqa: RUF009  # a field
+        FormulaOf(("x", "y")), "thickness about the mid-surface", unit="m", default=None,
+        absent="that of the layers",
+    )  # fmt: skip
     center: Sequence[float] = key(
         Vector((3,)), "where x = y = 0 of the outline lies", unit="m", default=(0.0, 0.0, 0.0)
     )
@@ -82,9 +91,27 @@ class Plate(BodyKind):
         Real(), "by which the outline is turned about the normal, counter-clockwise seen from it",
         unit="rad", default=0.0,
     )  # fmt: skip
-    density: float = key(Real(above=0), "mass density", unit="kg/m^3")
-    youngs_modulus: float = key(Real(above=0), "Young's modulus", unit="Pa")
-    poisson_ratio: float = key(Real(above=-1, below=0.5), "Poisson's ratio")
+    density: float | None = key(
+        Real(above=0), "mass density", unit="kg/m^3", default=None, absent="those of the layers"
+    )
+    youngs_modulus: float | None = key(
+        Real(above=0), "Young's modulus, or give orthotropic or layers", unit="Pa", default=None,
+        absent="none",
+    )  # fmt: skip
+    poisson_ratio: float | None = key(
+        Real(above=-1, below=0.5), "Poisson's ratio, or give orthotropic or layers", default=None,
+        absent="none",
+    )  # fmt: skip
+    orthotropic: Orthotropic | None = key(  # noqa: RUF009  # a field
+        InlineTable((Orthotropic,)), "moduli along two axes instead", default=None, absent="none"
+    )
+    layers: tuple[Layer, ...] = key(
+        ListOf(InlineTable((Layer,))), "layers of other materials, from the bottom to the top face",
+        default=(),
+    )  # fmt: skip
+    residual_stress: float = key(
+        Real(), "tension in the plate at rest, alike in all directions", unit="Pa", default=0.0
+    )
     rayleigh_mass: float = key(
         Real(at_least=0), "damping by the mass: speeds fall at this rate", unit="1/s", default=0.0
     )
@@ -110,10 +137,13 @@ class Plate(BodyKind):
         def __init__(
             self,
             *,
-            thickness: float,
-            density: float,
-            youngs_modulus: float,
-            poisson_ratio: float,
+            thickness: "FormulaLike | None" = None,
+            density: float | None = None,
+            youngs_modulus: float | None = None,
+            poisson_ratio: float | None = None,
+            orthotropic: Orthotropic | Mapping[str, Any] | None = None,
+            layers: Sequence[Layer | Mapping[str, Any]] = (),
+            residual_stress: float = 0.0,
             name: str = "plate",
             outline: Any = None,
             mesh: str | None = None,
@@ -131,29 +161,65 @@ class Plate(BodyKind):
 
     def __post_init__(self) -> None:
         check_fields(self, self.kind)
+        self._check_material()
         if (self.outline is None) == (self.mesh is None):
             given = "neither is" if self.mesh is None else "both are"
             raise KeyedError(self.kind, "outline", f": {given} given; give outline, or mesh.")
         if self.outline is None:
             return
-        least, largest = self.outline.extent
+        _, largest = self.outline.extent
         if self.mesh_size is None:
             raise KeyedError(self.kind, "mesh_size", " is missing: give the size of elements.")
         if self.mesh_size > largest:
             raise self._fail("mesh_size", f"exceeds the width {largest:.6g} m: give a smaller one.")
-        if self.thickness > _THICK[self.theory] * least:
-            text = f"is more than {_THICK[self.theory]:g} of the least width {least:.6g} m: "
-            text += "too thick for theory = " + show(self.theory or SHEARING)
-            text += '; use kind = "solid", or check units.'
-            raise self._fail("thickness", text)
+        self.check_thickness(self.depth)
         for index, support in enumerate(self.supports):
             if support.edge not in self.outline.edges:
                 text = f" = {show(support.edge)} is no edge: give "
                 text += f"{' or '.join(self.outline.edges)}."
                 raise KeyedError(self.kind, f"supports[{index}].edge", text)
 
+    def _check_material(self) -> None:
+        """Refuse a plate without material, or with two."""
+        if not self.layers:
+            for name in ("thickness", "density"):
+                if getattr(self, name) is None:
+                    raise KeyedError(self.kind, name, " is missing: give it, or layers.")
+            check_moduli(self, self.kind)
+            if not self.depth > 0.0:
+                raise self._fail("thickness", "is not above 0: give the thickness of the plate.")
+            return
+        for name in ("density", "youngs_modulus", "poisson_ratio", "orthotropic"):
+            if getattr(self, name) is not None:
+                text = " contradicts layers, which have their own: remove one of them."
+                raise KeyedError(self.kind, name, text)
+        total = math.fsum(layer.thickness for layer in self.layers)
+        if self.thickness is not None and not (
+            self.thickness.is_constant and math.isclose(self.depth, total, rel_tol=1e-9)
+        ):
+            text = f" = {show(self.thickness.plain)} is not the sum of the layers, {total:.9g} m: "
+            raise KeyedError(self.kind, "thickness", f"{text}remove it, or change them.")
+
+    def check_thickness(self, thickness: float) -> None:
+        """Refuse a plate that is too thick for its theory somewhere [m].
+
+        Raises:
+            KeyedError: It is.
+        """
+        if thickness > (most := _THICK[self.theory]) * self.least_width:
+            given = self.thickness
+            text = f" = {thickness:.6g}" if given is None else f" = {show(given.plain)}"
+            varies = given is not None and not given.is_constant
+            text += f", up to {thickness:.6g} m," if varies else ""
+            text += f" is more than {most:g} of the least width "
+            text += f"{self.least_width:.6g} m: too thick for theory = "
+            text += show(self.theory or SHEARING) + '; use kind = "solid", or check units.'
+            raise KeyedError(self.kind, "thickness", text)
+
     def _fail(self, name: str, text: str) -> KeyedError:
-        return KeyedError(self.kind, name, f" = {show(getattr(self, name))} {text}")
+        value = getattr(self, name)
+        shown = show(value.plain if isinstance(value, Formula) else value)
+        return KeyedError(self.kind, name, f" = {shown} {text}")
 
     def with_elements(self, factor: float) -> Self:
         """The same with elements so many times as large, of one that has a `mesh_size`."""
@@ -164,22 +230,30 @@ class Plate(BodyKind):
         """Of its outline [m]; infinite if a file knows it."""
         return float("inf") if self.outline is None else self.outline.extent[0]
 
-    @property
-    def rigidity(self) -> float:
-        """D = E t^3 / (12 (1 - nu^2)) [N m]."""
-        across = 12.0 * (1.0 - self.poisson_ratio) * (1.0 + self.poisson_ratio)
-        return self.youngs_modulus * self.thickness**3 / across
+    @cached_property
+    def depth(self) -> float:
+        """Thickness [m]; of one that varies that at a corner, or on the rim, of the outline."""
+        if self.thickness is None:
+            return math.fsum(layer.thickness for layer in self.layers)
+        x, y = (0.0, 0.0) if self.outline is None else self.outline.place
+        return float(self.thickness(x=x, y=y))
+
+    @cached_property
+    def section(self) -> Section:
+        """Its cross-section where its thickness is `depth`."""
+        if self.layers:
+            return Section.of([layer.ply for layer in self.layers])
+        return Section.of([ply_of(self, self.depth, self.density or 0.0)])
 
     def theory_beside(self, bodies: Sequence[Any]) -> str:
         """Its theory beside others, all bodies of its scene; see `theory`."""
-        thick = self.thickness > _SHEARS * self.least_width
+        thick = self.section.shear_depth > _SHEARS * self.least_width
         struck = any(body.is_ball for body in bodies)
         return self.theory or (SHEARING if thick and not struck else THIN)
 
-    def shear_beside(self, bodies: Sequence[Any]) -> float:
-        """D over the stiffness to shear [m^2]; 0 without shear."""
-        factor = THEORIES[self.theory_beside(bodies)]
-        return self.thickness**2 / (6.0 * factor * (1.0 - self.poisson_ratio)) if factor else 0.0
+    def shears_beside(self, bodies: Sequence[Any]) -> bool:
+        """Whether it shears."""
+        return THEORIES[self.theory_beside(bodies)]
 
     def check_beside(self, bodies: Sequence[Any]) -> None:
         """Refuse points and balls on a plate that shears: there they would sink in without end.

@@ -295,7 +295,7 @@ def _rank(heading: str) -> int:
     bodies = (f'[[body]] with kind = "{kind}"' for kind in kinds)
     inline = (
         "supports", "tractions", "pressures", "outline", "shape", "refine", "springs",
-        "orientation", "rotation", "joints", "place", "soft",
+        "orientation", "rotation", "joints", "place", "soft", "orthotropic", "layers",
     )  # fmt: skip
     others = ("[[obstacle]]", "[[contact]]", "[[joint]]", "[[probe]]", "[solve]", "[output]")
     order = (TOP, *bodies, *others, *inline)

@@ -6,17 +6,20 @@ the slopes of its ends, whose normal part is linear:
 
     s . b = 3 (w_j - w_i) / (2 l) - s . (b_i + b_j) / 4,   n . b = n . (b_i + b_j) / 2.
 
-So K = T^T K_b T with the bending form K_b on quadratic slopes and a sparse T. Source: J.-L. Batoz,
-K.-J. Bathe, L.-W. Ho, Int. J. Numer. Meth. Eng. 15 (1980) 1771-1812.
+Curvatures are linear in an element, so that their energy c . D c is integrated exactly. Source:
+J.-L. Batoz, K.-J. Bathe, L.-W. Ho, Int. J. Numer. Meth. Eng. 15 (1980) 1771-1812. With shear a part
+phi / (1 + phi) of what an edge misses is shear (I. Katili, Int. J. Numer. Meth. Eng. 36 (1993)
+1859-1883), phi by the stiffnesses along the edge.
 """
+
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
-from impactfem import fem
-from impactfem.fem import dolfinx_fem
-from impactfem.forms.plate import bending
+from impactfem.scene.laminate import Section
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -24,157 +27,191 @@ Integers = NDArray[np.int64]
 DOFS = 3
 """Degrees of freedom of a vertex: w [m] and its slopes along x and y."""
 
-_EDGES = ((1, 2), (0, 2), (0, 1))  # vertices of the edges of a triangle, as Basix numbers them
+_EDGES = ((1, 2), (0, 2), (0, 1))  # vertices of the edges of a triangle, opposite to 0, 1 and 2
+_LINEAR = (np.ones((3, 3)) + np.eye(3)) / 12.0
+"""Integrals of products of the linear functions of the corners, by the area."""
 
 
-def triangle_stiffness(
-    points: Floats, cells: Integers, rigidity: float, poisson_ratio: float, shear: float = 0.0
-) -> csr_matrix:
-    """Stiffness of a plate that nothing holds, (3 vertices, 3 vertices) [N/m, N, N m].
+@dataclass(frozen=True)
+class Triangles:
+    """The elements of a plate that nothing holds.
 
     Degree of freedom 3 v is w of vertex v, 3 v + 1 and 3 v + 2 are its slopes.
 
-    Args:
+    Attributes:
         points: Vertices [m], (vertices, 2).
         cells: Triangles, (cells, 3).
-        rigidity: D = E t^3 / (12 (1 - nu^2)) [N m].
-        poisson_ratio: nu.
-        shear: D over the stiffness to shear [m^2]; 0 of a plate without shear.
+        section: Of the plate where its thickness is that.
+        ratio: Thickness of the triangles by that of the section, (cells,).
+        shears: Whether it shears.
     """
-    mesh = fem.serial_mesh(points, cells)
-    space = dolfinx_fem.functionspace(mesh, ("Lagrange", 2, (2,)))
-    number = (dolfinx_fem.Constant(mesh, value) for value in (rigidity, poisson_ratio))
-    matrix = fem.assemble_petsc(fem.compile_form(bending(space, *number)))
-    starts, columns, values = matrix.getValuesCSR()
-    plain = csr_matrix((values.copy(), columns.copy(), starts.copy()), shape=matrix.getSize())
-    matrix.destroy()
-    ours = fem.input_numbers(mesh)[fem.cell_nodes(mesh)]
-    nodes = np.asarray(space.dofmap.list, dtype=np.int64)
-    edge_map = _edge_map(points, np.asarray(ours), nodes, shear)
-    bent = csr_matrix(edge_map.T @ plain @ edge_map)
-    return bent + _sheared(points, cells, rigidity, shear) if shear else bent
 
+    points: Floats
+    cells: Integers
+    section: Section
+    ratio: Floats
+    shears: bool = False
 
-def _sheared(points: Floats, cells: Integers, rigidity: float, shear: float) -> csr_matrix:
-    """Stiffness to shear: strains along edges, at corners by both edges there, linear between."""
-    corners = points[cells]
-    along, ways, lengths = _way_missed(corners)
-    soft = _softness(lengths, shear)[:, :, None]
-    strain = along / (1.0 + soft) * soft
-    own = _freedoms(cells)
-    at = np.empty((len(cells), 3, 2, 3 * DOFS))
-    for corner in range(3):
-        beside = [k for k, pair in enumerate(_EDGES) if corner in pair]
-        at[:, corner] = np.linalg.solve(ways[:, beside], strain[:, beside])
-    edges = corners[:, 1:] - corners[:, :1]
-    area = 0.5 * np.abs(np.linalg.det(edges))
-    linear = (np.ones((3, 3)) + np.eye(3)) / 12.0
-    each = np.einsum("c,ij,ciad,cjae->cde", rigidity / shear * area, linear, at, at)
-    size = DOFS * len(points)
-    return _assembled(each, own, own, (size, size))
+    @cached_property
+    def areas(self) -> Floats:
+        """Of the triangles [m^2], (cells,)."""
+        corners = self.points[self.cells]
+        return np.asarray(0.5 * np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])))
 
+    @cached_property
+    def rising(self) -> Floats:
+        """Gradients of the linear functions of the corners [1/m], (cells, 3, 2)."""
+        corners = self.points[self.cells]
+        inverse = np.linalg.inv((corners[:, 1:] - corners[:, :1]).swapaxes(1, 2))
+        return np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
 
-def _softness(lengths: Floats, shear: float) -> Floats:
-    """Phi of edges: 12 D / (shear stiffness l^2), (cells, 3)."""
-    return 12.0 * shear / lengths**2
-
-
-def _way_missed(corners: Floats) -> tuple[Floats, Floats, Floats]:
-    """(w_j - w_i) / l - s . (b_i + b_j) / 2 of edges by degrees of freedom, (cells, 3, 9).
-
-    Also their directions, (cells, 3, 2), and lengths [m], (cells, 3).
-    """
-    found = np.zeros((len(corners), 3, 3 * DOFS))
-    first, last = (corners[:, [pair[k] for pair in _EDGES]] for k in (0, 1))
-    lengths = np.linalg.norm(last - first, axis=2)
-    ways = (last - first) / lengths[:, :, None]
-    for k, (one, two) in enumerate(_EDGES):
-        found[:, k, DOFS * two] = 1.0 / lengths[:, k]
-        found[:, k, DOFS * one] = -1.0 / lengths[:, k]
-        for end in (one, two):
-            found[:, k, DOFS * end + 1 : DOFS * end + 3] = -0.5 * ways[:, k]
-    return found, ways, lengths
-
-
-def curvatures(points: Floats, cells: Integers, shear: float = 0.0) -> csr_matrix:
-    """Curvatures b_xx, b_yy and b_xy + b_yx of vertices by degrees of freedom, 3 rows each [1/m].
-
-    Those of the triangles at a vertex, weighted by their areas.
-
-    Args:
-        points: Vertices [m], (vertices, 2).
-        cells: Triangles, (cells, 3).
-        shear: See `triangle_stiffness`.
-    """
-    corners = points[cells]
-    edges = (corners[:, 1:] - corners[:, :1]).swapaxes(1, 2)
-    inverse, area = np.linalg.inv(edges), 0.5 * np.abs(np.linalg.det(edges))
-    # Gradients of the linear functions of the corners.
-    rising = np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
-    around = np.bincount(cells.ravel(), np.repeat(area, 3), len(points))
-    slopes, count = _slopes(corners, shear), len(cells)
-    bent = np.empty((count, 3, 3, 3 * DOFS))  # of triangles at their corners
-    for corner in range(3):
-        # Derivatives there of the quadratic functions of vertices, then of the edges' middles.
-        shapes = np.zeros((count, 6, 2))
-        shapes[:, :3] = -rising
-        shapes[:, corner] = 3.0 * rising[:, corner]
-        for k, pair in enumerate(_EDGES):
-            if corner in pair:
-                shapes[:, 3 + k] = 4.0 * rising[:, sum(pair) - corner]
-        each = np.einsum("cna,cnbd->cabd", shapes, slopes)
-        each *= (area / around[cells[:, corner]])[:, None, None, None]
-        bent[:, corner] = np.stack(
-            [each[:, 0, 0], each[:, 1, 1], each[:, 0, 1] + each[:, 1, 0]], axis=1
+    @cached_property
+    def stiffness(self) -> csr_matrix:
+        """Of bending and shear, (3 vertices, 3 vertices) [N/m, N, N m]."""
+        bent, bending = self._bent, self.section.bending
+        weights = self.areas * self.ratio**3
+        each = np.einsum(
+            "c,ij,ciad,ab,cjbe->cde", weights, _LINEAR, bent, bending, bent, optimize=True
         )
-    own = _freedoms(cells)
-    size = DOFS * len(points)
-    return _assembled(bent.reshape(count, 9, -1), own, own, (size, size))
+        if self.shears:
+            along, ways, _ = self._missed
+            strain = along * (self._softness / (1.0 + self._softness))[:, :, None]
+            at = np.empty((len(self.cells), 3, 2, 3 * DOFS))
+            for corner in range(3):  # by both edges there, linear between
+                beside = [k for k, pair in enumerate(_EDGES) if corner in pair]
+                at[:, corner] = np.linalg.solve(ways[:, beside], strain[:, beside])
+            weights, shear = self.areas * self.ratio, self.section.shear
+            each += np.einsum(
+                "c,ij,ciad,ab,cjbe->cde", weights, _LINEAR, at, shear, at, optimize=True
+            )
+        return self._assembled(each)
+
+    def tension(self, force: float) -> csr_matrix:
+        """Stiffness by a tension, alike in all directions, (3 vertices, 3 vertices).
+
+        Args:
+            force: Of the section, by its length [N/m].
+        """
+        # Of linear w: slopes of their own would shun a large tension, and tones fall by a tenth.
+        rise = np.zeros((len(self.cells), 2, 3 * DOFS))
+        rise[:, :, ::DOFS] = self.rising.swapaxes(1, 2)
+        weights = force * self.ratio * self.areas
+        return self._assembled(np.einsum("c,cad,cae->cde", weights, rise, rise, optimize=True))
+
+    @property
+    def curvatures(self) -> csr_matrix:
+        """Curvatures b_xx, b_yy and b_xy + b_yx of vertices, 3 rows each [1/m].
+
+        Those of the triangles at a vertex, weighted by their areas.
+        """
+        around = np.bincount(self.cells.ravel(), np.repeat(self.areas, 3), len(self.points))
+        shares = self.areas[:, None] / around[self.cells]
+        each = (self._bent * shares[:, :, None, None]).reshape(len(self.cells), 9, -1)
+        return self._assembled(each)
+
+    @cached_property
+    def _freedoms(self) -> Integers:
+        """Of the corners of elements, (cells, 9)."""
+        found = DOFS * self.cells[:, :, None] + np.arange(DOFS)
+        return np.asarray(found.reshape(len(self.cells), -1))
+
+    @cached_property
+    def _bent(self) -> Floats:
+        """Curvatures at the corners of elements, linear between, (cells, 3, 3, 9)."""
+        slopes, rising = self._slopes, self.rising
+        found = np.empty((len(self.cells), 3, 3, 3 * DOFS))
+        for corner in range(3):
+            # Derivatives there of the quadratic functions of vertices, then of the edges' middles.
+            shapes = np.zeros((len(self.cells), 6, 2))
+            shapes[:, :3] = -rising
+            shapes[:, corner] = 3.0 * rising[:, corner]
+            for k, pair in enumerate(_EDGES):
+                if corner in pair:
+                    shapes[:, 3 + k] = 4.0 * rising[:, sum(pair) - corner]
+            each = np.einsum("cna,cnbd->cabd", shapes, slopes)
+            found[:, corner] = np.stack(
+                [each[:, 0, 0], each[:, 1, 1], each[:, 0, 1] + each[:, 1, 0]], axis=1
+            )
+        return found
+
+    @cached_property
+    def _slopes(self) -> Floats:
+        """At the vertices and then amid the edges of elements, (cells, 6, 2, 9)."""
+        found = np.zeros((len(self.cells), 6, 2, 3 * DOFS))
+        for corner in range(3):
+            for axis in range(2):
+                found[:, corner, axis, DOFS * corner + 1 + axis] = 1.0
+        along, ways, _ = self._missed
+        more = 1.5 / (1.0 + self._softness)[:, :, None] * along
+        for k, (one, two) in enumerate(_EDGES):
+            mean = 0.5 * (found[:, one] + found[:, two])
+            found[:, 3 + k] = mean + ways[:, k, :, None] * more[:, k, None]
+        return found
+
+    @cached_property
+    def _softness(self) -> Floats:
+        """Phi of edges: 12 D_ss / (S_ss l^2) in their directions s; 0 without shear, (cells, 3)."""
+        _, ways, lengths = self._missed
+        if not self.shears:
+            return np.zeros_like(lengths)
+        x, y = ways[..., 0], ways[..., 1]
+        bent = np.stack([x * x, y * y, 2.0 * x * y], axis=-1)
+        bending = np.einsum("...a,ab,...b", bent, self.section.bending, bent)
+        shear = np.einsum("...a,ab,...b", ways, self.section.shear, ways)
+        return np.asarray(12.0 * self.ratio[:, None] ** 2 * bending / (shear * lengths**2))
+
+    @cached_property
+    def _missed(self) -> tuple[Floats, Floats, Floats]:
+        """(w_j - w_i) / l - s . (b_i + b_j) / 2 of edges by degrees of freedom, (cells, 3, 9).
+
+        Also their directions, (cells, 3, 2), and lengths [m], (cells, 3).
+        """
+        corners = self.points[self.cells]
+        found = np.zeros((len(corners), 3, 3 * DOFS))
+        first, last = (corners[:, [pair[k] for pair in _EDGES]] for k in (0, 1))
+        lengths = np.linalg.norm(last - first, axis=2)
+        ways = (last - first) / lengths[:, :, None]
+        for k, (one, two) in enumerate(_EDGES):
+            found[:, k, DOFS * two] = 1.0 / lengths[:, k]
+            found[:, k, DOFS * one] = -1.0 / lengths[:, k]
+            for end in (one, two):
+                found[:, k, DOFS * end + 1 : DOFS * end + 3] = -0.5 * ways[:, k]
+        return found, ways, lengths
+
+    def _assembled(self, values: Floats) -> csr_matrix:
+        """Sum of matrices of elements, (cells, 9, 9), three rows to each corner."""
+        row, column = (
+            np.broadcast_to(each, values.shape)
+            for each in (self._freedoms[:, :, None], self._freedoms[:, None])
+        )
+        size = DOFS * len(self.points)
+        entries = values.ravel(), (row.ravel(), column.ravel())
+        found = csr_matrix(coo_matrix(entries, shape=(size, size)))
+        found.eliminate_zeros()
+        return found
 
 
-def _edge_map(points: Floats, cells: Integers, nodes: Integers, shear: float) -> csr_matrix:
-    """T: quadratic slopes, by their nodes (cells, 6), of the degrees of freedom of vertices."""
-    slopes = _slopes(points[cells], shear)
-    _, first = np.unique(nodes, return_index=True)  # neighbours have the same ones
-    chosen = np.zeros(nodes.size, dtype=bool)
-    chosen[first] = True
-    slopes *= chosen.reshape(*nodes.shape, 1, 1)
-    rows = (2 * nodes[:, :, None] + np.arange(2)).reshape(len(cells), -1)
-    shape = 2 * (int(nodes.max()) + 1), DOFS * len(points)
-    return _assembled(slopes.reshape(len(cells), 12, -1), rows, _freedoms(cells), shape)
-
-
-def _slopes(corners: Floats, shear: float) -> Floats:
-    """Slopes at the nodes of elements by their degrees of freedom, (cells, 6, 2, 9).
+def edge_stiffness(
+    points: Floats, pairs: Integers, stiffness: float, rotational: float
+) -> csr_matrix:
+    """Stiffness of springs along an edge, (3 vertices, 3 vertices).
 
     Args:
-        corners: (cells, 3, 2).
-        shear: See `triangle_stiffness`.
+        points: Vertices [m], (vertices, 2).
+        pairs: Of vertices along it, (pairs, 2).
+        stiffness: To deflection, by the length [N/m^2].
+        rotational: To rotation about the edge, by the length [N].
     """
-    found = np.zeros((len(corners), 6, 2, 3 * DOFS))
-    for corner in range(3):
-        for axis in range(2):
-            found[:, corner, axis, DOFS * corner + 1 + axis] = 1.0
-    along, ways, lengths = _way_missed(corners)
-    more = 1.5 / (1.0 + _softness(lengths, shear))[:, :, None] * along
-    for k, (one, two) in enumerate(_EDGES):
-        mean = 0.5 * (found[:, one] + found[:, two])
-        found[:, 3 + k] = mean + ways[:, k, :, None] * more[:, k, None]
-    return found
-
-
-def _freedoms(cells: Integers) -> Integers:
-    """Degrees of freedom of the corners of elements, (cells, 9)."""
-    return (DOFS * cells[:, :, None] + np.arange(DOFS)).reshape(len(cells), -1)
-
-
-def _assembled(
-    values: Floats, rows: Integers, columns: Integers, shape: tuple[int, int]
-) -> csr_matrix:
-    """Sum of matrices of elements (cells, m, n), at rows (cells, m) and columns (cells, n)."""
-    row, column = (
-        np.broadcast_to(each, values.shape) for each in (rows[:, :, None], columns[:, None])
-    )
-    found = csr_matrix(coo_matrix((values.ravel(), (row.ravel(), column.ravel())), shape=shape))
-    found.eliminate_zeros()
-    return found
+    way = points[pairs[:, 1]] - points[pairs[:, 0]]
+    length = np.linalg.norm(way, axis=1)
+    across = np.stack([way[:, 1], -way[:, 0]], axis=1) / length[:, None]
+    springs = np.zeros((len(pairs), DOFS, DOFS))
+    springs[:, 0, 0] = stiffness
+    springs[:, 1:, 1:] = rotational * np.einsum("pa,pb->pab", across, across)
+    linear = (np.ones((2, 2)) + np.eye(2)) / 6.0
+    each = np.einsum("p,ij,pab->piajb", length, linear, springs)
+    at = DOFS * pairs[:, :, None] + np.arange(DOFS)
+    row, column = np.broadcast_arrays(at[:, :, :, None, None], at[:, None, None])
+    size = DOFS * len(points)
+    entries = each.ravel(), (row.ravel(), column.ravel())
+    return csr_matrix(coo_matrix(entries, shape=(size, size)))

@@ -10,13 +10,13 @@ from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import eigsh, splu
 
 from impactfem import fem
-from impactfem.errors import MeshError
+from impactfem.errors import MeshError, SceneError
 from impactfem.scene import Formula, Scene
 from impactfem.scene.pairing import bodies_met, law_of, obstacles_of
 from impactfem.scene.plate import Plate
 from impactfem.scene.plate_keys import FACES
 from impactfem.system.few import FewBodies
-from impactfem.system.kirchhoff import DOFS, curvatures, triangle_stiffness
+from impactfem.system.kirchhoff import DOFS, Triangles, edge_stiffness
 from impactfem.system.loads import FormulaValues
 from impactfem.system.plate_mesh import (
     Booleans,
@@ -50,10 +50,11 @@ class PlateSystem(FewBodies):
         node_mass: Of the vertices, after what touches gave its away [kg], (vertices,).
         weight: Mass of q, (d,) [kg, kg m^2].
         turning: Rotary inertia of the vertices about any axis in the plate [kg m^2], (vertices,).
-        shear: D over the stiffness to shear [m^2]; 0 without shear.
+        shears: Whether it does.
+        thickness: At the vertices [m], (vertices,).
         transfer: P of `mass_to_neighbours`, by which loads move too; (vertices, vertices).
         loads: Pressures at the vertices, and which way along the normal they push.
-        curved: `curvatures` of the vertices by q, (3 vertices, d).
+        curved: `Triangles.curvatures` of the vertices by q, (3 vertices, d).
         enclosed: Whether all of its outline is held.
         touch: Vertices that may touch, (count,); `lines` are triangles between them, for balls.
     """
@@ -67,7 +68,8 @@ class PlateSystem(FewBodies):
     node_mass: Floats
     weight: Floats
     turning: Floats
-    shear: float
+    shears: bool
+    thickness: Floats
     transfer: csr_matrix
     touch: Integers
     loads: tuple[tuple[float, FormulaValues], ...]
@@ -79,6 +81,11 @@ class PlateSystem(FewBodies):
         """Least one [m], about."""
         size = float(np.ptp(self.mesh.points, axis=0).max())
         return min(self.plate.least_width, float(self.mesh.areas.sum()) / size)
+
+    @property
+    def depth(self) -> float:
+        """Largest thickness [m]."""
+        return float(self.thickness.max())
 
     @property
     def massless(self) -> bool:
@@ -94,20 +101,19 @@ class PlateSystem(FewBodies):
 
         Source: C. Zener, Phys. Rev. 59 (1941) 669-673, whose lambda this is.
         """
-        plate = self.plate
-        nu = plate.poisson_ratio
-        dent = 4.0 / 3.0 * plate.youngs_modulus / (1.0 - nu**2) * math.sqrt(radius)
-        wave = 8.0 * math.sqrt(plate.rigidity * plate.density * plate.thickness)
+        section = self.plate.section
+        dent = 4.0 / 3.0 * section.hardness * math.sqrt(radius)
+        wave = 8.0 * math.sqrt(section.rigidity * section.mass)
         return float((dent**2 * speed * mass**3) ** 0.2 / wave)
 
     def von_mises(self, q: Floats) -> Floats:
-        """Of either face at all vertices [Pa], (vertices,): 6 / t^2 times the moments there."""
-        plate = self.plate
-        scale = 6.0 * plate.rigidity / plate.thickness**2
-        one, two, mixed = scale * (self.curved @ q).reshape(-1, 3).T
-        x, y = one + plate.poisson_ratio * two, two + plate.poisson_ratio * one
-        shear = 0.5 * (1.0 - plate.poisson_ratio) * mixed
-        return np.asarray(np.sqrt(x**2 - x * y + y**2 + 3.0 * shear**2))
+        """Of the face where it is larger at all vertices [Pa], (vertices,)."""
+        section = self.plate.section
+        curved = (self.curved @ q).reshape(-1, 3) * (self.thickness / section.thickness)[:, None]
+        x, y, mixed = np.einsum("fij,vj->ifv", section.faces, curved)
+        at_rest = self.plate.residual_stress
+        x, y = x + at_rest, y + at_rest
+        return np.asarray(np.sqrt(x**2 - x * y + y**2 + 3.0 * mixed**2).max(axis=0))
 
     def pressure(self, t: float) -> Floats:
         """Forces of the pressures along the normal on all vertices [N], (vertices,)."""
@@ -139,12 +145,12 @@ def plate_system(scene: Scene, plate: Plate) -> PlateSystem:
     sprung = bool(laws) and all(law is not None and law.stiffness is not None for law in laws)
     return discretised(
         plate, mesh, touches=bool(met) and not sprung, sprung=sprung,
-        shear=plate.shear_beside(scene.bodies),
+        shears=plate.shears_beside(scene.bodies),
     )  # fmt: skip
 
 
 def discretised(
-    plate: Plate, mesh: PlateMesh, *, touches: bool, sprung: bool = False, shear: float = 0.0
+    plate: Plate, mesh: PlateMesh, *, touches: bool, sprung: bool = False, shears: bool = False
 ) -> PlateSystem:
     """The same on a mesh that is given.
 
@@ -153,8 +159,13 @@ def discretised(
         mesh: Of its mid-surface.
         touches: Whether there is anything that it may meet without a stiffness between.
         sprung: Whether all that it meets has one.
-        shear: D over the stiffness to shear [m^2]; 0 without shear.
+        shears: Whether it shears.
+
+    Raises:
+        MeshError: It has an unknown edge, or no vertex is left that could move and have mass.
+        SceneError: Its thickness is none, or too large for its theory, or a stress buckles it.
     """
+    thickness = _thicknesses(plate, mesh)
     still, ways = held_slopes(mesh, plate)
     count = len(mesh.points)
     touch = np.flatnonzero(~still) if sprung else apart_from_others(mesh, ~still)
@@ -165,16 +176,23 @@ def discretised(
         )
     light = touch if touches else np.zeros(0, dtype=np.int64)
     transfer = mass_to_neighbours(mesh, light)
-    area = np.asarray(mesh.shares.sum(axis=1)).ravel()
-    density = plate.density * plate.thickness
-    mass = np.asarray(transfer.T @ (density * area))
+    section = plate.section
+    ratio = thickness[mesh.cells].mean(axis=1) / section.thickness
+    own = section.mass * mesh.lumped(ratio)
+    mass = np.asarray(transfer.T @ own)
     mass[still] = 0.0
     basis, deflected, vertex = _basis(still, ways)
-    bending = plate.rigidity, plate.poisson_ratio
-    stiffness = triangle_stiffness(mesh.points, mesh.cells, *bending, shear)
+    triangles = Triangles(mesh.points, mesh.cells, section, ratio, shears)
+    stiffness = triangles.stiffness
+    for support in plate.supports:
+        springs = support.stiffness, support.rotational_stiffness
+        if any(springs):
+            stiffness = stiffness + edge_stiffness(mesh.points, mesh.edges[support.edge], *springs)
     reduced = csr_matrix(basis.T @ stiffness @ basis)
+    if plate.residual_stress:
+        reduced = _stressed(plate, mesh, still, reduced, triangles, basis)
     # Rotary inertia, of plates that shear: others have none, and follow their deflection.
-    turning = plate.density * plate.thickness**3 / 12.0 * area * bool(shear)
+    turning = section.turning * mesh.lumped(ratio**3) * shears
     inertia = sum(basis[k::DOFS].power(2).T @ turning for k in (1, 2))
     weight = basis[::DOFS].T @ mass + inertia
     massless = weight == 0.0
@@ -197,28 +215,28 @@ def discretised(
     def places(q: Floats) -> Floats:
         return np.asarray(rest + np.outer((basis @ q)[DOFS * touch], axes[2]))
 
-    total = float(density * area.sum())
-    half = 0.5 * plate.thickness
+    total = float(own.sum())
+    half = 0.5 * thickness[touch]
     first = _first_frequency(reduced, weight * ~massless)
     return PlateSystem(
         names=(plate.name,),
         masses=(total,),
-        centers=(area @ start / area.sum())[None],
+        centers=(own @ start / total)[None],
         speeds=(mass @ v / total * axes[2])[None],
         inertias=(0.0,),
         angles=(0.0,),
         position=position,
         velocity=np.where(deflected, v[vertex], 0.0),
         places=places,
-        radius=np.full(len(touch), half),
-        shell=np.full(len(touch), half),
+        radius=half,
+        shell=half,
         touching=np.ones(len(touch), dtype=bool),
         body=np.zeros(len(touch), dtype=np.int64),
         lines=mesh.cells_of(touch) if sprung else net_between(mesh, touch),
         ends={},
         rate=lambda: _OF_BENDING * first,
-        words=f"a {'thick' if shear else 'thin'} plate of {len(mesh.cells)} discrete Kirchhoff"
-        f"{'-Mindlin' if shear else ''} triangles",
+        words=f"a {'thick' if shears else 'thin'} plate of {len(mesh.cells)} discrete Kirchhoff"
+        f"{'-Mindlin' if shears else ''} triangles",
         plate=plate,
         mesh=mesh,
         basis=basis,
@@ -228,16 +246,66 @@ def discretised(
         node_mass=mass,
         weight=weight,
         turning=turning,
-        shear=shear,
+        shears=shears,
+        thickness=thickness,
         transfer=transfer,
         touch=touch,
         loads=tuple(
             (FACES[load.face], values(load.value, f"pressure on the {load.face}"))
             for load in plate.pressures
         ),
-        curved=csr_matrix(curvatures(mesh.points, mesh.cells, shear) @ basis),
+        curved=csr_matrix(triangles.curvatures @ basis),
         enclosed=bool(still[mesh.rim].all()),
     )
+
+
+def _thicknesses(plate: Plate, mesh: PlateMesh) -> Floats:
+    """At the vertices [m], (vertices,).
+
+    Raises:
+        SceneError: It is none somewhere, or too large.
+    """
+    if plate.thickness is None or plate.thickness.is_constant:
+        return np.full(len(mesh.points), plate.depth)
+    x, y = mesh.points.T
+    found = np.asarray(plate.thickness(x=x, y=y))
+    bad = np.flatnonzero(~(np.isfinite(found) & (found > 0.0)))
+    if len(bad):
+        at = ", ".join(f"{each:.4g}" for each in mesh.points[bad[0]])
+        raise SceneError(
+            f"body {plate.name}: thickness = {plate.thickness.text!r} is {found[bad[0]]:.4g} at "
+            f"(x, y) = ({at}): give a formula that is above 0 all over the plate"
+        )
+    plate.check_thickness(float(found.max()))
+    return found
+
+
+def _stressed(
+    plate: Plate, mesh: PlateMesh, still: Booleans, stiffness: csr_matrix, triangles: Triangles,
+    basis: csr_matrix,
+) -> csr_matrix:  # fmt: skip
+    """Stiffness in q with that of the tension in the plate.
+
+    Raises:
+        SceneError: Nothing holds the tension, or it buckles the plate.
+    """
+    stress = plate.residual_stress
+    where = f"body {plate.name}: residual_stress = {stress:g} Pa"
+    if not still[mesh.rim].all():
+        raise SceneError(
+            f"{where} needs all edges held, which a free or elastic one lets go: hold them, or "
+            "remove it"
+        )
+    unit = csr_matrix(basis.T @ triangles.tension(plate.section.thickness) @ basis)
+    if stress < 0.0:
+        start = np.ones(basis.shape[1])
+        least = eigsh(stiffness, 1, unit, sigma=0.0, v0=start, return_eigenvectors=False)
+        if -stress >= least[0]:
+            raise SceneError(
+                f"{where} buckles it, as {-least[0]:.4g} Pa do: give less, motions beyond are not "
+                "modelled"
+            )
+    return stiffness + stress * unit
 
 
 def _basis(still: Booleans, ways: list[list[Floats]]) -> tuple[csr_matrix, Booleans, Integers]:

@@ -68,6 +68,11 @@ class PlateMesh:
         """Integrals of products of linear functions [m^2], (vertices, vertices)."""
         return self._coupled(self.areas[:, None, None] * (np.ones((3, 3)) + np.eye(3)) / 12.0)
 
+    def lumped(self, values: Floats) -> Floats:
+        """Values of the triangles by area, a third to each corner [m^2], (vertices,)."""
+        each = np.repeat(values * self.areas / 3.0, 3)
+        return np.bincount(self.cells.ravel(), each, len(self.points))
+
     @cached_property
     def neighbours(self) -> csr_matrix:
         """How many triangles each two vertices share, without themselves, (vertices, vertices)."""

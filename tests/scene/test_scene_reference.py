@@ -53,6 +53,8 @@ TABLES = {
     "joints = { NAME = { ... } }": language.JointStart,
     "place = { ... }": language.Place,
     "soft = { ... }": language.Soft,
+    "orthotropic = { e1 = ... }": language.Orthotropic,
+    "layers = [{ thickness = ... }]": language.Layer,
 }
 
 

@@ -1,67 +1,17 @@
 """Thin plates against closed forms: deflections, frequencies, rigid motions, curvatures."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
+from plate_cases import DISC, NU, SQUARE, deflected, grid, plate_of, tones
 from scipy.optimize import brentq
 from scipy.sparse.linalg import spsolve
 from scipy.special import iv, jv
 
-import impactfem
-from impactfem.system.kirchhoff import curvatures, triangle_stiffness
-from impactfem.system.plate import discretised, frequencies
-from impactfem.system.plate_mesh import PlateMesh, plate_mesh
-
-NU = 0.3
-SQUARE = {"kind": "rectangle", "size": [1.0, 1.0]}
-SIDES = ("left", "right", "bottom", "top")
-DISC = {"kind": "disc", "radius": 1.0}
-
-
-def plate_of(outline, size, kind=None, edges=SIDES, *, touches=False, mesh=None, shear=0.0,
-             thickness=0.01, **more):  # fmt: skip
-    """A plate with D = rho t = 1 under the pressure 1 from below."""
-    nu = more.setdefault("poisson_ratio", NU)
-    t = thickness
-    body = impactfem.Plate(
-        outline=outline, mesh_size=size, thickness=t, density=1.0 / t,
-        youngs_modulus=12.0 * (1.0 - nu**2) / t**3,
-        supports=[{"edge": edge, "kind": kind} for edge in edges] if kind else [],
-        pressures=[{"face": "bottom", "value": 1.0}], **more,
-    )  # fmt: skip
-    return discretised(body, mesh or plate_mesh(body, Path()), touches=touches, shear=shear)
-
-
-def grid(n, shift=0.0):
-    """The unit square about the origin as 2 n^2 triangles, its inner vertices moved by shares h."""
-    i, j = np.meshgrid(np.arange(n + 1), np.arange(n + 1))
-    points = np.stack([i.ravel(), j.ravel()], axis=1) / n - 0.5
-    inner = (np.abs(points).max(axis=1) < 0.5 - 1e-9) & (np.abs(points).max(axis=1) > 1e-9)
-    moves = np.random.default_rng(1).uniform(-shift / n, shift / n, points.shape)
-    number = i + j * (n + 1)
-    a, b = number[:-1, :-1].ravel(), number[:-1, 1:].ravel()
-    c, d = number[1:, :-1].ravel(), number[1:, 1:].ravel()
-    cells = np.concatenate([np.stack([a, b, d], 1), np.stack([a, d, c], 1)])
-    line = np.stack([np.arange(n), np.arange(1, n + 1)], axis=1)
-    edges = {
-        "bottom": line,
-        "top": line + n * (n + 1),
-        "left": (n + 1) * line,
-        "right": (n + 1) * line + n,
-    }
-    return PlateMesh(points + inner[:, None] * moves, cells, edges)
-
-
-def deflected(plate):
-    """Deflections under the pressure, and where, (vertices,) and (vertices, 2)."""
-    forces = plate.basis[::3].T @ (plate.transfer.T @ plate.pressure(0.0))
-    return plate.deflection(spsolve(plate.stiffness.tocsc(), forces)), plate.mesh.points
-
-
-def tones(plate, count):
-    return frequencies(plate.stiffness, plate.basis[::3].T @ plate.node_mass, count)
+from impactfem.scene.laminate import Ply, Section
+from impactfem.system.kirchhoff import Triangles
+from impactfem.system.plate import frequencies
 
 
 @pytest.mark.parametrize(
@@ -176,7 +126,7 @@ def test_thick_squares_do_not_lock(kind, shift):
 
         def middle(n, t=t):
             mesh = grid(n, shift)
-            w, points = deflected(plate_of(SQUARE, 0.1, kind, mesh=mesh, shear=shear_of(t)))
+            w, points = deflected(plate_of(SQUARE, 0.1, kind, mesh=mesh, shears=True, thickness=t))
             return w[np.argmin(np.linalg.norm(points, axis=1))]
 
         coarse, fine = (abs(middle(n) / exact - 1.0) for n in (16, 32))
@@ -187,7 +137,7 @@ def test_thick_squares_do_not_lock(kind, shift):
 def test_a_thick_clamped_disc():
     """w = p R^4 / (64 D) + p R^2 / (4 kappa G t)."""
     t = 0.2
-    w, points = deflected(plate_of(DISC, 0.05, "clamped", ("rim",), shear=shear_of(t)))
+    w, points = deflected(plate_of(DISC, 0.05, "clamped", ("rim",), shears=True, thickness=t))
     exact = 1.0 / 64.0 + 0.25 * shear_of(t)
     middle = int(np.argmin(np.linalg.norm(points, axis=1)))
     r = float(np.linalg.norm(points[middle]))
@@ -198,7 +148,7 @@ def test_a_thick_clamped_disc():
 def test_frequencies_of_a_thick_square():
     """(S k^2 - m w^2) (D k^2 + S - J w^2) = S^2 k^2 with the rotary inertia J, S = kappa G t."""
     t = 0.1
-    plate = plate_of(SQUARE, 1 / 32, "simply_supported", shear=shear_of(t), thickness=t)
+    plate = plate_of(SQUARE, 1 / 32, "simply_supported", shears=True, thickness=t)
     squares = math.pi**2 * np.array(
         sorted(m * m + n * n for m in range(1, 8) for n in range(1, 8))[:10]
     )
@@ -241,13 +191,15 @@ def test_frequencies_of_a_free_disc():
 def test_constant_curvature_and_rigid_motions_are_exact():
     """The patch test of plates, on an irregular mesh."""
     mesh = plate_of(DISC, 0.3).mesh
-    stiffness = triangle_stiffness(mesh.points, mesh.cells, 2.0, NU)
+    section = Section.of([Ply.isotropic(1.0, 1.0, 24.0 * (1.0 - NU**2), NU)])
+    triangles = Triangles(mesh.points, mesh.cells, section, np.ones(len(mesh.cells)))
+    stiffness = triangles.stiffness
     values = np.linalg.eigvalsh(stiffness.toarray())
     assert np.count_nonzero(values < 1e-10 * values[-1]) == 3
     (x, y), (a, b, c) = mesh.points.T, (0.7, -0.4, 0.3)
     field = np.stack([a * x**2 + b * x * y + c * y**2, 2 * a * x + b * y, b * x + 2 * c * y], 1)
     density = (1 - NU) * (4 * a**2 + 2 * b**2 + 4 * c**2) + NU * (2 * a + 2 * c) ** 2
-    bent = (curvatures(mesh.points, mesh.cells) @ field.ravel()).reshape(-1, 3)
+    bent = (triangles.curvatures @ field.ravel()).reshape(-1, 3)
     assert bent == pytest.approx(np.tile([2 * a, 2 * c, 2 * b], (len(x), 1)), abs=1e-10)
     energy = field.ravel() @ (stiffness @ field.ravel())
     assert energy == pytest.approx(2.0 * density * mesh.areas.sum(), rel=1e-12)

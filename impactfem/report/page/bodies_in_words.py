@@ -255,12 +255,19 @@ def _springs(_: Scene, body: Any) -> str:
 
 def _plate(scene: Scene, plate: Any) -> str:
     origin = plate.mesh or f"a {plate.outline.kind}"
-    text = f"An elastic plate, {origin} {quantity(plate.thickness, 'm')} thick about "
+    thick = f"{quantity(plate.depth, 'm')} thick"
+    if plate.thickness is not None and not plate.thickness.is_constant:
+        thick = f"{formula(plate.thickness)} m thick"
+    text = f"An elastic plate, {origin} {thick} about "
     text += f"{vector(plate.center, 'm')}, its normal along {vector(plate.frame[1][2], '')}. "
     text += f"{_THEORIES[plate.theory_beside(scene.bodies)]}'s theory on triangles: "
-    text += "Young's modulus "
-    text += f"{quantity(plate.youngs_modulus, 'Pa')}, Poisson's ratio "
-    text += f"{number(plate.poisson_ratio)}, density {quantity(plate.density, 'kg/m³')}."
+    if plate.layers:
+        each = (f"{quantity(e.thickness, 'm')} ({_material(e, e.angle)})" for e in plate.layers)
+        text += f"layers from bottom to top of {'; '.join(each)}."
+    else:
+        text += f"{_material(plate)}."
+    if plate.residual_stress:
+        text += f" At rest {quantity(plate.residual_stress, 'Pa')} pull in it."
     text += _damping(plate)
     for support in plate.supports:
         text += f" Its edge {support.edge} is {_EDGES[support.kind]}."
@@ -276,11 +283,27 @@ def _plate(scene: Scene, plate: Any) -> str:
 
 
 _THEORIES = {"kirchhoff": "Kirchhoff", "reissner_mindlin": "Reissner and Mindlin"}
+
+
+def _material(owner: Any, turned: float = 0.0) -> str:
+    """Moduli and density of a plate or a layer."""
+    density = f"density {quantity(owner.density, 'kg/m³')}"
+    if (own := owner.orthotropic) is None:
+        text = f"Young's modulus {quantity(owner.youngs_modulus, 'Pa')}, Poisson's ratio "
+        return f"{text}{number(owner.poisson_ratio)}, {density}"
+    text = f"Young's moduli {quantity(own.e1, 'Pa')} along and {quantity(own.e2, 'Pa')} across "
+    text += (
+        f"an axis at {quantity(own.angle + turned, 'rad')}, Poisson's ratio {number(own.nu12)}, "
+    )
+    return f"{text}shear modulus {quantity(own.g12, 'Pa')}, {density}"
+
+
 _EDGES = {
     "clamped": "clamped",
     "simply_supported": "simply supported (hard)",
     "soft_support": "supported, free to turn",
     "free": "free",
+    "elastic": "held by springs",
 }
 
 
