@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import diags
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from impactfem.contact.closest import shares_inside
 from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS, Finding, by_limits, percent
@@ -39,6 +39,17 @@ _SHEAR = 19.0
 (.00150463 against .00126532 q L^4 / D at a tenth)."""
 
 _NEAR = 1e-9  # share of the plate's size by which a probe may lie off its mid-surface
+
+
+def _one_by_one(factor: SuperLU, right: Floats) -> Floats:
+    """Solve for several right-hand sides (d, several), each rounded as it would be alone.
+
+    A run that is continued asks for others together.
+    """
+    found = np.empty_like(right)
+    for k, each in enumerate(right.T):
+        found[:, k] = factor.solve(np.ascontiguousarray(each))
+    return found
 
 
 class PlateMidpoint(FewInterior):
@@ -138,7 +149,7 @@ class PlateMidpoint(FewInterior):
         """Change of q at the end of the layer by forces on contact nodes (several, count, 3)."""
         right = np.zeros((len(self._q), len(forces)))
         right[self._touch] = (forces @ self._normal).T
-        found = 2.0 * self._layer.solve(right)
+        found = 2.0 * _one_by_one(self._layer, right)
         found[self._light] = 0.0
         return np.asarray(found)
 
@@ -146,7 +157,7 @@ class PlateMidpoint(FewInterior):
         """What changes of q (d, several) do to the contact nodes, (several, count)."""
         if not self._massless:
             return np.asarray(answer[self._touch].T)
-        moved = -self._statics.solve(np.ascontiguousarray(self._pull @ answer[self._heavy]))
+        moved = -_one_by_one(self._statics, self._pull @ answer[self._heavy])
         return np.asarray(moved[self._among].T)
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
@@ -162,7 +173,7 @@ class PlateMidpoint(FewInterior):
             return np.zeros_like(forces)
         right = np.zeros((len(self._light), len(forces)))
         right[self._among] = (forces @ self._normal).T
-        moved = self._statics.solve(right)[self._among].T
+        moved = _one_by_one(self._statics, right)[self._among].T
         return np.asarray(moved[:, :, None] * self._normal)
 
     def static(self, forces: Floats) -> Floats:

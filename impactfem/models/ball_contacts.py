@@ -266,9 +266,10 @@ def _on_solid(
     if thick >= _RESOLVED * solid.size:
         return [BallMeeting(label, names, solid.name, around, patch=True)]
     places = BallPair(ball.nodes, ball.radius, target, total)
-    found = [BallMeeting(label, names, ball.name, places, patch=False)]
+    patch = ball.lines.shape[1] > 2  # triangles of a plate
+    found = [BallMeeting(label, names, ball.name, places, patch=patch)]
     if len(ball.lines) and thick > 0.0:
-        found.append(BallMeeting(label, names, solid.name, around, patch=False))
+        found.append(BallMeeting(label, names, solid.name, around, patch=patch))
     return found
 
 

@@ -33,7 +33,7 @@ class BodyKind:
         substeps: Whether its steps can be of any length, as beside bodies under finite strain.
         probed: What a probe in it may keep.
         settings: Keys of ``[solve]`` that it brings into scenes of several kinds.
-        balls_only: Whether other bodies that it meets must be balls.
+        has_surface: Whether it touches at many places what has a surface too.
         meets_edges: Whether edges and faces of rigid bodies may meet it.
         dents: Whether its contacts, at single places, may have a stiffness.
         rubs: Whether friction acts on it.
@@ -54,7 +54,7 @@ class BodyKind:
     substeps: ClassVar[bool] = True
     probed: ClassVar[tuple[str, ...]] = MOVES
     settings: ClassVar[tuple[str, ...]] = ()
-    balls_only: ClassVar[bool] = False
+    has_surface: ClassVar[bool] = False
     meets_edges: ClassVar[bool] = False
     dents: ClassVar[bool] = False
     rubs: ClassVar[bool] = True

@@ -76,7 +76,6 @@ def _check_partners(scene: Content) -> None:
         one, two = (bodies[body] for body, _ in sides)
         what = f" of {one.name} and {two.name} ({name}) is not available: "
         for body, other in ((one, two), (two, one)):
-            _check_meets(body, other, what)
             if body.has_corners and not (other.rolls or other.has_corners or other.meets_edges):
                 text = f"{body.name} has edges and faces, which a {other.kind} does not meet; "
                 text += "list the pairs that may meet by [[contact]]."
@@ -92,14 +91,6 @@ def _check_partners(scene: Content) -> None:
                 text += f"{obstacle.name} may meet edges and faces of {body.name}, and is not "
                 text += "convex; give boxes, a half_space, or a body that is a ball."
                 raise KeyedError("contact", "", text)
-
-
-def _check_meets(body: Body, other: Body, what: str) -> None:
-    """Refuse bodies that it does not meet."""
-    if body.balls_only and not other.is_ball:
-        text = f"a {body.kind} meets obstacles, points and rigid balls only; list the pairs that "
-        text += "may meet by [[contact]]."
-        raise KeyedError("contact", "", what + text)
 
 
 def _check_convex(body: Body, what: str) -> None:

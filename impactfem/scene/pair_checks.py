@@ -57,8 +57,10 @@ def check_springs(scene: Content) -> None:
         names = [side_of(entry)[0] for entry in contact.between]
         for name, other in zip(names, reversed(names), strict=True):
             body = known.get(name)
-            # Of a plate on an obstacle all vertices may touch.
-            if body and not (body.dents and (other in known or not body.balls_only)):
+            # Of a plate on an obstacle or on another plate all vertices may touch.
+            broad = body is not None and body.has_surface
+            broad = broad and (other not in known or known[other].has_surface)
+            if body and (broad or not body.dents):
                 text = f"{shown}{name}, a {body.kind}, may touch at many places, or gives way by "
                 text += "itself; remove it, or take a point, a rigid ball, a bar or a plate."
                 raise KeyedError(f"contact[{index}]", "stiffness", text)

@@ -56,7 +56,8 @@ class Plate(BodyKind):
     waves: ClassVar[bool] = True
     may_meet_nothing: ClassVar[bool] = True
     substeps: ClassVar[bool] = False
-    balls_only: ClassVar[bool] = True
+    has_surface: ClassVar[bool] = True
+    meets_edges: ClassVar[bool] = True
     dents: ClassVar[bool] = True
     rubs: ClassVar[bool] = False
     meshed: ClassVar[bool] = True
@@ -248,7 +249,7 @@ class Plate(BodyKind):
     def theory_beside(self, bodies: Sequence[Any]) -> str:
         """Its theory beside others, all bodies of its scene; see `theory`."""
         thick = self.section.shear_depth > _SHEARS * self.least_width
-        struck = any(body.is_ball for body in bodies)
+        struck = bool(self._pressed_by(bodies))
         return self.theory or (SHEARING if thick and not struck else THIN)
 
     def shears_beside(self, bodies: Sequence[Any]) -> bool:
@@ -256,16 +257,20 @@ class Plate(BodyKind):
         return THEORIES[self.theory_beside(bodies)]
 
     def check_beside(self, bodies: Sequence[Any]) -> None:
-        """Refuse points and balls on a plate that shears: there they would sink in without end.
+        """Refuse what presses on single places of a plate that shears: there it would sink in.
 
         Raises:
             KeyedError: There are some.
         """
-        balls = [body.name for body in bodies if body.is_ball]
+        balls = self._pressed_by(bodies)
         if balls and THEORIES.get(self.theory or ""):
             text = f" = {show(self.theory)}: {balls[0]} would press on a single place, which gives "
             text += 'way to shear the more the smaller elements are; give theory = "kirchhoff".'
             raise KeyedError("", "theory", text)
+
+    def _pressed_by(self, bodies: Sequence[Any]) -> list[str]:
+        """Names of bodies that press on single places."""
+        return [body.name for body in bodies if not body.has_surface]
 
     @property
     def rayleigh_damping(self) -> tuple[float, float]:

@@ -66,6 +66,7 @@ class SolidKeys(BodyKind):
     settles: ClassVar[bool] = True
     meshed: ClassVar[bool] = True
     meets_edges: ClassVar[bool] = True
+    has_surface: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the body in histories", default="solid")
