@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from impactfem.contact.ball_kernels import gaps_of
+from impactfem.contact.ball_kernels import gaps_of, near_of
 from impactfem.contact.ball_pairs import BallPair
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting
@@ -65,17 +65,17 @@ class BallCrowd(Anew):
         """See `BallPair.__call__`."""
         gap, normal = gaps_of(self.ends, self.room, places, acting)
         near = gap <= self.near
-        nodes = self.nodes_of(np.flatnonzero(near), gap)
+        nodes = self.nodes_of(np.flatnonzero(near), gap[near])
         starts = 2 * np.concatenate([[0], np.cumsum(near)])
         entries = np.tile([1.0, -1.0], len(nodes)), nodes.ravel(), starts
         weights = csr_matrix(entries, shape=(len(gap), self.total))
         return Meeting(weights, gap, normal, np.zeros(len(gap)))
 
     def nodes_of(self, pairs: Integers, gap: Floats) -> Integers:
-        """Nodes of pairs that are near, the closest first in their choice, (pairs, 2)."""
+        """Nodes of pairs with some gaps, the closest first in their choice, (pairs, 2)."""
         nodes, shared = self.ends[pairs], self.shared[pairs]
         flat, room = nodes.ravel(), shared.ravel()
-        order = np.lexsort((np.repeat(gap[pairs], 2), flat))
+        order = np.lexsort((np.repeat(gap, 2), flat))
         ranked = flat[order]
         first = np.searchsorted(ranked, ranked)
         rank = np.empty(len(flat), dtype=np.int64)
@@ -118,13 +118,12 @@ class NearPairs:
     def __call__(self, places: Floats, acting: Floats) -> Meeting:
         """See `BallPair.__call__`."""
         crowd = self._crowd
-        gap, normal = gaps_of(crowd.ends, crowd.room, places, acting)
-        near = np.flatnonzero(gap <= crowd.near)
-        near = near if len(near) else np.array([np.argmin(gap)])
+        near = near_of(crowd.ends, crowd.room, crowd.near, places)
+        gap, normal = gaps_of(crowd.ends[near], crowd.room[near], places, acting)
         self._lend(near)
         lent = self.held >= 0
-        pairs = self.held[lent]
-        nodes = crowd.nodes_of(near, gap)[np.searchsorted(near, pairs)]
+        pairs = np.searchsorted(near, self.held[lent])
+        nodes = crowd.nodes_of(near, gap)[pairs]
         found, ways = np.full(len(lent), FAR), np.zeros((len(lent), places.shape[1]))
         ways[:, -1] = 1.0
         found[lent], ways[lent] = gap[pairs], normal[pairs]

@@ -32,3 +32,32 @@ def gaps_of(ends, room, places, acting):
         for c in range(dim):
             normal[k, c] /= apart
     return gap, normal
+
+
+@compiled
+def near_of(ends, room, near, places):
+    """Pairs of balls that are near, in rising order; where none is the nearest one.
+
+    Args:
+        ends, room, places: See `gaps_of`.
+        near: Gap up to which a pair is near [m], (pairs,).
+
+    Returns:
+        Their numbers, (near,).
+    """
+    found, count = np.empty(len(ends), dtype=np.int64), 0
+    nearest, least = 0, np.inf
+    for k in range(len(ends)):
+        i, j = ends[k]
+        apart = 0.0
+        for c in range(places.shape[1]):
+            apart += (places[i, c] - places[j, c]) ** 2
+        reach = room[k] + near[k]
+        if apart <= reach * reach:
+            found[count] = k
+            count += 1
+        elif not count and apart < (least + room[k]) ** 2:
+            nearest, least = k, np.sqrt(apart) - room[k]
+    if not count:
+        found[0], count = nearest, 1
+    return found[:count].copy()

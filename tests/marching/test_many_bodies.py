@@ -220,3 +220,29 @@ def test_a_gap_is_lent_again_only_after_a_layer_in_which_it_was_open():
     kept = wide.memory
     wide.recall(kept)
     np.testing.assert_array_equal(wide.held, kept)
+
+
+def test_a_loose_residual_keeps_momentum_and_never_gives_energy():
+    """Balls that fly into each other in space, spinning, with friction."""
+    grid = np.stack(np.meshgrid(*[np.arange(3)] * 3), axis=-1).reshape(-1, 3)
+    balls = [
+        {"kind": "rigid", "name": f"ball_{k}", "mass": 0.1 * (1 + k % 3),
+         "velocity": (1.5 * (1.0 - place)).tolist(),
+         "angular_velocity": [5.0 * (k % 3), 2.0, -float(k)],
+         "shape": {"kind": "sphere", "radius": 0.05, "center": (0.105 * place).tolist()}}
+        for k, place in enumerate(grid)
+    ]  # fmt: skip
+    law = {"between": ["*", "*"], "friction_coefficient": 0.4, "restitution": 0.3}
+    data = {"title": "implosion", "duration": 0.02, "body": balls, "contact": [law],
+            "solve": {"dt": 1e-3, "estimate": False, "friction_residual": 1e-3},
+            "output": {"fields": []}}  # fmt: skip
+    run = impactfem.solve(Scene.from_dict(data))
+    found = run.history
+    assert found["active"].values.max() >= 27
+    assert 0.0 < run.summary["details"]["friction_residual"] <= 1e-3
+    for axis in "xyz":
+        momentum = sum(ball["mass"] * found[f"{ball['name']}.v{axis}"].values for ball in balls)
+        np.testing.assert_allclose(momentum, momentum[0], rtol=0.0, atol=1e-14)
+    energy = found["total_energy"].values
+    assert energy[-1] < 0.5 * energy[0]
+    assert np.diff(energy).max() <= 1e-15
