@@ -96,9 +96,16 @@ class PlateMidpoint(FewInterior):
         self._start = bodies.places(self._q)
         self._contact = self._free_contact(self._q)
 
-    def _pressed(self, time: float) -> Floats:
-        """Forces of pressures on q, moved off what has no mass."""
-        forces = self.bodies.pressure(time)
+    def _pressed(self, time: float, ahead: float = 0.0) -> Floats:
+        """Forces of pressures on q, moved off what has no mass.
+
+        Args:
+            time: [s].
+            ahead: Since the present state, by which speed takes gaps on [s].
+        """
+        bodies = self.bodies
+        moved = bodies.deflection(self._q) + ahead * self._speed() if bodies.by_gap else None
+        forces = bodies.pressure(time, moved)
         return np.asarray(self._of_vertices @ (self.bodies.transfer.T @ forces))
 
     def _settle_slopes(self, q: Floats) -> None:
@@ -133,7 +140,9 @@ class PlateMidpoint(FewInterior):
     def predict(self, layer: int) -> Floats:
         """Solve the layer without contact forces."""
         begin, end = layer * self.dt, (layer + 1) * self.dt
-        if not self.bodies.is_steady:
+        if self.bodies.by_gap:
+            self._loads = self._pressed(0.5 * (begin + end), 0.5 * self.dt)
+        elif not self.bodies.is_steady:
             self._loads = 0.5 * (self._pressed(begin) + self._pressed(end))
         motion = self._mass * (self._mu * self._q + (2.0 / self.dt) * self._v)
         weight = self._mass * float(self.gravity(layer) @ self._normal)

@@ -359,7 +359,10 @@ class FacePressure:
 
     face: str = key(Choice(tuple(FACES)), "on which face it pushes")
     value: Formula = key(  # noqa: RUF009  # a field
-        FormulaOf(("x", "y", "t")), "pressure; x and y in the plate, from its centre", unit="Pa"
+        FormulaOf(("x", "y", "t", "gap")),
+        "pressure; x and y in the plate, from its centre; gap from the face to the obstacle there, "
+        "0 where it lies in it",
+        unit="Pa",
     )
 
     if TYPE_CHECKING:

@@ -39,16 +39,25 @@ class FormulaValues:
     @property
     def is_steady(self) -> bool:
         """Whether the formula does not use t."""
-        return not _uses_time(self._formula)
+        return "t" not in self._formula.used
 
-    def at(self, t: float) -> Floats:
+    @property
+    def uses_gap(self) -> bool:
+        """Whether the formula uses the gap to an obstacle."""
+        return "gap" in self._formula.used
+
+    def at(self, t: float, **more: Floats) -> Floats:
         """Values at time t, shape (count,) (collective).
+
+        Args:
+            t: [s].
+            more: Other variables, (count,) each.
 
         Raises:
             SceneError: One is not finite; on all ranks.
         """
         count = len(next(iter(self._points.values())))
-        values: Floats = np.broadcast_to(self._formula(t=t, **self._points), count)
+        values: Floats = np.broadcast_to(self._formula(t=t, **self._points, **more), count)
         bad = np.flatnonzero(~np.isfinite(values))
         if self._comm.allreduce(bad.size, op=MPI.SUM):
             error = None
@@ -247,11 +256,3 @@ def _surface_load(
     values, forces = matrix.createVecs()
     places = space.tabulate_dof_coordinates()[used, : nodes.dim]
     return SurfaceLoad(FormulaValues(formula, label, places, nodes.comm), matrix, values, forces)
-
-
-def _uses_time(formula: Formula) -> bool:
-    try:
-        Formula(formula.text, tuple(name for name in formula.variables if name != "t"))
-    except SceneError:
-        return True
-    return False

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from scipy.sparse.linalg import eigsh, splu
 from impactfem import fem
 from impactfem.errors import MeshError, SceneError
 from impactfem.scene import Formula, Scene
+from impactfem.scene.obstacles.rotation import gap_at
 from impactfem.scene.pairing import bodies_met, law_of, obstacles_of
 from impactfem.scene.plate import Plate
 from impactfem.scene.plate_keys import FACES
@@ -54,6 +56,7 @@ class PlateSystem(FewBodies):
         thickness: At the vertices [m], (vertices,).
         transfer: P of `mass_to_neighbours`, by which loads move too; (vertices, vertices).
         loads: Pressures at the vertices, and which way along the normal they push.
+        obstacles: Of the scene that it may meet, to which pressures count gaps.
         curved: `Triangles.curvatures` of the vertices by q, (3 vertices, d).
         enclosed: Whether all of its outline is held.
         touch: Vertices that may touch, (count,); `lines` are triangles between them, for balls.
@@ -73,6 +76,7 @@ class PlateSystem(FewBodies):
     transfer: csr_matrix
     touch: Integers
     loads: tuple[tuple[float, FormulaValues], ...]
+    obstacles: tuple[Any, ...]
     curved: csr_matrix
     enclosed: bool
 
@@ -115,17 +119,40 @@ class PlateSystem(FewBodies):
         x, y = x + at_rest, y + at_rest
         return np.asarray(np.sqrt(x**2 - x * y + y**2 + 3.0 * mixed**2).max(axis=0))
 
-    def pressure(self, t: float) -> Floats:
-        """Forces of the pressures along the normal on all vertices [N], (vertices,)."""
+    def pressure(self, t: float, deflection: Floats | None = None) -> Floats:
+        """Forces of the pressures along the normal on all vertices [N], (vertices,).
+
+        Args:
+            t: [s].
+            deflection: Of the vertices [m], (vertices,); None: 0.
+        """
         found = np.zeros(len(self.mesh.points))
         for sign, values in self.loads:
-            found += sign * (self.mesh.shares @ values.at(t))
+            more = {"gap": self.gap(sign, t, deflection)} if values.uses_gap else {}
+            found += sign * (self.mesh.shares @ values.at(t, **more))
         return found
+
+    def gap(self, sign: float, t: float, deflection: Floats | None = None) -> Floats:
+        """From a face to the obstacle that it sees [m], >= 0, infinite if none; see `pressure`."""
+        center, axes = self.plate.frame
+        moved = np.zeros(len(self.mesh.points)) if deflection is None else deflection
+        places = center + self.mesh.points @ axes[:2] + np.outer(moved, axes[2])
+        found = np.full(len(places), np.inf)
+        for obstacle in self.obstacles:
+            away, normal = gap_at(obstacle, places, t)
+            seen = sign * (normal @ axes[2]) > 0.0
+            found = np.where(seen & (away < found), away, found)
+        return np.maximum(found - 0.5 * self.thickness, 0.0)
 
     @property
     def is_steady(self) -> bool:
-        """Whether the pressures stay as they are."""
-        return all(values.is_steady for _, values in self.loads)
+        """Whether the pressures stay as they are, wherever the plate is."""
+        return all(values.is_steady for _, values in self.loads) and not self.by_gap
+
+    @property
+    def by_gap(self) -> bool:
+        """Whether some go by the gap to an obstacle."""
+        return any(values.uses_gap for _, values in self.loads)
 
 
 def plate_system(scene: Scene, plate: Plate) -> PlateSystem:
@@ -140,17 +167,31 @@ def plate_system(scene: Scene, plate: Plate) -> PlateSystem:
         SceneError: A formula has no finite value.
     """
     mesh = plate_mesh(plate, scene.folder or Path())
-    met = [*bodies_met(scene, plate.name), *(o.name for o in obstacles_of(scene, plate.name))]
+    obstacles = tuple(obstacles_of(scene, plate.name))
+    met = [*bodies_met(scene, plate.name), *(o.name for o in obstacles)]
     laws = [law_of(scene, plate.name, name) for name in met]
     sprung = bool(laws) and all(law is not None and law.stiffness is not None for law in laws)
-    return discretised(
+    found = discretised(
         plate, mesh, touches=bool(met) and not sprung, sprung=sprung,
-        shears=plate.shears_beside(scene.bodies),
+        shears=plate.shears_beside(scene.bodies), obstacles=obstacles,
     )  # fmt: skip
+    for load, (sign, values) in zip(plate.pressures, found.loads, strict=True):
+        if values.uses_gap and np.isinf(found.gap(sign, 0.0)).all():
+            raise SceneError(
+                f"pressure on the {load.face} of {plate.name}: {load.value.text!r} uses gap, but "
+                "this face sees no obstacle at t = 0: give one there, or the other face"
+            )
+    return found
 
 
 def discretised(
-    plate: Plate, mesh: PlateMesh, *, touches: bool, sprung: bool = False, shears: bool = False
+    plate: Plate,
+    mesh: PlateMesh,
+    *,
+    touches: bool,
+    sprung: bool = False,
+    shears: bool = False,
+    obstacles: tuple[Any, ...] = (),
 ) -> PlateSystem:
     """The same on a mesh that is given.
 
@@ -160,6 +201,7 @@ def discretised(
         touches: Whether there is anything that it may meet without a stiffness between.
         sprung: Whether all that it meets has one.
         shears: Whether it shears.
+        obstacles: That it may meet.
 
     Raises:
         MeshError: It has an unknown edge, or no vertex is left that could move and have mass.
@@ -254,6 +296,7 @@ def discretised(
             (FACES[load.face], values(load.value, f"pressure on the {load.face}"))
             for load in plate.pressures
         ),
+        obstacles=obstacles,
         curved=csr_matrix(triangles.curvatures @ basis),
         enclosed=bool(still[mesh.rim].all()),
     )

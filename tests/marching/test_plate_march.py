@@ -234,7 +234,7 @@ PLY = {"thickness": 0.01, "density": 1.0, "youngs_modulus": 1.0, "poisson_ratio"
         ({"layers": [PLY], "density": None, "thickness": 0.4} | NONE, "not the sum of the layers"),
         ({"layers": [PLY | {"angle": 1.0}], "density": None} | NONE, "turns nothing"),
         ({"theory": "mindlin"}, "theory"),
-        ({"pressures": [{"face": "top", "value": "gap"}]}, "unknown name"),
+        ({"pressures": [{"face": "top", "value": "speed"}]}, "unknown name"),
         ({"pressures": [{"face": "up", "value": 1.0}]}, "top"),
         ({"normal": [0.0, 0.0, 0.0]}, "not all 0"),
         ({"outline": {"kind": "ring", "inner_radius": 2.0, "radius": 1.0}}, "inner_radius"),
