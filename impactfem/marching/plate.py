@@ -21,6 +21,7 @@ from impactfem.contact.closest import shares_inside
 from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS, Finding, by_limits, percent
 from impactfem.marching.few import FewInterior
 from impactfem.marching.layers import Sums
+from impactfem.marching.plate_start import PlateAtRest
 from impactfem.result.shapes import TRIANGLE, Shape
 from impactfem.scene import PiecewiseVector
 from impactfem.system.kirchhoff import DOFS
@@ -96,17 +97,47 @@ class PlateMidpoint(FewInterior):
         self._start = bodies.places(self._q)
         self._contact = self._free_contact(self._q)
 
-    def _pressed(self, time: float, ahead: float = 0.0) -> Floats:
+    def _pressed(self, time: float, ahead: float = 0.0, place: Floats | None = None) -> Floats:
         """Forces of pressures on q, moved off what has no mass.
 
         Args:
             time: [s].
             ahead: Since the present state, by which speed takes gaps on [s].
+            place: Coordinates that gaps are at; None: the present ones.
         """
-        bodies = self.bodies
-        moved = bodies.deflection(self._q) + ahead * self._speed() if bodies.by_gap else None
+        bodies, moved = self.bodies, None
+        if bodies.by_gap:
+            moved = bodies.deflection(self._q if place is None else place) + ahead * self._speed()
         forces = bodies.pressure(time, moved)
         return np.asarray(self._of_vertices @ (self.bodies.transfer.T @ forces))
+
+    def at_rest(self) -> PlateAtRest:
+        """It as the search for equilibrium asks it; see `impactfem.marching.resting.Resting`."""
+        return PlateAtRest(self)
+
+    def displaced(self, place: Floats) -> Floats:
+        """Displacements of the contact nodes with some coordinates [m], (count, 3)."""
+        moved = self.bodies.deflection(place) - self._zero
+        return np.asarray(np.outer(moved[self.bodies.touch], self._normal))
+
+    def pulled(self, forces: Floats) -> Floats:
+        """Forces on q by those on the contact nodes (count, 3)."""
+        found = np.zeros_like(self._q)
+        found[self._touch] = forces @ self._normal
+        return found
+
+    def loads_at_rest(self, place: Floats) -> Floats:
+        """Forces on q at t = 0 with some coordinates, without contact."""
+        weight = float(np.asarray(self._gravity.at(0.0)) @ self._normal)
+        return np.asarray(self._pressed(0.0, place=place) + weight * self._mass)
+
+    def settle(self, place: Floats) -> Floats:
+        """Begin elsewhere; mass times the way there [kg m], (3,)."""
+        mass, way = self.bodies.node_mass, self.bodies.deflection(place - self._q)
+        self._q = place.copy()
+        self._contact = self._free_contact(self._q)
+        self._loads = self._pressed(0.0)
+        return np.asarray(float(mass @ way) * self._normal)
 
     def _settle_slopes(self, q: Floats) -> None:
         """Bring slopes into equilibrium with deflections, in place."""

@@ -155,8 +155,9 @@ def make_loop(
         progress.step("bringing the bodies to rest")
         linear = linear_bodies(model, each, kind)
         started = start_at_rest(
-            model, linear, surfaces, composite, composite.static, gaps, solver, tolerance
-        )
+            model, linear, surfaces, composite, composite.static, gaps, solver, tolerance,
+            plates=cast("Sequence[PlateMidpoint]", few),
+        )  # fmt: skip
     whole: Interior = solids[0] if alone else composite
     settings = replace(
         settings,

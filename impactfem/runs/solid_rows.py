@@ -94,7 +94,7 @@ def solids_motion(
     level = _level(model)
     if started is not None:
         level -= float(started.fallen(model) @ model.scene.vector_gravity.at(0.0))
-        placed = list(started.rest.places)
+        placed = started.of_solids(model)
     momentum, angular, bodies = body_motions(
         model, march, each, attitudes, whole, placed, explicit=explicit
     )

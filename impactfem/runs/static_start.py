@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from impactfem.contact.complementarity import Solver
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.layers import ContactGaps, Stepper
+from impactfem.marching.plate import PlateMidpoint
 from impactfem.marching.resting import Rest, Resting
 from impactfem.marching.static_start import Arms, StaticStart
 from impactfem.models.solids import SolidPart, SolidsModel
@@ -34,11 +36,13 @@ class Started:
         rest: Where they are.
         static: Displacements of the massless contact nodes by the contact forces [m], (nodes, dim).
         sizes: Of the bodies [m].
+        others: Mass times the way of plates [kg m], (3,) each.
     """
 
     rest: Rest
     static: Floats
     sizes: dict[str, float]
+    others: tuple[Floats, ...] = ()
 
     def details(self, model: SolidsModel, whole: Whole) -> dict[str, Any]:
         """For ``summary.json``, of what the bodies are parts of (collective)."""
@@ -57,17 +61,21 @@ class Started:
 
     def fallen(self, model: SolidsModel) -> Floats:
         """Mass times the way to where the bodies rest, of all [kg m], (dim,) (collective)."""
-        return np.asarray(sum(self._ways(model)))
+        return np.asarray(sum([*self._ways(model), *self.others]))
 
     def _ways(self, model: SolidsModel) -> list[Floats]:
-        each = zip(model.parts, self.rest.places, strict=True)
+        each = zip(model.parts, self.of_solids(model), strict=True)
         return [part.system.momentum(place - part.system.displacement) for part, place in each]
+
+    def of_solids(self, model: SolidsModel) -> list[Floats]:
+        """Where the solids rest: displacements of the owned dofs of each [m]."""
+        return list(self.rest.places[: len(model.parts)])
 
     def findings(self) -> tuple[Finding, ...]:
         """Bodies that had to be moved until something held them."""
         found: list[Finding] = []
         for name, (way, bent) in self.rest.shifted.items():
-            share = way / self.sizes[name] if way > _SETTLING * bent else 0.0
+            share = way / self.sizes[name] if way > _SETTLING * bent else 0.0  # not of plates
             text = f'start = "static" has moved {name} by {way:.3g} m, {percent(share)} of its size'
             text += ", to where it is held"
             remedy = "check that this is the rest that is meant, or place the body there"
@@ -116,6 +124,7 @@ def start_at_rest(
     solver: Solver,
     tolerance: float,
     arms: Arms | None = None,
+    plates: Sequence[PlateMidpoint] = (),
 ) -> Started:
     """Move interiors to equilibrium (collective).
 
@@ -129,13 +138,16 @@ def start_at_rest(
         solver: Of complementarity problems.
         tolerance: Rounding level of gaps [m].
         arms: By which the march turns directions of gaps; see `StaticStart`.
+        plates: What marches plates, whose contact nodes are the last.
 
     Raises:
         SceneError: Loads drive a body that nothing holds.
         ConvergenceError: No equilibrium was found.
     """
-    ends = np.cumsum([surface.count for surface in surfaces]).tolist()
-    owns = [slice(end - s.count, end) for s, end in zip(surfaces, ends, strict=True)]
+    counts = [surface.count for surface in surfaces]
+    counts += [len(plate.surface_displacement) for plate in plates]
+    owns = [slice(*ends) for ends in pairwise([0, *np.cumsum(counts).tolist()])]
+    bodies = [*bodies, *(plate.at_rest() for plate in plates)]
     try:
         rest = StaticStart(model.comm, bodies, owns, gaps, solver, tolerance, arms).find()
     finally:
@@ -146,9 +158,13 @@ def start_at_rest(
     free = rest.surface - pressed
     state = interior.state()
     places = [place.copy() for place in rest.places]
-    for surface, own, place in zip(surfaces, owns, places, strict=True):
+    for surface, own, place in zip(surfaces, owns, places, strict=False):
         surface.spread(free[own], place)
-    state["displacement"] = np.concatenate(places)
+    if surfaces:
+        state["displacement"] = np.concatenate(places[: len(surfaces)])
     interior.restore(state, free)
+    others = [
+        plate.settle(place) for plate, place in zip(plates, places[len(surfaces) :], strict=True)
+    ]
     sizes = {part.solid.name: part.system.nodes.size for part in model.parts}
-    return Started(rest, pressed, sizes)
+    return Started(rest, pressed, sizes, tuple(others))

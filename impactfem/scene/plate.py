@@ -55,6 +55,7 @@ class Plate(BodyKind):
     dim: ClassVar[int] = 3
     waves: ClassVar[bool] = True
     may_meet_nothing: ClassVar[bool] = True
+    settles: ClassVar[bool] = True
     substeps: ClassVar[bool] = False
     has_surface: ClassVar[bool] = True
     meets_edges: ClassVar[bool] = True

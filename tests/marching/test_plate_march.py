@@ -293,8 +293,6 @@ def test_what_is_not_available_is_refused():
         contact = impactfem.Contact(between=("plate", "floor"), **law)
         with pytest.raises(SceneError, match=message):
             scene_of(made(), obstacles=(floor,), contacts=(contact,), duration=1.0, dt=0.1)
-    with pytest.raises(SceneError, match="start"):
-        scene_of(made(), start="static", duration=1.0, dt=0.1)
     with pytest.raises(SceneError, match="has no mass"):
         impactfem.plan(flat_stop(method="moreau_jean"))
     near = impactfem.HalfSpace(name="floor", point=(0.0, 0.0, -0.001), normal=(0.0, 0.0, 1.0))

@@ -1,0 +1,115 @@
+"""A plate at rest: what loads leave unbalanced, and what forces do to it."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
+
+from impactfem.errors import SceneError
+from impactfem.system.plate import PlateSystem
+from impactfem.system.surface import CHOLESKY
+
+if TYPE_CHECKING:
+    from impactfem.marching.plate import PlateMidpoint
+
+Floats = NDArray[np.float64]
+
+_FREE = 1e-9  # share below which supports take nothing of a motion, or springs resist it by nothing
+
+
+class _None:
+    """No free motion: supports hold all of them."""
+
+    def along(self, forces: Floats) -> Floats:  # noqa: ARG002  (as the interface has it)
+        """None."""
+        return np.zeros(0)
+
+    def forces(self, along: Floats) -> Floats:  # noqa: ARG002
+        """None."""
+        return np.zeros(1)
+
+    def moved(self, displacement: Floats) -> Floats:  # noqa: ARG002
+        """None."""
+        return np.zeros(0)
+
+    def of_displacement(self, displacement: Floats) -> Floats:
+        """None of it."""
+        return np.zeros_like(displacement)
+
+    def push(self, along: Floats) -> float:  # noqa: ARG002
+        """None."""
+        return 0.0
+
+    def words(self, along: Floats) -> str:  # noqa: ARG002
+        """Nothing."""
+        return ""
+
+
+class PlateAtRest:
+    """A plate as the search for equilibrium sees it; see `impactfem.marching.resting.Resting`."""
+
+    modes = _None()
+
+    def __init__(self, march: "PlateMidpoint") -> None:
+        """Take a plate.
+
+        Raises:
+            SceneError: Supports do not hold it.
+        """
+        bodies = march.bodies
+        self.name, self.start = bodies.names[0], march.coordinates.copy()
+        self._march, self._stiffness = march, bodies.stiffness
+        free = _free_motions(bodies)
+        if free:
+            raise SceneError(
+                f'start = "static": no support holds body {self.name} against {", ".join(free)}; '
+                'support its edges, or use start = "given"'
+            )
+        self._factor = splu(self._stiffness.tocsc(), **CHOLESKY)
+
+    def contact(self, place: Floats) -> Floats:
+        """Displacements of the contact nodes [m], (count, 3)."""
+        return self._march.displaced(place)
+
+    def pulled(self, forces: Floats) -> Floats:
+        """Forces on q by those on the contact nodes (count, 3)."""
+        return self._march.pulled(forces)
+
+    def residual(self, place: Floats) -> Floats:
+        """Loads less internal forces."""
+        return np.asarray(self._march.loads_at_rest(place) - self._stiffness @ place)
+
+    def tangent(self, place: Floats) -> Callable[[Floats], Floats]:  # noqa: ARG002  (linear)
+        """What forces on q do, but for pressures that go by the gap."""
+        return self._answer
+
+    def _answer(self, forces: Floats) -> Floats:
+        return np.asarray(self._factor.solve(forces))
+
+    def destroy(self) -> None:
+        """Nothing to free."""
+
+
+def _free_motions(bodies: PlateSystem) -> list[str]:
+    """Rigid motions that neither supports nor springs hold, in words."""
+    scale = float(np.ptp(bodies.mesh.points, axis=0).max())
+    points = bodies.mesh.points / scale
+    one, none = np.ones(len(points)), np.zeros(len(points))
+    slope = one / scale
+    columns = ([one, none, none], [points[:, 0], slope, none], [points[:, 1], none, slope])
+    fields = np.stack([np.stack(each, axis=1).ravel() for each in columns], axis=1)
+    kept = bodies.basis.T @ fields
+    _, sizes, ways = np.linalg.svd(fields - bodies.basis @ kept, full_matrices=False)
+    found = []
+    for way in ways[sizes <= _FREE * np.sqrt(len(points))]:
+        q = kept @ way
+        if q @ (bodies.stiffness @ q) > _FREE * (bodies.stiffness.diagonal() @ q**2):
+            continue
+        turn = np.array([way[2], -way[1]])
+        size = float(np.linalg.norm(turn))
+        x, y = np.round(turn / (size or 1.0), 6) + 0.0
+        along = "motion along its normal"
+        found.append(along if size <= _FREE else f"rotation about an axis along ({x:.3g}, {y:.3g})")
+    return found
