@@ -59,7 +59,7 @@ def turn(inertia, inverse, rotation, spin, impulse, dt, straight):
         missing = inertia @ (new - spin) + 2.0 * cross(half, momentum)
         missing += cross(half, own) - own
         if not missing.any():  # of balls on which no moments act
-            found = True
+            found = stretch > 0.0
             break
         tangent = inertia + skew(half) @ inertia
         tangent -= 0.5 * dt * stretch * skew(momentum + 0.5 * own)

@@ -5,7 +5,7 @@ import pytest
 from moving_scenes import check_ranks, check_restart
 
 import impactfem
-from impactfem import Scene, SceneError
+from impactfem import Scene
 from impactfem.contact.ball_pairs import Target
 from impactfem.contact.convex_nodes import CornersOnFaces, NodesOnConvex, nearest
 from impactfem.contact.convex_pairs import Marked
@@ -253,12 +253,3 @@ def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch):
 @pytest.mark.parallel(2)
 def test_two_ranks_do_the_same(monkeypatch):
     check_ranks(rocking, monkeypatch)
-
-
-def test_plates_refuse_edges():
-    plate = {"kind": "plate", "name": "plate", "outline": {"kind": "rectangle", "size": [1.0, 1.0]},
-             "thickness": 0.01, "mesh_size": 0.2, "density": 7800.0, "youngs_modulus": 2e11,
-             "poisson_ratio": 0.3}  # fmt: skip
-    shape = {"kind": "block", "size": [0.1, 0.1, 0.1], "corner": [0.0, 0.0, 0.1]}
-    with pytest.raises(SceneError, match="list the pairs that may meet"):
-        strike(plate, {"mass": 1.0, "shape": shape})

@@ -270,6 +270,7 @@ def test_other_bodies_are_refused(body):
         "obstacle": [obstacle],
     }  # fmt: skip
     with pytest.raises(
-        SceneError, match=f'start = "static" brings solids and plates to rest, b is a {body["kind"]}'
+        SceneError,
+        match=f'start = "static" brings solids and plates to rest, b is a {body["kind"]}',
     ):
         Scene.from_dict(table)
