@@ -8,7 +8,7 @@ from scipy.special import jn_zeros
 
 import impactfem
 from impactfem.system.few_bodies import few_bodies
-from impactfem.system.plate import frequencies
+from impactfem.system.plate_tones import frequencies
 
 DEMO = Path(__file__).resolve().parents[2] / "demos" / "drum"
 

@@ -6,8 +6,9 @@ import numpy as np
 from scipy.sparse.linalg import spsolve
 
 import impactfem
-from impactfem.system.plate import discretised, frequencies
+from impactfem.system.plate import discretised
 from impactfem.system.plate_mesh import PlateMesh, plate_mesh
+from impactfem.system.plate_tones import frequencies
 
 NU = 0.3
 SQUARE = {"kind": "rectangle", "size": [1.0, 1.0]}

@@ -10,7 +10,7 @@ from scipy.linalg import eigh
 
 from impactfem import SceneError
 from impactfem.scene.laminate import Ply, Section
-from impactfem.system.plate import frequencies
+from impactfem.system.plate_tones import frequencies
 
 WOOD = {"e1": 10.0, "e2": 0.8, "nu12": 0.35, "g12": 0.6}
 """Moduli [Pa] of what is stiffer along its grain."""

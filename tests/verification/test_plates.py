@@ -11,7 +11,7 @@ from scipy.special import iv, jv
 
 from impactfem.scene.laminate import Ply, Section
 from impactfem.system.kirchhoff import Triangles
-from impactfem.system.plate import frequencies
+from impactfem.system.plate_tones import frequencies
 
 
 @pytest.mark.parametrize(
