@@ -14,7 +14,7 @@ from scipy.sparse import csr_matrix
 
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.followed_pair import FAR
-from impactfem.contact.meeting import Anew, Meeting, patch_of, weights_on
+from impactfem.contact.meeting import Anew, Meeting, Turning, patch_of, weights_on
 from impactfem.contact.mortar_surface import Surface
 
 Floats = NDArray[np.float64]
@@ -242,8 +242,11 @@ class RollingPair(BallPair):
         met = super().__call__(places, acting)
         ways = met.weights @ acting
         arms = carried(ways, self.followers, int(self.balls[0]), self.unit, self.total)
-        patch = patch_of(met.weights, self.target.nodes)
-        return replace(met, weights=met.weights + arms, patch=patch, beyond=-ways)
+
+        def turning() -> Turning:
+            return Turning(patch_of(met.weights, self.target.nodes), -ways)
+
+        return replace(met, weights=met.weights + arms, turning=turning)
 
 
 def carried(ways: Floats, followers: Integers, centre: int, unit: float, total: int) -> csr_matrix:

@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix, eye_array, vstack
 from impactfem.contact.ball_pairs import BallPair, Target, carried
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.convex_pairs import Marked, Pose
-from impactfem.contact.meeting import Anew, Meeting, patch_of, weights_on
+from impactfem.contact.meeting import Anew, Meeting, Turning, patch_of, weights_on
 from impactfem.system.convex import Convex
 from impactfem.system.rigid import in_space
 
@@ -71,9 +71,12 @@ class NodesOnConvex(Anew):
         beside = np.broadcast_to(self.body.nodes, own.shape)
         nodes = np.hstack([self.balls[:, None], beside])
         weights = weights_on(values, nodes, self.total)
-        patch, beyond = patch_of(weights, self.body.nodes), -self.body.beyond(own)
         normal = normal[:, : places.shape[1]]
-        return Meeting(weights, gap - self.radius, normal, np.zeros(self.count), patch, beyond)
+
+        def turning() -> Turning:
+            return Turning(patch_of(weights, self.body.nodes), -own @ self.body.arms)
+
+        return Meeting(weights, gap - self.radius, normal, np.zeros(self.count), turning)
 
     def _looks(self, places: Floats, pose: Pose) -> tuple[Floats, Floats, Floats]:
         """Gaps [m], nearest places on the body [m] and directions from there, in space."""
@@ -125,17 +128,19 @@ class CornersOnFaces(Anew):
         """How they meet with all contact nodes at some places (nodes, dim); see `BallPair`."""
         total, nodes, shape = len(places), self.body.nodes, self.body.shape
         beside, arms = csr_matrix(vstack([eye_array(total), self._corners(acting)])), 0.0 * places
-        followers = nodes[self.body.dim + 1 :]  # their places are told without their arms
-        arms[followers] = self.body.unit * np.eye(self.body.dim)[: len(followers)]
+        arms[nodes] = self.body.arms
         there = beside @ (acting + arms)
         met = self.pair(beside @ (places + arms), there)
         weights = met.weights @ beside
         if shape.radius:
-            ways = met.weights @ there
+            ways, followers = met.weights @ there, nodes[self.body.dim + 1 :]
             weights = weights + carried(ways, followers, int(nodes[0]), self.body.unit, total)
-        patch = patch_of(met.weights, self.pair.target.nodes)[:, :total]
-        beyond = weights @ arms
-        return replace(met, weights=csr_matrix(weights), patch=patch, beyond=beyond)
+
+        def turning() -> Turning:
+            patch = patch_of(met.weights, self.pair.target.nodes)[:, :total]
+            return Turning(patch, weights @ arms)
+
+        return replace(met, weights=csr_matrix(weights), turning=turning)
 
     @cached_property
     def between(self) -> Floats:

@@ -9,6 +9,7 @@ are pushed at one point, so that friction too keeps their angular momentum.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from scipy.sparse import csr_matrix
 
 from impactfem.contact.convex_kernels import separate, touching
 from impactfem.contact.followed_pair import FAR
-from impactfem.contact.meeting import Anew, Meeting, patch_of
+from impactfem.contact.meeting import Anew, Meeting, Turning, patch_of
 from impactfem.scene.obstacles.rotation import AT_REST, Placement, placement
 from impactfem.system.convex import Convex
 from impactfem.system.rigid import in_space
@@ -79,12 +80,13 @@ class Marked:
         found[:, 0] = 1.0 - found[:, 1:].sum(axis=1)
         return found
 
-    def beyond(self, weights: Floats) -> Floats:
-        """Arms of followers, whose places are told without them, in weights [m], (places, dim)."""
-        arms = np.zeros((len(self.nodes), self.dim))
-        followers = arms[self.dim + 1 :]
+    @cached_property
+    def arms(self) -> Floats:
+        """What told places of its nodes lack: the arms of followers [m], (nodes, dim)."""
+        found = np.zeros((len(self.nodes), self.dim))
+        followers = found[self.dim + 1 :]
         followers[:] = self.unit * np.eye(self.dim)[: len(followers)]
-        return np.asarray(weights @ arms)
+        return found
 
 
 @dataclass(frozen=True)
@@ -115,10 +117,6 @@ class Placed:
         centre[:dim] = self.at.moved(centre[:dim])
         turn[:dim, :dim] = self.at.turned(np.eye(dim)).T
         return centre, turn
-
-    def beyond(self, weights: Floats) -> Floats:  # noqa: ARG002
-        """No arms."""
-        return np.zeros((1, 1))
 
     def weights(self, at: Floats, n: Floats, pose: Pose, places: Floats) -> Floats:  # noqa: ARG002
         """None: it takes any force."""
@@ -189,12 +187,15 @@ class ConvexPair(Anew):
         found = csr_matrix(
             (weights.ravel(), np.tile(own, count), ends), shape=(self.count, self.total)
         )
-        beyond = np.zeros_like(normal)
-        beyond[:count] = self.one.beyond(own_weights)
-        beyond[:count] += self.other.beyond(weights[:, len(self.one.nodes) :])
-        # Obstacles take any moment.
-        patch = patch_of(found, self.one.nodes) if len(self.other.nodes) else None
-        return Meeting(found, gap, normal, np.zeros(self.count), patch, beyond)
+
+        def turning() -> Turning:
+            if isinstance(self.other, Placed):
+                return Turning(None)
+            beyond = np.zeros_like(normal)
+            beyond[:count] = weights @ np.vstack([self.one.arms, self.other.arms])
+            return Turning(patch_of(found, self.one.nodes), beyond)
+
+        return Meeting(found, gap, normal, np.zeros(self.count), turning)
 
     def _touching(self, one: Pose, other: Pose, size: float) -> tuple[Floats, Floats, Floats]:
         """The direction from the other one, and places on both cores, (places, 3) each."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from impactfem.contact.meeting import Meeting
+from impactfem.contact.meeting import Meeting, Turning
 from impactfem.contact.mortar import MortarPairs
 from impactfem.contact.mortar_surface import Surface, unit
 
@@ -116,7 +116,7 @@ class FollowedPair:
         turned = (along < 0.0) & (found.gap > self._near)
         normal[at] = np.where(turned[:, None], found.normal, opposite)
         gap[at] = np.where(turned, found.gap, along)
-        return Meeting(weights, gap, normal, area, self._patch(found, at))
+        return Meeting(weights, gap, normal, area, lambda: Turning(self._patch(found, at)))
 
     def _patch(self, found: MortarPairs, at: Integers) -> csr_matrix:
         """Nodes of the carrier by their weights: its faces have the size of what they see."""

@@ -13,7 +13,7 @@ from scipy.sparse import bsr_matrix, csr_matrix, diags
 from scipy.sparse.linalg import splu
 
 from impactfem.contact.friction_newton import ConeProblem
-from impactfem.contact.rooted import Rooted, own_blocks
+from impactfem.contact.rooted import Rooted
 from impactfem.contact.rooted_kernels import sweep_roots
 
 Floats = NDArray[np.float64]
@@ -56,7 +56,8 @@ class Many:
     """A problem of many contacts, and how far forces are from its solution.
 
     Attributes:
-        problem: Its matrix is `Rooted`.
+        problem: The law.
+        matrix: Its answers.
         own: Answers of pairs to their own forces, (pairs, dim, dim).
     """
 
@@ -66,10 +67,14 @@ class Many:
         Args:
             problem: The law.
             tolerance: Rounding level of displacements [m].
+
+        Raises:
+            TypeError: Its answers are not kept by roots.
         """
-        self.problem, self._tolerance = problem, tolerance
-        self._matrix = problem.matrix
-        self.own = own_blocks(problem.matrix, problem.offset.shape[1])
+        if not isinstance(problem.matrix, Rooted):
+            raise TypeError("answers of many contacts are kept by roots")
+        self.problem, self.matrix, self._tolerance = problem, problem.matrix, tolerance
+        self.own = problem.own()
         self._scale = problem.scales()
 
     def missed(self, force: Floats) -> tuple[Floats, Floats]:
@@ -97,20 +102,13 @@ class Many:
 
     def _sweep(self, force: Floats, share: float, most: int) -> tuple[int, bool]:
         """Sweep over all pairs; the sweeps made, and whether forces change no more."""
-        problem, roots = self.problem, self._roots
+        problem, roots = self.problem, self.matrix.roots
         motion = roots.T @ force.ravel()
         least = 0.1 * self._tolerance / self._scale.min(axis=1)
         rows = roots.indptr, roots.indices, roots.data, self.own, problem.offset
         law = problem.friction, problem.base
         done, settled = sweep_roots(*rows, *law, force, motion, most, share, least)
         return int(done), bool(settled)
-
-    @property
-    def _roots(self) -> csr_matrix:
-        matrix = self._matrix
-        if not isinstance(matrix, Rooted):
-            raise TypeError("answers of many contacts are kept by roots")
-        return matrix.roots
 
     def residual(self, force: Floats) -> float:
         """Largest error of the law in a force, as a share of the largest force."""
@@ -119,10 +117,7 @@ class Many:
 
     def polished(self, start: Floats, share: float, limit: int) -> tuple[Floats, float, int]:
         """Forces by proximal steps, their residual, and linear systems solved."""
-        problem, matrix = self.problem, self._matrix
-        if not isinstance(matrix, Rooted):
-            raise TypeError("answers of many contacts are kept by roots")
-        whole, diagonal = matrix.sparse(), matrix.diagonal()
+        problem, whole, diagonal = self.problem, self.matrix.sparse(), self.matrix.diagonal()
         force = best = start
         least, compliance, total, vain = self.residual(start), _FIRST, 0, 0
         for _ in range(_PROXIMAL):

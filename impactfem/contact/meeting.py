@@ -1,7 +1,8 @@
 """How two surfaces, or nodes and a surface, meet, and what finds it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,19 @@ from scipy.sparse import csr_matrix
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+
+class Turning(NamedTuple):
+    """How directions of gaps turn.
+
+    Attributes:
+        patch: Weights, >= 0, of nodes whose turning turns the directions, (pairs, nodes); None
+            where they stay, as obstacles take any moment.
+        beyond: What of the ways between the pushed places weights do not tell [m], (pairs, dim).
+    """
+
+    patch: csr_matrix | None
+    beyond: Floats | float = 0.0
 
 
 @dataclass(frozen=True)
@@ -20,18 +34,15 @@ class Meeting:
         gap: Weighted gaps [m], shape (pairs,).
         normal: Unit normals towards the carrier, shape (pairs, dim).
         area: Areas of the multipliers [m^2], shape (pairs,).
-        patch: Weights, >= 0, of nodes whose turning turns the gap's directions, (pairs, nodes);
-            None where forces along the gap have no moment anyway.
-        beyond: What of the ways between the pushed places weights do not tell [m], (pairs, dim);
-            None where forces act along the way that they tell.
+        turning: Tells how directions turn amid a step, which only bodies that turn ask for; None
+            where forces act along the way between both sides, and so have no moment.
     """
 
     weights: csr_matrix
     gap: Floats
     normal: Floats
     area: Floats
-    patch: csr_matrix | None = None
-    beyond: Floats | None = None
+    turning: Callable[[], Turning] | None = None
 
 
 NOTHING: Floats = np.zeros(0)

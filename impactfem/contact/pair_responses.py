@@ -186,7 +186,7 @@ class PairResponses:
         part = self._weights[rows]
         counts = np.diff(part.indptr)
         every = np.repeat(np.arange(len(rows)), self._dim)
-        entries = _ranges(part.indptr[every], counts[every])
+        entries = ranges(part.indptr[every], counts[every])
         directions = np.repeat(frames.reshape(size, -1), counts[every], axis=0)
         values = part.data[entries, None] * directions
         columns = self._dim * part.indices[entries, None] + np.arange(self._dim)
@@ -275,7 +275,7 @@ class PairResponses:
         return csr_matrix(operator[:, columns.ravel()])
 
 
-def _ranges(first: Integers, counts: Integers) -> Integers:
+def ranges(first: Integers, counts: Integers) -> Integers:
     """Numbers from some on, so many of each, one after the other."""
     return np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts)
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, vstack
 
 from impactfem.contact.gaps import Gaps
-from impactfem.contact.meeting import Led, Lent, Meet, Meeting
-from impactfem.contact.pair_responses import PairResponses, Weights
+from impactfem.contact.meeting import Led, Lent, Meet, Meeting, Turning
+from impactfem.contact.pair_responses import PairResponses, Weights, ranges
 from impactfem.contact.responses import Columns, Responses
 from impactfem.contact.turning_gaps import TurningGaps
 
@@ -73,6 +73,7 @@ class PairGaps:
         self._area = np.concatenate([*(entry.area for entry in self._first), np.zeros(0)])
         self._responses: PairResponses | None = None
         self._met: Sequence[Meeting] = self._first
+        self._turns: list[Turning | None] | None = None  # of what has met
         self._turning: TurningGaps | None = None
         self._pair: Integers | None = None  # of each gap, where that stays
 
@@ -164,14 +165,15 @@ class PairGaps:
             normals.append(obstacle.normals_at(part, time))
         there = self._places + (displacement if arms is None else arms)
         ways = self._weights @ there
+        if self._turns is None:
+            self._turns = [entry.turning() if entry.turning else None for entry in self._met]
         patches, first = [], self._bound.shape[0]
-        for meet, entry in zip(self._meetings, self._met, strict=True):
+        for meet, entry, turning in zip(self._meetings, self._met, self._turns, strict=True):
             end, normal = first + len(entry.gap), entry.normal
-            if entry.patch is not None:
-                patches.append((first, entry.patch))
-                if entry.beyond is not None:
-                    ways[first:end] += entry.beyond
-            elif meet.follows and entry.beyond is None:
+            if turning is not None and turning.patch is not None:
+                patches.append((first, turning.patch))
+                ways[first:end] += turning.beyond
+            elif turning is None and meet.follows:
                 normal = _along(ways[first:end], normal)
             normals.append(normal)
             first = end
@@ -187,7 +189,7 @@ class PairGaps:
         ends = self._weights.indptr
         counts = ends[rows + 1] - ends[rows]
         gap = np.repeat(np.arange(len(rows)), counts)
-        at = np.arange(len(gap)) + np.repeat(ends[rows] - np.cumsum(counts) + counts, counts)
+        at = ranges(ends[rows], counts)
         return gap, self._weights.indices[at], self._weights.data[at]
 
     def at(
@@ -219,7 +221,7 @@ class PairGaps:
                 for meet, first in zip(self._meetings, self._first, strict=True)
             ]
             self._weigh(met)
-            self._met = met
+            self._met, self._turns = met, None
             self._area = np.concatenate([entry.area for entry in met])
             if self._responses is not None:
                 self._responses.follow(self._weights)

@@ -67,25 +67,13 @@ class Determinacy:
         if basis.shape[1] > self.seen[0]:
             most, low, high = _limits(problem, force, basis)
             own = force[most, 0]
-            self.seen[:7] = (
-                basis.shape[1],
-                time,
-                pair_of()[rows[most]],
-                own,
-                low,
-                high,
-                pushes.sum(),
-            )
+            pair, count = pair_of()[rows[most]], pushes.sum()
+            self.seen[:7] = basis.shape[1], time, pair, own, low, high, count
 
     def _look_at_friction(
-        self,
-        time: float,
-        rows: Integers,
-        pair_of: Callable[[], Integers],
-        problem: ConeProblem,
-        force: Floats,
-        slip: Floats,
-    ) -> None:
+        self, time: float, rows: Integers, pair_of: Callable[[], Integers], problem: ConeProblem,
+        force: Floats, slip: Floats,
+    ) -> None:  # fmt: skip
         size = np.linalg.norm(slip, axis=1)
         along = slip / np.where(size > 0.0, size, 1.0)[:, None]
         bad = np.flatnonzero(jams(problem.matrix, problem.friction, along))

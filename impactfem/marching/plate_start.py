@@ -9,6 +9,7 @@ from scipy.sparse.linalg import splu
 
 from impactfem.errors import SceneError
 from impactfem.system.plate import PlateSystem
+from impactfem.system.rigid_modes import RigidModes
 from impactfem.system.surface import CHOLESKY
 
 if TYPE_CHECKING:
@@ -19,38 +20,8 @@ Floats = NDArray[np.float64]
 _FREE = 1e-9  # share below which supports take nothing of a motion, or springs resist it by nothing
 
 
-class _None:
-    """No free motion: supports hold all of them."""
-
-    def along(self, forces: Floats) -> Floats:  # noqa: ARG002  (as the interface has it)
-        """None."""
-        return np.zeros(0)
-
-    def forces(self, along: Floats) -> Floats:  # noqa: ARG002
-        """None."""
-        return np.zeros(1)
-
-    def moved(self, displacement: Floats) -> Floats:  # noqa: ARG002
-        """None."""
-        return np.zeros(0)
-
-    def of_displacement(self, displacement: Floats) -> Floats:
-        """None of it."""
-        return np.zeros_like(displacement)
-
-    def push(self, along: Floats) -> float:  # noqa: ARG002
-        """None."""
-        return 0.0
-
-    def words(self, along: Floats) -> str:  # noqa: ARG002
-        """Nothing."""
-        return ""
-
-
 class PlateAtRest:
     """A plate as the search for equilibrium sees it; see `impactfem.marching.resting.Resting`."""
-
-    modes = _None()
 
     def __init__(self, march: "PlateMidpoint") -> None:
         """Take a plate.
@@ -67,6 +38,7 @@ class PlateAtRest:
                 f'start = "static": no support holds body {self.name} against {", ".join(free)}; '
                 'support its edges, or use start = "given"'
             )
+        self.modes = RigidModes.none(len(self.start))
         self._factor = splu(self._stiffness.tocsc(), **CHOLESKY)
 
     def contact(self, place: Floats) -> Floats:

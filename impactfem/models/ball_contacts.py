@@ -216,18 +216,15 @@ def _sides(model: Bodies, offsets: Sequence[int]) -> dict[str, _Side]:
             _, markers, unit, dim = bodies.convex
             following = markers[dim + 1 :] + start, unit
 
-        made: dict[int, tuple[Integers, _Balls]] = {}  # of nodes that many others meet
+        # Of nodes that many others meet, which are kept: their id stays theirs.
+        made: dict[int, tuple[Integers, _Balls]] = {}
 
         def some(surfaces: Sequence[str] | None, other: str) -> _Balls:
             own = bodies.meeting(body, surfaces, (other, 0))
-            known = made.get(id(own))
-            if known is None or known[0] is not own:
-                known = made[id(own)] = own, only(own)
-            return known[1]
-
-        def only(own: Integers) -> _Balls:
-            parts = own + start, bodies.radius[own], lines, bodies.facing[own], places[own]
-            return _Balls(bodies.names[body], *parts, following)
+            if id(own) not in made:
+                parts = own + start, bodies.radius[own], lines, bodies.facing[own], places[own]
+                made[id(own)] = own, _Balls(bodies.names[body], *parts, following)
+            return made[id(own)][1]
 
         return some
 

@@ -195,7 +195,7 @@ class Plate(BodyKind):
             if getattr(self, name) is not None:
                 text = " contradicts layers, which have their own: remove one of them."
                 raise KeyedError(self.kind, name, text)
-        total = math.fsum(layer.thickness for layer in self.layers)
+        total = self.section.thickness
         if self.thickness is not None and not (
             self.thickness.is_constant and math.isclose(self.depth, total, rel_tol=1e-9)
         ):
@@ -236,7 +236,7 @@ class Plate(BodyKind):
     def depth(self) -> float:
         """Thickness [m]; of one that varies that at a corner, or on the rim, of the outline."""
         if self.thickness is None:
-            return math.fsum(layer.thickness for layer in self.layers)
+            return self.section.thickness
         x, y = (0.0, 0.0) if self.outline is None else self.outline.place
         return float(self.thickness(x=x, y=y))
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 
 from impactfem.scene.laminate import Section
+from impactfem.system.plate_mesh import PlateMesh
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -39,29 +40,21 @@ class Triangles:
     Degree of freedom 3 v is w of vertex v, 3 v + 1 and 3 v + 2 are its slopes.
 
     Attributes:
-        points: Vertices [m], (vertices, 2).
-        cells: Triangles, (cells, 3).
+        mesh: Of the mid-surface.
         section: Of the plate where its thickness is that.
         ratio: Thickness of the triangles by that of the section, (cells,).
         shears: Whether it shears.
     """
 
-    points: Floats
-    cells: Integers
+    mesh: PlateMesh
     section: Section
     ratio: Floats
     shears: bool = False
 
     @cached_property
-    def areas(self) -> Floats:
-        """Of the triangles [m^2], (cells,)."""
-        corners = self.points[self.cells]
-        return np.asarray(0.5 * np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])))
-
-    @cached_property
     def rising(self) -> Floats:
         """Gradients of the linear functions of the corners [1/m], (cells, 3, 2)."""
-        corners = self.points[self.cells]
+        corners = self.mesh.points[self.mesh.cells]
         inverse = np.linalg.inv((corners[:, 1:] - corners[:, :1]).swapaxes(1, 2))
         return np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
 
@@ -69,18 +62,18 @@ class Triangles:
     def stiffness(self) -> csr_matrix:
         """Of bending and shear, (3 vertices, 3 vertices) [N/m, N, N m]."""
         bent, bending = self._bent, self.section.bending
-        weights = self.areas * self.ratio**3
+        weights = self.mesh.areas * self.ratio**3
         each = np.einsum(
             "c,ij,ciad,ab,cjbe->cde", weights, _LINEAR, bent, bending, bent, optimize=True
         )
         if self.shears:
             along, ways, _ = self._missed
             strain = along * (self._softness / (1.0 + self._softness))[:, :, None]
-            at = np.empty((len(self.cells), 3, 2, 3 * DOFS))
+            at = np.empty((len(self.mesh.cells), 3, 2, 3 * DOFS))
             for corner in range(3):  # by both edges there, linear between
                 beside = [k for k, pair in enumerate(_EDGES) if corner in pair]
                 at[:, corner] = np.linalg.solve(ways[:, beside], strain[:, beside])
-            weights, shear = self.areas * self.ratio, self.section.shear
+            weights, shear = self.mesh.areas * self.ratio, self.section.shear
             each += np.einsum(
                 "c,ij,ciad,ab,cjbe->cde", weights, _LINEAR, at, shear, at, optimize=True
             )
@@ -93,9 +86,9 @@ class Triangles:
             force: Of the section, by its length [N/m].
         """
         # Of linear w: slopes of their own would shun a large tension, and tones fall by a tenth.
-        rise = np.zeros((len(self.cells), 2, 3 * DOFS))
+        rise = np.zeros((len(self.mesh.cells), 2, 3 * DOFS))
         rise[:, :, ::DOFS] = self.rising.swapaxes(1, 2)
-        weights = force * self.ratio * self.areas
+        weights = force * self.ratio * self.mesh.areas
         return self._assembled(np.einsum("c,cad,cae->cde", weights, rise, rise, optimize=True))
 
     @property
@@ -104,25 +97,25 @@ class Triangles:
 
         Those of the triangles at a vertex, weighted by their areas.
         """
-        around = np.bincount(self.cells.ravel(), np.repeat(self.areas, 3), len(self.points))
-        shares = self.areas[:, None] / around[self.cells]
-        each = (self._bent * shares[:, :, None, None]).reshape(len(self.cells), 9, -1)
+        cells, areas = self.mesh.cells, self.mesh.areas
+        around = 3.0 * self.mesh.lumped(np.ones(len(cells)))
+        shares = areas[:, None] / around[cells]
+        each = (self._bent * shares[:, :, None, None]).reshape(len(self.mesh.cells), 9, -1)
         return self._assembled(each)
 
     @cached_property
     def _freedoms(self) -> Integers:
         """Of the corners of elements, (cells, 9)."""
-        found = DOFS * self.cells[:, :, None] + np.arange(DOFS)
-        return np.asarray(found.reshape(len(self.cells), -1))
+        return _freedoms(self.mesh.cells)
 
     @cached_property
     def _bent(self) -> Floats:
         """Curvatures at the corners of elements, linear between, (cells, 3, 3, 9)."""
         slopes, rising = self._slopes, self.rising
-        found = np.empty((len(self.cells), 3, 3, 3 * DOFS))
+        found = np.empty((len(self.mesh.cells), 3, 3, 3 * DOFS))
         for corner in range(3):
             # Derivatives there of the quadratic functions of vertices, then of the edges' middles.
-            shapes = np.zeros((len(self.cells), 6, 2))
+            shapes = np.zeros((len(self.mesh.cells), 6, 2))
             shapes[:, :3] = -rising
             shapes[:, corner] = 3.0 * rising[:, corner]
             for k, pair in enumerate(_EDGES):
@@ -137,7 +130,7 @@ class Triangles:
     @cached_property
     def _slopes(self) -> Floats:
         """At the vertices and then amid the edges of elements, (cells, 6, 2, 9)."""
-        found = np.zeros((len(self.cells), 6, 2, 3 * DOFS))
+        found = np.zeros((len(self.mesh.cells), 6, 2, 3 * DOFS))
         for corner in range(3):
             for axis in range(2):
                 found[:, corner, axis, DOFS * corner + 1 + axis] = 1.0
@@ -166,7 +159,7 @@ class Triangles:
 
         Also their directions, (cells, 3, 2), and lengths [m], (cells, 3).
         """
-        corners = self.points[self.cells]
+        corners = self.mesh.points[self.mesh.cells]
         found = np.zeros((len(corners), 3, 3 * DOFS))
         first, last = (corners[:, [pair[k] for pair in _EDGES]] for k in (0, 1))
         lengths = np.linalg.norm(last - first, axis=2)
@@ -180,13 +173,7 @@ class Triangles:
 
     def _assembled(self, values: Floats) -> csr_matrix:
         """Sum of matrices of elements, (cells, 9, 9), three rows to each corner."""
-        row, column = (
-            np.broadcast_to(each, values.shape)
-            for each in (self._freedoms[:, :, None], self._freedoms[:, None])
-        )
-        size = DOFS * len(self.points)
-        entries = values.ravel(), (row.ravel(), column.ravel())
-        found = csr_matrix(coo_matrix(entries, shape=(size, size)))
+        found = _assembled(values, self._freedoms, len(self.mesh.points))
         found.eliminate_zeros()
         return found
 
@@ -209,9 +196,20 @@ def edge_stiffness(
     springs[:, 0, 0] = stiffness
     springs[:, 1:, 1:] = rotational * np.einsum("pa,pb->pab", across, across)
     linear = (np.ones((2, 2)) + np.eye(2)) / 6.0
-    each = np.einsum("p,ij,pab->piajb", length, linear, springs)
-    at = DOFS * pairs[:, :, None] + np.arange(DOFS)
-    row, column = np.broadcast_arrays(at[:, :, :, None, None], at[:, None, None])
-    size = DOFS * len(points)
-    entries = each.ravel(), (row.ravel(), column.ravel())
-    return csr_matrix(coo_matrix(entries, shape=(size, size)))
+    each = np.einsum("p,ij,pab->piajb", length, linear, springs).reshape(len(pairs), 6, 6)
+    return _assembled(each, _freedoms(pairs), len(points))
+
+
+def _freedoms(vertices: Integers) -> Integers:
+    """Degrees of freedom of the vertices of elements or edges, (several, 3 vertices of each)."""
+    found = DOFS * vertices[:, :, None] + np.arange(DOFS)
+    return np.asarray(found.reshape(len(vertices), -1))
+
+
+def _assembled(values: Floats, freedoms: Integers, vertices: int) -> csr_matrix:
+    """Sum of matrices (several, m, m), at rows and columns (several, m), of so many vertices."""
+    row, column = (
+        np.broadcast_to(each, values.shape) for each in (freedoms[:, :, None], freedoms[:, None])
+    )
+    entries = values.ravel(), (row.ravel(), column.ravel())
+    return csr_matrix(coo_matrix(entries, shape=(DOFS * vertices, DOFS * vertices)))

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -36,12 +37,12 @@ class FormulaValues:
         self._formula, self._label, self._comm, self._whole = formula, label, comm, whole
         self._points = dict(zip(_AXES, np.ascontiguousarray(places.T), strict=False))
 
-    @property
+    @cached_property
     def is_steady(self) -> bool:
         """Whether the formula does not use t."""
         return "t" not in self._formula.used
 
-    @property
+    @cached_property
     def uses_gap(self) -> bool:
         """Whether the formula uses the gap to an obstacle."""
         return "gap" in self._formula.used

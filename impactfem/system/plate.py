@@ -223,7 +223,7 @@ def discretised(
     mass = np.asarray(transfer.T @ own)
     mass[still] = 0.0
     basis, deflected, vertex = _basis(still, ways)
-    triangles = Triangles(mesh.points, mesh.cells, section, ratio, shears)
+    triangles = Triangles(mesh, section, ratio, shears)
     stiffness = triangles.stiffness
     for support in plate.supports:
         springs = support.stiffness, support.rotational_stiffness

@@ -60,6 +60,11 @@ class RigidModes:
         loads = scale[:, None] * comm.allreduce((raw * weights) @ fields.T, op=MPI.SUM)
         return cls(comm, fields, weights, loads, system.total_mass, system.dim)
 
+    @classmethod
+    def none(cls, dofs: int) -> "RigidModes":
+        """Of a body that supports hold, all of it on each rank."""
+        return cls(MPI.COMM_SELF, np.zeros((0, dofs)), np.zeros(dofs), np.zeros((0, 0)), 0.0, 3)
+
     @property
     def count(self) -> int:
         """How many there are."""

@@ -192,7 +192,7 @@ def test_constant_curvature_and_rigid_motions_are_exact():
     """The patch test of plates, on an irregular mesh."""
     mesh = plate_of(DISC, 0.3).mesh
     section = Section.of([Ply.isotropic(1.0, 1.0, 24.0 * (1.0 - NU**2), NU)])
-    triangles = Triangles(mesh.points, mesh.cells, section, np.ones(len(mesh.cells)))
+    triangles = Triangles(mesh, section, np.ones(len(mesh.cells)))
     stiffness = triangles.stiffness
     values = np.linalg.eigvalsh(stiffness.toarray())
     assert np.count_nonzero(values < 1e-10 * values[-1]) == 3
