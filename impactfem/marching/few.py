@@ -117,6 +117,11 @@ class FewInterior(Watched, Meshless):
             "velocity": self.surface_velocity[own],
         }
 
+    @property
+    def components(self) -> Mapping[str, int]:
+        """Of fields that `motion` gives besides those of all bodies, by name."""
+        return {}
+
     def acting(self, body: int, forces: Floats) -> Floats:
         """Contact forces [N] on these nodes by those on all contact nodes, (nodes, dim) each."""
         return np.asarray(forces[self.bodies.nodes_of(body)])

@@ -17,12 +17,10 @@ from numpy.typing import NDArray
 from scipy.sparse import diags
 from scipy.sparse.linalg import SuperLU, splu
 
-from impactfem.contact.closest import shares_inside
 from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS, Finding, by_limits, percent
-from impactfem.marching.few import FewInterior
 from impactfem.marching.layers import Sums
+from impactfem.marching.plate_shown import ShownPlate
 from impactfem.marching.plate_start import PlateAtRest
-from impactfem.result.shapes import TRIANGLE, Shape
 from impactfem.scene import PiecewiseVector
 from impactfem.system.kirchhoff import DOFS
 from impactfem.system.plate import PlateSystem
@@ -39,8 +37,6 @@ _SHEAR = 19.0
 """Deflection by shear over that by bending, times (width / thickness)^2: a clamped square, nu = 0.3
 (.00150463 against .00126532 q L^4 / D at a tenth)."""
 
-_NEAR = 1e-9  # share of the plate's size by which a probe may lie off its mid-surface
-
 
 def _one_by_one(factor: SuperLU, right: Floats) -> Floats:
     """Solve for several right-hand sides (d, several), each rounded as it would be alone.
@@ -53,10 +49,8 @@ def _one_by_one(factor: SuperLU, right: Floats) -> Floats:
     return found
 
 
-class PlateMidpoint(FewInterior):
+class PlateMidpoint(ShownPlate):
     """Interior of a plate; see `impactfem.marching.layers.Interior`."""
-
-    bodies: PlateSystem
 
     def __init__(
         self, bodies: PlateSystem, gravity: PiecewiseVector, dt: float, *, counts: bool
@@ -107,7 +101,7 @@ class PlateMidpoint(FewInterior):
         """
         bodies, moved = self.bodies, None
         if bodies.by_gap:
-            moved = bodies.deflection(self._q if place is None else place) + ahead * self._speed()
+            moved = bodies.deflection(self._q if place is None else place) + ahead * self.speed
         forces = bodies.pressure(time, moved)
         return np.asarray(self._of_vertices @ (self.bodies.transfer.T @ forces))
 
@@ -157,11 +151,7 @@ class PlateMidpoint(FewInterior):
     @property
     def surface_velocity(self) -> Floats:
         """Of the contact nodes [m/s], (count, 3)."""
-        return np.outer(self._speed()[self.bodies.touch], self._normal)
-
-    def _speed(self) -> Floats:
-        """Of all vertices along the normal [m/s]; of massless ones the mean of their neighbours."""
-        return np.asarray(self.bodies.transfer @ self.bodies.deflection(self._v))
+        return np.outer(self.speed[self.bodies.touch], self._normal)
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
         """Velocities of contact nodes at both ends of the layer [m/s], (count, 3) each."""
@@ -259,50 +249,13 @@ class PlateMidpoint(FewInterior):
         return [
             Sums(
                 0.5 * float(self._mass @ self._v**2),
-                0.5 * float(self._q @ (bodies.stiffness @ self._q)),
+                bodies.elastic(self._q),
                 work,
                 float(momenta.sum()) * self._normal,
                 moved * self._normal,
                 momenta @ self._moments + turning,
             )
         ]
-
-    def material(self, body: int) -> Floats:  # noqa: ARG002  (it is one)
-        """Vertices of the mid-surface, undeformed [m], (vertices, 3)."""
-        center, axes = self.bodies.plate.frame
-        return np.asarray(center + self.bodies.mesh.points @ axes[:2])
-
-    def drawn(self, body: int, name: str) -> Shape:
-        """Its mid-surface."""
-        return Shape(name, self.material(body), self.bodies.mesh.cells, TRIANGLE)
-
-    def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (it is one)
-        """Displacement [m], velocity [m/s], stress at the faces [Pa] of its vertices, by name."""
-        moved = self.bodies.deflection(self._q)
-        return {
-            "displacement": np.outer(moved, self._normal),
-            "velocity": np.outer(self._speed(), self._normal),
-            "von_mises": self.bodies.von_mises(self._q),
-        }
-
-    def acting(self, body: int, forces: Floats) -> Floats:  # noqa: ARG002  (it is one)
-        """Contact forces [N] on its vertices by those on the contact nodes, (vertices, 3)."""
-        found = np.zeros((len(self.bodies.mesh.points), 3))
-        found[self.bodies.touch] = forces
-        return found
-
-    def located(self, body: int, point: Floats) -> tuple[Integers, Floats, bool]:  # noqa: ARG002
-        """Corners of the triangle of the mid-surface around a place, their weights, if it is in."""
-        center, axes = self.bodies.plate.frame
-        mesh = self.bodies.mesh
-        x, y, off = axes @ (point - center)
-        shares = shares_inside(np.array([x, y]), mesh.points[mesh.cells])
-        at = int(np.argmax(shares.min(axis=1)))
-        inside = abs(off) <= 0.5 * self.bodies.depth * (1.0 + _NEAR)
-        if inside and shares[at].min() >= -_NEAR:
-            return mesh.cells[at], shares[at], True
-        nearest = int(np.argmin(np.linalg.norm(mesh.points - np.array([x, y]), axis=1)))
-        return np.array([nearest]), np.ones(1), False
 
     @property
     def _taut(self) -> float:
@@ -324,6 +277,7 @@ class PlateMidpoint(FewInterior):
         name, (deflection, steepness) = self.bodies.names[0], self._seen.tolist()
         share = deflection / self.bodies.depth
         stiffer = _STIFFENING * share**2 / (1.0 + self._taut)
+        stiffer *= self.bodies.membrane is None
         text = f"{name} deflects by {deflection:.3g} m, {share:.2g} times its thickness: a clamped "
         text += f"disc would be about {percent(stiffer)} stiffer by the stretching of its middle, "
         text += "which is left out"
@@ -347,18 +301,6 @@ class PlateMidpoint(FewInterior):
         text += f"it would be up to {percent(share)} stiffer"
         remedy = "take layers that are symmetric about the middle, or model it as a solid"
         yield from by_limits("model_layers", share, STRAIN_LIMITS, text, name, remedy)
-
-    measure = "thickness"
-
-    def unguarded(self, lines: Integers) -> tuple[Floats, float]:  # noqa: ARG002
-        """All triangles, and half the thickness."""
-        moved = np.outer(self.bodies.deflection(self._q), self._normal)
-        return (self.material(0) + moved)[self.bodies.mesh.cells], 0.5 * self.bodies.depth
-
-    def unguarded_in_words(self, lines: Integers) -> tuple[float, str, str]:  # noqa: ARG002
-        """See `FewInterior`."""
-        remedy = "take a smaller mesh_size: vertices between those that touch keep their mass"
-        return self.bodies.depth, "places of {name} lie", remedy
 
     def memory(self) -> dict[str, Floats]:
         """Coordinates, rates, contact nodes without forces, and what was seen."""

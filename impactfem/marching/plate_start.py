@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from impactfem.errors import SceneError
+from impactfem.system.kirchhoff import DOFS
 from impactfem.system.plate import PlateSystem
 from impactfem.system.rigid_modes import RigidModes
 from impactfem.system.surface import CHOLESKY
@@ -32,6 +33,7 @@ class PlateAtRest:
         bodies = march.bodies
         self.name, self.start = bodies.names[0], march.coordinates.copy()
         self._march, self._stiffness = march, bodies.stiffness
+        self._membrane, self._vertices = bodies.membrane, bodies.basis[::DOFS].T.tocsr()
         free = _free_motions(bodies)
         if free:
             raise SceneError(
@@ -51,11 +53,36 @@ class PlateAtRest:
 
     def residual(self, place: Floats) -> Floats:
         """Loads less internal forces."""
-        return np.asarray(self._march.loads_at_rest(place) - self._stiffness @ place)
+        inside = self._stiffness @ place
+        if (membrane := self._membrane) is not None:
+            slopes, strains = self._stretched(place)
+            inside = inside + self._vertices @ membrane.force(membrane.tension(strains), slopes)
+        return np.asarray(self._march.loads_at_rest(place) - inside)
 
-    def tangent(self, place: Floats) -> Callable[[Floats], Floats]:  # noqa: ARG002  (linear)
+    def _stretched(self, place: Floats) -> tuple[Floats, Floats]:
+        """Slopes and strains of the triangles of a plate that stretches."""
+        assert self._membrane is not None  # noqa: S101
+        slopes = self._membrane.slopes(self._vertices.T @ place)
+        return slopes, self._membrane.stretched(slopes)
+
+    def tangent(self, place: Floats) -> Callable[[Floats], Floats]:
         """What forces on q do, but for pressures that go by the gap."""
-        return self._answer
+        if self._membrane is None:
+            return self._answer
+        slopes, strains = self._stretched(place)
+        # As in a step, which takes halves of all that is in the plate.
+        factor = splu(
+            self._membrane.tangent(
+                self._vertices, 0.5 * self._stiffness, self._membrane.tension(strains), slopes,
+                slopes,
+            )
+        )  # fmt: skip
+
+        def answer(forces: Floats) -> Floats:
+            more = np.zeros(factor.shape[0] - len(forces))
+            return np.asarray(factor.solve(np.concatenate([0.5 * forces, more]))[: len(forces)])
+
+        return answer
 
     def _answer(self, forces: Floats) -> Floats:
         return np.asarray(self._factor.solve(forces))

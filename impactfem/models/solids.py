@@ -311,12 +311,12 @@ class SolidsModel:
         return obstacles + balls + sum(pair.count for pair in self.pairs)
 
     def takes_iterates(self, method: str, active_set: str) -> bool:
-        """Whether steps are solved by iterates: under finite strain, and for pairs that follow.
+        """Whether steps are solved by iterates: as bodies ask for, and for pairs that follow.
 
         These change what a layer's answer is made of: where it is linear in the forces, energy and
         angular momentum are kept to the size of faces only.
         """
-        if any(part.solid.is_finite for part in self.parts):
+        if self.scene.iterated:
             return True
         follow = SOLID_SCHEMES[method].holds and self.updated and not self.few
         return follow and active_set != "snes_vi" and bool(self.pairs)

@@ -117,8 +117,11 @@ def _method(scene: Scene, model: "SolidsModel") -> tuple[str, dict[str, str]]:
         text = f"what touches of {light[0]} has no mass, and energy is kept to rounding"
     if scene.gives_way and not light:
         text = "what the stiffness of contacts takes it gives back, to rounding"
+    if scene.iterated:
+        text = f"{scene.iterated}: energy is kept to rounding"
     reason = "as asked" if asked is not None else f"{scene.why_marched}: {text}"
-    return asked or (OF_PLACES if light or scene.gives_way else METHOD), {"method": reason}
+    of_places = light or scene.gives_way or scene.iterated
+    return asked or (OF_PLACES if of_places else METHOD), {"method": reason}
 
 
 def _memory(scene: Scene, layers: int) -> float:

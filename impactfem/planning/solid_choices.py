@@ -189,8 +189,8 @@ def choose_method(
         duration * leading_speed(solid) / extent
         for solid, extent in zip(solids, largest, strict=True)
     )
-    if any(solid.is_finite for solid in solids):
-        reasons["method"] = "finite strain: it keeps energy and momenta to rounding"
+    if scene.iterated:
+        reasons["method"] = f"{scene.iterated}: it keeps energy and momenta to rounding"
     elif transits > _LONG:
         reasons["method"] = (
             f"{transits:.3g} transits of a wave: over so many contacts energy must be kept to "

@@ -29,7 +29,8 @@ Floats = NDArray[np.float64]
 
 _UNITS = MappingProxyType(
     {
-        "displacement": "m", "velocity": "m/s", "von_mises": "Pa", "contact_pressure": "Pa",
+        "displacement": "m", "velocity": "m/s", "von_mises": "Pa", "face_stress": "Pa",
+        "stress_bottom": "Pa", "stress_top": "Pa", "contact_pressure": "Pa",
         "contact_force": "N", "gap": "m", "active": "1", "radius": "m",
     }
 )  # fmt: skip

@@ -140,7 +140,8 @@ def make_loop(
         ]
         beside = cast("Sequence[NewtonStepper]", _steppers(model, few))
         interior: NewtonStepper = bodies[0] if alone else NewtonBodies([*bodies, *beside])
-        started = _brought_to_rest(bodies, interior, model, surfaces, settings, progress)
+        plates = cast("Sequence[PlateMidpoint]", few)
+        started = _brought_to_rest(bodies, interior, model, surfaces, settings, progress, plates)
         settings = replace(settings, rest=_rest(started), restitution=contacts.restitution(scene))
         newton = NewtonMarch(interior, settings)
         return Loop(newton, gaps, contacts, offsets, started)
@@ -192,6 +193,7 @@ def _brought_to_rest(
     surfaces: Sequence[SurfaceNodes],
     settings: LoopSettings,
     progress: Progress,
+    plates: Sequence[PlateMidpoint] = (),
 ) -> Started | None:
     """Start bodies among which some have finite strain at rest, if their scene asks for it.
 
@@ -202,6 +204,7 @@ def _brought_to_rest(
         surfaces: Contact nodes of the solids.
         settings: Of the march.
         progress: See there.
+        plates: What marches plates.
 
     Returns:
         How they came to rest; None if it was not asked for.
@@ -219,16 +222,16 @@ def _brought_to_rest(
     ends = np.cumsum([0, *(surface.count for surface in surfaces)])
 
     def arms(there: Floats, places: Sequence[Floats]) -> Floats:
-        """As the march has them: bodies of small strains turn none, they move with the centre."""
-        found = there.copy()
-        for part, place, own in zip(model.parts, places, pairwise(ends), strict=True):
+        """As the march has them: solids of small strains turn none, they move with the centre."""
+        found = there.copy()  # of plates, which come last, where they are
+        for part, place, own in zip(model.parts, places, pairwise(ends), strict=False):
             if not part.solid.is_finite:
                 found[slice(*own)] = part.system.mean(place)
         return found
 
     started = start_at_rest(
         model, resting, surfaces, interior, np.zeros_like, settings.gaps, settings.active_set,
-        settings.tolerance, arms,
+        settings.tolerance, arms, plates,
     )  # fmt: skip
     for body, spin in zip(bodies, spins, strict=True):
         body.turn(spin)

@@ -38,10 +38,12 @@ class Followed:
         shape: Its vertices or lines, where they are at t = 0.
         motion: Displacement, velocity and contact force of their nodes at a level, shape
             (nodes, dim); what is not given is NaN in the file. Asked on rank 0 only.
+        components: Of fields of `motion` that are not those of all bodies, by name.
     """
 
     shape: Shape
     motion: Callable[[Level], Mapping[str, Floats]]
+    components: Mapping[str, int]
 
 
 def followed(march: FewInterior, among: slice) -> list[Followed]:
@@ -57,7 +59,7 @@ def followed(march: FewInterior, among: slice) -> list[Followed]:
             forces = march.acting(body, level.nodal_forces[among])
             return march.motion(body) | {"contact_force": forces}
 
-        return Followed(march.drawn(body, name), motion)
+        return Followed(march.drawn(body, name), motion, march.components)
 
     return [one(body, name) for body, name in enumerate(march.bodies.names)]
 
@@ -185,7 +187,8 @@ def open_spool(
                 parts, cells, kinds, pairwise(model.starts), strict=True
             )
         ]
-        more = {"contact_normal": VECTOR, **_shown([part.system.fields for part in parts])}
+        own = [part.system.fields for part in parts]
+        more = {"contact_normal": VECTOR, **_shown([*own, *others])}
         known = {**POINT_DATA, **more}
         found.append(FieldSpool(place, [*shapes, *(body.shape for body in others)], known))
 
@@ -194,7 +197,7 @@ def open_spool(
     return found[0] if found else None
 
 
-def _shown(each: Sequence[NodalFields]) -> dict[str, int]:
+def _shown(each: Sequence[NodalFields | Followed]) -> dict[str, int]:
     """Components of the fields that any body has besides its motion."""
     return {name: count for fields in each for name, count in fields.components.items()}
 

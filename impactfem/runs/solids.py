@@ -21,6 +21,7 @@ from impactfem.marching.mechanism import MechanismMidpoint
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.net import NetMidpoint
 from impactfem.marching.plate import PlateMidpoint
+from impactfem.marching.plate_newton import PlateNewton
 from impactfem.marching.rigid_body import RigidMidpoint
 from impactfem.marching.rigid_newton import RigidNewton
 from impactfem.marching.rows import Level
@@ -69,8 +70,9 @@ _INTERIORS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
 _STEPPERS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
     Lumped: FewNewton,
     Rigid: RigidNewton,
+    PlateSystem: PlateNewton,
 }
-"""The same beside bodies under finite strain."""
+"""The same where steps are solved by iterates."""
 
 _FRAMES = 150  # layers of fields that are kept of bodies without meshes, at most twice as many
 
@@ -122,8 +124,7 @@ def run_solids(
     discretised = {parts[0].solid.name: parts for parts in each}
     dt, layers, limit = planned_steps(scene.duration, plan, scheme, discretised)
     progress.step("preparing the layers")
-    finite = any(part.solid.is_finite for part in model.parts)
-    marches = _STEPPERS if finite else _INTERIORS
+    marches = _STEPPERS if scene.iterated else _INTERIORS
     few = [
         marches[type(bodies)](bodies, scene.vector_gravity, dt, counts=model.comm.rank == 0)
         for bodies in model.few

@@ -79,6 +79,11 @@ class BodyKind:
         return False
 
     @property
+    def why_iterated(self) -> str:
+        """Why its steps are solved by iterates, in words after its name; empty if they are not."""
+        return ""
+
+    @property
     def rolls(self) -> bool:
         """Whether it is a ball that turns, and touches with different places of its surface."""
         return False

@@ -168,6 +168,12 @@ class Content:
         return self.start == STARTS[1]
 
     @property
+    def iterated(self) -> str:
+        """Why steps are solved by iterates: the first body that asks for it, in words; or empty."""
+        each = (f"{body.name} {body.why_iterated}" for body in self.bodies if body.why_iterated)
+        return next(each, "")
+
+    @property
     def marches(self) -> bool:
         """Whether the march of solids, and of bodies of any kind, solves it."""
         return self.solver == "march"

@@ -1,4 +1,4 @@
-"""Checks of scenes with a body under finite strain: what such bodies can do and meet."""
+"""Checks of scenes whose steps are solved by iterates: what such bodies can do and meet."""
 
 import math
 
@@ -11,43 +11,43 @@ from impactfem.scene.values import show
 
 
 def check_finite(scene: Content) -> None:
-    """Refuse what bodies under finite strain do not do yet.
+    """Refuse what bodies under finite strain, and plates that stretch, do not do yet.
 
     Raises:
         KeyedError: naming the key.
     """
-    finite = [solid.name for solid in scene.solids if solid.is_finite]
-    if not finite:
+    why = scene.iterated
+    if not why:
         return
-    _check_company(scene, finite[0])
-    _check_settings(scene, finite[0])
+    _check_company(scene, why)
+    _check_settings(scene, why)
     method = scene.solve.method
     if method is not None and METHODS[method].stable == "limited":
         _check_explicit(scene)
 
 
-def _check_company(scene: Content, name: str) -> None:
-    """Refuse bodies that one under finite strain does not meet."""
+def _check_company(scene: Content, why: str) -> None:
+    """Refuse bodies whose steps stay as they are."""
     for place, body in enumerate(scene.bodies):
         if not body.substeps:
             text = f" = {show(body.kind)}: {body.name} is marched in steps that stay, as its waves "
-            text += f"or turns ask for, but {name} has finite strain, whose steps are cut where "
-            text += 'nodes close: give strain = "small", or make it a solid or a rod.'
+            text += f"or turns ask for, but {why}, and steps are cut where nodes close: give "
+            text += "a solid or a rod instead, or change that."
             raise KeyedError(f"body[{place}]", "kind", text)
 
 
-def _check_settings(scene: Content, name: str) -> None:
-    """Refuse methods and settings of small strains."""
+def _check_settings(scene: Content, why: str) -> None:
+    """Refuse methods and settings of linear steps."""
     solve = scene.solve
     if solve.method is not None and not METHODS[solve.method].finite:
         fitting = " or ".join(show(name) for name, method in METHODS.items() if method.finite)
-        text = f" = {show(solve.method)} is for small strains, but {name} has finite ones: "
+        text = f" = {show(solve.method)} solves linear steps, but {why}: "
         raise KeyedError("solve", "method", f"{text}give {fitting}.")
     if solve.normals == "fixed":
-        text = f' = "fixed" contradicts the finite rotation of {name}: remove it.'
+        text = f' = "fixed" contradicts directions that turn, for {why}: remove it.'
         raise KeyedError("solve", "normals", text)
     if solve.active_set == "snes_vi":
-        text = f' = "snes_vi" is for small strains, but {name} has finite ones: remove it.'
+        text = f' = "snes_vi" solves linear steps, but {why}: remove it.'
         raise KeyedError("solve", "active_set", text)
 
 

@@ -44,9 +44,9 @@ def check_joints(scene: Content) -> None:
             text = f" has {dim} coordinates, the bodies have {scene.dim}: give {scene.dim}."
             raise KeyedError(where, key, text)
         _check_places(scene, where, joint)
-    if scene.joints and any(solid.is_finite for solid in scene.solids):
-        text = f" = {show(scene.joints[0].name)}: joints do not go with bodies of finite strain; "
-        raise KeyedError("joint[0]", "name", f'{text}give these strain = "small", or remove it.')
+    if scene.joints and scene.iterated:
+        text = f" = {show(scene.joints[0].name)}: {scene.iterated}, which joints do not go with; "
+        raise KeyedError("joint[0]", "name", f"{text}remove it, or change that.")
 
 
 def _check_turns(scene: Content, where: str, joint: Joint) -> None:

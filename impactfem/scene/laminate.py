@@ -87,9 +87,11 @@ class Section:
         thickness: [m].
         mass: By the area [kg/m^2].
         turning: Rotary inertia by the area about the centre of mass [kg].
+        stretching: Forces by strains of the mid-surface, A [N/m], (3, 3).
         bending: Moments by curvatures [N m], (3, 3).
         shear: Forces by shears xz and yz [N/m], (2, 2).
         faces: Stresses at the bottom and the top face by curvatures [Pa m], (2, 3, 3).
+        skins: The same by strains of the mid-surface [Pa], (2, 3, 3).
         hardness: Mean modulus of plane strain at the softer face [Pa].
         coupled: Share by which bending that may not stretch is stiffer, but for a neutral surface
             that is shifted: what a plate without motion in its plane leaves open.
@@ -98,9 +100,11 @@ class Section:
     thickness: float
     mass: float
     turning: float
+    stretching: Floats
     bending: Floats
     shear: Floats
     faces: Floats
+    skins: Floats
     hardness: float
     coupled: float
 
@@ -139,9 +143,11 @@ class Section:
             thickness=thickness,
             mass=mass,
             turning=second - first**2 / mass,
+            stretching=stretch,
             bending=0.5 * (bending + bending.T),
             shear=_shear(each, stretch, mixed),
             faces=np.array(faces),
+            skins=np.array([ply.plane for ply in ends]),
             hardness=min(hard),
             coupled=float(coupled),
         )

@@ -132,8 +132,8 @@ def _check_contact(scene: Content, contact: Contact, where: str, known: Mapping[
             raise KeyedError(where, law, text)
     for law in ("static_friction_coefficient", "restitution_law"):
         # Of thousands of laws few have these.
-        if (value := getattr(contact, law)) and any(solid.is_finite for solid in scene.solids):
-            text = f" = {show(value)} is not available beside bodies of finite strain; remove it."
+        if (value := getattr(contact, law)) and scene.iterated:
+            text = f" = {show(value)} is not available where {scene.iterated}; remove it."
             raise KeyedError(where, law, text)
 
 

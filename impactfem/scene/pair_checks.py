@@ -49,7 +49,6 @@ def check_springs(scene: Content) -> None:
         return
     known = {body.name: body for body in scene.bodies}
     rubs = [law.between for law in scene.laws.each if law.friction_coefficient]
-    finite = [solid.name for solid in scene.solids if solid.is_finite]
     for contact, index in zip(scene.laws.each, scene.laws.origin, strict=True):
         if contact.stiffness is None:
             continue
@@ -64,9 +63,9 @@ def check_springs(scene: Content) -> None:
                 text = f"{shown}{name}, a {body.kind}, may touch at many places, or gives way by "
                 text += "itself; remove it, or take a point, a rigid ball, a bar or a plate."
                 raise KeyedError(f"contact[{index}]", "stiffness", text)
-        if finite:
-            text = f'{shown}it is not available beside {finite[0]}, whose strain is "finite"; '
-            raise KeyedError(f"contact[{index}]", "stiffness", f"{text}remove one.")
+        if scene.iterated:
+            text = f"{shown}it is not available where {scene.iterated}; remove one."
+            raise KeyedError(f"contact[{index}]", "stiffness", text)
         if rubs:
             text = f"{shown}it is not available beside friction, which {' and '.join(rubs[0])} "
             text += "have; remove one."

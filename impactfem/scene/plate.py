@@ -36,8 +36,13 @@ if TYPE_CHECKING:
 THIN, SHEARING = "kirchhoff", "reissner_mindlin"
 THEORIES = {THIN: False, SHEARING: True}
 """Whether plates shear, by their theory."""
+SHOWN = {"mid_surface": False, "filled": True}
+"""What field files show, and whether that is all between the faces."""
+MEMBRANES = {"none": False, "von_karman": True}
+"""Whether the middle stretches, by moderate rotations."""
 _THICK = {None: 0.2, THIN: 0.1, SHEARING: 0.2}
 """Thickness by the least width from which on a theory is refused."""
+_COUPLED = 1e-6  # share of the bending stiffness from which on layers stretch as they bend
 _SHEARS = 0.05  # the same from which on shear counts, unless theory says so
 
 
@@ -56,7 +61,6 @@ class Plate(BodyKind):
     waves: ClassVar[bool] = True
     may_meet_nothing: ClassVar[bool] = True
     settles: ClassVar[bool] = True
-    substeps: ClassVar[bool] = False
     has_surface: ClassVar[bool] = True
     meets_edges: ClassVar[bool] = True
     dents: ClassVar[bool] = True
@@ -121,6 +125,13 @@ class Plate(BodyKind):
         Choice(tuple(THEORIES)), "thin, or thick with shear and rotary inertia",
         default=None, absent="with shear from a twentieth of the width, but beside balls",
     )  # fmt: skip
+    membrane: str = key(
+        Choice(tuple(MEMBRANES)), "whether its middle stretches as it bends", default="none"
+    )
+    shown: str = key(
+        Choice(tuple(SHOWN)), "what field files show: its mid-surface with stresses of both faces, "
+        "or all between them", default="mid_surface",
+    )  # fmt: skip
     velocity: Formula = key(  # noqa: RUF009  # a field
         FormulaOf(("x", "y")), "at t = 0 along the normal", unit="m/s", default=0.0
     )
@@ -155,6 +166,8 @@ class Plate(BodyKind):
             angle: float = 0.0,
             rayleigh_mass: float = 0.0,
             theory: str | None = None,
+            membrane: str = "none",
+            shown: str = "mid_surface",
             velocity: "FormulaLike" = 0.0,
             displacement: "FormulaLike" = 0.0,
             supports: Sequence[EdgeSupport | Mapping[str, Any]] = (),
@@ -164,6 +177,7 @@ class Plate(BodyKind):
     def __post_init__(self) -> None:
         check_fields(self, self.kind)
         self._check_material()
+        self._check_membrane()
         if (self.outline is None) == (self.mesh is None):
             given = "neither is" if self.mesh is None else "both are"
             raise KeyedError(self.kind, "outline", f": {given} given; give outline, or mesh.")
@@ -202,6 +216,20 @@ class Plate(BodyKind):
             text = f" = {show(self.thickness.plain)} is not the sum of the layers, {total:.9g} m: "
             raise KeyedError(self.kind, "thickness", f"{text}remove it, or change them.")
 
+    def _check_membrane(self) -> None:
+        """Refuse what only plates that stretch know, and what these do not."""
+        if not self.stretches:
+            for index, support in enumerate(self.supports):
+                if support.in_plane is not None:
+                    text = f" = {show(support.in_plane)}: the plate does not stretch; give "
+                    text += 'membrane = "von_karman", or remove it.'
+                    raise KeyedError(self.kind, f"supports[{index}].in_plane", text)
+            return
+        if self.section.coupled > _COUPLED:
+            text = f" = {show(self.membrane)}: bending stretches these layers by itself; take "
+            text += 'layers that are symmetric about the middle, or membrane = "none".'
+            raise KeyedError(self.kind, "membrane", text)
+
     def check_thickness(self, thickness: float) -> None:
         """Refuse a plate that is too thick for its theory somewhere [m].
 
@@ -226,6 +254,21 @@ class Plate(BodyKind):
     def with_elements(self, factor: float) -> Self:
         """The same with elements so many times as large, of one that has a `mesh_size`."""
         return replace(self, mesh_size=factor * (self.mesh_size or 0.0))
+
+    @property
+    def stretches(self) -> bool:
+        """Whether its middle does as it bends."""
+        return MEMBRANES[self.membrane]
+
+    @property
+    def is_filled(self) -> bool:
+        """Whether files show all that is between its faces."""
+        return SHOWN[self.shown]
+
+    @property
+    def why_iterated(self) -> str:
+        """Forces of its middle go by the square of slopes."""
+        return f"has membrane = {show(self.membrane)}" if self.stretches else ""
 
     @property
     def least_width(self) -> float:

@@ -19,6 +19,9 @@ from impactfem.scene.values import show
 EDGE_SUPPORTS = dict.fromkeys(("clamped", "simply_supported", "soft_support", "free"), False)
 """Ways to hold an edge, and whether by springs."""
 EDGE_SUPPORTS["elastic"] = True
+_STAYS = dict.fromkeys(EDGE_SUPPORTS, True) | {"free": False, "elastic": False}
+IN_PLANE = {"held": True, "free": False}
+"""Whether an edge stays where it is in the plane."""
 FACES: Mapping[str, float] = {"top": -1.0, "bottom": 1.0}
 """Which way along the normal a pressure on a face pushes."""
 
@@ -325,11 +328,21 @@ class EdgeSupport:
         Real(at_least=0), "of an elastic one to rotation about it, by its length", unit="N",
         default=0.0,
     )  # fmt: skip
+    in_plane: str | None = key(
+        Choice(tuple(IN_PLANE)), "whether it moves in the plane of a plate that stretches",
+        default=None, absent="held where it does not move along the normal",
+    )  # fmt: skip
 
     if TYPE_CHECKING:
 
         def __init__(
-            self, *, edge: str, kind: str, stiffness: float = 0.0, rotational_stiffness: float = 0.0
+            self,
+            *,
+            edge: str,
+            kind: str,
+            stiffness: float = 0.0,
+            rotational_stiffness: float = 0.0,
+            in_plane: str | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -346,6 +359,13 @@ class EdgeSupport:
             if value:
                 text = f' = {value:g} is for elastic edges: give kind = "elastic", or remove it.'
                 raise KeyedError("support", name, text)
+
+    @property
+    def stays(self) -> bool:
+        """Whether it does not move in the plane of the plate."""
+        if self.in_plane is not None:
+            return IN_PLANE[self.in_plane]
+        return _STAYS[self.kind]
 
 
 @table("pressures = [{ face = ... }]")

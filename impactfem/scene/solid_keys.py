@@ -239,6 +239,11 @@ class SolidKeys(BodyKind):
         return self.is_finite
 
     @property
+    def why_iterated(self) -> str:
+        """Finite strain."""
+        return "has finite strain" if self.is_finite else ""
+
+    @property
     def meets_itself(self) -> bool:
         """Whether it may bend into itself: the plan takes finite strain where none is said."""
         return self.is_finite or self.strain is None

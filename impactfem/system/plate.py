@@ -20,10 +20,12 @@ from impactfem.scene.plate_keys import FACES
 from impactfem.system.few import FewBodies
 from impactfem.system.kirchhoff import DOFS, Triangles, edge_stiffness
 from impactfem.system.loads import FormulaValues
+from impactfem.system.membrane import Membrane
 from impactfem.system.plate_mesh import (
     Booleans,
     PlateMesh,
     apart_from_others,
+    held_in_plane,
     held_slopes,
     mass_to_neighbours,
     net_between,
@@ -58,6 +60,7 @@ class PlateSystem(FewBodies):
         obstacles: Of the scene that it may meet, to which pressures count gaps.
         curved: `Triangles.curvatures` of the vertices by q, (3 vertices, d).
         enclosed: Whether all of its outline is held.
+        membrane: How its middle stretches; None if it does not.
         touch: Vertices that may touch, (count,); `lines` are triangles between them, for balls.
     """
 
@@ -78,6 +81,7 @@ class PlateSystem(FewBodies):
     obstacles: tuple[Any, ...]
     curved: csr_matrix
     enclosed: bool
+    membrane: Membrane | None
 
     @property
     def width(self) -> float:
@@ -109,14 +113,28 @@ class PlateSystem(FewBodies):
         wave = 8.0 * math.sqrt(section.rigidity * section.mass)
         return float((dent**2 * speed * mass**3) ** 0.2 / wave)
 
-    def von_mises(self, q: Floats) -> Floats:
-        """Of the face where it is larger at all vertices [Pa], (vertices,)."""
+    def elastic(self, q: Floats) -> float:
+        """Energy of bending, shear, springs, and of the middle that stretches [J]."""
+        found = 0.5 * float(q @ (self.stiffness @ q))
+        if self.membrane is not None:
+            slopes = self.membrane.slopes(self.deflection(q))
+            found += self.membrane.energy(self.membrane.stretched(slopes))
+        return found
+
+    def stresses(self, q: Floats) -> Floats:
+        """S_xx, s_yy, s_xy along the axes of the plate at the bottom and the top face [Pa].
+
+        Of shape (2, vertices, 3).
+        """
         section = self.plate.section
         curved = (self.curved @ q).reshape(-1, 3) * (self.thickness / section.thickness)[:, None]
-        x, y, mixed = np.einsum("fij,vj->ifv", section.faces, curved)
-        at_rest = self.plate.residual_stress
-        x, y = x + at_rest, y + at_rest
-        return np.asarray(np.sqrt(x**2 - x * y + y**2 + 3.0 * mixed**2).max(axis=0))
+        # Slopes that grow press the top together.
+        found = -np.einsum("fij,vj->fvi", section.faces, curved)
+        if self.membrane is not None:
+            strains = self.membrane.at_vertices(self.deflection(q))
+            found += np.einsum("fij,vj->fvi", section.skins, strains)
+        found[..., :2] += self.plate.residual_stress
+        return np.asarray(found)
 
     def pressure(self, t: float, deflection: Floats | None = None) -> Floats:
         """Forces of the pressures along the normal on all vertices [N], (vertices,).
@@ -298,6 +316,7 @@ def discretised(
         obstacles=obstacles,
         curved=csr_matrix(triangles.curvatures @ basis),
         enclosed=bool(still[mesh.rim].all()),
+        membrane=Membrane(triangles, held_in_plane(mesh, plate)) if plate.stretches else None,
     )
 
 
@@ -333,10 +352,10 @@ def _stressed(
     """
     stress = plate.residual_stress
     where = f"body {plate.name}: residual_stress = {stress:g} Pa"
-    if not still[mesh.rim].all():
+    if not (still & held_in_plane(mesh, plate))[mesh.rim].all():
         raise SceneError(
-            f"{where} needs all edges held, which a free or elastic one lets go: hold them, or "
-            "remove it"
+            f"{where} needs all edges held, which a free or elastic one lets go: hold them, in the "
+            "plane too, or remove it"
         )
     unit = csr_matrix(basis.T @ triangles.tension(plate.section.thickness) @ basis)
     if stress < 0.0:

@@ -187,6 +187,15 @@ def held_slopes(mesh: PlateMesh, plate: Plate) -> tuple[Booleans, list[list[Floa
     return still, ways
 
 
+def held_in_plane(mesh: PlateMesh, plate: Plate) -> Booleans:
+    """Which vertices do not move in the plane of a plate, (vertices,)."""
+    held = np.zeros(len(mesh.points), dtype=bool)
+    for support in plate.supports:
+        if support.stays:
+            held[np.unique(mesh.edges[support.edge])] = True
+    return held
+
+
 _KINK = math.cos(math.radians(45.0))  # directions of pairs farther apart meet in a corner
 
 

@@ -326,3 +326,30 @@ def test_ranks_agree(monkeypatch):
     one, two = (np.asarray(run.history["contact_force"]) for run in (together, own))
     parallel_assert(one.max() > 0.0)
     parallel_assert(np.abs(one - two).max() <= 1e-10 * one.max())
+
+
+def test_files_show_both_faces_of_a_plate():
+    """Filled it holds its volume, faces tilt with the slopes, and stresses are those beside."""
+    bent = {"supports": held("clamped", ("left",)), "mesh_size": 0.2, "velocity": "x+0.5"}
+
+    def shown(what):
+        output = impactfem.Output(fields=["vtkhdf"], every=10)
+        made_ = scene_of(made(shown=what, **bent), duration=0.02, dt=1e-3, output=output)
+        fields = impactfem.solve(made_).fields
+        last = len(fields.times) - 1
+        return fields.layout, fields.read(last, *fields.point_data)
+
+    (flat, one), (filled, two) = shown("mid_surface"), shown("filled")
+    count = len(flat.points)
+    corners = filled.points[filled.connectivity.reshape(-1, 4)]
+    volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0
+    assert volumes.min() > 0.0
+    assert volumes.sum() == pytest.approx(0.01)
+    bottom, top = two["displacement"][:count], two["displacement"][count:]
+    assert np.abs(0.5 * (bottom + top) - one["displacement"]).max() < 1e-15
+    # It bends up more and more: tops go back, by half the thickness times the slope.
+    assert (top - bottom)[flat.points[:, 0] > 0.4, 0].max() < 0.0
+    assert np.array_equal(two["face_stress"][:count], one["stress_bottom"])
+    assert np.array_equal(two["face_stress"][count:], one["stress_top"])
+    clamped = flat.points[:, 0] < -0.45
+    assert one["stress_top"][clamped, 0].max() < 0.0  # pressed together where it bends up

@@ -266,6 +266,8 @@ def _plate(scene: Scene, plate: Any) -> str:
         text += f"layers from bottom to top of {'; '.join(each)}."
     else:
         text += f"{_material(plate)}."
+    if plate.stretches:
+        text += " Its middle stretches as it bends (von Karman)."
     if plate.residual_stress:
         text += f" At rest {quantity(plate.residual_stress, 'Pa')} pull in it."
     text += _damping(plate)

@@ -54,6 +54,7 @@ def _few_freedoms(scene: Scene) -> list[str]:
     """Of points, rods and beams, each kind that the scene has."""
     kinds = dict.fromkeys(body.kind for body in scene.bodies)
     found = [text for kind in _LEFT_OUT if kind in kinds for text in _LEFT_OUT[kind]]
+    found += _plates(scene)
     if found and not scene.meshed:
         found.append(_INSTANT)
     for body in scene.bodies:
@@ -62,6 +63,22 @@ def _few_freedoms(scene: Scene) -> list[str]:
             found.append(f"Shear deformation of {body.name}: Euler-Bernoulli theory.")
         if theory is not None and not any(getattr(body, "rayleigh_damping", ())):
             found.append(f"Damping of the material of {body.name}: the scene gives none.")
+    return found
+
+
+def _plates(scene: Scene) -> list[str]:
+    """Of plates, by their theories."""
+    plates = [body for body in scene.meshed if body not in scene.solids]
+    if not plates:
+        return []
+    found = ["Waves along the middle of plates: what moves there follows at once."]
+    if not all(plate.shears_beside(scene.bodies) for plate in plates):
+        text = "Shear and rotary inertia of plates, and with them waves as short as they are thick."
+        found.append(text)
+    if not all(plate.stretches for plate in plates):
+        found.append("Stretching of the middle of plates: deflections are small beside it.")
+    if not scene.gives_way:
+        found.append("Local indentation of plates: the contact itself is rigid.")
     return found
 
 
@@ -74,12 +91,6 @@ _LEFT_OUT = {
     ],
     "rigid": ["Elasticity of rigid bodies: they have no waves, an impact is an instant."],
     "springs": ["What lies between the springs: masses and edges touch, cells are empty."],
-    "plate": [
-        "Shear and rotary inertia of plates, and with them waves as short as they are thick.",
-        "Stretching of the middle of plates: deflections are small beside the thickness.",
-        "Motion of plates along their middle: they move along their normal only.",
-        "Local indentation of plates: the contact itself is rigid.",
-    ],
     "beam": [
         "Large rotations of beams: displacements are small about the place at t = 0.",
         "Local indentation of beams: the contact itself is rigid.",

@@ -1,0 +1,132 @@
+"""What files and pictures show of a plate: its mid-surface, or all that is between its faces."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.contact.closest import shares_inside
+from impactfem.marching.few import FewInterior
+from impactfem.result.shapes import TETRAHEDRON, TRIANGLE, VECTOR, Shape
+from impactfem.system.kirchhoff import DOFS
+from impactfem.system.plate import PlateSystem
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_NEAR = 1e-9  # share of the plate's size by which a probe may lie off its mid-surface
+
+
+class ShownPlate(FewInterior):
+    """A plate; its nodes are the vertices of its mid-surface, or of its bottom, then its top."""
+
+    bodies: PlateSystem
+
+    @property
+    def components(self) -> Mapping[str, int]:
+        """Stresses s_xx, s_yy, s_xy along the axes of the plate [Pa], by name."""
+        if self.bodies.plate.is_filled:
+            return {"face_stress": VECTOR}
+        return {"stress_bottom": VECTOR, "stress_top": VECTOR}
+
+    @property
+    def speed(self) -> Floats:
+        """Of all vertices along the normal [m/s]; of massless ones the mean of their neighbours."""
+        return np.asarray(self.bodies.transfer @ self.bodies.deflection(self._v))
+
+    @property
+    def middle(self) -> Floats:
+        """Vertices of the mid-surface, undeformed [m], (vertices, 3)."""
+        center, axes = self.bodies.plate.frame
+        return np.asarray(center + self.bodies.mesh.points @ axes[:2])
+
+    def material(self, body: int) -> Floats:  # noqa: ARG002  (it is one)
+        """Its nodes, undeformed [m], (nodes, 3)."""
+        if not self.bodies.plate.is_filled:
+            return self.middle
+        half = np.outer(0.5 * self.bodies.thickness, self.bodies.plate.frame[1][2])
+        return np.concatenate([self.middle - half, self.middle + half])
+
+    def drawn(self, body: int, name: str) -> Shape:
+        """Triangles of its mid-surface, or tetrahedra between its faces."""
+        cells = self.bodies.mesh.cells
+        if not self.bodies.plate.is_filled:
+            return Shape(name, self.material(body), cells, TRIANGLE)
+        # Cut alike from both sides of a common edge: by the numbers of the vertices.
+        a, b, c = np.sort(cells, axis=1).T
+        top = len(self.bodies.mesh.points)
+        thirds = [(a, b, c, c + top), (a, b, b + top, c + top), (a, a + top, b + top, c + top)]
+        filled = np.concatenate([np.stack(each, axis=1) for each in thirds])
+        places = self.material(body)[filled]
+        volume = np.linalg.det(places[:, 1:] - places[:, :1])
+        filled[volume < 0.0] = filled[volume < 0.0][:, [0, 2, 1, 3]]
+        return Shape(name, self.material(body), filled, TETRAHEDRON)
+
+    def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (it is one)
+        """Displacement [m], velocity [m/s], stress at the faces [Pa] of its nodes, by name."""
+        bodies, axes = self.bodies, self.bodies.plate.frame[1]
+        moved = np.outer(bodies.deflection(self._q), axes[2])
+        speed, stress = np.outer(self.speed, axes[2]), bodies.stresses(self._q)
+        mises = von_mises(stress)
+        if not bodies.plate.is_filled:
+            return {
+                "displacement": moved, "velocity": speed, "von_mises": mises.max(axis=0),
+                "stress_bottom": stress[0], "stress_top": stress[1],
+            }  # fmt: skip
+        half = 0.5 * bodies.thickness[:, None]
+        tilt, tilting = (
+            half * (rates.reshape(-1, DOFS)[:, 1:] @ axes[:2])
+            for rates in (bodies.basis @ self._q, bodies.basis @ self._v)
+        )  # of the normal, against the slope
+        return {
+            "displacement": np.concatenate([moved + tilt, moved - tilt]),
+            "velocity": np.concatenate([speed + tilting, speed - tilting]),
+            "von_mises": mises.ravel(),
+            "face_stress": np.concatenate(list(stress)),
+        }
+
+    def acting(self, body: int, forces: Floats) -> Floats:
+        """Contact forces [N] on its nodes by those on the contact nodes, (nodes, 3)."""
+        found = np.zeros_like(self.material(body))
+        nodes = self.bodies.touch
+        if self.bodies.plate.is_filled:
+            on_top = forces @ self.bodies.plate.frame[1][2] < 0.0
+            nodes = nodes + len(self.bodies.mesh.points) * on_top
+        found[nodes] = forces
+        return found
+
+    def located(self, body: int, point: Floats) -> tuple[Integers, Floats, bool]:  # noqa: ARG002
+        """Nodes around a place of its mid-surface, their weights, if it is in the plate."""
+        center, axes = self.bodies.plate.frame
+        mesh = self.bodies.mesh
+        x, y, off = axes @ (point - center)
+        shares = shares_inside(np.array([x, y]), mesh.points[mesh.cells])
+        at = int(np.argmax(shares.min(axis=1)))
+        inside = abs(off) <= 0.5 * self.bodies.depth * (1.0 + _NEAR)
+        inside = bool(inside and shares[at].min() >= -_NEAR)
+        nodes, weights = mesh.cells[at], shares[at]
+        if not inside:
+            nearest = int(np.argmin(np.linalg.norm(mesh.points - np.array([x, y]), axis=1)))
+            nodes, weights = np.array([nearest]), np.ones(1)
+        if self.bodies.plate.is_filled:  # what both faces do is what the middle does
+            nodes = np.concatenate([nodes, nodes + len(mesh.points)])
+            weights = np.concatenate([0.5 * weights, 0.5 * weights])
+        return nodes, weights, inside
+
+    def unguarded(self, lines: Integers) -> tuple[Floats, float]:  # noqa: ARG002
+        """All triangles, and half the thickness."""
+        moved = np.outer(self.bodies.deflection(self._q), self.bodies.plate.frame[1][2])
+        return (self.middle + moved)[self.bodies.mesh.cells], 0.5 * self.bodies.depth
+
+    measure = "thickness"
+
+    def unguarded_in_words(self, lines: Integers) -> tuple[float, str, str]:  # noqa: ARG002
+        """See `FewInterior`."""
+        remedy = "take a smaller mesh_size: vertices between those that touch keep their mass"
+        return self.bodies.depth, "places of {name} lie", remedy
+
+
+def von_mises(stress: Floats) -> Floats:
+    """Of stresses s_xx, s_yy, s_xy in a face [Pa], (..., 3)."""
+    x, y, mixed = np.moveaxis(stress, -1, 0)
+    return np.asarray(np.sqrt(x**2 - x * y + y**2 + 3.0 * mixed**2))
