@@ -61,3 +61,53 @@ def near_of(ends, room, near, places):
     if not count:
         found[0], count = nearest, 1
     return found[:count].copy()
+
+
+@compiled
+def reached(points, thick, farther, places, simplices):
+    """Simplices that may be closest to balls, and all that share a corner with one of these.
+
+    Args:
+        points: Centres of the balls [m], (balls, dim).
+        thick: Least distance that is looked at from each [m], (balls,).
+        farther: Times the distance of the closest one, others that are looked at.
+        places: Of all contact nodes [m], (nodes, dim).
+        simplices: Corners among these, (simplices, corners).
+
+    Returns:
+        Distances up to which none is missing [m], (balls,), and which these are, (simplices,).
+    """
+    count, corners = simplices.shape
+    dim = points.shape[1]
+    middle, around = np.zeros((count, dim)), np.zeros(count)
+    for s in range(count):
+        for c in range(dim):
+            for k in range(corners):
+                middle[s, c] += places[simplices[s, k], c] / corners
+        for k in range(corners):
+            square = 0.0
+            for c in range(dim):
+                square += (places[simplices[s, k], c] - middle[s, c]) ** 2
+            around[s] = max(around[s], square)
+        around[s] = np.sqrt(around[s])
+    reach = np.empty(len(points))
+    away = np.empty(count)
+    touched = np.zeros(len(places), dtype=np.bool_)
+    for p in range(len(points)):
+        least = np.inf
+        for s in range(count):
+            square = 0.0
+            for c in range(dim):
+                square += (points[p, c] - middle[s, c]) ** 2
+            away[s] = np.sqrt(square)
+            least = min(least, away[s] + around[s])
+        reach[p] = farther * max(least, thick[p])
+        for s in range(count):
+            if away[s] - around[s] <= reach[p]:
+                for k in range(corners):
+                    touched[simplices[s, k]] = True
+    chosen = np.zeros(count, dtype=np.bool_)
+    for s in range(count):
+        for k in range(corners):
+            chosen[s] = chosen[s] or touched[simplices[s, k]]
+    return reach, chosen

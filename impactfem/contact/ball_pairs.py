@@ -6,12 +6,12 @@ the moment of momentum. The closest places are found anew in each layer.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from impactfem.contact.ball_kernels import reached
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting, Turning, patch_of, weights_on
@@ -25,6 +25,8 @@ _SAME = 1e-9  # share of a distance by which two count as the same
 _ALIKE = 0.9  # cosine of directions from which two closest places count as one
 _RIM = 0.01  # share of a face by which what slides off an open surface is still on it
 _TINY = np.finfo(float).tiny
+_FARTHER = 1.5  # times the distance of the closest place, others that are looked at
+_FEW = 64  # simplices that are all looked at
 
 
 @dataclass(frozen=True)
@@ -37,18 +39,20 @@ class Target:
         signs: 1 where the normal of a face, from the order of its corners, points outwards and -1
             elsewhere, shape (simplices,); None if there is no inside: points and axes.
         radius: Of the nodes of points and axes [m], shape (nodes,).
+        rims: Whether a surface ends at the side opposite each corner, (simplices, corners).
     """
 
     nodes: Integers
     simplices: Integers
     signs: Floats | None
     radius: Floats
+    rims: Booleans
 
     @classmethod
     def of_axis(cls, nodes: Integers, lines: Integers, radius: Floats) -> "Target":
         """Of the lines between nodes, (lines, 2); of the nodes themselves where there are none."""
         simplices = lines if len(lines) else np.arange(len(nodes))[:, None]
-        return cls(nodes, simplices, None, radius)
+        return cls(nodes, simplices, None, radius, np.zeros(simplices.shape, dtype=bool))
 
     @classmethod
     def of_surface(cls, nodes: Integers, surface: Surface) -> "Target":
@@ -59,16 +63,12 @@ class Target:
         if flat.shape[1] == 4:  # quadrilaterals, by the corners around them
             flat = np.stack([flat[:, (0, 1, 2)], flat[:, (0, 2, 3)]], axis=1).reshape(-1, 3)
             signs = np.repeat(signs, 2)
-        return cls(nodes, flat, signs, np.zeros(len(nodes)))
+        return cls(nodes, flat, signs, np.zeros(len(nodes)), _rims(flat))
 
-    @cached_property
-    def rims(self) -> Booleans:
-        """Whether a surface ends at the side opposite each corner, (simplices, corners)."""
-        corners = self.simplices.shape[1]
-        sides = [np.delete(self.simplices, k, axis=1) for k in range(corners)]
-        flat = np.sort(np.stack(sides, axis=1).reshape(-1, corners - 1), axis=1)
-        _, which, count = np.unique(flat, axis=0, return_inverse=True, return_counts=True)
-        return np.asarray((count[which.ravel()] == 1).reshape(-1, corners))
+    def some(self, chosen: Booleans) -> "Target":
+        """Some of its simplices, (simplices,)."""
+        signs = None if self.signs is None else self.signs[chosen]
+        return Target(self.nodes, self.simplices[chosen], signs, self.radius, self.rims[chosen])
 
     def normals(self, places: Floats) -> Floats:
         """Outward normals of its faces, their length that of the areas, (simplices, dim)."""
@@ -80,6 +80,15 @@ class Target:
             across = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         signs = np.ones(len(corners)) if self.signs is None else self.signs
         return np.asarray(across * signs[:, None])
+
+
+def _rims(simplices: Integers) -> Booleans:
+    """Whether a surface ends at the side opposite each corner, (simplices, corners)."""
+    corners = simplices.shape[1]
+    sides = [np.delete(simplices, k, axis=1) for k in range(corners)]
+    flat = np.sort(np.stack(sides, axis=1).reshape(-1, corners - 1), axis=1)
+    _, which, count = np.unique(flat, axis=0, return_inverse=True, return_counts=True)
+    return np.asarray((count[which.ravel()] == 1).reshape(-1, corners))
 
 
 @dataclass(frozen=True)
@@ -138,9 +147,11 @@ class BallPair(Anew):
         Gaps are those there, normals and weights those where forces act, amid the way: their work
         then is that of the change of the gap, but for the cube of the way.
         """
-        gaps, _, direction = self._looks(places)
-        _, shares, amid = self._looks(acting)
-        target, dim, count = self.target, places.shape[1], self.count
+        near, reach = self._near(places)
+        gaps, _, direction = self._looks(near, places)
+        _, shares, amid = self._looks(near, acting)
+        gaps = np.where(gaps <= reach[:, None], gaps, np.inf)
+        target, dim, count = near, places.shape[1], self.count
         gap, normal = np.full(count, self.far), np.zeros((count, dim))
         normal[:, -1] = 1.0
         each, rows, columns, values = np.arange(len(self.balls)), [], [], []
@@ -160,59 +171,34 @@ class BallPair(Anew):
         weights = csr_matrix(found, shape=(count, self.total))
         return Meeting(weights, gap, normal, np.zeros(count))
 
-    def _looks(self, places: Floats) -> tuple[Floats, Floats, Floats]:
+    def _near(self, places: Floats) -> tuple[Target, Floats]:
+        """What of the target may be closest to balls, and gaps up to which nothing is missing [m].
+
+        Other places than the closest one are looked at half as far away again, or as the ball is
+        thick: farther ones are not reached while that one is met.
+        """
+        target, points = self.target, places[self.balls]
+        if len(target.simplices) <= _FEW:
+            return target, np.full(len(points), np.inf)
+        thick = self.radius + float(target.radius.max(initial=0.0))
+        reach, chosen = reached(points, thick, _FARTHER, places, target.nodes[target.simplices])
+        return target.some(chosen), reach - self.radius
+
+    def _looks(self, target: Target, places: Floats) -> tuple[Floats, Floats, Floats]:
         """Gaps of all balls to all simplices, weights of closest points, directions to the balls.
 
         Shapes (balls, simplices), (balls, simplices, corners), (balls, simplices, dim).
         """
-        target, points = self.target, places[self.balls]
+        points = places[self.balls]
         corners = places[target.nodes[target.simplices]]
         shares = closest_shares(points, corners)
         arms, length = distances(points, corners, shares)
         if target.signs is None:
             away, direction = length, arms / np.maximum(length, _TINY)[..., None]
         else:
-            away, direction = self._outside(places, shares, arms, length)
+            away, direction = _outside(target, places, shares, arms, length)
         radii = np.einsum("psc,sc->ps", shares, target.radius[target.simplices])
         return away - radii - self.radius[:, None], shares, direction
-
-    def _outside(
-        self, places: Floats, shares: Floats, arms: Floats, length: Floats
-    ) -> tuple[Floats, Floats]:
-        """Signed distances from faces, infinite for those that are not met, and their directions.
-
-        A face is met where its closest point is closest among all around it, and is seen from
-        outside; inside the body it is the nearest face only.
-        """
-        target, inner = self.target, (shares > _SAME).all(axis=2)
-        faces = target.normals(places)
-        areas = np.linalg.norm(faces, axis=1)
-        faces = faces / np.maximum(areas, _TINY)[:, None]
-        nodes = np.zeros((len(target.nodes), faces.shape[1]))
-        for corner in target.simplices.T:
-            np.add.at(nodes, corner, faces)
-        around = np.einsum("psc,scd->psd", shares, nodes[target.simplices])
-        around /= np.maximum(np.linalg.norm(around, axis=2), _TINY)[..., None]
-        outward = np.where(inner[..., None], faces, around)
-        side = np.where(np.einsum("psd,psd->ps", arms, outward) < 0.0, -1.0, 1.0)
-        # At edges along the arm, but where this is no more than rounding.
-        clear = ~inner & (length > _SAME * float(np.ptp(places[target.nodes], axis=0).max()))
-        straight = side[..., None] * arms / np.maximum(length, _TINY)[..., None]
-        direction = np.where(clear[..., None], straight, outward)
-        least = np.full((len(arms), len(nodes)), np.inf)
-        for k, corner in enumerate(target.simplices.T):
-            value = np.where(shares[:, :, k] > _SAME, length, np.inf)
-            np.minimum.at(least.T, corner, value.T)
-        near = np.where(shares > _SAME, least[:, target.simplices], np.inf).min(axis=2)
-        met = inner | (length <= near * (1.0 + _SAME))
-        nearest = length <= length.min(axis=1, keepdims=True) * (1.0 + _SAME)
-        met &= (side > 0.0) | nearest
-        if target.rims.any():  # what is behind an open surface, but beside it, is not inside
-            sizes = areas ** (1.0 / (faces.shape[1] - 1))
-            beyond = ((shares <= _SAME) & target.rims).any(axis=2)
-            beside = np.linalg.norm(arms + length[..., None] * outward, axis=2)
-            met &= (side > 0.0) | ~beyond | ((beside <= _RIM * sizes) & (length <= sizes))
-        return np.where(met, side * length, np.inf), direction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -262,3 +248,42 @@ def carried(ways: Floats, followers: Integers, centre: int, unit: float, total: 
     shares = -ways / unit
     values = np.hstack([shares, -shares.sum(axis=1, keepdims=True)])
     return weights_on(values, np.append(followers, centre), total)
+
+
+def _outside(
+    target: Target, places: Floats, shares: Floats, arms: Floats, length: Floats
+) -> tuple[Floats, Floats]:
+    """Signed distances from faces, infinite for those that are not met, and their directions.
+
+    A face is met where its closest point is closest among all around it, and is seen from
+    outside; inside the body it is the nearest face only.
+    """
+    inner = (shares > _SAME).all(axis=2)
+    faces = target.normals(places)
+    areas = np.linalg.norm(faces, axis=1)
+    faces = faces / np.maximum(areas, _TINY)[:, None]
+    nodes = np.zeros((len(target.nodes), faces.shape[1]))
+    for corner in target.simplices.T:
+        np.add.at(nodes, corner, faces)
+    around = np.einsum("psc,scd->psd", shares, nodes[target.simplices])
+    around /= np.maximum(np.linalg.norm(around, axis=2), _TINY)[..., None]
+    outward = np.where(inner[..., None], faces, around)
+    side = np.where(np.einsum("psd,psd->ps", arms, outward) < 0.0, -1.0, 1.0)
+    # At edges along the arm, but where this is no more than rounding.
+    clear = ~inner & (length > _SAME * float(np.ptp(places[target.nodes], axis=0).max()))
+    straight = side[..., None] * arms / np.maximum(length, _TINY)[..., None]
+    direction = np.where(clear[..., None], straight, outward)
+    least = np.full((len(arms), len(nodes)), np.inf)
+    for k, corner in enumerate(target.simplices.T):
+        value = np.where(shares[:, :, k] > _SAME, length, np.inf)
+        np.minimum.at(least.T, corner, value.T)
+    near = np.where(shares > _SAME, least[:, target.simplices], np.inf).min(axis=2)
+    met = inner | (length <= near * (1.0 + _SAME))
+    nearest = length <= length.min(axis=1, keepdims=True) * (1.0 + _SAME)
+    met &= (side > 0.0) | nearest
+    if target.rims.any():  # what is behind an open surface, but beside it, is not inside
+        sizes = areas ** (1.0 / (faces.shape[1] - 1))
+        beyond = ((shares <= _SAME) & target.rims).any(axis=2)
+        beside = np.linalg.norm(arms + length[..., None] * outward, axis=2)
+        met &= (side > 0.0) | ~beyond | ((beside <= _RIM * sizes) & (length <= sizes))
+    return np.where(met, side * length, np.inf), direction

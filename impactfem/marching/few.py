@@ -56,8 +56,7 @@ class FewInterior(Watched, Meshless):
         self.bodies = bodies
         self._q, self._v = bodies.position.copy(), bodies.velocity.copy()
         self._start = bodies.places(bodies.position)
-        size = self._start.size
-        self._compliance = np.zeros((size, size))  # of a layer, which each kind fills [m/N]
+        self._compliance = np.zeros((0, 0))  # of a layer, of kinds that know it as a whole [m/N]
         none = np.zeros(len(self._start), dtype=bool)
         self.massive: Booleans = none
         self.radiating: Booleans = none

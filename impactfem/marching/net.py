@@ -53,7 +53,6 @@ class NetMidpoint(FewInterior):
             for a, b, sign in ((0, 0, 1.0), (1, 1, 1.0), (0, 1, -1.0), (1, 0, -1.0))
         ]  # fmt: skip
         self.massive = self.volatile = np.ones(nodes, dtype=bool)
-        self._compliance = np.zeros((0, 0))  # answers are solved for as they are asked
         stiffest = np.zeros(nodes)
         np.add.at(stiffest, mesh.edges, mesh.stiffness[:, None])
         extent = float(np.abs(self._start).max()) + float(mesh.lengths.max())

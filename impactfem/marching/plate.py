@@ -6,15 +6,18 @@ With forces F of the layer at its middle, damping a M and mu = 4 / dt^2 + 2 a / 
     q_b = 2 q - q_a,   v_b = 2 (q_b - q_a) / dt - v_a.
 
 Slopes and the vertices that touch have no mass: at the ends of layers they are in equilibrium,
-K_cc q_c = F_c - K_ci q_i, with the forces there. So energy is kept as of solids (`midpoint`).
+K_cc q_c = F_c - K_ci q_i, with the forces there. So energy is kept as of solids (`midpoint`). They
+are in its middle too, so that what they would be without contact needs no system of its own: twice
+the middle less the start.
 """
 
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import diags
+from scipy.sparse import csr_matrix, diags
 from scipy.sparse.linalg import SuperLU, splu
 
 from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS, Finding, by_limits, percent
@@ -37,16 +40,8 @@ _SHEAR = 19.0
 """Deflection by shear over that by bending, times (width / thickness)^2: a clamped square, nu = 0.3
 (.00150463 against .00126532 q L^4 / D at a tenth)."""
 
-
-def _one_by_one(factor: SuperLU, right: Floats) -> Floats:
-    """Solve for several right-hand sides (d, several), each rounded as it would be alone.
-
-    A run that is continued asks for others together.
-    """
-    found = np.empty_like(right)
-    for k, each in enumerate(right.T):
-        found[:, k] = factor.solve(np.ascontiguousarray(each))
-    return found
+_SETTLED = 256  # layers after which what has no mass is solved for anew: rounding adds up
+_COLUMN_BYTES = 2**28  # kept answers to unit forces; beyond this a layer solves once more
 
 
 class PlateMidpoint(ShownPlate):
@@ -66,18 +61,13 @@ class PlateMidpoint(ShownPlate):
         slopes = np.flatnonzero(~bodies.deflected)
         self._slopes, self._deflected = slopes, np.flatnonzero(bodies.deflected)
         self._follows = not bodies.shears  # slopes do, whatever deflections do
-        stiffness = bodies.stiffness.tocsc()
         self._mu = 4.0 / dt**2 + 2.0 / dt * bodies.plate.rayleigh_mass
-        self._layer = splu((stiffness + self._mu * diags(self._mass)).tocsc(), **CHOLESKY)
-        if bodies.massless:
-            self._statics = splu(stiffness[self._light][:, self._light].tocsc(), **CHOLESKY)
-            self._pull = stiffness[self._light][:, self._heavy].tocsr()
-        self._turned = splu(stiffness[slopes][:, slopes].tocsc(), **CHOLESKY)
-        self._turning = stiffness[slopes][:, self._deflected].tocsr()
         # Of contact nodes among q, and among the massless of q.
         self._touch = np.asarray(vertex.tocsc()[:, bodies.touch].indices, dtype=np.int64)
         self._massless = bodies.massless
-        self._among = np.searchsorted(self._light, self._touch) if self._massless else self._touch
+        self._among = np.searchsorted(self._light, self._touch)
+        self._columns: list[Floats] = []  # changes of q by forces that were asked for
+        self._keeps = True
         self.massive = np.full(len(self._touch), not self._massless)
         arms = bodies.plate.frame[0] + bodies.mesh.points @ bodies.plate.frame[1][:2]
         self._moments = np.cross(arms - bodies.centers[0], self._normal)  # (vertices, 3)
@@ -89,7 +79,23 @@ class PlateMidpoint(ShownPlate):
         self._settle_slopes(self._q)
         self._zero = bodies.deflection(self._q)
         self._start = bodies.places(self._q)
-        self._contact = self._free_contact(self._q)
+        self._free = self._at_ease()
+
+    @cached_property
+    def _layer(self) -> SuperLU:
+        """Factors of a layer."""
+        return splu((self.bodies.stiffness + self._mu * diags(self._mass)).tocsc(), **CHOLESKY)
+
+    @cached_property
+    def _statics(self) -> SuperLU:
+        """Factors of what has no mass."""
+        return splu(self.bodies.stiffness[self._light][:, self._light].tocsc(), **CHOLESKY)
+
+    @cached_property
+    def _turned(self) -> tuple[SuperLU, csr_matrix]:
+        """Factors of slopes, and what deflections do to them."""
+        rows = self.bodies.stiffness[self._slopes]
+        return splu(rows[:, self._slopes].tocsc(), **CHOLESKY), rows[:, self._deflected].tocsr()
 
     def _pressed(self, time: float, ahead: float = 0.0, place: Floats | None = None) -> Floats:
         """Forces of pressures on q, moved off what has no mass.
@@ -129,24 +135,28 @@ class PlateMidpoint(ShownPlate):
         """Begin elsewhere; mass times the way there [kg m], (3,)."""
         mass, way = self.bodies.node_mass, self.bodies.deflection(place - self._q)
         self._q = place.copy()
-        self._contact = self._free_contact(self._q)
+        self._free = self._at_ease()
         self._loads = self._pressed(0.0)
         return np.asarray(float(mass @ way) * self._normal)
 
     def _settle_slopes(self, q: Floats) -> None:
         """Bring slopes into equilibrium with deflections, in place."""
-        q[self._slopes] = -self._turned.solve(self._turning @ q[self._deflected])
+        factor, pull = self._turned
+        q[self._slopes] = -factor.solve(pull @ q[self._deflected])
 
-    def _free_contact(self, q: Floats) -> Floats:
-        """Deflection of the contact nodes without contact forces [m], (count,)."""
-        if not self._massless:
-            return np.asarray(q[self._touch])
-        return np.asarray(-self._statics.solve(self._pull @ q[self._heavy])[self._among])
+    def _at_ease(self) -> Floats:
+        """What has no mass, in equilibrium with all else without contact forces, (light,)."""
+        if not len(self._light):
+            return np.zeros(0)
+        q = self._q.copy()
+        q[self._light] = 0.0
+        return np.asarray(-self._statics.solve((self.bodies.stiffness @ q)[self._light]))
 
     @property
     def surface_displacement(self) -> Floats:
         """Of the contact nodes since t = 0, without contact forces [m], (count, 3)."""
-        return np.outer(self._contact - self._zero[self.bodies.touch], self._normal)
+        place = self._free[self._among] if self._massless else self._q[self._touch]
+        return np.outer(place - self._zero[self.bodies.touch], self._normal)
 
     @property
     def surface_velocity(self) -> Floats:
@@ -172,49 +182,54 @@ class PlateMidpoint(ShownPlate):
         self._q = self._before.copy()
         heavy = self._heavy
         self._q[heavy] = 2.0 * middle[heavy] - self._before[heavy]
-        self._contact = self._free_contact(self._q)
+        self._free = 2.0 * middle[self._light] - self._free
+        if (layer + 1) % _SETTLED == 0:
+            self._free = self._at_ease()
         return self.surface_displacement
 
-    def _answer(self, forces: Floats) -> Floats:
-        """Change of q at the end of the layer by forces on contact nodes (several, count, 3)."""
-        right = np.zeros((len(self._q), len(forces)))
-        right[self._touch] = (forces @ self._normal).T
-        found = 2.0 * _one_by_one(self._layer, right)
-        found[self._light] = 0.0
-        return np.asarray(found)
+    def _changed(self, forces: Floats) -> tuple[Floats, Floats]:
+        """What forces on contact nodes (count, 3) do to q at the end of a layer, and at rest, (d,).
 
-    def _of_contact(self, answer: Floats) -> Floats:
-        """What changes of q (d, several) do to the contact nodes, (several, count)."""
-        if not self._massless:
-            return np.asarray(answer[self._touch].T)
-        moved = -_one_by_one(self._statics, self._pull @ answer[self._heavy])
-        return np.asarray(moved[self._among].T)
+        Of what has no mass the first is what it would be without these forces there.
+        """
+        right = self.pulled(forces)
+        found, pressed = 2.0 * self._layer.solve(right), np.zeros_like(right)
+        if self._massless:
+            pressed[self._light] = self._statics.solve(right[self._light])
+        return found - 2.0 * pressed, pressed
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Answers of the contact nodes to several forces (several, count, 3) in a layer."""
-        moved = self._of_contact(self._answer(forces))
-        return moved[:, :, None] * self._normal, self._pressing(forces)
+        layer, static = np.empty_like(forces), np.empty_like(forces)
+        for k, force in enumerate(forces):
+            found, pressed = self._changed(force)
+            layer[k], static[k] = (
+                np.outer(each[self._touch], self._normal) for each in (found, pressed)
+            )
+            self._keeps = self._keeps and (len(self._columns) + 1) * found.nbytes <= _COLUMN_BYTES
+            if self._keeps:
+                self._columns.append(found)
+        return layer, static
 
     answers = columns
 
-    def _pressing(self, forces: Floats) -> Floats:
-        """Displacement of massless contact nodes by several static forces, (several, count, 3)."""
-        if not self._massless:
-            return np.zeros_like(forces)
-        right = np.zeros((len(self._light), len(forces)))
-        right[self._among] = (forces @ self._normal).T
-        moved = _one_by_one(self._statics, right)[self._among].T
-        return np.asarray(moved[:, :, None] * self._normal)
-
     def static(self, forces: Floats) -> Floats:
         """Displacement of massless contact nodes by static forces on them, (count, 3) each."""
-        return np.asarray(self._pressing(forces[None])[0])
+        if not self._massless:
+            return np.zeros_like(forces)
+        pressed = self._statics.solve(self.pulled(forces)[self._light])
+        return np.outer(pressed[self._among], self._normal)
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (count, 3)."""
-        answer = self._answer(forces[None])
-        self._q += answer[:, 0]
-        self._contact = self._contact + self._of_contact(answer)[0]
+        if self._keeps:
+            answer = np.zeros_like(self._q)
+            for k in np.flatnonzero(parts).tolist():
+                answer += parts[k] * self._columns[k]
+        else:
+            answer, _ = self._changed(forces)
+        self._q[self._heavy] += answer[self._heavy]
+        self._free += answer[self._light]
 
     def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
         """End the layer and sum up."""
@@ -231,10 +246,11 @@ class PlateMidpoint(ShownPlate):
 
     def _place(self, static: Floats) -> None:
         """Put what has no mass where it is with contact forces."""
-        if self._massless:
-            self._q[self._touch] = self._contact + static @ self._normal
-        if self._follows:
-            self._settle_slopes(self._q)
+        self._q[self._light] = self._free
+        if static.any():
+            self._q[self._touch] += static @ self._normal
+            if self._follows:
+                self._settle_slopes(self._q)
         self._look()
 
     def _summed(self, work: float) -> list[Sums]:
@@ -304,9 +320,9 @@ class PlateMidpoint(ShownPlate):
 
     def memory(self) -> dict[str, Floats]:
         """Coordinates, rates, contact nodes without forces, and what was seen."""
-        return super().memory() | {"contact": self._contact.copy(), "seen": self._seen.copy()}
+        return super().memory() | {"free": self._free.copy(), "seen": self._seen.copy()}
 
     def remember(self, memory: Mapping[str, Any]) -> None:
         """Go on from what `memory` gave."""
         super().remember(memory)
-        self._contact, self._seen = memory["contact"].copy(), memory["seen"].copy()
+        self._free, self._seen = memory["free"].copy(), memory["seen"].copy()

@@ -81,7 +81,7 @@ class AxisWatch:
             if depth > self.depth.get(names, 0.0):
                 self.depth[names] = depth
         for march, name, lines in self._bodies:
-            if not len(lines):
+            if not len(lines) or not self._obstacles[name]:
                 continue
             simplices, room = march.unguarded(lines)
             for obstacle in self._obstacles[name]:
