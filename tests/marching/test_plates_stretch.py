@@ -55,12 +55,13 @@ def test_energy_of_vibrations_and_of_contacts_is_kept_to_rounding():
 def test_small_deflections_are_those_of_a_linear_plate():
     """To first order of the step: their laws of contact differ by where a layer closes a gap."""
 
-    def motion(membrane, dt):
-        far = scene(thrown(1.0, membrane=membrane), obstacles=[stop(1e-5)], dt=dt, duration=0.1)
+    def motion(membrane):
+        far = scene(thrown(1.0, membrane=membrane), obstacles=[stop(1e-5)], dt=2e-4, duration=0.1)
         history = impactfem.solve(far).history
-        return history["plate.z"].values, history["impulse.plate.stop"].values[-1]
+        return history["plate.z"].values, 2e-4 * history["contact_force"].values.sum()
 
-    (one, kick), (two, other) = (motion(membrane, 2e-4) for membrane in ("von_karman", "none"))
+    (one, kick), (two, other) = (motion(membrane) for membrane in ("von_karman", "none"))
+    assert kick > 0.0
     assert np.abs(one - two).max() < 0.02 * np.abs(two).max()
     assert kick == pytest.approx(other, rel=0.02)
 
