@@ -114,7 +114,9 @@ class ShownPlate(FewInterior):
         return nodes, weights, inside
 
     def unguarded(self, lines: Integers) -> tuple[Floats, float]:  # noqa: ARG002
-        """All triangles, and half the thickness."""
+        """All triangles, and half the thickness; none of a plate all of whose vertices touch."""
+        if not self.bodies.massless:
+            return np.zeros((0, 3, 3)), 0.0
         moved = np.outer(self.bodies.deflection(self._q), self.bodies.plate.frame[1][2])
         return (self.middle + moved)[self.bodies.mesh.cells], 0.5 * self.bodies.depth
 

@@ -319,6 +319,7 @@ class SolidsModel:
         if self.scene.iterated:
             return True
         follow = SOLID_SCHEMES[method].holds and self.updated and not self.few
+        follow = follow and not self.scene.gives_way  # iterates know no springs
         return follow and active_set != "snes_vi" and bool(self.pairs)
 
     @property

@@ -230,17 +230,22 @@ def dent_times(scene: Scene, few: Sequence["FewBodies"]) -> list[float]:
         for bodies in few
         for k, name in enumerate(bodies.names)
     }
+    lined = {body.name for body in scene.bodies if body.lined}
+    faces = {bodies.names[0]: float(bodies.areas.sum()) for bodies in few}
     found = []
     for law in scene.laws.each if scene.gives_way else ():
-        sides = [known[name] for name, _ in map(side_of, law.between) if name in known]
-        if law.stiffness is None or not sides:
+        names = [name for name, _ in map(side_of, law.between) if name in known]
+        sides, stiffness = [known[name] for name in names], law.stiffness
+        if stiffness is None or not sides:
             continue
+        if len(names) == 1 and names[0] in lined:  # a layer on its face
+            stiffness *= faces[names[0]]
         mass = 1.0 / sum(1.0 / each[0] for each in sides)
         speeds = [each[1] for each in sides]
         speed = fall + float(np.linalg.norm(speeds[0] - (speeds[1] if len(speeds) > 1 else 0.0)))
         power = law.stiffness_exponent + 1.0
         if speed > 0.0:
-            dent = (0.5 * power * mass * speed**2 / law.stiffness) ** (1.0 / power)
+            dent = (0.5 * power * mass * speed**2 / stiffness) ** (1.0 / power)
             share = math.gamma(1.0 + 1.0 / power) / math.gamma(0.5 + 1.0 / power)
             found.append(2.0 * dent / speed * math.sqrt(math.pi) * share)
     return found

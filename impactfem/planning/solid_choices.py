@@ -191,6 +191,8 @@ def choose_method(
     )
     if scene.iterated:
         reasons["method"] = f"{scene.iterated}: it keeps energy and momenta to rounding"
+    elif scene.gives_way:
+        reasons["method"] = "what the stiffness of contacts takes it gives back, to rounding"
     elif transits > _LONG:
         reasons["method"] = (
             f"{transits:.3g} transits of a wave: over so many contacts energy must be kept to "

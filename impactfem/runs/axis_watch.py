@@ -84,7 +84,7 @@ class AxisWatch:
             if not len(lines) or not self._obstacles[name]:
                 continue
             simplices, room = march.unguarded(lines)
-            for obstacle in self._obstacles[name]:
+            for obstacle in self._obstacles[name] if len(simplices) else ():
                 depth = room - _nearest(obstacle, simplices, level.time)
                 pair = name, obstacle.name
                 if np.isfinite(depth) and depth > self.depth.get(pair, 0.0):

@@ -38,12 +38,14 @@ class Beside:
         nodes: Its contact nodes with a gap, (gaps,).
         gaps: Of these.
         names: Body and obstacle of each gap at t = 0.
+        areas: Of the nodes [m^2], 1 of those that touch at a single place, (gaps,).
     """
 
     part: int
     nodes: Integers
     gaps: Gaps
     names: tuple[Names, ...]
+    areas: Floats
 
 
 @dataclass(frozen=True)
@@ -111,10 +113,12 @@ class Contacts:
                 pairs = [pair_name(model.scene, name, o.name) for o in part.obstacles]
                 gaps = Gaps(part.obstacles, part.contact, moved, updated=model.updated, pairs=pairs)
                 each = [(name, part.obstacles[i].name) for i in part.contact.obstacle]
-                obstacles.append(Beside(k, chosen.astype(np.int64), gaps, tuple(each)))
+                chosen, areas = chosen.astype(np.int64), part.contact.area
+                obstacles.append(Beside(k, chosen, gaps, tuple(each), areas))
         for met in model.obstacle_meetings:
-            each = [met.names] * len(met.nodes)
-            obstacles.append(Beside(len(solids) + met.part, met.nodes, met.gaps, tuple(each)))
+            each, areas = [met.names] * len(met.nodes), model.few[met.part].areas[met.nodes]
+            place = len(solids) + met.part
+            obstacles.append(Beside(place, met.nodes, met.gaps, tuple(each), areas))
         between = [
             Between.two(p.label, p.names, p.meeting(_rows(model, offsets, p), offsets[-1]), p.count)
             for p in model.pairs
@@ -195,6 +199,8 @@ class Contacts:
         if not scene.gives_way:
             return None
         stiffness = self._each(scene, lambda law: law.stiffness or 0.0)
+        areas = np.concatenate([np.zeros(0), *(each.areas for each in self.obstacles)])
+        stiffness[: len(areas)] *= areas
         exponent = self._each(scene, lambda law: law.stiffness_exponent)
         there = stiffness > 0.0
         return ContactSprings(np.where(there, stiffness, np.inf), np.where(there, exponent, 1.0))

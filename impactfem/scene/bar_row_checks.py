@@ -30,7 +30,9 @@ def check_bar_row(scene: Content) -> None:
     _check_obstacles(scene)
     if scene.contacts:
         text = f" = {show(scene.contacts[0])} is not for bars in a row: they meet their neighbours "
-        text += "and rebound by their own elasticity, without friction; remove [[contact]]."
+        text += (
+            "and rebound by their own elasticity, without friction; remove it, or give a stiffness."
+        )
         raise KeyedError("contact[0]", "", text)
     bars = scene.bars
     for index, (before, bar) in enumerate(pairwise(bars), start=1):

@@ -39,6 +39,7 @@ class Bar(BodyKind):
     kind: ClassVar[str] = "bar"
     solvers: ClassVar[tuple[Solver, Solver]] = ("bar", "bar_row")
     marches_alone: ClassVar[bool] = False
+    round_ends: ClassVar[bool] = False
     dents: ClassVar[bool] = True
     probed: ClassVar[tuple[str, ...]] = STRAINS
     waves: ClassVar[bool] = True

@@ -36,6 +36,7 @@ class BodyKind:
         has_surface: Whether it touches at many places what has a surface too.
         meets_edges: Whether edges and faces of rigid bodies may meet it.
         dents: Whether its contacts, at single places, may have a stiffness.
+        lined: Whether a layer on its faces may give way on obstacles, by its area.
         rubs: Whether friction acts on it.
         meshed: Whether it has elements, larger ones of which tell its error.
         takes_joints: Whether joints hold it.
@@ -57,6 +58,7 @@ class BodyKind:
     has_surface: ClassVar[bool] = False
     meets_edges: ClassVar[bool] = False
     dents: ClassVar[bool] = False
+    lined: ClassVar[bool] = False
     rubs: ClassVar[bool] = True
     meshed: ClassVar[bool] = False
     takes_joints: ClassVar[bool] = False

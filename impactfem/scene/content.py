@@ -120,9 +120,12 @@ class Content:
 
     @property
     def bars(self) -> tuple[Bar, ...]:
-        """The bars of the scene in the order of their axis; none if there are other bodies."""
+        """The bars of the scene in the order of their axis; none if the march takes them.
+
+        It does beside other bodies, and where a contact gives way.
+        """
         bars = self._all(Bar)
-        return bars if len(bars) == len(self.bodies) else ()
+        return bars if len(bars) == len(self.bodies) and not self.gives_way else ()
 
     @property
     def points(self) -> tuple[Point, ...]:
@@ -237,7 +240,7 @@ def why_marched(scene: Content) -> str | None:
         return f"bodies of different kinds ({', '.join(kinds)})"
     if scene.joints:
         return "joints"
-    if not all(body.marches_alone for body in scene.bodies):
+    if not all(body.marches_alone for body in scene.bodies) and not scene.gives_way:
         return None
     if len(scene.bodies) > 1 and not all(body.meets_alike for body in scene.bodies):
         return f"several bodies of kind {kinds[0]}"

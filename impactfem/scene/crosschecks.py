@@ -168,7 +168,7 @@ def _check_counts(scene: Content) -> None:
         text = (
             f" = {show(scene.contacts[0])} is for points, rods, beams and solids: a bar rebounds "
         )
-        text += "by its own elasticity, without friction; remove [[contact]]."
+        text += "by its own elasticity, without friction; remove [[contact]], or give a stiffness."
         raise KeyedError("contact[0]", "", text)
 
 

@@ -47,6 +47,11 @@ def check_springs(scene: Content) -> None:
     """
     if not scene.gives_way:
         return
+    method = scene.solve.method
+    if method is not None and scene.marches and not METHODS[method].mixes:
+        text = f" = {show(method)} does not know contacts that give way: give "
+        text += " or ".join(show(name) for name, each in METHODS.items() if each.mixes)
+        raise KeyedError("solve", "method", f"{text}, or remove stiffness.")
     known = {body.name: body for body in scene.bodies}
     rubs = [law.between for law in scene.laws.each if law.friction_coefficient]
     for contact, index in zip(scene.laws.each, scene.laws.origin, strict=True):
@@ -56,10 +61,11 @@ def check_springs(scene: Content) -> None:
         names = [side_of(entry)[0] for entry in contact.between]
         for name, other in zip(names, reversed(names), strict=True):
             body = known.get(name)
-            # Of a plate on an obstacle or on another plate all vertices may touch.
-            broad = body is not None and body.has_surface
-            broad = broad and (other not in known or known[other].has_surface)
-            if body and (broad or not body.dents):
+            if body is None or (body.lined and other not in known):
+                continue
+            # Of a plate on another plate all vertices may touch.
+            broad = body.has_surface and (other not in known or known[other].has_surface)
+            if broad or not body.dents:
                 text = f"{shown}{name}, a {body.kind}, may touch at many places, or gives way by "
                 text += "itself; remove it, or take a point, a rigid ball, a bar or a plate."
                 raise KeyedError(f"contact[{index}]", "stiffness", text)

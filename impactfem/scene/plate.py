@@ -64,6 +64,7 @@ class Plate(BodyKind):
     has_surface: ClassVar[bool] = True
     meets_edges: ClassVar[bool] = True
     dents: ClassVar[bool] = True
+    lined: ClassVar[bool] = True
     rubs: ClassVar[bool] = False
     meshed: ClassVar[bool] = True
     mesh_dim: ClassVar[int] = 2

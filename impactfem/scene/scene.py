@@ -78,9 +78,17 @@ class Scene(Content):
         if self.folder is not None:  # absolute, so that a later change of folder does no harm
             object.__setattr__(self, "folder", _absolute(self.folder))
         self._open_files()
+        if self.gives_way and not any(body.marches_alone for body in self.bodies):
+            self._turn_gravity()
         check_scene(self, gravity)
         if not self.bars and not isinstance(self.gravity, PiecewiseVector):
             object.__setattr__(self, "gravity", PiecewiseVector((0.0,), ((0.0,) * self.dim,)))
+
+    def _turn_gravity(self) -> None:
+        """Give bars that the march takes gravity along their axis: a number is towards the wall."""
+        if isinstance(self.gravity, PiecewiseConstant):
+            along = tuple((0.0 - value,) for value in self.gravity.values)
+            object.__setattr__(self, "gravity", PiecewiseVector(self.gravity.times, along))
 
     def _open_files(self) -> None:
         """Read the files of rigid bodies and obstacles, where this scene lies.

@@ -64,6 +64,7 @@ class SolidKeys(BodyKind):
     probed: ClassVar[tuple[str, ...]] = STRAINS
     waves: ClassVar[bool] = True
     settles: ClassVar[bool] = True
+    lined: ClassVar[bool] = True
     meshed: ClassVar[bool] = True
     meets_edges: ClassVar[bool] = True
     has_surface: ClassVar[bool] = True

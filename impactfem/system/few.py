@@ -105,6 +105,11 @@ class FewBodies:
         return np.zeros(len(self.radius), dtype=np.int64)
 
     @property
+    def areas(self) -> Floats:
+        """Of the contact nodes on obstacles [m^2], 1 of those that touch at a single place."""
+        return np.ones(len(self.radius))
+
+    @property
     def facing(self) -> Floats:
         """Way along the first axis that the end at each contact node looks, 0 if any, (nodes,)."""
         return np.zeros(len(self.radius))

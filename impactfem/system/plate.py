@@ -99,6 +99,11 @@ class PlateSystem(FewBodies):
         """Whether what touches has no mass."""
         return bool((self.light & self.deflected).any())
 
+    @property
+    def areas(self) -> Floats:
+        """Of the vertices that may touch [m^2], (count,)."""
+        return self.mesh.lumped(np.ones(len(self.mesh.cells)))[self.touch]
+
     def deflection(self, q: Floats) -> Floats:
         """Of all vertices [m], (vertices,)."""
         return np.asarray((self.basis @ q)[::DOFS])

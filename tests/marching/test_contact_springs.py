@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from moving_scenes import check_ranks, check_restart
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import impactfem
 from impactfem import Scene, SceneError
@@ -137,6 +138,103 @@ def test_a_ball_on_a_long_bar(exponent):
     assert np.ptp(energy) < 1e-9 * energy[0]
 
 
+BAR = {"kind": "bar", "name": "bar", "length": 1.0, "area": 1.0, "density": 1.0,
+       "youngs_modulus": 1.0, "gap": 1e-4, "velocity": -1e-3}  # fmt: skip
+"""With Z = c = 1, at the wall after .1 s."""
+WALL = {"kind": "wall", "name": "wall"}
+
+
+@pytest.mark.parametrize("kappa", [1.0, 10.0, 60.0])
+def test_a_bar_on_a_wall_that_gives_way(kappa):
+    """F = Z v (1 - e^(-kappa s)) up to 2 L/c; the contact lasts as the returning wave lets it."""
+    law = {"between": ["bar", "wall"], "stiffness": kappa}
+    history = impactfem.solve(scene([BAR], law, 4.0, obstacles=[WALL], gravity=0.0)).history
+    time, force = history["time"].values, history["contact_force"].values
+    middle = time - 0.1 - 0.5 * (time[1] - time[0])  # forces are means of layers
+    inside = (middle > 0.0) & (middle < 1.98)
+    exact = 1e-3 * (1.0 - np.exp(-kappa * middle[inside]))
+    assert np.abs(force[inside] - exact).max() < 2.5e-5
+    more = brentq(lambda y: kappa * y - math.log(2 - math.exp(-2 * kappa) + 2 * kappa * y), 1e-3, 3)
+    assert time[force > 0.0].max() == pytest.approx(2.1 + more, abs=0.01)
+    energy = history["total_energy"].values
+    assert np.abs(energy / energy[0] - 1.0).max() < 1e-12
+
+
+def test_bars_with_springs_between():
+    """The dent grows by twice the wave that each gives; a Hertz law against its equation."""
+    other = BAR | {"name": "other", "gap": 1.0001, "velocity": -1e-3}
+    law = {"between": ["bar/far_end", "other"], "stiffness": 1e3, "stiffness_exponent": 1.5}
+    still = BAR | {"gap": 0.0, "velocity": 0.0}
+    made = scene([still, other], law, 2.0)
+    history = impactfem.solve(made).history
+    time, force = history["time"].values, history["contact_force"].values
+    dent = solve_ivp(
+        lambda _, d: 1e-3 - 2e3 * np.maximum(d, 0.0) ** 1.5, (0.0, 1.9), [0.0], rtol=1e-9,
+        atol=1e-12, dense_output=True,
+    )  # fmt: skip
+    middle = time - 0.1 - 0.5 * (time[1] - time[0])
+    inside = (middle > 0.0) & (middle < 1.88)
+    exact = 1e3 * np.maximum(dent.sol(middle[inside])[0], 0.0) ** 1.5
+    assert np.abs(force[inside] - exact).max() < 2e-3 * exact.max()
+    assert np.ptp(history["momentum"].values) < 1e-12
+
+
+BLOCK = {
+    "kind": "solid", "name": "block", "model": "plane_stress", "thickness": 1.0,
+    "shape": {"kind": "block", "size": [1.0, 0.05], "corner": [1e-4, 0.0]}, "mesh_size": 0.025,
+    "density": 1.0, "youngs_modulus": 1.0, "poisson_ratio": 0.0, "velocity": [-1e-3, 0.0],
+    "strain": "small", "contact_surfaces": ["left"], "degree": 2,
+}  # fmt: skip
+SIDE = {"kind": "half_space", "name": "side", "point": [0.0, 0.0], "normal": [1.0, 0.0]}
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_block_on_a_layer_that_gives_way(degree):
+    """As a bar: rho c v A (1 - e^(-k t / rho c)) with k in Pa/m, on any mesh."""
+    law = {"between": ["block", "side"], "stiffness": 3.0}
+    made = scene([BLOCK | {"degree": degree}], law, 2.0, 0.005, [SIDE])
+    history = impactfem.solve(made).history
+    middle = history["time"].values - 0.1 - 0.0025
+    inside = (middle > 0.0) & (middle < 1.8)
+    exact = 0.05e-3 * (1.0 - np.exp(-3.0 * middle[inside]))
+    assert np.abs(history["contact_force"].values[inside] - exact).max() < 3e-3 * 0.05e-3
+    energy = history["total_energy"].values
+    assert np.ptp(energy) < 1e-10 * energy[0]
+
+
+def test_a_plate_on_a_layer_that_gives_way():
+    """Thrown flat it does not bend: half a sine with the frequency sqrt(k A / m)."""
+    plate = {
+        "kind": "plate", "name": "plate", "outline": {"kind": "disc", "radius": 1.0},
+        "mesh_size": 0.3, "thickness": 0.01, "density": 100.0, "youngs_modulus": 1e7,
+        "poisson_ratio": 0.3, "velocity": -0.01,
+    }  # fmt: skip
+    low = {"kind": "half_space", "name": "low", "point": [0.0, 0.0, -0.005],
+           "normal": [0.0, 0.0, 1.0]}  # fmt: skip
+    law = {"between": ["plate", "low"], "stiffness": 1e3}
+    history = impactfem.solve(scene([plate], law, 0.12, 2e-4, [low])).history
+    time, mass = history["time"].values - 1e-4, history["momentum.z"].values[0] / -0.01
+    omega = math.sqrt(1e3)
+    exact = np.where(time < math.pi / omega, mass * 0.01 * omega * np.sin(omega * time), 0.0)
+    exact[0] = 0.0
+    assert np.abs(history["contact_force"].values - exact).max() < 5e-3 * exact.max()
+    assert history["plate.vz"].values[-1] == pytest.approx(0.01, rel=1e-9)
+
+
+@pytest.mark.parallel(2)
+def test_two_ranks_press_a_layer_alike(monkeypatch):
+    law = {"between": ["block", "side"], "stiffness": 30.0}
+    check_ranks(lambda: scene([BLOCK], law, 0.5, 0.005, [SIDE]), monkeypatch)
+
+
+def test_gravity_of_such_a_bar_is_towards_the_wall():
+    law = {"between": ["bar", "wall"], "stiffness": 10.0}
+    made = scene([BAR], law, 3.0, obstacles=[WALL], gravity=2e-3)
+    history = impactfem.solve(made).history
+    first = history["time"].values[history["contact_force"].values > 0.0].min()
+    assert first == pytest.approx(math.sqrt(0.25 + 0.1) - 0.5, abs=0.006)
+
+
 def test_coarse_steps_are_told():
     lasts, *_ = lasting(0.5, 1.0, 1e6, 1.0)
     law = {"between": ["ball", "floor"], "stiffness": 1e6}
@@ -180,7 +278,7 @@ BOX = {"kind": "rigid", "name": "box", "mass": 1.0,
         ({"stiffness": 1.0, "restitution": 0.5}, [], "restitution = 0.5 is not available"),
         ({"stiffness": 1.0, "friction_coefficient": 0.5}, [], "friction_coefficient = 0.5 is not"),
         ({"between": ["box", "floor"], "stiffness": 1.0}, [BOX], "box, a rigid, may touch at many"),
-        ({"between": ["s", "floor"], "stiffness": 1.0}, [SOLID], "s, a solid, may touch at many"),
+        ({"between": ["ball", "s"], "stiffness": 1.0}, [SOLID], "s, a solid, may touch at many"),
     ],
 )
 def test_what_is_refused(law, bodies, says):

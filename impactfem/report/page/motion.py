@@ -23,7 +23,7 @@ _CURVE = 2000  # points of the force beside the picture
 def _is_pole(result: Record) -> bool:
     """Whether all that moves is one slender body."""
     bodies: tuple[Any, ...] = result.scene.bodies
-    return len(bodies) == 1 and bodies[0].centreline() is not None
+    return len(bodies) == 1 and bodies[0].dim > 1 and bodies[0].centreline() is not None
 
 
 def motion(result: Record) -> dict[str, Any] | None:
