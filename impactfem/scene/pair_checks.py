@@ -48,7 +48,7 @@ def check_springs(scene: Content) -> None:
     if not scene.gives_way:
         return
     method = scene.solve.method
-    if method is not None and scene.marches and not METHODS[method].mixes:
+    if method is not None and not METHODS[method].mixes:
         text = f" = {show(method)} does not know contacts that give way: give "
         text += " or ".join(show(name) for name, each in METHODS.items() if each.mixes)
         raise KeyedError("solve", "method", f"{text}, or remove stiffness.")
