@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from impactfem.system.stations import Stations
 
 if TYPE_CHECKING:
-    from impactfem.marching.few import FewMidpoint
-    from impactfem.marching.meshless import Meshless
     from impactfem.marching.rigid import RigidBodies
 
 Floats = NDArray[np.float64]
@@ -40,11 +38,21 @@ class Motion:
     wrenches: Floats
 
 
+class Counting(Protocol):
+    """What marches a body that joints hold.
+
+    Attributes:
+        counts: Whether this rank sums it up.
+    """
+
+    counts: bool
+
+
 class Held(Protocol):
     """A body that joints hold, in the order of a layer's calls."""
 
     @property
-    def part(self) -> "Meshless":
+    def part(self) -> "Counting":
         """What marches it."""
 
     def prepare(self, layer: int) -> None:
@@ -284,8 +292,43 @@ class HeldByRows[B: Coordinates]:
         """Nothing."""
 
 
-class HeldLumped(HeldByRows["FewMidpoint"]):
-    """Points or a beam: stations whose rates are rows of the coordinates' rates.
+class Linear(Coordinates, Counting, Protocol):
+    """Bodies whose stations move with coordinates along lines.
+
+    Attributes:
+        dt: Time step [s].
+    """
+
+    dt: float
+
+    @property
+    def coordinates(self) -> Floats:
+        """At the start of the layer, (d,)."""
+
+    @property
+    def rates(self) -> Floats:
+        """Of the coordinates at the start of the layer, (d,)."""
+
+    @property
+    def rates_ahead(self) -> Floats:
+        """The same at its end, as it is solved now."""
+
+    @property
+    def reach(self) -> Floats:
+        """Rates at the end of the layer by unit impulses in it, (d, d)."""
+
+    def set_out(self, layer: int) -> None:
+        """Solve the layer without forces of contact and joints."""
+
+    def impel(self, impulse: Floats) -> bool:
+        """Solve the layer with an impulse of joints (d,); whether it answers linearly."""
+
+    def kick(self, impulse: Floats) -> None:
+        """Let the next layer start with rates that an impulse (d,) has changed."""
+
+
+class HeldLumped(HeldByRows[Linear]):
+    """Points, a beam, tips of a solid: stations whose rates are rows of the coordinates' rates.
 
     Rotations of the stations are those of the steps that joints have seen: these do the work of
     moments exactly. They are the rotation of the coordinates to the third order of a step's turn.
@@ -295,7 +338,7 @@ class HeldLumped(HeldByRows["FewMidpoint"]):
         jumped: Never.
     """
 
-    def __init__(self, part: "FewMidpoint", stations: Stations) -> None:
+    def __init__(self, part: Linear, stations: Stations) -> None:
         """Hold them."""
         if stations.rows is None:
             raise NotImplementedError
