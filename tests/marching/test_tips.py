@@ -19,6 +19,7 @@ from impactfem import (
     solve,
 )
 from impactfem.errors import SceneError
+from impactfem.models.solids import solids_model
 from impactfem.planning import plan
 
 
@@ -144,12 +145,28 @@ def test_hinge_on_a_stiff_block_is_the_hinge_on_what_is_rigid():
 
 
 def test_free_block_that_hardly_turns_moves_as_a_rigid_one():
-    still = {"name": "block", "density": 1000.0, "shape": block().shape}
-    rigid = run([RigidBody(**still), bob(0.2)], [hinge("block", "bob")], 0.3, 1e-3)
-    history = run([block(1e9), bob(0.2)], [hinge("block/top", "bob")], 0.3, 1e-3)
+    # The hinge is not in the middle of the surface, so that moments turn it.
+    shape = {"kind": "block", "size": [0.2, 0.1], "corner": [-0.04, -0.1]}
+    still = RigidBody(name="block", density=1000.0, shape=shape)
+    rigid = run([still, bob(0.2)], [hinge("block", "bob")], 0.3, 1e-3)
+    history = run([block(1e9, shape=shape), bob(0.2)], [hinge("block/top", "bob")], 0.3, 1e-3)
     for name in ("bob.x", "bob.angle", "block.x", "block.angle"):
         want = rigid[name].values
         assert np.abs(history[name].values - want).max() < 2e-3 * drift(want)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_tip_is_the_mean_by_area_on_any_mesh(degree):
+    corner = {"point": [-0.1, 0.0], "radius": 0.05, "size": 0.01}
+    turning = {"velocity": [0.3, 0.2], "angular_velocity": 2.0}
+    body = block(refine=[corner], degree=degree, **turning)
+    scene = made([body], [hinge("ground", "block/top", kind="distance", point=None, limits=[0, 1],
+                                points=[[0.0, 0.2], [0.05, 0.0]])], 0.1, 1e-3)  # fmt: skip
+    found = solids_model(scene, (degree,), updated=True).joints
+    np.testing.assert_allclose(found.places[1], [0.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(found.spins[1], [0.0, 0.0, 2.0], atol=1e-12)
+    # The centre of mass is 0.05 below, the surface turns about it.
+    np.testing.assert_allclose(found.speeds[1], [0.2, 0.2, 0.0], atol=1e-12)
 
 
 def test_a_spring_between_a_block_and_a_mass_has_the_frequency_of_both():
