@@ -1,4 +1,4 @@
-"""The switch of the demo is pressed as a beam on a stop would be, by what the motor's lever gives."""
+"""The switch of the demo is pressed as a beam on a stop would be, by the lever of its motor."""
 
 from pathlib import Path
 
