@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.layers import Sums
 from impactfem.marching.midpoint import Midpoint
-from impactfem.marching.stations import Held, HeldLumped
+from impactfem.marching.stations import Held
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.linear import LinearSolver
 from impactfem.system.stations import Stations
