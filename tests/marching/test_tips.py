@@ -169,6 +169,31 @@ def test_a_tip_is_the_mean_by_area_on_any_mesh(degree):
     np.testing.assert_allclose(found.speeds[1], [0.2, 0.2, 0.0], atol=1e-12)
 
 
+@pytest.mark.parametrize("kind", ["fixed", "universal"])
+def test_a_stiff_block_in_space_is_moved_and_turned_about_all_axes_as_a_rigid_one(kind):
+    shape = {"kind": "block", "size": [0.2, 0.16, 0.1], "corner": [-0.08, -0.05, -0.1]}
+    ball = RigidBody(
+        name="bob", shape={"kind": "sphere", "radius": 0.05, "center": [0.1, 0.05, 0.3]}, mass=2.0,
+        force=["0.03", "-0.02", "0.01"], moment=["0.001", "0.002", "-0.003"],
+    )  # fmt: skip
+    axes = {"axis": [1.0, 0.0, 0.0], "second_axis": [0.0, 1.0, 0.0]} if kind == "universal" else {}
+    still = RigidBody(name="block", density=1000.0, shape=shape)
+    solid = block(1e11, shape=shape, model="3d")
+    rigid, history = (
+        run([base, ball], [hinge(side, "bob", kind=kind, point=[0.0] * 3, **axes)], 0.1, 1e-3,
+            [0.0] * 3)
+        for base, side in ((still, "block"), (solid, "block/top"))
+    )  # fmt: skip
+    for body in ("bob", "block"):
+        for names in (("vx", "vy", "vz"), ("wx", "wy", "wz")):
+            found, want = (
+                np.array([each[f"{body}.{name}"].values for name in names])
+                for each in (history, rigid)
+            )
+            off = np.linalg.norm(found - want, axis=0).max()
+            assert off < 3e-3 * np.linalg.norm(want, axis=0).max()  # 3e-4: it turns by 7e-4 rad
+
+
 def test_a_spring_between_a_block_and_a_mass_has_the_frequency_of_both():
     stiffness, heavy, light = 2000.0, 20.0, 5.0
     mass = RigidBody(
