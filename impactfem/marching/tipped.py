@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.layers import Sums
@@ -67,7 +68,7 @@ class TippedMidpoint(Midpoint):
         self._touched = np.array([self._answer_of_contact(each) for each in self._by_impulses])
         self.reach = 2.0 / dt * self._of_tips(self._by_impulses).T
         self._by_kicks = self._kicked(pulls, linear_solver)
-        self._units: dict[int, tuple[Floats, Floats]] = {}
+        self._units: dict[int, Floats] = {}  # answers to unit forces
         self._renew()
 
     def _pull(self, row: Floats) -> Floats:
@@ -175,13 +176,12 @@ class TippedMidpoint(Midpoint):
                 unit = np.zeros(flat.shape[1])
                 unit[dof] = 1.0
                 answer = self._answer(unit.reshape(forces.shape[1:]))
-                self._units[dof] = self._answer_of_contact(answer), self._of_tips(answer)
-        moved, tips = np.zeros(forces.shape), np.zeros((len(forces), len(self._rows)))
-        for dof in acting:
-            each, tip = self._units[dof]
-            moved += flat[:, dof, None, None] * each
-            tips += flat[:, dof, None] * tip
-        return moved, tips
+                moved = self._answer_of_contact(answer).ravel()
+                self._units[dof] = np.concatenate([moved, self._of_tips(answer)])
+        units = [self._units[dof] for dof in acting]
+        known = np.array(units).reshape(len(acting), flat.shape[1] + len(self._rows))
+        found = np.asarray(csr_matrix(flat[:, acting]) @ known)  # most forces are on few nodes
+        return found[:, : flat.shape[1]].reshape(forces.shape), found[:, flat.shape[1] :]
 
     def finish(self, layer: int, static: Floats) -> list[Sums]:
         """End the layer and sum up."""
