@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.scene.laws import side_of
+from impactfem.scene.schema import KeyedError
+from impactfem.scene.values import show
 from impactfem.system.link_shapes import named
 from impactfem.system.tips import Tips
 
@@ -23,7 +25,7 @@ def tips_of(part: "SolidPart", touching: Integers) -> Tips:
         touching: Canonical numbers of its contact nodes.
 
     Raises:
-        KeyedError: It has no such surface.
+        KeyedError: It has no such surface, or is cut by symmetry.
     """
     outside, found = part.outside, {}
     for index, joint in enumerate(part.scene.joints):
@@ -32,6 +34,9 @@ def tips_of(part: "SolidPart", touching: Integers) -> Tips:
             if body != part.solid.name:
                 continue
             for name in surfaces or ():
+                if part.solid.shape is not None and part.solid.shape.symmetry:
+                    text = f" = {show(side)}: {body} is cut by symmetry, which joints do not keep; "
+                    raise KeyedError(f"joint[{index}]", "between", text + "model it as a whole.")
                 if name not in outside.names:
                     raise named(f"joint[{index}]", "between", side, outside.names, "surface")
                 faces = outside.on([name])

@@ -12,6 +12,7 @@ held do not move: the mean is that of the others.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,11 +55,27 @@ class Tips:
     @property
     def nodes(self) -> SurfaceNodes:
         """Nodes of all surfaces."""
-        found = [numbers for numbers, *_ in self.surfaces.values()]
         system = self.system
-        return SurfaceNodes.of(
-            system.comm, system.dim, np.unique(np.concatenate(found)), system.numbers
-        )
+        return SurfaceNodes.of(system.comm, system.dim, self._every, system.numbers)
+
+    @cached_property
+    def free(self) -> NDArray[np.bool_]:
+        """Which of the nodes neither touch nor are held (collective at the first use)."""
+        held = self.nodes.gather(self.system.constrained.astype(float)).any(axis=1)
+        return np.asarray(~held & ~np.isin(self._every, self.touching))
+
+    @property
+    def _every(self) -> Integers:
+        """Numbers of all nodes, increasing."""
+        return np.unique(np.concatenate([numbers for numbers, *_ in self.surfaces.values()]))
+
+    def left_out(self) -> dict[str, tuple[int, int]]:
+        """Of surfaces not all nodes of which count: how many do, and how many there are."""
+        counts = {
+            name: (int(self.free[np.searchsorted(self._every, numbers)].sum()), len(numbers))
+            for name, (numbers, *_) in self.surfaces.items()
+        }
+        return {name: both for name, both in counts.items() if both[0] < both[1]}
 
     def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
         """One for each surface that is named (collective).
@@ -69,16 +86,13 @@ class Tips:
         Raises:
             SceneError: Too few nodes of one neither touch nor are held.
         """
-        system, nodes = self.system, self.nodes
+        system, nodes, every = self.system, self.nodes, self._every
         names = tuple(dict.fromkeys(name for name, _ in asked))
-        every = np.unique(np.concatenate([numbers for numbers, *_ in self.surfaces.values()]))
-        held = nodes.gather(system.constrained.astype(float)).any(axis=1)
-        free = ~held & ~np.isin(every, self.touching)
         places, rows = [], []
         for name in names:
             numbers, points, areas = self.surfaces[name.partition("/")[2]]
             at = np.searchsorted(every, numbers)
-            weights = areas * free[at]
+            weights = areas * self.free[at]
             made = _tip(points, weights)
             if made is None:
                 raise SceneError(

@@ -291,6 +291,13 @@ def test_surfaces_that_cannot_be_held_are_refused(change, text):
         plan(replace(scene, joints=[replace(scene.joints[0], **change)], contacts=contacts))
 
 
+def test_half_of_a_body_is_refused():
+    half = {"kind": "block", "size": [0.2, 0.1], "corner": [-0.1, -0.1], "symmetry": ["x"]}
+    scene = made([block(shape=half)], [hinge("ground", "block/top")], 0.1, 1e-3)
+    with pytest.raises(SceneError, match="block is cut by symmetry"):
+        plan(scene)
+
+
 def test_finite_strain_and_starts_at_rest_are_refused():
     scene = landing()
     far = replace(scene.bodies[0], model="plane_strain", strain="finite", material="neo_hookean")
@@ -298,3 +305,14 @@ def test_finite_strain_and_starts_at_rest_are_refused():
         replace(scene, bodies=[far, scene.bodies[1]])
     with pytest.raises(SceneError, match="does not know joints"):
         made([block()], [hinge("ground", "block/top")], 0.1, 1e-3, start="static")
+
+
+def test_plans_foresee_no_flight_of_what_joints_hold_and_say_what_counts():
+    scene = made(
+        [block()], [hinge("ground", "block/left", point=[-0.1, -0.05])], 0.5, 1e-3, (0.0, -9.81),
+        obstacles=[HalfSpace(name="floor", point=[0.0, -0.12], normal=[0.0, 1.0])],
+    )  # fmt: skip
+    found = plan(scene)
+    assert found.reasons["joint on block/left"].endswith("nodes: others may touch, or are held")
+    assert not any(name.startswith("offer") for name in found.reasons)
+    assert "meets_nothing" not in {finding.code for finding in found.findings}
