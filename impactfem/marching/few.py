@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.errors import ConvergenceError
 from impactfem.marching.few_forces import steady_load, tangent
+from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.layers import Sums
 from impactfem.marching.meshless import Meshless
-from impactfem.marching.stations import Held, HeldLumped
+from impactfem.marching.stations import Held
 from impactfem.marching.watched import Watched
 from impactfem.result.shapes import LINE, Shape
 from impactfem.scene import PiecewiseVector

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.marching.stations import HeldByRows, Motion
+from impactfem.marching.held_rows import HeldByRows
+from impactfem.marching.stations import Motion
 from impactfem.system.stations import Stations
 from impactfem.system.tree import cross
 

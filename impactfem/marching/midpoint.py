@@ -169,11 +169,11 @@ class Midpoint:
 
     def _answer(self, forces: Floats) -> Floats:
         """Change of all displacements at the end of the layer."""
-        right = self._sum
-        right[:] = 0.0
-        self._surface.spread(forces, right)
-        right[self._system.constrained] = 0.0
-        self._right.setArray(right)
+        return self._solved(self._surface.pulled(forces, self._system.constrained))
+
+    def _solved(self, forces: Floats) -> Floats:
+        """The same by forces on the owned dofs (collective)."""
+        self._right.setArray(forces)
         # An answer must not depend on what was solved before: restarted runs are equal bit by bit.
         self._middle.set(0.0)
         self._solver.solve(self._right, self._middle)

@@ -79,14 +79,13 @@ def contact_of(
 
 def _driven(scene: Scene, solid: Solid, obstacles: Sequence[Any]) -> str | None:
     """What moves a solid besides its own speed and gravity; None if nothing does."""
-    if any(obstacle.rotation for obstacle in obstacles):
-        return "an obstacle that turns"
-    if any(support.moves for support in solid.supports):
-        return "moving supports"
-    if solid.tractions or solid.pressures:
-        return "tractions or pressures"
-    if any(formula.plain != 0.0 for formula in solid.displacement):
-        return "an initial displacement"
-    if scene.starts_at_rest:
-        return "a static start"
-    return "other bodies that strike it" if len(scene.bodies) > 1 else None
+    why = {
+        "an obstacle that turns": any(obstacle.rotation for obstacle in obstacles),
+        "moving supports": any(support.moves for support in solid.supports),
+        "tractions or pressures": bool(solid.tractions or solid.pressures),
+        "an initial displacement": any(each.plain != 0.0 for each in solid.displacement),
+        "joints": any(solid.name in joint.bodies for joint in scene.joints),
+        "a static start": scene.starts_at_rest,
+        "other bodies that strike it": len(scene.bodies) > 1,
+    }
+    return next((name for name, moves in why.items() if moves), None)

@@ -24,6 +24,7 @@ from impactfem.models.ball_contacts import BallMeeting, ball_meetings, strike
 from impactfem.models.key import SceneKey
 from impactfem.models.obstacle_contacts import ObstacleMeeting, obstacle_meetings
 from impactfem.models.solid_contact import contact_of, reach_of
+from impactfem.models.tips import tips_of
 from impactfem.scene import Scene, Solid
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.pairing import named_body_pairs, obstacles_of
@@ -34,6 +35,7 @@ from impactfem.system.few_bodies import few_bodies
 from impactfem.system.joints import Joints, joints_of
 from impactfem.system.located import Located, locate
 from impactfem.system.surface import SurfaceNodes
+from impactfem.system.tips import Tips
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -234,12 +236,23 @@ class SolidsModel:
 
     @cached_property
     def joints(self) -> Joints | None:
-        """What holds its rigid bodies together.
+        """What holds its bodies together (collective at the first use).
 
         Raises:
-            SceneError: Bodies part in a joint at t = 0.
+            SceneError: Bodies part in a joint at t = 0, or a surface is none that can be held.
         """
-        return joints_of(self.scene, self.few)
+        if not self.scene.joints:
+            return None
+        return joints_of(self.scene, [*self.tips, *self.few])
+
+    @cached_property
+    def tips(self) -> tuple[Tips, ...]:
+        """Surfaces that joints hold, of each solid (collective likewise).
+
+        Raises:
+            SceneError: A surface is unknown.
+        """
+        return tuple(map(tips_of, self.parts, self.numbers))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -319,7 +332,8 @@ class SolidsModel:
         if self.scene.iterated:
             return True
         follow = SOLID_SCHEMES[method].holds and self.updated and not self.few
-        follow = follow and not self.scene.gives_way  # iterates know no springs
+        # Iterates know no springs and no joints.
+        follow = follow and not (self.scene.gives_way or self.scene.joints)
         return follow and active_set != "snes_vi" and bool(self.pairs)
 
     @property

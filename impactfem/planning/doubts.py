@@ -114,7 +114,7 @@ def _units(body: Any) -> list[Finding]:
 def _path(scene: Scene, body: Any, times: Floats) -> _Path | None:
     """Way of a body that flies freely; None if that is not certain."""
     flight = body.flight
-    if flight is None:
+    if flight is None or any(body.name in joint.bodies for joint in scene.joints):
         return None
     velocity = np.asarray(flight.velocity)
     gravity = np.asarray(scene.vector_gravity.at(times), dtype=float)

@@ -253,8 +253,14 @@ def dent_times(scene: Scene, few: Sequence["FewBodies"]) -> list[float]:
 
 def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]:
     """What is said of bodies without meshes beside solids."""
+    if model.joints is not None:
+        for tips in model.tips:
+            for name, (counting, every) in tips.left_out().items():
+                reasons[f"joint on {tips.name}/{name}"] = (
+                    f"{counting} of {every} nodes: others may touch, or are held"
+                )
     if not model.few:
-        return []
+        return joint_findings(model)
     reasons["contact points"] = (
         "contact nodes of solids are massless, so that elasticity brakes what strikes them; "
         "between bodies without meshes impacts are impulses"

@@ -106,10 +106,15 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
     for solid, size in zip(solids, sizes, strict=True):
         findings += ringing_findings(solid, method, size)
     findings += few_findings(model, reasons)
-    flyers = [(part.solid, part.system, part.outside) for part in model.parts]
+    joined = {name for joint in scene.joints for name in joint.bodies}
+    flyers = [
+        (part.solid, part.system, part.outside)
+        for part in model.parts
+        if part.solid.name not in joined
+    ]
     findings += flight_findings(scene, flyers, steps.dt)
     findings += told_contacts(model, reasons)
-    if alone and not model.few:
+    if alone and not (model.few or scene.joints):
         reasons |= {f"offer {name}": text for name, text in offers(scene).items()}
     findings += method_findings(method, steps.courant)
     share = (steps.courant or 1.0) / SHARE_OF_STABLE

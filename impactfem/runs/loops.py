@@ -33,6 +33,7 @@ from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.solids import SolidMarch
 from impactfem.marching.time_loop import LoopSettings, TimeLoop
+from impactfem.marching.tipped import TippedMidpoint
 from impactfem.marching.wave_bar import WaveBar
 from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.planning.solid_choices import fitting_solver
@@ -40,6 +41,7 @@ from impactfem.result.history import MOST_PAIRS
 from impactfem.runs.contacts import Contacts
 from impactfem.runs.static_start import Started, linear_bodies, spin_of, start_at_rest
 from impactfem.scene import Scene
+from impactfem.system.stations import Stations
 from impactfem.system.surface import SurfaceNodes, SurfaceStatics
 
 if TYPE_CHECKING:
@@ -115,6 +117,7 @@ def make_loop(
     law = contacts.friction(scene, tolerance, 50 * numbers.max_iterations)
     # Nodes that each have a gap of their own: nothing has to be weighed.
     alone = len(each) == 1 and not few and law is None and not contacts.pairs
+    alone = alone and model.joints is None
     gaps: ContactGaps = contacts.obstacles[0].gaps if alone else contacts.gaps()
     solver, kind = _solver(numbers, tolerance), numbers.linear_solver
     settings = LoopSettings(
@@ -145,11 +148,20 @@ def make_loop(
         settings = replace(settings, rest=_rest(started), restitution=contacts.restitution(scene))
         newton = NewtonMarch(interior, settings)
         return Loop(newton, gaps, contacts, offsets, started)
-    solids = [_interior(*parts, scheme, dt, kind) for parts in each]
+    tipped = {} if model.joints is None else dict(model.joints.parts)
+    tips = {
+        k: _tipped(*parts, dt, kind, model.tips[k].nodes, tipped[k])
+        for k, parts in enumerate(each)
+        if k in tipped
+    }
+    solids = [tips.get(k) or _interior(*parts, scheme, dt, kind) for k, parts in enumerate(each)]
     parts, movable = [*solids, *_steppers(model, few)], [_free(*parts[:2]) for parts in each]
     composite = Composite(parts, movable)
     if model.joints is not None:
-        held = [few[place].held(stations) for place, stations in model.joints.parts]
+        held = [
+            (tips.get(place) or few[place - len(each)]).held(stations)
+            for place, stations in model.joints.parts
+        ]
         composite = Jointed(parts, movable, model.joints, held)
     started = None
     if scene.starts_at_rest:
@@ -173,7 +185,9 @@ def make_loop(
 
 def _steppers(model: SolidsModel, few: Sequence[Marched]) -> list[Interior]:
     """What steps bodies without meshes: those of a kind that follow each other without joints."""
-    joined = set() if model.joints is None else {place for place, _ in model.joints.parts}
+    joined, first = set(), len(model.parts)
+    if model.joints is not None:
+        joined = {place - first for place, _ in model.joints.parts}
     kinds = [type(part) for part in few]
     for (made, held), places in groupby(range(len(few)), lambda k: (kinds[k], k in joined)):
         if not held:
@@ -260,6 +274,21 @@ def _solver(numbers: "MarchNumbers", tolerance: float) -> Solver:
 
         return solve_by_snes_vi(tolerance, numbers.max_iterations)
     return solve_by_active_set(tolerance, numbers.max_iterations)
+
+
+def _tipped(
+    part: SolidPart,
+    surface: SurfaceNodes,
+    transfer: object,
+    dt: float,
+    linear_solver: str,
+    nodes: SurfaceNodes,
+    stations: Stations,
+) -> TippedMidpoint:
+    statics = None if transfer is None else SurfaceStatics(part.system.stiffness, surface)
+    return TippedMidpoint(
+        part.system, surface, statics, transfer, dt, linear_solver, nodes, stations
+    )
 
 
 def _interior(

@@ -42,6 +42,7 @@ class BodyKind:
         takes_joints: Whether joints hold it.
         turns_in_joints: Whether it turns where they do, and directions turn with it.
         joined_by_surface: Whether joints name a part of it (`arm/hand`), not all of it.
+        parts_in_joints: What these are.
         whole_side: Surfaces that its bare name stands for in ``[[contact]] between``; None for all.
     """
 
@@ -64,6 +65,7 @@ class BodyKind:
     takes_joints: ClassVar[bool] = False
     turns_in_joints: ClassVar[bool] = True
     joined_by_surface: ClassVar[bool] = False
+    parts_in_joints: ClassVar[str] = "links"
     whole_side: ClassVar[tuple[str, ...] | None] = None
     mesh: str | None = None
 

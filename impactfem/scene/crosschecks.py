@@ -112,16 +112,20 @@ def _check_marched(scene: Content) -> None:
             check_motion(places[solid.name], key, support.value or (), scene.duration)
     check_finite(scene)
     _check_residual(scene)
-    if len(scene.solids) < len(scene.bodies):
-        check_mixed(scene)
-    else:
+    mixed = len(scene.solids) < len(scene.bodies)
+    if not mixed:
         check_pairs(scene)
+    if mixed or scene.joints:
+        check_mixed(scene)
 
 
 def _check_start(scene: Content) -> None:
     """Refuse a start at rest of bodies that cannot be brought there."""
     if not scene.starts_at_rest:
         return
+    if scene.joints:
+        text = f" = {show(scene.start)} does not know joints: remove it, or these."
+        raise KeyedError("", "start", text)
     unsettled = [body for body in scene.bodies if not body.settles]
     if unsettled:
         body = unsettled[0]
@@ -155,7 +159,7 @@ def _check_counts(scene: Content) -> None:
         if bar.point is not None:
             text = f" = {show(list(bar.point))} is for bars beside other bodies: these lie on the "
             raise KeyedError(f"body[{index}]", "point", f"{text}x axis; give gap instead.")
-    if len(scene.bodies) > 1:
+    if len(scene.bodies) > 1 or scene.joints:
         return
     if any(body.may_meet_nothing or not body.waves for body in scene.bodies):
         return

@@ -93,7 +93,8 @@ def _check_side(scene: Content, where: str, name: str, between: object) -> None:
     if whole in bodies and bodies[whole].joined_by_surface != (part is not None):
         text = f"{whole} is a {bodies[whole].kind}, "
         if part is None:
-            text += f"of which joints hold links: give {show(f'{name}/LINK')}."
+            parts = bodies[whole].parts_in_joints
+            text += f"of which joints hold {parts}: give {show(f'{name}/{parts[:-1].upper()}')}."
         else:
             text += f"which joints hold as a whole: give {show(whole)}."
         raise KeyedError(where, "between", given + text)

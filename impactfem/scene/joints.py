@@ -91,7 +91,8 @@ class Joint:
     kind: str = key(Choice(tuple(JOINTS)), "what it leaves free")
     between: Sequence[str] | None = key(
         ListOf(SideName(), at_least=2),
-        "names of two rigid bodies, points, beams or links of mechanisms (`arm/hand`), or "
+        "names of two rigid bodies, points, beams, links of mechanisms (`arm/hand`) or surfaces of "
+        "solids (`block/top`), or "
         '"ground" and one; not of a gear',
         default=None, absent="none",
     )  # fmt: skip

@@ -47,7 +47,8 @@ def check_dimensions(scene: Content) -> None:
     Raises:
         KeyedError: naming the key.
     """
-    if len(scene.solids) == len(scene.bodies) or not scene.marches:
+    alike = len(scene.solids) == len(scene.bodies) and not scene.joints
+    if alike or not scene.marches:
         return  # several solids are checked by their models
     for index, (before, body) in enumerate(pairwise(scene.bodies), start=1):
         if body.dim != before.dim:

@@ -69,6 +69,9 @@ class SolidKeys(BodyKind):
     meets_edges: ClassVar[bool] = True
     has_surface: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True
+    takes_joints: ClassVar[bool] = True
+    joined_by_surface: ClassVar[bool] = True
+    parts_in_joints: ClassVar[str] = "surfaces"
 
     name: str = key(Name(), "name of the body in histories", default="solid")
     model: str = key(Choice(MODELS), "what the body is; axisymmetric: x is the radius, y the axis")

@@ -11,11 +11,10 @@ from impactfem.errors import SceneError
 from impactfem.scene import Joint, Scene
 from impactfem.scene.joints import GROUND
 from impactfem.scene.laws import side_of
-from impactfem.system.few import FewBodies
 from impactfem.system.joint_kernels import at_gradients, delassus, values
 from impactfem.system.joint_rows import JointFrame, Rows
 from impactfem.system.rigid import in_space
-from impactfem.system.stations import Stations, couples
+from impactfem.system.stations import HasStations, Stations, couples
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -55,7 +54,8 @@ class Joints:
 
     Attributes:
         joints: As the scene has them.
-        parts: Which systems without meshes they hold, and where.
+        parts: Which bodies they hold, by their place among solids and those without meshes, and
+            where.
         names: Bodies of the stations; the first is the ground. "Bodies" below are stations.
         places, turns: Of these at t = 0, (bodies, 3), (bodies, 3, 3).
         speeds, spins: Of these, spins along their axes, (bodies, 3) each.
@@ -212,19 +212,19 @@ def _shown(values: Floats) -> str:
     return "[" + ", ".join(f"{round(value, 12) + 0.0:.9g}" for value in values.tolist()) + "]"
 
 
-def joints_of(scene: Scene, few: Sequence[FewBodies]) -> Joints | None:
+def joints_of(scene: Scene, bodies: Sequence[HasStations]) -> Joints | None:
     """The joints of a scene; None without any.
 
     Args:
         scene: The scene.
-        few: Its bodies without meshes.
+        bodies: Its solids, and its bodies without meshes.
 
     Raises:
         SceneError: Bodies part in a joint at t = 0.
     """
     if not scene.joints:
         return None
-    parts, at = _held(scene, few)
+    parts, at = _held(scene, bodies)
     each = [stations for _, stations in parts]
     names = (GROUND, *(name for stations in each for name in stations.names))
     none, still = np.zeros((1, 3)), np.eye(3)[None]
@@ -281,13 +281,13 @@ def joints_of(scene: Scene, few: Sequence[FewBodies]) -> Joints | None:
 
 
 def _held(
-    scene: Scene, few: Sequence[FewBodies]
+    scene: Scene, every: Sequence[HasStations]
 ) -> tuple[tuple[tuple[int, Stations], ...], dict[tuple[int, int], int]]:
     """Systems that joints hold, and stations by joint and side; 0 is the ground."""
     parts: list[tuple[int, Stations]] = []
     at: dict[tuple[int, int], int] = {}
     count = 1
-    for place, bodies in enumerate(few):
+    for place, bodies in enumerate(every):
         sides, asked = [], []
         for k, joint in enumerate(scene.joints):
             for side, name in enumerate(joint.between or ()):

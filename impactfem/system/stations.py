@@ -1,12 +1,13 @@
 """What joints need of a body: places that move and turn with it, and what pushes do there.
 
 A rigid body is one station, which moves as it does. Points and beams have a station wherever a
-joint holds them: its velocity and spin are rows of their coordinates' rates, and an impulse there
-moves the whole body.
+joint holds them, solids one of each surface that a joint holds: its velocity and spin are rows of
+their coordinates' rates, and an impulse there moves the whole body.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +88,17 @@ class Stations:
             freedoms=len(own),
             given=() if rows[:, 3:].any() else ("velocity",),
         )
+
+
+class HasStations(Protocol):
+    """What joints can hold."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of its bodies."""
+
+    def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
+        """What joints hold of bodies at places [m], (3,); see `BodyKind.takes_joints`."""
 
 
 def couples(each: list[Floats]) -> tuple[NDArray[np.int64], Floats]:

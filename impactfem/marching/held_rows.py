@@ -1,0 +1,214 @@
+"""Points, beams, links and tips of solids as joints hold them: by coordinates that they share."""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.marching.stations import Counting, Motion
+from impactfem.system.stations import Stations
+
+Floats = NDArray[np.float64]
+
+_SETTLED = 1e-13  # change of rates of stations by forces that are not linear
+
+
+class Coordinates(Protocol):
+    """Bodies whose contact nodes move by coordinates that stations share."""
+
+    def foreseen(self) -> Floats:
+        """Displacements of the contact nodes at the end of the layer, (count, dim)."""
+
+    def strike(self, forces: Floats) -> None:
+        """Add contact forces (count, dim)."""
+
+    def reached(self, forces: Floats) -> Floats:
+        """Rates by several contact forces (several, count, dim) for a second, (several, d)."""
+
+    def carried(self, impulses: Floats) -> Floats:
+        """Velocities of the contact nodes by impulses (several, d), (several, count, dim)."""
+
+
+class HeldByRows[B: Coordinates]:
+    """Stations whose rates are rows of those of coordinates: what contact does goes by these.
+
+    Attributes:
+        part: The bodies.
+    """
+
+    part: B
+    _rows: Floats  # (6 stations, d)
+
+    def _each(self, values: Floats) -> Floats:
+        return values.reshape(*values.shape[:-1], -1, 6)
+
+    def foreseen(self) -> Floats:
+        """Displacements of the contact nodes."""
+        return self.part.foreseen()
+
+    @property
+    def freedoms(self) -> Floats:
+        """None: see `compliance`."""
+        return np.zeros((len(self._rows) // 6, 3, 3))
+
+    def reached(self, forces: Floats) -> Floats:
+        """By what contact forces make of all rates."""
+        return self._each(self.part.reached(forces) @ self._rows.T)
+
+    def carried(self, wrenches: Floats) -> Floats:
+        """With all rates."""
+        return self.part.carried(wrenches.reshape(len(wrenches), -1) @ self._rows)
+
+    def strike(self, forces: Floats) -> None:
+        """Add contact forces."""
+        self.part.strike(forces)
+
+    def whirled(self, moments: Floats) -> Floats:
+        """Nothing: contact has no moments on what does not roll."""
+        return np.zeros_like(moments)
+
+    def whirl(self, moment: Floats) -> None:
+        """Nothing."""
+
+
+class Linear(Coordinates, Counting, Protocol):
+    """Bodies whose stations move with coordinates along lines.
+
+    Attributes:
+        dt: Time step [s].
+    """
+
+    dt: float
+
+    @property
+    def coordinates(self) -> Floats:
+        """At the start of the layer, (d,)."""
+
+    @property
+    def rates(self) -> Floats:
+        """Of the coordinates at the start of the layer, (d,)."""
+
+    @property
+    def rates_ahead(self) -> Floats:
+        """The same at its end, as it is solved now."""
+
+    @property
+    def reach(self) -> Floats:
+        """Rates at the end of the layer by unit impulses in it, (d, d)."""
+
+    def set_out(self, layer: int) -> None:
+        """Solve the layer without forces of contact and joints."""
+
+    def impel(self, impulse: Floats) -> bool:
+        """Solve the layer with an impulse of joints (d,); whether it answers linearly."""
+
+    def kick(self, impulse: Floats) -> None:
+        """Let the next layer start with rates that an impulse (d,) has changed."""
+
+
+class HeldLumped(HeldByRows[Linear]):
+    """Points, a beam, tips of a solid: stations whose rates are rows of the coordinates' rates.
+
+    Rotations of the stations are those of the steps that joints have seen: these do the work of
+    moments exactly. They are the rotation of the coordinates to the third order of a step's turn.
+
+    Attributes:
+        part: The bodies.
+        jumped: Never.
+    """
+
+    def __init__(self, part: Linear, stations: Stations) -> None:
+        """Hold them."""
+        if stations.rows is None:
+            raise NotImplementedError
+        self.jumped = False
+        self.part, count = part, len(stations.places)
+        self.compliance_ahead = stations.compliance
+        self._rows = stations.rows.reshape(6 * count, -1)
+        self._places = stations.places
+        self._turns = self._ends = stations.turns
+        self._rest = part.coordinates.copy()
+        self._wrench = np.zeros(6 * count)
+        self._renew()
+
+    def _renew(self) -> None:
+        """How stations answer to impulses in the layer, (6 stations, 6 stations)."""
+        self._flat = self._rows @ self.part.reach @ self._rows.T
+
+    def prepare(self, layer: int) -> None:
+        """Begin a layer."""
+        self._wrench = np.zeros(len(self._rows))
+        self.part.set_out(layer)
+        self._renew()
+
+    def _moved(self, moved: Floats) -> Floats:
+        """Places by ways of the coordinates."""
+        return np.asarray(self._places + self._each(self._rows @ moved)[:, :3])
+
+    @property
+    def frames(self) -> tuple[Floats, Floats]:
+        """Where the stations are."""
+        return self._moved(self.part.coordinates - self._rest), self._turns
+
+    def _rates(self, rates: Floats) -> tuple[Floats, Floats]:
+        found = self._each(self._rows @ rates)
+        return found[:, :3], np.einsum("sji,sj->si", self._turns, found[:, 3:])
+
+    @property
+    def rates(self) -> tuple[Floats, Floats]:
+        """Of the stations."""
+        return self._rates(self.part.rates)
+
+    def impulses(self) -> tuple[Floats, Floats]:
+        """Changes of their rates without joints, as forces are now."""
+        part = self.part
+        changed = self._each(
+            self._rows @ (part.rates_ahead - part.rates) - self._flat @ self._wrench
+        )
+        return changed[:, :3], changed[:, 3:]
+
+    def take(self, motion: Motion) -> bool:
+        """Move all coordinates by the impulses of the joints."""
+        self._wrench, self._ends = motion.wrenches.ravel(), motion.ends
+        linear = self.part.impel(self._rows.T @ self._wrench)
+        if linear:
+            return True
+        thought = np.concatenate([motion.speeds, motion.spins])
+        found = np.concatenate(self._rates(self.part.rates_ahead))
+        allowed = _SETTLED * np.abs(found).max() + np.finfo(float).tiny
+        return bool(np.abs(found - thought).max() <= allowed)
+
+    @property
+    def places_ahead(self) -> tuple[Floats, Floats]:
+        """At the end of the layer."""
+        part = self.part
+        mean = 0.5 * (part.rates + part.rates_ahead)
+        return self._moved(part.coordinates + part.dt * mean - self._rest), self._ends
+
+    @property
+    def rates_ahead(self) -> Floats:
+        """In space."""
+        return self._each(self._rows @ self.part.rates_ahead)
+
+    @property
+    def compliance(self) -> Floats:
+        """Of the layer."""
+        count = len(self._places)
+        return self._flat.reshape(count, 6, count, 6)
+
+    def leave(self, wrenches: Floats) -> None:
+        """Change all rates at the end, as impulses without time for anything else do."""
+        self.part.kick(self._rows.T @ wrenches.ravel())
+
+    def finish(self) -> None:
+        """Keep the rotations."""
+        self._turns = self._ends
+
+    def memory(self) -> dict[str, Floats]:
+        """Rotations of the stations."""
+        return {"turns": self._turns.copy()}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from these."""
+        self._turns = self._ends = memory["turns"].copy()

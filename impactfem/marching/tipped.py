@@ -1,0 +1,197 @@
+"""Implicit layers of a solid whose tips joints hold; see `impactfem.system.tips`.
+
+Its coordinates, for joints, are places and turns of the tips: how impulses there move all of it is
+solved for once. Contact forces go to the massless nodes as without joints.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from impactfem.marching.held_rows import HeldLumped
+from impactfem.marching.layers import Sums
+from impactfem.marching.midpoint import Midpoint
+from impactfem.marching.stations import Held
+from impactfem.system.elastic import ElasticSystem
+from impactfem.system.linear import LinearSolver
+from impactfem.system.stations import Stations
+from impactfem.system.surface import SurfaceNodes, SurfaceStatics
+
+Floats = NDArray[np.float64]
+
+
+class TippedMidpoint(Midpoint):
+    """Implicit interior with tips, by d coordinates of these.
+
+    Attributes:
+        counts: Whether this rank adds up what the joints of its tips store.
+    """
+
+    def __init__(
+        self,
+        system: ElasticSystem,
+        surface: SurfaceNodes,
+        statics: SurfaceStatics | None,
+        transfer: Any,
+        dt: float,
+        linear_solver: str,
+        nodes: SurfaceNodes,
+        stations: Stations,
+    ) -> None:
+        """Factor; solve for what impulses on tips do (collective).
+
+        Args:
+            system: As of `Midpoint`, and so are those up to the linear solver.
+            surface: See there.
+            statics: See there.
+            transfer: See there.
+            dt: [s].
+            linear_solver: See there.
+            nodes: Of the tips.
+            stations: Tips, whose rows are those of `nodes`.
+
+        Raises:
+            ConvergenceError: A matrix cannot be factored.
+        """
+        super().__init__(system, surface, statics, transfer, dt, linear_solver)
+        if stations.rows is None:
+            raise NotImplementedError
+        self.counts = surface.comm.rank == 0
+        self._tips, rows = nodes, stations.rows.reshape(6 * len(stations.places), -1)
+        self._moves = np.flatnonzero(rows.any(axis=1))  # in the plane not all
+        self._rows = rows[self._moves]
+        pulls = [self._pull(row) for row in self._rows]
+        self._by_impulses = np.array([self._solved(pull) for pull in pulls]) / dt
+        self._touched = np.array([self._answer_of_contact(each) for each in self._by_impulses])
+        self.reach = 2.0 / dt * self._of_tips(self._by_impulses).T
+        self._by_kicks = self._kicked(pulls, linear_solver)
+        self._units: dict[int, Floats] = {}  # answers to unit forces
+        self._renew()
+
+    def _pull(self, row: Floats) -> Floats:
+        """Forces on the owned dofs by one on nodes of the tips."""
+        return self._tips.pulled(row.reshape(-1, self._tips.dim), self._still)
+
+    def _of_tips(self, values: Floats) -> Floats:
+        """Coordinates of the tips by those of owned dofs (..., dofs), (..., d) (collective)."""
+        if values.ndim > 1:
+            return np.array([self._of_tips(each) for each in values])
+        return np.asarray(self._rows @ self._tips.gather(values).ravel())
+
+    def _kicked(self, pulls: list[Floats], linear_solver: str) -> Floats:
+        """Velocities by unit impulses that leave no time for anything else, (d, owned dofs)."""
+        matrix = self._system.stiffness.copy()
+        matrix.zeroEntries()
+        matrix.axpy(1.0, self._mass)
+        own = matrix.getDiagonal()
+        own.setArray(np.where(self._still, 1.0, own.getArray()))
+        matrix.setDiagonal(own)
+        own.destroy()
+        solver = LinearSolver(matrix, linear_solver, self._system.stiffness.getNearNullSpace())
+        found = np.zeros((len(pulls), len(self._still)))
+        for k, pull in enumerate(pulls):
+            self._right.setArray(pull)
+            self._middle.set(0.0)
+            solver.solve(self._right, self._middle)
+            found[k] = self._middle.getArray()
+        solver.destroy()
+        return found
+
+    def _renew(self) -> None:
+        """Take coordinates and rates of the tips from the body (collective)."""
+        self.coordinates = self._of_tips(self.displacement)
+        self.rates = self._of_tips(self.velocity)
+        self._way = self._joined = self._kick = np.zeros(len(self._rows))
+
+    def held(self, stations: Stations) -> Held:
+        """It as joints hold it."""
+        count = len(stations.places)
+        rows = np.eye(6 * count)[:, self._moves].reshape(count, 6, -1)
+        flat = rows.reshape(6 * count, -1)
+        ahead = flat @ self._of_tips(self._by_kicks).T @ flat.T
+        ahead = ahead.reshape(count, 6, count, 6)
+        return HeldLumped(self, replace(stations, rows=rows, compliance=ahead))
+
+    @property
+    def rates_ahead(self) -> Floats:
+        """Rates of the coordinates at the end of the layer, as it is solved now, (d,)."""
+        return np.asarray(2.0 / self.dt * self._way - self.rates)
+
+    def set_out(self, layer: int) -> None:
+        """Solve the layer without forces of contact and joints."""
+        self.predict(layer)
+        self._way = self._of_tips(self.displacement - self._before)
+        self._joined = self._kick = np.zeros(len(self._rows))
+
+    def foreseen(self) -> Floats:
+        """Displacements of the contact nodes at the end of the layer, as it is solved now."""
+        return self._contact
+
+    def impel(self, impulse: Floats) -> bool:
+        """Solve the layer with an impulse of joints (d,); it answers linearly."""
+        change = impulse - self._joined
+        self._joined = impulse
+        self.displacement += change @ self._by_impulses
+        self._contact = self._contact + np.tensordot(change, self._touched, axes=1)
+        self._way = self._way + 0.5 * self.dt * self.reach @ change
+        return True
+
+    def strike(self, forces: Floats) -> None:
+        """Add the layer's contact forces (count, dim)."""
+        answer = self._answer(forces)
+        self.displacement += answer
+        self._contact = self._contact + self._answer_of_contact(answer)
+        self._way = self._way + self._of_tips(answer)
+
+    def kick(self, impulse: Floats) -> None:
+        """Let the next layer start with rates that an impulse (d,) has changed."""
+        self._kick = impulse
+
+    def reached(self, forces: Floats) -> Floats:
+        """Rates by several contact forces (several, count, dim) for a second, (several, d)."""
+        return 2.0 / self.dt**2 * self._by_units(forces)[1]
+
+    def carried(self, impulses: Floats) -> Floats:
+        """Velocities of the contact nodes by impulses on the tips, (several, count, dim)."""
+        return 2.0 / self.dt * np.tensordot(impulses, self._touched, axes=1)
+
+    def columns(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Answers of the contact nodes to several forces in a layer, without joints."""
+        static = np.array([self.static(force) for force in forces]).reshape(forces.shape)
+        return self._by_units(forces)[0], static
+
+    def answers(self, forces: Floats) -> tuple[Floats, Floats]:
+        """The same: joints ask in every layer, and answers to unit forces are kept."""
+        return self.columns(forces)
+
+    def _by_units(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Displacements of contact nodes (several, count, dim), of tips (several, d), by forces."""
+        flat = forces.reshape(len(forces), -1)
+        acting = np.flatnonzero(flat.any(axis=0)).tolist()
+        for dof in acting:
+            if dof not in self._units:
+                unit = np.zeros(flat.shape[1])
+                unit[dof] = 1.0
+                answer = self._answer(unit.reshape(forces.shape[1:]))
+                moved = self._answer_of_contact(answer).ravel()
+                self._units[dof] = np.concatenate([moved, self._of_tips(answer)])
+        units = [self._units[dof] for dof in acting]
+        known = np.array(units).reshape(len(acting), flat.shape[1] + len(self._rows))
+        found = np.asarray(csr_matrix(flat[:, acting]) @ known)  # most forces are on few nodes
+        return found[:, : flat.shape[1]].reshape(forces.shape), found[:, flat.shape[1] :]
+
+    def finish(self, layer: int, static: Floats) -> list[Sums]:
+        """End the layer and sum up."""
+        # Velocities turn round in a layer, and what they begin with, too.
+        self.velocity -= self._kick @ self._by_kicks
+        sums = super().finish(layer, static)
+        self._renew()
+        return sums
+
+    def restore(self, state: dict[str, Any], surface: Floats) -> None:
+        """Continue from a state."""
+        super().restore(state, surface)
+        self._renew()
