@@ -9,6 +9,7 @@ import gmsh
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import impactfem
 from impactfem import Scene
@@ -210,3 +211,122 @@ def test_zener(tmp_path, number):
     history = impactfem.solve(made).history
     assert history["contact_force"].values[-1] == 0.0
     assert history["ball.vz"].values[-1] == pytest.approx(ZENER[number], rel=0.01)
+
+
+@pytest.mark.parametrize(("number", "lasts"), [(0.2, 100.0), (0.5, 100.0)])
+def test_zener_by_finite_elements_of_the_body(number, lasts):
+    """A rigid ball on the axis of a plate as a solid, whose dent is no law but elements of a/6.
+
+    The contact takes 100 times as long as a wave through the thickness, so that the plate is thin
+    for it; its rim is too far away to be heard of.
+    """
+    rigidity, radius, scaled = 1.0 / (12.0 * (1.0 - NU**2)), 5.0, {0.2: 3.34866, 0.5: 3.62444}
+    k = 4.0 / 3.0 / (1.0 - NU**2) * math.sqrt(radius)
+    root = number * 8.0 * math.sqrt(rigidity)  # K^0.4 v^0.2 m^0.6
+    speed = (scaled[number] * root ** (2.0 / 3.0) / lasts) ** 3 / k**2
+    mass = (root / (k**0.4 * speed**0.2)) ** (5.0 / 3.0)
+    touching = math.sqrt(radius * speed * lasts / 2.94)  # radius of the contact, by Hertz
+    plate = {
+        "kind": "solid", "name": "plate", "model": "axisymmetric", "strain": "small",
+        "shape": {"kind": "block", "size": [60.0, 1.0], "corner": [0.0, -1.0]}, "mesh_size": 0.45,
+        "refine": [{"point": [0.0, 0.0], "radius": 3.0 * touching, "size": touching / 6.0}],
+        "degree": 2, "density": 1.0, "youngs_modulus": 1.0, "poisson_ratio": NU,
+        "contact_surfaces": ["top"],
+    }  # fmt: skip
+    ball = {"kind": "point", "name": "ball", "mass": mass, "radius": radius,
+            "position": [0.0, radius + 1e-9], "velocity": [0.0, -speed]}  # fmt: skip
+    made = Scene.from_dict(
+        {"title": "Zener", "duration": 1.08 * lasts, "gravity": [0.0, 0.0], "body": [plate, ball],
+         "solve": {"dt": lasts / 200.0, "estimate": False, "method": "conserving"},
+         "output": {"fields": []}}
+    )  # fmt: skip
+    history = impactfem.solve(made).history
+    assert history["contact_force"].values[-1] == 0.0
+    assert history["ball.vy"].values[-1] / speed == pytest.approx(ZENER[number], rel=0.03)
+
+
+def strip_by_modes(beam, mass, k, duration, dt, most=40):
+    """Times, and the force on the middle of a clamped beam by a mass with 1 m/s, a spring between.
+
+    Modes of even shape, the others by their statics: each is exact for a force that is linear in a
+    step.
+
+    Args:
+        beam: Its stiffness E I [N m^2], mass by the length [kg/m], and length [m].
+        mass: [kg].
+        k: Of the spring [N/m].
+        duration: [s].
+        dt: [s].
+        most: Modes.
+    """
+    bending, line, length = beam
+    roots = [
+        brentq(lambda x: math.cos(x) - 1.0 / math.cosh(x), (2 * j + 1.5) * math.pi - 0.5,
+               (2 * j + 1.5) * math.pi + 0.5)
+        for j in range(most)
+    ]  # fmt: skip
+    beta = np.array(roots)
+    w = beta**2 / length**2 * math.sqrt(bending / line)
+    # Middle of cosh - cos - s (sinh - sin), whose mean square is 1.
+    s = (np.cosh(beta) - np.cos(beta)) / (np.sinh(beta) - np.sin(beta))
+    half = beta / 2.0
+    shape = np.cosh(half) - np.cos(half) - s * (np.sinh(half) - np.sin(half))
+    b = shape**2 / (line * length)
+    tail = length**3 / (192.0 * bending) - (b / w**2).sum()
+    cosine, sine = np.cos(w * dt), np.sin(w * dt)
+    q, v, z, speed, force, forces = np.zeros(most), np.zeros(most), 0.0, 1.0, 0.0, [0.0]
+
+    def moved(new):
+        slope, part = (new - force) / dt, b / w**2
+        one, two = q - part * force, v / w - part * slope / w
+        return cosine * one + sine * two + part * new, w * (
+            cosine * two - sine * one
+        ) + part * slope
+
+    for _ in range(round(duration / dt)):
+        still = moved(0.0)[0].sum()
+        per = moved(1.0)[0].sum() - still + tail + dt**2 / (6.0 * mass)
+        coast = z + speed * dt - dt**2 * force / (3.0 * mass)
+        new = max(0.0, k * (coast - still) / (1.0 + k * per))
+        end = moved(new)
+        z, speed = coast - dt**2 / (6.0 * mass) * new, speed - 0.5 * dt / mass * (force + new)
+        (q, v), force = end, new
+        forces.append(force)
+    return dt * np.arange(len(forces)), np.array(forces)
+
+
+def test_mass_dropped_on_a_clamped_strip(tmp_path):
+    """A narrow strip without Poisson's ratio is a beam: three contacts, whose forces grow apart later."""
+    length, width, thin, mass, k = 0.2, 0.01, 0.001, 0.01, 2e5
+    path = tmp_path / "strip.msh"
+    gmsh.initialize()
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        geo = gmsh.model.geo
+        x, y = 0.5 * length, 0.5 * width
+        point = [geo.addPoint(a, c, 0.0) for a, c in ((-x, -y), (x, -y), (x, y), (-x, y))]
+        sides = [geo.addLine(point[j], point[(j + 1) % 4]) for j in range(4)]
+        for side, count in zip(sides, (80, 4, 80, 4), strict=True):
+            geo.mesh.setTransfiniteCurve(side, count + 1)
+        face = geo.addPlaneSurface([geo.addCurveLoop(sides)])
+        geo.mesh.setTransfiniteSurface(face, "AlternateLeft")
+        geo.synchronize()
+        for name, side in (("right", sides[1]), ("left", sides[3])):
+            gmsh.model.addPhysicalGroup(1, [side], name=name)
+        gmsh.model.addPhysicalGroup(2, [face], name="strip")
+        gmsh.model.mesh.generate(2)
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+    held = [{"edge": edge, "kind": "clamped"} for edge in ("left", "right")]
+    keys = {"thickness": thin, "supports": held, "poisson_ratio": 0.0}
+    made = scene(path, 0.01, mass, k, 4.15e-3, 4e-6, **keys).to_dict()
+    made["contact"][0]["stiffness_exponent"] = 1.0
+    history = impactfem.solve(Scene.from_dict(made)).history
+    time, force = history["time"].values, history["contact_force"].values
+    beam = E * width * thin**3 / 12.0, RHO * width * thin, length
+    known, exact = strip_by_modes(beam, mass, k, 4.15e-3, 1e-6)
+    assert np.count_nonzero((exact[1:] > 0.0) & (exact[:-1] == 0.0)) >= 2
+    impulses = 4e-6 * np.cumsum(force), 1e-6 * np.cumsum(exact)
+    ways = np.interp(time, known, impulses[1])
+    assert np.abs(impulses[0] - ways).max() < 0.01 * ways[-1]
