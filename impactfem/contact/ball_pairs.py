@@ -63,7 +63,7 @@ class Target:
         if flat.shape[1] == 4:  # quadrilaterals, by the corners around them
             flat = np.stack([flat[:, (0, 1, 2)], flat[:, (0, 2, 3)]], axis=1).reshape(-1, 3)
             signs = np.repeat(signs, 2)
-        return cls(nodes, flat, signs, np.zeros(len(nodes)), _rims(flat))
+        return cls(nodes, flat, signs, np.zeros(len(nodes)), rims_of(flat))
 
     def some(self, chosen: Booleans) -> "Target":
         """Some of its simplices, (simplices,)."""
@@ -82,7 +82,7 @@ class Target:
         return np.asarray(across * signs[:, None])
 
 
-def _rims(simplices: Integers) -> Booleans:
+def rims_of(simplices: Integers) -> Booleans:
     """Whether a surface ends at the side opposite each corner, (simplices, corners)."""
     corners = simplices.shape[1]
     sides = [np.delete(simplices, k, axis=1) for k in range(corners)]

@@ -151,6 +151,8 @@ class FewInterior(Watched, Meshless):
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Displacements of the contact nodes by several forces; nothing is massless."""
+        if not self._compliance.size:  # a run that goes on asks before its first layer, in vain
+            return np.zeros_like(forces), np.zeros_like(forces)
         moved = forces.reshape(len(forces), -1) @ self._compliance.T
         return moved.reshape(forces.shape), np.zeros_like(forces)
 

@@ -6,7 +6,7 @@ from moving_scenes import check_ranks, check_restart
 
 import impactfem
 from impactfem import Scene
-from impactfem.contact.ball_pairs import Target
+from impactfem.contact.ball_pairs import Target, rims_of
 from impactfem.contact.convex_nodes import CornersOnFaces, NodesOnConvex, nearest
 from impactfem.contact.convex_pairs import Marked
 from impactfem.system.convex import Convex
@@ -61,7 +61,8 @@ def placed(name, low):
 def test_forces_on_both_sides_have_no_sum_and_no_moment(name, low):
     body, places, told = placed(name, low)
     own, none = np.arange(4), np.zeros(4)
-    target = Target(own, np.array([[0, 2, 3], [0, 3, 1]]), np.ones(2), none)
+    faces = np.array([[0, 2, 3], [0, 3, 1]])
+    target = Target(own, faces, np.ones(2), none, rims_of(faces))
     for pair in (
         NodesOnConvex(own, none, body, len(places)),
         CornersOnFaces.of(body, target, len(places)),
