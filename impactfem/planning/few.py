@@ -57,7 +57,7 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
             f"solve.dt = {dt:g} s makes {layers:.3g} steps of duration = {scene.duration:g} s, "
             f"more than {_MOST:g}: give a larger dt or a shorter duration"
         )
-    seconds = _SECONDS * layers
+    seconds = (_SECONDS + sum(bodies.seconds for bodies in model.few)) * layers
     meshed = scene.meshed
     estimate, more = choose_estimate(
         scene, meshed, [body.least_width for body in meshed], curved=False,

@@ -105,6 +105,11 @@ class FewBodies:
         return np.zeros(len(self.radius), dtype=np.int64)
 
     @property
+    def seconds(self) -> float:
+        """Time of a layer on one core, about, beside what any bodies take [s]."""
+        return 0.0
+
+    @property
     def areas(self) -> Floats:
         """Of the contact nodes on obstacles [m^2], 1 of those that touch at a single place."""
         return np.ones(len(self.radius))
