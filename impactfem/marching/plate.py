@@ -54,7 +54,7 @@ class PlateMidpoint(ShownPlate):
         super().__init__(bodies, gravity, dt, counts=counts)
         self._normal = bodies.plate.frame[1][2]
         vertex = bodies.basis[::DOFS].T.tocsr()  # from forces on vertices to those on q
-        self._of_vertices = vertex
+        self._of_vertices, self._reading = vertex, bodies.reading.T.tocsr()
         self._mass = bodies.weight
         self._light = np.flatnonzero(bodies.light)
         self._heavy = np.flatnonzero(~bodies.light)
@@ -78,6 +78,7 @@ class PlateMidpoint(ShownPlate):
         # At the start slopes are in equilibrium, and so is what touches, unless it is asked for.
         self._settle_slopes(self._q)
         self._zero = bodies.deflection(self._q)
+        self._begun = self._q.copy()
         self._start = bodies.places(self._q)
         self._free = self._at_ease()
 
@@ -117,14 +118,12 @@ class PlateMidpoint(ShownPlate):
 
     def displaced(self, place: Floats) -> Floats:
         """Displacements of the contact nodes with some coordinates [m], (count, 3)."""
-        moved = self.bodies.deflection(place) - self._zero
-        return np.asarray(np.outer(moved[self.bodies.touch], self._normal))
+        moved = self.bodies.reading @ (place - self._begun)
+        return np.asarray(np.outer(moved, self._normal))
 
     def pulled(self, forces: Floats) -> Floats:
         """Forces on q by those on the contact nodes (count, 3)."""
-        found = np.zeros_like(self._q)
-        found[self._touch] = forces @ self._normal
-        return found
+        return np.asarray(self._reading @ (forces @ self._normal))
 
     def loads_at_rest(self, place: Floats) -> Floats:
         """Forces on q at t = 0 with some coordinates, without contact."""
@@ -155,13 +154,16 @@ class PlateMidpoint(ShownPlate):
     @property
     def surface_displacement(self) -> Floats:
         """Of the contact nodes since t = 0, without contact forces [m], (count, 3)."""
-        place = self._free[self._among] if self._massless else self._q[self._touch]
-        return np.outer(place - self._zero[self.bodies.touch], self._normal)
+        moved = self._q - self._begun
+        moved[self._light] = self._free - self._begun[self._light]
+        return np.outer(self.bodies.reading @ moved, self._normal)
 
     @property
     def surface_velocity(self) -> Floats:
         """Of the contact nodes [m/s], (count, 3)."""
-        return np.outer(self.speed[self.bodies.touch], self._normal)
+        if self._massless:  # of which the mean of their neighbours is told
+            return np.outer(self.speed[self.bodies.touch], self._normal)
+        return np.outer(self.bodies.reading @ self._v, self._normal)
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
         """Velocities of contact nodes at both ends of the layer [m/s], (count, 3) each."""
@@ -204,7 +206,7 @@ class PlateMidpoint(ShownPlate):
         for k, force in enumerate(forces):
             found, pressed = self._changed(force)
             layer[k], static[k] = (
-                np.outer(each[self._touch], self._normal) for each in (found, pressed)
+                np.outer(self.bodies.reading @ each, self._normal) for each in (found, pressed)
             )
             self._keeps = self._keeps and (len(self._columns) + 1) * found.nbytes <= _COLUMN_BYTES
             if self._keeps:

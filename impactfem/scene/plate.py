@@ -126,6 +126,12 @@ class Plate(BodyKind):
         Choice(tuple(THEORIES)), "thin, or thick with shear and rotary inertia",
         default=None, absent="with shear from a twentieth of the width, but beside balls",
     )  # fmt: skip
+    patch_radius: float | None = key(
+        Real(above=0),
+        "over which forces of bodies act that touch at single places, by a Gaussian with this "
+        "standard deviation; a plate that shears needs it",
+        unit="m", default=None, absent="single places",
+    )  # fmt: skip
     membrane: str = key(
         Choice(tuple(MEMBRANES)), "whether its middle stretches as it bends", default="none"
     )
@@ -167,6 +173,7 @@ class Plate(BodyKind):
             angle: float = 0.0,
             rayleigh_mass: float = 0.0,
             theory: str | None = None,
+            patch_radius: float | None = None,
             membrane: str = "none",
             shown: str = "mid_surface",
             velocity: "FormulaLike" = 0.0,
@@ -294,7 +301,7 @@ class Plate(BodyKind):
     def theory_beside(self, bodies: Sequence[Any]) -> str:
         """Its theory beside others, all bodies of its scene; see `theory`."""
         thick = self.section.shear_depth > _SHEARS * self.least_width
-        struck = bool(self._pressed_by(bodies))
+        struck = bool(self._pressed_by(bodies)) and self.patch_radius is None
         return self.theory or (SHEARING if thick and not struck else THIN)
 
     def shears_beside(self, bodies: Sequence[Any]) -> bool:
@@ -308,9 +315,10 @@ class Plate(BodyKind):
             KeyedError: There are some.
         """
         balls = self._pressed_by(bodies)
-        if balls and THEORIES.get(self.theory or ""):
+        if balls and THEORIES.get(self.theory or "") and self.patch_radius is None:
             text = f" = {show(self.theory)}: {balls[0]} would press on a single place, which gives "
-            text += 'way to shear the more the smaller elements are; give theory = "kirchhoff".'
+            text += "way to shear the more the smaller elements are; give patch_radius, about half "
+            text += 'the thickness, and a stiffness of the contact, or theory = "kirchhoff".'
             raise KeyedError("", "theory", text)
 
     def _pressed_by(self, bodies: Sequence[Any]) -> list[str]:

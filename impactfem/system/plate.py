@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import eigsh
+from scipy.spatial import cKDTree
 
 from impactfem import fem
 from impactfem.errors import MeshError, SceneError
@@ -63,6 +64,7 @@ class PlateSystem(FewBodies):
         curved: `Triangles.curvatures` of the vertices by q, (3 vertices, d).
         enclosed: Whether all of its outline is held.
         membrane: How its middle stretches; None if it does not.
+        reading: Deflections of contact nodes by q, (count, d): those of `touch`, or means around.
         touch: Vertices that may touch, (count,); `lines` are triangles between them, for balls.
     """
 
@@ -78,6 +80,7 @@ class PlateSystem(FewBodies):
     shears: bool
     thickness: Floats
     transfer: csr_matrix
+    reading: csr_matrix
     touch: Integers
     loads: tuple[tuple[float, FormulaValues], ...]
     obstacles: tuple[Any, ...]
@@ -201,6 +204,12 @@ def plate_system(scene: Scene, plate: Plate) -> PlateSystem:
     met = [*bodies_met(scene, plate.name), *(o.name for o in obstacles)]
     laws = [law_of(scene, plate.name, name) for name in met]
     sprung = bool(laws) and all(law is not None and law.stiffness is not None for law in laws)
+    if plate.patch_radius is not None and not sprung:
+        raise SceneError(
+            f"body {plate.name}: patch_radius = {plate.patch_radius:g}: forces act on patches "
+            "where all of its contacts have a stiffness: give these one by [[contact]], or remove "
+            "it"
+        )
     found = discretised(
         plate, mesh, touches=bool(met) and not sprung, sprung=sprung,
         shears=plate.shears_beside(scene.bodies), obstacles=obstacles,
@@ -282,10 +291,12 @@ def discretised(
     v = np.asarray(transfer @ v)  # of what has no mass the mean of its neighbours
     position = np.zeros(basis.shape[1])
     position[deflected] = u[vertex[deflected]]
-    rest = start[touch]
+    rest, reading = start[touch], csr_matrix(basis[DOFS * touch])
+    if sprung and plate.patch_radius is not None:
+        reading = csr_matrix(_patches(mesh, touch, plate.patch_radius) @ basis[::DOFS])
 
     def places(q: Floats) -> Floats:
-        return np.asarray(rest + np.outer((basis @ q)[DOFS * touch], axes[2]))
+        return np.asarray(rest + np.outer(reading @ q, axes[2]))
 
     total = float(own.sum())
     half = 0.5 * thickness[touch]
@@ -321,6 +332,7 @@ def discretised(
         shears=shears,
         thickness=thickness,
         transfer=transfer,
+        reading=reading,
         touch=touch,
         loads=tuple(
             (FACES[load.face], values(load.value, f"pressure on the {load.face}"))
@@ -352,6 +364,19 @@ def _thicknesses(plate: Plate, mesh: PlateMesh) -> Floats:
         )
     plate.check_thickness(float(found.max()))
     return found
+
+
+def _patches(mesh: PlateMesh, touch: Integers, radius: float) -> csr_matrix:
+    """Means around vertices by a Gaussian of some standard deviation [m], (touching, vertices)."""
+    tree = cKDTree(mesh.points)
+    near = tree.query_ball_point(mesh.points[touch], 4.0 * radius)
+    counts = [len(each) for each in near]
+    rows, columns = np.repeat(np.arange(len(touch)), counts), np.concatenate(near).astype(np.int64)
+    away = np.linalg.norm(mesh.points[touch][rows] - mesh.points[columns], axis=1)
+    weights = np.exp(-0.5 * (away / radius) ** 2) * mesh.lumped(np.ones(len(mesh.cells)))[columns]
+    sums = np.bincount(rows, weights)
+    shape = len(touch), len(mesh.points)
+    return csr_matrix(coo_matrix((weights / sums[rows], (rows, columns)), shape=shape))
 
 
 def _stressed(

@@ -353,3 +353,13 @@ def test_files_show_both_faces_of_a_plate():
     assert np.array_equal(two["face_stress"][count:], one["stress_top"])
     clamped = flat.points[:, 0] < -0.45
     assert one["stress_top"][clamped, 0].max() < 0.0  # pressed together where it bends up
+
+
+def test_a_patch_needs_contacts_that_give_way():
+    ball = impactfem.Point(name="ball", mass=1.0, position=(0.0, 0.0, 0.1), radius=0.01)
+    thick = made(theory="reissner_mindlin", thickness=0.05, supports=held("clamped"))
+    with pytest.raises(SceneError, match=r"body\[0\].theory.*patch_radius"):
+        scene_of(thick, ball, duration=0.1, dt=1e-3)
+    patched = dataclasses.replace(thick, patch_radius=0.05)
+    with pytest.raises(SceneError, match="patch_radius = 0.05.*stiffness"):
+        impactfem.solve(scene_of(patched, ball, duration=0.1, dt=1e-3))
