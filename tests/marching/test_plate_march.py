@@ -361,5 +361,5 @@ def test_a_patch_needs_contacts_that_give_way():
     with pytest.raises(SceneError, match=r"body\[0\].theory.*patch_radius"):
         scene_of(thick, ball, duration=0.1, dt=1e-3)
     patched = dataclasses.replace(thick, patch_radius=0.05)
-    with pytest.raises(SceneError, match="patch_radius = 0.05.*stiffness"):
+    with pytest.raises(SceneError, match=r"patch_radius = 0.05.*stiffness"):
         impactfem.solve(scene_of(patched, ball, duration=0.1, dt=1e-3))
