@@ -301,7 +301,7 @@ class Plate(BodyKind):
     def theory_beside(self, bodies: Sequence[Any]) -> str:
         """Its theory beside others, all bodies of its scene; see `theory`."""
         thick = self.section.shear_depth > _SHEARS * self.least_width
-        struck = bool(self._pressed_by(bodies)) and self.patch_radius is None
+        struck = bool(self.pressed_by(bodies)) and self.patch_radius is None
         return self.theory or (SHEARING if thick and not struck else THIN)
 
     def shears_beside(self, bodies: Sequence[Any]) -> bool:
@@ -314,14 +314,14 @@ class Plate(BodyKind):
         Raises:
             KeyedError: There are some.
         """
-        balls = self._pressed_by(bodies)
+        balls = self.pressed_by(bodies)
         if balls and THEORIES.get(self.theory or "") and self.patch_radius is None:
             text = f" = {show(self.theory)}: {balls[0]} would press on a single place, which gives "
             text += "way to shear the more the smaller elements are; give patch_radius, about half "
             text += 'the thickness, and a stiffness of the contact, or theory = "kirchhoff".'
             raise KeyedError("", "theory", text)
 
-    def _pressed_by(self, bodies: Sequence[Any]) -> list[str]:
+    def pressed_by(self, bodies: Sequence[Any]) -> list[str]:
         """Names of bodies that press on single places."""
         return [body.name for body in bodies if not body.has_surface]
 

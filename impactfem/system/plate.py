@@ -204,15 +204,16 @@ def plate_system(scene: Scene, plate: Plate) -> PlateSystem:
     met = [*bodies_met(scene, plate.name), *(o.name for o in obstacles)]
     laws = [law_of(scene, plate.name, name) for name in met]
     sprung = bool(laws) and all(law is not None and law.stiffness is not None for law in laws)
-    if plate.patch_radius is not None and not sprung:
+    patch = plate.patch_radius if plate.pressed_by(scene.bodies) else None
+    if patch is not None and not sprung:
         raise SceneError(
-            f"body {plate.name}: patch_radius = {plate.patch_radius:g}: forces act on patches "
+            f"body {plate.name}: patch_radius = {patch:g}: forces act on patches "
             "where all of its contacts have a stiffness: give these one by [[contact]], or remove "
             "it"
         )
     found = discretised(
         plate, mesh, touches=bool(met) and not sprung, sprung=sprung,
-        shears=plate.shears_beside(scene.bodies), obstacles=obstacles,
+        shears=plate.shears_beside(scene.bodies), obstacles=obstacles, patch=patch,
     )  # fmt: skip
     for load, (sign, values) in zip(plate.pressures, found.loads, strict=True):
         if values.uses_gap and np.isinf(found.gap(sign, 0.0)).all():
@@ -231,6 +232,7 @@ def discretised(
     sprung: bool = False,
     shears: bool = False,
     obstacles: tuple[Any, ...] = (),
+    patch: float | None = None,
 ) -> PlateSystem:
     """The same on a mesh that is given.
 
@@ -241,6 +243,7 @@ def discretised(
         sprung: Whether all that it meets has one.
         shears: Whether it shears.
         obstacles: That it may meet.
+        patch: Over which contact forces act [m]; None: on single vertices.
 
     Raises:
         MeshError: It has an unknown edge, or no vertex is left that could move and have mass.
@@ -292,8 +295,8 @@ def discretised(
     position = np.zeros(basis.shape[1])
     position[deflected] = u[vertex[deflected]]
     rest, reading = start[touch], csr_matrix(basis[DOFS * touch])
-    if sprung and plate.patch_radius is not None:
-        reading = csr_matrix(patches(mesh, touch, plate.patch_radius) @ basis[::DOFS])
+    if patch is not None:
+        reading = csr_matrix(patches(mesh, touch, patch) @ basis[::DOFS])
 
     def places(q: Floats) -> Floats:
         return np.asarray(rest + np.outer(reading @ q, axes[2]))
