@@ -15,6 +15,8 @@ case "${1:-}" in
 packages)
     export DEBIAN_FRONTEND=noninteractive
     cp "$here/dpkg-excludes" /etc/dpkg/dpkg.cfg.d/impactfem
+    # A mirror that does not answer once is asked again.
+    echo 'Acquire::Retries "3";' >/etc/apt/apt.conf.d/impactfem
     apt-get update -q
     sed 's/#.*//' "$here/packages.txt" | xargs apt-get install -q -y --no-install-recommends
     apt-get clean
