@@ -49,7 +49,7 @@ def cost_of_bar(scene: Scene, method: Method, grid: Grid, degree: int, passes: i
         MeshError: The mesh file cannot be used.
         SceneError: It needs more memory than the machine has.
     """
-    every = scene.output.every
+    every = scene.output.stride
     if method.exact:
         return Cost(0, None, *marching_cost(grid, every, 20))
     if not method.layered:

@@ -104,7 +104,7 @@ def plan_bar_row(scene: Scene) -> Plan[RowNumbers]:
         scene, exact, reasons, rounding, followed if kept is None or followed <= kept else None
     )
     grid = Grid(sum(elements) + len(elements) - 1, layers, dt)
-    memory, seconds = marching_cost(grid, scene.output.every, 1)
+    memory, seconds = marching_cost(grid, scene.output.stride, 1)
     nodes = sum(elements) + len(elements)
     return Plan(
         method=method,

@@ -172,10 +172,11 @@ def _check_settings(scene: Scene, method: str) -> None:
 
 
 def _memory(scene: Scene, steps: int) -> float:
-    memory = _BYTES * (steps / scene.output.every) * max(1, len(scene.bodies)) / 2**20
+    stride = scene.output.stride
+    memory = _BYTES * (steps / stride) * max(1, len(scene.bodies)) / 2**20
     if memory > 8192.0:
         raise SceneError(
-            f"output.every = {scene.output.every} keeps {steps // scene.output.every} rows, about "
+            f"output.every = {stride} keeps {steps // stride} rows, about "
             f"{memory:.0f} MiB: give a larger one"
         )
     return memory

@@ -78,6 +78,11 @@ class FieldSpool:
             self._file = h5py.File(self.path, "w", libver=("v110", "v110"))
             self._write_grid(layout)
             self._write_empty_steps()
+            # Looked up once: a lookup costs as much as what a layer writes.
+            data, steps = (self._file[f"VTKHDF/{name}"] for name in ("PointData", "Steps"))
+            self._data = {name: data[name] for name in self.point_data}
+            self._moments = {name: steps[name] for name in self._steps(0, np.zeros(0))}
+            self._count = 0
             self._file.swmr_mode = True
             self._file.flush()
         except (OSError, RuntimeError) as error:
@@ -126,7 +131,7 @@ class FieldSpool:
 
     def __len__(self) -> int:
         """Number of layers."""
-        return int(self._file["VTKHDF/Steps"].attrs["NSteps"])
+        return self._count
 
     @property
     def layer_bytes(self) -> int:
@@ -156,25 +161,23 @@ class FieldSpool:
         Raises:
             OutputError: The disk is full; the layers before are kept.
         """
-        root, moments = self._file["VTKHDF"], np.asarray(times, dtype=np.float64)
-        begin, count = len(self), len(moments)
-        first, last = begin * self._nodes, (begin + count) * self._nodes
+        moments, begin = np.asarray(times, dtype=np.float64), self._count
+        count = len(moments)
         try:
             needed = needed_bytes(count, self._nodes, self.point_data)
             reserve(self.path.parent, needed, self.path.stat().st_size)
             with held_back():  # an interrupt in the midst would leave half a layer
                 for name, components in self.point_data.items():
-                    data = root["PointData"][name]
-                    given = np.asarray(values[name], dtype=data.dtype)
+                    given = np.asarray(values[name])
                     given = as_vectors(given) if components == VECTOR else given
-                    flat = given.reshape(-1, components) if components > 1 else given.ravel()
-                    data.resize(last, axis=0)
-                    data[first:last] = flat
-                steps = root["Steps"]
+                    rows = given.reshape(count * self._nodes, *self._data[name].shape[1:])
+                    _extend(self._data[name], begin * self._nodes, rows)
                 for name, entries in self._steps(begin, moments).items():
-                    steps[name].resize(begin + count, axis=0)
-                    steps[name][begin:] = entries.reshape(steps[name][begin:].shape)
-                steps.attrs.modify("NSteps", np.int64(begin + count))  # in place, as the mode asks
+                    data = self._moments[name]
+                    _extend(data, begin, entries.reshape(-1, *data.shape[1:]))
+                self._count = begin + count
+                # In place, as the mode asks.
+                self._file["VTKHDF/Steps"].attrs.modify("NSteps", np.int64(self._count))
                 self._file.flush()
         except (OSError, RuntimeError) as error:
             raise self._cannot(error) from error
@@ -255,6 +258,15 @@ class FieldSpool:
             f"{self.path}: cannot be written ({why}); free some space, choose another folder, or "
             "write fewer layers (output.every)"
         )
+
+
+def _extend(data: Any, begin: int, rows: NDArray[Any]) -> None:
+    """Write rows at the end of a dataset, from row `begin` on; h5py's slices cost far more."""
+    rows = np.ascontiguousarray(rows, dtype=data.dtype)
+    data.id.set_extent((begin + len(rows), *rows.shape[1:]))
+    there = data.id.get_space()
+    there.select_hyperslab((begin, *(0 for _ in rows.shape[1:])), rows.shape)
+    data.id.write(h5py.h5s.create_simple(rows.shape), there, rows)
 
 
 def needed_bytes(layers: int, nodes: int, point_data: Mapping[str, int]) -> int:

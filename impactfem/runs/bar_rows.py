@@ -55,7 +55,7 @@ def _solve(scene: Scene, plan: Plan[RowNumbers], progress: Progress) -> RowMotio
     progress.step("marching")
     return march_row(
         scene.bars, numbers.elements, numbers.dt, numbers.layers,
-        wall=_wall(scene), every=scene.output.every, method=plan.method,
+        wall=_wall(scene), every=scene.output.stride, method=plan.method,
     )  # fmt: skip
 
 
@@ -84,7 +84,7 @@ def _as_used(scene: Scene, plan: Plan[RowNumbers]) -> Scene:
 def exact_row_motion(scene: Scene, exact: ExactBarRow, numbers: RowNumbers) -> RowMotion:
     """The exact motion at the planned levels and nodes; forces are means over layers."""
     times = numbers.dt * np.arange(numbers.layers + 1, dtype=np.float64)
-    kept = kept_levels(numbers.layers, scene.output.every)
+    kept = kept_levels(numbers.layers, scene.output.stride)
     count, pairs = len(scene.bars), len(exact.contacts)
     positions = tuple(
         np.linspace(0.0, bar.length, n + 1)

@@ -38,7 +38,7 @@ def _solve_exact(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> 
     times = np.linspace(0.0, scene.duration, (numbers.layers or 1) + 1)
     positions = np.linspace(0.0, bar.length, (numbers.elements or DEFAULT_ELEMENTS) + 1)
     exact = exact_bar(scene)
-    return exact_motion(exact, bar, scene.axial_gravity, times, positions, scene.output.every)
+    return exact_motion(exact, bar, scene.axial_gravity, times, positions, scene.output.stride)
 
 
 def _solve_marching(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> BarMotion:
@@ -62,7 +62,7 @@ def _solve_marching(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) 
         gamma=numbers.gamma,
         tolerance=numbers.tolerance,
         max_iterations=numbers.max_iterations,
-        every=scene.output.every,
+        every=scene.output.stride,
     )
     return march(bar, scene.axial_gravity, positions, scheme, marching)
 
@@ -126,7 +126,7 @@ def _solve_monolithic(scene: Scene, chosen: Plan[BarNumbers], progress: Progress
     settings = GalerkinSettings(
         numbers.active_set, numbers.gamma, numbers.tolerance, numbers.max_iterations
     )
-    return solve_galerkin(space, bar, scene.axial_gravity, settings, progress, scene.output.every)
+    return solve_galerkin(space, bar, scene.axial_gravity, settings, progress, scene.output.stride)
 
 
 def _solve_dg(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> BarMotion:
@@ -154,7 +154,7 @@ def _solve_dg(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> Bar
         gamma=numbers.gamma,
         tolerance=numbers.tolerance,
         max_iterations=numbers.max_iterations,
-        every=scene.output.every,
+        every=scene.output.stride,
     )
     progress.step("solving")
     motion, details = solve_discontinuous(

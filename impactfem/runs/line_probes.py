@@ -119,7 +119,7 @@ def thinned[M: (BarMotion, RowMotion)](motion: M, scene: Scene) -> M:
     """The motion with the fields of those levels only that were asked for."""
     if not scene.probes:
         return motion
-    kept = kept_levels(len(motion.times) - 1, scene.output.every)
+    kept = kept_levels(len(motion.times) - 1, scene.output.stride)
 
     def cut(values: Any) -> Any:
         return tuple(map(cut, values)) if isinstance(values, tuple) else values[kept]

@@ -74,6 +74,7 @@ _STEPPERS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
 }
 """The same where steps are solved by iterates."""
 
+_FIELDS = 1000  # layers of fields that are kept of solids, at most twice as many
 _FRAMES = 150  # layers of fields that are kept of bodies without meshes, at most twice as many
 
 
@@ -187,9 +188,9 @@ def run_solids(
 
 
 def _every(scene: Scene, layers: int) -> int:
-    """Layers between two that fields are kept of: of small bodies no more than films need."""
-    asked = scene.output.every
-    return asked if scene.solids else max(asked, layers // _FRAMES)
+    """Layers between two that fields are kept of; of small bodies no more than films need."""
+    most = _FIELDS if scene.solids else _FRAMES
+    return scene.output.every or max(1, layers // most)
 
 
 def _march(

@@ -152,7 +152,7 @@ def _episode(scene: Scene, model: VibroModel, motion: Trajectory) -> dict[str, A
 def _settings(scene: Scene, chosen: Plan[VibroNumbers]) -> Any:
     """Settings of the method as the plan says."""
     numbers = chosen.numbers
-    tolerance, every = scene.solve.tolerance, scene.output.every
+    tolerance, every = scene.solve.tolerance, scene.output.stride
     offered = {
         "dt": numbers.dt,
         "every": every,
@@ -197,7 +197,7 @@ def _estimate(
     if reference is None:
         halved = replace(numbers, dt=0.5 * numbers.dt, steps=2 * numbers.steps)
         other, name = replace(chosen, numbers=halved), "same with dt/2"
-        fine = replace(scene, output=replace(scene.output, every=2 * scene.output.every))
+        fine = replace(scene, output=replace(scene.output, every=2 * scene.output.stride))
         reference = _integrate(fine, other, model)
         # e(dt) is the difference over 1 - 2^-p: told as for order 1, that of steps with impacts.
         found = compare(motion, reference, f"twice the difference to the {name}")

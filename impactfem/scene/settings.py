@@ -161,7 +161,12 @@ class Output:
     fields: tuple[str, ...] = key(
         Choices(FIELD_FORMATS), "formats of the field output", default=("vtkhdf",)
     )
-    every: int = key(Integer(1, 1_000_000_000), "field output every so many time layers", default=1)
+    every: int | None = key(
+        Integer(1, 1_000_000_000),
+        "field output every so many time layers; absent: every one, of long runs that are marched "
+        "fewer",
+        default=None,
+    )
     checkpoint: int = key(
         Integer(0, 1_000_000_000),
         "checkpoint every so many time layers (solid), 0 for none",
@@ -175,3 +180,8 @@ class Output:
 
     def __post_init__(self) -> None:
         check_fields(self, "output")
+
+    @property
+    def stride(self) -> int:
+        """Time layers from one to the next that is kept of what is not marched."""
+        return self.every or 1

@@ -26,7 +26,7 @@ def test_defaults():
     assert scene.gravity == PiecewiseConstant((0.0,), (0.0,))
     assert scene.solve == Solve()
     assert set(vars(Solve()).values()) == {None}
-    assert scene.output == Output(fields=("vtkhdf",), every=1)
+    assert scene.output == Output(fields=("vtkhdf",), every=None)
     assert scene.folder is None
     assert scene.mesh_path is None
     assert scene.obstacles[0].kind == "wall"
