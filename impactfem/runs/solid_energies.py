@@ -1,0 +1,64 @@
+"""Energies of a march, from the rows that it has left."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.marching.rows import Rows
+from impactfem.marching.schemes import SolidScheme
+from impactfem.marching.time_loop import TimeLoop
+from impactfem.models.solids import SolidsModel
+
+Floats = NDArray[np.float64]
+
+
+def elastic_energy(scheme: SolidScheme, rows: Rows, elastic: Floats) -> Floats:
+    """Elastic energy of each layer [J], (rows,).
+
+    Args:
+        scheme: What has marched.
+        rows: As the march has left them.
+        elastic: Sums of the elastic energy [J], without that of contact for explicit schemes.
+    """
+    energy = elastic + rows.spring_energy
+    if scheme.massless and scheme.staggered:
+        contact = rows.contact_energy
+        energy[1:] += 0.5 * (contact[1:] + contact[:-1])
+        energy[0] += contact[0]
+    return energy
+
+
+def work_done(
+    march: TimeLoop[Any], rows: Rows, sums: Floats, dim: int, *, explicit: bool
+) -> Floats:
+    """Work of gravity, loads and moved obstacles up to each layer [J], as the scheme does it.
+
+    Args:
+        march: At its end.
+        rows: As the march has left them, of the whole.
+        sums: Of all ranks and bodies, as `Rows.sums` has them, (rows, ...).
+        dim: Number of directions.
+        explicit: Whether energies belong to the middle of layers.
+    """
+    step = np.diff(sums[:, 3 + dim : 3 + 2 * dim], axis=0)  # mass times way
+    layers = range(len(sums) - 1)
+    gravity = np.array([march.interior.gravity(layer) for layer in layers]).reshape(step.shape)
+    if explicit:  # energies belong to the middle of layers: half of each neighbouring step
+        step = 0.5 * (step + np.vstack([np.zeros_like(step[:1]), step[:-1]]))
+    pulled = np.einsum("ij,ij->i", gravity, step)
+    done = np.zeros(len(sums))
+    done[1:] = np.cumsum(pulled + sums[1:, 2] + rows.obstacle_work[1 : len(sums)])
+    return done
+
+
+def level_at_start(model: SolidsModel) -> float:
+    """Potential of gravity at t = 0: 0 where bodies would begin to touch their obstacles [J]."""
+    level, gravity = 0.0, model.scene.vector_gravity.at(0.0)
+    for part in model.parts:
+        if part.contact is not None and part.contact.count:
+            nearest = int(np.argmin(part.contact.gap))
+            towards = -float(gravity @ part.contact.normal[nearest])
+            height = float(part.contact.gap[nearest])
+            level += part.system.total_mass * max(0.0, towards) * height
+    return level
