@@ -177,6 +177,11 @@ METHODS: Mapping[str, Method] = {
 }
 """Methods by name."""
 
+EXPLICIT = frozenset(
+    name for name, row in METHODS.items() if row.stable == "limited" and row.bodies >= SOLID
+)
+"""Methods of solids with a lumped mass and a stability limit."""
+
 
 def is_exact(name: str | None) -> bool:
     """Whether a method is the exact solution; not if none is named."""

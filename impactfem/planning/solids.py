@@ -15,12 +15,10 @@ from impactfem.planning.normals import choose_normals
 from impactfem.planning.offers import offers
 from impactfem.planning.plans import Plan
 from impactfem.planning.solid_choices import (
-    choose_degrees,
     choose_linear_solver,
     choose_method,
     choose_steps,
     method_findings,
-    ringing_findings,
     shortened,
 )
 from impactfem.planning.solid_costs import (
@@ -32,6 +30,7 @@ from impactfem.planning.solid_costs import (
     memory_mib,
     seconds,
 )
+from impactfem.planning.solid_elements import choose_degrees, ringing_findings
 from impactfem.planning.solid_plan import MarchNumbers, in_words
 from impactfem.planning.strains import finite_instead, told, with_strains
 from impactfem.planning.wholes import find_whole

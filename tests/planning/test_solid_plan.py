@@ -7,7 +7,7 @@ from solid_scenes import DISC, FLOOR, solid_scene
 
 import impactfem
 from impactfem.planning import MarchNumbers
-from impactfem.planning.solid_choices import slenderness
+from impactfem.planning.solid_elements import slenderness
 
 LONG_BLOCK = {"kind": "block", "size": [1.0, 0.1], "corner": [0.0, 0.1]}
 BALL = {"kind": "sphere", "center": [0.0, -0.4], "radius": 0.4}
