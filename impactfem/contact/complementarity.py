@@ -95,14 +95,24 @@ def solve_layer(
         nonlocal total, start
         offset = free + response @ ((1.0 - theta) * old)
         matrix = theta * response + compliance
+        new = np.zeros(len(offset))
+
+        def obey(give: Floats, rest: Floats) -> tuple[Floats, Floats, int]:
+            nonlocal new, start
+            new, iterations = solver(matrix + np.diag(give), offset + rest, start)
+            start = new > 0.0
+            return new, offset + matrix @ new, iterations
+
         if springs is None:
             new, iterations = solver(matrix, offset, start)
+        elif offset.min(initial=0.0) >= 0.0:
+            iterations = 0
         else:
-            new, iterations = springs.solve(solver, matrix, offset, start)
-            offset = offset + springs.depth(new)
+            iterations = springs.solve(obey, offset, matrix.diagonal())
         total += iterations
         start = new > 0.0
-        return new, offset + matrix @ new
+        gap = offset + matrix @ new
+        return new, gap if springs is None else gap + springs.depth(new)
 
     def excess(theta: float, new: Floats, gap: Floats) -> tuple[float, bool]:
         """What theta should be more, and whether the energy hardly depends on that."""
@@ -259,15 +269,23 @@ class Halfway:
             the tangential parts, which have no e. The unit makes the answer of Lambda that of the
             gaps, so that both kinds of gaps are one problem. Of ends of bars the gap itself [m].
         ends: Which of the gaps are those of ends of bars, shape (pairs,).
+        across: Which of the other gaps have springs and no massless nodes, shape (pairs,): only
+            what is tangential acts on velocities, and has forces of the layer alone. None: none.
     """
 
     rows: Booleans
     way: Floats
     ends: Booleans
+    across: Booleans | None = None
 
     def acting(self, gap: Floats) -> NDArray[np.int64]:
         """Gaps to be solved: those of positions, and of the others what would close."""
         return np.flatnonzero(~self.rows | self.ends | (gap <= 0.0))
+
+
+def keeping(rule: Rule, springs: ContactSprings | None) -> Rule:
+    """The rule where springs keep their energy, whatever impacts beside them do."""
+    return "conserving" if springs is not None and rule == "middle" else rule
 
 
 def rebound(before: Floats, after: Floats, restitution: Floats, dt: float) -> Floats:

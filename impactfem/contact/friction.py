@@ -59,6 +59,12 @@ E_b - E_a = W + N(1/2) with W = T . Delta r_t <= 0 whatever Lambda does.
 **Velocity level** (Moreau, Jean): the layer force obeys the law with the velocity at the end of the
 layer in place of Delta r_t; nodes that stick have no speed.
 
+**Springs in gaps** (`impactfem.contact.springs`) press by d(lambda): r = z + D f + (d, 0). Their
+energy adds (1 - theta) e_a - theta e_b to N, e_a and e_b >= 0 as there: the signs of G(0) and G(1)
+stay. Between nodes with mass (``across``) T, bounded by mu Lambda, belongs to its layer and opposes
+the velocity at its end. With T = theta t the matrix of (lambda_b, t) is theta C + D, symmetric, and
+|t| <= mu ((1 - theta) / theta lambda_a + lambda_b); T does W, no part of G: E_b - E_a = W + G.
+
 With mu = 0 all this is the frictionless law, and its solver is called.
 """
 
@@ -78,9 +84,11 @@ from impactfem.contact.friction_many import Accuracy
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.friction_solver import solve_cones
 from impactfem.contact.rooted import Matrix, Rooted, among, full
+from impactfem.contact.springs import ContactSprings
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
 
 _EXACT = 1e-14  # error of the energy that theta leaves, as a share of the contact energy
 
@@ -133,6 +141,7 @@ def solve_friction_layer(
     moments: tuple[Integers, Floats] | None = None,
     near: Floats | None = None,
     accuracy: Accuracy | None = None,
+    springs: tuple[ContactSprings, Booleans] | None = None,
 ) -> FrictionContact:
     """Find the contact forces of a layer with friction.
 
@@ -153,6 +162,7 @@ def solve_friction_layer(
             (pairs,) each; see `impactfem.contact.friction_newton.ConeProblem`.
         near: Forces to begin with where answers are kept by roots [N], (pairs, dim).
         accuracy: What is asked of these.
+        springs: In the gaps, and which of them are ``across``; None without any.
 
     Raises:
         ConvergenceError: Stick and slip or theta were not found.
@@ -165,35 +175,42 @@ def solve_friction_layer(
         return _with_mass(free, answers, before, friction, *rest, law, near, accuracy)
     response, compliance = full(answers), full(static)
     if not friction.any():
-        return _without_friction(
-            free, response, compliance, before, rule, tolerance, max_iterations
-        )
+        limits = tolerance, max_iterations
+        return _without_friction(free, response, compliance, before, rule, *limits, springs)
     stuck = place_a[:, 1:] if held is None else held
     total, start = 0, old
-    none = np.zeros(len(free))
+    soft, across = springs or (None, np.zeros(len(free), dtype=bool))
 
     def end(theta: float) -> tuple[Floats, Floats]:
         nonlocal total, start
         offset = free + _times(response, (1.0 - theta) * old)
         slipped = offset.copy()
         slipped[:, 1:] -= stuck
-        problem = ConeProblem(theta * response + compliance, slipped, friction, none, *law)
-        new, iterations = solve_cones(problem, start, tolerance, max_iterations)
-        total += iterations
-        start = new
-        return new, offset + _times(problem.matrix, new)
+        matrix = theta * response + compliance
+        base = np.where(across, (1.0 - theta) / theta * old[:, 0], 0.0)
+        problem = ConeProblem(matrix, slipped, friction, base, *law)
+        start, count = _obeying(problem, soft, start, tolerance, max_iterations)
+        total += count
+        place = offset + _times(matrix, start)
+        if soft is not None:
+            place[:, 0] += soft.depth(start[:, 0])
+        return start, place
 
     def excess(theta: float, new: Floats, place: Floats) -> tuple[float, bool]:
         """What theta should be more, and whether the energy hardly depends on that."""
         released = float(old[:, 0] @ place[:, 0])
         pressed = float(new[:, 0] @ place_a[:, 0])
         strained = float(((new - old) * _times(compliance, new - old)).sum())
+        if soft is not None:
+            more, less = soft.excess(old[:, 0], new[:, 0])
+            released, pressed = released + more, pressed + less
         slip = place[:, 1:] - place_a[:, 1:]
         early, late = (old[:, 1:] * slip).sum(axis=1), (new[:, 1:] * slip).sum(axis=1)
         giving = (early > 0.0) & (held is None)
         wanted, slope = _balanced(released, pressed, strained, early[giving], late[giving])
         wanted = max(wanted, 0.5 if rule == "dissipative" else 0.0)
         stored = float((new * _times(compliance, new)).sum()) + float(np.abs(late).sum())
+        stored += 0.0 if soft is None else 2.0 * float(soft.energy(new[:, 0]).sum())
         return wanted - theta, abs(wanted - theta) * slope <= _EXACT * stored
 
     theta = 0.5
@@ -204,6 +221,26 @@ def solve_friction_layer(
     if held is None:
         work = np.minimum(work, 0.0)
     return FrictionContact(force, new, place, work, theta, total)
+
+
+def _obeying(
+    problem: ConeProblem, springs: ContactSprings | None, start: Floats, tolerance: float, most: int
+) -> tuple[Floats, int]:
+    """Forces that obey a law in which springs may give way, and linear systems solved."""
+    if springs is None:
+        return solve_cones(problem, start, tolerance, most)
+    matrix, first = full(problem.matrix), slice(None, None, start.shape[1])
+
+    def obey(give: Floats, rest: Floats) -> tuple[Floats, Floats, int]:
+        nonlocal start
+        softer = replace(problem, matrix=matrix.copy(), offset=problem.offset.copy())
+        full(softer.matrix)[first, first] += np.diag(give)
+        softer.offset[:, 0] += rest
+        start, count = solve_cones(softer, start, tolerance, most)
+        return start[:, 0], problem.answers(start)[:, 0], count
+
+    count = springs.solve(obey, problem.offset[:, 0], matrix.diagonal()[first], tolerance)
+    return start, count
 
 
 def _balanced(
@@ -283,42 +320,46 @@ def solve_friction_layer_at_speed(
     held: Floats | None = None,
     moments: tuple[Integers, Floats] | None = None,
     accuracy: Accuracy | None = None,
+    springs: ContactSprings | None = None,
 ) -> FrictionContact:
     """Find the contact forces of a layer in which the law of some gaps acts on velocities.
 
     There the force of the layer obeys the cone with the velocity at its end: nodes that stick have
-    no speed. Arguments as of `solve_friction_layer`, and ``halfway`` with tangential parts. Moments
-    act where their masters do; their places are relative turns.
+    no speed. Arguments as of `solve_friction_layer`, ``halfway`` with tangential parts, and
+    ``springs`` in the gaps. Moments act where their masters do; their places are relative turns.
 
     Raises:
         ConvergenceError: Stick and slip or theta were not found.
     """
     masters = np.arange(len(free)) if moments is None else moments[0]
     acting = halfway.acting(free[masters, 0])
-    law = None
-    if moments is not None:
-        law = np.searchsorted(acting, masters[acting]), moments[1][acting]
+    own = np.searchsorted(acting, masters[acting])
+    law = None if moments is None else (own, moments[1][acting])
     dim = free.shape[1]
-    fast = halfway.rows[acting][:, None]
     wide = (dim * acting[:, None] + np.arange(dim)).ravel()
+    fast = np.repeat(halfway.rows[acting][:, None], dim, axis=1)
+    soft = None
+    if springs is not None and halfway.across is not None:
+        soft = springs.some(acting), halfway.across[acting]
+        fast[:, 1:] |= soft[1][:, None]
     old, place_a = before
     known = [np.where(fast, 0.0, values[acting]) for values in before]
     near = np.where(fast, old[acting], known[0] * np.array([0.5, *[1.0] * (dim - 1)]))
     found = solve_friction_layer(
         np.where(fast, halfway.way[acting], free[acting]), among(response, wide),
         among(compliance, wide), (known[0], known[1]), friction[acting], rule, tolerance,
-        max_iterations, None if held is None else np.where(fast, 0.0, held[acting]), law,
-        near, accuracy,
+        max_iterations, None if held is None else np.where(fast[:, 1:], 0.0, held[acting]), law,
+        near, accuracy, soft,
     )  # fmt: skip
     force, multiplier, work = np.zeros_like(old), np.zeros_like(old), np.zeros(len(old))
     force[acting] = found.force
     multiplier[acting] = np.where(fast, found.force, found.multiplier)
     strained = np.where(halfway.rows[:, None], 0.0, multiplier)
     place = free + _times(response, force) + _times(compliance, strained)
-    slow = acting[~fast[:, 0]]
-    place[slow] = found.place[~fast[:, 0]]
+    place[acting] = np.where(fast, place[acting], found.place)
     work[acting] = _work(force, place, place_a)[acting]
-    work[slow] = found.work[~fast[:, 0]]
+    slow = ~fast.any(axis=1)
+    work[acting[slow]] = found.work[slow]
     resists = masters != np.arange(len(free))
     work[resists] += (force * place)[resists, 0]
     return FrictionContact(force, multiplier, place, work, found.theta, found.iterations)
@@ -332,6 +373,7 @@ def _without_friction(
     rule: Rule,
     tolerance: float,
     max_iterations: int,
+    springs: tuple[ContactSprings, Booleans] | None,
 ) -> FrictionContact:
     old, place_a = before
     dim = free.shape[1]
@@ -339,22 +381,20 @@ def _without_friction(
     layer = solve_layer(
         free[:, 0], np.ascontiguousarray(response[normal]),
         np.ascontiguousarray(compliance[normal]), (old[:, 0], place_a[:, 0]), rule,
-        solve_by_active_set(tolerance, max_iterations),
+        solve_by_active_set(tolerance, max_iterations), None if springs is None else springs[0],
     )  # fmt: skip
     force, multiplier = np.zeros_like(free), np.zeros_like(free)
     force[:, 0], multiplier[:, 0] = layer.force, layer.multiplier
     place = free + _times(response, force) + _times(compliance, multiplier)
     place[:, 0] = layer.gap
-    none = np.zeros(len(free))
-    return FrictionContact(force, multiplier, place, none, layer.theta, layer.iterations)
+    work = np.zeros(len(free))
+    return FrictionContact(force, multiplier, place, work, layer.theta, layer.iterations)
 
 
 def _times(matrix: Matrix, values: Floats) -> Floats:
-    found: Floats = (matrix @ values.ravel()).reshape(values.shape)
-    return found
+    return np.asarray((matrix @ values.ravel()).reshape(values.shape))
 
 
 def _work(force: Floats, place: Floats, place_a: Floats) -> Floats:
     """T . Delta r_t of each pair [J]."""
-    found: Floats = (force[:, 1:] * (place[:, 1:] - place_a[:, 1:])).sum(axis=1)
-    return found
+    return np.asarray((force[:, 1:] * (place[:, 1:] - place_a[:, 1:])).sum(axis=1))

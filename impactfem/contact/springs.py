@@ -25,9 +25,17 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
+Obeying = Callable[[Floats, Floats], tuple[Floats, Floats, int]]
+"""Normal forces [N] if springs are pressed by rest + give * force, gaps without springs, systems.
+
+Arguments are give [m/N] and rest [m], all of shape (gaps,).
+"""
+
 _EXACT = 1e-14  # share of the largest force by which the law may be missed
 _LEAST = 1e-12  # share of the deepest gap from which on a spring counts as pressed
+_TINY = 1e-30  # m
 _MOST = 100  # Newton steps
+_SOFTEST = 1e6  # tangent over what answers to the force: beyond it a spring hardly pushes
 _RESOLVED = (20.0, 4.0)  # layers in a contact below which forces call for care, and are none
 
 
@@ -52,6 +60,12 @@ class ContactSprings:
         """Those of some gaps."""
         return ContactSprings(self.stiffness[rows], self.exponent[rows])
 
+    def beside(self, more: int) -> "ContactSprings":
+        """The same with gaps behind them that have none."""
+        none = np.full(more, np.inf)
+        stiffness = np.concatenate([self.stiffness, none])
+        return ContactSprings(stiffness, np.concatenate([self.exponent, np.ones(more)]))
+
     def depth(self, force: Floats) -> Floats:
         """How far they are pressed by forces [N]: d [m], (gaps,); 0 where there is none."""
         return np.asarray((force / self.stiffness) ** (1.0 / self.exponent))
@@ -66,42 +80,44 @@ class ContactSprings:
         gained = float((self.energy(new) - self.energy(old)).sum())
         return max(0.0, gained - float(old @ way)), max(0.0, float(new @ way) - gained)
 
-    def solve(
-        self,
-        solver: Callable[[Floats, Floats, Booleans], tuple[Floats, int]],
-        matrix: Floats,
-        offset: Floats,
-        start: Booleans,
-    ) -> tuple[Floats, int]:
-        """Forces with 0 <= lambda _|_ offset + matrix lambda + d(lambda) >= 0, and systems solved.
+    def solve(self, obey: Obeying, offset: Floats, own: Floats, tolerance: float = 0.0) -> int:
+        """Find normal forces of a law in which the springs give way; returns systems solved.
 
-        Newton's steps, each a complementarity problem with the tangents of the springs. From
-        deeper than they are pressed, where they begin, the steps come down without passing.
+        Newton's steps, each the law with the tangents of the springs. From deeper than they are
+        pressed, where they begin, the steps come down without passing.
+
+        Args:
+            obey: The law with springs that are straight; it keeps the last forces.
+            offset: Gaps without forces and springs [m], (gaps,).
+            own: How gaps answer to their own forces [m/N], (gaps,).
+            tolerance: By which open gaps may be missed [m].
 
         Raises:
             ConvergenceError: They did not.
         """
         there, total = self.there, 0
-        deepest = -float(offset.min(initial=0.0))
-        if deepest <= 0.0:
-            return np.zeros(len(offset)), 0
-        least = _LEAST * deepest
+        deepest = -float(offset.min())  # friction may press what is open by itself
+        least = max(_TINY, _LEAST * (deepest if deepest > 0.0 else float(offset.max())))
         stiffness = np.where(there, self.stiffness, 0.0)
-        depth = np.maximum(-offset, least)
+        softest = np.where(own > 0.0, _SOFTEST * own, np.inf)
+        depth, worst = np.maximum(-offset, least), np.inf
         for _ in range(_MOST):
             pushed = stiffness * depth**self.exponent
             give = np.zeros(len(offset))
             give[there] = (depth / self.exponent)[there] / pushed[there]
-            shifted = offset + np.where(there, depth - give * pushed, 0.0)
-            force, count = solver(matrix + np.diag(give), shifted, start)
-            total, start = total + count, force > 0.0
+            give = np.minimum(give, softest)
+            force, gap, count = obey(give, np.where(there, depth - give * pushed, 0.0))
+            total, pressed = total + count, force > 0.0
             depth = depth + give * (force - pushed)
-            missed = np.abs(stiffness * depth**self.exponent - force)[there & start]
-            closing = (offset + matrix @ force)[there & ~start]
-            fine = missed.max(initial=0.0) <= _EXACT * force.max(initial=0.0)
-            if fine and closing.min(initial=0.0) >= -least:
-                return force, total
-            depth = np.where(start, np.maximum(depth, least), least)
+            missed = np.where(pressed, np.abs(stiffness * depth**self.exponent - force), 0.0)[there]
+            worst, last = missed.max(initial=0.0), worst
+            fine = worst <= _EXACT * force.max(initial=0.0)
+            # Below the tolerance steps go on while they gain.
+            fine |= worst > 0.5 * last and (missed * give[there]).max(initial=0.0) <= tolerance
+            closing = gap[there & ~pressed].min(initial=0.0)
+            if fine and closing >= -max(least, tolerance):
+                return total
+            depth = np.where(pressed, np.maximum(depth, least), least)
         raise ConvergenceError(
             f"contact: forces of springs in {np.count_nonzero(there)} gaps were not found in "
             f"{_MOST} steps; use a smaller solve.dt"

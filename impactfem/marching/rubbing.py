@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.complementarity import Halfway, Solver, expanded
+from impactfem.contact.complementarity import Halfway, Solver, expanded, keeping
 from impactfem.contact.friction import (
     FrictionContact,
     solve_friction_layer,
@@ -15,6 +15,7 @@ from impactfem.contact.friction_many import Accuracy
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.friction_solver import solve_cones
 from impactfem.contact.rooted import Matrix, full
+from impactfem.contact.springs import ContactSprings
 from impactfem.marching.resisting import Moments
 from impactfem.marching.schemes import SolidScheme
 
@@ -101,6 +102,8 @@ class LayerGaps:
         ends: Which of these are gaps of ends of bars, (k,).
         stuck: Which did not slip before, (k,).
         poisson: Poisson's restitution in layers with an impact, else 0, (k,).
+        across: Which have springs and slip as those of velocities do, (k,).
+        springs: In the gaps; None without any.
     """
 
     rows: Integers
@@ -116,6 +119,8 @@ class LayerGaps:
     ends: NDArray[np.bool_]
     stuck: NDArray[np.bool_]
     poisson: Floats
+    across: NDArray[np.bool_]
+    springs: ContactSprings | None
 
     def slid(self, place: Floats) -> Floats:
         """Ways to some places (gap, r_t) as the law measures them, along the tangents [m]."""
@@ -205,22 +210,27 @@ def _solve(
     old = turned(layer.frames, layer.old_tangential)
     old[:, 0] = layer.old[0]
     held = None if layer.held is None else turned(layer.frames, layer.held)[:, 1:]
-    limits = scheme.rule, law.tolerance, law.max_iterations
-    if not layer.fast.any():
+    springs = layer.springs
+    limits = keeping(scheme.rule, springs), law.tolerance, law.max_iterations
+    if not (layer.fast | layer.across).any():
+        soft = None if springs is None else (springs, layer.across)
         states = free, response, compliance, (old, before), mu
-        return solve_friction_layer(*states, *limits, held, accuracy=law.accuracy)
+        return solve_friction_layer(*states, *limits, held, None, None, law.accuracy, soft)
     moved = _by(response, given)
     free[:, 1:] += moved[:, 1:]
     # Gaps of velocities still act where they would close without forces.
     free[:, 0] += np.where(layer.fast, 0.0, moved[:, 0])
     fast, ways, ends = layer.fast, turned(layer.frames, layer.halfway) + moved, layer.ends
+    slides = layer.across
     pairs = None
     if moments is not None:
         count, more = len(free), len(moments.of)
         none, yes = np.zeros_like(moments.way), np.ones(more, dtype=bool)
         free = np.concatenate([free, moments.way + _by(share * moments.across.T, given)])
         ways = np.concatenate([ways, moments.after + _by(share * moments.across.T, given)])
-        fast, ends = np.concatenate([fast, yes]), np.concatenate([ends, ~yes])
+        fast = np.concatenate([fast, yes])
+        ends, slides = (np.concatenate([each, ~yes]) for each in (ends, slides))
+        springs = None if springs is None else springs.beside(more)
         old, before = (np.concatenate([each, none]) for each in (old, before))
         across = share * moments.across
         response = np.block([[full(response), across], [across.T, share * moments.own]])
@@ -232,8 +242,8 @@ def _solve(
             np.concatenate([np.zeros(count), moments.spinning]),
         )
     return solve_friction_layer_at_speed(
-        free, Halfway(fast, ways, ends), response, compliance, (old, before), mu, *limits, held,
-        pairs, law.accuracy,
+        free, Halfway(fast, ways, ends, slides), response, compliance, (old, before), mu, *limits,
+        held, pairs, law.accuracy, springs,
     )  # fmt: skip
 
 

@@ -179,7 +179,8 @@ class RubbingMarch(SolidMarch):
         old_way = gaps.relative(old_place) - gaps.shift(max(0.0, time - back * dt))
         held = gaps.relative(last) - gaps.shift(time - dt) if self._skips else None
         (fast, ends), halfway = self._laws(count), way
-        if (fast | ends)[taking_part].any():
+        across = self._across
+        if (fast | ends | across)[taking_part].any():
             halfway = self._rubbing_halfway(normals, free - last, np.where(ends, gap, np.nan))
         iterations, poisson = 0, self._expanding(count)
         while True:
@@ -190,7 +191,8 @@ class RubbingMarch(SolidMarch):
                 rows, directions, gap[rows], way[rows], (old[rows], old_gap[rows]),
                 old_tangential[rows], old_way[rows], None if held is None else held[rows],
                 (fast | ends)[rows], halfway[rows], ends[rows], state.stuck[rows] > 0.0,
-                poisson[rows],
+                poisson[rows], across[rows],
+                None if self._springs is None else self._springs.some(rows),
             )  # fmt: skip
             blocks = answers.blocks(rows, directions)
             moments = self._moments(rows, directions)

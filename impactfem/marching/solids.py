@@ -11,6 +11,7 @@ from impactfem.contact.complementarity import (
     Halfway,
     LayerContact,
     expanded,
+    keeping,
     rebound,
     solve_layer,
     solve_layer_at_speed,
@@ -140,8 +141,10 @@ class SolidMarch(TimeLoop[Interior]):
         else:
             any_loose = by_mass or self._radiating.any()
             loose = only_on(self._massive | self._radiating) if any_loose else none
-        if self._springs is not None:  # they keep the force from layer to layer
-            loose = loose & ~self._springs.there
+        self._across = none
+        if self._springs is not None:  # they keep the normal force from layer to layer
+            there = self._springs.there
+            self._across, loose = loose & there, loose & ~there
         ends = loose & ~only_on(~self._radiating) if self._radiating.any() else none
         self._fast = loose & ~ends  # what `_struck` asks of the same layer
         return self._fast, ends
@@ -314,9 +317,7 @@ class SolidMarch(TimeLoop[Interior]):
         The impulse of compression ends the approach; that of expansion is at least e times what
         it adds to the force before, and larger where nodes would come together otherwise.
         """
-        rule, solver = self._scheme.rule, self._solver
-        if springs is not None and rule == "middle":
-            rule = "conserving"  # springs keep their energy, whatever impacts beside them do
+        rule, solver = keeping(self._scheme.rule, springs), self._solver
         rest = response, compliance, before, rule, solver, springs
         if not halfway.rows.any():
             return solve_layer(gap, *rest)

@@ -124,7 +124,7 @@ class Contact:
         if self.stiffness_exponent != 1.0 and self.stiffness is None:
             text = f" = {show(self.stiffness_exponent)} is that of stiffness: give it too."
             raise KeyedError(self.heading, "stiffness_exponent", text)
-        for name in ("restitution", "friction_coefficient"):
+        for name in ("restitution", "tangential_restitution"):
             if self.stiffness is not None and (value := getattr(self, name)):
                 text = f" = {show(value)} is not available with stiffness, which gives back what "
                 text += "it takes; remove one."

@@ -40,7 +40,7 @@ def _check_contact(contact: Contact, where: str) -> None:
 
 
 def check_springs(scene: Content) -> None:
-    """Refuse a stiffness of contacts that are no single places, or beside friction.
+    """Refuse a stiffness of contacts that are no single places.
 
     Raises:
         KeyedError: naming the key.
@@ -53,7 +53,6 @@ def check_springs(scene: Content) -> None:
         text += " or ".join(show(name) for name, each in METHODS.items() if each.mixes)
         raise KeyedError("solve", "method", f"{text}, or remove stiffness.")
     known = {body.name: body for body in scene.bodies}
-    rubs = [law.between for law in scene.laws.each if law.friction_coefficient]
     for contact, index in zip(scene.laws.each, scene.laws.origin, strict=True):
         if contact.stiffness is None:
             continue
@@ -71,10 +70,6 @@ def check_springs(scene: Content) -> None:
                 raise KeyedError(f"contact[{index}]", "stiffness", text)
         if scene.iterated:
             text = f"{shown}it is not available where {scene.iterated}; remove one."
-            raise KeyedError(f"contact[{index}]", "stiffness", text)
-        if rubs:
-            text = f"{shown}it is not available beside friction, which {' and '.join(rubs[0])} "
-            text += "have; remove one."
             raise KeyedError(f"contact[{index}]", "stiffness", text)
 
 
