@@ -20,7 +20,7 @@ from impactfem.contact.convex_kernels import separate, touching
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting, Turning, patch_of
 from impactfem.scene.obstacles.rotation import AT_REST, Placement, placement
-from impactfem.system.convex import Convex
+from impactfem.system.convex import Carrier, Convex
 from impactfem.system.rigid import in_space
 
 Floats = NDArray[np.float64]
@@ -37,7 +37,7 @@ class Marked:
     """A rigid body with its markers.
 
     Attributes:
-        shape: The body along its axes from the centre of mass.
+        shape: The body along its axes from the first marker.
         nodes: Its markers and then its followers, if it rolls, among all contact nodes.
         unit: Arm of markers and followers [m].
         dim: Number of coordinates.
@@ -47,6 +47,11 @@ class Marked:
     nodes: Integers
     unit: float
     dim: int
+
+    @classmethod
+    def of(cls, carrier: Carrier, start: int, dim: int) -> "Marked":
+        """Of a body whose contact nodes begin at a place among all."""
+        return cls(carrier.shape, start + carrier.markers, carrier.unit, dim)
 
     def pose(self, places: Floats, near: Floats) -> Pose:  # noqa: ARG002  (it has one)
         """Its centre and rotation with all nodes at some places."""
@@ -96,7 +101,7 @@ class Placed:
     Attributes:
         shape: The obstacle at rest from its centre.
         centre: At rest [m], (3,).
-        along: Of an endless one its direction, (3,): what is near is met; None if it ends.
+        along: Of an endless one its directions, (1 or 2, 3): what is near is met; None if it ends.
         at: How it has moved and turned.
     """
 
@@ -113,7 +118,7 @@ class Placed:
         dim, centre, turn = places.shape[1], self.centre.copy(), np.eye(3)
         if self.along is not None:
             near = in_space(self.at.back(near[:dim]))
-            centre += ((near - centre) @ self.along) * self.along
+            centre += ((near - centre) @ self.along.T) @ self.along
         centre[:dim] = self.at.moved(centre[:dim])
         turn[:dim, :dim] = self.at.turned(np.eye(dim)).T
         return centre, turn

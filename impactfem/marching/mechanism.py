@@ -25,9 +25,8 @@ from impactfem.errors import ConvergenceError
 from impactfem.marching.held_tree import HeldTree
 from impactfem.marching.joint_laws import JointLaws
 from impactfem.marching.layers import Sums
-from impactfem.marching.pictured import Pictured
+from impactfem.marching.mechanism_shown import ShownMechanism
 from impactfem.marching.stations import Held
-from impactfem.result.history import LOST
 from impactfem.scene import PiecewiseVector
 from impactfem.system.mechanism import Arm
 from impactfem.system.stations import Stations
@@ -44,23 +43,18 @@ _TURNED = 0.03  # share of the kinetic energies of both ends that the mean rates
 _SHARE = 1e-6  # of positions and rates by which motors are differentiated
 
 
-class MechanismMidpoint(Pictured):
+class MechanismMidpoint(ShownMechanism):
     """Interior of a mechanism; see `impactfem.marching.layers.Interior`."""
-
-    bodies: Arm
 
     def __init__(self, bodies: Arm, gravity: PiecewiseVector, dt: float, *, counts: bool) -> None:
         """Begin at t = 0; see `FewInterior`."""
         super().__init__(bodies, gravity, dt, counts=counts)
         count = len(self._start)
         self.massive = self.volatile = np.ones(count, dtype=bool)
-        self.rolling = bool(bodies.rolling.any())
-        self._cells = bodies.picture[2]
-        self._angle = bodies.angles_at_start.copy()
-        self._lost = np.zeros_like(self._angle)  # what dampers, friction and limits took [J]
+        self.rolling = bool(bodies.rolling.any() or bodies.following.any())
         self._laws = JointLaws.at_rest(bodies.joints)
         self._leans = False  # whether contact forces acted in the last layer
-        self._offset = np.zeros((count, 3))  # from nodes to where they touch
+        self._offset = bodies.following  # from nodes to where they touch
         self._ahead = self._v.copy()
         self._chords = False  # whether a free base turns by Cayley's rotation, as joints need it
         self._begin()
@@ -130,13 +124,17 @@ class MechanismMidpoint(Pictured):
         """Displacements of the contact nodes at its end, (count, dim)."""
         middle, end = self.way(0.5), self.way(1.0)
         bodies, tree = self.bodies, self.bodies.tree
-        turns, there = tree.poses(middle, bodies.moving)
+        _, there = tree.poses(middle, bodies.moving)
         self._links = tree.jacobians(middle, bodies.moving)
-        self._spans = np.einsum("kij,kj->ki", turns[bodies.on], bodies.arms)
-        self._amid = there[bodies.on] - tree.centre(middle)
-        self._offset = np.zeros_like(self._offset)
+        if tree.free:
+            self._base = middle[:3] - self._q[:3], tree.base(middle)
+        ended, origins = bodies.places(end), there[bodies.on]
+        # Forces act at means of both ends, where gaps have them: all moments stay.
+        self._spans = 0.5 * (bodies.places(self._q) + ended) - origins
+        self._amid = origins - tree.centre(middle)
+        self._offset = bodies.following
         self._renew_answer()
-        return np.asarray(bodies.places(end) - self._start)
+        return np.asarray(ended - self._start)
 
     def way(self, share: float) -> Floats:
         """Coordinates after a share of the layer."""
@@ -224,7 +222,11 @@ class MechanismMidpoint(Pictured):
 
     def strike(self, forces: Floats) -> None:
         """Add the impulses of contact forces (count, dim), to be solved for."""
-        self._pushed = self._pushed + self.dt * (self._jacobian.T @ forces.ravel())
+        pushed = self.dt * (self._jacobian.T @ forces.ravel())
+        if self.bodies.tree.free:  # moments about where the base is at the start, in space
+            way, turn = self._base
+            pushed[3:6] = turn @ pushed[3:6] + cross(way, pushed[:3])
+        self._pushed = self._pushed + pushed
         self._leans, self._frozen = True, False
 
     def reached(self, forces: Floats) -> Floats:
@@ -261,7 +263,7 @@ class MechanismMidpoint(Pictured):
         bodies, dt, v = self.bodies, self.dt, self._v
         tree, joints = bodies.tree, bodies.joints
         held, rates = self._laws.held(v)
-        given = self._pushed + self._joined + self._laws.rubbing(dt) + self._momentum
+        given = self._joined + self._laws.rubbing(dt) + self._momentum
         impulses, hold = np.zeros(len(v)), self._inverse[np.ix_(held, held)]
         struck = self._leans or self._jumps or self._laws.stopped
         for _ in range(_MOST):
@@ -270,11 +272,14 @@ class MechanismMidpoint(Pictured):
             inertia, centre = tree.inertia(end), tree.centre(end)
             force = tree.whirl(middle, mean)
             force += tree.mass * (self._pull @ tree.centre_jacobian(middle))
-            momentum, turned = inertia @ self._ahead, np.zeros(len(v))
+            momentum, turned, pushed = inertia @ self._ahead, np.zeros(len(v)), self._pushed
             if tree.free:
                 amid, ends = tree.base(middle), tree.base(end)
                 whole = 0.5 * (self._momentum[:3] + momentum[:3])
                 force[3:6] -= amid.T @ cross(mean[:3], whole)
+                pushed = pushed.copy()
+                pushed[3:6] -= cross(middle[:3] - self._q[:3], pushed[:3])
+                pushed[3:6] = amid.T @ pushed[3:6]
                 half = amid.T @ ends
                 turned[3:6] = half.T @ self._momentum[3:6] - self._momentum[3:6]
                 turned[3:6] -= half @ momentum[3:6] - momentum[3:6]
@@ -290,7 +295,7 @@ class MechanismMidpoint(Pictured):
             force += (gained / dt - float(force @ mean)) * share * along
             self._drive = joints.drive(self._time, self._angle + 0.5 * dt * mean, mean)
             force += self._drive - joints.damping * mean
-            missing = dt * force + given + turned - momentum
+            missing = dt * force + given + pushed + turned - momentum
             change = self._inverse @ missing
             if len(held):
                 needed = np.linalg.solve(hold, rates - self._ahead[held] - change[held])
@@ -316,7 +321,7 @@ class MechanismMidpoint(Pictured):
         Args:
             normals: Of the gaps of nodes, towards them, (count, dim).
         """
-        self._offset = -self.bodies.rolling[:, None] * normals
+        self._offset = self.bodies.following - self.bodies.rolling[:, None] * normals
         self._renew_answer()
         spins = (self._links[:, 3:] @ (0.5 * (self._v + self._ahead)))[self.bodies.on]
         return np.asarray(self.dt * cross(spins, self._offset))
@@ -360,40 +365,3 @@ class MechanismMidpoint(Pictured):
         kinetic = 0.5 * float(self._v @ self._inertia @ self._v)
         momentum, angular = tree.momenta(self._q, self._v)
         return Sums(kinetic, 0.0, work, momentum, moved, angular)
-
-    def told(self) -> dict[str, dict[str, float]]:
-        """Positions, rates and losses of joints, by the first parts of their columns."""
-        name, tree = self.bodies.names[0], self.bodies.tree
-        found = {
-            f"{name}.{joint}": {
-                "q": float(self._angle[at]),
-                "v": float(self._v[at]),
-                LOST: float(self._lost[at]),
-            }
-            for joint, at in tree.single.items()
-        }
-        if tree.free:
-            turned = self._q[[6, 3, 4, 5]]
-            spin = tree.base(self._q) @ self._v[3:6]
-            found[f"{name}.{tree.root}"] = {
-                **dict(zip(("qw", "qx", "qy", "qz"), turned.tolist(), strict=True)),
-                **dict(zip(("wx", "wy", "wz"), spin.tolist(), strict=True)),
-            }
-        return found
-
-    def motion(self, body: int) -> dict[str, Floats]:  # noqa: ARG002  (it is one)
-        """Fields at these places now: displacement [m], velocity [m/s], (nodes, dim)."""
-        places, rest = self._pictured(self._q), self._pictured(self.bodies.position)
-        bodies, tree = self.bodies, self.bodies.tree
-        _, origins = tree.poses(self._q, bodies.moving)
-        on = np.concatenate([bodies.on, bodies.picture[0]])
-        moving = (tree.jacobians(self._q, bodies.moving) @ self._v)[on]
-        velocity = moving[:, :3] + cross(moving[:, 3:], places - origins[on])
-        return {"displacement": places - rest, "velocity": velocity}
-
-    def _pictured(self, q: Floats) -> Floats:
-        bodies = self.bodies
-        turns, origins = bodies.tree.poses(q, bodies.moving)
-        on = np.concatenate([bodies.on, bodies.picture[0]])
-        arms = np.vstack([bodies.arms, bodies.picture[1]])
-        return np.asarray(origins[on] + np.einsum("kij,kj->ki", turns[on], arms))

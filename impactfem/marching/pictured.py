@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from impactfem.contact.closest import shares_inside
 from impactfem.marching.few import FewInterior
 from impactfem.result.shapes import TETRAHEDRON, TRIANGLE, Shape
+from impactfem.system.rigid import in_space
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -42,7 +43,37 @@ class Pictured(FewInterior):
         nearest = int(np.argmin(np.linalg.norm(places - point, axis=1)))
         return np.array([nearest]), np.ones(1), False
 
+    def _leaning(self, nodes: Integers) -> tuple[Floats, Integers, Floats]:
+        """Where forces act that come in by markers.
+
+        Args:
+            nodes: The markers of a carrier.
+
+        Returns:
+            Places of these in the last layer [m], (nodes, 3); which points of the picture move with
+            them, (points,), and where these are from the same place [m], (points, 3).
+        """
+        raise NotImplementedError
+
     def acting(self, body: int, forces: Floats) -> Floats:
-        """Contact forces [N] at these places by those on the contact nodes, (nodes, dim) each."""
-        more = len(self.material(body)) - len(forces)
-        return np.vstack([forces, np.zeros((more, self.bodies.dim))])
+        """Contact forces [N] at these places by those on the contact nodes, (nodes, dim) each.
+
+        What acts on nodes that stand for a whole body is shown as its resultant, at the point of
+        the picture where that comes in.
+        """
+        dim, more = self.bodies.dim, len(self.material(body)) - len(forces)
+        shown = np.vstack([forces, np.zeros((more, dim))])
+        for carrier in self.bodies.carriers:
+            own = carrier.markers
+            shown[own] = 0.0
+            each = in_space(forces[own])
+            force = each.sum(axis=0)
+            if (size := float(np.linalg.norm(force))) > 0.0:
+                arms, mine, points = self._leaning(own)
+                way, moment = force / size, np.cross(arms, each).sum(axis=0)
+                beside = points - np.cross(way, moment) / size
+                along = beside @ way
+                off = np.linalg.norm(beside - along[:, None] * way, axis=1)
+                at = mine[np.argmin(off + np.maximum(along, 0.0))]
+                shown[len(forces) + at] += force[:dim]
+        return shown

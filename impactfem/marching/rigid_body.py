@@ -15,6 +15,7 @@ from impactfem.system.rigid import Rigid, frame, in_space
 from impactfem.system.stations import Stations
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 
 class RigidMidpoint(Pictured):
@@ -81,24 +82,7 @@ class RigidMidpoint(Pictured):
         arms = np.vstack([self.bodies.arms, self.bodies.picture[0]])
         return np.asarray((centre + arms @ turn.T)[:, : self.bodies.dim])
 
-    def acting(self, body: int, forces: Floats) -> Floats:  # noqa: ARG002  (it is one)
-        """Contact forces [N] at these places by those on the contact nodes, (nodes, dim) each.
-
-        What acts on nodes that stand for the whole body is shown as its resultant, at the point of
-        the picture where that comes in.
-        """
-        own, (points, _) = self.bodies.markers, self.bodies.picture
-        shown, others = forces, np.zeros((len(points), self.bodies.dim))
-        if len(own) and forces[own].any():
-            shown = forces.copy()
-            shown[own] = 0.0
-            each, turn = in_space(forces[own]), self._march.frame[1][self._at]
-            force = each.sum(axis=0)
-            moment = np.cross(self._march.acting[self._own][own], each).sum(axis=0)
-            if (size := float(np.linalg.norm(force))) > 0.0:
-                way = force / size
-                beside = points @ turn.T - np.cross(way, moment) / size
-                along = beside @ way
-                off = np.linalg.norm(beside - along[:, None] * way, axis=1)
-                others[np.argmin(off + np.maximum(along, 0.0))] = force[: self.bodies.dim]
-        return np.vstack([shown, others])
+    def _leaning(self, nodes: Integers) -> tuple[Floats, Integers, Floats]:
+        """See `Pictured`."""
+        points, turn = self.bodies.picture[0], self._march.frame[1][self._at]
+        return self._march.acting[self._own][nodes], np.arange(len(points)), points @ turn.T

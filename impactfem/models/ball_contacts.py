@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.ball_pairs import BallPair, RollingPair, Target
+from impactfem.contact.ball_pairs import BallPair, Target
 from impactfem.contact.body_pairs import Side
 from impactfem.contact.boundary import Boundary
 from impactfem.contact.convex_pairs import Marked
@@ -17,13 +17,9 @@ from impactfem.contact.line_pairs import LinePair
 from impactfem.contact.meeting import NodeMeet
 from impactfem.contact.mortar_surface import Surface
 from impactfem.errors import SceneError
-from impactfem.models.convex_contacts import convex_meetings, marked_bodies, on_edges
+from impactfem.models.convex_contacts import Shapes, convex_meetings, on_others
 from impactfem.scene import Scene, Solid
-from impactfem.scene.pairing import (
-    body_pairs,
-    friction_of,
-    named_body_pairs,
-)
+from impactfem.scene.pairing import body_pairs, named_body_pairs
 from impactfem.system.few import FewBodies
 
 Floats = NDArray[np.float64]
@@ -110,7 +106,6 @@ class _Balls:
     Attributes:
         facing: Of each node the way that its end looks along the x axis, 0 if it has none.
         places: At t = 0 [m], (nodes, dim).
-        followers: Nodes that follow a ball that rolls, and their arm [m]; see `RollingPair`.
     """
 
     name: str
@@ -119,7 +114,6 @@ class _Balls:
     lines: Integers
     facing: Floats
     places: Floats
-    followers: tuple[Integers, float] | None = None
 
     @cached_property
     def thinnest(self) -> float:
@@ -167,8 +161,7 @@ def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
         SceneError: Two bodies overlap at t = 0, or have no extent, so that they cannot meet.
     """
     asked, sides = bool(model.scene.contacts), _sides(model, offsets)
-    marked = marked_bodies(model.few, offsets)
-    edged = {body.name for body in model.scene.bodies if body.has_corners}
+    shapes = Shapes.of(model.few, offsets)
     found: list[BallMeeting] = []
     for label, *both in named_body_pairs(model.scene):
         # A law names the ends that meet; without any all do.
@@ -179,14 +172,14 @@ def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
         )
         if isinstance(first, _Faces) and isinstance(second, _Faces):
             continue
-        for name, other, side in zip(names, reversed(names), (second, first), strict=True):
-            if name in edged and other not in marked and side is not None:
-                found += _on_edges(label, name, marked[name], side, offsets[-1])
+        for (name, on), (other, _), side in zip(both, reversed(both), (second, first), strict=True):
+            for shape in shapes.meeting(name, on, other):
+                if side is not None and not shapes.meeting(other, None, name):
+                    found += _on_other(label, name, shape, side, offsets[-1])
         if first is None or second is None or not (len(first.nodes) and len(second.nodes)):
             continue
         if isinstance(first, _Faces) or isinstance(second, _Faces):
-            rubs = friction_of(model.scene, names[0], names[1]) > 0.0
-            found += _on_solid(label, first, second, offsets[-1], rubs=rubs)
+            found += _on_solid(label, first, second, offsets[-1])
         elif model.scene.dim == 1:
             found += _on_line(label, first, second, offsets[-1], asked=asked)
         else:
@@ -211,10 +204,6 @@ def _sides(model: Bodies, offsets: Sequence[int]) -> dict[str, _Side]:
 
     def balls(bodies: FewBodies, body: int, start: int) -> _Side:
         places, lines = bodies.places(bodies.position), bodies.lines_of(body)
-        following = None
-        if bodies.convex is not None:
-            _, markers, unit, dim = bodies.convex
-            following = markers[dim + 1 :] + start, unit
 
         # Of nodes that many others meet, which are kept: their id stays theirs.
         made: dict[int, tuple[Integers, _Balls]] = {}
@@ -223,7 +212,7 @@ def _sides(model: Bodies, offsets: Sequence[int]) -> dict[str, _Side]:
             own = bodies.meeting(body, surfaces, (other, 0))
             if id(own) not in made:
                 parts = own + start, bodies.radius[own], lines, bodies.facing[own], places[own]
-                made[id(own)] = own, _Balls(bodies.names[body], *parts, following)
+                made[id(own)] = own, _Balls(bodies.names[body], *parts)
             return made[id(own)][1]
 
         return some
@@ -237,15 +226,13 @@ def _sides(model: Bodies, offsets: Sequence[int]) -> dict[str, _Side]:
 
 
 def _on_solid(
-    label: str, one: _Balls | _Faces, two: _Balls | _Faces, total: int, *, rubs: bool
+    label: str, one: _Balls | _Faces, two: _Balls | _Faces, total: int
 ) -> list[BallMeeting]:
     """A body without a mesh on a solid.
 
     Where its radius spans several faces, their nodes are held off it: the patch of contact then has
     the shape that bodies take. Else its nodes are held off the faces, a place at a time; corners of
     the solid are held off its axis too, if it has a thickness.
-
-    A rigid ball with friction is always held off the faces: it would roll over nodes as over teeth.
     """
     ball, solid = (two, one) if isinstance(one, _Faces) else (one, two)
     if not isinstance(ball, _Balls) or not isinstance(solid, _Faces):
@@ -253,16 +240,9 @@ def _on_solid(
     names, none = (one.name, two.name), np.zeros(len(solid.nodes))
     thick = float(ball.radius.min())
     around = BallPair(solid.nodes, none, ball.target, total)
-    target = solid.target
-    if rubs and ball.followers is not None:
-        followers, unit = ball.followers
-        rolling = RollingPair(
-            ball.nodes, ball.radius, target, total, followers=followers, unit=unit
-        )
-        return [BallMeeting(label, names, ball.name, rolling, patch=False)]
     if thick >= _RESOLVED * solid.size:
         return [BallMeeting(label, names, solid.name, around, patch=True)]
-    places = BallPair(ball.nodes, ball.radius, target, total)
+    places = BallPair(ball.nodes, ball.radius, solid.target, total)
     patch = ball.lines.shape[1] > 2  # triangles of a plate
     found = [BallMeeting(label, names, ball.name, places, patch=patch)]
     if len(ball.lines) and thick > 0.0:
@@ -270,15 +250,14 @@ def _on_solid(
     return found
 
 
-def _on_edges(
+def _on_other(
     label: str, name: str, body: Marked, other: _Balls | _Faces, total: int
 ) -> list[BallMeeting]:
-    """A rigid body with edges and faces on one that deforms."""
-    pairs, carriers = on_edges(body, other.target, total), (other.name, name)
-    patch = other.target.signs is not None
+    """A rigid body with edges and faces, or that rolls, on one that deforms."""
+    patch = other.target.signs is not None and len(body.shape.vertices) > 1
     return [
-        BallMeeting(label, carriers, carrier, pair, patch=patch)
-        for carrier, pair in zip(carriers, pairs, strict=False)
+        BallMeeting(label, (other.name, name), (other.name, name)[told], pair, patch=patch)
+        for told, pair in on_others(body, other.target, total)
     ]
 
 

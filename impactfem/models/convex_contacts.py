@@ -1,18 +1,20 @@
 """Which rigid bodies meet each other, and obstacles, with edges and faces."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
+from dataclasses import dataclass
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.ball_pairs import Target
+from impactfem.contact.ball_pairs import RollingPair, Target
 from impactfem.contact.convex_nodes import CornersOnFaces, NodesOnConvex
 from impactfem.contact.convex_pairs import ConvexPair, LedPair, Marked, Placed
 from impactfem.scene import Scene
-from impactfem.scene.pairing import named_body_pairs, obstacles_of, pair_name
-from impactfem.system.convex import Convex
+from impactfem.scene.obstacles.faces import square_to
+from impactfem.scene.pairing import named_body_pairs, obstacles_of, pair_name, surfaces_on
+from impactfem.system.convex import Carrier, Convex
 from impactfem.system.few import FewBodies
 from impactfem.system.rigid import in_space
 
@@ -24,17 +26,29 @@ TOUCH = 5e-10
 _ENDLESS = 2.0  # an endless obstacle is taken so many reaches of a body to both sides
 
 
-def on_edges(body: Marked, target: Target, total: int) -> Iterator[NodesOnConvex | CornersOnFaces]:
-    """Gaps between a rigid body with edges and faces and one that deforms.
+def on_others(
+    body: Marked, target: Target, total: int
+) -> Iterator[tuple[bool, NodesOnConvex | CornersOnFaces | RollingPair]]:
+    """Gaps between a rigid body and one that deforms, and whether forces on the first are told.
+
+    A ball is held off what is between nodes only: it would roll over nodes as over teeth.
 
     Args:
         body: The rigid one.
         target: The other one: its nodes, and what is between them.
         total: Number of all contact nodes.
     """
-    yield NodesOnConvex(target.nodes, target.radius, body, total)
+    shape, nodes = body.shape, body.nodes
+    if len(shape.vertices) == 1:
+        followers, radius = nodes[body.dim + 1 :], np.array([shape.radius])
+        yield (
+            True,
+            RollingPair(nodes[:1], radius, target, total, followers=followers, unit=body.unit),
+        )
+        return
+    yield False, NodesOnConvex(target.nodes, target.radius, body, total)
     if target.simplices.shape[1] > 1:
-        yield CornersOnFaces.of(body, target, total)
+        yield True, CornersOnFaces.of(body, target, total)
 
 
 def convex_meetings(
@@ -47,38 +61,60 @@ def convex_meetings(
         few: Its bodies without meshes.
         offsets: Where the contact nodes of each part of the march begin, their number last.
     """
-    marked, total = marked_bodies(few, offsets), offsets[-1]
-    if not marked:
+    shapes, total = Shapes.of(few, offsets), offsets[-1]
+    if not shapes.known:
         return
     places = np.concatenate([bodies.places(bodies.position) for bodies in few])
     touch = TOUCH * float(np.ptp(places, axis=0).max())
-    corners = {body.name: body.has_corners for body in scene.bodies}
-    for label, (one, _), (two, _) in named_body_pairs(scene):
-        if one in marked and two in marked and (corners[one] or corners[two]):
-            pair = ConvexPair(marked[one], marked[two], total, touch)
-            yield label, (one, two), one, pair, False
-    for name, own in marked.items():
-        for obstacle in obstacles_of(scene, name) if corners[name] else ():
-            if not obstacle.meets_corners:
-                other = _placed(obstacle, own.shape.reach)
-                label, names = pair_name(scene, name, obstacle.name), (name, obstacle.name)
-                still = ConvexPair(own, other, total, touch)
-                led = LedPair(still, other, obstacle) if obstacle.moves else still
+    for label, (one, on_one), (two, on_two) in named_body_pairs(scene):
+        both = shapes.meeting(one, on_one, two), shapes.meeting(two, on_two, one)
+        for own, other in product(*both):
+            yield label, (one, two), one, ConvexPair(own, other, total, touch), False
+    for name in shapes.known:
+        for obstacle in obstacles_of(scene, name):
+            on = surfaces_on(scene, name, obstacle.name)
+            label, names = pair_name(scene, name, obstacle.name), (name, obstacle.name)
+            for own in shapes.meeting(name, on, obstacle.name):
+                placed = _placed(obstacle, own.shape.reach)
+                still = ConvexPair(own, placed, total, touch)
+                led = LedPair(still, placed, obstacle) if obstacle.moves else still
                 yield label, names, name, led, False
 
 
-def marked_bodies(few: Sequence[FewBodies], offsets: Sequence[int]) -> Mapping[str, Marked]:
-    """Rigid bodies with markers, by their names."""
-    starts = list(pairwise(offsets))[-len(few) :] if few else []
-    return {
-        bodies.names[0]: Marked(bodies.convex[0], start + bodies.convex[1], *bodies.convex[2:])
-        for bodies, (start, _) in zip(few, starts, strict=True)
-        if bodies.convex is not None
-    }
+@dataclass(frozen=True)
+class Shapes:
+    """Convex shapes of bodies without meshes that edges and faces may meet.
+
+    Attributes:
+        known: By the name of the body.
+    """
+
+    known: Mapping[str, Sequence[tuple[Carrier, Marked]]]
+
+    @classmethod
+    def of(cls, few: Sequence[FewBodies], offsets: Sequence[int]) -> "Shapes":
+        """Of bodies whose contact nodes are the last ones of a march; see `convex_meetings`."""
+        starts = list(pairwise(offsets))[-len(few) :] if few else []
+        return cls(
+            {
+                bodies.names[0]: [(c, Marked.of(c, start, bodies.dim)) for c in bodies.carriers]
+                for bodies, (start, _) in zip(few, starts, strict=True)
+                if bodies.carriers
+            }
+        )
+
+    def meeting(self, name: str, surfaces: Sequence[str] | None, other: str) -> list[Marked]:
+        """Those of a body that may meet another one, or an obstacle, by surfaces of a law."""
+        return [made for own, made in self.known.get(name, ()) if own.meets(other, surfaces)]
 
 
 def _placed(obstacle: Any, reach: float) -> Placed:
     """An obstacle, of an endless one what a body with some reach may meet."""
+    if obstacle.plane is not None:
+        ways, far = np.stack(square_to(normal := np.array(obstacle.plane.normal))), _ENDLESS * reach
+        square = far * (np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) @ ways)
+        below = np.concatenate([square, square - far * normal])
+        return Placed(Convex.of(below), np.array(obstacle.plane.point, dtype=float), ways)
     if obstacle.corners is not None:
         centre = obstacle.corners.mean(axis=0)
         return Placed(Convex.of(obstacle.corners - centre), in_space(centre))
@@ -88,4 +124,4 @@ def _placed(obstacle: Any, reach: float) -> Placed:
             Convex.of(np.zeros((1, len(core.center))), core.radius), in_space(core.center)
         )
     ends = _ENDLESS * (reach + core.radius) * np.stack([-core.axis, core.axis])
-    return Placed(Convex.of(ends, core.radius), core.center, core.axis)
+    return Placed(Convex.of(ends, core.radius), core.center, core.axis[None])

@@ -35,6 +35,7 @@ class BodyKind:
         settings: Keys of ``[solve]`` that it brings into scenes of several kinds.
         has_surface: Whether it touches at many places what has a surface too.
         meets_edges: Whether edges and faces of rigid bodies may meet it.
+        has_links: Whether it is made of links, some of which may have edges and faces.
         dents: Whether its contacts, at single places, may have a stiffness.
         lined: Whether a layer on its faces may give way on obstacles, by its area.
         rubs: Whether friction acts on it.
@@ -58,6 +59,7 @@ class BodyKind:
     settings: ClassVar[tuple[str, ...]] = ()
     has_surface: ClassVar[bool] = False
     meets_edges: ClassVar[bool] = False
+    has_links: ClassVar[bool] = False
     dents: ClassVar[bool] = False
     lined: ClassVar[bool] = False
     rubs: ClassVar[bool] = True
@@ -101,6 +103,11 @@ class BodyKind:
     def has_corners(self) -> bool:
         """Whether it has edges and faces."""
         return False
+
+    @property
+    def sees_edges(self) -> bool:
+        """Whether edges and faces of rigid bodies may meet it, be it with such of its own."""
+        return self.rolls or self.has_corners or self.meets_edges
 
     @property
     def is_convex(self) -> bool:

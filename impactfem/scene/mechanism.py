@@ -102,6 +102,8 @@ class Mechanism(BodyKind):
     may_meet_nothing: ClassVar[bool] = True
     substeps: ClassVar[bool] = False
     takes_joints: ClassVar[bool] = True
+    meets_edges: ClassVar[bool] = True
+    has_links: ClassVar[bool] = True
     joined_by_surface: ClassVar[bool] = True
     dim: ClassVar[int] = 3
 

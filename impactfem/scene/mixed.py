@@ -77,7 +77,7 @@ def _check_partners(scene: Content) -> None:
         one, two = (bodies[body] for body, _ in sides)
         what = f" of {one.name} and {two.name} ({name}) is not available: "
         for body, other in ((one, two), (two, one)):
-            if body.has_corners and not (other.rolls or other.has_corners or other.meets_edges):
+            if body.has_corners and not other.sees_edges:
                 text = f"{body.name} has edges and faces, which a {other.kind} does not meet; "
                 text += "list the pairs that may meet by [[contact]]."
                 raise KeyedError("contact", "", what + text)

@@ -4,6 +4,7 @@ A round cylinder is a prism that is turned about its axis, layer by layer, so th
 is the line, or its end the rim's place, that looks at what it meets.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -228,6 +229,39 @@ class Convex:
         inner = self.vertices.mean(axis=0)
         below = inner + ((place - inner) @ self.axis)[:, None] * self.axis
         return np.where(np.abs(n @ self.axis)[..., None] > _END_ON, place, below)
+
+
+@dataclass(frozen=True)
+class Carrier:
+    """A convex shape that moves with a rigid body, and the contact nodes that stand for all of it.
+
+    Attributes:
+        shape: Along the axes of the body, from the place of the first marker.
+        markers: Contact nodes: there, at a unit along each of these axes, and if it rolls followers
+            of the first one, with arms along the axes of space (`impactfem.contact.convex_pairs`).
+        unit: Arm of these [m].
+        partners: Bodies and obstacles whose edges and faces, or that its own may meet.
+        part: Name in contact laws of the part of the body that it is; "" for all of it.
+    """
+
+    shape: Convex
+    markers: Integers
+    unit: float
+    partners: frozenset[str]
+    part: str = ""
+
+    @staticmethod
+    def arms(count: int, dim: int, unit: float) -> tuple[Floats, Floats]:
+        """Arms of so many markers along the axes of the body, and of space [m], (count, 3) each."""
+        turning, following = np.zeros((2, count, 3))
+        turning[1 : dim + 1] = unit * np.eye(3)[:dim]
+        following[dim + 1 :] = unit * np.eye(3)[: count - dim - 1]
+        return turning, following
+
+    def meets(self, partner: str, surfaces: Sequence[str] | None) -> bool:
+        """Whether it may meet another one, by a law that names some parts of its body, or all."""
+        named = not surfaces or "" in surfaces or self.part in surfaces
+        return named and partner in self.partners
 
 
 def _in_space(points: Floats) -> Floats:

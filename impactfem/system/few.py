@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from impactfem.scene import Bar
 from impactfem.system.beam import FreeBeam
-from impactfem.system.convex import Convex
+from impactfem.system.convex import Carrier
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.system.stations import Stations
 
@@ -45,6 +45,7 @@ class FewBodies:
             them: "" for those of the bare body, and its surfaces; empty: all meet, none has a name.
         rate: Frequency [rad/s] that steps have to follow; 0 if there is none.
         words: What they are, in words.
+        carriers: Convex shapes that edges and faces may meet.
     """
 
     names: tuple[str, ...]
@@ -64,6 +65,7 @@ class FewBodies:
     rate: Callable[[], float]
     words: str
     ends: Mapping[str, Integers]
+    carriers: Sequence[Carrier] = ()
 
     @property
     def dim(self) -> int:
@@ -93,11 +95,6 @@ class FewBodies:
     def figured(self) -> Mapping[str, float | list[list[float]] | Mapping[str, float]]:
         """What the summary says of a single body that turns besides its mass; nothing of others."""
         return {}
-
-    @property
-    def convex(self) -> tuple[Convex, Integers, float, int] | None:
-        """Shape, markers, arm of these and coordinates of a body that edges and faces may meet."""
-        return None
 
     @property
     def shared(self) -> Integers:

@@ -1,7 +1,9 @@
 """Collision shapes of links: what of them can touch, what may meet what, and their picture."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +13,18 @@ from impactfem.scene.nearest import nearest
 from impactfem.scene.pairing import friction_of, named_body_pairs, obstacles_of, surfaces_on
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
+from impactfem.system.convex import Carrier, Convex
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+_MARKED = 0.25  # arm of markers, as a share of the reach of a shape
 
 type Partner = tuple[str, int]
 """A body or an obstacle by its name, and the number of its face."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinkShape:
     """A collision shape of a link.
 
@@ -30,6 +35,8 @@ class LinkShape:
         radius: Of balls around the nodes [m], (nodes,).
         points: Of its picture, in the frame of the joint [m], (points, 3).
         cells: Tetrahedra of the picture, (cells, 4).
+        ends: Of a round cylinder the middles of its ends [m], (2, 3).
+        girth: Radius of that cylinder [m].
     """
 
     link: str
@@ -38,11 +45,25 @@ class LinkShape:
     radius: Floats
     points: Floats
     cells: Integers
+    ends: Floats | None = None
+    girth: float = 0.0
 
     @property
     def has_edges(self) -> bool:
         """Whether it is no single ball."""
         return len(self.nodes) > 1 or not self.radius.all()
+
+    @cached_property
+    def middle(self) -> Floats:
+        """Mean place of its nodes, in the frame of the joint [m], (3,)."""
+        return np.asarray(self.nodes.mean(axis=0))
+
+    @cached_property
+    def convex(self) -> Convex:
+        """What edges and faces meet, from its middle."""
+        if self.ends is not None:
+            return Convex.cylinder(self.ends - self.middle, self.girth)
+        return Convex.of(self.nodes - self.middle, float(self.radius.max()))
 
 
 @dataclass(frozen=True)
@@ -52,16 +73,20 @@ class LinkNodes:
     Attributes:
         on: Joint of each node, as Pinocchio counts them, (nodes,).
         arms: In its frame [m], (nodes, 3).
+        following: Arms along the axes of space besides [m], (nodes, 3); see `Carrier`.
         radius: Of balls around the nodes [m], (nodes,).
-        rolling: Radius with which they roll [m], (nodes,): none beside bodies with waves.
-        meets: Nodes of each partner.
+        rolling: Radius with which they roll [m], (nodes,): none beside solids.
+        meets: Links and nodes of each partner.
+        carriers: What edges and faces meet; its markers are nodes after those of `meets`.
     """
 
     on: Integers
     arms: Floats
+    following: Floats
     radius: Floats
     rolling: Floats
-    meets: Mapping[Partner, Integers]
+    meets: Mapping[Partner, Sequence[tuple[str, Integers]]]
+    carriers: tuple[Carrier, ...]
 
     @classmethod
     def of(
@@ -72,48 +97,92 @@ class LinkNodes:
         Raises:
             KeyedError: A link is not known, or its edges and faces would not be seen.
         """
-        waves = {other.name: other.waves for other in scene.bodies}
+        solids = {solid.name for solid in scene.solids}
         # The march asks for a place: the base, which meets nothing.
-        on, arms, radius, rolling = ([np.zeros((1, *shape))] for shape in ((), (3,), (), ()))
-        meets, count = {}, 1
-        for partner, touching in _partners(scene, body, shapes, links).items():
-            first = count
-            for shape in touching:
-                count += len(shape.nodes)
-                on.append(np.full(len(shape.nodes), float(shape.joint)))
-                arms.append(shape.nodes)
-                radius.append(shape.radius)
-                rolling.append(shape.radius * (not waves.get(partner[0], False)))
-            meets[partner] = np.arange(first, count)
-        joints = np.concatenate(on).astype(np.int64)
-        return cls(joints, np.vstack(arms), np.concatenate(radius), np.concatenate(rolling), meets)
+        on, radius, rolling = ([np.zeros(1)] for _ in range(3))
+        arms, following = ([np.zeros((1, 3))] for _ in range(2))
+        count = 1
+
+        def add(
+            shape: LinkShape, own: Floats, space: Floats, radii: Floats, roll: bool
+        ) -> Integers:
+            nonlocal count
+            first, count = count, count + len(own)
+            on.append(np.full(len(own), float(shape.joint)))
+            arms.append(own)
+            following.append(space)
+            radius.append(radii)
+            rolling.append(radii * roll)
+            return np.arange(first, count)
+
+        meets: dict[Partner, list[tuple[str, Integers]]] = {}
+        touching, edged = _partners(scene, body, shapes, links)
+        for partner, mine in touching.items():
+            roll = partner[0] not in solids
+            meets[partner] = [
+                (s.link, add(s, s.nodes, 0.0 * s.nodes, s.radius, roll)) for s in mine
+            ]
+        carriers = []
+        for shape, partners in edged.items():
+            unit = _MARKED * shape.convex.reach
+            turning, space = Carrier.arms(4 + 3 * shape.convex.rounds, 3, unit)
+            markers = add(shape, shape.middle + turning, space, np.zeros(len(space)), False)
+            carriers.append(Carrier(shape.convex, markers, unit, frozenset(partners), shape.link))
+        return cls(
+            np.concatenate(on).astype(np.int64), np.vstack(arms), np.vstack(following),
+            np.concatenate(radius), np.concatenate(rolling), meets, tuple(carriers),
+        )  # fmt: skip
 
 
 def _partners(
     scene: Scene, body: Mechanism, shapes: Sequence[LinkShape], links: Sequence[str]
-) -> dict[Partner, list[LinkShape]]:
-    """Shapes that may meet each other body, and each face of an obstacle."""
-    found: dict[Partner, list[LinkShape]] = {}
+) -> tuple[dict[Partner, list[LinkShape]], dict[LinkShape, set[str]]]:
+    """Shapes that meet each other body and face of an obstacle with nodes; partners of others."""
+    nodes: dict[Partner, list[LinkShape]] = defaultdict(list)
+    edged: dict[LinkShape, set[str]] = defaultdict(set)
+    given = scene, body, shapes, links
+    for shape, partner, by_edges in (*_at_obstacles(*given), *_at_bodies(*given)):
+        if by_edges:
+            edged[shape].add(partner[0])
+        elif shape not in nodes[partner]:
+            nodes[partner].append(shape)
+    return nodes, edged
+
+
+def _at_obstacles(
+    scene: Scene, body: Mechanism, shapes: Sequence[LinkShape], links: Sequence[str]
+) -> Iterator[tuple[LinkShape, Partner, bool]]:
+    """Shapes, faces of obstacles that they may meet, and whether with edges and faces."""
     for obstacle in obstacles_of(scene, body.name):
-        mine = _chosen(body, shapes, links, obstacle.name, surfaces_on(scene, body.name,
-                                                                       obstacle.name))  # fmt: skip
-        if not obstacle.meets_corners:
-            _refuse_edges(body, obstacle.name, mine)
+        on, name = surfaces_on(scene, body.name, obstacle.name), obstacle.name
         faces = 1 if obstacle.other_gap(np.zeros((0, 3))) is None else 2
-        found |= {(obstacle.name, face): mine for face in range(faces)}
-    waves = {other.name: other.waves for other in scene.bodies}
+        for shape in _chosen(body, shapes, links, name, on):
+            rolls = shape.ends is not None and obstacle.plane is not None
+            by_edges = rolls or (shape.has_edges and not obstacle.meets_corners)
+            if by_edges and not (rolls or obstacle.is_convex):
+                raise _unseen(body, name, shape)
+            for face in range(faces):
+                yield shape, (name, face), by_edges
+
+
+def _at_bodies(
+    scene: Scene, body: Mechanism, shapes: Sequence[LinkShape], links: Sequence[str]
+) -> Iterator[tuple[LinkShape, Partner, bool]]:
+    """Shapes, bodies that they may meet, and whether with edges and faces."""
+    bodies = {other.name: other for other in scene.bodies}
+    solids = {solid.name for solid in scene.solids}
     for _, *sides in named_body_pairs(scene):
         names = [name for name, _ in sides]
         if body.name not in names:
             continue
-        (_, on), (other, _) = sides if names[0] == body.name else reversed(sides)
-        mine = _chosen(body, shapes, links, other, on)
-        _refuse_edges(body, other, mine)
-        if waves[other] and friction_of(scene, body.name, other):
-            text = f" of {body.name} and {other} is not available with friction, as {other} has "
-            raise KeyedError("contact", "", f"{text}waves; remove friction_coefficient.")
-        found[other, 0] = [*found.get((other, 0), ()), *mine]
-    return found
+        (_, on), (name, _) = sides if names[0] == body.name else reversed(sides)
+        other, rubs = bodies[name], friction_of(scene, body.name, name) > 0.0
+        for shape in _chosen(body, shapes, links, name, on):
+            by_edges = shape.has_edges or other.has_corners or other.has_links
+            by_edges |= rubs and name in solids  # where balls roll
+            if by_edges and not other.sees_edges:
+                raise _unseen(body, name, shape)
+            yield shape, (name, 0), by_edges
 
 
 def _chosen(
@@ -136,13 +205,12 @@ def _chosen(
     return mine
 
 
-def _refuse_edges(body: Mechanism, other: str, mine: Sequence[LinkShape]) -> None:
-    edged = next((shape.link for shape in mine if shape.has_edges), None)
-    if edged is not None:
-        text = f" of {body.name} and {other} is not available: edges and faces of link {edged} may "
-        text += "meet it, which touches with its corners; name by [[contact]] what may meet, as "
-        text += f'between = ["{body.name}/LINK", "{other}"] with a link that is a ball.'
-        raise KeyedError("contact", "", text)
+def _unseen(body: Mechanism, other: str, shape: LinkShape) -> KeyedError:
+    """The error of edges and faces that another one does not see."""
+    text = f" of {body.name} and {other} is not available: edges and faces of link {shape.link} "
+    text += "may meet it, which sees none, or is not convex; name by [[contact]] what may meet, "
+    text += f'as between = ["{body.name}/LINK", "{other}"] with a link that is a ball.'
+    return KeyedError("contact", "", text)
 
 
 def named(kind: str, key: str, name: str, known: Sequence[str], what: str) -> KeyedError:

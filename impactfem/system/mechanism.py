@@ -65,7 +65,9 @@ class Arm(FewBodies):
         moving: Joints whose frames carry nodes or pictures, as Pinocchio counts them; 0 stays.
         on: Place among these of each contact node, (nodes,).
         arms: In its frame [m], (nodes, 3).
-        meets: Contact nodes that meet a body or obstacle, by its name and the number of its face.
+        following: Arms of nodes along the axes of space besides [m], (nodes, 3); see `Carrier`.
+        meets: Links and contact nodes that meet a body or obstacle, by its name and the number of
+            its face.
         rolling: Radius with which nodes roll [m], (nodes,).
         angles_at_start: Positions of single joints at t = 0, counted over turns, (v,).
         picture: Place in `moving`, points [m], (points, 3), in its frame, and cells.
@@ -77,7 +79,8 @@ class Arm(FewBodies):
     moving: tuple[int, ...]
     on: Integers
     arms: Floats
-    meets: Mapping[Partner, Integers]
+    following: Floats
+    meets: Mapping[Partner, Sequence[tuple[str, Integers]]]
     rolling: Floats
     angles_at_start: Floats
     picture: tuple[Integers, Floats, Integers]
@@ -143,11 +146,13 @@ class Arm(FewBodies):
     def meeting(
         self,
         body: int,  # noqa: ARG002  (it is one)
-        surfaces: Sequence[str] | None,  # noqa: ARG002  (its nodes are those of the law)
+        surfaces: Sequence[str] | None,
         partner: tuple[str, int],
     ) -> Integers:
         """Contact nodes that may meet a body, or a face of an obstacle."""
-        return self.meets[partner]
+        whole = not surfaces or "" in surfaces
+        own = [n for link, n in self.meets.get(partner, ()) if whole or link in (surfaces or ())]
+        return np.concatenate([np.zeros(0, dtype=np.int64), *own])
 
 
 def mechanism_system(scene: Scene, body: Mechanism) -> Arm:
@@ -197,11 +202,13 @@ def mechanism_system(scene: Scene, body: Mechanism) -> Arm:
         moving=tuple(moving),
         on=on.astype(np.int64),
         arms=arms,
+        following=nodes.following,
         meets=nodes.meets,
         rolling=nodes.rolling,
         angles_at_start=_positions(tree, q, body),
         picture=picture(shapes, moving.index),
         inverse=found,
+        carriers=nodes.carriers,
     )
 
 

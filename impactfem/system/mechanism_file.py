@@ -1,5 +1,6 @@
 """Reading of mechanisms: URDF and MJCF files, by Pinocchio."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -102,7 +103,11 @@ def _shape(body: Mechanism, model: Any, shape: Any) -> LinkShape:
         raise fail(body, f"{text}of at most {_MOST_CORNERS}.")
     turn, place = shape.placement.rotation, shape.placement.translation
     nodes, points = (np.asarray(place + each @ turn.T) for each in (form.nodes, form.points))
-    return LinkShape(link, int(shape.parentJoint), nodes, form.radius, points, form.cells)
+    found = LinkShape(link, int(shape.parentJoint), nodes, form.radius, points, form.cells)
+    if type(given).__name__ == "Cylinder":
+        way = given.halfLength * turn[:, 2]
+        found = replace(found, ends=place + np.stack([-way, way]), girth=float(given.radius))
+    return found
 
 
 def _form(given: Any) -> Form | None:

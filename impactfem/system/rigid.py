@@ -16,7 +16,7 @@ from impactfem.scene import RigidBody, Scene
 from impactfem.scene.obstacles.rotation import gap_at
 from impactfem.scene.pairing import bodies_met, friction_of, obstacles_of
 from impactfem.scene.rigid_keys import rotation
-from impactfem.system.convex import Convex
+from impactfem.system.convex import Carrier, Convex
 from impactfem.system.few import FewBodies
 from impactfem.system.stations import Stations
 
@@ -90,12 +90,7 @@ class Rigid(FewBodies):
             the axis, (nodes, 3).
         loads: What acts besides gravity; None if nothing does.
         picture: Points [m], (points, 3), along the axes of the body, and cells of its picture.
-        shape: What edges and faces of others meet, along its axes from the centre; None if none.
         crowded: Of each contact node how many from it on others share, 0 where none do, (nodes,).
-        markers: Nodes in its place that stand for all of it, and followers, which move with the
-            centre and have arms along the axes of space (`impactfem.contact.convex_pairs`); none
-            where no edges and faces meet it.
-        unit: Arm of these [m].
     """
 
     inertia: Floats
@@ -107,10 +102,7 @@ class Rigid(FewBodies):
     lowest: Floats
     loads: Loads | None
     picture: tuple[Floats, Integers]
-    shape: Convex | None
     crowded: Integers
-    markers: Integers
-    unit: float
 
     @property
     def shared(self) -> Integers:
@@ -120,15 +112,10 @@ class Rigid(FewBodies):
     @property
     def followers(self) -> Floats:
         """Arms in space of all nodes besides `arms` [m], (nodes, 3)."""
-        found, dim = np.zeros((len(self.radius), 3)), self.dim
-        own = self.markers[dim + 1 :]
-        found[own] = self.unit * np.eye(3)[: len(own)]
+        found = np.zeros((len(self.radius), 3))
+        for carrier in self.carriers:
+            found[carrier.markers] = Carrier.arms(len(carrier.markers), self.dim, carrier.unit)[1]
         return found
-
-    @property
-    def convex(self) -> tuple[Convex, Integers, float, int] | None:
-        """What edges and faces meet, if any may."""
-        return None if self.shape is None else (self.shape, self.markers, self.unit, self.dim)
 
     @property
     def figured(self) -> Mapping[str, float | list[list[float]]]:
@@ -196,8 +183,9 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
     ]
     solids = {solid.name for solid in scene.solids}
     others = [(other, 0) for other in bodies_met(scene, body.name)]
-    cornered = {other.name for other in scene.bodies if other.has_corners or body.has_corners}
-    partners = list(dict.fromkeys([*faces, *(each for each in others if each[0] not in cornered)]))
+    shaped = {other.name for other in scene.bodies if other.has_corners or body.has_corners}
+    shaped |= {name for name in solids if body.rolls and friction_of(scene, body.name, name)}
+    partners = list(dict.fromkeys([*faces, *(each for each in others if each[0] not in shaped)]))
     rolls = bool(form.radius.any() or len(form.rim))
     alike = _alike(scene, body, partners)
     partners = [each for each in partners if each not in alike]
@@ -211,15 +199,15 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         rolling[nodes] *= name not in solids
     arms = in_space(np.tile(form.nodes - center, (copies, 1)))
     radius = np.tile(form.radius, copies)
-    count, shape = len(arms), None
-    unit, markers = _MARKED * form.volume ** (1.0 / dim), _NONE
-    rubs = body.rolls and any(friction_of(scene, body.name, name) for name in solids)
-    if rubs or len(meets) < len({*faces, *others}) or len(obstacles) < len(named):
-        shape = _shape(body)
-        markers = count + np.arange(1 + dim + dim * shape.rounds)
-        arms = np.vstack([arms, np.zeros((len(markers), 3))])
-        arms[markers[1 : dim + 1]] = unit * np.eye(3)[:dim]
-        radius, rolling = (np.pad(each, (0, len(markers))) for each in (radius, rolling))
+    count = len(arms)
+    shaped |= {other.name for other in scene.bodies if other.has_links}
+    shaped = shaped.intersection(each for each, _ in others)
+    shaped |= {o.name for o in named}.difference(obstacles)
+    carriers = (_carrier(body, count, shaped),) if shaped else ()
+    for carrier in carriers:
+        more = len(carrier.markers)
+        arms = np.vstack([arms, Carrier.arms(more, dim, carrier.unit)[0]])
+        radius, rolling = (np.pad(each, (0, more)) for each in (radius, rolling))
     inertia, turned = np.eye(3), np.array([body.angle])
     if dim == 2:
         inertia[2, 2] = body.moments[0, 0]
@@ -230,7 +218,7 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         velocity = np.concatenate([velocity[:3], rotation(turned).T @ velocity[3:]])
 
     middle, turn = frame(position)
-    shares = np.pad(np.tile(form.rim, (copies, 1)), [(0, len(markers)), (0, 0)])
+    shares = np.pad(np.tile(form.rim, (copies, 1)), [(0, len(arms) - count), (0, 0)])
     rims = Rims(form.axis, shares) if len(form.rim) else None
     normals = np.zeros((len(arms), 3))
     lowest = normals + turn @ np.cross(form.axis, np.eye(3)[np.argmin(np.abs(form.axis))])
@@ -273,10 +261,8 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
         lowest=lowest,
         loads=_loads(body),
         picture=(in_space(form.points - center), form.cells),
-        shape=shape,
         crowded=np.where(np.arange(len(radius)) == len(own) * len(partners), room, 0),
-        markers=markers,
-        unit=unit,
+        carriers=carriers,
     )
 
 
@@ -302,6 +288,14 @@ def _room(scene: Scene, body: RigidBody) -> int:
 _SPARE = 2  # nodes besides: balls that a step has moved may lie a little in each other
 _MARKED = 0.25  # arm of markers, as a share of the size of a body
 _LOOKS = 4  # for what is nearest to the lowest place of a rim at t = 0
+
+
+def _carrier(body: RigidBody, first: int, partners: set[str]) -> Carrier:
+    """The body with markers from a contact node on."""
+    shape, dim = _shape(body), body.dim
+    markers = first + np.arange(1 + dim + dim * shape.rounds)
+    unit = _MARKED * body.form.volume ** (1.0 / dim)
+    return Carrier(shape, markers, unit, frozenset(partners))
 
 
 def _shape(body: RigidBody) -> Convex:

@@ -186,6 +186,15 @@ def test_contacts_name_links_with_shapes_that_may_meet(tmp_path):
     data = made.to_dict() | {"obstacle": [pole]}
     impactfem.plan(Scene.from_dict(data, base=tmp_path))
     data["contact"][0]["between"] = ["arm", "wall"]
+    impactfem.plan(Scene.from_dict(data, base=tmp_path))
+    corners = ("2 0 0", "3 0 0", "2 1 0", "2 0 1")
+    faces = "".join(
+        f"facet normal 0 0 0 outer loop {' '.join(f'vertex {corners[k]}' for k in face)} "
+        "endloop endfacet "
+        for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
+    )
+    (tmp_path / "wall.stl").write_text(f"solid wall {faces}endsolid wall")
+    data["obstacle"] = [{"kind": "mesh", "name": "wall", "mesh": "wall.stl"}]
     with pytest.raises(SceneError, match="edges and faces of link upper may meet it"):
         impactfem.plan(Scene.from_dict(data, base=tmp_path))
 
