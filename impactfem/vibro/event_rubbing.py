@@ -214,7 +214,9 @@ class RubbingMotion(Motion):
         d = self.system.dofs
         u, v = y[:d], y[d : 2 * d]
         found = self.pushed(t, u, v)
-        speed = self.system.slip(u)[list(self.closed), 0] @ v
+        slides = np.array([mode != 0 for mode in self.modes], dtype=bool)
+        speed = np.where(slides, self.system.slip(u)[list(self.closed), 0] @ v, 0.0)
+        # Rounding of what sticks is no power: the integrator would try to resolve it.
         return np.concatenate(
             [v, found.acceleration, found.normal, [float(found.tangential @ speed)]]
         )

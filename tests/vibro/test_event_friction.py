@@ -151,11 +151,13 @@ def test_superball_through_three_bounces():
     assert np.ptp(motion.kinetic + G * motion.position[:, 1]) < 1e-8
 
 
-@pytest.mark.parametrize("first", [0.05, 0.15])
-def test_rocking_block_has_housners_times_and_amplitudes(first):
-    """Half diagonal 1 m at .2 rad: speeds fall by 1 - 3/2 sin^2 alpha at each impact."""
-    alpha, square = 0.2, 0.75 * G
-    half = np.array([np.sin(alpha), np.cos(alpha)])
+@pytest.mark.parametrize(
+    ("first", "reach", "mass"), [(0.05, 1.0, 1.0), (0.15, 1.0, 1.0), (0.1, 100.0, 1e6)]
+)
+def test_rocking_block_has_housners_times_and_amplitudes(first, reach, mass):
+    """Half diagonal at .2 rad: speeds fall by 1 - 3/2 sin^2 alpha at each impact, of any size."""
+    alpha, square = 0.2, 0.75 * G / reach
+    half = reach * np.array([np.sin(alpha), np.cos(alpha)])
 
     def corners(u):
         arms = np.array([[-half[0], half[0]], [-half[1], -half[1]]])
@@ -164,7 +166,7 @@ def test_rocking_block_has_housners_times_and_amplitudes(first):
         )
 
     block = impactfem.GeneralizedSystem(
-        mass=[1.0, 1.0, 1.0 / 3.0], force=lambda *_: [0.0, -G, 0.0],
+        mass=mass * np.array([1.0, 1.0, reach**2 / 3.0]), force=lambda *_: [0.0, -mass * G, 0.0],
         constraints=lambda u: u[1] + corners(u)[0], friction=5.0,
         slip=lambda u: [[1.0, 0.0, -y] for y in corners(u)[0]],
         jacobian=lambda u: [[0.0, 1.0, x] for x in corners(u)[1]],
@@ -190,12 +192,12 @@ def test_rocking_block_has_housners_times_and_amplitudes(first):
         motion = impactfem.integrate(block, start, [0.0] * 3, times[-1] + 1e-3, rows=60)
     changes = motion.effort.details["friction_changes"]
     found = [t for t, _, what in changes if what == "opens"]
-    assert found == pytest.approx(times, abs=1e-9)
+    assert found == pytest.approx(times, abs=1e-9 * np.sqrt(reach))
     # Amplitudes by the energy of each swing: m g R (cos(alpha - a) - cos alpha).
-    energy = motion.kinetic + G * (motion.position[:, 1] - half[1])
+    energy = motion.kinetic / mass + G * (motion.position[:, 1] - half[1])
     for a, (begin, end) in zip(amplitudes[1:], itertools.pairwise(found), strict=True):
         rows = (motion.times > begin) & (motion.times < end)
-        top = G * (np.cos(alpha - a) - np.cos(alpha))
+        top = G * reach * (np.cos(alpha - a) - np.cos(alpha))
         assert energy[rows] == pytest.approx(top, rel=1e-8)
 
 
