@@ -15,7 +15,7 @@ from scipy.sparse import diags
 from scipy.sparse.linalg import splu
 
 import impactfem
-from impactfem.system.plate import discretised
+from impactfem.system.plate_making import discretised
 from impactfem.system.plate_mesh import plate_mesh
 from impactfem.system.surface import CHOLESKY
 

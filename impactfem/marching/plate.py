@@ -1,6 +1,6 @@
 """Layers of a thin plate: the midpoint rule with one factorisation, and massless contact.
 
-With forces F of the layer at its middle, damping a M and mu = 4 / dt^2 + 2 a / dt
+With forces F of the layer at its middle, without damping (with it: `plate_step`) and mu = 4 / dt^2
 
     (K + mu M) q = f + F + M (mu q_a + 2 v_a / dt),
     q_b = 2 q - q_a,   v_b = 2 (q_b - q_a) / dt - v_a.
@@ -17,13 +17,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags
+from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import SuperLU, splu
 
 from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS, Finding, by_limits, percent
 from impactfem.marching.layers import Sums
 from impactfem.marching.plate_shown import ShownPlate
 from impactfem.marching.plate_start import PlateAtRest
+from impactfem.marching.plate_step import PlateStep
 from impactfem.scene import PiecewiseVector
 from impactfem.system.kirchhoff import DOFS
 from impactfem.system.plate import PlateSystem
@@ -61,7 +62,6 @@ class PlateMidpoint(ShownPlate):
         slopes = np.flatnonzero(~bodies.deflected)
         self._slopes, self._deflected = slopes, np.flatnonzero(bodies.deflected)
         self._follows = not bodies.shears  # slopes do, whatever deflections do
-        self._mu = 4.0 / dt**2 + 2.0 / dt * bodies.plate.rayleigh_mass
         # Of contact nodes among q, and among the massless of q.
         self._touch = np.asarray(vertex.tocsc()[:, bodies.touch].indices, dtype=np.int64)
         self._massless = bodies.massless
@@ -83,9 +83,9 @@ class PlateMidpoint(ShownPlate):
         self._free = self._at_ease()
 
     @cached_property
-    def _layer(self) -> SuperLU:
-        """Factors of a layer."""
-        return splu((self.bodies.stiffness + self._mu * diags(self._mass)).tocsc(), **CHOLESKY)
+    def _layer(self) -> PlateStep:
+        """The equations of a layer."""
+        return PlateStep(self.bodies, self.dt)
 
     @cached_property
     def _statics(self) -> SuperLU:
@@ -177,14 +177,14 @@ class PlateMidpoint(ShownPlate):
             self._loads = self._pressed(0.5 * (begin + end), 0.5 * self.dt)
         elif not self.bodies.is_steady:
             self._loads = 0.5 * (self._pressed(begin) + self._pressed(end))
-        motion = self._mass * (self._mu * self._q + (2.0 / self.dt) * self._v)
+        motion = self._layer.motion(self._q, self._v, self.dt)
         weight = self._mass * float(self.gravity(layer) @ self._normal)
         middle = self._layer.solve(motion + weight + self._loads)
         self._before = self._q.copy()
         self._q = self._before.copy()
-        heavy = self._heavy
-        self._q[heavy] = 2.0 * middle[heavy] - self._before[heavy]
-        self._free = 2.0 * middle[self._light] - self._free
+        heavy, advance = self._heavy, self._layer.advance
+        self._q[heavy] = advance * middle[heavy] + (1.0 - advance) * self._before[heavy]
+        self._free = advance * middle[self._light] + (1.0 - advance) * self._free
         if (layer + 1) % _SETTLED == 0:
             self._free = self._at_ease()
         return self.surface_displacement
@@ -194,11 +194,11 @@ class PlateMidpoint(ShownPlate):
 
         Of what has no mass the first is what it would be without these forces there.
         """
-        right = self.pulled(forces)
-        found, pressed = 2.0 * self._layer.solve(right), np.zeros_like(right)
+        right, advance = self.pulled(forces), self._layer.advance
+        found, pressed = advance * self._layer.solve(right), np.zeros_like(right)
         if self._massless:
             pressed[self._light] = self._statics.solve(right[self._light])
-        return found - 2.0 * pressed, pressed
+        return found - advance * pressed, pressed
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Answers of the contact nodes to several forces (several, count, 3) in a layer."""

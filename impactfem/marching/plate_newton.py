@@ -1,9 +1,9 @@
 """Plates in steps of any length that are solved by iterates: those that stretch, or beside others.
 
-In a step from a to b, with d the difference, m the mean, a K of bending and forces N of the middle
-(`impactfem.system.membrane`),
+In a step from a to b, with d the difference, m the mean, K of bending, damping C
+(`impactfem.system.plate_damping`) and forces f of the middle (`impactfem.system.membrane`),
 
-    M (2 (d / dt - v_a) / dt + a d / dt) + K q_m + f(w_a, w_b) = loads + contact forces at m,
+    M 2 (d / dt - v_a) / dt + C d / dt + K q_m + f(w_a, w_b) = loads + contact forces at m,
     v_b = 2 d / dt - v_a,
 
 where slopes and vertices that touch have no mass. f does exactly the work of the energy of the
@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import diags
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.sparse.linalg import splu
 
 from impactfem.marching.layers import Sums
 from impactfem.marching.plate import PlateMidpoint
+from impactfem.marching.plate_step import PlateStep
 from impactfem.scene import PiecewiseVector
 from impactfem.system.plate import PlateSystem
-from impactfem.system.surface import CHOLESKY
+from impactfem.system.plate_damping import Answer
 
 Floats = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class PlateNewton(PlateMidpoint):
         """Begin at t = 0; see `PlateMidpoint`."""
         super().__init__(bodies, gravity, dt, counts=counts)
         self._sizes = abs(bodies.stiffness)
-        self._kept: dict[float, tuple[SuperLU, dict[int, Floats]]] = {}
+        self._kept: dict[float, tuple[PlateStep, dict[int, Floats]]] = {}
         self._steep = False  # whether the last step took the whole tangent
         self._way = np.zeros_like(self._q)
 
@@ -93,7 +93,7 @@ class PlateNewton(PlateMidpoint):
         self._way = step * self._v
         self._inner = self._stretched(self._q)
         self._left = np.inf
-        self._whole: SuperLU | None = None
+        self._whole: Answer | None = None
         self._late = self._steep
         self.generation += 1
 
@@ -111,20 +111,20 @@ class PlateNewton(PlateMidpoint):
         Args:
             forces: On the contact nodes at the mean places [N], (count, dim).
         """
-        step, mass = self._span, self._mass
-        mean = self._q + 0.5 * self._way
-        inside = self.bodies.stiffness @ mean
+        step, mass, damping = self._span, self._mass, self.bodies.damping
+        rate, share = self._way / step, 0.5 + damping.stiffness / step
+        mean = self._q + share * self._way  # at which K acts
+        inside = self.bodies.stiffness @ mean + damping.force(rate)
         self._outer = self._stretched(self._q + self._way)
         if (membrane := self.bodies.membrane) is not None:
             (first, before), (last, after) = self._inner, self._outer
             self._tension = 0.5 * membrane.tension(before + after)
             stretching = membrane.force(self._tension, 0.5 * (first + last))
             inside = inside + self._of_vertices @ stretching
-        rate = self._way / step
-        inert = mass * (2.0 / step * (rate - self._v) + self.bodies.plate.rayleigh_mass * rate)
+        inert = mass * (2.0 / step * (rate - self._v) + damping.mass * rate)
         pushed = self.pulled(forces)
         self._rest = self._loads + pushed - inside - inert
-        sizes = self._sizes @ np.abs(mean)
+        sizes = self._sizes @ (np.abs(self._q) + share * np.abs(self._way))
         allowed = np.maximum(np.abs(inside), np.abs(self._loads))
         found = max(
             float(np.abs(self._rest[rows]).max(initial=0.0))
@@ -147,31 +147,33 @@ class PlateNewton(PlateMidpoint):
         self._change = self._solved(self._rest)
         return self._of_touching(self._change)
 
-    def _factors(self) -> tuple[SuperLU, dict[int, Floats]]:
-        """Of the linear plate in steps of this length, and answers of contact nodes by it."""
+    def _linear(self) -> tuple[PlateStep, dict[int, Floats]]:
+        """The linear plate in steps of this length, and answers of contact nodes by it."""
         if self._span not in self._kept:
             if len(self._kept) == _KEPT:
                 del self._kept[next(iter(self._kept))]
-            mu = 4.0 / self._span**2 + 2.0 / self._span * self.bodies.plate.rayleigh_mass
-            matrix = 0.5 * (self.bodies.stiffness + mu * diags(self._mass))
-            self._kept[self._span] = splu(matrix.tocsc(), **CHOLESKY), {}
+            self._kept[self._span] = PlateStep(self.bodies, self._span), {}
         return self._kept[self._span]
 
-    def _tangent(self) -> SuperLU:
+    def _tangent(self) -> Answer:
         """Of the iterate, with what moves in the plane."""
-        membrane, step = self.bodies.membrane, self._span
+        membrane = self.bodies.membrane
         assert membrane is not None  # noqa: S101  (`linearise` asks)
-        mu = 4.0 / step**2 + 2.0 / step * self.bodies.plate.rayleigh_mass
-        own = 0.5 * (self.bodies.stiffness + mu * diags(self._mass))
         mean = 0.5 * (self._inner[0] + self._outer[0])
-        last, vertices = self._outer[0], self._of_vertices
-        return splu(membrane.tangent(vertices, own, self._tension, mean, last))
+        last, vertices, own = self._outer[0], self._of_vertices, self._linear()[0].tangent
+        factor = splu(membrane.tangent(vertices, own, self._tension, mean, last))
+
+        def answer(right: Floats) -> Floats:
+            more = np.zeros((factor.shape[0] - len(right), *right.shape[1:]))
+            return np.asarray(factor.solve(np.concatenate([right, more]))[: len(right)])
+
+        return self.bodies.damping.beside(answer, self._span)
 
     def _solved(self, right: Floats) -> Floats:
         if self._whole is None:
-            return np.asarray(self._factors()[0].solve(right))
-        more = np.zeros(self._whole.shape[0] - len(right))
-        return np.asarray(self._whole.solve(np.concatenate([right, more]))[: len(right)])
+            linear = self._linear()[0]
+            return linear.advance * linear.solve(right)
+        return self._whole(right)
 
     def answers(self, forces: Floats) -> Floats:  # type: ignore[override]
         """How contact nodes answer to forces on them at the iterate, (several, count, dim)."""
@@ -180,14 +182,14 @@ class PlateNewton(PlateMidpoint):
             return np.stack(each)
         # Sums of answers to unit forces, one node after the other: what is known then does not tell
         # how they round, and a run can be continued.
-        factor, known = self._factors()
+        linear, known = self._linear()
         along = forces @ self._normal
         nodes = np.flatnonzero(along.any(axis=0))
         for node in nodes.tolist():
             if node not in known:
                 unit = np.zeros_like(self._q)
                 unit[self._touch[node]] = 1.0
-                known[node] = factor.solve(unit)[self._touch]
+                known[node] = linear.advance * linear.solve(unit)[self._touch]
         moved = along[:, nodes] @ np.stack([known[node] for node in nodes.tolist()])
         return np.asarray(moved[:, :, None] * self._normal)
 

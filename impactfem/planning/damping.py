@@ -35,6 +35,18 @@ def mass_damping_findings(body: Any, dt: float) -> list[Finding]:
     return [*by_limits("setting", rate, RATE_LIMITS, text, body.name, remedy)]
 
 
+def contact_damping_findings(bodies: Any) -> list[Finding]:
+    """What contacts of bodies without masses where they touch lack of their damping."""
+    text = (
+        f"{bodies.names[0]} is damped so strongly that what touches shows: it has no mass and is "
+        "not damped, so that impulses of contacts are too large by about "
+        f"{percent(bodies.undamped)}"
+    )
+    remedy = "take a smaller mesh_size, less damping, or a stiffness of its contacts"
+    limits = REBOUND_LIMIT, float("inf")
+    return [*by_limits("setting", bodies.undamped, limits, text, bodies.names[0], remedy)]
+
+
 def damping_findings(
     method: str, solid: Solid, size: Size, extent: float, dt: float
 ) -> list[Finding]:

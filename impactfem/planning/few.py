@@ -46,7 +46,10 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
         SceneError: The settings cannot work.
     """
     from impactfem.models.solids import solids_model  # noqa: PLC0415  (loads DOLFINx)
-    from impactfem.planning.damping import mass_damping_findings  # noqa: PLC0415  (likewise)
+    from impactfem.planning.damping import (  # noqa: PLC0415  (likewise)
+        contact_damping_findings,
+        mass_damping_findings,
+    )
 
     solve = scene.solve
     model = solids_model(scene, (), updated=True)
@@ -96,6 +99,7 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
             *joint_findings(model),
             *dent_findings(model),
             *(found for body in meshed for found in mass_damping_findings(body, dt)),
+            *(found for each in model.few for found in contact_damping_findings(each)),
         ),
     )
 

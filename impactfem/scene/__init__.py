@@ -19,12 +19,9 @@ from impactfem.scene.obstacles import (
 )
 from impactfem.scene.obstacles.rotation import Rotation
 from impactfem.scene.plate import Plate
-from impactfem.scene.plate_keys import (
+from impactfem.scene.plate_keys import EdgeSupport, FacePressure, Layer, Orthotropic
+from impactfem.scene.plate_outlines import (
     DiscOutline,
-    EdgeSupport,
-    FacePressure,
-    Layer,
-    Orthotropic,
     PolygonOutline,
     RectangleOutline,
     RingOutline,

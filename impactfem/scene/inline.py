@@ -7,7 +7,7 @@ from typing import Any, ClassVar, override
 import numpy as np
 
 from impactfem.scene.formula import Formula
-from impactfem.scene.kinds import FormulaOf, Kind
+from impactfem.scene.kinds import FormulaOf, Kind, Real
 from impactfem.scene.schema import KeyedError, keys_of
 from impactfem.scene.tables import read_object
 from impactfem.scene.values import (
@@ -74,6 +74,33 @@ class NumberOrVector(Kind):
     @override
     def write(self, value: float | tuple[float, ...]) -> float | list[float]:
         return list(value) if isinstance(value, tuple) else value
+
+
+@dataclass(frozen=True)
+class NumberOrList(Kind):
+    """A number, or a list of such, stored as a tuple."""
+
+    type_name: ClassVar[str] = "number or list of numbers"
+    inner: Real
+    at_most: int
+
+    @property
+    @override
+    def allowed(self) -> str:
+        return f"{self.inner.allowed}, or a list of 1 to {self.at_most} of such"
+
+    @override
+    def read(self, value: object) -> tuple[float, ...]:
+        if is_number(value):
+            return (self.inner.read(value),)
+        found = ListOf(self.inner, at_least=1).read(value)
+        if len(found) > self.at_most:
+            raise NotAllowedError(f"it has {len(found)} entries")
+        return found
+
+    @override
+    def write(self, value: tuple[float, ...]) -> float | list[float]:
+        return list(value) if len(value) > 1 else value[0]
 
 
 @dataclass(frozen=True)

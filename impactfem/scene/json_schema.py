@@ -15,6 +15,7 @@ from impactfem.scene.inline import (
     Formulas,
     InlineTable,
     ListOf,
+    NumberOrList,
     NumberOrVector,
     TablesByName,
     Vector,
@@ -216,6 +217,12 @@ def _(kind: Vector, _found: dict[str, Schema]) -> Schema:
 @_schema.register
 def _(_kind: NumberOrVector, _found: dict[str, Schema]) -> Schema:
     return {"anyOf": [_NUMBER, _list(_NUMBER, 3, 3)]}
+
+
+@_schema.register
+def _(kind: NumberOrList, found: dict[str, Schema]) -> Schema:
+    entry = _schema(kind.inner, found)
+    return {"anyOf": [entry, _list(entry, 1, kind.at_most)]}
 
 
 @_schema.register

@@ -10,21 +10,24 @@ import numpy as np
 
 from impactfem.scene.body import BodyKind, Floats, Solver
 from impactfem.scene.formula import Formula
-from impactfem.scene.inline import InlineTable, ListOf, Vector
+from impactfem.scene.inline import InlineTable, ListOf, NumberOrList, Vector
 from impactfem.scene.kinds import Choice, FilePath, FormulaOf, Name, Real
 from impactfem.scene.laminate import Section
 from impactfem.scene.plate_keys import (
-    OUTLINES,
-    DiscOutline,
     EdgeSupport,
     FacePressure,
     Layer,
     Orthotropic,
+    check_damping,
+    check_moduli,
+    ply_of,
+)
+from impactfem.scene.plate_outlines import (
+    OUTLINES,
+    DiscOutline,
     PolygonOutline,
     RectangleOutline,
     RingOutline,
-    check_moduli,
-    ply_of,
 )
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.solid_keys import MESH_FILES
@@ -42,6 +45,7 @@ MEMBRANES = {"none": False, "von_karman": True}
 """Whether the middle stretches, by moderate rotations."""
 _THICK = {None: 0.2, THIN: 0.1, SHEARING: 0.2}
 """Thickness by the least width from which on a theory is refused."""
+MOST_RATIOS = 100
 _COUPLED = 1e-6  # share of the bending stiffness from which on layers stretch as they bend
 _SHEARS = 0.05  # the same from which on shear counts, unless theory says so
 
@@ -122,6 +126,15 @@ class Plate(BodyKind):
     rayleigh_mass: float = key(
         Real(at_least=0), "damping by the mass: speeds fall at this rate", unit="1/s", default=0.0
     )
+    rayleigh_stiffness: float = key(
+        Real(at_least=0), "damping by the stiffness of small deflections", unit="s", default=0.0
+    )
+    damping_ratio: Sequence[float] | None = key(
+        NumberOrList(Real(at_least=0, below=1), MOST_RATIOS),
+        "damping of the first modes of vibration over the critical one, a number or a list; modes "
+        "beyond are damped by the stiffness, at the last ratio where the list ends",
+        default=None, absent="0",
+    )  # fmt: skip
     theory: str | None = key(
         Choice(tuple(THEORIES)), "thin, or thick with shear and rotary inertia",
         default=None, absent="with shear from a twentieth of the width, but beside balls",
@@ -172,6 +185,8 @@ class Plate(BodyKind):
             normal: Sequence[float] = (0.0, 0.0, 1.0),
             angle: float = 0.0,
             rayleigh_mass: float = 0.0,
+            rayleigh_stiffness: float = 0.0,
+            damping_ratio: float | Sequence[float] | None = None,
             theory: str | None = None,
             patch_radius: float | None = None,
             membrane: str = "none",
@@ -186,6 +201,7 @@ class Plate(BodyKind):
         check_fields(self, self.kind)
         self._check_material()
         self._check_membrane()
+        check_damping(self, self.kind)
         if (self.outline is None) == (self.mesh is None):
             given = "neither is" if self.mesh is None else "both are"
             raise KeyedError(self.kind, "outline", f": {given} given; give outline, or mesh.")
@@ -326,9 +342,9 @@ class Plate(BodyKind):
         return [body.name for body in bodies if not body.has_surface]
 
     @property
-    def rayleigh_damping(self) -> tuple[float, float]:
-        """By mass [1/s] and stiffness [s]."""
-        return self.rayleigh_mass, 0.0
+    def rayleigh_damping(self) -> tuple[float, ...]:
+        """By mass [1/s], stiffness [s] and the ratios of modes."""
+        return self.rayleigh_mass, self.rayleigh_stiffness, *(self.damping_ratio or ())
 
     @property
     def frame(self) -> tuple[Floats, Floats]:

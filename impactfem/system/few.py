@@ -102,6 +102,11 @@ class FewBodies:
         return np.zeros(len(self.radius), dtype=np.int64)
 
     @property
+    def undamped(self) -> float:
+        """By which share contacts push too much since what touches is not damped."""
+        return 0.0
+
+    @property
     def seconds(self) -> float:
         """Time of a layer on one core, about, beside what any bodies take [s]."""
         return 0.0

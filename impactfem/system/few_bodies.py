@@ -14,7 +14,7 @@ from impactfem.system.frequency import highest_frequency
 from impactfem.system.generalized import LinearSystem
 from impactfem.system.mechanism import mechanism_system
 from impactfem.system.net import net_system
-from impactfem.system.plate import plate_system
+from impactfem.system.plate_making import plate_system
 from impactfem.system.points import free_points
 from impactfem.system.rigid import in_space, rigid_system
 

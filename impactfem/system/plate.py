@@ -2,44 +2,36 @@
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
-from scipy.sparse.linalg import eigsh
 
-from impactfem import fem
-from impactfem.errors import MeshError, SceneError
-from impactfem.scene import Formula, Scene
 from impactfem.scene.obstacles.rotation import gap_at
-from impactfem.scene.pairing import bodies_met, law_of, obstacles_of
 from impactfem.scene.plate import Plate
-from impactfem.scene.plate_keys import FACES
 from impactfem.system.few import FewBodies
-from impactfem.system.kirchhoff import DOFS, Triangles, edge_stiffness
+from impactfem.system.kirchhoff import DOFS
 from impactfem.system.loads import FormulaValues
 from impactfem.system.membrane import Membrane
+from impactfem.system.plate_damping import PlateDamping
 from impactfem.system.plate_mesh import (
     Booleans,
     PlateMesh,
-    apart_from_others,
-    held_in_plane,
-    held_slopes,
-    mass_to_neighbours,
-    net_between,
-    plate_mesh,
 )
-from impactfem.system.plate_rows import free_basis, patches
-from impactfem.system.plate_tones import first_frequency
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+OF_BENDING = 5.0  # modes up to about the second are followed like a vibration, as of beams
+_UNDAMPED = 200.0
+"""Impulse too large over root of the first mode's damping ratio and area of an element by width^2.
+
+A clamped square thrown at a flat stop, ratios of 0.1 and 0.5, elements of 1/25 and 1/12: 4, 31, 10,
+71 %, beside contacts with a stiffness, whose vertices have mass and are damped.
+"""
 _LINEAR_SECONDS, _STRETCHING_SECONDS = 3.6e-7, 3.7e-6
 """Of an unknown in a layer: 36 ms with 99 517, 4 ms with 10 657; 45 ms with 11 949."""
-_OF_BENDING = 5.0  # modes up to about the second are followed like a vibration, as of beams
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +47,7 @@ class PlateSystem(FewBodies):
         light: Which of q have no mass, (d,).
         node_mass: Of the vertices, after what touches gave its away [kg], (vertices,).
         weight: Mass of q, (d,) [kg, kg m^2].
+        damping: Of it.
         turning: Rotary inertia of the vertices about any axis in the plate [kg m^2], (vertices,).
         shears: Whether it does.
         thickness: At the vertices [m], (vertices,).
@@ -76,6 +69,7 @@ class PlateSystem(FewBodies):
     light: Booleans
     node_mass: Floats
     weight: Floats
+    damping: PlateDamping
     turning: Floats
     shears: bool
     thickness: Floats
@@ -103,6 +97,13 @@ class PlateSystem(FewBodies):
     def massless(self) -> bool:
         """Whether what touches has no mass."""
         return bool((self.light & self.deflected).any())
+
+    @property
+    def undamped(self) -> float:
+        """See `FewBodies`; by the damping of the first mode and the size of elements."""
+        ratio = 0.5 * self.damping.stiffness * self.rate() / OF_BENDING * self.massless
+        elements = float(self.mesh.areas.sum() / len(self.mesh.cells))
+        return min(_UNDAMPED * math.sqrt(ratio) * elements / self.width**2, 1.0)
 
     @property
     def seconds(self) -> float:
@@ -186,212 +187,3 @@ class PlateSystem(FewBodies):
     def by_gap(self) -> bool:
         """Whether some go by the gap to an obstacle."""
         return any(values.uses_gap for _, values in self.loads)
-
-
-def plate_system(scene: Scene, plate: Plate) -> PlateSystem:
-    """Discretise a plate (collective).
-
-    Vertices that may touch are no neighbours of each other and have no mass, and slopes have none
-    either: both are in equilibrium with the rest. Where there is nothing to meet all keep theirs,
-    and so they do where all contacts have a stiffness, which any vertex then may have.
-
-    Raises:
-        MeshError: It cannot be meshed, has an unknown edge, or all of it is held.
-        SceneError: A formula has no finite value.
-    """
-    mesh = plate_mesh(plate, scene.folder or Path())
-    obstacles = tuple(obstacles_of(scene, plate.name))
-    met = [*bodies_met(scene, plate.name), *(o.name for o in obstacles)]
-    laws = [law_of(scene, plate.name, name) for name in met]
-    sprung = bool(laws) and all(law is not None and law.stiffness is not None for law in laws)
-    patch = plate.patch_radius if plate.pressed_by(scene.bodies) else None
-    if patch is not None and not sprung:
-        raise SceneError(
-            f"body {plate.name}: patch_radius = {patch:g}: forces act on patches "
-            "where all of its contacts have a stiffness: give these one by [[contact]], or remove "
-            "it"
-        )
-    found = discretised(
-        plate, mesh, touches=bool(met) and not sprung, sprung=sprung,
-        shears=plate.shears_beside(scene.bodies), obstacles=obstacles, patch=patch,
-    )  # fmt: skip
-    for load, (sign, values) in zip(plate.pressures, found.loads, strict=True):
-        if values.uses_gap and np.isinf(found.gap(sign, 0.0)).all():
-            raise SceneError(
-                f"pressure on the {load.face} of {plate.name}: {load.value.text!r} uses gap, but "
-                "this face sees no obstacle at t = 0: give one there, or the other face"
-            )
-    return found
-
-
-def discretised(
-    plate: Plate,
-    mesh: PlateMesh,
-    *,
-    touches: bool,
-    sprung: bool = False,
-    shears: bool = False,
-    obstacles: tuple[Any, ...] = (),
-    patch: float | None = None,
-) -> PlateSystem:
-    """The same on a mesh that is given.
-
-    Args:
-        plate: As the scene has it.
-        mesh: Of its mid-surface.
-        touches: Whether there is anything that it may meet without a stiffness between.
-        sprung: Whether all that it meets has one.
-        shears: Whether it shears.
-        obstacles: That it may meet.
-        patch: Over which contact forces act [m]; None: on single vertices.
-
-    Raises:
-        MeshError: It has an unknown edge, or no vertex is left that could move and have mass.
-        SceneError: Its thickness is none, or too large for its theory, or a stress buckles it.
-    """
-    thickness = _thicknesses(plate, mesh)
-    still, ways = held_slopes(mesh, plate)
-    count = len(mesh.points)
-    touch = np.flatnonzero(~still) if sprung else apart_from_others(mesh, ~still)
-    if not len(touch) or (touches and len(touch) == count - int(still.sum())):
-        raise MeshError(
-            f"body {plate.name}: no vertex is left that could move and have mass: give a smaller "
-            "mesh_size"
-        )
-    light = touch if touches else np.zeros(0, dtype=np.int64)
-    transfer = mass_to_neighbours(mesh, light)
-    section = plate.section
-    ratio = thickness[mesh.cells].mean(axis=1) / section.thickness
-    own = section.mass * mesh.lumped(ratio)
-    mass = np.asarray(transfer.T @ own)
-    mass[still] = 0.0
-    basis, deflected, vertex = free_basis(still, ways)
-    triangles = Triangles(mesh, section, ratio, shears)
-    stiffness = triangles.stiffness
-    for support in plate.supports:
-        springs = support.stiffness, support.rotational_stiffness
-        if any(springs):
-            stiffness = stiffness + edge_stiffness(mesh.points, mesh.edges[support.edge], *springs)
-    reduced = csr_matrix(basis.T @ stiffness @ basis)
-    if plate.residual_stress:
-        reduced = _stressed(plate, mesh, still, reduced, triangles, basis)
-    # Rotary inertia, of plates that shear: others have none, and follow their deflection.
-    turning = section.turning * mesh.lumped(ratio**3) * shears
-    inertia = sum(basis[k::DOFS].power(2).T @ turning for k in (1, 2))
-    weight = basis[::DOFS].T @ mass + inertia
-    massless = weight == 0.0
-    center, axes = plate.frame
-    start = center + mesh.points @ axes[:2]
-
-    def values(formula: Formula, label: str) -> FormulaValues:
-        return FormulaValues(
-            formula, f"{label} of {plate.name}", mesh.points, fem.MPI.COMM_SELF, "plate"
-        )
-
-    u = values(plate.displacement, "displacement").at(0.0)
-    v = values(plate.velocity, "velocity").at(0.0).copy()
-    v[still] = 0.0
-    v = np.asarray(transfer @ v)  # of what has no mass the mean of its neighbours
-    position = np.zeros(basis.shape[1])
-    position[deflected] = u[vertex[deflected]]
-    rest, reading = start[touch], csr_matrix(basis[DOFS * touch])
-    if patch is not None:
-        reading = csr_matrix(patches(mesh, touch, patch) @ basis[::DOFS])
-
-    def places(q: Floats) -> Floats:
-        return np.asarray(rest + np.outer(reading @ q, axes[2]))
-
-    total = float(own.sum())
-    half = 0.5 * thickness[touch]
-    first = first_frequency(reduced, weight * ~massless)
-    return PlateSystem(
-        names=(plate.name,),
-        masses=(total,),
-        centers=(own @ start / total)[None],
-        speeds=(mass @ v / total * axes[2])[None],
-        inertias=(0.0,),
-        angles=(0.0,),
-        position=position,
-        velocity=np.where(deflected, v[vertex], 0.0),
-        places=places,
-        radius=half,
-        shell=half,
-        touching=np.ones(len(touch), dtype=bool),
-        body=np.zeros(len(touch), dtype=np.int64),
-        lines=mesh.cells_of(touch) if sprung else net_between(mesh, touch),
-        ends={},
-        rate=lambda: _OF_BENDING * first,
-        words=f"a {'thick' if shears else 'thin'} plate of {len(mesh.cells)} discrete Kirchhoff"
-        f"{'-Mindlin' if shears else ''} triangles",
-        plate=plate,
-        mesh=mesh,
-        basis=basis,
-        stiffness=reduced,
-        deflected=deflected,
-        light=massless,
-        node_mass=mass,
-        weight=weight,
-        turning=turning,
-        shears=shears,
-        thickness=thickness,
-        transfer=transfer,
-        reading=reading,
-        touch=touch,
-        loads=tuple(
-            (FACES[load.face], values(load.value, f"pressure on the {load.face}"))
-            for load in plate.pressures
-        ),
-        obstacles=obstacles,
-        curved=csr_matrix(triangles.curvatures @ basis),
-        enclosed=bool(still[mesh.rim].all()),
-        membrane=Membrane(triangles, held_in_plane(mesh, plate)) if plate.stretches else None,
-    )
-
-
-def _thicknesses(plate: Plate, mesh: PlateMesh) -> Floats:
-    """At the vertices [m], (vertices,).
-
-    Raises:
-        SceneError: It is none somewhere, or too large.
-    """
-    if plate.thickness is None or plate.thickness.is_constant:
-        return np.full(len(mesh.points), plate.depth)
-    x, y = mesh.points.T
-    found = np.asarray(plate.thickness(x=x, y=y))
-    bad = np.flatnonzero(~(np.isfinite(found) & (found > 0.0)))
-    if len(bad):
-        at = ", ".join(f"{each:.4g}" for each in mesh.points[bad[0]])
-        raise SceneError(
-            f"body {plate.name}: thickness = {plate.thickness.text!r} is {found[bad[0]]:.4g} at "
-            f"(x, y) = ({at}): give a formula that is above 0 all over the plate"
-        )
-    plate.check_thickness(float(found.max()))
-    return found
-
-
-def _stressed(
-    plate: Plate, mesh: PlateMesh, still: Booleans, stiffness: csr_matrix, triangles: Triangles,
-    basis: csr_matrix,
-) -> csr_matrix:  # fmt: skip
-    """Stiffness in q with that of the tension in the plate.
-
-    Raises:
-        SceneError: Nothing holds the tension, or it buckles the plate.
-    """
-    stress = plate.residual_stress
-    where = f"body {plate.name}: residual_stress = {stress:g} Pa"
-    if not (still & held_in_plane(mesh, plate))[mesh.rim].all():
-        raise SceneError(
-            f"{where} needs all edges held, which a free or elastic one lets go: hold them, in the "
-            "plane too, or remove it"
-        )
-    unit = csr_matrix(basis.T @ triangles.tension(plate.section.thickness) @ basis)
-    if stress < 0.0:
-        start = np.ones(basis.shape[1])
-        least = eigsh(stiffness, 1, unit, sigma=0.0, v0=start, return_eigenvectors=False)
-        if -stress >= least[0]:
-            raise SceneError(
-                f"{where} buckles it, as {-least[0]:.4g} Pa do: give less, motions beyond are not "
-                "modelled"
-            )
-    return stiffness + stress * unit

@@ -20,7 +20,7 @@ from impactfem.mesh.outline import NEAR, Frame, Outline, Plane, Polygon
 from impactfem.mesh.raw import RawMesh
 from impactfem.mesh.shapes import drawn_mesh, shape_mesh
 from impactfem.scene.plate import Plate
-from impactfem.scene.plate_keys import PolygonOutline
+from impactfem.scene.plate_outlines import PolygonOutline
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

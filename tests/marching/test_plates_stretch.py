@@ -140,7 +140,7 @@ def test_layers_that_stretch_as_they_bend_are_refused():
 
 def moving():
     return scene(
-        thrown(), obstacles=[stop(0.008)], duration=0.1, dt=1e-3,
+        thrown(damping_ratio=[0.02, 0.01]), obstacles=[stop(0.008)], duration=0.1, dt=1e-3,
         output={"fields": [], "checkpoint": 5},
     )  # fmt: skip
 

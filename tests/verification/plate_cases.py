@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse.linalg import spsolve
 
 import impactfem
-from impactfem.system.plate import discretised
+from impactfem.system.plate_making import discretised
 from impactfem.system.plate_mesh import PlateMesh, plate_mesh
 from impactfem.system.plate_tones import frequencies
 

@@ -178,6 +178,10 @@ def _damping(body: Any) -> str:
         parts.append(f"{quantity(body.rayleigh_mass, '1/s')} times the mass")
     if stiff := getattr(body, "rayleigh_stiffness", 0.0):
         parts.append(f"{quantity(stiff, 's')} times the stiffness")
+    if ratios := getattr(body, "damping_ratio", None):
+        shown = " ".join(number(ratio) for ratio in ratios)
+        of = f"first {len(ratios)} modes" if len(ratios) > 1 else "first mode"
+        parts.append(f"{shown} of the critical one for the {of}, by the stiffness beyond")
     return f" Damping: {' plus '.join(parts)}." if parts else ""
 
 
