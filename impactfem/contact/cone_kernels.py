@@ -84,7 +84,7 @@ def missed_by(law, force, tolerance):
             spread = max(spread, size)
     worst, finite = 0.0, True
     for j in range(pairs):
-        pressing = base[master[j]] + max(force[master[j], 0], 0.0)
+        pressing = base[j] + max(force[master[j], 0], 0.0)
         trial, most = force[j] - answer[j] / scale[j], spinning[j] * pressing
         if master[j] == j:
             wanted = max(trial[0], 0.0)
@@ -111,7 +111,7 @@ def _derivative(law, force, answer):
     jacobian = np.zeros((pairs * dim, pairs * dim))
     for j in range(pairs):
         first, own = j * dim, master[j]
-        pressing = base[own] + max(force[own, 0], 0.0)
+        pressing = base[j] + max(force[own, 0], 0.0)
         trial, most = force[j] - answer[j] / scale[j], spinning[j] * pressing
         push = own == j
         if (push and trial[0] > 0.0) or (not push and most > 0.0 and abs(trial[0]) <= most):

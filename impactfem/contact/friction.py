@@ -180,6 +180,9 @@ def solve_friction_layer(
     stuck = place_a[:, 1:] if held is None else held
     total, start = 0, old
     soft, across = springs or (None, np.zeros(len(free), dtype=bool))
+    own = np.arange(len(free))
+    masters = own if moments is None else moments[0]
+    given = across | (masters != own)  # what belongs to the layer is bounded by its force
 
     def end(theta: float) -> tuple[Floats, Floats]:
         nonlocal total, start
@@ -187,10 +190,10 @@ def solve_friction_layer(
         slipped = offset.copy()
         slipped[:, 1:] -= stuck
         matrix = theta * response + compliance
-        base = np.where(across, (1.0 - theta) / theta * old[:, 0], 0.0)
+        base = np.where(given, (1.0 - theta) / theta * old[masters, 0], 0.0)
         problem = ConeProblem(matrix, slipped, friction, base, *law)
-        start, count = _obeying(problem, soft, start, tolerance, max_iterations)
-        total += count
+        start, systems = _obeying(problem, soft, start, tolerance, max_iterations)
+        total += systems
         place = offset + _times(matrix, start)
         if soft is not None:
             place[:, 0] += soft.depth(start[:, 0])
@@ -213,13 +216,10 @@ def solve_friction_layer(
         stored += 0.0 if soft is None else 2.0 * float(soft.energy(new[:, 0]).sum())
         return wanted - theta, abs(wanted - theta) * slope <= _EXACT * stored
 
-    theta = 0.5
-    new, place = end(theta)
-    theta, new, place = _fixed_point(end, excess, theta, new, place)
+    theta, new, place = _fixed_point(end, excess, 0.5, *end(0.5))
     force = (1.0 - theta) * old + theta * new
     work = _work(force, place, place_a)
-    if held is None:
-        work = np.minimum(work, 0.0)
+    work = np.minimum(work, 0.0) if held is None else work
     return FrictionContact(force, new, place, work, theta, total)
 
 

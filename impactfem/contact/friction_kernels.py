@@ -48,12 +48,14 @@ def sweep_cones(
             rub = block[1:, 1:]
             own = master[j] == j
             alternations = _LOCAL if own and follow else 1
+            if follow and not own:
+                bound[j] = base[j] + max(force[master[j], 0], 0.0)
             for _ in range(alternations):
                 # The normal force, or the moment that resists spinning.
                 if own:
                     pushed = max(0.0, force[j, 0] - answer[0] / block[0, 0])
                 else:
-                    most = spinning[j] * bound[master[j]]
+                    most = spinning[j] * bound[j]
                     pushed = min(max(force[j, 0] - answer[0] / block[0, 0], -most), most)
                 change = pushed - force[j, 0]
                 force[j, 0] = pushed
@@ -66,7 +68,7 @@ def sweep_cones(
                 for c in range(dim - 1):
                     for i in range(dim - 1):
                         slip[c] -= rub[c, i] * force[j, 1 + i]
-                new = _in_disc(rub, slip, friction[j] * bound[master[j]])
+                new = _in_disc(rub, slip, friction[j] * bound[j])
                 for c in range(dim - 1):
                     change = new[c] - force[j, 1 + c]
                     force[j, 1 + c] = new[c]

@@ -46,7 +46,8 @@ class ConeProblem:
             of a pair one after the other, the normal one first; of many pairs by its roots.
         offset: o [m], shape (pairs, dim).
         friction: mu, shape (pairs,), >= 0; of moments the resistance to rolling [m].
-        base: Part of the bound's normal force that is given [N], shape (pairs,), >= 0.
+        base: Part of the bound's normal force that is given [N], shape (pairs,), >= 0; moments
+            have their own.
         master: Which pair's normal force bounds the others: of forces the own number, shape
             (pairs,); None: no pair is a moment.
         spinning: Resistance to spinning of pairs that are moments [m], shape (pairs,).
@@ -81,7 +82,7 @@ class ConeProblem:
 
     def pressing(self, force: Floats) -> Floats:
         """Normal forces that bound the others of each pair [N]."""
-        found: Floats = (self.base + np.maximum(force[:, 0], 0.0))[self.masters]
+        found: Floats = self.base + np.maximum(force[self.masters, 0], 0.0)
         return found
 
     def bound(self, force: Floats) -> Floats:

@@ -196,7 +196,7 @@ def _without_traces(problem: ConeProblem, force: Floats) -> Floats:
     is_open = push & (force[:, 0] <= problem.answers(force)[:, 0] / first)
     force = force.copy()
     force[is_open, 0] = 0.0
-    unbound = (is_open & (problem.base <= 0.0))[problem.masters]
+    unbound = is_open[problem.masters] & (problem.base <= 0.0)
     force[unbound, 1:] = 0.0
     force[unbound & ~push] = 0.0
     return force
@@ -212,14 +212,14 @@ def _swept(problem: ConeProblem, start: Floats, sweeps: int, damped: float) -> F
         damped: Part of each new bound that is taken by convex problems; 0: bounds follow.
     """
     force = start.copy()
-    pressing = problem.base + np.maximum(force[:, 0], 0.0)
+    pressing = problem.pressing(force)
     matrix = np.ascontiguousarray(full(problem.matrix))
     size = float(np.abs(problem.offset.ravel() / matrix.diagonal()).max(initial=0.0))
     law = problem.friction, problem.masters, problem.spins, problem.base
     for _ in range(sweeps if damped else 1):
         rest = (_FROZEN, 1e-10 * size) if damped else (sweeps, 1e-15 * size)
         sweep_cones(matrix, problem.offset, *law, pressing, force, not damped, *rest)
-        wanted = problem.base + np.maximum(force[:, 0], 0.0)
+        wanted = problem.pressing(force)
         if np.abs(wanted - pressing).max(initial=0.0) <= 1e-10 * size:
             break
         pressing = (1.0 - damped) * pressing + damped * wanted

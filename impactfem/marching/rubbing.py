@@ -153,11 +153,12 @@ def rub(
         ConvergenceError: Stick, slip or theta were not found.
     """
     # What did not slip before is held by the larger coefficient, unless it slips all the same.
+    of_levels = ~(layer.fast | layer.across) & (keeping(scheme.rule, layer.springs) != "middle")
     holds = layer.stuck & (law.static > law.coefficients)[layer.rows]
     while True:
         mu = np.where(holds, law.static[layer.rows], law.coefficients[layer.rows])
         found = _with_poisson(law, scheme, layer, blocks, share, mu, moments)
-        force = found.force[: len(mu)]
+        force = np.where(of_levels[:, None], found.multiplier[: len(mu)], found.force[: len(mu)])
         inside = np.linalg.norm(force[:, 1:], axis=1) < (1.0 - _ON_CONE) * mu * force[:, 0]
         slips = holds & ~inside & (force[:, 0] > 0.0)
         if not slips.any():
@@ -212,7 +213,7 @@ def _solve(
     held = None if layer.held is None else turned(layer.frames, layer.held)[:, 1:]
     springs = layer.springs
     limits = keeping(scheme.rule, springs), law.tolerance, law.max_iterations
-    if not (layer.fast | layer.across).any():
+    if moments is None and not (layer.fast | layer.across).any():
         soft = None if springs is None else (springs, layer.across)
         states = free, response, compliance, (old, before), mu
         return solve_friction_layer(*states, *limits, held, None, None, law.accuracy, soft)

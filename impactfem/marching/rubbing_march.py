@@ -129,17 +129,22 @@ class RubbingMarch(SolidMarch):
         slid: Floats = 0.5 * dt * (after - later)
         rebound = self._rebound(normals, before, after)
         self._slipping, self._fastest = before - earlier, float(np.abs(before).max(initial=0.0))
-        if self.layer == 0:
-            across = self._slipping
-            across = across - np.einsum("ij,ij->i", across, normals)[:, None] * normals
-            still = np.abs(across).max(axis=1) <= _STILL * self._fastest
-            self._rubbing.stuck = still.astype(float)
         if (lively := self._rubbing.law.rebound).any():
             arriving = np.where(self._arriving, lively, 0.0)[:, None]
             slid = slid + 0.5 * dt * arriving * (before - earlier)
         rebound = np.where(np.isnan(ends), rebound, ends)
         along = rebound - np.einsum("ij,ij->i", normals, slid)
         return np.asarray(slid + along[:, None] * normals)
+
+    def _stuck(self, normals: Floats, way: Floats) -> Floats:
+        """1 where nothing slipped before, (pairs,); arguments as of `_rubbing_halfway`."""
+        if self.layer > 0:
+            return self._rubbing.stuck
+        before = self._gaps.relative(self.interior.contact_speeds(way)[0])
+        across = before - self._obstacle_speeds()[0]
+        across = across - np.einsum("ij,ij->i", across, normals)[:, None] * normals
+        still: Floats = np.abs(across).max(axis=1) <= _STILL * np.abs(before).max(initial=0.0)
+        return still.astype(float)
 
     @property
     def _turnable(self) -> Composite:
@@ -180,6 +185,7 @@ class RubbingMarch(SolidMarch):
         held = gaps.relative(last) - gaps.shift(time - dt) if self._skips else None
         (fast, ends), halfway = self._laws(count), way
         across = self._across
+        stuck = self._stuck(normals, free - last)
         if (fast | ends | across)[taking_part].any():
             halfway = self._rubbing_halfway(normals, free - last, np.where(ends, gap, np.nan))
         iterations, poisson = 0, self._expanding(count)
@@ -190,7 +196,7 @@ class RubbingMarch(SolidMarch):
             layer = LayerGaps(
                 rows, directions, gap[rows], way[rows], (old[rows], old_gap[rows]),
                 old_tangential[rows], old_way[rows], None if held is None else held[rows],
-                (fast | ends)[rows], halfway[rows], ends[rows], state.stuck[rows] > 0.0,
+                (fast | ends)[rows], halfway[rows], ends[rows], stuck[rows] > 0.0,
                 poisson[rows], across[rows],
                 None if self._springs is None else self._springs.some(rows),
             )  # fmt: skip

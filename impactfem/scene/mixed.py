@@ -108,18 +108,14 @@ def _check_convex(body: Body, what: str) -> None:
 
 def _check_contact(scene: Content, contact: Contact, where: str, known: Mapping[str, Body]) -> None:
     sides = [known[name] for entry in contact.between if (name := side_of(entry)[0]) in known]
+    stiff = any(not body.waves for body in sides)
     for body in sides:
         if contact.friction_coefficient and not body.rubs:
             text = f" = {show(contact.friction_coefficient)}: friction on {body.name}, a "
             text += f"{body.kind}, is not available; remove it."
             raise KeyedError(where, "friction_coefficient", text)
-        for law in contact.laws_of_mass if body.waves else ():
-            text = f" = {show(getattr(contact, law))}: {body.name} rebounds by its own "
-            text += "elasticity, which needs no such law; remove it."
-            if "restitution" not in law:
-                text = f" = {show(getattr(contact, law))} is not available on {body.name}, whose "
-                text += "contact nodes have no mass; remove it."
-            raise KeyedError(where, law, text)
+        if body.waves:
+            _check_waves(body, contact, where, stiff=stiff)
     for law in ("rolling_resistance", "spinning_resistance"):
         value = getattr(contact, law)
         if value and (not any(body.rolls for body in sides) or scene.dim + (law[0] == "r") < 3):
@@ -131,11 +127,24 @@ def _check_contact(scene: Content, contact: Contact, where: str, known: Mapping[
         if value and turning:
             text = f" = {show(value)} is not available on {turning[0]}, which turns; remove it."
             raise KeyedError(where, law, text)
-    for law in ("static_friction_coefficient", "restitution_law"):
+    iterates = ("static_friction_coefficient", "restitution_law", "rolling_resistance")
+    for law in (*iterates, "spinning_resistance"):
         # Of thousands of laws few have these.
         if (value := getattr(contact, law)) and scene.iterated:
             text = f" = {show(value)} is not available where {scene.iterated}; remove it."
             raise KeyedError(where, law, text)
+
+
+def _check_waves(body: Body, contact: Contact, where: str, *, stiff: bool) -> None:
+    """Refuse laws that need mass where a body touches; ``stiff`` is whether the other one has."""
+    for law in contact.laws_of_mass:
+        text = f" = {show(getattr(contact, law))}"
+        if "restitution" in law:
+            text += f": {body.name} rebounds by its own elasticity, which needs no such law; "
+            raise KeyedError(where, law, f"{text}remove it.")
+        if not stiff:
+            text += f" is not available on {body.name}: it is for points and rigid bodies, on each "
+            raise KeyedError(where, law, f"{text}other or on what gives; remove it.")
 
 
 def _check_method(scene: Content) -> None:
