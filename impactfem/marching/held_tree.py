@@ -12,7 +12,8 @@ of both ends, and the base turns by Cayley's rotation too: all momenta stay, and
 as one body needs no second term.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +31,43 @@ Floats = NDArray[np.float64]
 
 _SETTLED = 1e-13  # change of rates of stations by forces that are not linear
 _ROUNDS = 16.0 * float(np.finfo(float).eps)  # of places, by which ways in a layer round
+
+
+@dataclass(frozen=True)
+class Chords:
+    """Straight ways of frames of joints in a step, as the tree is now.
+
+    Attributes:
+        ends: Places [m], (frames, 3), and rotations (frames, 3, 3) at its end.
+        rates: s / dt [m/s], [rad/s], (frames, 6).
+        rounding: Of these, (frames, 6).
+        rows: D, (6 frames, v).
+    """
+
+    ends: tuple[Floats, Floats]
+    rates: Floats
+    rounding: Floats
+    rows: Floats
+
+    @classmethod
+    def of(
+        cls, part: "MechanismMidpoint", joints: Sequence[int], begun: tuple[Floats, Floats]
+    ) -> "Chords":
+        """Of some joints, whose places and rotations at the start of the step are known."""
+        tree, dt, count = part.bodies.tree, part.span, len(joints)
+        first, before = begun
+        turns, places = tree.poses(part.way(1.0), joints)
+        halves = _cayley_vectors(before.swapaxes(1, 2) @ turns)
+        steps = np.hstack([places - first, 2.0 * np.einsum("sij,sj->si", before, halves)])
+        middle = part.way(0.5)
+        rows = tree.jacobians(middle, joints)
+        if tree.free:  # forces act at the means of both ends, as on what joints hold besides
+            arms = 0.5 * (first + places) - middle[:3]
+            rows[:, :3, 3:6] = cross(tree.base(middle).T[None], arms[:, None, :]).swapaxes(1, 2)
+        size = max(np.abs(places).max(), np.abs(tree.centre(middle)).max())
+        rounding = _ROUNDS / dt * np.tile(np.repeat([size, 1.0], 3), count)
+        made = part.exact(rows.reshape(6 * count, -1), steps.ravel() / dt, rounding)
+        return cls((places, turns), steps / dt, rounding.reshape(count, 6), made)
 
 
 class HeldTree(HeldByRows["MechanismMidpoint"]):
@@ -71,23 +109,10 @@ class HeldTree(HeldByRows["MechanismMidpoint"]):
 
     def _renew(self) -> None:
         """Ways in the layer, and how impulses act along them."""
-        part, dt = self.part, self.part.dt
-        places, turns = self._poses(part.way(1.0))
-        self._ends = places, turns
-        halves = _cayley_vectors(self._turns.swapaxes(1, 2) @ turns)
-        steps = np.hstack(
-            [places - self._places, 2.0 * np.einsum("sij,sj->si", self._turns, halves)]
-        )
-        self._mean = steps / dt
-        tree, middle = part.bodies.tree, part.way(0.5)
-        rows = tree.jacobians(middle, self._joints)
-        if tree.free:  # forces act at the means of both ends, as on what joints hold besides
-            arms = 0.5 * (self._places + places) - middle[:3]
-            rows[:, :3, 3:6] = cross(tree.base(middle).T[None], arms[:, None, :]).swapaxes(1, 2)
-        size = max(np.abs(places).max(), np.abs(tree.centre(middle)).max())
-        rounding = _ROUNDS / dt * np.tile(np.repeat([size, 1.0], 3), self._count)
-        self._rows = part.exact(rows.reshape(6 * self._count, -1), self._mean.ravel(), rounding)
-        self._rounding = rounding.reshape(self._count, 6)
+        part = self.part
+        chords = Chords.of(part, self._joints, (self._places, self._turns))
+        self._ends, self._mean, self._rounding = chords.ends, chords.rates, chords.rounding
+        self._rows = chords.rows
         answer = self._rows @ part.reach @ self._rows.T
         self.compliance = answer.reshape(self._count, 6, self._count, 6)
 

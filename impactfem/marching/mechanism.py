@@ -44,12 +44,16 @@ _SHARE = 1e-6  # of positions and rates by which motors are differentiated
 
 
 class MechanismMidpoint(ShownMechanism):
-    """Interior of a mechanism; see `impactfem.marching.layers.Interior`."""
+    """Interior of a mechanism; see `impactfem.marching.layers.Interior`.
+
+    Attributes:
+        span: Of the step [s].
+    """
 
     def __init__(self, bodies: Arm, gravity: PiecewiseVector, dt: float, *, counts: bool) -> None:
         """Begin at t = 0; see `FewInterior`."""
         super().__init__(bodies, gravity, dt, counts=counts)
-        count = len(self._start)
+        self.span, count = dt, len(self._start)
         self.massive = self.volatile = np.ones(count, dtype=bool)
         self.rolling = bool(bodies.rolling.any() or bodies.following.any())
         self._laws = JointLaws.at_rest(bodies.joints)
@@ -112,10 +116,6 @@ class MechanismMidpoint(ShownMechanism):
     def set_out(self, layer: int) -> None:
         """Begin a layer, without contact forces."""
         self._time, self._pull = (layer + 0.5) * self.dt, self.gravity(layer)
-        level = self.bodies.tree.mass * float(np.abs(self._pull) @ np.abs(self._centre))
-        self._rounding = _EPSILON * (level + 0.5 * float(self._v @ self._inertia @ self._v))
-        self._least = _LEAST * self._rounding + np.finfo(float).tiny
-        self._ahead = self._v.copy()
         self._prepare()
         self._settle(settled=self._leans)
         self._frozen, self._leans = self._leans, False
@@ -138,7 +138,7 @@ class MechanismMidpoint(ShownMechanism):
 
     def way(self, share: float) -> Floats:
         """Coordinates after a share of the layer."""
-        way = 0.5 * self.dt * (self._v + self._ahead)
+        way = 0.5 * self.span * (self._v + self._ahead)
         if self._chords:
             half = 0.5 * float(np.linalg.norm(way[3:6]))
             way[3:6] *= np.arctan(half) / half if half else 1.0
@@ -146,7 +146,11 @@ class MechanismMidpoint(ShownMechanism):
 
     def _prepare(self) -> None:
         """Invert M + dt D / 2 + dt^2 K / 4, with K and D of the motors and dampers."""
-        joints, dt = self.bodies.joints, self.dt
+        level = self.bodies.tree.mass * float(np.abs(self._pull) @ np.abs(self._centre))
+        self._rounding = _EPSILON * (level + 0.5 * float(self._v @ self._inertia @ self._v))
+        self._least = _LEAST * self._rounding + np.finfo(float).tiny
+        self._ahead = self._v.copy()
+        joints, dt = self.bodies.joints, self.span
         damping, stiffness = joints.damping.copy(), np.zeros_like(joints.damping)
         for sides, found in ((1.0, stiffness), (0.0, damping)) if joints.motors else ():
             step = _SHARE * np.maximum(1.0, np.abs(self._angle if sides else self._v))
@@ -168,7 +172,7 @@ class MechanismMidpoint(ShownMechanism):
         turning = cross(links[:, 3:].swapaxes(1, 2), arms[:, None, :]).swapaxes(1, 2)
         self._jacobian = (links[:, :3] + turning).reshape(-1, bodies.tree.rates)
         self._acting = self._amid + arms
-        self._compliance = 0.5 * self.dt**2 * self._jacobian @ self.reach @ self._jacobian.T
+        self._compliance = 0.5 * self.span**2 * self._jacobian @ self.reach @ self._jacobian.T
 
     @property
     def reach(self) -> Floats:
@@ -222,7 +226,7 @@ class MechanismMidpoint(ShownMechanism):
 
     def strike(self, forces: Floats) -> None:
         """Add the impulses of contact forces (count, dim), to be solved for."""
-        pushed = self.dt * (self._jacobian.T @ forces.ravel())
+        pushed = self.span * (self._jacobian.T @ forces.ravel())
         if self.bodies.tree.free:  # moments about where the base is at the start, in space
             way, turn = self._base
             pushed[3:6] = turn @ pushed[3:6] + cross(way, pushed[:3])
@@ -250,17 +254,17 @@ class MechanismMidpoint(ShownMechanism):
         """Rates at the end of the layer; with the states of its joints unless they are settled."""
         turn, self._impulses = 0, self._iterate()
         while not settled and self._laws.renew(
-            self._v, self._ahead, self._ends(), self._impulses, self.dt, turn
+            self._v, self._ahead, self._ends(), self._impulses, self.span, turn
         ):
             turn, self._impulses = turn + 1, self._iterate()
 
     def _ends(self) -> Floats:
         """Positions of single joints at the end of the layer, counted over turns, (v,)."""
-        return np.asarray(self._angle + 0.5 * self.dt * (self._v + self._ahead))
+        return np.asarray(self._angle + 0.5 * self.span * (self._v + self._ahead))
 
     def _iterate(self) -> Floats:
         """Solve for the rates with given states of the joints; impulses of what is held, (v,)."""
-        bodies, dt, v = self.bodies, self.dt, self._v
+        bodies, dt, v = self.bodies, self.span, self._v
         tree, joints = bodies.tree, bodies.joints
         held, rates = self._laws.held(v)
         given = self._joined + self._laws.rubbing(dt) + self._momentum
@@ -277,9 +281,8 @@ class MechanismMidpoint(ShownMechanism):
                 amid, ends = tree.base(middle), tree.base(end)
                 whole = 0.5 * (self._momentum[:3] + momentum[:3])
                 force[3:6] -= amid.T @ cross(mean[:3], whole)
-                pushed = pushed.copy()
-                pushed[3:6] -= cross(middle[:3] - self._q[:3], pushed[:3])
-                pushed[3:6] = amid.T @ pushed[3:6]
+                moment = pushed[3:6] - cross(middle[:3] - self._q[:3], pushed[:3])
+                pushed = np.concatenate([pushed[:3], amid.T @ moment, pushed[6:]])
                 half = amid.T @ ends
                 turned[3:6] = half.T @ self._momentum[3:6] - self._momentum[3:6]
                 turned[3:6] -= half @ momentum[3:6] - momentum[3:6]
@@ -308,6 +311,7 @@ class MechanismMidpoint(ShownMechanism):
             allowed += _ROUNDS * self._rounding * share * np.abs(mean).max()
             sizes = np.abs(self._momentum) + np.abs(momentum) + dt * np.abs(self._drive)
             allowed += _ROUNDS * _EPSILON * float((self._spread @ sizes).max())
+            self._allowed = allowed
             if np.abs(change).max() <= allowed:
                 return impulses
         raise ConvergenceError(
@@ -324,7 +328,7 @@ class MechanismMidpoint(ShownMechanism):
         self._offset = self.bodies.following - self.bodies.rolling[:, None] * normals
         self._renew_answer()
         spins = (self._links[:, 3:] @ (0.5 * (self._v + self._ahead)))[self.bodies.on]
-        return np.asarray(self.dt * cross(spins, self._offset))
+        return np.asarray(self.span * cross(spins, self._offset))
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)
         """Velocities where nodes touch at both ends of the layer without contact forces."""
@@ -344,14 +348,18 @@ class MechanismMidpoint(ShownMechanism):
         """End the layer and sum up."""
         if self._frozen:  # no contact forces this time
             self._settle()
+        return [self._summed(self._go_on())]
+
+    def _go_on(self) -> float:
+        """Take the coordinates and rates that were found; the work of motors [J]."""
         mean = 0.5 * (self._v + self._ahead)
-        work = self.dt * float(self._drive @ mean)
-        pushed = self._impulses + self._laws.rubbing(self.dt)
-        self._lost += (self.dt * self.bodies.joints.damping * mean - pushed) * mean
+        work = self.span * float(self._drive @ mean)
+        pushed = self._impulses + self._laws.rubbing(self.span)
+        self._lost += (self.span * self.bodies.joints.damping * mean - pushed) * mean
         self._angle, end = self._ends(), self.way(1.0)
         self._q, self._v = end, self._ahead + self._kick
         self._begin()
-        return [self._summed(work)]
+        return work
 
     def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state."""

@@ -18,6 +18,7 @@ from impactfem.marching.few import FewMidpoint
 from impactfem.marching.few_newton import FewNewton
 from impactfem.marching.layers import ContactGaps
 from impactfem.marching.mechanism import MechanismMidpoint
+from impactfem.marching.mechanism_newton import MechanismNewton
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.net import NetMidpoint
 from impactfem.marching.plate import PlateMidpoint
@@ -70,6 +71,7 @@ _INTERIORS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
 _STEPPERS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
     Lumped: FewNewton,
     Rigid: RigidNewton,
+    Arm: MechanismNewton,
     PlateSystem: PlateNewton,
 }
 """The same where steps are solved by iterates."""

@@ -100,7 +100,6 @@ class Mechanism(BodyKind):
     kind: ClassVar[str] = "mechanism"
     solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
     may_meet_nothing: ClassVar[bool] = True
-    substeps: ClassVar[bool] = False
     takes_joints: ClassVar[bool] = True
     meets_edges: ClassVar[bool] = True
     has_links: ClassVar[bool] = True
