@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigvals
 
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.system.joined import Room
 
 Floats = NDArray[np.float64]
 
@@ -22,5 +23,7 @@ def highest_frequency(system: GeneralizedSystem, u: Floats, v: Floats) -> float:
             ],
             axis=1,
         )
-    squares = eigvals(stiffness, system.mass(u))
-    return float(np.sqrt(max(0.0, float(np.real(squares).max()))))
+        stiffness = stiffness @ system.moving(u)
+    room = Room.at(system, u)
+    squares = eigvals(room.load(room.rows(stiffness)), room.mass)
+    return float(np.sqrt(float(np.real(squares).max(initial=0.0))))

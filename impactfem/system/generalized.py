@@ -20,6 +20,7 @@ from impactfem.system.generalized_input import (
     Constraints,
     as_function,
     constant_mass,
+    entries_of,
     friction_of,
     restitution_of,
     square,
@@ -57,11 +58,13 @@ class GeneralizedSystem:
         potential: Potential energy (t, u) -> number [J] for the history; None if unknown.
         dofs: Number d of velocities; needed only if no constant mass matrix tells it.
         bilateral: b(u) -> (B,), held at 0, as of joints and closed loops; rows may depend on each
-            other. Schemes of `TextbookSettings` only, but energy_momentum.
+            other. Not by energy_momentum.
         rates: du/dt as a function (u, v), linear in v, where u has other entries than the
-            velocities v, as quaternions. Then mass, force and slip are for v, and phi, b and V for
-            u. The same schemes.
+            velocities v, as quaternions. Then mass, force and slip are for v, and phi, b, V and
+            their derivatives for u. Not by energy_momentum.
         coordinates: Number of entries of u, with rates.
+        unit_vectors: With rates, the entries of u of each vector of length 1, as of a quaternion,
+            which is scaled to it after each step.
         names: Names of the coordinates, for messages.
         friction: Coulomb's coefficient: a number, or one a constraint.
         static_friction: Coulomb's coefficient of what sticks, >= friction; None: the same.
@@ -93,6 +96,7 @@ class GeneralizedSystem:
         bilateral: Constraints | None = None,
         rates: Callable[[Floats, Floats], ArrayLike] | None = None,
         coordinates: int | None = None,
+        unit_vectors: Sequence[Sequence[int]] = (),
     ) -> None:
         self._mass = None if callable(mass) else constant_mass(mass)
         self._mass_function: Mass | None = mass if callable(mass) else None
@@ -103,8 +107,9 @@ class GeneralizedSystem:
             raise SceneError("GeneralizedSystem: give rates and coordinates, the length of u, both")
         self.coordinates: int = self.dofs if coordinates is None else coordinates
         self.rates = rates
+        self.unit_vectors = entries_of(unit_vectors, self.coordinates, moved=rates is not None)
         self.bilateral = None if bilateral is None else as_function(bilateral)
-        self._joins = None if self.bilateral is None else Derivative(self.bilateral)
+        self.joins = None if self.bilateral is None else Derivative(self.bilateral)
         self._mass_rates = MatrixRate(mass) if callable(mass) else None
         self._force = force
         self.constraint_function = as_function(constraints)
@@ -186,25 +191,37 @@ class GeneralizedSystem:
         ]
         return sorted(found, key=lambda kick: kick.at.before)
 
-    def jacobian(self, u: Floats) -> Floats:
-        """Jacobian d phi / d u, of velocities where u has other entries, shape (J, d)."""
+    def gradient(self, u: Floats) -> Floats:
+        """Derivatives d phi / d u, shape (J, coordinates)."""
         if self._given_jacobian is not None:
-            found = np.atleast_2d(np.asarray(self._given_jacobian(u), dtype=float))
-        else:
-            found = differentiate(self.constraint_function, np.asarray(u, dtype=float))
+            return np.atleast_2d(np.asarray(self._given_jacobian(u), dtype=float))
+        return differentiate(self.constraint_function, np.asarray(u, dtype=float))
+
+    def jacobian(self, u: Floats) -> Floats:
+        """Jacobian of phi for velocities, shape (J, d)."""
+        found = self.gradient(u)
         return found if self.rates is None else found @ self.moving(u)
+
+    def coordinate_rates(self, u: Floats, v: Floats) -> Floats:
+        """Rates of u, shape (coordinates,)."""
+        return v if self.rates is None else np.asarray(self.rates(u, v), dtype=float)
+
+    @property
+    def is_joined(self) -> bool:
+        """Whether states have to be kept where bilateral rows and unit vectors want them."""
+        return self.bilateral is not None or bool(self.unit_vectors)
 
     def moving(self, u: Floats) -> Floats:
         """Rates of u by unit velocities, shape (coordinates, d)."""
         if self.rates is None:
             return np.eye(self.dofs)
-        return np.stack([np.asarray(self.rates(u, e), float) for e in np.eye(self.dofs)], axis=1)
+        return np.stack([self.coordinate_rates(u, e) for e in np.eye(self.dofs)], axis=1)
 
     def joined(self, u: Floats) -> Floats:
         """Jacobian of the bilateral rows for velocities, shape (B, d)."""
-        if self._joins is None:
+        if self.joins is None:
             return np.zeros((0, self.dofs))
-        found = self._joins(np.asarray(u, dtype=float))
+        found = self.joins(np.asarray(u, dtype=float))
         return found if self.rates is None else found @ self.moving(u)
 
     def slip(self, u: Floats) -> Floats:
@@ -227,11 +244,7 @@ class GeneralizedSystem:
 
     def slip_curvature(self, u: Floats, v: Floats) -> Floats:
         """Part (d slip / dt) v of the rates of the tangential velocities, (J, tangents)."""
-        speed = float(np.abs(v).max(initial=0.0))
-        if speed == 0.0:
-            return np.zeros(self.slip(u).shape[:2])
-        h = 1e-6 * max(1.0, float(np.abs(u).max(initial=0.0))) / speed
-        return np.asarray((self.slip(u + h * v) - self.slip(u - h * v)) @ v / (2.0 * h))
+        return self._turning(self.slip, u, v)
 
     def gap_rate(self, t: float, u: Floats, v: Floats) -> Floats:
         """Normal velocities J v - b'(t), shape (J,)."""
@@ -239,16 +252,20 @@ class GeneralizedSystem:
 
     def gap_curvature(self, t: float, u: Floats, v: Floats) -> Floats:
         """Part (dJ/dt) v - b''(t) of the second rate of the gaps, shape (J,)."""
-        speed = float(np.abs(v).max(initial=0.0))
-        bend = np.zeros(self.num_constraints)
-        if speed > 0.0:
-            h = 1e-6 * max(1.0, float(np.abs(u).max(initial=0.0))) / speed
-            bend = (self.jacobian(u + h * v) - self.jacobian(u - h * v)) @ v / (2.0 * h)
-        return bend - self.motion_curvature(t)
+        return self._turning(self.jacobian, u, v) - self.motion_curvature(t)
 
     def kinetic_energy(self, u: Floats, v: Floats) -> float:
         """Kinetic energy v . M(u) v / 2 [J]."""
         return 0.5 * float(v @ (self.mass(u) @ v))
+
+    def _turning(self, rows: Callable[[Floats], Floats], u: Floats, v: Floats) -> Floats:
+        """Rate of rows (..., d) of u along the motion, times v."""
+        way = self.coordinate_rates(u, v)
+        speed = float(np.abs(way).max(initial=0.0))
+        if speed == 0.0:
+            return np.zeros(rows(u).shape[:-1])
+        h = 1e-6 * max(1.0, float(np.abs(u).max(initial=0.0))) / speed
+        return np.asarray((rows(u + h * way) - rows(u - h * way)) @ v / (2.0 * h))
 
     def _constraints_at(self, u: Floats) -> Floats:
         return np.atleast_1d(np.asarray(self.constraint_function(u), dtype=float))

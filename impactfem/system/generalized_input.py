@@ -119,3 +119,21 @@ def static_friction_of(given: float | Sequence[float] | None, friction: Floats) 
             f"{friction[low[0]]:g}: give at least that"
         )
     return values
+
+
+def entries_of(
+    vectors: Sequence[Sequence[int]], count: int, *, moved: bool
+) -> tuple[NDArray[np.int64], ...]:
+    """Entries of u (count,) of each unit vector.
+
+    Raises:
+        SceneError: There are no such entries, or no rates that would turn them.
+    """
+    found = tuple(np.asarray(one, dtype=np.int64).reshape(-1) for one in vectors)
+    for one in found:
+        if not moved or not len(one) or one.min() < 0 or one.max() >= count:
+            raise SceneError(
+                f"unit_vectors = {[list(map(int, each)) for each in found]}: give the entries from "
+                f"0 to {count - 1} of each vector of length 1, beside rates"
+            )
+    return found

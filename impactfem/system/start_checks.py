@@ -47,7 +47,14 @@ def check_start(system: GeneralizedSystem, u: Floats, v: Floats, t: float = 0.0)
 
 
 def _check_joined(system: GeneralizedSystem, u: Floats, v: Floats) -> None:
-    """Refuse a start that bilateral rows do not allow."""
+    """Refuse a start that bilateral rows or unit vectors do not allow."""
+    for entries in system.unit_vectors:
+        length = float(np.linalg.norm(u[entries]))
+        if abs(length - 1.0) > _OPEN:
+            raise SceneError(
+                f"position = {u.tolist()}: entries {entries.tolist()} are a unit vector, and have "
+                f"the length {length:.9g}; give a vector of length 1"
+            )
     if system.bilateral is None:
         return
     left = np.atleast_1d(np.asarray(system.bilateral(u), dtype=float))

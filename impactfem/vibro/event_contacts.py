@@ -20,7 +20,8 @@ from scipy.linalg import cho_solve
 
 from impactfem.contact.impact_law import Law, resolve_impact
 from impactfem.errors import ConvergenceError
-from impactfem.system.generalized import GeneralizedSystem, factor_mass
+from impactfem.system.generalized import GeneralizedSystem
+from impactfem.system.joined import Forced, Room, advanced
 from impactfem.vibro.event_choice import Onset, accumulate, independent, lasting, signs, stay
 from impactfem.vibro.event_constrained import constrained
 from impactfem.vibro.event_motion import End, Motion
@@ -120,37 +121,37 @@ class Contacts:
         if not len(rows):
             self._enter((), (), t, before_spell, {})
             return u, v, [], np.zeros(system.num_constraints)
-        factor = factor_mass(system, u, t)
-        jacobian, mass = system.jacobian(u), system.mass(u)
+        room, jacobian = Room.at(system, u, t), system.jacobian(u)
         rate = system.motion_rate(t)
         drift = jacobian @ v - (rate if earlier is None else earlier)
-        u, v, _, _ = self._close(t, mass, jacobian, u, v, drift, self.closed)
+        u, v, _, _ = self._close(t, room, jacobian, u, v, drift, self.closed)
         noise = 64.0 * _EPS * (np.abs(jacobian) @ np.abs(v) + np.abs(rate))
         # Impacts that follow each other within some thousand times the rounding of places.
-        place = float(np.max(np.abs(jacobian[rows]) @ (np.abs(u) + t * np.abs(v))))
+        lengths = np.abs(system.gradient(u)) @ np.abs(u) + t * np.abs(jacobian) @ np.abs(v)
+        place = float(lengths[rows].max())
         approach = -float((jacobian @ v - rate)[rows].min())
         again = (t - self.last_impact) * approach <= _SAME_PLACE * place
-        v, impacts = self._strike(t, mass, factor, jacobian, v, rate, rows, noise, again=again)
+        v, impacts = self._strike(t, room, jacobian, v, rate, rows, noise, again=again)
         speed = jacobian @ v - rate
         slow = rows[np.abs(speed[rows]) <= np.maximum(noise[rows], self.threshold)]
-        load = system.force(t, u, v)
-        applied = cho_solve((factor, True), load)
-        curvature = system.gap_curvature(t, u, v)
-        state = mass, factor, jacobian, load, applied, curvature
+        forced, own = Forced.at(system, t, u, v, room), room.rows(jacobian)
+        applied = cho_solve((room.factor, True), forced.load)
+        curvature = system.gap_curvature(t, u, v) + jacobian @ forced.drift
+        state = room.mass, room.factor, own, forced.load, applied, curvature
         loosened = released.constraint if released else -1
-        guess, _ = independent(jacobian, lasting(state, slow[slow != loosened]))
-        closed, implied, order = stay(partial(begin, t, u, v), jacobian, guess, slow)
+        guess, _ = independent(own, lasting(state, slow[slow != loosened]))
+        closed, implied, order = stay(partial(begin, t, u, v), own, guess, slow)
         back = [j for j in closed if speed[j] > noise[j]]  # rebounds that are dropped
         tails: dict[int, float] = {}
         if back:
             free = begin(t, u, v, ())
             sign, first = signs(free.gaps, free.gap_doubts)
             tails = {
-                j: self._tail(j, speed[j], jacobian[j] @ applied + curvature[j])
+                j: self._tail(j, speed[j], own[j] @ applied + curvature[j])
                 for j in back
                 if first[j] == 0 and sign[j] < 0.0  # else the acceleration is rounding
             }
-        u, v, dropped, lost = self._close(t, mass, jacobian, u, v, speed, closed)
+        u, v, dropped, lost = self._close(t, room, jacobian, u, v, speed, closed)
         self.dropped_energy += lost
         self.dropped_speed = max(self.dropped_speed, *(abs(float(speed[j])) for j in closed), 0.0)
         for j in rows.tolist():
@@ -163,11 +164,12 @@ class Contacts:
         return u, v, impacts, total
 
     def _strike(
-        self, t: float, mass: Floats, factor: Floats, jacobian: Floats, v: Floats, rate: Floats,
-        rows: Integers, noise: Floats, *, again: bool,
+        self, t: float, room: Room, jacobian: Floats, v: Floats, rate: Floats, rows: Integers,
+        noise: Floats, *, again: bool,
     ) -> tuple[Floats, list[Row]]:  # fmt: skip
         """Impacts until no closed constraint approaches; noise becomes at least theirs."""
         impacts: list[Row] = []
+        own = room.rows(jacobian[rows])
         for _ in range(_MAX_REPEATS):
             before = jacobian[rows] @ v - rate[rows]
             if (before >= -noise[rows]).all():
@@ -175,10 +177,10 @@ class Contacts:
             self.fastest = max(self.fastest, -float(before.min()))
             self.last_impact = t
             restitution = self.system.restitution[rows]
-            state = factor, jacobian[rows], v, rate[rows], restitution
+            state = room.factor, own, room.own(v), rate[rows], restitution
             try:
                 hit = (
-                    accumulate(mass, *state, noise[rows])
+                    accumulate(room.mass, *state, noise[rows])
                     if again
                     else resolve_impact(*state, self.impact_law)
                 )
@@ -187,8 +189,8 @@ class Contacts:
                     f"events: the impact on constraints {rows.tolist()} at t = {t:.9g} has no "
                     f"solution: do they leave room? ({error})"
                 ) from error
-            v = hit.velocity
-            pushed = np.abs(cho_solve((factor, True), jacobian[rows].T)) @ hit.impulse
+            v = room.full(hit.velocity)
+            pushed = np.abs(room.answers(jacobian[rows])) @ hit.impulse
             np.maximum(noise, 64.0 * _EPS * np.abs(jacobian) @ pushed, out=noise)
             impacts += [
                 (t, int(j), float(hit.before[i]), float(hit.after[i]), float(hit.impulse[i]))
@@ -208,7 +210,7 @@ class Contacts:
         return 2.0 * speed / (-acceleration * (1.0 - e))
 
     def _close(
-        self, t: float, mass: Floats, jacobian: Floats, u: Floats, v: Floats,
+        self, t: float, room: Room, jacobian: Floats, u: Floats, v: Floats,
         speed: Floats, closed: tuple[int, ...],
     ) -> tuple[Floats, Floats, Floats, float]:  # fmt: skip
         """Take normal speeds and gaps of closed constraints away; the impulses and energy of it."""
@@ -216,9 +218,11 @@ class Contacts:
             return u, v, np.zeros(0), 0.0
         rows = list(closed)
         wrong = np.stack([self.system.gap(t, u)[rows], speed[rows]], axis=1)
-        change, impulse = constrained(mass, jacobian[rows], np.zeros((len(u), 2)), wrong)
-        push = impulse[:, 1]
-        return u + change[:, 0], v + change[:, 1], push, -0.5 * float(push @ speed[rows])
+        normals, none = room.rows(jacobian[rows]), np.zeros((len(room.mass), 2))
+        found, impulse = constrained(room.mass, normals, none, wrong)
+        change, push = room.full(found), impulse[:, 1]
+        lost = -0.5 * float(push @ speed[rows])
+        return advanced(self.system, u, change[:, 0]), v + change[:, 1], push, lost
 
     def _enter(
         self, closed: tuple[int, ...], implied: tuple[int, ...], t: float,

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from impactfem.contact.impact_law import delassus
 from impactfem.errors import ConvergenceError
-from impactfem.system.generalized import factor_mass
+from impactfem.system.joined import Forced, Room, advanced
+from impactfem.system.joined import answers as answers_to
 from impactfem.vibro.event_choice import rank
 from impactfem.vibro.event_contacts import MAX_SPELLS, Begin, Contacts, Row
 from impactfem.vibro.event_motion import End, Motion
@@ -47,11 +48,15 @@ class RubbingContacts(Contacts):
             solutions, and what each of its constraints does in the one that was taken.
         changes: The first times at which constraints begin to stick, slide or open [time,
             constraint, what].
+        liveliest: Largest kinetic energy so far [J]: its rounding is left when motion stops.
+        settled: Time of the last event at contacts [s].
     """
 
     modes: tuple[Mode, ...] = ()
     nonunique: dict[str, Any] | None = None
     changes: list[list[Any]] = field(default_factory=list)
+    liveliest: float = 0.0
+    settled: float = 0.0
 
     @override
     def motion(self, rtol: float) -> Motion:
@@ -83,20 +88,24 @@ class RubbingContacts(Contacts):
         rate = system.motion_rate(t)
         drift = jacobian @ v - (rate if earlier is None else earlier)
         u, v, _, _ = self._hold(t, u, v, jacobian, tangents, drift)
-        noise = 64.0 * _EPS * (np.abs(jacobian) @ np.abs(v) + np.abs(rate))
-        still = _STILL * np.abs(tangents) @ np.abs(v)
+        self.liveliest = max(self.liveliest, system.kinetic_energy(u, v))
+        rounded = self._rounded(t, u, v, np.stack([jacobian, tangents]))
+        noise = rounded[0] + 64.0 * _EPS * (np.abs(jacobian) @ np.abs(v) + np.abs(rate))
+        still = rounded[1] + _STILL * np.abs(tangents) @ np.abs(v)
         v, impacts = self._rub(t, u, v, rate, rows, noise)
         still = np.maximum(still, _STILL * np.abs(tangents) @ np.abs(v))
         speed, aside = jacobian @ v - rate, tangents @ v
         slow = rows[np.abs(speed[rows]) <= np.maximum(noise[rows], self.threshold)]
+        if released is not None and released.how == "stops":  # and so what is as slow
+            sizes = np.abs(tangents).sum(axis=1)
+            slowest = abs(aside[released.constraint]) / sizes[released.constraint]
+            still = np.maximum(still, 2.0 * slowest * sizes)
         moving = np.abs(aside) > still
-        if released is not None and released.how == "stops":
-            moving[released.constraint] = False
         found = self._chosen(t, u, v, slow, moving, aside, released)
         lasts = [mode is not None for mode in found.modes]
         closed = tuple(int(j) for j, stays in zip(slow, lasts, strict=True) if stays)
         self.modes = tuple(mode for mode in found.modes if mode is not None)
-        applied = np.linalg.solve(system.mass(u), system.force(t, u, v))
+        applied = Forced.at(system, t, u, v).free
         curvature = system.gap_curvature(t, u, v)
         falls = jacobian @ applied + curvature
         tails = {
@@ -111,7 +120,8 @@ class RubbingContacts(Contacts):
         self.order[rows] = np.where(
             speed[rows] > noise[rows], 1, np.where(np.isin(rows, slow), 2, 0)
         )
-        implied = self._implied(slow, found, jacobian, closed)
+        own = Room.at(system, u, t).rows(jacobian)
+        implied = self._implied(slow, found, own, closed)
         self._enter(closed, implied, t, before_spell, tails)
         self._note(t, past)
         total = np.zeros(count)
@@ -119,6 +129,15 @@ class RubbingContacts(Contacts):
             total[j] += impulse
         total[list(closed)] = np.maximum(total[list(closed)] + dropped, 0.0)
         return u, v, impacts, total
+
+    def _rounded(self, t: float, u: Floats, v: Floats, rows: Floats) -> Floats:
+        """Velocities along rows (2, J, d) that are rounding of what was and of forces, (2, J)."""
+        flat = rows.reshape(-1, rows.shape[-1])
+        easy = np.einsum("ij,ji->i", flat, answers_to(self.system, u, flat))
+        quick = np.sqrt(2.0 * self.liveliest * np.maximum(easy, 0.0)).reshape(rows.shape[:-1])
+        gained = np.abs(rows) @ np.abs(Forced.at(self.system, t, u, v).free) * (t - self.settled)
+        self.settled = t
+        return np.asarray(64.0 * _EPS * (quick + gained))
 
     def _hold(
         self, t: float, u: Floats, v: Floats, jacobian: Floats, tangents: Floats, speed: Floats
@@ -132,26 +151,26 @@ class RubbingContacts(Contacts):
         if not rows:
             return u, v, np.zeros(0), 0.0
         stuck = [j for j, mode in zip(rows, self.modes, strict=True) if mode == 0]
-        mass = self.system.mass(u)
         held = np.concatenate([jacobian[rows], tangents[stuck]])
-        answers = np.linalg.solve(mass, held.T)
+        answers = answers_to(self.system, u, held)
         gaps = np.concatenate([self.system.gap(t, u)[rows], np.zeros(len(stuck))])
         slips = np.concatenate([speed[rows], tangents[stuck] @ v])
         wrong = np.stack([gaps, slips], axis=1)
         pushes = np.linalg.lstsq(held @ answers, -wrong, 1e-12)[0]
         change, push = answers @ pushes, pushes[: len(rows), 1]
-        lost = self.system.kinetic_energy(u, v)
-        v = v + change[:, 1]
-        return u + change[:, 0], v, push, lost - self.system.kinetic_energy(u, v)
+        kinetic = self.system.kinetic_energy
+        faster, end = v + change[:, 1], advanced(self.system, u, change[:, 0])
+        return end, faster, push, kinetic(u, v) - kinetic(u, faster)
 
     def _rub(
         self, t: float, u: Floats, v: Floats, rate: Floats, rows: Integers, noise: Floats
     ) -> tuple[Floats, list[Row]]:
         """Impacts until nothing approaches; noise becomes at least theirs."""
         system, impacts = self.system, list[Row]()
-        factor, jacobian = factor_mass(system, u, t), system.jacobian(u)
-        both = np.stack([jacobian, system.slip(u)[:, 0]], axis=1)[rows].reshape(-1, len(u))
-        coupling, answers = delassus(factor, both)
+        room, jacobian = Room.at(system, u, t), system.jacobian(u)
+        both = np.stack([jacobian, system.slip(u)[:, 0]], axis=1)[rows].reshape(-1, len(v))
+        coupling, answers = delassus(room.factor, room.rows(both))
+        answers = room.full(answers)
         for _ in range(_REPEATS):
             before = both @ v
             before[::2] -= rate[rows]
@@ -202,7 +221,8 @@ class RubbingContacts(Contacts):
         choices: list[list[Mode]] = []
         for j in slow.tolist():
             given: list[Mode] = [int(np.sign(aside[j])), None] if moving[j] else [0, 1, -1, None]
-            if past.get(j) in given and j in past:
+            stopped = released is not None and released.how == "stops" and not moving[j]
+            if j in past and past[j] in given and not stopped:
                 given.insert(0, given.pop(given.index(past[j])))
             choices.append(given)
         slides = [bool(moving[j]) for j in slow]

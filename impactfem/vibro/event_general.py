@@ -8,6 +8,7 @@ the steps of the integrator, which resolve the motion, make that unlikely.
 
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from scipy.optimize import brentq
 
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem
+from impactfem.system.joined import closed as closed_rows
 from impactfem.vibro.event_choice import Onset
 from impactfem.vibro.event_contacts import Contacts
 from impactfem.vibro.event_motion import Motion
@@ -41,7 +43,8 @@ def fly_general(
     Raises:
         ConvergenceError: The integrator failed, or events do not move on.
     """
-    t, row, d = 0.0, 0, system.dofs
+    t, row = 0.0, 0
+    u, v = closed_rows(system, u, v)
     stalled = 0
     kicks = deque(system.kicks(duration))
     released, watched = None, -1
@@ -63,6 +66,7 @@ def fly_general(
             return Motion(system, closed, tolerances[0]).onset(t, u, v, later)
 
         u, v, impacts, impulses = contacts.settle(t, u, v, near, begin, released, earlier)
+        u, v = closed_rows(system, u, v)
         record.add(impacts, impulses, row)
         if t >= duration:
             record.fill(row, u, v)
@@ -73,7 +77,7 @@ def fly_general(
             motion, t, np.concatenate([u, v, np.zeros(motion.integrals)]), stop, contacts,
             record, row, tolerances, step,
         )  # fmt: skip
-        u, v = y[:d].copy(), y[d : 2 * d].copy()
+        u, v = (part.copy() for part in motion.split(y))
         released = motion.ended(-2 - watched) if watched <= -2 else None
         stalled = stalled + 1 if t == start else 0
         if stalled > _MAX_STALL:
@@ -93,12 +97,12 @@ def _flight(
         Time, state, next row, event (constraint, -2 - place of a closed one that is released, or
         -1 for the end or a drift to be taken away), and the length of the last step.
     """
-    system, d = motion.system, motion.system.dofs
-    rtol, atol = tolerances
+    system, (rtol, atol) = motion.system, tolerances
+    state = system.coordinates + system.dofs
     first = min(step, stop - t) if step else None
     solver = DOP853(motion, t, y, stop, rtol=rtol, atol=atol, first_step=first)
-    held, pushes = np.zeros(len(motion.closed)), slice(2 * d, 2 * d + len(motion.closed))
-    loose = motion.loose(t, y[:d], y[d : 2 * d])
+    held, pushes = np.zeros(len(motion.closed)), slice(state, state + len(motion.closed))
+    loose = motion.loose(t, *motion.split(y))
     fresh = t
     while True:
         before = solver.t
@@ -107,24 +111,29 @@ def _flight(
         if solver.status == "failed" or not np.isfinite(solver.y).all():
             raise ConvergenceError(
                 f"events: the integrator failed at t = {solver.t:.6g} (state "
-                f"{solver.y[: 2 * d].tolist()}); check the forces for a singularity"
+                f"{solver.y[:state].tolist()}); check the forces for a singularity"
             )
-        dense = solver.dense_output()
+        raw = solver.dense_output()
+        dense = partial(_kept, motion, raw) if system.is_joined else raw
         now, event = _first_event(motion, contacts, dense, before, solver.t, fresh, loose)
         while row < len(record.times) and record.times[row] < now:
             at = dense(record.times[row])
-            record.fill(row, at[:d], at[d : 2 * d])
+            record.fill(row, *motion.split(at))
             record.lasting[row, list(motion.closed)] += at[pushes] - held
             held = at[pushes]
             row += 1
+        if system.is_joined:  # the next step begins where the rows are closed
+            solver.y = motion.kept(solver.y)
+            solver.f = motion(solver.t, solver.y)
         end = dense(now) if event != -1 else solver.y
         if motion.closed:
             for s in np.linspace(before, now, _SAMPLES + 1):
                 at = dense(s)
-                pressed = motion.forces(s, at[:d], at[d : 2 * d])[1]
+                pressed = motion.forces(s, *motion.split(at))[1]
                 record.peak = max(record.peak, float(pressed.sum()))
-        drift = float(np.abs(system.gap(now, end[:d])[list(motion.closed)]).max(initial=0.0))
-        drifted = drift > _DRIFT * max(1e-300, float(np.abs(end[:d]).max()))
+        place = motion.split(end)[0]
+        drift = float(np.abs(system.gap(now, place)[list(motion.closed)]).max(initial=0.0))
+        drifted = drift > _DRIFT * max(1e-300, float(np.abs(place).max()))
         if event != -1 or solver.status == "finished" or drifted:
             last = min(row, len(record.times) - 1)
             record.lasting[last, list(motion.closed)] += end[pushes] - held
@@ -132,14 +141,19 @@ def _flight(
             return now, end, row, event, solver.step_size or step or 0.0
 
 
+def _kept(motion: Motion, dense: Callable[[float], Floats], t: float) -> Floats:
+    """The state at a time of a step, with its bilateral rows closed."""
+    return motion.kept(dense(t))
+
+
 def _first_event(
     motion: Motion, contacts: Contacts, dense: Callable[[float], Floats],
     start: float, end: float, fresh: float, loose: Floats,
 ) -> tuple[float, int]:  # fmt: skip
     """Time and event of the first event in a step; the end and -1 if there is none."""
-    system, d = motion.system, motion.system.dofs
+    system = motion.system
     samples = np.linspace(start, end, _SAMPLES + 1)
-    states = [(y[:d], y[d : 2 * d]) for y in map(dense, samples)]
+    states = [motion.split(y) for y in map(dense, samples)]
     gaps = np.array([system.gap(s, u) for s, (u, _) in zip(samples, states, strict=True)])
     rates = np.array([system.gap_rate(s, u, v) for s, (u, v) in zip(samples, states, strict=True)])
     best, event = end, -1
@@ -148,11 +162,10 @@ def _first_event(
             continue
 
         def gap(s: float, j: int = j) -> float:
-            return float(system.gap(s, dense(s)[:d])[j])
+            return float(system.gap(s, motion.split(dense(s))[0])[j])
 
         def rate(s: float, j: int = j) -> float:
-            y = dense(s)
-            return float(system.gap_rate(s, y[:d], y[d : 2 * d])[j])
+            return float(system.gap_rate(s, *motion.split(dense(s)))[j])
 
         order = int(contacts.order[j]) if start == fresh else 0
         at = _first_closing(gap, rate, samples, gaps[:, j], rates[:, j], order)
@@ -162,8 +175,7 @@ def _first_event(
     for i in range(len(loose)):
 
         def guard(s: float, i: int = i) -> float:
-            y = dense(s)
-            return float(motion.guards(s, y[:d], y[d : 2 * d])[i] + loose[i])
+            return float(motion.guards(s, *motion.split(dense(s)))[i] + loose[i])
 
         falls = np.flatnonzero(guarded[:, i] + loose[i] < 0.0)
         if len(falls):

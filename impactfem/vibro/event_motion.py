@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.system.generalized import GeneralizedSystem
+from impactfem.system.joined import Forced, advanced, closed
 from impactfem.vibro.event_choice import Onset
 from impactfem.vibro.event_constrained import constrained
 
@@ -39,25 +40,29 @@ class Motion:
     def forces(self, t: float, u: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Acceleration (d,), contact forces (S,) [N]."""
         system, rows = self.system, list(self.closed)
-        mass, load = system.mass(u), system.force(t, u, v)
+        forced = Forced.at(system, t, u, v)
         if not rows:
-            return np.linalg.solve(mass, load), np.zeros(0)
+            return forced.free, np.zeros(0)
         normals = system.jacobian(u)[rows]
-        bend = system.gap_curvature(t, u, v)[rows]
-        found, pressed = constrained(mass, normals, load[:, None], bend[:, None])
-        return found[:, 0], pressed[:, 0]
+        bend = system.gap_curvature(t, u, v)[rows] + normals @ forced.drift
+        room, load = forced.room, forced.load[:, None]
+        found, pressed = constrained(room.mass, room.rows(normals), load, bend[:, None])
+        return forced.full(found[:, 0]), pressed[:, 0]
 
     def doubts(self, t: float, u: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Rounding of second rates of the gaps (J,) and of forces (S,), by that of the state."""
-        system, d, rows = self.system, len(u), list(self.closed)
+        system, n, rows = self.system, len(u), list(self.closed)
         load, y = system.force(t, u, v), np.concatenate([u, v])
         size = _LOOSE * np.abs(load)
         for i in np.flatnonzero(y):
             other = y.copy()
             other[i] *= 1.0 + self.rtol
-            size = size + np.abs(system.force(t, other[:d], other[d:]) - load)
-        jacobian, inverse = system.jacobian(u), np.linalg.inv(system.mass(u))
+            size = size + np.abs(system.force(t, other[:n], other[n:]) - load)
+        forced = Forced.at(system, t, u, v)
+        jacobian, room = system.jacobian(u), forced.room
+        inverse = np.linalg.inv(room.mass) if room.basis is None else room.inverse
         bend = _LOOSE * np.abs(system.gap_curvature(t, u, v))
+        bend += self.rtol * np.abs(jacobian) @ np.abs(forced.drift)
         gaps = np.abs(jacobian) @ (np.abs(inverse) @ size) + bend
         answers = jacobian @ inverse @ jacobian[rows].T
         forces = np.abs(np.linalg.inv(answers[rows])) @ gaps[rows]
@@ -68,7 +73,7 @@ class Motion:
         gaps, forces = [], []
         a = self.forces(t, u, v)[0]
         for s in (0.0, later):
-            at = t + s, u + s * v + 0.5 * s * s * a, v + s * a
+            at = t + s, advanced(self.system, u, s * v + 0.5 * s * s * a), v + s * a
             rate, pressed = self.forces(*at)
             gaps.append(self.system.jacobian(at[1]) @ rate + self.system.gap_curvature(*at))
             forces.append(pressed)
@@ -78,6 +83,18 @@ class Motion:
             np.array(forces), np.tile(force_doubt, (2, 1)),
         )  # fmt: skip
 
+    def split(self, y: Floats) -> tuple[Floats, Floats]:
+        """U and v of a state."""
+        n = self.system.coordinates
+        return y[:n], y[n : n + self.system.dofs]
+
+    def kept(self, y: Floats) -> Floats:
+        """The state with its bilateral rows closed."""
+        if not self.system.is_joined:
+            return y
+        u, v = closed(self.system, *self.split(y))
+        return np.concatenate([u, v, y[len(u) + len(v) :]])
+
     @property
     def integrals(self) -> int:
         """Number of integrals behind u and v: of the forces of closed constraints, first of all."""
@@ -85,9 +102,9 @@ class Motion:
 
     def __call__(self, t: float, y: Floats) -> Floats:
         """Rates of u, v and the integrals."""
-        d = self.system.dofs
-        acceleration, pressed = self.forces(t, y[:d], y[d : 2 * d])
-        return np.concatenate([y[d : 2 * d], acceleration, pressed])
+        u, v = self.split(y)
+        acceleration, pressed = self.forces(t, u, v)
+        return np.concatenate([self.system.coordinate_rates(u, v), acceleration, pressed])
 
     def loose(self, t: float, u: Floats, v: Floats) -> Floats:
         """How far below 0 `guards` may fall by rounding."""

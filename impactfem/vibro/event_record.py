@@ -46,7 +46,7 @@ class Record:
     ) -> None:  # fmt: skip
         self.system = system
         self.times: Floats = np.linspace(0.0, duration, rows + 1)
-        self.position: Floats = np.zeros((rows + 1, system.dofs))
+        self.position: Floats = np.zeros((rows + 1, system.coordinates))
         self.velocity: Floats = np.zeros((rows + 1, system.dofs))
         self.impulse: Floats = np.zeros((rows + 1, system.num_constraints))
         self.lasting: Floats = np.zeros((rows + 1, system.num_constraints))
@@ -61,11 +61,10 @@ class Record:
     def near(self, t: float, u: Floats, v: Floats) -> NDArray[np.bool_]:
         """Constraints that are closed to rounding of the state and of the time, shape (J,)."""
         system = self.system
-        jacobian = np.abs(system.jacobian(u))
-        size = jacobian @ np.abs(u) + np.abs(system.motion_at(t))
+        size = np.abs(system.gradient(u)) @ np.abs(u) + np.abs(system.motion_at(t))
         if isinstance(system, LinearSystem):
             size = size + np.abs(system.offsets)
-        speed = jacobian @ np.abs(v) + np.abs(system.motion_rate(t))
+        speed = np.abs(system.jacobian(u)) @ np.abs(v) + np.abs(system.motion_rate(t))
         found: NDArray[np.bool_] = system.gap(t, u) <= _EPS * (64.0 * size + 4.0 * t * speed)
         return found
 

@@ -21,7 +21,9 @@ from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem
+from impactfem.system.joined import Forced
 from impactfem.vibro.event_motion import End, Motion
+from impactfem.vibro.event_spread import spread
 
 Floats = NDArray[np.float64]
 Mode = int | None
@@ -54,18 +56,16 @@ class Pushed:
 
 @dataclass(frozen=True)
 class Rubbing:
-    """Contacts that touch, at one state.
+    """Contacts that touch, at one state, in the k velocities that bilateral rows leave.
 
     Attributes:
-        mass: M, shape (d, d).
-        load: f, shape (d,).
-        normals, tangents: N and T of the candidates, shape (candidates, d).
+        forced: Mass and load, shape (k, k) and (k,).
+        normals, tangents: N and T of the candidates, shape (candidates, k).
         bends: n and t, shape (2, candidates).
         friction: mu of what slides, and of what sticks, shape (2, candidates).
     """
 
-    mass: Floats
-    load: Floats
+    forced: Forced
     normals: Floats
     tangents: Floats
     bends: Floats
@@ -76,13 +76,12 @@ class Rubbing:
         cls, system: GeneralizedSystem, t: float, u: Floats, v: Floats, rows: Sequence[int]
     ) -> "Rubbing":
         """The constraints ``rows`` of a system in a state."""
-        own = list(rows)
-        bends = np.stack([system.gap_curvature(t, u, v), system.slip_curvature(u, v)[:, 0]])
-        friction = np.stack([system.friction, system.static_friction])
-        return cls(
-            system.mass(u), system.force(t, u, v), system.jacobian(u)[own],
-            system.slip(u)[own, 0], bends[:, own], friction[:, own],
-        )  # fmt: skip
+        own, forced = list(rows), Forced.at(system, t, u, v)
+        bends = np.stack([system.gap_curvature(t, u, v), system.slip_curvature(u, v)[:, 0]])[:, own]
+        both = np.stack([system.jacobian(u)[own], system.slip(u)[own, 0]])
+        normals, tangents = forced.room.rows(both)
+        friction = np.stack([system.friction, system.static_friction])[:, own]
+        return cls(forced, normals, tangents, bends + both @ forced.drift, friction)
 
     def pushed(self, modes: Sequence[Mode]) -> Pushed:
         """Accelerations and forces with given modes."""
@@ -94,7 +93,8 @@ class Rubbing:
         push = np.concatenate([normals - slides, held])
         stay = np.concatenate([normals, held])
         rest = np.concatenate([self.bends[0, closed], self.bends[1, stuck]])
-        free = np.linalg.solve(self.mass, np.concatenate([self.load[:, None], push.T], axis=1))
+        mass, load = self.forced.room.mass, self.forced.load
+        free = np.linalg.solve(mass, np.concatenate([load[:, None], push.T], axis=1))
         forces = np.zeros(len(push))
         acceleration = free[:, 0]
         matrix = stay @ free[:, 1:]
@@ -102,19 +102,22 @@ class Rubbing:
         for _ in range(2 if len(push) else 0):  # once more takes rounding away
             change = -answers @ (stay @ acceleration + rest)
             forces, acceleration = forces + change, acceleration + free[:, 1:] @ change
+        if len(push) > np.linalg.matrix_rank(push):
+            limits = [(closed.index(i), self.friction[1, i]) for i in stuck]
+            forces = spread(forces, push, len(closed), limits)
         normal, tangential = np.zeros((2, len(modes)))
         normal[closed] = forces[: len(closed)]
         tangential[closed] = -self.friction[0, closed] * ways * normal[closed]
         tangential[stuck] = forces[len(closed) : len(closed) + len(stuck)]
         opening = self.normals @ acceleration + self.bends[0]
         sliding = self.tangents @ acceleration + self.bends[1]
-        return Pushed(acceleration, normal, tangential, opening, sliding)
+        return Pushed(self.forced.full(acceleration), normal, tangential, opening, sliding)
 
     def fits(self, modes: Sequence[Mode], found: Pushed, moving: Sequence[bool]) -> bool:
         """Whether modes fit what they give; ``moving`` tells which candidates slide already."""
-        size = np.abs(self.load).max(initial=0.0) + np.abs(found.normal).max(initial=0.0)
+        size = np.abs(self.forced.load).max(initial=0.0) + np.abs(found.normal).max(initial=0.0)
         size += np.abs(found.tangential).max(initial=0.0)
-        quick = np.abs(found.acceleration).max(initial=0.0)
+        quick = np.abs([found.acceleration, self.forced.free]).max(initial=0.0)
         for i, mode in enumerate(modes):
             slow = _FITS * (np.abs(self.normals[i]).sum() * quick + abs(self.bends[0, i]))
             aside = _FITS * (np.abs(self.tangents[i]).sum() * quick + abs(self.bends[1, i]))
@@ -167,7 +170,8 @@ def solutions(contacts: Rubbing, choices: Sequence[Sequence[Mode]], moving: Sequ
             taken = modes, found
             if (contacts.friction[1] > contacts.friction[0]).any():
                 break
-        size = max(np.abs(found.acceleration).max(), np.abs(taken[1].acceleration).max())
+        pair = found.acceleration, taken[1].acceleration, contacts.forced.free
+        size = np.abs(pair).max()
         if all(np.abs(found.acceleration - a).max() > _SAME * size for a in others):
             others.append(found.acceleration)
     return None if taken is None else Solutions(*taken, max(1, len(others)))
@@ -211,22 +215,21 @@ class RubbingMotion(Motion):
 
     def __call__(self, t: float, y: Floats) -> Floats:
         """Rates of u, v and the integrals."""
-        d = self.system.dofs
-        u, v = y[:d], y[d : 2 * d]
+        u, v = self.split(y)
         found = self.pushed(t, u, v)
         slides = np.array([mode != 0 for mode in self.modes], dtype=bool)
         speed = np.where(slides, self.system.slip(u)[list(self.closed), 0] @ v, 0.0)
         # Rounding of what sticks is no power: the integrator would try to resolve it.
-        return np.concatenate(
-            [v, found.acceleration, found.normal, [float(found.tangential @ speed)]]
-        )
+        moved = self.system.coordinate_rates(u, v)
+        power = [float(found.tangential @ speed)]
+        return np.concatenate([moved, found.acceleration, found.normal, power])
 
     def loose(self, t: float, u: Floats, v: Floats) -> Floats:
         """How far below 0 `guards` may fall by rounding."""
         own = Rubbing.at(self.system, t, u, v, self.closed)
         found = own.pushed(self.modes)
-        size = np.abs(own.load).max(initial=0.0) + np.abs(found.normal).max(initial=0.0)
-        ways = np.abs(own.tangents).sum(axis=1)
+        size = np.abs(own.forced.load).max(initial=0.0) + np.abs(found.normal).max(initial=0.0)
+        ways = np.abs(self.system.slip(u)[list(self.closed), 0]).sum(axis=1)
         speed = 1e-13 * ways * max(float(np.abs(v).max(initial=0.0)), self.rtol)
         stuck = np.array([mode == 0 for mode in self.modes], dtype=bool)
         force = np.full(len(self.modes), 1e-12 * size)
@@ -238,7 +241,8 @@ class RubbingMotion(Motion):
         found = own.pushed(self.modes)
         room = own.friction[1] * found.normal - np.abs(found.tangential)
         ways = np.array([mode or 0 for mode in self.modes], dtype=float)
-        return np.concatenate([found.normal, np.where(ways == 0, room, ways * (own.tangents @ v))])
+        speed = self.system.slip(u)[list(self.closed), 0] @ v
+        return np.concatenate([found.normal, np.where(ways == 0, room, ways * speed)])
 
     def ended(self, guard: int) -> End:
         """What ends with a guard."""

@@ -28,9 +28,9 @@ class _Entry(NamedTuple):
 
 
 INTEGRATORS: Mapping[str, _Entry] = {
-    "event_driven": _Entry(EventSettings, integrate_events, rubs=True, sticks=True),
-    "paoli_schatzman": _Entry(PositionSettings, integrate_positions),
-    "moreau_jean": _Entry(VelocitySettings, integrate_velocities, rubs=True),
+    "event_driven": _Entry(EventSettings, integrate_events, rubs=True, sticks=True, joins=True),
+    "paoli_schatzman": _Entry(PositionSettings, integrate_positions, joins=True),
+    "moreau_jean": _Entry(VelocitySettings, integrate_velocities, rubs=True, joins=True),
     **{
         name: _Entry(TextbookSettings, partial(integrate_textbook, scheme=name), joins=scheme.joins)
         for name, scheme in SCHEMES.items()
@@ -52,7 +52,7 @@ def integrate(
 
     Args:
         system: A `GeneralizedSystem` or `LinearSystem`.
-        position: u at t = 0, shape (d,).
+        position: u at t = 0, shape (coordinates,).
         velocity: u' at t = 0, shape (d,).
         duration: [s].
         method: "event_driven", "paoli_schatzman", "moreau_jean", "energy_momentum", or as a control
@@ -97,8 +97,7 @@ def integrate(
             f"is the one in which constraint {several['taken']}"
         )
         warnings.warn(text, ImpactWarning, stacklevel=2)
-    joined = system.bilateral is not None or system.rates is not None
-    together = None if joined else find_together(system, motion, chosen.resolution(duration))
+    together = find_together(system, motion, chosen.resolution(duration))
     if together is None:
         return motion
     warnings.warn(together.text(), ImpactWarning, stacklevel=2)

@@ -7,7 +7,8 @@ from scipy.linalg import cho_solve
 from impactfem.errors import ConvergenceError
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
-from impactfem.system.generalized import GeneralizedSystem, factor_mass
+from impactfem.system.generalized import GeneralizedSystem
+from impactfem.system.joined import Forced, Room, advanced
 from impactfem.vibro.kicks import Kicks
 from impactfem.vibro.position_kernels import note
 from impactfem.vibro.position_start import start_positions
@@ -36,29 +37,29 @@ def march_general(
     e, count = system.restitution, system.num_constraints
     rows = empty_rows(system, steps, every)
     episodes, total, worst = starting_episodes(system, u, v), np.zeros(2 * count), 0.0
-    room = np.zeros((count, 5))
+    noted = np.zeros((count, 5))
     impacts: list[tuple[float, ...]] = list(map(tuple, first.impacts))
-    factor = factor_mass(system, u)
-    inverse = cho_solve((factor, True), np.eye(system.dofs))
-    wall_old, wall = system.gap(0.0, u - s) - before, system.motion_at(0.0)
+    room = Room.at(system, u)
+    place = system.gap(0.0, advanced(system, u, -s))
+    wall_old, wall = place - before, system.motion_at(0.0)
     wall_old = wall_old + wall
     linearisations = 0
     kicks = Kicks(system, steps, h)
     for m in range(steps + 1):
         t = m * h
-        if system.constant_mass is None:
-            factor = factor_mass(system, u, t)
-            inverse = cho_solve((factor, True), np.eye(system.dofs))
+        if system.constant_mass is None or system.bilateral is not None:
+            room = Room.at(system, u, t)
         wall_new = system.motion_at(t + h)
         (shift_old,), (shift,) = kicks.shifts(m, m + 1)
         mean = (wall_new + e * (wall_old - shift_old)) / (1.0 + e)
-        new, impulse, solved = _step(system, (factor, inverse), t, h, u, s, mean)
+        new, impulse, solved = _step(room, t, h, u, s, mean)
         linearisations = max(linearisations, solved)
-        following = system.gap(t + h, u + new)
+        end = advanced(system, u, new)
+        following = system.gap(t + h, end)
         both = pushed(impulse / h, episodes)
         if m % every == 0 or m == steps:
             row = -(-m // every)
-            rows[0][row], rows[1][row] = u, 0.5 * (s + new) / h
+            rows[0][row], rows[1][row] = u, room.full(room.own(0.5 * (s + new) / h))
             rows[2][row], rows[3][row] = gap, total + 0.5 * both
         total += both
         worst = min(worst, float(gap.min(initial=0.0)))
@@ -69,9 +70,9 @@ def march_general(
             when = t + (min(max(gap[c] / -speed, -h), h) if speed < 0.0 else 0.0)
             if impulse[c] == 0.0 and episodes[c, 4]:
                 episodes[c, 3] = after
-            written = note(c, impulse[c] / h, when, speed, after, episodes, room, written)
-        impacts.extend(map(tuple, room[:written]))
-        u, s, gap, before = u + new, new, following, gap
+            written = note(c, impulse[c] / h, when, speed, after, episodes, noted, written)
+        impacts.extend(map(tuple, noted[:written]))
+        u, s, gap, before = end, new, following, gap
         wall_old, wall = wall, wall_new
     impacts.extend(unfinished(episodes))
     details = {
@@ -83,36 +84,29 @@ def march_general(
 
 
 def _step(
-    system: GeneralizedSystem,
-    mass: tuple[Floats, Floats],
-    t: float,
-    h: float,
-    u: Floats,
-    s: Floats,
-    wall: Floats,
+    room: Room, t: float, h: float, u: Floats, s: Floats, wall: Floats
 ) -> tuple[Floats, Floats, int]:
-    """U^{m+1} - U^m, P and the linearisations; velocities in f by fixed point.
+    """U^{m+1} - U^m, P and the linearisations; velocities in f by fixed point."""
 
-    ``mass`` is the Cholesky factor of M(U^m) and its inverse.
-    """
-    factor, inverse = mass
-    old = u - s
-    velocity = s / h
-    force = system.force(t, u, velocity)
-    for _ in range(_MAX_FIXED_POINT):
-        free = s + h * h * (inverse @ force)
-        found = project(system, factor, u + free, old, wall)
-        new = free + found.change
-        following = system.force(t, u, 0.5 * (s + new) / h)
-        if not np.isfinite(following).all():
+    def gained(v: Floats) -> Floats:
+        forced = Forced.at(room.system, t, u, v, room)
+        if not np.isfinite(forced.load).all():
             raise ConvergenceError(
-                f"force at t = {t:.6g} s is {following.tolist()}: the motion or the formula broke "
-                "down; use a smaller dt"
+                f"force at t = {t:.6g} s is {forced.load.tolist()}: the motion or the formula "
+                "broke down; use a smaller dt"
             )
-        moved = h * h * float(np.abs(inverse @ (following - force)).max())
-        if moved <= 1e-13 * float(np.abs(new).max()) + 1e-300:
+        return h * h * forced.full(np.asarray(cho_solve((room.factor, True), forced.load)))
+
+    more = gained(s / h)
+    for _ in range(_MAX_FIXED_POINT):
+        free = s + more
+        found = project(room, u, free, s, wall)
+        new = free + found.change
+        following = gained(0.5 * (s + new) / h)
+        moved = float(np.abs(following - more).max())
+        if moved <= 1e-13 * float(max(np.abs(new).max(), np.abs(more).max())) + 1e-300:
             return new, found.impulse, found.linearisations
-        force = following
+        more = following
     raise ConvergenceError(
         f"the forces that depend on velocity did not settle in {_MAX_FIXED_POINT} iterations at "
         f"t = {t:.6g} s (last change {moved:.1e}); use a smaller dt"

@@ -38,6 +38,7 @@ from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.frequency import highest_frequency
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.system.joined import closed as closed_rows
 from impactfem.system.start_checks import check_start
 from impactfem.vibro.kicks import Kicks
 from impactfem.vibro.position_general import march_general
@@ -114,7 +115,7 @@ def integrate_positions(
     implicit = choose_implicit(system, u, v, h, settings.implicit)
     if isinstance(system, LinearSystem):
         return _linear(system, u, v, steps, h, settings.every, implicit=implicit)
-    return march_general(system, u, v, steps, h, settings.every)
+    return march_general(system, *closed_rows(system, u, v), steps, h, settings.every)
 
 
 def choose_implicit(

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
 from impactfem.contact.impact_law import delassus, resolve_impact, resting_forces
-from impactfem.system.generalized import GeneralizedSystem, factor_mass
+from impactfem.system.generalized import GeneralizedSystem
+from impactfem.system.joined import Forced, Room, advanced
 
 Floats = NDArray[np.float64]
 
@@ -48,25 +49,27 @@ def start_positions(
     closed = np.flatnonzero(gap <= _CLOSED * max(float(np.abs(u).max()), 1e-300))
     jacobian = system.jacobian(u)[closed]
     rate = system.motion_rate(0.0)[closed]
-    impacts = np.zeros((0, 5))
+    room, impacts = Room.at(system, u), np.zeros((0, 5))
+    own = room.rows(jacobian)
     if len(closed) and ((jacobian @ v - rate) < 0.0).any():
         e = system.restitution[closed]
-        hit = resolve_impact(factor_mass(system, u), jacobian, v, rate, e)
-        v = hit.velocity
+        hit = resolve_impact(room.factor, own, room.own(v), rate, e)
+        v = room.full(hit.velocity)
         table = np.stack([0.0 * rate, closed, hit.before, hit.after, hit.impulse], axis=1)
         impacts = table[hit.impulse > 0.0]
-    factor: Floats = np.linalg.cholesky(weight)
-    acceleration = cho_solve((factor, True), system.force(0.0, u, v))
+    factor: Floats = np.linalg.cholesky(room.load(room.rows(weight)))
+    forced = Forced.at(system, 0.0, u, v, room)
+    acceleration = cho_solve((factor, True), forced.load)
     speed = jacobian @ v - rate
     size = float(np.abs(v).max(initial=0.0))
     rests = speed <= _AT_REST * size
     if rests.any():
-        curvature = system.gap_curvature(0.0, u, v)[closed][rests]
-        force = resting_forces(factor, jacobian[rests], acceleration, curvature)
-        acceleration += delassus(factor, jacobian[rests])[1] @ force
-    change = h * v - 0.5 * h * h * acceleration
+        curvature = (system.gap_curvature(0.0, u, v)[closed] + jacobian @ forced.drift)[rests]
+        force = resting_forces(factor, own[rests], acceleration, curvature)
+        acceleration += delassus(factor, own[rests])[1] @ force
+    change = h * v - 0.5 * h * h * forced.full(acceleration)
     wall = system.motion_at(-h)
     if not np.isfinite(wall).all():  # a motion that is not known before t = 0
         wall = 2.0 * system.motion_at(0.0) - system.motion_at(h)
-    before = system.gap(0.0, u - change) + system.motion_at(0.0) - wall
+    before = system.gap(0.0, advanced(system, u, -change)) + system.motion_at(0.0) - wall
     return Start(u, change, gap, before, impacts)

@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 from impactfem.contact.impact_law import complementarity, delassus
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem
+from impactfem.system.joined import Room, advanced
 
 Floats = NDArray[np.float64]
 
 _MAX_LINEARISATIONS = 60
 _EPS = np.finfo(float).eps
+_STALLED = 1e-12  # share of the lengths below which a change that no longer shrinks is rounding
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class Projected:
     """A projection.
 
     Attributes:
-        change: U_new - U_free, shape (d,).
+        change: What is added to the way of the step without contact, shape (d,).
         impulse: P = h^2 lambda, >= 0, shape (J,).
         linearisations: Complementarity problems solved.
     """
@@ -37,39 +39,44 @@ class Projected:
     linearisations: int
 
 
-def project(
-    system: GeneralizedSystem, factor: Floats, free: Floats, old: Floats, wall: Floats
-) -> Projected:
-    """Move U_free so that the points Z_j obey their constraints, by successive linearisation.
+def project(room: Room, u: Floats, free: Floats, old: Floats, wall: Floats) -> Projected:
+    """Change the way of a step so that the points Z_j obey their constraints.
 
-    The error falls by a factor of the order of curvature times penetration, O(h), at each.
+    By successive linearisation: the error falls by a factor of the order of curvature times
+    penetration, O(h), at each. Bilateral rows hold at U_new, by multipliers along the rows at U.
 
     Args:
-        system: The constraints and their restitution.
-        factor: Lower Cholesky factor of M, shape (d, d).
-        free: U_new without contact, shape (d,).
-        old: U_old, shape (d,).
+        room: Mass and rows at U.
+        u: U, shape (coordinates,).
+        free: Way from U without contact, in velocities times h, shape (d,).
+        old: Way to U, shape (d,).
         wall: (b_new + e b_old) / (1 + e), shape (J,).
 
     Raises:
         ConvergenceError: The linearisations do not settle.
     """
-    e = system.restitution
-    change, impulse = np.zeros_like(free), np.zeros(len(e))
-    length = float(np.abs(free).max(initial=0.0))
-    settled = 1e-13 * float(np.abs(free - old).max(initial=0.0)) + 8.0 * _EPS * length
-    for done in range(_MAX_LINEARISATIONS):
-        gap, jacobian = _at_points(system, free + change, old, wall, need=bool(done))
-        if jacobian is None:
-            return Projected(change, impulse, 0)
-        offset = (1.0 + e) * gap - jacobian @ change  # at U_free, in the linearised constraints
-        coupling, answers = delassus(factor, jacobian)
-        impulse = complementarity(coupling, offset)
-        following = answers @ impulse
-        moved = float(np.abs(following - change).max(initial=0.0))
-        change = following
-        if moved <= settled:
-            return Projected(change, impulse, done + 1)
+    system, e = room.system, room.system.restitution
+    held, pushed, impulse = np.zeros_like(free), np.zeros_like(free), np.zeros(len(e))
+    length = float(np.abs(u).max(initial=0.0))
+    settled = 1e-13 * float(np.abs(free + old).max(initial=0.0)) + 8.0 * _EPS * length
+    done, last = 0, np.inf
+    for _ in range(_MAX_LINEARISATIONS):
+        new = free + held + pushed
+        following, closing = np.zeros_like(free), np.zeros_like(free)
+        gap, jacobian = _at_points(system, u, new, old, wall, need=bool(done))
+        if jacobian is not None:
+            offset = (1.0 + e) * gap - jacobian @ pushed  # without contact, linearised
+            coupling, answers = delassus(room.factor, room.rows(jacobian))
+            impulse, done = complementarity(coupling, offset), done + 1
+            following = room.full(answers @ impulse)
+        if system.bilateral is not None and room.back is not None:
+            way = room.back @ np.atleast_1d(system.bilateral(advanced(system, u, new)))
+            closing = way - room.full(room.own(way))
+        moved = float(np.abs(following - pushed - closing).max(initial=0.0))
+        held, pushed = held - closing, following
+        if moved <= settled or (moved <= _STALLED * length and moved >= 0.5 * last):
+            return Projected(held + pushed, impulse, done)
+        last = moved
     raise ConvergenceError(
         f"contact: the projection on the constraints did not settle in {_MAX_LINEARISATIONS} "
         f"linearisations (last change {moved:.1e}); use a smaller dt"
@@ -77,17 +84,18 @@ def project(
 
 
 def _at_points(
-    system: GeneralizedSystem, new: Floats, old: Floats, wall: Floats, *, need: bool
+    system: GeneralizedSystem, u: Floats, new: Floats, old: Floats, wall: Floats, *, need: bool
 ) -> tuple[Floats, Floats | None]:
     """phi_j(Z_j) - b_j (J,) and J_j(Z_j) (J, d); None if all are >= 0 and it is not needed."""
     e = system.restitution
     first = float(e[0]) if len(e) else 0.0
     if not need and (e == first).all():  # one point, in most steps far from any wall
-        gap = system.gap(0.0, (new + first * old) / (1.0 + first)) + system.motion_at(0.0) - wall
+        point = advanced(system, u, (new - first * old) / (1.0 + first))
+        gap = system.gap(0.0, point) + system.motion_at(0.0) - wall
         if not (gap < 0.0).any():
             return gap, None
     groups = [(float(value), np.flatnonzero(e == value)) for value in np.unique(e)]
-    points = [(new + value * old) / (1.0 + value) for value, _ in groups]
+    points = [advanced(system, u, (new - value * old) / (1.0 + value)) for value, _ in groups]
     gap = -wall
     for (_, rows), point in zip(groups, points, strict=True):
         gap[rows] += system.gap(0.0, point)[rows] + system.motion_at(0.0)[rows]

@@ -36,9 +36,9 @@ from impactfem.contact.impact_law import Law
 from impactfem.errors import ConvergenceError
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem
+from impactfem.system.joined import Forced
 from impactfem.system.joined import answers as answers_to
 from impactfem.system.joined import closed as closed_rows
-from impactfem.system.joined import held
 from impactfem.system.start_checks import check_start
 from impactfem.vibro.position_kernels import ROUNDING
 from impactfem.vibro.stepping import Stepped, Walls, march
@@ -95,8 +95,8 @@ class FreeStep:
         """F(t, y), shape (2 d,)."""
         u, v = np.split(y, [len(y) - self.system.dofs])
         system = self.system
-        moved = v if system.rates is None else np.asarray(system.rates(u, v), dtype=float)
-        return np.concatenate([moved, held(system, t, u, v)[0]])
+        forces = Forced.at(system, t, u, v)
+        return np.concatenate([system.coordinate_rates(u, v), forces.free])
 
     def solve(self, t: float, y: Floats, mean: Callable[[Floats], Floats]) -> Floats:
         """y+ = y + h mean(y+), by Newton's method with a tangent that is kept while it does.

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from impactfem.contact.impact_law import delassus
 from impactfem.result.trajectory import Trajectory
-from impactfem.system.generalized import GeneralizedSystem, factor_mass
+from impactfem.system.generalized import GeneralizedSystem
+from impactfem.system.joined import Room
 
 Floats = NDArray[np.float64]
 
@@ -110,8 +111,8 @@ def _onto_lasting(motion: Trajectory) -> list[tuple[float, int, int]]:
 
 def _angle(system: GeneralizedSystem, u: Floats, i: int, j: int) -> float | None:
     """Angle of the corner of two constraints in the metric of M; None if they are not coupled."""
-    rows = system.jacobian(u)[[i, j]]
-    matrix, _ = delassus(factor_mass(system, u), rows)
+    room = Room.at(system, u)
+    matrix, _ = delassus(room.factor, room.rows(system.jacobian(u)[[i, j]]))
     size = math.sqrt(matrix[0, 0] * matrix[1, 1])
     if size == 0.0 or abs(matrix[0, 1]) <= _COUPLED * size:
         return None

@@ -31,7 +31,9 @@ from impactfem.errors import ConvergenceError, SceneError
 from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.frequency import highest_frequency
-from impactfem.system.generalized import GeneralizedSystem, LinearSystem, factor_mass
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.system.joined import Forced, Room, advanced
+from impactfem.system.joined import closed as closed_rows
 from impactfem.system.start_checks import check_start
 from impactfem.vibro.kicks import Kicks
 from impactfem.vibro.position_kernels import ROUNDING, march_velocities
@@ -113,7 +115,7 @@ def integrate_velocities(
         )
     theta = settings.theta
     return march(
-        system, (u, v), (steps, h, settings.every),
+        system, closed_rows(system, u, v), (steps, h, settings.every),
         lambda t, u, v, walls: _step(system, t, h, theta, u, v, walls), {"theta": theta},
     )  # fmt: skip
 
@@ -191,13 +193,13 @@ def _step(
     system: GeneralizedSystem, t: float, h: float, theta: float, u: Floats, v: Floats, walls: Walls
 ) -> Stepped:
     """One step; velocities in f are found by fixed point."""
-    middle = u + 0.5 * h * v
-    factor = factor_mass(system, middle, t)
+    middle = advanced(system, u, 0.5 * h * v)
+    room = Room.at(system, middle, t)
     tolerance = ROUNDING * float(np.abs(middle).max())
     closed = np.flatnonzero(system.gap(t + 0.5 * h, middle) <= tolerance)
     count = system.num_constraints
     impulse, speed, after = np.zeros(count), np.zeros(count), np.zeros(count)
-    jacobian, answers, coupling = np.zeros((0, len(u))), np.zeros((len(u), 0)), np.zeros((0, 0))
+    jacobian, answers, coupling = np.zeros((0, len(v))), np.zeros((len(v), 0)), np.zeros((0, 0))
     tangents, friction = 0, system.friction[closed]
     if len(closed):
         jacobian = system.jacobian(middle)[closed]
@@ -205,33 +207,38 @@ def _step(
         if friction.any():
             rows = np.concatenate([jacobian[:, None], system.slip(middle)[closed]], axis=1)
             tangents = rows.shape[1] - 1
-            jacobian = rows.reshape(-1, len(u))  # the normal of each, then its tangents
-        coupling, answers = delassus(factor, jacobian)
+            jacobian = rows.reshape(-1, len(v))  # the normal of each, then its tangents
+        coupling, answers = delassus(room.factor, room.rows(jacobian))
+        answers = room.full(answers)
     normal = slice(None, None, 1 + tangents)
     rate, arriving = np.zeros((2, len(jacobian)))
     rate[normal], arriving[normal] = walls[1][closed], system.restitution[closed] * speed[closed]
-    inverse = cho_solve((factor, True), np.eye(len(u)))
-    force = system.force(t + 0.5 * h, middle, v)
+
+    def accelerated(v: Floats) -> Floats:
+        forced = Forced.at(system, t + 0.5 * h, middle, v, room)
+        if not np.isfinite(forced.load).all():
+            raise ConvergenceError(
+                f"force at t = {t:.6g} s is {forced.load.tolist()}: the motion or the formula "
+                "broke down; use a smaller dt"
+            )
+        return forced.full(np.asarray(cho_solve((room.factor, True), forced.load)))
+
+    gained = h * accelerated(v)
     for _ in range(_MAX_FIXED_POINT):
-        free = v + h * (inverse @ force)
+        free = v + gained
         offset = jacobian @ free - rate + arriving
         pushing = cone_impulses(coupling, offset, friction, tangents)
         impulse[closed] = pushing[normal]
         new = free + answers @ pushing
-        following = system.force(t + 0.5 * h, middle, 0.5 * (v + new))
-        if not np.isfinite(following).all():
-            raise ConvergenceError(
-                f"force at t = {t:.6g} s is {following.tolist()}: the motion or the formula broke "
-                "down; use a smaller dt"
-            )
-        moved = h * float(np.abs(inverse @ (following - force)).max())
-        if moved <= 1e-13 * float(np.abs(new).max()) + 1e-300:
+        following = h * accelerated(0.5 * (v + new))
+        moved = float(np.abs(following - gained).max())
+        if moved <= 1e-13 * float(max(np.abs(new).max(), np.abs(gained).max())) + 1e-300:
             after[closed] = (jacobian @ new - rate)[normal]
             along = pushing * (0.5 * jacobian @ (v + new))
             work = float(along.sum() - along[normal].sum())
-            end = u + h * (v + theta * (new - v))
-            return Stepped(end, new, impulse, speed, after, work)
-        force = following
+            end = advanced(system, u, h * (v + theta * (new - v)))
+            return Stepped(*closed_rows(system, end, new), impulse, speed, after, work)
+        gained = following
     raise ConvergenceError(
         f"the forces that depend on velocity did not settle in {_MAX_FIXED_POINT} iterations at "
         f"t = {t:.6g} s (last change {moved:.1e}); use a smaller dt"

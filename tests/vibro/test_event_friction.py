@@ -56,6 +56,38 @@ def test_block_thrown_uphill_stops_and_stays_or_slides_back(mu, slope, stays):
     assert motion.effort.details["friction_work"] == pytest.approx(-lost, rel=1e-8)
 
 
+@pytest.mark.parametrize(
+    ("mu", "slope", "speed"), [(0.5, 0.3, 3.0), (0.5, 0.5, 2.0), (0.5, -0.2, 1.0), (0.5, 0.45, 0.0)]
+)
+def test_block_on_two_feet_stops_and_stays_or_slides_back(mu, slope, speed):
+    """Feet that stick leave open how they share the push: equal shares would slip at .45 rad."""
+    down, arms = np.array([np.sin(slope), np.cos(slope)]), np.array([[-0.5, -0.2], [0.5, -0.2]])
+
+    def feet(u):
+        c, s = np.cos(u[2]), np.sin(u[2])
+        return c * arms[:, 1] + s * arms[:, 0]
+
+    block = impactfem.GeneralizedSystem(
+        mass=[2.0, 2.0, 0.1], force=lambda *_: [*-2.0 * G * down, 0.0],
+        constraints=lambda u: u[1] + feet(u), friction=mu,
+        slip=lambda u: [[1.0, 0.0, -y] for y in feet(u)],
+    )  # fmt: skip
+    motion = impactfem.integrate(block, [0.0, 0.2, 0.0], [speed, 0.0, 0.0], 1.0, rows=20)
+    stop = speed / (G * (np.sin(slope) + mu * np.cos(slope)))
+    stays = abs(np.tan(slope)) < mu
+    back = 0.0 if stays else G * (np.sin(slope) - mu * np.cos(slope)) * (1.0 - stop) ** 2
+    way = 0.5 * (speed * stop - back)
+    assert motion.position[-1] == pytest.approx([way, 0.2, 0.0], abs=1e-11)
+    changed = motion.effort.details["friction_changes"]
+    assert [what for _, _, what in changed[-2:]] == ["sticks" if stays else "slides"] * 2
+    assert [t for t, _, _ in changed[-2:]] == pytest.approx([stop, stop], abs=1e-10)
+    lever = 0.2 * np.tan(slope) if stays else 0.2 * mu * np.sign(slope)
+    assert (motion.contact_force[-1] @ [-0.5, 0.5]) / motion.contact_force[-1].sum() == (
+        pytest.approx(-lever, abs=1e-9)
+    )
+    assert "friction_nonunique" not in motion.effort.details
+
+
 @pytest.mark.parametrize(("over", "slides"), [(-1e-6, False), (1e-6, True)])
 def test_incline_holds_up_to_the_angle_of_friction(over, slides):
     motion = impactfem.integrate(on_slope(0.3, np.arctan(0.3 + over)), [0.0, 0.0], [0.0, 0.0], 1.0)
