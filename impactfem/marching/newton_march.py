@@ -22,6 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.followed_pair import FAR
+from impactfem.contact.spring_steps import SpringStep
+from impactfem.contact.springs import unresolved
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding
 from impactfem.marching.finite_body import inertia_findings
@@ -55,11 +57,17 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         self._known: dict[int, Floats] = {}
         self._looked: tuple[float, Floats, Floats] | None = None  # time, place, and gaps there
         super().__init__(interior, settings)
+        none = np.zeros(len(self.contact.gap), dtype=bool)
+        self._soft = none if self._springs is None else self._springs.there
         self._tangential = np.zeros_like(self._normals)  # of the last step [N], (gaps, dim)
 
     def findings(self) -> tuple[Finding, ...]:
-        """Bodies whose masses, moved off their contact nodes, have too little inertia."""
-        return inertia_findings(self.interior.missing)
+        """Bodies that lost too much inertia at contact nodes, and contacts too short for steps."""
+        found = inertia_findings(self.interior.missing)
+        if self._springs is None:
+            return found
+        pressed = self.rows.indentation[: self.layer + 1]
+        return (*found, *unresolved(pressed, self.interior.dt))
 
     def memory(self) -> dict[str, Floats]:
         """What the next layer needs besides the state of the bodies, the same on all ranks."""
@@ -86,7 +94,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             stop = min(end, time + span)
             if stop > end - 1e-9 * dt:
                 stop = end
-            closed = (before <= near) | (last > 0.0)
+            closed = (before <= near) | (last > 0.0) | self._soft
             try:
                 step, share = self._cut(time, stop, last, before, closed, tries < min(_TRIES, cuts))
             except ConvergenceError as error:
@@ -103,10 +111,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
                 continue
             interior.accept()
             done.add(step, stop - time)
-            last, self._normals = (
-                np.where(step.struck, 0.0, step.force[:, 0]),
-                step.directions[:, 0],
-            )
+            last, self._normals = step.left, step.directions[:, 0]
             self._tangential = in_space(step.directions[:, 1:], step.force[:, 1:])
             time, span = stop, dt if tries else min(dt, 2.0 * span)
             cuts, tries = cuts - tries, 0
@@ -119,6 +124,8 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         self.rows.impact_work[self.layer] = done.impacts
         self.rows.impact[self.layer] = done.impulse[done.struck].sum()
         self._impulsive = done.struck
+        if self._springs is not None:  # pressed by which gaps are shut
+            before = before + self._springs.depth(last)
         self.contact = ContactState(last, before, state.multiplier, state.gap, static)
         self._done = done
         force: Floats = done.impulse / dt
@@ -214,7 +221,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         begin = interior.surface_displacement
         holds = self._scheme.holds
         may = closed if holds else np.ones(len(before), dtype=bool)
-        room = np.zeros(len(before)) if holds else np.maximum(before, 0.0)
+        room = self._room(last, before)
         middle_time = 0.5 * (start + end)
         interior.begin(start, end)
         self._known = {}
@@ -239,7 +246,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             apart = way.copy()
             apart[:, 0] += room
             if self._by_mass:
-                massive = gaps.only_on(self._massive)
+                massive = gaps.only_on(self._massive) & ~self._soft
                 may = np.where(massive, closed, may)
                 speed = self._speed(directions, start, end - start)
                 ahead = way_ahead(speed, self._lively, end - start)
@@ -247,7 +254,8 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             if left <= 1.0 and self._missed(apart, force, may) <= self.tolerance:
                 massive = massive & (force[:, 0] > 0.0)
                 struck = massive & (massive & arrived).any()
-                return Step(directions, force, way, iteration, shift, massive, struck)
+                left_behind = self._left_behind(force, struck, apart)
+                return Step(directions, force, way, iteration, shift, massive, struck, left_behind)
             free = turned(directions, gaps.relative(interior.linearise()))
             if self._by_mass and not iteration:
                 fresh = massive & closed & (last == 0.0)
@@ -256,6 +264,23 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             interior.correct(gaps.spread(in_space(directions, new - force)))
             force = new
         raise ConvergenceError(f"{_ITERATES} iterates")
+
+    def _room(self, last: Floats, before: Floats) -> Floats:
+        """What gaps may close by in a step [m], (gaps,), springs taken up; arguments of `_step`."""
+        room = np.zeros(len(before)) if self._scheme.holds else np.maximum(before, 0.0)
+        self._pressed = None
+        if self._springs is None:
+            return room
+        self._pressed = SpringStep.of(self._springs, last, before)
+        self._foreseen = np.full(len(before), np.inf)
+        return np.where(self._soft, self._pressed.room, room)
+
+    def _left_behind(self, force: Floats, struck: Booleans, apart: Floats) -> Floats:
+        """Normal forces at the end of a step [N], (gaps,)."""
+        found = np.where(struck, 0.0, force[:, 0])
+        if self._pressed is None:
+            return found
+        return np.where(self._soft, self._pressed.left(apart[:, 0]), found)
 
     def _speed(self, directions: Floats, start: float, step: float) -> Floats:
         """Speeds in the gaps at the start of a step, along its directions [m/s], (gaps, ways)."""
@@ -277,7 +302,10 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             may: Gaps in which there may be forces, (gaps,).
         """
         normal = apart[:, 0]
-        missed = np.where(force[:, 0] > 0.0, np.abs(normal), np.maximum(-normal, 0.0))[may]
+        shut = normal
+        if self._pressed is not None:
+            shut = np.where(self._soft, normal - self._foreseen, normal)
+        missed = np.where(force[:, 0] > 0.0, np.abs(shut), np.maximum(-normal, 0.0))[may]
         worst = float(missed.max(initial=0.0))
         if self._friction is None:
             return worst
@@ -314,12 +342,15 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             matrix = 0.5 * (matrix + matrix.T)
             own = force[rows]
             offset = apart[rows] - (matrix @ own.ravel()).reshape(own.shape)
-            solved = obeying(matrix, offset, rows, own, self._friction, self._solver)
+            solver = self._solver
+            if self._pressed is not None:
+                solver = self._pressed.beside(solver, rows)
+            solved = obeying(matrix, offset, rows, own, self._friction, solver)
             after = apart[:, 0] + np.einsum("jb,jbi->i", solved - own, answers[..., 0])
             missed = may & (after < -self.tolerance)
             missed[rows] = False
             if not missed.any():
-                found[rows] = solved
+                found[rows], self._foreseen = solved, after
                 return found
             rows = np.union1d(rows, np.flatnonzero(missed))
         return found

@@ -22,6 +22,7 @@ class Step:
         iterations: Of Newton's method.
         shift: Ways of the obstacles [m], (gaps, dim).
         massive: Pressed gaps whose nodes all have mass, (gaps,).
+        left: Normal forces at its end [N], (gaps,); after impacts none.
         struck: Those of them in which nodes arrived with a speed, or others did at once, (gaps,).
     """
 
@@ -32,6 +33,7 @@ class Step:
     shift: Floats
     massive: Booleans
     struck: Booleans
+    left: Floats
 
 
 class LayerSums:

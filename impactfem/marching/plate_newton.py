@@ -187,15 +187,14 @@ class PlateNewton(PlateMidpoint):
         nodes = np.flatnonzero(along.any(axis=0))
         for node in nodes.tolist():
             if node not in known:
-                unit = np.zeros_like(self._q)
-                unit[self._touch[node]] = 1.0
-                known[node] = linear.advance * linear.solve(unit)[self._touch]
+                unit = np.asarray(self._reading[:, [node]].todense()).ravel()
+                known[node] = self.bodies.reading @ (linear.advance * linear.solve(unit))
         moved = along[:, nodes] @ np.stack([known[node] for node in nodes.tolist()])
         return np.asarray(moved[:, :, None] * self._normal)
 
     def _of_touching(self, change: Floats) -> Floats:
         """Ways of the contact nodes [m], (count, dim)."""
-        return np.asarray(np.outer(change[self._touch], self._normal))
+        return np.asarray(np.outer(self.bodies.reading @ change, self._normal))
 
     def correct(self, forces: Floats) -> None:
         """Move the iterate, with a change of the contact forces (count, dim)."""

@@ -145,7 +145,12 @@ def make_loop(
         interior: NewtonStepper = bodies[0] if alone else NewtonBodies([*bodies, *beside])
         plates = cast("Sequence[PlateMidpoint]", few)
         started = _brought_to_rest(bodies, interior, model, surfaces, settings, progress, plates)
-        settings = replace(settings, rest=_rest(started), restitution=contacts.restitution(scene))
+        settings = replace(
+            settings,
+            rest=_rest(started),
+            restitution=contacts.restitution(scene),
+            springs=contacts.springs(scene),
+        )
         newton = NewtonMarch(interior, settings)
         return Loop(newton, gaps, contacts, offsets, started)
     tipped = {} if model.joints is None else dict(model.joints.parts)

@@ -68,8 +68,9 @@ def check_springs(scene: Content) -> None:
                 text = f"{shown}{name}, a {body.kind}, may touch at many places, or gives way by "
                 text += "itself; remove it, or take a point, a rigid ball, a bar or a plate."
                 raise KeyedError(f"contact[{index}]", "stiffness", text)
-        if scene.iterated:
-            text = f"{shown}it is not available where {scene.iterated}; remove one."
+        if scene.starts_at_rest:
+            text = f'{shown}it is not available with start = "static", which searches equilibrium '
+            text += 'with rigid contacts; remove it, or give start = "given".'
             raise KeyedError(f"contact[{index}]", "stiffness", text)
 
 
