@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from impactfem.planning import Plan, plan
     from impactfem.result.compare import Comparison, compare
     from impactfem.result.trajectory import Trajectory
+    from impactfem.runs.ensemble import solve_ensemble
     from impactfem.scene import (
         Bar,
         Beam,
@@ -157,6 +158,7 @@ _HOMES = {
     "integrate_ensemble": "impactfem.vibro.ensemble",
     "plan": "impactfem.planning",
     "solve": "impactfem.solving",
+    "solve_ensemble": "impactfem.runs.ensemble",
     "work_precision": "impactfem.studies.work_precision",
 }
 
@@ -232,6 +234,7 @@ __all__ = [
     "integrate_ensemble",
     "plan",
     "solve",
+    "solve_ensemble",
     "work_precision",
 ]
 

@@ -27,6 +27,11 @@ def fused(function: Callable[..., Any]) -> Any:
     return _compiled(function, fastmath={"contract", "arcp", "nsz", "reassoc"})
 
 
+def threaded(function: Callable[..., Any]) -> Any:
+    """The same, beside which other threads of Python go on while it runs."""
+    return _compiled(function, nogil=True)
+
+
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     try:
         return numba.njit(cache=True, error_model="numpy", **options)(function)

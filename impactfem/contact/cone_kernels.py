@@ -9,6 +9,9 @@ _STEPS = 25  # of Newton from one start; the method needs 3 to 8 where it conver
 _SHORTER = (1.0, 0.5, 0.25)  # shares of a step, of which the best is taken
 _DEPENDENT = 1e-14  # pivots of matrices with a diagonal of about 1 that count as zero
 _TINY = np.finfo(np.float64).tiny
+_FIRST, _MOST = 0.1, 10.0  # compliances of proximal steps, as shares of those that forces have
+_FALLS, _GROWS = 0.25, 2.0  # after a step that Newton's method has found, and another one
+_PROXIMAL = 60
 
 
 @compiled
@@ -59,6 +62,66 @@ def newton_cones(matrix, offset, friction, master, spinning, base, scale, start,
             break
         force, missed = following, found
     return best, least, step
+
+
+@compiled
+def proximal_cones(
+    matrix, offset, friction, master, spinning, base, scale, start, tolerance, limit
+):
+    """Steps with a compliance of every force by itself that leaves nothing at a solution.
+
+    See `impactfem.contact.friction_solver`; arguments and what is returned as of `newton_cones`.
+    """
+    law = matrix, offset, friction, master, spinning, base, scale
+    pairs, dim = start.shape
+    force, best, softer, nearer = start, start, matrix.copy(), offset.copy()
+    share, least, total = _FIRST, np.inf, 0
+    for _ in range(_PROXIMAL):
+        for j in range(pairs):
+            for c in range(dim):
+                own = share * matrix[j * dim + c, j * dim + c]
+                softer[j * dim + c, j * dim + c] = matrix[j * dim + c, j * dim + c] + own
+                nearer[j, c] = offset[j, c] - own * force[j, c]
+        found, left, systems = newton_cones(
+            softer, nearer, friction, master, spinning, base, (1.0 + share) * scale, force,
+            tolerance, limit - total,
+        )  # fmt: skip
+        total += max(1, systems)
+        if total >= limit or share > _MOST:
+            break
+        if left > 1.0:
+            share *= _GROWS
+            continue
+        force, share = found, share * _FALLS
+        missed = missed_by(law, force, tolerance)[2]
+        if missed < least:
+            best, least = force, missed
+        if missed <= 1.0:
+            break
+    return best, least, total
+
+
+@compiled
+def without_traces(matrix, offset, master, base, force):
+    """No force, not even by rounding, where a pair is open; of `newton_cones`' arguments."""
+    pairs, dim = force.shape
+    found, is_open = force.copy(), np.zeros(pairs, dtype=np.bool_)
+    for j in range(pairs):
+        if master[j] != j:
+            continue
+        place = offset[j, 0]
+        for k in range(pairs):
+            for c in range(dim):
+                place += matrix[j * dim, k * dim + c] * force[k, c]
+        if force[j, 0] <= place / matrix[j * dim, j * dim]:
+            found[j, 0] = 0.0
+            is_open[j] = True
+    for j in range(pairs):
+        if is_open[master[j]] and base[j] <= 0.0:
+            found[j, 1:] = 0.0
+            if master[j] != j:
+                found[j, 0] = 0.0
+    return found
 
 
 @compiled

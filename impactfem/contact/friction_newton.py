@@ -23,13 +23,13 @@ from afar, and what is done where forces depend on each other, stands in
 `impactfem.contact.friction_solver`.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact import cone_kernels
-from impactfem.contact.cone_kernels import newton_cones
+from impactfem.contact.cone_kernels import newton_cones, proximal_cones
 from impactfem.contact.rooted import Matrix, among, full, own_blocks
 
 Floats = NDArray[np.float64]
@@ -110,17 +110,6 @@ class ConeProblem:
             self.base[pairs], np.searchsorted(pairs, self.masters[pairs]), self.spins[pairs],
         )  # fmt: skip
 
-    def near(self, force: Floats, share: float) -> "ConeProblem":
-        """The same with a compliance of each force by itself, in which given ones leave nothing.
-
-        Args:
-            force: That solve this problem if they solve the new one, (pairs, dim).
-            share: Of the compliance that each force has.
-        """
-        own = share * self.matrix.diagonal()
-        offset = self.offset - (own * force.ravel()).reshape(force.shape)
-        return replace(self, matrix=full(self.matrix) + np.diag(own), offset=offset)
-
 
 def newton(
     problem: ConeProblem, start: Floats, tolerance: float, limit: int
@@ -131,6 +120,14 @@ def newton(
         The best forces, their error in units of the tolerance, and linear systems solved.
     """
     found, left, steps = newton_cones(*_law(problem), start, tolerance, limit)
+    return found, float(left), int(steps)
+
+
+def proximal(
+    problem: ConeProblem, start: Floats, tolerance: float, limit: int
+) -> tuple[Floats, float, int]:
+    """Proximal steps likewise; see `impactfem.contact.friction_solver`."""
+    found, left, steps = proximal_cones(*_law(problem), start, tolerance, limit)
     return found, float(left), int(steps)
 
 

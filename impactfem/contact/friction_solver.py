@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from impactfem.contact.cone_kernels import without_traces
 from impactfem.contact.friction_kernels import sweep_cones
 from impactfem.contact.friction_many import WORST, Accuracy, Many
-from impactfem.contact.friction_newton import ConeProblem, missed_by, newton, residual
+from impactfem.contact.friction_newton import ConeProblem, newton, proximal, residual
 from impactfem.contact.rooted import Rooted, full
 from impactfem.errors import ConvergenceError
 
@@ -35,9 +36,6 @@ Integers = NDArray[np.int64]
 _FEW = 60  # pairs up to which an island has an array of answers
 _HELD = 1e-12  # share of the largest compliance below which a direction does not yield
 _DEPENDENT = 1e-9  # least eigenvalue of the matrix with unit diagonal
-_FIRST, _MOST = 0.1, 10.0  # compliances of proximal steps, as shares of those that forces have
-_FALLS, _GROWS = 0.25, 2.0  # after a step that Newton's method has found, and another one
-_PROXIMAL = 60
 _SWEEPS = ((100, 0.0), (5, 0.5), (1000, 0.0), (80, 0.25))
 """Sweeps with bounds that follow (share 0), or problems with frozen ones and the damping."""
 _FROZEN = 200
@@ -109,13 +107,14 @@ def _solve(problem: ConeProblem, start: Floats, tolerance: float, limit: int) ->
     for near in _starts(problem, start, tolerance, limit):
         if missed <= 1.0 or total >= limit:
             break
-        force, error, systems = _proximal(problem, near, tolerance, limit - total)
+        force, error, systems = proximal(problem, near, tolerance, limit - total)
         total += systems
         if error < missed:
             best, missed = force, error
     if missed > 1.0:
         raise _not_found(problem, len(start), total, residual(problem, best))
-    return _without_traces(problem, best), total
+    law = problem.matrix, problem.offset, problem.masters, problem.base
+    return np.asarray(without_traces(*law, best)), total
 
 
 def _not_found(problem: ConeProblem, pairs: int, total: int, left: float) -> ConvergenceError:
@@ -127,29 +126,6 @@ def _not_found(problem: ConeProblem, pairs: int, total: int, left: float) -> Con
     )
 
 
-def _proximal(
-    problem: ConeProblem, start: Floats, tolerance: float, limit: int
-) -> tuple[Floats, float, int]:
-    """Forces, their error in units of the tolerance, and linear systems solved."""
-    force = best = start
-    share, least, total = _FIRST, np.inf, 0
-    for _ in range(_PROXIMAL):
-        found, left, systems = newton(problem.near(force, share), force, tolerance, limit - total)
-        total += max(1, systems)
-        if total >= limit or share > _MOST:
-            break
-        if left > 1.0:
-            share *= _GROWS
-            continue
-        force, share = found, share * _FALLS
-        missed = missed_by(problem, force, tolerance)
-        if missed < least:
-            best, least = force, missed
-        if missed <= 1.0:
-            break
-    return best, least, total
-
-
 def _starts(problem: ConeProblem, start: Floats, tolerance: float, limit: int) -> Iterator[Floats]:
     """Forces from which it is worth to begin, one set after the other."""
     yield start
@@ -159,7 +135,7 @@ def _starts(problem: ConeProblem, start: Floats, tolerance: float, limit: int) -
     near = np.zeros_like(start)
     for share in _GROWING:
         part = replace(problem, friction=share * problem.friction)
-        near = _proximal(part, near, tolerance, limit)[0]
+        near = proximal(part, near, tolerance, limit)[0]
     yield near
 
 
@@ -188,18 +164,6 @@ def _islands(problem: ConeProblem) -> list[Integers]:
     linked[np.arange(pairs), problem.masters] = True
     count, island = connected_components(csr_matrix(linked), directed=False)
     return [np.flatnonzero(island == k) for k in range(count)]
-
-
-def _without_traces(problem: ConeProblem, force: Floats) -> Floats:
-    """No force, not even by rounding, where a pair is open."""
-    first, push = problem.matrix.diagonal()[:: force.shape[1]], problem.pushes
-    is_open = push & (force[:, 0] <= problem.answers(force)[:, 0] / first)
-    force = force.copy()
-    force[is_open, 0] = 0.0
-    unbound = is_open[problem.masters] & (problem.base <= 0.0)
-    force[unbound, 1:] = 0.0
-    force[unbound & ~push] = 0.0
-    return force
 
 
 def _swept(problem: ConeProblem, start: Floats, sweeps: int, damped: float) -> Floats:

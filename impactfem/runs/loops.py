@@ -264,13 +264,18 @@ def _size(model: SolidsModel, few: Sequence[FewInterior], dt: float) -> float:
     """
     positions = (gather(model.comm, part.system.positions) for part in model.parts)
     sizes = [float(np.ptp(each, axis=0).max()) for each in positions]
-    some = _LAYERS * dt
     for march in few:
-        bodies, speed = march.bodies, float(np.abs(march.surface_velocity).max())
-        pull = float(np.linalg.norm(model.scene.vector_gravity.values, axis=1).max())
+        bodies, speed = march.bodies, np.abs(march.surface_velocity).max()
         sizes += [float(np.abs(bodies.places(bodies.position)).max()), float(bodies.radius.max())]
-        sizes.append(speed * some + 0.5 * pull * some**2)
+        sizes.append(float(rounding(model.scene, speed, dt)))
     return max(sizes)
+
+
+def rounding(scene: Scene, speed: Floats, dt: float) -> Floats:
+    """Ways in some layers of places with speeds at t = 0 [m/s], by which coordinates round [m]."""
+    some = _LAYERS * dt
+    pull = float(np.linalg.norm(scene.vector_gravity.values, axis=1).max())
+    return speed * some + 0.5 * pull * some**2
 
 
 def _solver(numbers: "MarchNumbers", tolerance: float) -> Solver:

@@ -23,6 +23,26 @@ Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
 
+@dataclass(frozen=True)
+class Lone:
+    """A rigid body as a compiled march of it alone takes it.
+
+    Attributes:
+        mass: [kg].
+        inertia: About the centre along the axes of the body [kg m^2], (3, 3).
+        arms: From the centre to the contact nodes [m], (nodes, 3).
+        rolling: Radius with which nodes roll [m], (nodes,).
+        shares, axis: Of `impactfem.system.rigid.Rims`, (nodes or 0, 2) and (3,).
+    """
+
+    mass: float
+    inertia: Floats
+    arms: Floats
+    rolling: Floats
+    shares: Floats
+    axis: Floats
+
+
 @dataclass(frozen=True, kw_only=True)
 class FewBodies:
     """Bodies that share coordinates q; points do, since springs may join them.
@@ -95,6 +115,11 @@ class FewBodies:
     def figured(self) -> Mapping[str, float | list[list[float]] | Mapping[str, float]]:
         """What the summary says of a single body that turns besides its mass; nothing of others."""
         return {}
+
+    @property
+    def lone(self) -> Lone | None:
+        """A rigid body that touches with its nodes alone and that nothing but gravity pulls."""
+        return None
 
     @property
     def shared(self) -> Integers:

@@ -17,7 +17,8 @@ from impactfem.scene.obstacles.rotation import gap_at
 from impactfem.scene.pairing import bodies_met, friction_of, obstacles_of
 from impactfem.scene.rigid_keys import rotation
 from impactfem.system.convex import Carrier, Convex
-from impactfem.system.few import FewBodies
+from impactfem.system.few import FewBodies, Lone
+from impactfem.system.rim_kernels import along_rims, lowest_directions
 from impactfem.system.stations import Stations
 
 Floats = NDArray[np.float64]
@@ -29,9 +30,6 @@ type Loads = Callable[[float, Floats, Floats, Floats], tuple[Floats, Floats]]
 
 NEAR = 0.2
 """Gap within which balls among many are near, as a share of the smaller radius."""
-
-_LEVEL = 1e-9  # sine of the angle to an obstacle below which a rim lies flat on it
-_NEAR = 0.5  # least cosine between lowest directions in a layer: a rim that rocks has others
 
 
 @dataclass(frozen=True)
@@ -57,18 +55,12 @@ class Rims:
             near: Least cosine of the angle from these.
         """
         axis = turn @ self.axis
-        down, other = (each - (each @ axis)[:, None] * axis for each in (-normals, known))
-        size = np.linalg.norm(down, axis=1, keepdims=True)
-        other = other / np.maximum(np.linalg.norm(other, axis=1, keepdims=True), _LEVEL)
-        down = down / np.maximum(size, _LEVEL)
-        clear = (size > _LEVEL) & ((down * other).sum(axis=1, keepdims=True) >= near)
-        return np.where(clear, down, other)
+        return np.asarray(lowest_directions(axis, normals, known, near))
 
     def arms(self, turn: Floats, normals: Floats, known: Floats) -> Floats:
         """From the centres of the circles to the places [m], (nodes, 3); all near known ones."""
-        down = self.lowest(turn, normals, known, _NEAR)
-        across = np.cross(turn @ self.axis, down)
-        return np.asarray(self.shares[:, :1] * down + self.shares[:, 1:] * across)
+        axis = turn @ self.axis
+        return np.asarray(along_rims(axis, normals, known, self.shares))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,6 +115,15 @@ class Rigid(FewBodies):
         if self.dim == 2:
             return {"inertia": float(self.inertia[2, 2])}
         return {"inertia": self.inertia.tolist()}
+
+    @property
+    def lone(self) -> Lone | None:
+        """Itself, where it touches with its nodes alone and nothing but gravity pulls."""
+        if self.shape is not None or self.loads is not None:
+            return None
+        shares = np.zeros((0, 2)) if self.rims is None else self.rims.shares
+        axis = np.zeros(3) if self.rims is None else self.rims.axis
+        return Lone(self.masses[0], self.inertia, self.arms, self.rolling, shares, axis)
 
     def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
         """One, wherever joints hold it."""

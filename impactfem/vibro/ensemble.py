@@ -31,12 +31,12 @@ class EnsembleResult:
 
     Attributes:
         times: Levels that are kept [s], shape (rows,); 0 and the end are among them.
-        position: Shape (n, rows, d).
+        position: Shape (n, rows, d); of rigid bodies in space those of `solve_ensemble`.
         velocity: As in `Trajectory`, shape (n, rows, d).
         gap: [m], shape (n, rows, J).
         impulse: Contact impulse up to each level [N s], shape (n, rows, J).
         max_penetration: Of each member [m], shape (n,).
-        details: Figures of the method: dt, handed_back (steps that needed the active set).
+        details: Figures of the method: dt, handed_back (steps whose forces were found elsewhere).
     """
 
     times: Floats
