@@ -23,7 +23,7 @@ def turn_all(inertia, inverse, rotations, spins, impulses, dt, chosen, straight)
         straight: See `turn`.
 
     Returns:
-        What `turn` does, with an axis of the chosen bodies before.
+        What `turn` writes, with an axis of the chosen bodies before, and which were found.
     """
     count = len(chosen)
     new, half = np.empty((count, 3)), np.empty((count, 3))
@@ -31,9 +31,10 @@ def turn_all(inertia, inverse, rotations, spins, impulses, dt, chosen, straight)
     freedom, found = np.empty((count, 3, 3)), np.empty(count, dtype=np.bool_)
     for i in range(count):
         k = chosen[i]
-        new[i], half[i], end[i], middle[i], freedom[i], found[i] = turn(
-            inertia[k], inverse[k], rotations[k], spins[k], impulses[k], dt, straight
-        )
+        found[i] = turn(
+            inertia[k], inverse[k], rotations[k], spins[k], impulses[k], dt, straight,
+            new[i], half[i], end[i], middle[i], freedom[i],
+        )  # fmt: skip
     return new, half, end, middle, freedom, found
 
 

@@ -32,8 +32,12 @@ _LARGEST = 2.0  # rotation in a step [rad]; beyond pi it has no such form
 
 
 @compiled
-def turn(inertia, inverse, rotation, spin, impulse, dt, straight):
+def turn(
+    inertia, inverse, rotation, spin, impulse, dt, straight, new, half, end, middle, freedom
+):
     """The rotation of a layer.
+
+    Vectors are tuples here: arrays that are made for each product would take most of the time.
 
     Args:
         inertia, inverse: J [kg m^2] and its inverse, (3, 3).
@@ -42,53 +46,142 @@ def turn(inertia, inverse, rotation, spin, impulse, dt, straight):
         impulse: Of moments in space [N m s], (3,).
         dt: [s].
         straight: Whether T = dt W_m.
+        new, half: W_b [rad/s] and T / 2, (3,) each; written.
+        end, middle, freedom: R_b, the mean of R_a and R_b, and the inverse inertia in space amid
+            the layer, (3, 3) each; written.
 
     Returns:
-        W_b [rad/s] and T / 2, (3,) each; R_b, the mean of R_a and R_b, and the inverse inertia in
-        space amid the layer, (3, 3) each; whether they were found.
+        Whether they were found.
     """
-    own = rotation.T @ impulse
-    new = spin.copy()
+    first = (spin[0], spin[1], spin[2])
+    own = _across(rotation, (impulse[0], impulse[1], impulse[2]))
+    last = first
     # Of what rounding is told by: impulses may stop a body but for that.
-    given = max(np.abs(spin).max(), np.abs(inverse @ own).max())
-    half, stretch = _stretched(spin, new, dt, straight)
+    given = max(_largest(first), _largest(_by(inverse, own)))
+    h, stretch = _stretched(first, last, dt, straight)
     found = False
     for k in range(_MOST):
-        mean = 0.5 * (spin + new)
-        momentum = inertia @ mean
-        missing = inertia @ (new - spin) + 2.0 * cross(half, momentum)
-        missing += cross(half, own) - own
-        if not missing.any():  # of balls on which no moments act
+        mean = (0.5 * (first[0] + last[0]), 0.5 * (first[1] + last[1]), 0.5 * (first[2] + last[2]))
+        p = _by(inertia, mean)
+        grown = _by(inertia, (last[0] - first[0], last[1] - first[1], last[2] - first[2]))
+        a, b = _cross(h, p), _cross(h, own)
+        x = grown[0] + 2.0 * a[0] + (b[0] - own[0])
+        y = grown[1] + 2.0 * a[1] + (b[1] - own[1])
+        z = grown[2] + 2.0 * a[2] + (b[2] - own[2])
+        if x == 0.0 and y == 0.0 and z == 0.0:  # of balls on which no moments act
             found = stretch > 0.0
             break
-        tangent = inertia + skew(half) @ inertia
-        tangent -= 0.5 * dt * stretch * skew(momentum + 0.5 * own)
-        change = inverted(tangent) @ missing
-        new = new - change
-        half, stretch = _stretched(spin, new, dt, straight)
-        size, left = max(given, np.abs(new).max()), np.abs(change).max()
+        # The tangent J + h x J - dt stretch / 2 (J W_m + own / 2) x, by its rows.
+        share = 0.5 * dt * stretch
+        e, f, g = share * (p[0] + 0.5 * own[0]), share * (p[1] + 0.5 * own[1]), share * (
+            p[2] + 0.5 * own[2]
+        )
+        one = (
+            inertia[0, 0] + (h[1] * inertia[2, 0] - h[2] * inertia[1, 0]),
+            inertia[0, 1] + (h[1] * inertia[2, 1] - h[2] * inertia[1, 1]) + g,
+            inertia[0, 2] + (h[1] * inertia[2, 2] - h[2] * inertia[1, 2]) - f,
+        )
+        two = (
+            inertia[1, 0] + (h[2] * inertia[0, 0] - h[0] * inertia[2, 0]) - g,
+            inertia[1, 1] + (h[2] * inertia[0, 1] - h[0] * inertia[2, 1]),
+            inertia[1, 2] + (h[2] * inertia[0, 2] - h[0] * inertia[2, 2]) + e,
+        )
+        three = (
+            inertia[2, 0] + (h[0] * inertia[1, 0] - h[1] * inertia[0, 0]) + f,
+            inertia[2, 1] + (h[0] * inertia[1, 1] - h[1] * inertia[0, 1]) - e,
+            inertia[2, 2] + (h[0] * inertia[1, 2] - h[1] * inertia[0, 2]),
+        )
+        c1, c2, c3 = _cross(two, three), _cross(three, one), _cross(one, two)
+        volume = three[0] * c3[0] + three[1] * c3[1] + three[2] * c3[2]
+        change = (
+            (c1[0] * x + c2[0] * y + c3[0] * z) / volume,
+            (c1[1] * x + c2[1] * y + c3[1] * z) / volume,
+            (c1[2] * x + c2[2] * y + c3[2] * z) / volume,
+        )
+        last = (last[0] - change[0], last[1] - change[1], last[2] - change[2])
+        h, stretch = _stretched(first, last, dt, straight)
+        size, left = max(given, _largest(last)), _largest(change)
         if not stretch > 0.0:
             break
         if left <= _SETTLED * size or (k > _FEW and left <= _FINE * size):
             found = True
             break
-    end = rotation @ cayley(half)
+    square = h[0] * h[0] + h[1] * h[1] + h[2] * h[2]
     # Half the rotation: tan(a / 2) by tan(a).
-    amid = rotation @ cayley(half / (1.0 + np.sqrt(1.0 + half @ half)))
-    return new, half, end, 0.5 * (rotation + end), amid @ inverse @ amid.T, found
+    part = 1.0 / (1.0 + np.sqrt(1.0 + square))
+    _turned_by(rotation, (part * h[0], part * h[1], part * h[2]), middle)
+    _turned_by(rotation, h, end)
+    for i in range(3):
+        row = _across(inverse, (middle[i, 0], middle[i, 1], middle[i, 2]))
+        for j in range(3):
+            freedom[i, j] = row[0] * middle[j, 0] + row[1] * middle[j, 1] + row[2] * middle[j, 2]
+    for i in range(3):
+        new[i], half[i] = last[i], h[i]
+        for j in range(3):
+            middle[i, j] = 0.5 * (rotation[i, j] + end[i, j])
+    return found
 
 
 @compiled
-def _stretched(spin, new, dt, straight):
+def _stretched(first, last, dt, straight):
     """T / 2, and tan(a) / a of half the angle that a layer turns; 0 if that is too large."""
-    mean = 0.5 * (spin + new)
-    angle = 0.5 * dt * np.sqrt(mean @ mean)
+    x, y, z = 0.5 * (first[0] + last[0]), 0.5 * (first[1] + last[1]), 0.5 * (first[2] + last[2])
+    angle = 0.5 * dt * np.sqrt(x * x + y * y + z * z)
     if not angle < 0.5 * _LARGEST:
-        return np.zeros(3), 0.0
+        return (0.0, 0.0, 0.0), 0.0
     stretch = 1.0
     if not straight:
         stretch = np.tan(angle) / angle if angle > _SMALL else 1.0 + angle * angle / 3.0
-    return 0.5 * dt * stretch * mean, stretch
+    share = 0.5 * dt * stretch
+    return (share * x, share * y, share * z), stretch
+
+
+@compiled
+def _by(matrix, a):
+    """A matrix (3, 3) times a vector."""
+    return (
+        matrix[0, 0] * a[0] + matrix[0, 1] * a[1] + matrix[0, 2] * a[2],
+        matrix[1, 0] * a[0] + matrix[1, 1] * a[1] + matrix[1, 2] * a[2],
+        matrix[2, 0] * a[0] + matrix[2, 1] * a[1] + matrix[2, 2] * a[2],
+    )
+
+
+@compiled
+def _across(matrix, a):
+    """The transpose of a matrix (3, 3) times a vector."""
+    return (
+        matrix[0, 0] * a[0] + matrix[1, 0] * a[1] + matrix[2, 0] * a[2],
+        matrix[0, 1] * a[0] + matrix[1, 1] * a[1] + matrix[2, 1] * a[2],
+        matrix[0, 2] * a[0] + matrix[1, 2] * a[1] + matrix[2, 2] * a[2],
+    )
+
+
+@compiled
+def _cross(a, b):
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@compiled
+def _largest(a):
+    return max(abs(a[0]), max(abs(a[1]), abs(a[2])))
+
+
+@compiled
+def _turned_by(rotation, h, found):
+    """A rotation times that of `cayley`, (3, 3); written."""
+    x, y, z = h
+    share = 2.0 / (1.0 + x * x + y * y + z * z)
+    for i in range(3):
+        row = (rotation[i, 0], rotation[i, 1], rotation[i, 2])
+        # Of skew matrices S: r S = r x h, so that r S S is that once more.
+        once = _cross(row, h)
+        twice = _cross(once, h)
+        for j in range(3):
+            found[i, j] = row[j] + share * (once[j] + twice[j])
 
 
 @compiled
