@@ -5,9 +5,14 @@ import numpy as np
 from impactfem.compiled import compiled
 
 _ROUNDING = 1e-13  # share of the largest displacement that counts as zero
+_DIGITS = 4.5e-16  # share of it that sums of a few terms are rounded by
+_NEAR, _IN_VAIN = 20.0, 5  # times that from which on one step that gains nothing ends, else some
 _STEPS = 25  # of Newton from one start; the method needs 3 to 8 where it converges
 _SHORTER = (1.0, 0.5, 0.25)  # shares of a step, of which the best is taken
 _DEPENDENT = 1e-14  # pivots of matrices with a diagonal of about 1 that count as zero
+_NEARLY = 1e-9  # those below which pairs are taken to depend on each other at first
+_HELD = 1e-8  # what is added to their diagonal there
+_CORRECTED, _LEFT, _ENOUGH = 3, 1e-9, 0.1  # solutions for that, and the shares that may be left
 _TINY = np.finfo(np.float64).tiny
 _FIRST, _MOST = 0.1, 10.0  # compliances of proximal steps, as shares of those that forces have
 _FALLS, _GROWS = 0.25, 2.0  # after a step that Newton's method has found, and another one
@@ -35,25 +40,29 @@ def newton_cones(matrix, offset, friction, master, spinning, base, scale, start,
     force = start.copy()
     best, following = force, force
     least, step, most = np.inf, 0, min(_STEPS, limit)
-    answer, error, missed = missed_by(law, force, tolerance)
+    answer, error, missed, rounding = missed_by(law, force, tolerance)
+    dependent, vain = False, 0
     for step in range(most + 1):
         if not np.isfinite(missed):
             break
-        # Below the tolerance steps go on while they gain: the energy asks for the last digit.
-        if least <= 1.0 and missed > 0.5 * least:
+        # Below the tolerance steps go on while they gain: the energy asks for the last digit, and
+        # far from it a contact with hardly a force may ask for some steps.
+        vain = vain + 1 if missed > 0.5 * least else 0
+        if least <= 1.0 and vain > (0 if least <= _NEAR * rounding else _IN_VAIN):
             return best, least, step
         if missed < least:
             best, least = force, missed
-        if missed == 0.0 or step == most:
+        if missed <= rounding or step == most:
             break
-        way = _solved(_derivative(law, force, answer), error.copy().reshape(-1))
+        moving = _derivative(law, force, answer)
+        way, dependent = _solved(moving, error.copy().reshape(-1), dependent)
         found = np.inf
         for share in _SHORTER:
             trial = force - share * way.reshape(pairs, dim)
             for j in range(pairs):
                 if push[j] and not trial[j, 0] > 0.0:
                     trial[j, 0] = 0.0
-            after, further, amount = missed_by(law, trial, tolerance)
+            after, further, amount, rounding = missed_by(law, trial, tolerance)
             if amount < found:
                 found, following, error, answer = amount, trial, further, after
             if found < missed:
@@ -128,7 +137,7 @@ def without_traces(matrix, offset, master, base, force):
 def missed_by(law, force, tolerance):
     """Answers (w, s) to forces, errors of the law [N], (pairs, dim) each, and the largest error.
 
-    That is in units of the tolerance.
+    That is in units of the tolerance, and so is what of it may be rounding of the answers.
     """
     matrix, offset, friction, master, spinning, base, scale = law
     pairs, dim = force.shape
@@ -163,7 +172,8 @@ def missed_by(law, force, tolerance):
             worst = max(worst, amount)
     if not finite:
         worst = np.nan
-    return answer, error, worst / max(tolerance, _ROUNDING * spread, _TINY)
+    unit = max(tolerance, _ROUNDING * spread, _TINY)
+    return answer, error, worst / unit, _DIGITS * spread / unit
 
 
 @compiled
@@ -200,45 +210,84 @@ def _derivative(law, force, answer):
 
 
 @compiled
-def _solved(matrix, right):
-    """The solution, the least one where pairs depend on each other."""
-    fine, found = _eliminated(matrix, right)
-    return found if fine else least_solution(matrix, right)
+def _solved(matrix, right, dependent):
+    """The solution, about the least one where pairs depend on each other, and whether they do.
+
+    Then a little is added to the diagonal, and corrected for; what depends moves by rounding only.
+    That is done at once where they are said to be dependent.
+    """
+    if not dependent:
+        fine, factors, order = _factored(matrix, _NEARLY)
+        if fine:
+            return _substituted(factors, order, right), False
+    held = matrix.copy()
+    for k in range(len(right)):
+        held[k, k] += _HELD
+    fine, factors, order = _factored(held, _DEPENDENT)
+    found, left, most = np.zeros(len(right)), right, np.abs(right).max()
+    for _ in range(_CORRECTED if fine else 0):
+        found = found + _substituted(factors, order, left)
+        left = right - matrix @ found
+        if np.abs(left).max() <= _LEFT * most:
+            break
+    if fine and np.abs(left).max() <= _ENOUGH * most:
+        return found, True
+    fine, factors, order = _factored(matrix, _DEPENDENT)
+    if fine:
+        return _substituted(factors, order, right), False
+    return least_solution(matrix, right), True
 
 
 @compiled
-def _take_off(left, found, k):
-    """Take multiples of row k off all rows below, in place."""
-    for i in range(k + 1, len(found)):
-        share = left[i, k] / left[k, k]
-        if share != 0.0:
-            for j in range(k + 1, len(found)):
-                left[i, j] -= share * left[k, j]
-            found[i] -= share * found[k]
+def _factored(matrix, least):
+    """Whether rows of a matrix with a diagonal of about 1 are independent, and its factors.
 
-
-@compiled
-def _eliminated(matrix, right):
-    """Whether rows of a matrix with a diagonal of about 1 are independent, and the solution."""
-    found, left = right.copy(), matrix.copy()
-    count = len(right)
+    These are triangular ones below and above the diagonal, and the order of their rows. Pivots are
+    zero up to some least one.
+    """
+    left, count = matrix.copy(), len(matrix)
+    order = np.arange(count)
     for k in range(count):
         best = k
         for i in range(k + 1, count):
             if abs(left[i, k]) > abs(left[best, k]):
                 best = i
-        if not abs(left[best, k]) > _DEPENDENT:
-            return False, found
+        if not abs(left[best, k]) > least:
+            return False, left, order
         if best != k:
-            for j in range(k, count):
+            for j in range(count):
                 left[k, j], left[best, j] = left[best, j], left[k, j]
-            found[k], found[best] = found[best], found[k]
-        _take_off(left, found, k)
+            order[k], order[best] = order[best], order[k]
+        _take_off(left, k)
+    return True, left, order
+
+
+@compiled
+def _take_off(left, k):
+    """Take multiples of row k off all rows below, in place, and keep their numbers in column k."""
+    for i in range(k + 1, len(left)):
+        share = left[i, k] / left[k, k]
+        left[i, k] = share
+        if share != 0.0:
+            for j in range(k + 1, len(left)):
+                left[i, j] -= share * left[k, j]
+
+
+@compiled
+def _substituted(factors, order, right):
+    """The solution by `_factored`."""
+    found, count = right[order], len(right)
+    for i in range(1, count):
+        total = found[i]
+        for k in range(i):
+            total -= factors[i, k] * found[k]
+        found[i] = total
     for k in range(count - 1, -1, -1):
+        total = found[k]
         for j in range(k + 1, count):
-            found[k] -= left[k, j] * found[j]
-        found[k] /= left[k, k]
-    return True, found
+            total -= factors[k, j] * found[j]
+        found[k] = total / factors[k, k]
+    return found
 
 
 @compiled
@@ -265,7 +314,9 @@ def least_solution(matrix, right):
         for i in range(count):
             left[i, k], left[i, column] = left[i, column], left[i, k]
         order[k], order[column] = order[column], order[k]
-        _take_off(left, found, k)
+        _take_off(left, k)
+        for i in range(k + 1, count):
+            found[i] -= left[i, k] * found[k]
     free = count - rank
     basis = np.zeros((free + 1, count))  # what moves nothing, and a solution
     for f in range(free):
@@ -280,7 +331,8 @@ def least_solution(matrix, right):
                 total -= left[k, rank + f]
             basis[f, k] = total / left[k, k]
     null, some = basis[:free], basis[free].copy()
-    _, share = _eliminated(null @ null.T, null @ some)
+    _, factors, rows = _factored(null @ null.T, _DEPENDENT)
+    share = _substituted(factors, rows, null @ some)
     least = some - share @ null
     solution = np.empty(count)
     solution[order] = least

@@ -22,6 +22,7 @@ _MERGED = 1e-6  # the same for contact points
 _BETTER = 0.02  # share of a depth by which edges have to beat faces: they touch at one point only
 _LEVEL = 0.02  # sine of the angle below which edges are parallel, or lie across a direction
 _PARALLEL = 1e-6  # the same below which their cross product says nothing
+_ITERATES, _ROUNDED = 30, 1e-9  # for a rotation; a change whose square is below rounding
 _MOST = 64  # corners of a clipped face
 
 
@@ -302,3 +303,32 @@ def _fewer(one, two, n, count, size, slots):
         following = int(np.argmax(away))
     chosen = np.sort(chosen)
     return one[chosen], two[chosen], slots
+
+
+@compiled
+def inverted(matrix):
+    """The inverse of a matrix (3, 3), by its cofactors."""
+    found, volume = np.empty((3, 3)), 0.0
+    for i in range(3):
+        a, b = matrix[(i + 1) % 3], matrix[(i + 2) % 3]
+        for j in range(3):
+            found[j, i] = a[(j + 1) % 3] * b[(j + 2) % 3] - a[(j + 2) % 3] * b[(j + 1) % 3]
+            volume += matrix[i, j] * found[j, i] / 3.0
+    return found / volume
+
+
+@compiled
+def nearest_rotation(axes):
+    """The rotation closest to three axes (3, 3) that hardly differ from one: their polar factor.
+
+    Means of a matrix and its inverse transpose converge as Newton's method does (N. J. Higham,
+    SIAM J. Sci. Stat. Comput. 7 (1986) 1160-1174).
+    """
+    found = axes.copy()
+    for _ in range(_ITERATES):
+        after = 0.5 * (found + inverted(found).T)
+        change = np.abs(after - found).max()
+        found = after
+        if not change > _ROUNDED:
+            break
+    return found

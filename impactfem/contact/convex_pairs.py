@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from impactfem.contact.convex_kernels import separate, touching
+from impactfem.contact.convex_kernels import inverted, nearest_rotation, separate, touching
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting, Turning, patch_of
 from impactfem.scene.obstacles.rotation import AT_REST, Placement, placement
@@ -53,11 +53,14 @@ class Marked:
         """Of a body whose contact nodes begin at a place among all."""
         return cls(carrier.shape, start + carrier.markers, carrier.unit, dim)
 
+    def middle(self, places: Floats, near: Floats) -> Floats:  # noqa: ARG002  (it has one)
+        """Where it is with all nodes at some places [m], (3,)."""
+        return in_space(places[self.nodes[0]])
+
     def pose(self, places: Floats, near: Floats) -> Pose:  # noqa: ARG002  (it has one)
         """Its centre and rotation with all nodes at some places."""
         centre, frame = self._frame(places)
-        left, _, right = np.linalg.svd(frame)
-        return centre, left @ right
+        return centre, np.asarray(nearest_rotation(frame))
 
     def _frame(self, places: Floats) -> Pose:
         """Its centre and axes; amid a way, a mean of two rotations, these are a little short."""
@@ -79,7 +82,7 @@ class Marked:
         dim, (centre, turn), (_, axes) = self.dim, pose, self._frame(places)
         core = centre + self.shape.core((at - centre) @ turn, n @ turn) @ turn.T
         found = np.zeros((len(at), len(self.nodes)))
-        found[:, 1 : dim + 1] = np.linalg.solve(axes, (core - centre).T).T[:, :dim] / self.unit
+        found[:, 1 : dim + 1] = ((core - centre) @ inverted(axes).T)[:, :dim] / self.unit
         if len(self.nodes) > dim + 1:
             found[:, dim + 1 :] = (at - core)[:, :dim] / self.unit
         found[:, 0] = 1.0 - found[:, 1:].sum(axis=1)
@@ -112,6 +115,10 @@ class Placed:
     at: Placement = AT_REST
 
     nodes = np.zeros(0, dtype=np.int64)
+
+    def middle(self, places: Floats, near: Floats) -> Floats:
+        """Where its middle is, near some place [m], (3,)."""
+        return self.pose(places, near)[0]
 
     def pose(self, places: Floats, near: Floats) -> Pose:
         """Where it is met near some place."""
@@ -146,7 +153,7 @@ class ConvexPair(Anew):
     touch: float
     led: float = 0.0
 
-    @property
+    @cached_property
     def nodes(self) -> Integers:
         """Places of all its nodes among all contact nodes."""
         return np.concatenate([self.one.nodes, self.other.nodes])
@@ -156,7 +163,7 @@ class ConvexPair(Anew):
         """Way [m] to the middle of both, from which on they would be pushed out elsewhere."""
         return 0.5 * (self.one.shape.thickness + self.other.shape.thickness)
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Number of gaps: one of a ball, two of lines and in the plane, else up to eight."""
         corners = self.one.shape.corners, self.other.shape.corners
@@ -169,13 +176,14 @@ class ConvexPair(Anew):
         from there on.
         """
         first, second = self.one.shape, self.other.shape
-        one = self.one.pose(acting, np.zeros(3))
-        other = self.other.pose(acting, one[0])
-        own = self.nodes
-        way = float(np.linalg.norm(places[own] - acting[own], axis=1).max())
-        apart = float(np.linalg.norm(one[0] - other[0])) - first.reach - second.reach
+        own, centre = self.nodes, self.one.middle(acting, np.zeros(3))
+        moved = places[own] - acting[own]
+        way = float(np.sqrt((moved * moved).sum(axis=1).max()))
+        between = centre - self.other.middle(acting, centre)
+        apart = float(np.sqrt(between @ between)) - first.reach - second.reach
         if apart > 2.0 * way + self.led:
-            return self._open(places.shape[1])
+            return self._open
+        one, other = self.one.pose(acting, centre), self.other.pose(acting, centre)
         size = min(first.reach, second.reach)
         n, places_one, places_two = self._touching(one, other, size)
         count, dim = len(places_one), places.shape[1]
@@ -187,7 +195,7 @@ class ConvexPair(Anew):
         at = places_one - first.radius * n - share * between[:, None] * n
         own_weights = self.one.weights(at, n, one, acting)
         weights = np.hstack([own_weights, -self.other.weights(at, -n, other, acting)])
-        gap[:count] = between + weights @ ((places - acting)[own] @ n[:dim]) - self.touch
+        gap[:count] = between + weights @ (moved @ n[:dim]) - self.touch
         ends = len(own) * np.minimum(np.arange(self.count + 1), count)
         found = csr_matrix(
             (weights.ravel(), np.tile(own, count), ends), shape=(self.count, self.total)
@@ -215,9 +223,10 @@ class ConvexPair(Anew):
         x, y, count = touching(a, b, n, kind, index, size, self.count)
         return n, x[:count], y[:count]
 
-    def _open(self, dim: int) -> Meeting:
+    @cached_property
+    def _open(self) -> Meeting:
         """No gap that could close."""
-        count = self.count
+        count, dim = self.count, self.one.dim
         normal = np.zeros((count, dim))
         normal[:, -1] = 1.0
         none = csr_matrix((count, self.total))

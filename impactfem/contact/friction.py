@@ -83,7 +83,7 @@ from impactfem.contact.complementarity import (
 from impactfem.contact.friction_many import Accuracy
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.friction_solver import solve_cones
-from impactfem.contact.rooted import Matrix, Rooted, among, full
+from impactfem.contact.rooted import Matrix, among, full
 from impactfem.contact.springs import ContactSprings
 
 Floats = NDArray[np.float64]
@@ -160,8 +160,8 @@ def solve_friction_layer(
             layers; those of ``before`` if None.
         moments: Master and resistance to spinning of each pair where some are moments, shape
             (pairs,) each; see `impactfem.contact.friction_newton.ConeProblem`.
-        near: Forces to begin with where answers are kept by roots [N], (pairs, dim).
-        accuracy: What is asked of these.
+        near: Forces to begin with where contact nodes have mass [N], (pairs, dim).
+        accuracy: What is asked of those of many contacts.
         springs: In the gaps, and which of them are ``across``; None without any.
 
     Raises:
@@ -297,7 +297,7 @@ def _with_mass(
     problem = ConeProblem(response, slipped, friction, given[:, 0], *law)
     start = old.copy()
     start[:, 0] *= 0.5
-    if isinstance(response, Rooted) and near is not None:
+    if near is not None:
         start = near
     found, iterations = solve_cones(problem, start, tolerance, max_iterations, accuracy)
     force, multiplier = given + found, found.copy()

@@ -111,3 +111,36 @@ def _in_disc(block, slip, radius):
     if length > radius:
         found *= radius / length
     return found
+
+
+@compiled
+def islands_of(matrix, master, dim):
+    """Numbers of the islands of pairs that move each other or bound each other's forces, (pairs,).
+
+    Args:
+        matrix: A, shape (pairs dim, pairs dim).
+        master: See `impactfem.contact.friction_newton.ConeProblem`.
+        dim: Components of a pair.
+    """
+    pairs = len(master)
+    linked = np.zeros((pairs, pairs), dtype=np.bool_)
+    for i in range(pairs * dim):
+        for j in range(pairs * dim):
+            if matrix[i, j] != 0.0:
+                linked[i // dim, j // dim] = linked[j // dim, i // dim] = True
+    for j in range(pairs):
+        linked[j, master[j]] = linked[master[j], j] = True
+    island, waiting, count = np.full(pairs, -1), np.empty(pairs, dtype=np.int64), 0
+    for first in range(pairs):
+        if island[first] >= 0:
+            continue
+        island[first], waiting[0], left = count, first, 1
+        while left:
+            left -= 1
+            own = waiting[left]
+            for j in range(pairs):
+                if linked[own, j] and island[j] < 0:
+                    island[j], waiting[left] = count, j
+                    left += 1
+        count += 1
+    return island

@@ -20,11 +20,9 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 from impactfem.contact.cone_kernels import without_traces
-from impactfem.contact.friction_kernels import sweep_cones
+from impactfem.contact.friction_kernels import islands_of, sweep_cones
 from impactfem.contact.friction_many import WORST, Accuracy, Many
 from impactfem.contact.friction_newton import ConeProblem, newton, proximal, residual
 from impactfem.contact.rooted import Rooted, full
@@ -160,10 +158,8 @@ def _islands(problem: ConeProblem) -> list[Integers]:
         return [np.arange(pairs)] if pairs else []
     if isinstance(problem.matrix, Rooted):
         return problem.matrix.islands(dim)
-    linked = (problem.matrix.reshape(pairs, dim, pairs, dim) != 0.0).any(axis=(1, 3))
-    linked[np.arange(pairs), problem.masters] = True
-    count, island = connected_components(csr_matrix(linked), directed=False)
-    return [np.flatnonzero(island == k) for k in range(count)]
+    island = islands_of(problem.matrix, problem.masters, dim)
+    return [np.flatnonzero(island == k) for k in range(island.max() + 1)]
 
 
 def _swept(problem: ConeProblem, start: Floats, sweeps: int, damped: float) -> Floats:

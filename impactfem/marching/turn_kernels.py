@@ -32,9 +32,7 @@ _LARGEST = 2.0  # rotation in a step [rad]; beyond pi it has no such form
 
 
 @compiled
-def turn(
-    inertia, inverse, rotation, spin, impulse, dt, straight, new, half, end, middle, freedom
-):
+def turn(inertia, inverse, rotation, spin, impulse, dt, straight, new, half, end, middle, freedom):
     """The rotation of a layer.
 
     Vectors are tuples here: arrays that are made for each product would take most of the time.
@@ -73,8 +71,10 @@ def turn(
             break
         # The tangent J + h x J - dt stretch / 2 (J W_m + own / 2) x, by its rows.
         share = 0.5 * dt * stretch
-        e, f, g = share * (p[0] + 0.5 * own[0]), share * (p[1] + 0.5 * own[1]), share * (
-            p[2] + 0.5 * own[2]
+        e, f, g = (
+            share * (p[0] + 0.5 * own[0]),
+            share * (p[1] + 0.5 * own[1]),
+            share * (p[2] + 0.5 * own[2]),
         )
         one = (
             inertia[0, 0] + (h[1] * inertia[2, 0] - h[2] * inertia[1, 0]),
@@ -167,7 +167,7 @@ def _cross(a, b):
 
 @compiled
 def _largest(a):
-    return max(abs(a[0]), max(abs(a[1]), abs(a[2])))
+    return max(abs(a[0]), abs(a[1]), abs(a[2]))
 
 
 @compiled

@@ -147,7 +147,7 @@ class Convex:
             points, normals, flat, starts, loop, edges, np.array(ways).reshape(-1, 3), radius
         )
 
-    @property
+    @cached_property
     def reach(self) -> float:
         """How far it reaches from the origin of its axes [m]."""
         return float(np.linalg.norm(self.vertices, axis=1).max()) + self.radius
@@ -160,7 +160,7 @@ class Convex:
         width = np.zeros(0) if corners is None else ((corners - inner) * self.normals).sum(axis=1)
         return 2.0 * float(width.min(initial=np.inf) if len(width) else 0.0) + 2.0 * self.radius
 
-    @property
+    @cached_property
     def corners(self) -> int:
         """How many places may touch at once on one of its faces."""
         return int(np.diff(self.starts).max()) if len(self.normals) else len(self.vertices)
