@@ -68,6 +68,9 @@ def check_springs(scene: Content) -> None:
                 text = f"{shown}{name}, a {body.kind}, may touch at many places, or gives way by "
                 text += "itself; remove it, or take a point, a rigid ball, a bar or a plate."
                 raise KeyedError(f"contact[{index}]", "stiffness", text)
+        if scene.iterated and any(law.friction_coefficient > 0.0 for law in scene.laws.each):
+            text = f"{shown}beside friction it is not available where {scene.iterated}; remove one."
+            raise KeyedError(f"contact[{index}]", "stiffness", text)
         if scene.starts_at_rest:
             text = f'{shown}it is not available with start = "static", which searches equilibrium '
             text += 'with rigid contacts; remove it, or give start = "given".'

@@ -119,7 +119,7 @@ class Rigid(FewBodies):
     @property
     def lone(self) -> Lone | None:
         """Itself, where it touches with its nodes alone and nothing but gravity pulls."""
-        if self.shape is not None or self.loads is not None:
+        if self.carriers or self.loads is not None:
             return None
         shares = np.zeros((0, 2)) if self.rims is None else self.rims.shares
         axis = np.zeros(3) if self.rims is None else self.rims.axis
