@@ -215,6 +215,8 @@ def march_members(
     of, reach, points = places[6], places[7], planes[1]
     dim, nothing, known = planes[0].shape[1], np.zeros(3), handing[3]
     acting, ahead = np.empty(len(of), dtype=np.int64), np.empty(3)
+    new, half = np.empty(3), np.empty(3)
+    end, middle, freedom = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     rotation = frames(states[1][member : member + 1])[0]
     while member < beyond:
         centre, speed, spin = states[0][member], states[2][member], states[3][member]
@@ -232,10 +234,8 @@ def march_members(
         pull = pulls[min(m, len(pulls) - 1)]
         for k in range(3):
             ahead[k] = speed[k] + dt * (mass * pull[k]) / mass
-        new, half, end, middle, freedom, fine = turn(
-            inertia, inverse, rotation, spin, nothing, dt, False
-        )
-        if not fine:
+        turned = new, half, end, middle, freedom
+        if not turn(inertia, inverse, rotation, spin, nothing, dt, False, *turned):
             return member, m, TURNS
         there = centre + 0.5 * dt * (speed + ahead)
         down = look_down(end, places, planes, lowest, -1.0) if places[5] else lowest
@@ -285,10 +285,7 @@ def march_members(
             if force.any():
                 for k in range(3):
                     ahead[k] = speed[k] + (dt * (mass * pull[k]) + dt * push[k]) / mass
-                new, half, end, _, _, fine = turn(
-                    inertia, inverse, rotation, spin, dt * moment, dt, False
-                )
-                if not fine:
+                if not turn(inertia, inverse, rotation, spin, dt * moment, dt, False, *turned):
                     return member, m, TURNS
         for k in range(3):
             centre[k] += 0.5 * dt * (speed[k] + ahead[k])
