@@ -10,10 +10,12 @@ A step is that of `impactfem.marching.rigid` with the law of contact of
 - planes: (directions, the normal first (J, dim, 3), points (J, 3)).
 - laws: (friction, restitution, tangential restitution (n, J), rounding level of places (n,)).
 - states: (centre (n, 3), angle or quaternion (n, 1 or 4), velocity, spin along the axes of the body
-  (n, 3), whether places push (n, C), lowest directions of rims (n, J, 3)); changed in place.
+  (n, 3), forces of the step before along the directions of planes (n, C, dim), lowest directions
+  of rims (n, J, 3)); changed in place.
 - logs: (normal impulses so far (n, J), least gap so far (n,)).
 - handing: (matrix (C dim, C dim), offset (C, dim), friction (C,)) of forces that are hard to
-  find, and those that were found elsewhere (C, dim), its first entry NaN for none.
+  find, and those to begin with (C, dim), in whose place those are put that were found elsewhere;
+  its first entry is NaN for none.
 - rows: (places, velocities (n, rows, 2 and more), gaps, impulses (n, rows, J)).
 """
 
@@ -163,8 +165,8 @@ def _problem(acting, count, body, places, planes, law, motion, dt):
 
 
 @compiled
-def _forces(matrix, offset, mu, tolerance):
-    """Forces in the cones (count, dim), and whether they were found."""
+def _forces(matrix, offset, mu, start, tolerance):
+    """Forces in the cones (count, dim), from some to begin with, and whether they were found."""
     count, dim = offset.shape
     own, none, scale = np.arange(count), np.zeros(count), np.empty((count, dim))
     for i in range(count):
@@ -173,7 +175,7 @@ def _forces(matrix, offset, mu, tolerance):
             across += matrix[i * dim + d, i * dim + d]
         scale[i] = across / (dim - 1)
         scale[i, 0] = matrix[i * dim, i * dim]
-    law = matrix, offset, mu, own, none, none, scale, np.zeros((count, dim)), tolerance
+    law = matrix, offset, mu, own, none, none, scale, start, tolerance
     found, missed, total = newton_cones(*law, _MOST_SYSTEMS)
     if missed > 1.0:
         found, missed, _ = proximal_cones(*law, _MOST_SYSTEMS - total)
@@ -220,7 +222,7 @@ def march_members(
     rotation = frames(states[1][member : member + 1])[0]
     while member < beyond:
         centre, speed, spin = states[0][member], states[2][member], states[3][member]
-        pushing, lowest, total = states[4][member], states[5][member], logs[0][member]
+        pushed, lowest, total = states[4][member], states[5][member], logs[0][member]
         law = laws[0][member], laws[1][member], laws[2][member], laws[3][member]
         if m % every == 0 or m == steps:
             ends = reached(rotation, places, planes, lowest)
@@ -249,19 +251,23 @@ def march_members(
             last = reached(end, places, planes, down)
             gaps = apart(there, last, places, planes)
             for c in range(len(of)):
-                if gaps[c] <= 0.0 and (pushing[c] or gaps[c] < -law[3]):
+                if gaps[c] <= 0.0 and (pushed[c, 0] > 0.0 or gaps[c] < -law[3]):
                     acting[count] = c
                     count += 1
-        pushing[:] = False
-        if count:
+        if not count:
+            pushed[:] = 0.0
+        else:
             first = reached(rotation, places, planes, down)
             amid = reached(middle, places, planes, down)
             motion = first, speed, rotation @ spin, last, ahead, end @ new, amid, freedom
             matrix, offset, mu, arms = _problem(
                 acting, count, body, places, planes, law, motion, dt
             )
+            before = np.empty((count, dim))
+            for i in range(count):
+                before[i] = pushed[acting[i]]
             if np.isnan(known[0, 0]):
-                force, found = _forces(matrix, offset, mu, law[3])
+                force, found = _forces(matrix, offset, mu, before, law[3])
             else:
                 force, found = known[:count].copy(), True
                 known[0, 0] = np.nan
@@ -269,10 +275,10 @@ def march_members(
                 size = count * dim
                 handing[0][:size, :size], handing[1][:count] = matrix, offset
                 handing[2][:count], handing[2][count:] = mu, np.nan
-                for i in range(count):  # what is looked at again
-                    pushing[acting[i]] = True
+                known[:count] = before
                 return member, m, WAITS
             push, moment = np.zeros(3), np.zeros(3)
+            pushed[:] = 0.0
             for i in range(count):
                 j, whole = of[acting[i]], np.zeros(3)
                 for d in range(dim):
@@ -281,7 +287,7 @@ def march_members(
                 push += whole
                 moment += cross(arms[i], whole)
                 total[j] += dt * force[i, 0]
-                pushing[acting[i]] = force[i, 0] > 0.0
+                pushed[acting[i]] = force[i]
             if force.any():
                 for k in range(3):
                     ahead[k] = speed[k] + (dt * (mass * pull[k]) + dt * push[k]) / mass

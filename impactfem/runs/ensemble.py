@@ -171,7 +171,7 @@ def _march(
     lowest = np.repeat(known[:, None], count, axis=1)
     states = (
         members.centre, members.angles, members.speed, members.spin,
-        np.zeros((n, nodes), dtype=bool), lowest,
+        np.zeros((n, nodes, dim)), lowest,
     )  # fmt: skip
     gaps, size, speed = starts(fixed.places, fixed.planes, states)
     if len(bad := np.flatnonzero((gaps < -_INSIDE * np.maximum(1.0, size)[:, None]).any(axis=1))):
@@ -244,8 +244,7 @@ def _solve_elsewhere(handing: tuple[Floats, ...], tolerance: float) -> None:
         matrix[:wide, :wide].copy(), offset[:count].copy(), friction[:count].copy(),
         np.zeros(count),
     )  # fmt: skip
-    found = solve_cones(problem, np.zeros_like(problem.offset), tolerance, _SYSTEMS)[0]
-    known[:count] = found
+    known[:count] = solve_cones(problem, known[:count].copy(), tolerance, _SYSTEMS)[0]
 
 
 def _pulls(scene: Scene, dt: float, steps: int) -> Floats:
