@@ -237,12 +237,12 @@ class LedPair(Anew):
     """A convex body and an obstacle that moves or turns, as `impactfem.contact.meeting.Led` says.
 
     Args:
-        pair: Both, the obstacle at rest.
+        pair: Both, the obstacle at rest: a `ConvexPair` or `impactfem.contact.ridges.OnRidges`.
         other: The obstacle of the pair.
         obstacle: What says how it moves.
     """
 
-    def __init__(self, pair: ConvexPair, other: Placed, obstacle: Any) -> None:
+    def __init__(self, pair: Any, other: Placed, obstacle: Any) -> None:
         self._pair, self._other, self._obstacle = pair, other, obstacle
         self._time = self._acting = self.speed = 0.0
         self._facing = np.zeros((pair.count, pair.one.dim))
@@ -270,7 +270,7 @@ class LedPair(Anew):
         way = np.zeros_like(corners) + now.since(then, corners)
         led = 2.0 * dim * float(np.linalg.norm(way, axis=1).max())
         pair = replace(self._pair, other=replace(self._other, at=then), led=led)
-        met = pair(places, acting)
+        met: Meeting = pair(places, acting)
         there = met.gap < 0.5 * FAR
         along = met.normal * (met.gap + self.touch)[:, None]
         own = met.weights @ (places - acting)

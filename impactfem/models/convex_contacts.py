@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from impactfem.contact.ball_pairs import RollingPair, Target
 from impactfem.contact.convex_nodes import CornersOnFaces, NodesOnConvex
 from impactfem.contact.convex_pairs import ConvexPair, LedPair, Marked, Placed
+from impactfem.contact.ridges import OnRidges
 from impactfem.scene import Scene
 from impactfem.scene.obstacles.faces import square_to
 from impactfem.scene.pairing import named_body_pairs, obstacles_of, pair_name, surfaces_on
@@ -53,7 +54,7 @@ def on_others(
 
 def convex_meetings(
     scene: Scene, few: Sequence[FewBodies], offsets: Sequence[int]
-) -> Iterator[tuple[str, tuple[str, str], str, ConvexPair | LedPair, bool]]:
+) -> Iterator[tuple[str, tuple[str, str], str, ConvexPair | OnRidges | LedPair, bool]]:
     """Name, both sides, the one that carries, gaps, and False, of each pair of convex bodies.
 
     Args:
@@ -76,7 +77,9 @@ def convex_meetings(
             label, names = pair_name(scene, name, obstacle.name), (name, obstacle.name)
             for own in shapes.meeting(name, on, obstacle.name):
                 placed = _placed(obstacle, own.shape.reach)
-                still = ConvexPair(own, placed, total, touch)
+                still: ConvexPair | OnRidges = ConvexPair(own, placed, total, touch)
+                if obstacle.ridges is not None:
+                    still = OnRidges(own, placed, obstacle, obstacle.ridges, total, touch)
                 led = LedPair(still, placed, obstacle) if obstacle.moves else still
                 yield label, names, name, led, False
 
@@ -115,9 +118,10 @@ def _placed(obstacle: Any, reach: float) -> Placed:
         square = far * (np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) @ ways)
         below = np.concatenate([square, square - far * normal])
         return Placed(Convex.of(below), np.array(obstacle.plane.point, dtype=float), ways)
-    if obstacle.corners is not None:
-        centre = obstacle.corners.mean(axis=0)
-        return Placed(Convex.of(obstacle.corners - centre), in_space(centre))
+    corners = obstacle.corners if obstacle.ridges is None else obstacle.ridges.places
+    if corners is not None:
+        centre = corners.mean(axis=0)
+        return Placed(Convex.of(corners - centre), in_space(centre))
     core = obstacle.core
     if core.axis is None:
         return Placed(

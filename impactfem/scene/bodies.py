@@ -43,6 +43,7 @@ class Bar(BodyKind):
     dents: ClassVar[bool] = True
     probed: ClassVar[tuple[str, ...]] = STRAINS
     waves: ClassVar[bool] = True
+    meets_edges: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True
     substeps: ClassVar[bool] = False
     settings: ClassVar[tuple[str, ...]] = ("elements",)

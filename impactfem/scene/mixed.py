@@ -84,11 +84,12 @@ def _check_partners(scene: Content) -> None:
             _check_convex(body, what)
     for body in (body for body in scene.bodies if body.has_corners):
         for obstacle in obstacles_of(scene, body.name):
-            if obstacle.meets_corners:
+            ridges = obstacle.meets_sides(body)
+            if obstacle.meets_corners and not ridges:
                 continue
             text = f" of {body.name} and {obstacle.name} is not available: "
             _check_convex(body, text)
-            if not obstacle.is_convex:
+            if not (obstacle.is_convex or ridges):
                 text += f"{obstacle.name} may meet edges and faces of {body.name}, and is not "
                 text += "convex; give boxes, a half_space, or a body that is a ball."
                 raise KeyedError("contact", "", text)

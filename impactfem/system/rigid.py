@@ -176,7 +176,11 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
     """A rigid body of a scene: mass, inertia, and contact nodes for the obstacles it may meet."""
     form, center, dim = body.form, body.center, body.dim
     named = obstacles_of(scene, body.name)
-    obstacles = {o.name: o for o in named if o.meets_corners or not body.has_corners}
+    obstacles = {
+        o.name: o
+        for o in named
+        if not body.has_corners or (o.meets_corners and not o.meets_sides(body))
+    }
     faces = [
         (name, face)
         for name, obstacle in obstacles.items()

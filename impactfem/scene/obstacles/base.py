@@ -57,6 +57,20 @@ class Core(NamedTuple):
     side: float
 
 
+class Ridges(NamedTuple):
+    """Places of an obstacle in the plane that stick out.
+
+    Attributes:
+        places: At rest [m], (ridges, 2).
+        first, last: Unit normals of the faces before and behind them, out of the obstacle; from
+            the last to the first one it is less than half a turn to the left, (ridges, 2).
+    """
+
+    places: Floats
+    first: Floats
+    last: Floats
+
+
 class RigidObstacle:
     """What the rigid obstacles of solids have in common.
 
@@ -120,6 +134,16 @@ class RigidObstacle:
     def meets_corners(self) -> bool:
         """Whether a convex body of edges and faces meets it with its corners first."""
         return self.is_flat
+
+    @property
+    def ridges(self) -> Ridges | None:
+        """What sticks out of one that need not be convex, for sides of bodies in the plane."""
+        return None
+
+    def meets_sides(self, body: Any) -> bool:
+        """Whether sides of a body in the plane meet its ridges, and not its corners alone."""
+        there = body.dim == 2 and self.ridges is not None
+        return there and (body.is_convex or not self.meets_corners)
 
     @property
     def corners(self) -> Floats | None:

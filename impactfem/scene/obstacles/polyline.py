@@ -20,6 +20,7 @@ from impactfem.scene.obstacles.base import (
     Floats,
     Indices,
     Motion,
+    Ridges,
     RigidObstacle,
 )
 from impactfem.scene.obstacles.faces import HIGH, facing, patches
@@ -93,6 +94,23 @@ class RigidPolyline(RigidObstacle):
         way /= np.linalg.norm(way, axis=1, keepdims=True)
         return bool(np.abs(way - way[0]).max() <= ROUNDING)
 
+    @property
+    def ridges(self) -> Ridges:
+        """Corners that bend outwards, and ends: a body may lie over them."""
+        chain = np.asarray(self.points, dtype=np.float64)
+        along = np.diff(chain, axis=0)
+        along /= np.linalg.norm(along, axis=1)[:, None]
+        if (chain[0] == chain[-1]).all():
+            places, before, after = chain[:-1], np.roll(along, 1, axis=0), along
+        else:  # at an end the body is all around
+            places = chain
+            before = np.concatenate([_left(along[:1]), along])
+            after = np.concatenate([along, -_left(along[-1:])])
+        first, last = _left(before), _left(after)
+        bends = _cross(before, after)
+        out = (bends < -ROUNDING) | ((np.abs(bends) <= ROUNDING) & ((before * after).sum(1) < 0.0))
+        return Ridges(places[out], first[out], last[out])
+
     def runs_along_z(self, low: float, high: float) -> bool:  # noqa: ARG002  (it has no end)
         """Always."""
         return True
@@ -154,10 +172,13 @@ class RigidPolyline(RigidObstacle):
         """Distances from the nearest segment that looks elsewhere than the nearest one.
 
         Seen are segments with the foot of the point's normal between their ends and the point on
-        their left: a ball in a corner that bends inwards touches two.
+        their left: a ball in a corner that bends inwards touches two. What lies behind the nearest
+        one, as over an edge, it cannot touch.
         """
         chain = np.asarray(self.points, dtype=np.float64)
         first, found = self.gap(points)
+        nearest = found[:, :2].copy()
+        foot = points[:, :2] - first[:, None] * nearest
         gap = np.full_like(first, np.inf)
         for start, end in pairwise(chain[np.r_[True, np.any(np.diff(chain, axis=0), axis=1)]]):
             length = math.dist(start, end)
@@ -166,6 +187,7 @@ class RigidPolyline(RigidObstacle):
             arms = points[:, :2] - start
             place, height = arms @ along, arms @ left
             seen = (place > 0.0) & (place < length) & (height >= -_DEEP * length)
+            seen &= ((0.5 * (start + end) - foot) * nearest).sum(axis=1) > 0.0
             closer = seen & (found[:, :2] @ left < _ALIKE) & (height < gap)
             gap[closer] = height[closer]
             found[closer, :2] = left
@@ -202,6 +224,11 @@ class RigidPolyline(RigidObstacle):
         turning = float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))  # > 0: the left is inside
         inside = closed and turning > 0.0
         return {"shape": "chain", "points": places, "closed": closed, "inside": inside}
+
+
+def _left(ways: Floats) -> Floats:
+    """Directions to the left of others, (n, 2)."""
+    return np.stack([-ways[:, 1], ways[:, 0]], axis=1)
 
 
 def _nearest_segments(
