@@ -53,8 +53,9 @@ class Contact:
     stiffness: float | None = key(
         Real(above=0),
         "of what gives way where they touch, as a dent: force over indentation to the power of "
-        "stiffness_exponent (point, rod, beam, bar, plate, ball of kind rigid); of a layer on a "
-        "face of a solid or a plate on an obstacle pressure instead",
+        "stiffness_exponent (point, rod, beam, bar, plate, ball of kind rigid, each corner of "
+        "others on a half_space); of a layer on a face of a solid or a plate on an obstacle "
+        "pressure instead",
         unit="N or Pa/m^stiffness_exponent",
         default=None,
         absent="nothing gives way",

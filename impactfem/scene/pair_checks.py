@@ -53,6 +53,8 @@ def check_springs(scene: Content) -> None:
         text += " or ".join(show(name) for name, each in METHODS.items() if each.mixes)
         raise KeyedError("solve", "method", f"{text}, or remove stiffness.")
     known = {body.name: body for body in scene.bodies}
+    # Corners of bodies on these are the same places in each layer.
+    cornered = {each.name: each for each in scene.rigid_obstacles if each.meets_corners}
     for contact, index in zip(scene.laws.each, scene.laws.origin, strict=True):
         if contact.stiffness is None:
             continue
@@ -62,11 +64,14 @@ def check_springs(scene: Content) -> None:
             body = known.get(name)
             if body is None or (body.lined and other not in known):
                 continue
+            if body.has_corners and other in cornered and not cornered[other].meets_sides(body):
+                continue
             # Of a plate on another plate all vertices may touch.
             broad = body.has_surface and (other not in known or known[other].has_surface)
             if broad or not body.dents:
                 text = f"{shown}{name}, a {body.kind}, may touch at many places, or gives way by "
-                text += "itself; remove it, or take a point, a rigid ball, a bar or a plate."
+                text += "itself; remove it, or take a point, a rigid ball, a bar, a plate, or a "
+                text += "half_space."
                 raise KeyedError(f"contact[{index}]", "stiffness", text)
         if scene.iterated and any(law.friction_coefficient > 0.0 for law in scene.laws.each):
             text = f"{shown}beside friction it is not available where {scene.iterated}; remove one."

@@ -283,7 +283,7 @@ BOX = {"kind": "rigid", "name": "box", "mass": 1.0,
         ({"stiffness": 1.0, "stiffness_exponent": 0.5}, [], "stiffness_exponent"),
         ({"stiffness_exponent": 1.5}, [], "is that of stiffness: give it too"),
         ({"stiffness": 1.0, "restitution": 0.5}, [], "restitution = 0.5 is not available"),
-        ({"between": ["box", "floor"], "stiffness": 1.0}, [BOX], "box, a rigid, may touch at many"),
+        ({"between": ["box", "ball"], "stiffness": 1.0}, [BOX], "box, a rigid, may touch at many"),
         ({"between": ["ball", "s"], "stiffness": 1.0}, [SOLID], "s, a solid, may touch at many"),
         (
             {"stiffness": 1.0, "friction_coefficient": 0.2},

@@ -199,6 +199,36 @@ def test_a_spring_in_one_pair_beside_friction_in_others():
     assert np.ptp(lost(history)) < 1e-12
 
 
+BLOCK = {"kind": "rigid", "name": "ball", "mass": 2.0, "velocity": [0.0, -1.0],
+         "shape": {"kind": "block", "size": [0.2, 0.1], "corner": [-0.1, 0.0]}}  # fmt: skip
+DEEP = BLOCK | {
+    "velocity": [0.0, 0.0, -1.0],
+    "shape": {"kind": "block", "size": [0.2, 0.1, 0.1], "corner": [0.0, 0.0, 0.0]},
+}
+
+
+@pytest.mark.parametrize(("block", "floor", "corners"), [(BLOCK, FLOOR, 2), (DEEP, FLOOR3, 4)])
+def test_a_block_has_a_spring_at_each_corner(block, floor, corners):
+    """It falls flat as a ball on a spring of all of them: d = (p + 1) m v^2 / (2 n K), ^1/(p+1)."""
+    law = HERTZ | {"stiffness": 1e6}
+    dent = (2.5 * 2.0 / (2.0 * corners * 1e6)) ** 0.4
+    history = impactfem.solve(scene([block], [law], 6.0 * dent, 0.01 * dent, [floor])).history
+    assert history["indentation"].values.max() == pytest.approx(dent, rel=1e-4)
+    force = corners * 1e6 * dent**1.5
+    assert history["contact_force"].values.max() == pytest.approx(force, rel=1e-3)
+    upwards = history[f"ball.v{'yz'[corners // 4]}"].values[-1]
+    assert upwards == pytest.approx(1.0, abs=1e-9)
+    assert np.ptp(history["total_energy"].values) < 1e-11
+
+
+def test_a_block_on_springs_slides_to_rest():
+    law = HERTZ | {"stiffness": 1e6, "stiffness_exponent": 1.0, "friction_coefficient": 0.3}
+    slides = BLOCK | {"velocity": [1.0, 0.0]}
+    history = impactfem.solve(scene([slides], [law], 0.4, 2e-4, gravity=[0.0, -9.81])).history
+    assert history["ball.x"].values[-1] == pytest.approx(1.0 / (2 * 0.3 * 9.81), rel=1e-3)
+    assert np.ptp(lost(history)) < 1e-8
+
+
 def bouncing():
     laws = [{"between": ["*", "*"], "stiffness": 1e6, "stiffness_exponent": 1.5,
              "friction_coefficient": 0.3}]  # fmt: skip
