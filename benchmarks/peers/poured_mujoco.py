@@ -39,6 +39,7 @@ def main() -> None:
         mujoco.mj_step(model, data)
         marks.append(time.process_time())
         depth = max(depth, -float(data.contact.dist.min(initial=0.0)))
+    mujoco.mj_energyVel(model, data)
     each, window = 1e3 * np.diff(marks), case["window"]
     pushing = int((data.contact.dist < 0.0).sum())
     row = {
@@ -52,6 +53,12 @@ def main() -> None:
         "steps": len(each),
         "contacts there": pushing,
         "depth / radius": f"{depth / case['radius']:.3f}",
+        "rest": {
+            "heights": data.xpos[1:, 2].tolist(),
+            "depth": depth,
+            "energy": float(data.energy[1]),
+            "seconds": float(each.sum()) * 1e-3,
+        },
         "memory [MiB]": f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f}",
     }
     print(json.dumps(row))

@@ -33,6 +33,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import DiagramBuilder
 
 STIFF, FOOT, SETTLE = 1e8, 1e-3, 1.0
+TOUCHING = {"floor", "plane_top"}
 
 
 def inertia(mass: float, center: list, principal: list) -> SpatialInertia:
@@ -81,6 +82,22 @@ def floor(case: dict, plant: object, graph: object) -> list:
     return made
 
 
+def plane_top(case: dict, plant: object) -> list:
+    """A top on its ball, as deep as its weight presses it; with its height."""
+    laws = ProximityProperties()
+    AddContactMaterial(
+        dissipation=1.0, point_stiffness=STIFF, friction=CoulombFriction(0.0, 0.0),
+        properties=laws,
+    )  # fmt: skip
+    up = RigidTransform(RotationMatrix.MakeXRotation(-np.pi / 2.0))
+    plant.RegisterCollisionGeometry(plant.world_body(), up, HalfSpace(), "f", laws)
+    body = plant.AddRigidBody("top", inertia(1.0, [0.0] * 3, case["inertia"]))
+    low = RigidTransform([0.0, -case["height"], 0.0])
+    plant.RegisterCollisionGeometry(body, low, Sphere(case["radius"]), "s", laws)
+    sunk = 2.0 * -case["gravity"][1] / STIFF
+    return [(body, case["height"] * np.cos(case["tilt"]) + case["radius"] - sunk)]
+
+
 def links(case: dict, plant: object) -> None:
     """A chain that hangs from the origin."""
     length, mass = case["link"]
@@ -96,7 +113,7 @@ def links(case: dict, plant: object) -> None:
 def modelled(case: dict, plant: object, graph: object) -> list:
     """All bodies; those that are free, with their heights."""
     plant.mutable_gravity_field().set_gravity_vector(case["gravity"])
-    if case["kind"] == "floor":
+    if case["kind"] in TOUCHING:
         plant.set_discrete_contact_approximation(
             {
                 "sap": DiscreteContactApproximation.kSap,
@@ -104,7 +121,7 @@ def modelled(case: dict, plant: object, graph: object) -> list:
             }[case["solver"]]
         )
         plant.set_stiction_tolerance(1e-7)
-        return floor(case, plant, graph)
+        return floor(case, plant, graph) if case["kind"] == "floor" else plane_top(case, plant)
     if case["kind"] == "top":
         return [(plant.AddRigidBody("top", inertia(1.0, [0.0] * 3, [1.0, 2.0, 3.0])), 0.0)]
     links(case, plant)
@@ -117,6 +134,9 @@ def told(case: dict, plant: object, context: object, first: object) -> dict:
         angles = np.cumsum(plant.GetPositions(context))
         tip = case["link"][0] * np.array([np.cos(angles).sum(), np.sin(angles).sum()])
         return {"tip": tip.tolist()}
+    if case["kind"] == "plane_top":
+        pose = plant.EvalBodyPoseInWorld(context, first).rotation().matrix()
+        return {"axis": pose[:, 1].tolist()}
     results = plant.get_contact_results_output_port().Eval(context)
     force, ground = 0.0, plant.world_body().index()
     for k in range(results.num_point_pair_contacts()):
@@ -129,7 +149,7 @@ def told(case: dict, plant: object, context: object, first: object) -> dict:
 
 def run(case: dict) -> dict:
     """What the case asks for, and seconds."""
-    builder, still = DiagramBuilder(), case["kind"] != "floor"
+    builder, still = DiagramBuilder(), case["kind"] not in TOUCHING
     plant, graph = AddMultibodyPlantSceneGraph(builder, 0.0 if still else case["dt"])
     made = modelled(case, plant, graph)
     plant.Finalize()
@@ -144,10 +164,11 @@ def run(case: dict) -> dict:
         )  # fmt: skip
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     for body, y in made:
-        plant.SetFreeBodyPose(context, body, RigidTransform([0.0, y, 0.0]))
+        turn = RotationMatrix.MakeXRotation(case.get("tilt", 0.0))
+        plant.SetFreeBodyPose(context, body, RigidTransform(turn, [0.0, y, 0.0]))
     if made:  # spin before velocity
         speeds = plant.GetVelocities(context)
-        speeds[:3], speeds[3] = case.get("spin", [0.0] * 3), case.get("speed", 0.0)
+        speeds[:3], speeds[3] = turn @ case.get("spin", [0.0] * 3), case.get("speed", 0.0)
         plant.SetVelocities(context, speeds)
     simulator.Initialize()
     from_when, spins = 0.0, []

@@ -3,7 +3,8 @@
 Contacts are soft. Settings that were best of those tried: implicitfast, elliptic cone, Newton to
 1e-14, impratio 100, solref of two steps (the least that it takes), solimp 0.99 throughout, with
 ``noslip`` iterations after each step (0: none). Bodies settle for 1 s, not timed, before they are
-pulled. Top and chain have no contact: RK4.
+pulled. Top, on a
+smooth plane too, and chain: RK4.
 """
 
 import json
@@ -19,6 +20,11 @@ SETTLE = 1.0  # [s]
 def options(case: dict) -> str:
     """How it steps."""
     pull = " ".join(map(str, case["gravity"]))
+    if case["kind"] == "plane_top":
+        return f"""<option timestep="{case["dt"]}" integrator="RK4" cone="elliptic"
+          solver="Newton" tolerance="1e-14" iterations="200" gravity="{pull}"/>
+          <default><geom condim="1" solref="{2 * case["dt"]} 1" solimp="0.99 0.99 1e-6"/>
+          </default>"""
     if case["kind"] != "floor":
         return f'<option timestep="{case["dt"]}" integrator="RK4" gravity="{pull}"/>'
     return f"""<option timestep="{case["dt"]}" integrator="implicitfast" cone="elliptic"
@@ -32,6 +38,13 @@ def content(case: dict) -> str:
     """The bodies."""
     if case["kind"] == "top":
         return '<body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="1 2 3"/></body>'
+    if case["kind"] == "plane_top":
+        moments, half = " ".join(map(str, case["inertia"])), 0.5 * case["tilt"]
+        y = case["height"] * np.cos(case["tilt"]) + case["radius"]
+        return f"""<geom type="plane" size="50 50 1" zaxis="0 1 0"/>
+          <body pos="0 {y} 0" quat="{np.cos(half)} {np.sin(half)} 0 0"><freejoint/>
+          <inertial pos="0 0 0" mass="1" diaginertia="{moments}"/>
+          <geom type="sphere" size="{case["radius"]}" pos="0 {-case["height"]} 0"/></body>"""
     if case["kind"] == "chain":
         text, (length, mass) = "", case["link"]
         inertia = mass * length**2 / 12.0
@@ -48,21 +61,28 @@ def content(case: dict) -> str:
     )
 
 
+def settle(scene: object, data: object, case: dict) -> None:
+    """Let bodies come to rest, and give the first one its speed.
+
+    Bodies that just touch fall freely for a step, and would keep that speed at the limit of
+    friction: they settle without the pull across the floor.
+    """
+    scene.opt.gravity[0] = 0.0
+    for _ in range(round(SETTLE / case["dt"])):
+        mujoco.mj_step(scene, data)
+    scene.opt.gravity[0] = case["gravity"][0]
+    data.qvel[:] = 0.0
+    data.qvel[0] = case["speed"]
+
+
 def run(case: dict) -> dict:
     """What the case asks for, and seconds."""
     text = f"<mujoco>{options(case)}<worldbody>{content(case)}</worldbody></mujoco>"
     scene = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(scene)
     if case["kind"] == "floor":
-        # Bodies that just touch fall freely for a step, and would keep that speed at the limit of
-        # friction: they settle without the pull across the floor.
-        scene.opt.gravity[0] = 0.0
-        for _ in range(round(SETTLE / case["dt"])):
-            mujoco.mj_step(scene, data)
-        scene.opt.gravity[0] = case["gravity"][0]
-        data.qvel[:] = 0.0
-        data.qvel[0] = case["speed"]
-    elif case["kind"] == "top":
+        settle(scene, data, case)
+    elif case["kind"] in {"top", "plane_top"}:
         data.qvel[3:6] = case["spin"]
     start, spins = data.qpos.copy(), []
     begin = time.process_time()
@@ -74,6 +94,8 @@ def run(case: dict) -> dict:
     found = {"seconds": seconds, "version": mujoco.__version__}
     if case["kind"] == "top":
         return found | {"spins": spins}
+    if case["kind"] == "plane_top":
+        return found | {"axis": data.xmat[1].reshape(3, 3)[:, 1].tolist()}
     if case["kind"] == "chain":
         angles = np.cumsum(data.qpos)
         tip = case["link"][0] * np.array([np.cos(angles).sum(), np.sin(angles).sum()])

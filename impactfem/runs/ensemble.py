@@ -116,13 +116,13 @@ def _fixed(model: SolidsModel) -> _Fixed:
     scene, lone = model.scene, model.few[0].lone if len(model.few) == 1 else None
     if len(scene.bodies) != 1 or lone is None or model.joints is not None:
         names = ", ".join(body.name for body in scene.bodies)
-        _refuse(f"{names} is more than one, or is held, driven or no rigid body")
+        _refuse(f"{names} is not one body, or is held, driven, met by faces or not rigid")
     nodes, planes, laws = [], [], []
     for met in model.obstacle_meetings:
         obstacle = met.gaps.single
         plane = None if obstacle is None or obstacle.moves else obstacle.plane
         if plane is None:
-            _refuse(f"obstacle {met.names[1]} is none or moves")
+            _refuse(f"obstacle {met.names[1]} is no half-space, or moves")
         law = law_of(scene, *met.names)
         others = () if law is None else _others(law)
         if law is not None and others:
@@ -131,7 +131,7 @@ def _fixed(model: SolidsModel) -> _Fixed:
         planes.append(plane)
         laws.append(law)
     if len(planes) < len(scene.rigid_obstacles) or not planes:
-        _refuse("an obstacle is met by faces, or there is none")
+        _refuse("an obstacle is met by faces, or there is no half-space")
     own = np.concatenate(nodes)
     of = np.repeat(np.arange(len(nodes)), [len(each) for each in nodes])
     rims, shell = len(lone.shares) > 0, model.few[0].shell[own]
