@@ -59,17 +59,18 @@ class JointStates:
         slides: 1, -1: the way that it slides; 0: friction holds it, or there is none, (joints,).
         stops: 1: at its lower limit, -1: at its upper one, (joints,).
         motors: By the place of the joint.
+        span: Of the step [s].
     """
 
-    def __init__(self, joints: Joints, rates: Floats, dt: float) -> None:
+    def __init__(self, joints: Joints, rates: Floats, span: float) -> None:
         """Begin at t = 0.
 
         Args:
             joints: The joints.
             rates: Of their rows, (rows,).
-            dt: Time step [s].
+            span: Of the first step [s].
         """
-        self._joints, self._dt = joints, dt
+        self._joints, self.span = joints, span
         self.slides = np.sign(np.where(joints.rubbing < 0, 0.0, rates[joints.rubbing]))
         self.stops = np.zeros(len(joints.joints))
         self.motors = {k: Motor(j.motor) for k, j in enumerate(joints.joints) if j.motor}
@@ -81,7 +82,7 @@ class JointStates:
             begun: Rows at the start of the layer, (rows,).
             rates: Their rates there, (rows,).
         """
-        joints, dt = self._joints, self._dt
+        joints, dt = self._joints, self.span
         laws = np.zeros((joints.count, 3))
         laws[:, 1] = 1.0
         laws[joints.holding] = 1.0, 0.0, 0.0
@@ -137,11 +138,11 @@ class JointStates:
         for k, motor in self.motors.items():
             row = joints.moving[k]
             q = 0.5 * (begun[row] + ended[row]) + joints.shift(joints.joints[k])
-            fine &= motor.look(time, q, (ended[row] - begun[row]) / self._dt)
+            fine &= motor.look(time, q, (ended[row] - begun[row]) / self.span)
         return not self._switched(begun, ended, rates, acting) and fine
 
     def _switched(self, begun: Floats, ended: Floats, rates: Floats, acting: Floats) -> bool:
-        joints, dt, found = self._joints, self._dt, False
+        joints, dt, found = self._joints, self.span, False
         for k, (joint, row) in enumerate(zip(joints.joints, joints.moving, strict=True)):
             slides, stops = self.slides[k], self.stops[k]
             rate = 2.0 * (ended[row] - begun[row]) / dt - rates[row]

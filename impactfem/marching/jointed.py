@@ -1,45 +1,25 @@
 """Several bodies in one layer, of which joints hold some together; see `joint_kernels`.
 
 Contact, impacts and friction see bodies with their joints: answers to contact forces are those of
-the bodies less what the joints take, and joints are solved again once contact has pushed. Rows hold
-at ends of layers, and rates then keep to them but for the size of a layer; where contact has given
-impulses, which jump, rates are projected on what the joints allow, which never gives energy.
-
-Limits act as contact of bodies without massless nodes does: where a coordinate would be beyond one
-at the end of a layer and would go on outwards, its rate turns to -e times that before.
+the bodies less what the joints take, and joints are solved again once contact has pushed.
 """
 
-from collections.abc import Mapping, Sequence
-from itertools import pairwise
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.errors import ConvergenceError
 from impactfem.marching.composite import Composite
-from impactfem.marching.joint_kernels import FAST, FOUND, joined
-from impactfem.marching.joint_states import JointStates
+from impactfem.marching.joining import Joining
 from impactfem.marching.layers import Interior, Sums
-from impactfem.marching.stations import Held, Motion
-from impactfem.result.history import LOST
-from impactfem.system.joint_kernels import DOT, at_gradients, delassus
+from impactfem.marching.stations import Held
 from impactfem.system.joints import Joints
-from impactfem.system.stations import couples
 
 Floats = NDArray[np.float64]
 
-_MOST = 50  # looks for forces by formula, and for what slips, stops or lets go in a layer
-_ROUNDING = 64.0 * float(np.finfo(float).eps)  # of places in a row
-_RANK = 1e-9  # as of `impactfem.system.joints`
 
-
-class Jointed(Composite):
-    """The interiors of several bodies and their joints as one.
-
-    Attributes:
-        counts: Whether this rank sums them up.
-    """
+class Jointed(Joining[Interior], Composite):
+    """The interiors of several bodies and their joints as one."""
 
     apart = None
 
@@ -59,30 +39,7 @@ class Jointed(Composite):
             held: Those, in the order of `Joints.parts`.
         """
         super().__init__(parts, free)
-        self._joints, self._held, self.counts = joints, tuple(held), held[0].part.counts
-        self._held_as = {parts.index(body.part): body for body in held}
-        self._owns = [self.own(k) for k in self._held_as]
-        ends = np.cumsum([1, *(len(stations.names) for _, stations in joints.parts)])
-        self._at = [slice(*both) for both in pairwise(ends)]  # stations of each
-        terms, count, each = joints.terms, joints.count, len(joints.joints)
-        self._acting = np.zeros(count)
-        self._terms = joints.values_at(joints.places, joints.turns, np.zeros(len(terms.kinds)))
-        self._gradient = joints.gradient
-        self._rates = joints.rates_now()
-        self._states = JointStates(joints, self._rates, self.dt)
-        self._damping = np.array([joint.damping for joint in joints.joints])
-        self._struck = False
-        reach = np.abs(joints.places).max() + np.abs(terms.arms).max(initial=0.0)
-        self._sizes = np.full(count, _ROUNDING * (reach or 1.0))
-        self._sizes[terms.rows[terms.kinds == DOT]] = _ROUNDING
-        self._reaction: Floats | None = None
-        self._middles = joints.turns
-        self._ends, self._laws = self._terms, np.zeros((count, 3))
-        before = self.parts[: parts.index(held[0].part)]
-        self._first = sum(len(part.inertia()) for part in before)  # sums of the first one held
-        # Coordinate, rate, force and moment in the layer, energy taken up to now.
-        self._shown = np.zeros((each, 5))
-        self._show(self._terms)
+        self._hold(joints, held, self.dt)
 
     @property
     def volatile(self) -> NDArray[np.bool_]:
@@ -91,81 +48,6 @@ class Jointed(Composite):
         for own in self._owns:
             found[own] = True
         return found
-
-    def _coordinates(self, terms: Floats) -> Floats:
-        """Rows by values of their terms, (rows,)."""
-        return self._joints.terms.sums(terms, self._joints.count)
-
-    def _stored(self, terms: Floats) -> float:
-        """Energy in the springs [J]."""
-        joints, rows = self._joints, self._coordinates(terms)
-        each = zip(joints.joints, joints.moving, strict=True)
-        return float(sum(0.5 * j.stiffness * (rows[r] - joints.rest(j)) ** 2 for j, r in each))
-
-    def _join(self) -> None:
-        """Solve the layer of the bodies that joints hold, with what has pushed so far."""
-        joints, terms, dt = self._joints, self._joints.terms, self.dt
-        start, spins = self._starts(), _stacked([_STILL, *(body.rates for body in self._held)])
-        begun = self._coordinates(self._terms)
-        offsets = np.where(joints.holding, joints.start, 0.0)
-        slid = self._states.slides.copy()
-        if joints.redundant:  # what changes have the least of, their sums need not
-            self._acting = np.zeros(joints.count)
-        for _ in range(_MOST):
-            elastic = couples([body.compliance for body in self._held])
-            given = [_STILL, *(body.impulses() for body in self._held)]
-            self._laws = self._states.laws(begun, self._rates)
-            known = (
-                terms.kinds, terms.rows, terms.bodies, terms.arms, terms.axes, terms.across,
-                terms.shares, offsets, self._laws, start, spins, _stacked(given), self._acting,
-                self._terms, joints.masses, elastic, dt, self._sizes,
-            )  # fmt: skip
-            state, self._acting, *moving, self._ends, self._gradient, _ = _solved(known, joints)
-            if state != FOUND and self._states.let_go(slid):
-                self._acting = np.zeros(joints.count)
-                continue
-            if state != FOUND:
-                why = (
-                    "turn too far in a step" if state == FAST else "cannot be held by their joints"
-                )
-                names = ", ".join(joints.names[1:])
-                raise ConvergenceError(
-                    f"{names}: bodies {why} at t = {self._time:.6g} s; use a smaller solve.dt, or "
-                    "check the joints"
-                )
-            ended = self._coordinates(self._ends)
-            if not self._states.settled(begun, ended, self._rates, self._acting, self._time):
-                continue  # bodies that moved as wrong states have it could go too far
-            self._middles = moving[4]
-            pushes = self._wrenches(self._acting)
-            jumps = bool(self._states.stops.any())
-            settled = [
-                body.take(Motion(jumps, *(each[at] for each in (*moving, pushes))))
-                for body, at in zip(self._held, self._at, strict=True)
-            ]
-            if all(settled):
-                break
-        else:
-            raise ConvergenceError(
-                f"forces by formula, friction or limits of joints did not settle at t = "
-                f"{self._time:.6g} s; use a smaller solve.dt"
-            )
-        self._reaction = None
-
-    def _starts(self) -> tuple[Floats, Floats]:
-        """Places and rotations of all stations at the start of the layer."""
-        joints = self._joints
-        ground = joints.places[:1], joints.turns[:1]
-        return _stacked([ground, *(body.frames for body in self._held)])
-
-    def _wrenches(self, acting: Floats) -> Floats:
-        """Impulses on the stations by those of the rows (..., rows), (..., stations, 6)."""
-        joints, terms = self._joints, self._joints.terms
-        weighed = self._gradient * terms.shares[:, None, None]
-        found = np.zeros((len(joints.names), *acting.shape[:-1], 6))
-        each = acting[..., terms.rows, None, None] * weighed
-        np.add.at(found, terms.bodies, np.moveaxis(each, (-3, -2), (0, 1)))
-        return np.moveaxis(found, 0, -2)
 
     def predict(self, layer: int) -> Floats:
         """Move all bodies to the end of a layer without contact."""
@@ -185,10 +67,7 @@ class Jointed(Composite):
     def _each(self, forces: Floats, *, keep: bool) -> tuple[Floats, Floats]:
         """Answers of the contact nodes to several forces (several, count, dim)."""
         layer, static = super()._each(forces, keep=keep)
-        if any(forces[:, own].any() for own in self._owns):
-            each = zip(self._held, self._owns, strict=True)
-            back = self._taken_back([body.reached(forces[:, own]) for body, own in each])
-            self._move(layer, back)
+        self._held_back(layer, forces)
         return layer, static
 
     def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
@@ -206,11 +85,6 @@ class Jointed(Composite):
             turned[:, own] += 0.5 * self.dt * spun[:, None]
         return moved, turned
 
-    def _move(self, moved: Floats, impulses: Floats) -> None:
-        """Add displacements of nodes by impulses on stations, (several, stations, 6)."""
-        for body, own, at in zip(self._held, self._owns, self._at, strict=True):
-            moved[:, own] += 0.5 * self.dt * body.carried(impulses[:, at])
-
     def twist(self, moments: Floats) -> None:
         """Add the layer's moments on nodes (count, turns) to their bodies."""
         others = moments.copy()
@@ -220,45 +94,6 @@ class Jointed(Composite):
         super().twist(others)
         self._struck = True
         self._join()
-
-    def _taken_back(self, rates: Sequence[Floats]) -> Floats:
-        """Impulses of joints on stations in the layer, (several, stations, 6).
-
-        Args:
-            rates: Of the stations of each body in space by forces for a second, (several, own, 6).
-        """
-        joints, terms, dt = self._joints, self._joints.terms, self.dt
-        moved = np.concatenate([np.zeros((len(rates[0]), 1, 6)), *rates], axis=1)
-        weighed = self._gradient * terms.shares[:, None, None]
-        if self._reaction is None:
-            self._reaction = self._reactions(weighed)
-        ways = np.einsum("tsk,ntsk->nt", weighed, moved[:, terms.bodies])
-        rows = np.zeros((joints.count, len(moved)))
-        np.add.at(rows, terms.rows, ways.T)
-        # Impulses of the rows by unit forces, whose own is dt.
-        return self._wrenches(-(0.5 * dt**2 * (self._reaction @ rows)).T)
-
-    def _reactions(self, weighed: Floats) -> Floats:
-        """Impulses of the rows that take back unit ways of them, (rows, rows)."""
-        laws = self._states.unbounded(self._laws)
-        free = np.concatenate([np.zeros((1, 3, 3)), *(body.freedoms for body in self._held)])
-        matrix = self._moving(weighed, free, couples([body.compliance for body in self._held]))
-        matrix = 0.5 * self.dt * laws[:, :1] * matrix + np.diag(laws[:, 1])
-        size = np.sqrt(np.abs(np.diag(matrix)))
-        size = np.where(size > 0.0, size, 1.0)
-        alike = matrix / np.outer(size, size)
-        inverse = np.linalg.pinv(alike, _RANK)
-        return np.asarray(inverse / np.outer(size, size) * laws[:, 0])
-
-    def _moving(self, weighed: Floats, free: Floats, elastic: tuple[Any, Floats]) -> Floats:
-        """How rows move by unit impulses in them, (rows, rows); see `delassus`."""
-        joints, terms = self._joints, self._joints.terms
-        return np.asarray(
-            delassus(
-                terms.rows, terms.bodies, weighed, weighed, joints.count, joints.masses[0], free,
-                *elastic,
-            )
-        )  # fmt: skip
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:
         """Add the effect of the layer's contact forces (count, dim) to the bodies they act on."""
@@ -274,126 +109,14 @@ class Jointed(Composite):
 
     def finish(self, layer: int, static: Floats) -> list[Sums]:
         """End the layer of all bodies; sums of each."""
-        joints = self._joints
         jumped = any(body.jumped for body in self._held)
         if self._struck or jumped or self._states.stops.any():
             self._project()
         found = super().finish(layer, static)
         for body in self._held:
             body.finish()
-        way = self._coordinates(self._ends) - self._coordinates(self._terms)
-        # What rows take that are neither held exactly nor springs or motors.
-        taken = np.where(joints.hard, 0.0, -self._acting * way / self.dt)
-        moving = joints.moving[joints.moving >= 0]
-        taken[moving] = self._damping[joints.owner[moving]] * way[moving] ** 2 / self.dt
-        self._shown[:, 4] += np.bincount(joints.owner, taken, len(joints.joints))
+        stored, driven = self._ended()
         if self.counts:
-            found[self._first].elastic += self._stored(self._ends)
-            found[self._first].work += self._states.driven(way)
-        self._show(self._ends)
-        self._terms = self._ends
+            found[self._first].elastic += stored
+            found[self._first].work += driven
         return found
-
-    def initial(self, static: Floats) -> list[Sums]:
-        """Sums of the initial state, of each body."""
-        found = super().initial(static)
-        if self.counts:
-            found[self._first].elastic += self._stored(self._terms)
-        return found
-
-    def _project(self) -> None:
-        """Take rates at the end of the layer that the joints allow, the nearest by energy."""
-        joints, terms = self._joints, self._joints.terms
-        holding = np.flatnonzero(joints.hard)
-        ground = joints.places[:1], joints.turns[:1]
-        places, turns = _stacked([ground, *(body.places_ahead for body in self._held)])
-        at = joints.values_at(places, turns, self._ends)
-        now = at_gradients(terms.kinds, terms.bodies, terms.arms, terms.axes, places, turns, at)
-        weighed = np.asarray(now * terms.shares[:, None, None])
-        twists = np.concatenate([np.zeros((1, 6)), *(body.rates_ahead for body in self._held)])
-        free = turns @ joints.masses[2] @ turns.swapaxes(1, 2)
-        elastic = couples([body.compliance_ahead for body in self._held])
-        matrix = self._moving(weighed, free, elastic)
-        rates = np.zeros(joints.count)
-        np.add.at(rates, terms.rows, np.einsum("tsk,tsk->t", weighed, twists[terms.bodies]))
-        acting = np.zeros(joints.count)
-        inner = matrix[np.ix_(holding, holding)]
-        acting[holding] = -np.linalg.lstsq(inner, rates[holding], rcond=_RANK)[0]
-        pushes = np.zeros_like(twists)
-        np.add.at(pushes, terms.bodies, acting[terms.rows, None, None] * weighed)
-        for body, own in zip(self._held, self._at, strict=True):
-            body.leave(pushes[own])
-
-    def _show(self, terms: Floats) -> None:
-        """Rates of the rows now, and what columns of joints show."""
-        joints, t, dt = self._joints, self._joints.terms, self.dt
-        rows = self._coordinates(terms)
-        places, turns = self._starts()
-        now = at_gradients(t.kinds, t.bodies, t.arms, t.axes, places, turns, terms)
-        speeds, spins = _stacked([_STILL, *(body.rates for body in self._held)])
-        twists = np.hstack([speeds, np.einsum("sij,sj->si", turns, spins)])
-        each = np.einsum("tsk,tsk->t", now, twists[t.bodies])
-        self._rates = t.sums(each, joints.count)
-        acting = self._acting[t.rows] * t.shares / dt
-        for k, joint in enumerate(joints.joints):
-            own = joints.owner[t.rows] == k
-            wrench = (acting[own, None] * self._gradient[own, 1]).sum(axis=0)
-            row = joints.moving[k]
-            if row >= 0:
-                self._shown[k, :2] = rows[row] + joints.shift(joint), self._rates[row]
-            if joint.between is None:
-                self._shown[k, 2] = acting[own][-1]
-                continue
-            at = np.flatnonzero(own)[0]
-            arm = self._middles[t.bodies[at, 1]] @ t.arms[at, 1]
-            moment = wrench[3:] - np.cross(arm, wrench[:3])
-            about = moment[2] if joint.dim == 2 else np.linalg.norm(moment)
-            self._shown[k, 2:4] = np.linalg.norm(wrench[:3]), about
-
-    def told(self) -> dict[str, dict[str, float]]:
-        """Columns of the joints; those without a coordinate have forces only."""
-        found = {}
-        for joint, values in zip(self._joints.joints, self._shown.tolist(), strict=True):
-            names = ["q", "v"] * joint.moves + ["force"]
-            names += ["moment"] * (joint.between is not None) + [LOST]
-            known = dict(zip(("q", "v", "force", "moment", LOST), values, strict=True))
-            found[joint.name] = {name: known[name] for name in names}
-        return found
-
-    def memory(self) -> dict[str, Floats]:
-        """What the next layer needs besides the bodies."""
-        own = {
-            "joints.acting": self._acting.copy(), "joints.terms": self._terms.copy(),
-            "joints.rates": self._rates.copy(), "joints.lost": self._shown[:, 4].copy(),
-        }  # fmt: skip
-        for k, body in enumerate(self._held):
-            own |= {f"joints.{k}.{name}": values for name, values in body.memory().items()}
-        return super().memory() | own | self._states.memory()
-
-    def remember(self, memory: Mapping[str, Floats]) -> None:
-        """Go on from what `memory` gave."""
-        super().remember(memory)
-        self._acting, self._terms = memory["joints.acting"].copy(), memory["joints.terms"].copy()
-        self._rates, self._shown[:, 4] = memory["joints.rates"].copy(), memory["joints.lost"]
-        self._states.remember(memory)
-        for k, body in enumerate(self._held):
-            first = f"joints.{k}."
-            body.remember(
-                {n.removeprefix(first): v for n, v in memory.items() if n.startswith(first)}
-            )
-
-
-def _solved(known: Sequence[Any], joints: Joints) -> Any:
-    """The layer by `joined`; where rows come to follow from others, with the least impulses."""
-    try:
-        return joined(*known, bool(joints.redundant))
-    except np.linalg.LinAlgError:
-        return joined(*known, True)
-
-
-def _stacked(each: Sequence[tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
-    first, second = zip(*each, strict=True)
-    return np.concatenate(first), np.concatenate(second)
-
-
-_STILL = np.zeros((1, 3)), np.zeros((1, 3))  # rates of the ground
