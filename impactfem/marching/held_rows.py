@@ -138,8 +138,12 @@ class HeldLumped(HeldByRows[Linear]):
 
     def prepare(self, layer: int) -> None:
         """Begin a layer."""
-        self._wrench = np.zeros(len(self._rows))
         self.part.set_out(layer)
+        self.began()
+
+    def began(self) -> None:
+        """Take up a step that the bodies have begun."""
+        self._wrench = np.zeros(len(self._rows))
         self._renew()
 
     def _moved(self, moved: Floats) -> Floats:

@@ -88,10 +88,14 @@ class HeldTree(HeldByRows["MechanismMidpoint"]):
 
     def prepare(self, layer: int) -> None:
         """Begin a layer."""
+        self.part.set_out(layer)
+        self.began()
+
+    def began(self) -> None:
+        """Take up a step that the mechanism has begun."""
         self._wrench = np.zeros(6 * self._count)
         self._places, self._turns = self.frames
         self._before = self._rates_at(self.part.coordinates, self.part.rates)
-        self.part.set_out(layer)
         self._renew()
 
     def _jacobians(self, q: Floats) -> Floats:

@@ -76,11 +76,11 @@ class MechanismNewton(MechanismMidpoint):
         self._pull = np.asarray(self._gravity.mean(start, end))
         turns, places = self.bodies.tree.poses(self._q, self.bodies.moving)
         self._begun, self._nodes = (places, turns), self.bodies.places(self._q)
-        self._pushed, self._leans = np.zeros_like(self._v), False
+        self._pushed, self._joined = np.zeros((2, len(self._v)))
+        self._leans = self._jumps = False
         self._prepare()
         self._settle()
-        self._place = self.foreseen()
-        self.generation += 1
+        self.look()
 
     def foreseen(self) -> Floats:
         """Displacements of the contact nodes at the end of the step, and how forces act on them."""
@@ -97,9 +97,22 @@ class MechanismNewton(MechanismMidpoint):
 
     def unbalanced(self, forces: Floats) -> float:
         """Largest change of rates that the iterate leaves, over what rounding allows."""
-        ahead, way = self._ahead.copy(), self.surface_way
+        known = self.known()
         self._pushed = np.zeros_like(self._v)
         self._push(forces)
+        return self.left(*known)
+
+    def known(self) -> tuple[Floats, Floats]:
+        """Rates ahead and ways, by the last iterate."""
+        return self._ahead.copy(), self.surface_way
+
+    def lay(self, forces: Floats) -> None:
+        """Put the contact forces of the step, to be solved for."""
+        self._pushed = np.zeros_like(self._v)
+        self.strike(forces)
+
+    def left(self, ahead: Floats, way: Floats, slack: float = 0.0) -> float:
+        """Largest change of rates since they were as given, over what rounding allows."""
         self._change = self.surface_way - way
         mean, inertia = 0.5 * (self._v + self._ahead), self._inertia
 
@@ -109,17 +122,21 @@ class MechanismNewton(MechanismMidpoint):
         acting = self._pushed, self.span * self._drive, inertia @ (self._ahead - self._v)
         scale = max(size(self._inverse @ each) for each in acting)
         scale = max(scale, _SHARE * max(size(mean), size(self._v)))
-        allowed = _ACCURACY * scale + self._allowed * float(np.sqrt(np.trace(inertia)))
+        allowed = _ACCURACY * scale + (self._allowed + slack) * float(np.sqrt(np.trace(inertia)))
         return size(self._ahead - ahead) / float(allowed + np.finfo(float).tiny)
+
+    def strike(self, forces: Floats) -> None:
+        """Add contact forces, to be solved for, which turn no rates round."""
+        turns = self._leans
+        super().strike(forces)
+        self._leans = turns
 
     def _push(self, forces: Floats) -> None:
         """Add contact forces, and solve for the rates: to the end of the step the energy stays.
 
         Where that is too much to ask, as rates turn round, it is to the order of the step.
         """
-        turns = self._leans
         self.strike(forces)
-        self._leans = turns
         try:
             self._settle()
         except ConvergenceError:
@@ -137,6 +154,10 @@ class MechanismNewton(MechanismMidpoint):
     def correct(self, forces: Floats) -> None:
         """Move the iterate, with a change of the contact forces (count, dim)."""
         self._push(forces)
+        self.look()
+
+    def look(self) -> None:
+        """See where nodes are by the iterate, and how they answer."""
         self._place = self.foreseen()
         self.generation += 1
 

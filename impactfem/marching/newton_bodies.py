@@ -1,6 +1,6 @@
 """What Newton's iterates of a step ask of bodies, and several bodies in one."""
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +89,28 @@ class NewtonStepper(Stepper, Protocol):
 
     def accept(self) -> None:
         """End the step at the iterate."""
+
+
+class HeldStepper(NewtonStepper, Protocol):
+    """One whose balance is asked for in parts, as joints solve for it."""
+
+    def known(self) -> tuple[Any, Floats]:
+        """Rates ahead and ways, by the last iterate."""
+
+    def lay(self, forces: Floats) -> None:
+        """Put the contact forces of the step (count, dim), to be solved for."""
+
+    def left(self, ahead: Any, way: Floats, slack: float) -> float:
+        """Largest change of rates since they were as given, over what rounding allows.
+
+        Args:
+            ahead: Those rates.
+            way: The ways with them [m], (count, dim).
+            slack: Speeds by which joints round [m/s].
+        """
+
+    def look(self) -> None:
+        """See where nodes are by the iterate, and how they answer."""
 
 
 class NewtonBodies(Bodies[NewtonStepper]):

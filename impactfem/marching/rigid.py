@@ -252,6 +252,11 @@ class RigidBodies(Meshless):
         self._leaving = speeds, spins
 
     @property
+    def span(self) -> float:
+        """Of the step [s]."""
+        return self._span
+
+    @property
     def frame(self) -> tuple[Floats, Floats]:
         """Centres (bodies, 3) and rotations (bodies, 3, 3) at the start of the layer."""
         return self._centre, self._turn

@@ -85,15 +85,27 @@ class RigidSteps(RigidBodies):
         self._weight = self._mass * in_space(np.asarray(self._gravity.mean(start, end)))
         self._pushed, self._turned = np.zeros_like(self._speed), np.zeros_like(self._spin)
         self._settle(np.arange(len(self._mass)))
-        self._iterate = self.foreseen()
-        self.generation += 1
+        self.look()
 
     def unbalanced(self, forces: Floats) -> float:
         """Largest change of speeds that the iterate leaves, over what rounding allows."""
-        ahead, way = [each.copy() for each in self.rates_ahead], self.surface_way
+        known = self.known()
+        self.lay(forces)
+        self._settle(np.arange(len(self._mass)))
+        return self.left(*known)
+
+    def known(self) -> tuple[tuple[Floats, Floats], Floats]:
+        """Rates ahead and ways, by the last iterate."""
+        speeds, spins = self.rates_ahead
+        return (speeds.copy(), spins.copy()), self.surface_way
+
+    def lay(self, forces: Floats) -> None:
+        """Put the contact forces of the step, to be solved for."""
         wrench = self._span * self.wrenches(forces[None])[0]
         self._pushed, self._turned = wrench[:, :3], wrench[:, 3:]
-        self._settle(np.arange(len(self._mass)))
+
+    def left(self, ahead: tuple[Floats, Floats], way: Floats, slack: float = 0.0) -> float:
+        """Largest change of speeds since they were as given, over what rounding allows."""
         self._change = self.surface_way - way
         left, scale = 0.0, 0.0
         sizes = 1.0, self._gyration
@@ -101,7 +113,7 @@ class RigidSteps(RigidBodies):
             left = max(left, float((size * np.abs(new - old)).max()))
             changed, moving = np.abs(new - begun), _SHARE * np.abs(begun)
             scale = max(scale, float((size * np.maximum(changed, moving)).max()))
-        return left / (_ACCURACY * scale + np.finfo(float).tiny)
+        return left / (_ACCURACY * scale + slack + np.finfo(float).tiny)
 
     def linearise(self) -> Floats:
         """How contact nodes move by what balances the iterate."""
@@ -114,6 +126,10 @@ class RigidSteps(RigidBodies):
     def correct(self, forces: Floats) -> None:
         """Move the iterate, with a change of the contact forces (count, dim)."""
         self._settle(self.strike(forces))
+        self.look()
+
+    def look(self) -> None:
+        """See where nodes are by the iterate, and how they answer."""
         self._iterate = self.foreseen()
         self.generation += 1
 

@@ -56,6 +56,9 @@ class Held(Protocol):
     def prepare(self, layer: int) -> None:
         """Begin a layer."""
 
+    def began(self) -> None:
+        """Take up a step that its part has begun."""
+
     @property
     def frames(self) -> tuple[Floats, Floats]:
         """Places (stations, 3) and rotations (stations, 3, 3) at the start of the layer."""
@@ -146,6 +149,9 @@ class HeldRigid:
         """Begin a layer."""
         self.part.prepare(layer)
 
+    def began(self) -> None:
+        """Nothing."""
+
     @property
     def frames(self) -> tuple[Floats, Floats]:
         """Its centre and rotation."""
@@ -176,7 +182,7 @@ class HeldRigid:
         """At the end of the layer."""
         part = self.part
         mean = 0.5 * (part.rates[0] + part.rates_ahead[0])
-        return part.frame[0] + part.dt * mean, part.end
+        return part.frame[0] + part.span * mean, part.end
 
     @property
     def rates_ahead(self) -> Floats:

@@ -18,6 +18,7 @@ from impactfem.marching.finite import FiniteMidpoint
 from impactfem.marching.finite_body import FiniteBody
 from impactfem.marching.finite_leapfrog import FiniteLeapfrog
 from impactfem.marching.jointed import Jointed
+from impactfem.marching.jointed_newton import JointedNewton
 from impactfem.marching.layers import ContactGaps, Interior, Stepper
 from impactfem.marching.leapfrog import Leapfrog
 from impactfem.marching.leapfrog_bodies import LeapfrogBodies, LevelStepper
@@ -143,6 +144,9 @@ def make_loop(
         ]
         beside = cast("Sequence[NewtonStepper]", _steppers(model, few))
         interior: NewtonStepper = bodies[0] if alone else NewtonBodies([*bodies, *beside])
+        if model.joints is not None:
+            holding = [few[at - len(each)].held(own) for at, own in model.joints.parts]
+            interior = JointedNewton([*bodies, *beside], model.joints, holding)
         plates = cast("Sequence[PlateMidpoint]", few)
         started = _brought_to_rest(bodies, interior, model, surfaces, settings, progress, plates)
         settings = replace(

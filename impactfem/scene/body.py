@@ -41,6 +41,7 @@ class BodyKind:
         rubs: Whether friction acts on it.
         meshed: Whether it has elements, larger ones of which tell its error.
         takes_joints: Whether joints hold it.
+        joined_in_steps: Whether joints hold it where steps are solved by iterates.
         turns_in_joints: Whether it turns where they do, and directions turn with it.
         joined_by_surface: Whether joints name a part of it (`arm/hand`), not all of it.
         parts_in_joints: What these are.
@@ -65,6 +66,7 @@ class BodyKind:
     rubs: ClassVar[bool] = True
     meshed: ClassVar[bool] = False
     takes_joints: ClassVar[bool] = False
+    joined_in_steps: ClassVar[bool] = False
     turns_in_joints: ClassVar[bool] = True
     joined_by_surface: ClassVar[bool] = False
     parts_in_joints: ClassVar[str] = "links"

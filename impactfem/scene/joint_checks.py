@@ -44,9 +44,12 @@ def check_joints(scene: Content) -> None:
             text = f" has {dim} coordinates, the bodies have {scene.dim}: give {scene.dim}."
             raise KeyedError(where, key, text)
         _check_places(scene, where, joint)
-    if scene.joints and scene.iterated:
-        text = f" = {show(scene.joints[0].name)}: {scene.iterated}, which joints do not go with; "
-        raise KeyedError("joint[0]", "name", f"{text}remove it, or change that.")
+        fixed = [n for n in sorted(joint.bodies & set(bodies)) if not bodies[n].joined_in_steps]
+        if fixed and scene.iterated:
+            kinds = " and ".join(kind for kind, cls in BODIES.items() if cls.joined_in_steps)
+            text = f" = {show(list(joint.between or ()))}: joints hold bodies of kind {kinds} "
+            text += f"where {scene.iterated}, but {fixed[0]} is a {bodies[fixed[0]].kind}; model "
+            raise KeyedError(where, "between", f"{text}it as one of these, or change that.")
 
 
 def _check_turns(scene: Content, where: str, joint: Joint) -> None:

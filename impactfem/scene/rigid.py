@@ -41,6 +41,7 @@ class RigidBody(BodyKind):
     solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
     may_meet_nothing: ClassVar[bool] = True
     takes_joints: ClassVar[bool] = True
+    joined_in_steps: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the body in histories", default="rigid")
     model: str | None = key(

@@ -156,6 +156,29 @@ def test_stiff_rubber_is_as_small_strains_say(tmp_path):
     assert after[0] == pytest.approx(after[1], rel=0.02)
 
 
+def test_an_arm_that_holds_a_weight_by_a_joint_keeps_its_energy(tmp_path):
+    """A box at the end of two links strikes rubber, with a ball that hangs on it."""
+    (tmp_path / "arm.urdf").write_text(
+        robot('<link name="base"/>', link("one", '<sphere radius="0.01"/>', 1e-3, "0.1 0 0"),
+              link("two", '<box size="0.08 0.06 0.04"/>', 1e-3, "0.1 0 0"),
+              joint("a", "continuous", "base", "one", "0 1 0"),
+              joint("b", "continuous", "one", "two", "0 1 0", "0.2 0 0"))
+    )  # fmt: skip
+    arm = {"kind": "mechanism", "name": "arm", "file": "arm.urdf", "position": [-0.3, 0.0, 0.03],
+           "joints": {"a": {"velocity": 4.0}}}  # fmt: skip
+    ball = {"kind": "rigid", "name": "ball", "mass": 0.3, "angular_velocity": [0.0, 4.0, 0.0],
+            "shape": {"kind": "sphere", "radius": 0.02, "center": [0.14, 0.0, 0.03]},
+            "velocity": [0.0, 0.0, -4.0 * 0.44]}  # fmt: skip
+    hold = {"name": "hold", "kind": "ball", "between": ["arm/two", "ball"],
+            "point": [0.1, 0.0, 0.03]}  # fmt: skip
+    made = scene(tmp_path, [pad(**HELD), arm, ball], 0.02, 1e-3, gravity=(0.0, 0.0, -G))
+    data = made.to_dict() | {"joint": [hold]}
+    history = impactfem.solve(Scene.from_dict(data, base=tmp_path)).history
+    assert history["contact_force"].values.max() > 50.0
+    kept = history["total_energy"].values - history["friction_work"].values
+    assert np.ptp(kept) < 1e-8 * kept[0]
+
+
 def striking(folder: Path) -> Scene:
     return scene(folder, [pad(**HELD), chain(folder)], 0.026, 1e-3, checkpoint=10)
 
