@@ -32,6 +32,7 @@ class Method:
         finite: Whether it takes bodies under finite strain.
         locates: Whether impacts are located one by one, so that they can share in turns, and the
             time step is that of the output.
+        rubs: Whether it takes friction of one rigid body in the plane without the march.
         lively: Whether it may gain energy with restitution near 1.
         tolerance: Relative rounding level of the active set, if none is given.
         own: Keys of ``[solve]`` that belong to it alone.
@@ -52,6 +53,7 @@ class Method:
     windowed: bool = False
     finite: bool = False
     locates: bool = False
+    rubs: bool = False
     lively: bool = False
     tolerance: float = 1e-13
     own: tuple[str, ...] = ()
@@ -137,15 +139,18 @@ METHODS: Mapping[str, Method] = {
     "event_driven": Method(
         "flights between impacts that are located one by one: exact to rounding where the free "
         "motion is linear, by an integrator of order 8 elsewhere; lasting contact by "
-        "complementarity; cost grows with the number of impacts",
-        bodies=VIBRO,
+        "complementarity; cost grows with the number of impacts; of rigid bodies one alone among "
+        "half-spaces",
+        bodies=VIBRO | RIGID,
         locates=True,
+        rubs=True,
         own=("stick_speed",),
     ),
     "paoli_schatzman": Method(
         "position-level scheme: one projection a step, restitution built in, needs no detection "
-        "and passes accumulations of impacts; first order in dt",
-        bodies=VIBRO,
+        "and passes accumulations of impacts; first order in dt; of rigid bodies one alone among "
+        "half-spaces",
+        bodies=VIBRO | RIGID,
         lively=True,
     ),
     "energy_momentum": Method(

@@ -1,7 +1,7 @@
 """What a scene of points, a rod or a beam is as a system: shared by plan and run."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from impactfem.errors import SceneError
 from impactfem.models.key import SceneKey
 from impactfem.result.history import BodyMotion
-from impactfem.result.shapes import Shape
-from impactfem.scene import Beam, PiecewiseVector, Point, Rod, Scene
+from impactfem.result.shapes import TETRAHEDRON, TRIANGLE, Shape
+from impactfem.scene import Beam, PiecewiseVector, Point, RigidBody, Rod, Scene
 from impactfem.scene.pairing import pair_name
 from impactfem.system.beam import FreeBeam, free_beam
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.system.points import contact_pairs, points_system, start_state
+from impactfem.system.rigid_coordinates import RigidPlace, rigid_in_coordinates
 from impactfem.system.rod import rod_system
 from impactfem.system.start_checks import check_start
 
@@ -44,7 +45,7 @@ class VibroModel:
         shapes: The bodies in files and pictures, as they are at t = 0.
         places: Where the nodes of the shapes are [m], (..., nodes, dim), from positions (..., d).
         beam: The beam, None for other bodies.
-        inertia: Of the body about its centre of mass [kg m^2]; 0 for points.
+        inertia: Of the body about its centre of mass along its axes [kg m^2], (3, 3); 0 for points.
         dim: Number of coordinates of the scene.
     """
 
@@ -60,10 +61,15 @@ class VibroModel:
     conservative: bool
     words: str
     shapes: tuple[Shape, ...]
-    places: Callable[[Floats], Floats]
+    places: Callable[[Any], Any]
     beam: FreeBeam | None = None
-    inertia: float = 0.0
+    inertia: Floats = field(default_factory=lambda: np.zeros((3, 3)))
     dim: int = 2
+
+    @property
+    def turning(self) -> float | list[list[float]]:
+        """The inertia as figures have it: about z in the plane, in space all of it."""
+        return float(self.inertia[2, 2]) if self.dim == 2 else self.inertia.tolist()
 
     @property
     def is_exact(self) -> bool:
@@ -147,7 +153,7 @@ def _of_rod(scene: Scene, rod: Rod) -> VibroModel:
     return VibroModel(
         system, position, velocity, tuple(labels), *_pairs(scene, 2), (rod.mass,), bodies, _none,
         True, words, (Shape.line(rod.name, places(position), rod.radius),), places,
-        inertia=rod.mass * rod.length**2 / 12.0,
+        inertia=_about_z(rod.mass * rod.length**2 / 12.0),
     )  # fmt: skip
 
 
@@ -177,13 +183,42 @@ def _of_beam(scene: Scene, beam: Beam) -> VibroModel:
         system, position, velocity, tuple(labels), *_pairs(scene, nodes), (beam.mass,), bodies,
         elastic, True, words,
         (Shape.line(beam.name, free.points(position), 0.5 * beam.height),), free.points, free,
-        inertia=float(free.rigid_mass[2, 2]),
+        inertia=_about_z(float(free.rigid_mass[2, 2])),
+    )  # fmt: skip
+
+
+def _of_rigid(scene: Scene, body: RigidBody) -> VibroModel:
+    pairs, place = contact_pairs(scene), RigidPlace(body, body.dim)
+    names, each, turns = [pair[1] for pair, _ in pairs], len(body.form.nodes), body.turns
+    _gravity(scene)
+    system = rigid_in_coordinates(scene, body, names, [e for _, e in pairs])
+    corners = [f" corner {k}" for k in range(each)] if each > 1 else [""]
+    labels = [f"{body.name}{corner} on {name}" for name in names for corner in corners]
+    position, velocity = place.start
+    _refuse_overlap(system, position, labels)
+    dim, arms = body.dim, body.form.points - body.center
+
+    def bodies(u: Floats, v: Floats) -> dict[str, BodyMotion]:
+        speed, spin = _in_space(v[:, :dim]), v[:, dim:]
+        if dim == 3:
+            spin = np.array([place.turn(q) @ w for q, w in zip(u, spin, strict=True)])
+        return {body.name: BodyMotion(_in_space(u[:, :dim]), speed, u[:, dim:], spin)}
+
+    words = f"a rigid {body.figure} in {dim}D, {_count(len(labels), 'constraint')}, nonlinear"
+    kind = TRIANGLE if dim == 2 else TETRAHEDRON
+    shape = Shape(body.name, place.places(position, arms), body.form.cells, kind)
+    inertia = np.zeros((3, 3))
+    inertia[3 - turns :, 3 - turns :] = body.moments
+    return VibroModel(
+        system, position, velocity, tuple(labels), *_pairs(scene, each), (body.total_mass,), bodies,
+        _none, True, words, (shape,), lambda u: place.places(u, arms), inertia=inertia, dim=dim,
     )  # fmt: skip
 
 
 _MODELS: Mapping[str, Callable[..., VibroModel]] = {
     "beam": _of_beam,
     "point": _of_points,
+    "rigid": _of_rigid,
     "rod": _of_rod,
 }
 
@@ -222,6 +257,10 @@ def _refuse_overlap(system: GeneralizedSystem, position: Floats, labels: list[st
 def _in_space(values: Floats) -> Floats:
     """Coordinates (rows, dim) with zeros up to three."""
     return np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
+
+
+def _about_z(moment: float) -> Floats:
+    return np.diag([0.0, 0.0, moment])
 
 
 def _none(_: Floats) -> float:

@@ -26,8 +26,10 @@ from impactfem.runs.line_probes import vibro_probes
 from impactfem.runs.run import Checkpointing, Cost, Run
 from impactfem.runs.vibro_contact import contact_figures, impact_loss
 from impactfem.scene import Scene
+from impactfem.scene.rigid_keys import rotation
 from impactfem.system.episode import contact_episode
 from impactfem.system.generalized import LinearSystem
+from impactfem.system.joined import advanced
 from impactfem.vibro.integrating import INTEGRATORS
 from impactfem.vibro.together import find_together
 
@@ -64,7 +66,8 @@ def run(scene: Scene, chosen: Plan[VibroNumbers], progress: Progress, saved: Che
     cost = Cost.since(start)
     findings: list[Finding] = []
     names = model.bodies(motion.position[:1], motion.velocity[:1])
-    bodies = {n: body_figures(mass) for n, mass in zip(names, model.masses, strict=True)}
+    known = {"inertia": model.turning} if model.inertia.any() else {}
+    bodies = {n: body_figures(mass, **known) for n, mass in zip(names, model.masses, strict=True)}
     together = find_together(model.system, motion, settings.resolution(scene.duration))
     if together is not None:
         findings.append(warning("impact_law", together.text(model.labels)))
@@ -133,7 +136,9 @@ def vibro_fields(motion: Trajectory, model: VibroModel) -> KeptSnapshots:
     position, velocity = motion.position[rows], motion.velocity[rows]
     at_rest = np.concatenate([np.asarray(shape.points) for shape in model.shapes])
     # The derivative along the motion by a step that is imaginary: exact to rounding.
-    speed = model.places(position + 1j * _TINY * velocity).imag / _TINY
+    pairs = zip(position, velocity, strict=True)
+    rates = np.array([model.system.coordinate_rates(u, v) for u, v in pairs])
+    speed = model.places(position + 1j * _TINY * rates).imag / _TINY
     values = {"displacement": model.places(position) - at_rest, "velocity": speed}
     shown = {name: as_vectors(given) for name, given in values.items()}
     return KeptSnapshots(motion.times[rows], model.shapes, shown)
@@ -224,7 +229,8 @@ def _sensitivity(
     length = float(np.linalg.norm(gradient))
     way = gradient / length if length > 0.0 else np.eye(model.system.dofs)[0]
     try:
-        other = _integrate(scene, chosen, model, model.position + _SHIFT * size * way)
+        moved = advanced(model.system, model.position, _SHIFT * size * way)
+        other = _integrate(scene, chosen, model, moved)
     except (ConvergenceError, SceneError) as error:
         return None, f"left out: {error}", False
     # What hardly moves is not told by its way, which the change alone makes up.
@@ -282,8 +288,8 @@ def vibro_history(
     for mass, body in zip(model.masses, bodies.values(), strict=True):
         momentum += mass * body.velocity
         angular += np.cross(body.position, mass * body.velocity)
-        if body.spin is not None:
-            angular[:, 2:] += model.inertia * body.spin
+        if body.spin is not None and body.turn is not None:
+            angular += spun(model.inertia, body.turn, body.spin)
     struck = motion.impulse.copy()
     struck[1:] -= motion.contact_force[1:] * np.diff(motion.times)[:, None]
     struck[struck < _TRACE * motion.impulse] = 0.0
@@ -299,6 +305,7 @@ def vibro_history(
             direction=_direction(model),
             angular_momentum=angular if model.dim == 3 else angular[:, 2:],
             active=np.count_nonzero(motion.impulse > 0.0, axis=1),
+            friction_work=motion.friction_work,
             bodies=bodies,
             pairs=_pairs(motion, model, struck),
             probes=probes,
@@ -315,6 +322,14 @@ def vibro_history(
     return history
 
 
+def spun(inertia: Floats, turn: Floats, spin: Floats) -> Floats:
+    """Angular momentum about the centre (rows, 3) of a body with inertia (3, 3) along its axes."""
+    if turn.shape[1] == 1:
+        return np.pad(inertia[2, 2] * spin, ((0, 0), (2, 0)))
+    turns = (rotation(q) for q in turn)
+    return np.array([r @ inertia @ r.T @ w for r, w in zip(turns, spin, strict=True)])
+
+
 def _pairs(motion: Trajectory, model: VibroModel, struck: Floats) -> dict[str, PairMotion]:
     """What each pair does: its constraints together."""
     found = {}
@@ -329,9 +344,10 @@ def _pairs(motion: Trajectory, model: VibroModel, struck: Floats) -> dict[str, P
 
 def _direction(model: VibroModel) -> Floats:
     """Unit vector of the first constraint on the first body, in space."""
-    unit = np.zeros((1, model.system.dofs))
-    unit[0] = model.system.jacobian(model.position)[0]
-    body = next(iter(model.bodies(unit, unit).values()))
+    if not model.system.num_constraints:
+        return np.array([1.0, 0.0, 0.0])
+    unit = model.system.jacobian(model.position)[:1]
+    body = next(iter(model.bodies(model.position[None], unit).values()))
     vector = np.asarray(body.velocity[0])
     length = float(np.linalg.norm(vector))
     return vector / length if length > 0.0 else np.array([1.0, 0.0, 0.0])

@@ -25,6 +25,7 @@ class BodyKind:
     Attributes:
         kind: Its name in a scene.
         solvers: What solves one of it, and what several, among obstacles and laws that this knows.
+        has_coordinates: Whether methods that do not march solve one of it where they are named.
         marches_alone: Whether the march takes it without other kinds, where its own does not do.
         waves: Whether it has waves, and rebounds by its own elasticity.
         meets_alike: Whether it meets others of its kind by methods of the kind.
@@ -50,6 +51,7 @@ class BodyKind:
 
     kind: ClassVar[str]
     solvers: ClassVar[tuple[Solver, Solver]] = ("vibro", "vibro")
+    has_coordinates: ClassVar[bool] = False
     marches_alone: ClassVar[bool] = True
     waves: ClassVar[bool] = False
     meets_alike: ClassVar[bool] = False

@@ -184,8 +184,17 @@ class Content:
     @property
     def solver(self) -> Solver:
         """What solves it: what its bodies say if they are alike and this does, else the march."""
+        if self.in_coordinates:
+            return "vibro"
         own = {body.solvers[len(self.bodies) > 1] for body in self.bodies}
         return own.pop() if len(own) == 1 and self.why_marched is None else "march"
+
+    @property
+    def in_coordinates(self) -> bool:
+        """Whether a body that else marches has a method named that takes coordinates instead."""
+        method = METHODS.get(self.solve.method or "")
+        coordinates = all(body.has_coordinates for body in self.bodies)
+        return bool(method and coordinates and not method.mixes and self.kinds <= method.bodies)
 
     @property
     def why_marched(self) -> str | None:

@@ -39,6 +39,7 @@ class RigidBody(BodyKind):
 
     kind: ClassVar[str] = "rigid"
     solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
+    has_coordinates: ClassVar[bool] = True
     may_meet_nothing: ClassVar[bool] = True
     takes_joints: ClassVar[bool] = True
     joined_in_steps: ClassVar[bool] = True

@@ -1,13 +1,17 @@
 """Checks of scenes with few degrees of freedom: points, rods and beams."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
+from impactfem.methods import METHODS
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import Content
 from impactfem.scene.nearest import nearest
 from impactfem.scene.pair_checks import check_patterns
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
+
+if TYPE_CHECKING:
+    from impactfem.scene.rigid import RigidBody
 
 FAMILY = "points, rods and beams"
 
@@ -21,6 +25,8 @@ def check_vibro(scene: Content) -> None:
     Raises:
         KeyedError: naming the key.
     """
+    if scene.in_coordinates:
+        _check_in_coordinates(scene)
     names = {body.name: body for body in scene.bodies} | {o.name: o for o in scene.obstacles}
     check_patterns(scene)
     laws = scene.laws
@@ -32,7 +38,8 @@ def check_vibro(scene: Content) -> None:
         )
         raise KeyedError("obstacle", "", text)
     if scene.output.checkpoint:
-        text = f" = {scene.output.checkpoint}: {FAMILY} are not checkpointed; remove it."
+        what = f"runs by {scene.solve.method}" if scene.in_coordinates else FAMILY
+        text = f" = {scene.output.checkpoint}: {what} are not checkpointed; remove it."
         raise KeyedError("output", "checkpoint", text)
     if set(scene.output.fields) - {"vtkhdf"}:
         text = f' = {show(list(scene.output.fields))}: {FAMILY} are written as ["vtkhdf"]; '
@@ -55,3 +62,39 @@ def _check_contact(
         raise KeyedError(where, "between", f" = {shown} are two obstacles: name a body and one.")
     if any(set(entry.between) == set(contact.between) for entry in earlier):
         raise KeyedError(where, "between", f" = {shown} is given twice: remove one.")
+
+
+def _check_in_coordinates(scene: Content) -> None:
+    """Refuse what a body in coordinates does not know, but the march does."""
+    method, body = str(scene.solve.method), cast("RigidBody", scene.bodies[0])
+    why = f"method = {show(method)} takes one {body.kind} body"
+    remedy = 'use solve.method = "moreau_jean"'
+    if len(scene.bodies) > 1 or scene.joints:
+        text = f" = {show(method)} takes one {body.kind} body without joints: {remedy}."
+        raise KeyedError("solve", "method", text)
+    for name in ("force", "moment", "mesh"):
+        if getattr(body, name, None):
+            raise KeyedError(body.kind, name, f": {why} of a shape under its weight: {remedy}.")
+    if len(body.form.rim):
+        text = f' = "{body.figure}": {why} of corners or a single ball, no rims: {remedy}.'
+        raise KeyedError(body.kind, "shape.kind", text)
+    for index, obstacle in enumerate(scene.obstacles):
+        if not (obstacle.is_flat and obstacle.is_smooth) or obstacle.moves or obstacle.rotation:
+            text = f" = {show(obstacle.name)}: {why} among half-spaces at rest: {remedy}."
+            raise KeyedError(f"obstacle[{index}]", "name", text)
+    rubs = METHODS[method].rubs and scene.dim == 2
+    for law, index in zip(scene.laws.each, scene.laws.origin, strict=True):
+        _check_law(law, f"contact[{index}]", why, remedy, rubs=rubs)
+
+
+def _check_law(law: Contact, where: str, why: str, remedy: str, *, rubs: bool) -> None:
+    """Refuse laws of contact that a body in coordinates does not know."""
+    known = {"friction_coefficient", "static_friction_coefficient", "tangential_restitution"}
+    for name in ("stiffness", "rolling_resistance", *sorted(known)):
+        if getattr(law, name) and not (rubs and name in known):
+            text = f" = {show(getattr(law, name))}: {why} without it"
+            able = f"event_driven in the plane does, or {remedy}" if name in known else remedy
+            raise KeyedError(where, name, f"{text}; {able}.")
+    if law.by_impulses:
+        text = f" = {show(law.restitution_law)}: {why} with Newton's: {remedy}."
+        raise KeyedError(where, "restitution_law", text)

@@ -142,5 +142,4 @@ def integrate_events(
         fly_linear(system, u, v, duration, contacts, record)
     else:
         fly_general(system, u, v, duration, contacts, record, (settings.rtol, settings.atol))
-    record.rubbed += contacts.work
     return record.trajectory(contacts)

@@ -43,7 +43,7 @@ def fly_general(
     Raises:
         ConvergenceError: The integrator failed, or events do not move on.
     """
-    t, row = 0.0, 0
+    t, row, rubbed = 0.0, 0, 0.0
     u, v = closed_rows(system, u, v)
     stalled = 0
     kicks = deque(system.kicks(duration))
@@ -68,6 +68,8 @@ def fly_general(
         u, v, impacts, impulses = contacts.settle(t, u, v, near, begin, released, earlier)
         u, v = closed_rows(system, u, v)
         record.add(impacts, impulses, row)
+        record.rubbed[min(row, len(record.rubbed) - 1)] += contacts.work - rubbed
+        rubbed = contacts.work
         if t >= duration:
             record.fill(row, u, v)
             return
@@ -102,6 +104,7 @@ def _flight(
     first = min(step, stop - t) if step else None
     solver = DOP853(motion, t, y, stop, rtol=rtol, atol=atol, first_step=first)
     held, pushes = np.zeros(len(motion.closed)), slice(state, state + len(motion.closed))
+    spent = 0.0  # of the work of friction, the integral behind
     loose = motion.loose(t, *motion.split(y))
     fresh = t
     while True:
@@ -121,6 +124,8 @@ def _flight(
             record.fill(row, *motion.split(at))
             record.lasting[row, list(motion.closed)] += at[pushes] - held
             held = at[pushes]
+            record.rubbed[row] += at[pushes.stop :].sum() - spent
+            spent = at[pushes.stop :].sum()
             row += 1
         if system.is_joined:  # the next step begins where the rows are closed
             solver.y = motion.kept(solver.y)
@@ -137,7 +142,7 @@ def _flight(
         if event != -1 or solver.status == "finished" or drifted:
             last = min(row, len(record.times) - 1)
             record.lasting[last, list(motion.closed)] += end[pushes] - held
-            record.rubbed += float(end[pushes.stop :].sum())
+            record.rubbed[last] += end[pushes.stop :].sum() - spent
             return now, end, row, event, solver.step_size or step or 0.0
 
 

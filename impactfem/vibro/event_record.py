@@ -37,7 +37,7 @@ class Record:
         peak: Largest sum of these forces so far [N].
         count: Impacts so far.
         steps: Substeps so far.
-        rubbed: Work of friction so far [J].
+        rubbed: Work of friction since t_{m-1} [J], shape (rows + 1,).
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Record:
         self.peak = 0.0
         self.count = 0
         self.steps = 0
-        self.rubbed = 0.0
+        self.rubbed: Floats = np.zeros(rows + 1)
         self._max, self._keep = max_impacts, keep
         self._tables: deque[Floats] = deque()
         self._held = 0
@@ -103,7 +103,7 @@ class Record:
     def trajectory(self, contacts: Contacts) -> Trajectory:
         """The trajectory of the run."""
         system, times = self.system, self.times
-        for pushed in (self.impulse, self.lasting):
+        for pushed in (self.impulse, self.lasting, self.rubbed):
             pushed[1] += pushed[0]  # at the start
             pushed[0] = 0.0
         force = np.zeros_like(self.lasting)
@@ -123,6 +123,7 @@ class Record:
             potential=np.array(
                 [system.potential(t, u) if system.potential else 0.0 for t, u, _ in states]
             ),
+            friction_work=np.cumsum(self.rubbed),
             peak=self.peak if self.peak > 0.0 else None,
             impacts=Impacts(table[:, 0], table[:, 1].astype(np.int64), *table[:, 2:].T),
             effort=Effort(iterations=self.steps, details=self._details(contacts)),
@@ -141,6 +142,10 @@ class Record:
             "spells": contacts.spell_count,
             "stuck_at_speed": contacts.dropped_speed,
             "energy_dropped": contacts.dropped_energy,
-            **({"friction_work": self.rubbed} if self.system.static_friction.any() else {}),
+            **(
+                {"friction_work": float(self.rubbed.sum())}
+                if self.system.static_friction.any()
+                else {}
+            ),
             **contacts.details,
         }
