@@ -82,10 +82,10 @@ class Trajectory:
         kinetic: Kinetic energy at t_m [J], shape (rows,).
         potential: Potential energy at t_m [J], shape (rows,); 0 if unknown.
         peak: Largest sum of the forces of lasting contact [N]; None if there was none.
-        friction_work: Of friction since t = 0 [J], shape (rows,); None if unknown or without any.
         window: Time over which `peak` is a mean [s]; 0 for its value at an instant.
         impacts: Impacts one by one, as far as the method resolves them; None if it does not.
         effort: How the method got there.
+        friction_work: Of friction since t = 0 [J], shape (rows,); None if unknown or without any.
     """
 
     times: Floats
@@ -98,9 +98,9 @@ class Trajectory:
     potential: Floats
     peak: float | None = None
     window: float = 0.0
-    friction_work: Floats | None = None
     impacts: Impacts | None = None
     effort: Effort = field(default_factory=Effort)
+    friction_work: Floats | None = None
 
     @property
     def total(self) -> Floats:

@@ -79,6 +79,13 @@ def run(scene: Scene, chosen: Plan[VibroNumbers], progress: Progress, saved: Che
         findings += by_limits("model_rotation", turned, ROTATION_LIMITS, text, name, remedy)
         bodies[name] = beam_figures(model.beam, motion.position, turned)
         findings += strain_findings(name, bodies[name]["strain_99"] or 0.0)
+    if told := motion.effort.details.get("overconstrained"):
+        text = (
+            f"forces of {told['contacts']} contacts are not determined by the motion from t = "
+            f"{told['time']:.6g} s on, in {told['dimension']} dimensions; the motion is"
+        )
+        size, remedy = float(told["dimension"]), "compare sums of forces only"
+        findings.append(Finding("overconstrained", "note", text, value=size, remedy=remedy))
     errors, note, reference = None, "", None
     if chosen.numbers.estimate and motion.is_finite:
         progress.step("estimating the error by a second run")
@@ -103,7 +110,7 @@ def run(scene: Scene, chosen: Plan[VibroNumbers], progress: Progress, saved: Che
         num_unknowns=model.system.dofs,
         details=details,
         findings=tuple(findings),
-        measured=("impact_law", *CODES, "force_peak"),
+        measured=("impact_law", "overconstrained", *CODES, "force_peak"),
         bodies=bodies,
     )
     for finding in findings:

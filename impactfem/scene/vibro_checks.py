@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from impactfem.scene.rigid import RigidBody
 
 FAMILY = "points, rods and beams"
+_REMEDY = 'use solve.method = "moreau_jean"'
+_OTHERS = ("stiffness", "rolling_resistance", "spinning_resistance")
 
 
 def check_vibro(scene: Content) -> None:
@@ -66,31 +68,37 @@ def _check_contact(
 
 def _check_in_coordinates(scene: Content) -> None:
     """Refuse what a body in coordinates does not know, but the march does."""
-    method, body = str(scene.solve.method), cast("RigidBody", scene.bodies[0])
-    why = f"method = {show(method)} takes one {body.kind} body"
-    remedy = 'use solve.method = "moreau_jean"'
+    method, kinds = str(scene.solve.method), " ".join(scene.kinds)
+    why, remedy = f"method = {show(method)} takes one {kinds} body", _REMEDY
     if len(scene.bodies) > 1 or scene.joints:
-        text = f" = {show(method)} takes one {body.kind} body without joints: {remedy}."
+        text = f" = {show(method)} takes one {kinds} body without joints: {remedy}."
         raise KeyedError("solve", "method", text)
-    for name in ("force", "moment", "mesh"):
-        if getattr(body, name, None):
-            raise KeyedError(body.kind, name, f": {why} of a shape under its weight: {remedy}.")
-    if len(body.form.rim):
-        text = f' = "{body.figure}": {why} of corners or a single ball, no rims: {remedy}.'
-        raise KeyedError(body.kind, "shape.kind", text)
+    for body in scene.bodies:
+        _check_shape(cast("RigidBody", body), why)
     for index, obstacle in enumerate(scene.obstacles):
         if not (obstacle.is_flat and obstacle.is_smooth) or obstacle.moves or obstacle.rotation:
             text = f" = {show(obstacle.name)}: {why} among half-spaces at rest: {remedy}."
             raise KeyedError(f"obstacle[{index}]", "name", text)
     rubs = METHODS[method].rubs and scene.dim == 2
     for law, index in zip(scene.laws.each, scene.laws.origin, strict=True):
-        _check_law(law, f"contact[{index}]", why, remedy, rubs=rubs)
+        _check_law(law, f"contact[{index}]", why, rubs=rubs)
 
 
-def _check_law(law: Contact, where: str, why: str, remedy: str, *, rubs: bool) -> None:
+def _check_shape(body: "RigidBody", why: str) -> None:
+    """Refuse bodies whose coordinates are not all that acts."""
+    for name in ("force", "moment", "mesh"):
+        if getattr(body, name):
+            raise KeyedError(body.kind, name, f": {why} of a shape under its weight: {_REMEDY}.")
+    if len(body.form.rim):
+        text = f' = "{body.figure}": {why} of corners or a single ball, no rims: {_REMEDY}.'
+        raise KeyedError(body.kind, "shape.kind", text)
+
+
+def _check_law(law: Contact, where: str, why: str, *, rubs: bool) -> None:
     """Refuse laws of contact that a body in coordinates does not know."""
+    remedy = _REMEDY
     known = {"friction_coefficient", "static_friction_coefficient", "tangential_restitution"}
-    for name in ("stiffness", "rolling_resistance", *sorted(known)):
+    for name in (*_OTHERS, *sorted(known)):
         if getattr(law, name) and not (rubs and name in known):
             text = f" = {show(getattr(law, name))}: {why} without it"
             able = f"event_driven in the plane does, or {remedy}" if name in known else remedy

@@ -46,6 +46,8 @@ class RubbingContacts(Contacts):
         modes: Of the closed constraints.
         nonunique: The first instant at which several motions fit: its time, the number of
             solutions, and what each of its constraints does in the one that was taken.
+        overconstrained: The first instant at which forces were not determined by the motion: its
+            time, their dimensions, and the number of contacts.
         changes: The first times at which constraints begin to stick, slide or open [time,
             constraint, what].
         liveliest: Largest kinetic energy so far [J]: its rounding is left when motion stops.
@@ -54,6 +56,7 @@ class RubbingContacts(Contacts):
 
     modes: tuple[Mode, ...] = ()
     nonunique: dict[str, Any] | None = None
+    overconstrained: dict[str, Any] | None = None
     changes: list[list[Any]] = field(default_factory=list)
     liveliest: float = 0.0
     settled: float = 0.0
@@ -66,7 +69,9 @@ class RubbingContacts(Contacts):
     @override
     def details(self) -> dict[str, Any]:
         several = {} if self.nonunique is None else {"friction_nonunique": self.nonunique}
-        return {"friction_changes": self.changes, **several}
+        free = self.overconstrained
+        undetermined = {} if free is None else {"overconstrained": free}
+        return {"friction_changes": self.changes, **several, **undetermined}
 
     @override
     def settle(
@@ -124,6 +129,8 @@ class RubbingContacts(Contacts):
         implied = self._implied(slow, found, own, closed)
         self._enter(closed, implied, t, before_spell, tails)
         self._note(t, past)
+        if (free := found.pushed.undetermined) and self.overconstrained is None:
+            self.overconstrained = {"time": t, "dimension": free, "contacts": len(closed)}
         total = np.zeros(count)
         for _, j, _, _, impulse in impacts:
             total[j] += impulse

@@ -45,6 +45,7 @@ class Pushed:
         tangential: tau of each candidate [N], shape (candidates,).
         opening: Second rates of the gaps, shape (candidates,).
         sliding: Rates of the tangential velocities, shape (candidates,).
+        undetermined: Dimensions of the normal and tangential forces that change no motion.
     """
 
     acceleration: Floats
@@ -52,6 +53,7 @@ class Pushed:
     tangential: Floats
     opening: Floats
     sliding: Floats
+    undetermined: int = 0
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,8 @@ class Rubbing:
         for _ in range(2 if len(push) else 0):  # once more takes rounding away
             change = -answers @ (stay @ acceleration + rest)
             forces, acceleration = forces + change, acceleration + free[:, 1:] @ change
-        if len(push) > np.linalg.matrix_rank(push):
+        undetermined = len(push) - int(np.linalg.matrix_rank(push)) if len(push) else 0
+        if undetermined:
             limits = [(closed.index(i), self.friction[1, i]) for i in stuck]
             forces = spread(forces, push, len(closed), limits)
         normal, tangential = np.zeros((2, len(modes)))
@@ -111,7 +114,8 @@ class Rubbing:
         tangential[stuck] = forces[len(closed) : len(closed) + len(stuck)]
         opening = self.normals @ acceleration + self.bends[0]
         sliding = self.tangents @ acceleration + self.bends[1]
-        return Pushed(self.forced.full(acceleration), normal, tangential, opening, sliding)
+        full = self.forced.full(acceleration)
+        return Pushed(full, normal, tangential, opening, sliding, undetermined)
 
     def fits(self, modes: Sequence[Mode], found: Pushed, moving: Sequence[bool]) -> bool:
         """Whether modes fit what they give; ``moving`` tells which candidates slide already."""

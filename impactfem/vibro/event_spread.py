@@ -1,21 +1,23 @@
 """How contacts that hold a body more than once share its forces.
 
 Two feet of a block that stick leave open how much of a push along the floor each of them takes.
-The accelerations are those of the least forces; whether the feet hold is asked of the forces that
-are farthest from slipping and lifting.
+The accelerations are those of the least forces. Whether the feet hold is asked of the least forces
+that obey the laws of contact; if there are none, something slips. They are found as the least way
+from the others, by non-negative least squares (Lawson and Hanson, Solving Least Squares Problems,
+1974, chapter 23).
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
+from scipy.optimize import nnls
 
 Floats = NDArray[np.float64]
 
-_ROOM = 0.1  # share of the forces that is room enough
 _RANK = 1e-12  # least share of a singular value that counts
-_TOLERANCE = 1e-10  # least one of the solver, of forces of size 1
+_NONE = 1e-8  # residual from which on no forces obey: the inverse square of the way to them
+_MISSED = 1e-12  # share of the forces by which they may miss
 
 
 def spread(
@@ -30,7 +32,7 @@ def spread(
         limits: Of what sticks, its normal force and mu.
 
     Returns:
-        The given ones if they do; else those whose worst excess is least.
+        The given ones, of all the least, if they obey or none do; else the least that obey.
     """
     rooms = np.zeros((normals + 2 * len(limits), len(forces)))
     rooms[:normals, :normals] = np.eye(normals)
@@ -42,13 +44,11 @@ def spread(
         return forces
     _, sizes, right = np.linalg.svd(push.T)
     free = right[int((sizes > _RANK * sizes[0]).sum()) :].T
-    cost = np.zeros(free.shape[1] + 1)
-    cost[-1] = 1.0  # the worst excess
-    found = linprog(
-        cost,
-        A_ub=-np.column_stack([rooms @ free, np.ones(len(rooms))]),
-        b_ub=rooms @ forces / size,
-        bounds=[(None, None)] * free.shape[1] + [(-_ROOM, None)],
-        options={"primal_feasibility_tolerance": _TOLERANCE},
-    )
-    return forces if found.x is None else forces + size * (free @ found.x[:-1])
+    both = np.column_stack([rooms @ free, -(rooms @ forces) / size]).T
+    target = np.zeros(len(both))
+    target[-1] = 1.0
+    left = both @ nnls(both, target)[0] - target
+    if left[-1] >= -_NONE:
+        return forces
+    found = forces - size * (free @ left[:-1]) / left[-1]
+    return found if (rooms @ found >= -_MISSED * size).all() else forces

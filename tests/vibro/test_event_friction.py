@@ -56,22 +56,37 @@ def test_block_thrown_uphill_stops_and_stays_or_slides_back(mu, slope, stays):
     assert motion.effort.details["friction_work"] == pytest.approx(-lost, rel=1e-8)
 
 
-@pytest.mark.parametrize(
-    ("mu", "slope", "speed"), [(0.5, 0.3, 3.0), (0.5, 0.5, 2.0), (0.5, -0.2, 1.0), (0.5, 0.45, 0.0)]
-)
-def test_block_on_two_feet_stops_and_stays_or_slides_back(mu, slope, speed):
-    """Feet that stick leave open how they share the push: equal shares would slip at .45 rad."""
-    down, arms = np.array([np.sin(slope), np.cos(slope)]), np.array([[-0.5, -0.2], [0.5, -0.2]])
+def on_feet(mu, slope):
+    """A block on two feet a metre apart, its centre .2 m above; a slope by time."""
+    arms = np.array([[-0.5, -0.2], [0.5, -0.2]])
 
     def feet(u):
         c, s = np.cos(u[2]), np.sin(u[2])
         return c * arms[:, 1] + s * arms[:, 0]
 
-    block = impactfem.GeneralizedSystem(
-        mass=[2.0, 2.0, 0.1], force=lambda *_: [*-2.0 * G * down, 0.0],
-        constraints=lambda u: u[1] + feet(u), friction=mu,
-        slip=lambda u: [[1.0, 0.0, -y] for y in feet(u)],
+    return impactfem.GeneralizedSystem(
+        mass=[2.0, 2.0, 0.1], friction=mu, slip=lambda u: [[1.0, 0.0, -y] for y in feet(u)],
+        force=lambda t, *_: [-2.0 * G * np.sin(slope(t)), -2.0 * G * np.cos(slope(t)), 0.0],
+        constraints=lambda u: u[1] + feet(u),
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("mu", [0.2, 1.0])
+def test_block_on_two_feet_that_is_tilted_slips_at_the_angle_of_friction(mu):
+    limit = np.arctan(mu) / 0.4
+    block = on_feet(mu, lambda t: 0.4 * t)
+    motion = impactfem.integrate(block, [0.0, 0.2, 0.0], [0.0] * 3, 1.1 * limit, rows=20)
+    changes = motion.effort.details["friction_changes"]
+    assert [what for _, _, what in changes] == ["sticks", "sticks", "slides", "slides"]
+    assert [t for t, _, _ in changes[2:]] == pytest.approx([limit, limit], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("mu", "slope", "speed"), [(0.5, 0.3, 3.0), (0.5, 0.5, 2.0), (0.5, -0.2, 1.0), (0.5, 0.45, 0.0)]
+)
+def test_block_on_two_feet_stops_and_stays_or_slides_back(mu, slope, speed):
+    """Feet that stick leave open how they share the push: equal shares would slip at .45 rad."""
+    block = on_feet(mu, lambda _: slope)
     motion = impactfem.integrate(block, [0.0, 0.2, 0.0], [speed, 0.0, 0.0], 1.0, rows=20)
     stop = speed / (G * (np.sin(slope) + mu * np.cos(slope)))
     stays = abs(np.tan(slope)) < mu
