@@ -241,8 +241,8 @@ def _gravity(scene: Scene) -> tuple[float, ...]:
     gravity: PiecewiseVector = scene.vector_gravity
     if not gravity.is_constant:
         raise SceneError(
-            f"gravity changes at t = {gravity.times[1]:g} s: rods and beams take constant gravity; "
-            "give one vector"
+            f"gravity changes at t = {gravity.times[1]:g} s: rods, beams and bodies in "
+            "coordinates take constant gravity; give one vector"
         )
     return gravity.values[0]
 

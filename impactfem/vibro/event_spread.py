@@ -47,7 +47,10 @@ def spread(
     both = np.column_stack([rooms @ free, -(rooms @ forces) / size]).T
     target = np.zeros(len(both))
     target[-1] = 1.0
-    left = both @ nnls(both, target)[0] - target
+    try:
+        left = both @ nnls(both, target)[0] - target
+    except RuntimeError:  # it gave up, as where hardly any forces obey
+        return forces
     if left[-1] >= -_NONE:
         return forces
     found = forces - size * (free @ left[:-1]) / left[-1]
