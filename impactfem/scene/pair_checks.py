@@ -73,13 +73,18 @@ def check_springs(scene: Content) -> None:
                 text += "itself; remove it, or take a point, a rigid ball, a bar, a plate, or a "
                 text += "half_space."
                 raise KeyedError(f"contact[{index}]", "stiffness", text)
-        if scene.iterated and any(law.friction_coefficient > 0.0 for law in scene.laws.each):
-            text = f"{shown}beside friction it is not available where {scene.iterated}; remove one."
-            raise KeyedError(f"contact[{index}]", "stiffness", text)
-        if scene.starts_at_rest:
-            text = f'{shown}it is not available with start = "static", which searches equilibrium '
-            text += 'with rigid contacts; remove it, or give start = "given".'
-            raise KeyedError(f"contact[{index}]", "stiffness", text)
+        _check_around(scene, f"contact[{index}]", shown)
+
+
+def _check_around(scene: Content, where: str, shown: str) -> None:
+    """Refuse a stiffness beside what does not know it."""
+    if scene.iterated and any(law.friction_coefficient > 0.0 for law in scene.laws.each):
+        text = f"{shown}beside friction it is not available where {scene.iterated}; remove one."
+        raise KeyedError(where, "stiffness", text)
+    if scene.starts_at_rest:
+        text = f'{shown}it is not available with start = "static", which searches equilibrium '
+        text += 'with rigid contacts; remove it, or give start = "given".'
+        raise KeyedError(where, "stiffness", text)
 
 
 def check_itself(scene: Content) -> None:
