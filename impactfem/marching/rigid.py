@@ -24,7 +24,7 @@ from impactfem.marching.rigid_kernels import (
     turned,
     turned_further,
 )
-from impactfem.marching.rigid_sums import about_axes, applied, no_sums, sums_of
+from impactfem.marching.rigid_sums import about_axes, applied, no_sums, on_bodies, sums_of
 from impactfem.scene import PiecewiseVector
 from impactfem.system.rigid import Rigid, in_space
 
@@ -182,9 +182,8 @@ class RigidBodies(Meshless):
             given = self._inertia, self._inverse, self._turn, self._spin, kick
             *found, fine = turn_all(*given, self._span, chosen, self._straight)
             if not fine.all():
-                name = self._bodies[chosen[~fine][0]].names[0]
                 raise ConvergenceError(
-                    f"{name} turns too far in a step at t = "
+                    f"{self._bodies[chosen[~fine][0]].names[0]} turns too far in a step at t = "
                     f"{self._time:.6g} s: use a smaller solve.dt"
                 )
             speeds = self._speed[chosen] + pushed[chosen] / self._mass[chosen]
@@ -193,10 +192,9 @@ class RigidBodies(Meshless):
             if not len(chosen):
                 break
         else:
-            name = self._bodies[chosen[0]].names[0]
             raise ConvergenceError(
-                f"the forces on {name} did not settle at t = {self._time:.6g} s; "
-                "use a smaller solve.dt"
+                f"the forces on {self._bodies[chosen[0]].names[0]} did not settle at t = "
+                f"{self._time:.6g} s; use a smaller solve.dt"
             )
 
     def impulses(self) -> tuple[Floats, Floats]:
@@ -343,29 +341,23 @@ class RigidBodies(Meshless):
 
     def turning(self) -> tuple[Floats, Floats]:
         """Spins of nodes at both ends of the layer without contact forces [rad/s]."""
-        first = 2 * (3 - self._dim)
-        before, after = (
-            applied(rotations, spins)[:, first:]
-            for rotations, spins in ((self._turn, self._spin), (self.end, self._spin_ahead))
-        )
+        first, ends = 2 * (3 - self._dim), (self.end, self._spin_ahead)
+        before, after = (applied(*each)[:, first:] for each in ((self._turn, self._spin), ends))
         return before[self.apart], after[self.apart]
 
     def twisted(self, moments: Floats) -> tuple[Floats, Floats]:
         """Displacements and turns of nodes by several moments on them; see `Rolling`."""
-        whole, first = about_axes(self._on_bodies(moments)), 2 * (3 - self._dim)
+        whole, first = (
+            about_axes(on_bodies(moments, self.apart, len(self._mass))),
+            2 * (3 - self._dim),
+        )
         turns = 0.5 * self._span**2 * applied(self.freedom, whole)
         moved = carried(np.zeros_like(turns), turns, self.apart, self.acting, self._dim)
         return moved, turns[:, self.apart, first:]
 
-    def _on_bodies(self, moments: Floats) -> Floats:
-        """Several moments on nodes (several, count, turns) as such on bodies."""
-        found = np.zeros((len(moments), len(self._mass), moments.shape[2]))
-        np.add.at(found.swapaxes(0, 1), self.apart, moments.swapaxes(0, 1))
-        return found
-
     def twist(self, moments: Floats) -> None:
         """Add moments of the layer on nodes (count, turns)."""
-        self._settle(self.whirl(self._on_bodies(moments[None])[0]))
+        self._settle(self.whirl(on_bodies(moments[None], self.apart, len(self._mass))[0]))
 
     def whirl(self, moments: Floats) -> Integers:
         """Add the impulses of moments (bodies, turns), to be solved for; on which bodies."""
@@ -400,9 +392,8 @@ class RigidBodies(Meshless):
     def _summed(self, work: Floats) -> list[Sums]:
         if not self.counts:
             return no_sums(len(self._mass), self._dim)
-        moved = self._centre - self._first
-        moving = self._mass, self._inertia, moved, self._speed, self._spin, self._turn
-        return sums_of(*moving, work, self._dim)
+        ways = self._centre - self._first, self._speed, self._spin, self._turn
+        return sums_of(self._mass, self._inertia, *ways, work, self._dim)
 
 
 _NOWHERE = np.zeros((1, 3))

@@ -58,3 +58,10 @@ def about_axes(values: Floats) -> Floats:
     """Spins or moments (..., 3) by these or by those about z, (..., 1)."""
     missing = 3 - values.shape[-1]
     return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(missing, 0)]) if missing else values
+
+
+def on_bodies(moments: Floats, of: NDArray[np.int64], count: int) -> Floats:
+    """Several moments on nodes (several, nodes, turns) as such on bodies, whose number each has."""
+    found = np.zeros((len(moments), count, moments.shape[2]))
+    np.add.at(found.swapaxes(0, 1), of, moments.swapaxes(0, 1))
+    return found
