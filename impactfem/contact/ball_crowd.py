@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from impactfem.contact.ball_kernels import gaps_of, near_of
+from impactfem.contact.ball_kernels import gaps_of, near_among, near_of
 from impactfem.contact.ball_pairs import BallPair
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting
@@ -16,6 +16,10 @@ from impactfem.system.rigid import NEAR
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+
+_BESIDE = 0.25  # of both radii, by which pairs are looked for beside those that are near
+_SHARE = 0.499  # of that, which two balls may go towards each other; rounding is the rest
 
 
 @dataclass(frozen=True)
@@ -105,6 +109,26 @@ class NearPairs:
         """Begin with none."""
         self._crowd, self.pairs = crowd, len(crowd.ends)
         self.held: Integers = np.full(crowd.room_near, -1, dtype=np.int64)
+        # Places where all pairs were looked at, and which of them may come near beside these.
+        self._looked: Floats | None = None
+        self._some: Integers = self.held[:0]
+        self._beside = _BESIDE * float(crowd.room.min())
+
+    def _near(self, places: Floats) -> Integers:
+        """Pairs that are near: all are looked at only where balls have gone some way."""
+        crowd = self._crowd
+        law = crowd.ends, crowd.room, crowd.near
+        if self._looked is None or not self._covers(places):
+            wider = crowd.near + self._beside
+            self._some = near_of(crowd.ends, crowd.room, wider, places)
+            self._looked = places.copy()
+        found: Integers = near_among(self._some, *law, places)
+        return found if len(found) else np.asarray(near_of(*law, places))
+
+    def _covers(self, places: Floats) -> bool:
+        """Whether no ball has gone half as far as pairs were looked for beside what is near."""
+        way = places - self._looked
+        return bool(np.einsum("ij,ij->i", way, way).max() <= (_SHARE * self._beside) ** 2)
 
     @property
     def memory(self) -> Floats:
@@ -118,7 +142,7 @@ class NearPairs:
     def __call__(self, places: Floats, acting: Floats) -> Meeting:
         """See `BallPair.__call__`."""
         crowd = self._crowd
-        near = near_of(crowd.ends, crowd.room, crowd.near, places)
+        near = self._near(places)
         gap, normal = gaps_of(crowd.ends[near], crowd.room[near], places, acting)
         self._lend(near)
         lent = self.held >= 0

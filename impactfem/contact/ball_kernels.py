@@ -64,6 +64,22 @@ def near_of(ends, room, near, places):
 
 
 @compiled
+def near_among(some, ends, room, near, places):
+    """Those of some pairs in rising order that are near, (near,); else as of `near_of`."""
+    found, count = np.empty(len(some), dtype=np.int64), 0
+    for k in some:
+        i, j = ends[k]
+        apart = 0.0
+        for c in range(places.shape[1]):
+            apart += (places[i, c] - places[j, c]) ** 2
+        reach = room[k] + near[k]
+        if apart <= reach * reach:
+            found[count] = k
+            count += 1
+    return found[:count].copy()
+
+
+@compiled
 def reached(points, thick, farther, places, simplices):
     """Simplices that may be closest to balls, and all that share a corner with one of these.
 

@@ -124,6 +124,8 @@ class BallPair(Anew):
         """Way [m] through both, where nothing tells on which side a ball is; else infinite."""
         if self.target.signs is not None:
             return float("inf")
+        if self.single:  # there may be very many
+            return float(self.radius[0] + self.target.radius[0])
         return float(self.radius.min() + self.target.radius.min())
 
     @property

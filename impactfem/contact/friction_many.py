@@ -15,6 +15,7 @@ from scipy.sparse.linalg import splu
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.rooted import Rooted
 from impactfem.contact.rooted_kernels import sweep_roots
+from impactfem.contact.sparse_rows import across
 
 Floats = NDArray[np.float64]
 
@@ -103,7 +104,7 @@ class Many:
     def _sweep(self, force: Floats, share: float, most: int) -> tuple[int, bool]:
         """Sweep over all pairs; the sweeps made, and whether forces change no more."""
         problem, roots = self.problem, self.matrix.roots
-        motion = roots.T @ force.ravel()
+        motion = across(roots, force.ravel())
         least = 0.1 * self._tolerance / self._scale.min(axis=1)
         rows = roots.indptr, roots.indices, roots.data, self.own, problem.offset
         law = problem.friction, problem.base

@@ -8,6 +8,7 @@ from scipy.sparse import csr_matrix, diags, vstack
 
 from impactfem.contact.responses import Columns
 from impactfem.contact.rooted import Matrix, Rooted
+from impactfem.contact.sparse_rows import across, directed_roots, times
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -182,6 +183,9 @@ class PairResponses:
         if isinstance(self._weights, np.ndarray):
             each = [self._operator(rows, frames[:, i]) for i in range(self._dim)]
             return self._reduced(np.stack(each, axis=1).reshape(size, -1))
+        if not self._order and isinstance(self._roots, csr_matrix):
+            roots = directed_roots(self._weights, rows, frames, self._roots)
+            return Rooted(roots), Rooted.none(size)
         # A row of each direction, with what the gap weighs.
         part = self._weights[rows]
         counts = np.diff(part.indptr)
@@ -192,12 +196,7 @@ class PairResponses:
         columns = self._dim * part.indices[entries, None] + np.arange(self._dim)
         ends = self._dim * np.concatenate([[0], np.cumsum(counts[every])])
         shape = size, self._nodes * self._dim
-        parts = csr_matrix((values.ravel(), columns.ravel(), ends), shape=shape)
-        if self._order or not isinstance(self._roots, csr_matrix):
-            return self._reduced(parts)
-        roots = csr_matrix(parts @ self._roots)
-        roots.sort_indices()
-        return Rooted(roots), Rooted.none(size)
+        return self._reduced(csr_matrix((values.ravel(), columns.ravel(), ends), shape=shape))
 
     def moved(self, rows: Integers, forces: Floats, multipliers: Floats) -> Floats:
         """Relative displacements in all gaps by vector forces on some, (pairs, dim).
@@ -207,10 +206,12 @@ class PairResponses:
             forces: Layer forces [N], shape (k, dim).
             multipliers: Static forces [N], shape (k, dim).
         """
-        weights = self._weights[rows]
         if not self._order:  # bodies with roots are not asked
-            rolled = self._rolled((weights.T @ forces).ravel())
-            return np.asarray(self._weights @ rolled.reshape(self._nodes, self._dim))
+            whole = np.zeros((self._weights.shape[0], self._dim))
+            whole[rows] = forces
+            rolled = self._rolled(across(self._weights, whole).ravel())
+            return times(self._weights, rolled.reshape(self._nodes, self._dim))
+        weights = self._weights[rows]
         total = np.zeros(self._nodes * self._dim)
         for columns, values in ((self._layer, forces), (self._static, multipliers)):
             on_nodes = weights.T @ values
@@ -251,7 +252,7 @@ class PairResponses:
         """Displacements by forces on bodies with roots, (nodes dim,) each."""
         if self._roots is None:
             return np.zeros(len(forces))
-        return np.asarray(self._roots @ (self._roots.T @ forces))
+        return times(self._roots, across(self._roots, forces))
 
     def _operator(self, rows: Integers, normals: Floats) -> Weights:
         """B of some gaps, shape (k, nodes * dim)."""

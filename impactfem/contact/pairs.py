@@ -4,12 +4,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, vstack
+from scipy.sparse import csr_matrix
 
 from impactfem.contact.gaps import Gaps
 from impactfem.contact.meeting import Led, Lent, Meet, Meeting, Turning
 from impactfem.contact.pair_responses import PairResponses, Weights, ranges
 from impactfem.contact.responses import Columns, Responses
+from impactfem.contact.sparse_rows import across, below, times
 from impactfem.contact.turning_gaps import TurningGaps
 
 Floats = NDArray[np.float64]
@@ -56,6 +57,9 @@ class PairGaps:
         self._places, self._initial = places, initial
         self._obstacles, self._meetings = tuple(obstacles), tuple(meetings)
         self._beside = _by_obstacle(self._obstacles)
+        # Found once: what asks of protocols costs as much as a gap does.
+        self._led = {k: meet for k, meet in enumerate(self._meetings) if isinstance(meet, Led)}
+        self._lent = {k: meet for k, meet in enumerate(self._meetings) if isinstance(meet, Lent)}
         self._moving = any(meet.follows for meet in self._meetings)
         self.updated = self._moving or any(gaps.updated for _, _, gaps in self._obstacles)
         nodes = len(places)
@@ -78,14 +82,12 @@ class PairGaps:
         self._pair: Integers | None = None  # of each gap, where that stays
 
     def _weigh(self, met: Sequence[Meeting]) -> None:
-        """Keep the weights of all gaps, and how they spread forces."""
+        """Keep the weights of all gaps."""
         if self._bound.shape[0] + sum(len(entry.gap) for entry in met) <= self._few:
             each = [entry.weights.toarray() for entry in met]
             self._weights: Weights = np.concatenate([self._dense, *each])
-            self._spreading: Weights = self._weights.T
             return
-        self._weights = csr_matrix(vstack([self._bound, *(entry.weights for entry in met)]))
-        self._spreading = csr_matrix(self._weights.T)
+        self._weights = below([self._bound, *(entry.weights for entry in met)], len(self._places))
 
     def pair_of(self) -> Integers:
         """Which of `pairs` each gap belongs to now, (gaps,)."""
@@ -95,12 +97,13 @@ class PairGaps:
         for _, _, gaps in self._obstacles:
             found.append(first + gaps.pair_of())
             first += len(gaps.pairs)
-        for meet, entry in zip(self._meetings, self._first, strict=True):
-            own = np.maximum(meet.held, 0) if isinstance(meet, Lent) else np.arange(len(entry.gap))
+        for k, entry in enumerate(self._first):
+            lent = self._lent.get(k)
+            own = np.arange(len(entry.gap)) if lent is None else np.maximum(lent.held, 0)
             found.append(first + own)
-            first += meet.pairs if isinstance(meet, Lent) else len(entry.gap)
+            first += len(entry.gap) if lent is None else lent.pairs
         pair: Integers = self._listed[np.concatenate([np.zeros(0, dtype=np.int64), *found])]
-        if any(isinstance(meet, Lent) for meet in self._meetings):
+        if self._lent:
             return pair
         if all(len(gaps.pairs) == 1 for _, _, gaps in self._obstacles):
             self._pair = pair  # none can change
@@ -128,12 +131,12 @@ class PairGaps:
 
     def relative(self, values: Floats) -> Floats:
         """Values of nodes (nodes, dim) as differences in the gaps, (pairs, dim)."""
-        found: Floats = self._weights @ values
+        found = times(self._weights, values)
         return found if self._turning is None else found - self._turning.relative(values)
 
     def spread(self, forces: Floats) -> Floats:
         """Forces on the nodes (nodes, dim) by those in the gaps (pairs, dim)."""
-        found: Floats = self._spreading @ forces
+        found = across(self._weights, forces)
         return found if self._turning is None else found - self._turning.spread(forces)
 
     def units(self, rows: Integers, directions: Floats) -> Floats:
@@ -211,9 +214,8 @@ class PairGaps:
         static = last - begin
         met = self._first
         if self._moving:
-            for meet in self._meetings:
-                if isinstance(meet, Led):
-                    meet.tell(time, time if displacement is begin else time - back * span)
+            for led in self._led.values():
+                led.tell(time, time if displacement is begin else time - back * span)
             there = self._places + displacement + static
             acting = there - back * (displacement - begin)
             met = [
@@ -227,13 +229,15 @@ class PairGaps:
                 self._responses.follow(self._weights)
         for meet, entry in zip(self._meetings, met, strict=True):
             moved = -static if meet.follows else displacement - self._initial
-            change = np.einsum("ij,ij->i", entry.normal, entry.weights @ moved)
+            change = np.einsum("ij,ij->i", entry.normal, times(entry.weights, moved))
             gaps.append(entry.gap + change)
             normals.append(entry.normal)
         return np.concatenate(gaps), np.concatenate(normals)
 
     def only_on(self, nodes: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Whether a gap weighs no other nodes than some, (pairs,)."""
+        if nodes.all():
+            return np.ones(self._weights.shape[0], dtype=bool)
         found: NDArray[np.bool_] = abs(self._weights) @ (~nodes).astype(float) == 0.0
         return found
 
@@ -243,12 +247,11 @@ class PairGaps:
         for _, rows, gaps in self._beside:
             if gaps.moves:
                 moved[rows] = gaps.shift(time)
-        first = self._bound.shape[0]
-        for meet, entry in zip(self._meetings, self._first, strict=True):
-            end = first + len(entry.gap)
-            if isinstance(meet, Led):
-                moved[first:end] = meet.shift(time)
-            first = end
+        if not self._led:
+            return moved
+        ends = self._bound.shape[0] + np.cumsum([0, *(len(entry.gap) for entry in self._first)])
+        for k, led in self._led.items():
+            moved[ends[k] : ends[k + 1]] = led.shift(time)
         return moved
 
     def nodal(self, force: Floats, gap: Floats) -> tuple[Floats, Floats, Floats]:

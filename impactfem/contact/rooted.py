@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from impactfem.contact.rooted_kernels import own_of
+from impactfem.contact.rooted_kernels import own_of, squares_of
+from impactfem.contact.sparse_rows import across, rows_of, times
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -39,7 +40,7 @@ class Rooted:
 
     def __matmul__(self, forces: Floats) -> Floats:
         """A times a vector."""
-        return np.asarray(self.roots @ (self.roots.T @ forces))
+        return times(self.roots, across(self.roots, forces))
 
     def __rmul__(self, share: float) -> "Rooted":
         """A times a number >= 0."""
@@ -47,7 +48,7 @@ class Rooted:
 
     def diagonal(self) -> Floats:
         """Of A, (rows,)."""
-        return np.asarray(self.roots.multiply(self.roots).sum(axis=1)).ravel()
+        return np.asarray(squares_of(self.roots.indptr, self.roots.data))
 
     def among(self, places: Integers) -> "Rooted":
         """The part of some rows and the same columns."""
@@ -95,8 +96,4 @@ def own_blocks(matrix: Matrix, dim: int) -> Floats:
     if not isinstance(matrix, Rooted):
         each = np.arange(pairs)
         return np.asarray(matrix.reshape(pairs, dim, pairs, dim)[each, :, each])
-    return np.asarray(own_of(*_rows(matrix.roots), pairs, dim))
-
-
-def _rows(matrix: csr_matrix) -> tuple[Integers, Integers, Floats]:
-    return matrix.indptr, matrix.indices, matrix.data
+    return np.asarray(own_of(*rows_of(matrix.roots), pairs, dim))

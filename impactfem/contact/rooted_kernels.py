@@ -38,6 +38,16 @@ def own_of(ends, columns, values, pairs, dim):
     return found
 
 
+@compiled
+def squares_of(ends, values):
+    """Sums of the squares of rows, (rows,): the diagonal of R R^T; arguments as of `own_of`."""
+    found = np.zeros(len(ends) - 1)
+    for i in range(len(ends) - 1):
+        for k in range(ends[i], ends[i + 1]):
+            found[i] += values[k] * values[k]
+    return found
+
+
 @fused
 def sweep_roots(
     ends, columns, values, own, offset, friction, base, force, motion, sweeps, share, least

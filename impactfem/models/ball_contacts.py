@@ -163,16 +163,15 @@ def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
     asked, sides = bool(model.scene.contacts), _sides(model, offsets)
     shapes = Shapes.of(model.few, offsets)
     found: list[BallMeeting] = []
-    for label, *both in named_body_pairs(model.scene):
+    flat = model.scene.dim == 1
+    for label, (one, on_one), (two, on_two) in named_body_pairs(model.scene):
         # A law names the ends that meet; without any all do.
-        names = [name for name, _ in both]
-        first, second = (
-            sides[name](on or ("",) if asked else None, other) if name in sides else None
-            for (name, on), other in zip(both, reversed(names), strict=True)
-        )
+        first = sides[one](on_one or ("",) if asked else None, two) if one in sides else None
+        second = sides[two](on_two or ("",) if asked else None, one) if two in sides else None
         if isinstance(first, _Faces) and isinstance(second, _Faces):
             continue
-        for (name, on), (other, _), side in zip(both, reversed(both), (second, first), strict=True):
+        looks = ((one, on_one, two, second), (two, on_two, one, first)) if shapes.known else ()
+        for name, on, other, side in looks:
             for shape in shapes.meeting(name, on, other):
                 if side is not None and not shapes.meeting(other, None, name):
                     found += _on_other(label, name, shape, side, offsets[-1])
@@ -180,7 +179,7 @@ def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
             continue
         if isinstance(first, _Faces) or isinstance(second, _Faces):
             found += _on_solid(label, first, second, offsets[-1])
-        elif model.scene.dim == 1:
+        elif flat:
             found += _on_line(label, first, second, offsets[-1], asked=asked)
         else:
             found += _slender(label, first, second, offsets[-1], asked=asked)

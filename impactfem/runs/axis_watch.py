@@ -52,11 +52,13 @@ class AxisWatch:
         """Look at some layers of a march with contact nodes at places (nodes, dim) at first."""
         scene, self.speed = model.scene, 0.0
         self._reach = min((met.pair.thickness for met in model.ball_meetings), default=np.inf)
-        self._led = [met.pair for met in model.ball_meetings if isinstance(met.pair, Led)]
+        # Of half a million pairs few are no balls.
+        several = [met for met in model.ball_meetings if met.single is None]
+        self._led = [met.pair for met in several if isinstance(met.pair, Led)]
         self._places = places
         self._edges = {
             met.names: met.pair
-            for met in model.ball_meetings
+            for met in several
             if isinstance(met.pair, CornersOnFaces) and len(met.pair.between)
         }
         self._every = max(1, layers // _LOOKS)

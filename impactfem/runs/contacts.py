@@ -225,6 +225,8 @@ class Contacts:
 
 def _alike(model: SolidsModel, names: Sequence[Names]) -> bool:
     """Whether one law is between all pairs."""
+    if len(model.scene.contacts) == 1:
+        return True
     laws = (law_of(model.scene, *both) for both in names)
     every = ({} if law is None else law.__dict__ | {"between": ()} for law in laws)
     first = next(every)

@@ -96,9 +96,9 @@ class Content:
     @cached_property
     def laws(self) -> Laws:
         """Its contact laws, each of two names."""
-        names = [body.name for body in self.bodies]
-        obstacles = [obstacle.name for obstacle in self.obstacles]
-        held = [joint.bodies for joint in self.joints]
+        names = tuple(body.name for body in self.bodies)
+        obstacles = tuple(obstacle.name for obstacle in self.obstacles)
+        held = tuple(joint.bodies for joint in self.joints)
         return Laws.among(self.contacts, names, obstacles, held)
 
     @property
@@ -118,7 +118,7 @@ class Content:
             raise SceneError(f"body: this needs a single bar, the scene has {names}; give one.")
         return self._first(Bar)
 
-    @property
+    @cached_property
     def bars(self) -> tuple[Bar, ...]:
         """The bars of the scene in the order of their axis; none if the march takes them.
 

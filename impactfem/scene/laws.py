@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 from impactfem.scene.contacts import Contact
 
@@ -15,6 +15,7 @@ type Both = frozenset[str]
 """Names of a body and of what it meets, without surfaces."""
 
 
+@lru_cache(maxsize=1 << 14)
 def side_of(name: str) -> Side:
     """Read "ball" or "ball/skin"."""
     body, slash, surface = name.partition("/")
@@ -69,15 +70,15 @@ class Laws:
                 found.append((name_of(entry), one, two))
         return found
 
-    @classmethod
+    @staticmethod
+    @lru_cache(maxsize=1)
     def among(
-        cls,
-        contacts: Sequence[Contact],
-        bodies: Sequence[str],
-        obstacles: Sequence[str],
-        held: Collection[Both],
+        contacts: tuple[Contact, ...],
+        bodies: tuple[str, ...],
+        obstacles: tuple[str, ...],
+        held: tuple[Both, ...],
     ) -> "Laws":
-        """Find them.
+        """Find them; the last ones are kept, for the same scene with other settings.
 
         A pattern stands for all pairs that it matches and that no law names, no pattern before it
         matches and no joint holds together.
@@ -101,11 +102,13 @@ class Laws:
                 )
                 found = []
                 for one in first:
+                    moves = one in moving
                     for two in second:
-                        both = frozenset((one, two))
-                        if one != two and both & moving and both not in taken:
-                            taken.add(both)
-                            found.append(_between(entry, one, two))
+                        if one != two and (moves or two in moving):
+                            both = frozenset((one, two))
+                            if both not in taken:
+                                taken.add(both)
+                                found.append(_between(entry, one, two))
             each += found
             origin += [index] * len(found)
         of: dict[Both, list[Contact]] = defaultdict(list)
@@ -114,7 +117,7 @@ class Laws:
             (one, _), (two, _) = map(side_of, entry.between)
             of[frozenset((one, two))].append(entry)
             partners[one][two] = partners[two][one] = None
-        return cls(tuple(each), tuple(origin), dict(of), dict(partners), tuple(bodies))
+        return Laws(tuple(each), tuple(origin), dict(of), dict(partners), bodies)
 
 
 def _between(contact: Contact, one: str, two: str) -> Contact:

@@ -32,8 +32,12 @@ def check_mixed(scene: Content) -> None:
     """
     check_laws(scene)
     known = {body.name: body for body in scene.bodies}
+    checked: set[tuple[int, str]] = set()  # what one law of many pairs asks of a body
     for contact, origin in zip(scene.laws.each, scene.laws.origin, strict=True):
-        _check_contact(scene, contact, f"contact[{origin}]", known)
+        new = [(origin, name) for name in contact.between if (origin, name) not in checked]
+        if new or contact.rolling_resistance or contact.spinning_resistance:
+            _check_contact(scene, contact, f"contact[{origin}]", known)
+            checked.update(new)
     _check_partners(scene)
     alone = not (scene.obstacles or scene.joints) and len(scene.bodies) == 1
     if alone and not all(body.may_meet_nothing for body in scene.bodies):
@@ -73,7 +77,14 @@ def check_dimensions(scene: Content) -> None:
 def _check_partners(scene: Content) -> None:
     """Refuse contact of edges and faces with what has none."""
     bodies = {body.name: body for body in scene.bodies}
-    for name, *sides in named_body_pairs(scene):
+    doubtful = {
+        body.name
+        for body in scene.bodies
+        if body.has_corners or not body.is_convex or body.hull_corners > _MOST_CORNERS
+    }
+    for name, *sides in named_body_pairs(scene) if doubtful else ():
+        if sides[0][0] not in doubtful and sides[1][0] not in doubtful:
+            continue
         one, two = (bodies[body] for body, _ in sides)
         what = f" of {one.name} and {two.name} ({name}) is not available: "
         for body, other in ((one, two), (two, one)):

@@ -16,7 +16,7 @@ from impactfem.system.mechanism import mechanism_system
 from impactfem.system.net import net_system
 from impactfem.system.plate_making import plate_system
 from impactfem.system.points import free_points
-from impactfem.system.rigid import in_space, rigid_system
+from impactfem.system.rigid import in_space, rigid_systems
 
 Floats = NDArray[np.float64]
 
@@ -208,7 +208,7 @@ _MAKERS: Mapping[type, Callable[[Scene, list[Any]], Sequence[FewBodies]]] = {
     Point: lambda scene, points: [_of_points(scene, points)],
     Rod: lambda _, rods: list(map(_of_rod, rods)),
     Beam: lambda _, beams: list(map(_of_beam, beams)),
-    RigidBody: lambda scene, bodies: [rigid_system(scene, body) for body in bodies],
+    RigidBody: rigid_systems,
     Mechanism: lambda scene, bodies: [mechanism_system(scene, body) for body in bodies],
     SpringNet: lambda scene, nets: [net_system(scene, net) for net in nets],
     Plate: lambda scene, plates: [plate_system(scene, plate) for plate in plates],

@@ -172,7 +172,37 @@ def in_space(values: Floats) -> Floats:
     return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, missing)]) if missing else values
 
 
-def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
+@dataclass(frozen=True)
+class _Bodies:
+    """What each rigid body asks of all others: found once, as they may be many.
+
+    Attributes:
+        cornered, rolling, linked: Names of bodies with edges and faces, that roll, and with links.
+        least: Radius of the smallest ball [m].
+    """
+
+    cornered: frozenset[str]
+    rolling: frozenset[str]
+    linked: frozenset[str]
+    least: float
+
+    @classmethod
+    def of(cls, scene: Scene) -> "_Bodies":
+        """Those of a scene."""
+        cornered = frozenset(body.name for body in scene.bodies if body.has_corners)
+        balls = [cast("RigidBody", body) for body in scene.bodies if body.rolls]
+        least = min((float(ball.form.radius[0]) for ball in balls), default=np.inf)
+        linked = frozenset(body.name for body in scene.bodies if body.has_links)
+        return cls(cornered, frozenset(ball.name for ball in balls), linked, least)
+
+
+def rigid_systems(scene: Scene, bodies: Sequence[RigidBody]) -> list[Rigid]:
+    """Systems of rigid bodies of a scene."""
+    among = _Bodies.of(scene)
+    return [rigid_system(scene, body, among) for body in bodies]
+
+
+def rigid_system(scene: Scene, body: RigidBody, among: _Bodies) -> Rigid:
     """A rigid body of a scene: mass, inertia, and contact nodes for the obstacles it may meet."""
     form, center, dim = body.form, body.center, body.dim
     named = obstacles_of(scene, body.name)
@@ -188,13 +218,13 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
     ]
     solids = {solid.name for solid in scene.solids}
     others = [(other, 0) for other in bodies_met(scene, body.name)]
-    shaped = {other.name for other in scene.bodies if other.has_corners or body.has_corners}
+    shaped = {each for each, _ in others} if body.has_corners else set(among.cornered)
     shaped |= {name for name in solids if body.rolls and friction_of(scene, body.name, name)}
     partners = list(dict.fromkeys([*faces, *(each for each in others if each[0] not in shaped)]))
     rolls = bool(form.radius.any() or len(form.rim))
-    alike = _alike(scene, body, partners)
+    alike = _alike(body, partners, among)
     partners = [each for each in partners if each not in alike]
-    room = min(len(alike), _room(scene, body)) if alike else 0
+    room = min(len(alike), _room(body, among)) if alike else 0
     copies, count = max(1, len(partners) + room) if rolls else 1, len(form.nodes)
     own = np.arange(count)
     meets = {partner: own + count * k * rolls for k, partner in enumerate(partners)}
@@ -205,7 +235,7 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
     arms = in_space(np.tile(form.nodes - center, (copies, 1)))
     radius = np.tile(form.radius, copies)
     count = len(arms)
-    shaped |= {other.name for other in scene.bodies if other.has_links}
+    shaped |= among.linked
     shaped = shaped.intersection(each for each, _ in others)
     shaped |= {o.name for o in named}.difference(obstacles)
     carriers = (_carrier(body, count, shaped),) if shaped else ()
@@ -272,18 +302,16 @@ def rigid_system(scene: Scene, body: RigidBody) -> Rigid:
 
 
 def _alike(
-    scene: Scene, body: RigidBody, partners: Sequence[tuple[str, int]]
+    body: RigidBody, partners: Sequence[tuple[str, int]], among: _Bodies
 ) -> set[tuple[str, int]]:
     """Other balls, where there are so many that they share nodes."""
-    rolling = {other.name for other in scene.bodies if other.rolls} if body.rolls else set()
-    found = {each for each in partners if each[0] in rolling}
-    return found if found and len(found) > _room(scene, body) else set()
+    found = {each for each in partners if each[0] in among.rolling} if body.rolls else set()
+    return found if found and len(found) > _room(body, among) else set()
 
 
-def _room(scene: Scene, body: RigidBody) -> int:
+def _room(body: RigidBody, among: _Bodies) -> int:
     """How many others, the least of all, have room around a ball: by the angles that they fill."""
-    own = float(body.form.radius[0])
-    least = min(float(cast("RigidBody", b).form.radius[0]) for b in scene.bodies if b.rolls)
+    own, least = float(body.form.radius[0]), among.least
     sine = least / (own + (1.0 + NEAR) * least)
     filled = 1.0 - np.sqrt(1.0 - sine**2)
     most = np.pi / np.arcsin(sine) if body.dim == 2 else 2.0 / filled

@@ -1,0 +1,70 @@
+"""Compiled products of sparse matrices: ends of rows, columns and values, as SciPy has them."""
+
+import numpy as np
+
+from impactfem.compiled import compiled
+
+
+@compiled
+def times_rows(ends, columns, values, given):
+    """A sparse matrix times values (columns, dim)."""
+    dim = given.shape[1]
+    found = np.zeros((len(ends) - 1, dim))
+    for i in range(len(ends) - 1):
+        for k in range(ends[i], ends[i + 1]):
+            for c in range(dim):
+                found[i, c] += values[k] * given[columns[k], c]
+    return found
+
+
+@compiled
+def across_rows(ends, columns, values, given, size):
+    """Its transpose, of so many rows, times values (rows, dim)."""
+    dim = given.shape[1]
+    found = np.zeros((size, dim))
+    for i in range(len(ends) - 1):
+        for k in range(ends[i], ends[i + 1]):
+            for c in range(dim):
+                found[columns[k], c] += values[k] * given[i, c]
+    return found
+
+
+@compiled
+def directed_rows(ends, columns, values, rows, frames, root_ends, root_columns, roots):
+    """Values, columns and ends of rows; see `impactfem.contact.sparse_rows.directed_roots`."""
+    ways, dim = frames.shape[1:]
+    most = 0
+    for i in range(len(rows)):
+        for k in range(ends[rows[i]], ends[rows[i] + 1]):
+            first = columns[k] * dim
+            most += root_ends[first + dim] - root_ends[first]
+    found = np.zeros(ways * most)
+    places = np.empty(ways * most, dtype=np.int32)
+    stops = np.zeros(ways * len(rows) + 1, dtype=np.int32)
+    place = np.empty(most, dtype=np.int32)  # columns of a gap
+    last = 0
+    for i in range(len(rows)):
+        count = 0
+        for k in range(ends[rows[i]], ends[rows[i] + 1]):
+            first = columns[k] * dim
+            for m in range(root_ends[first], root_ends[first + dim]):
+                known = False
+                for j in range(count):
+                    known = known or place[j] == root_columns[m]
+                if not known:
+                    place[count] = root_columns[m]
+                    count += 1
+        place[:count].sort()
+        for w in range(ways):
+            for k in range(ends[rows[i]], ends[rows[i] + 1]):
+                for c in range(dim):
+                    share, row = values[k] * frames[i, w, c], columns[k] * dim + c
+                    for m in range(root_ends[row], root_ends[row + 1]):
+                        j = 0
+                        while place[j] != root_columns[m]:
+                            j += 1
+                        found[last + j] += share * roots[m]
+            places[last : last + count] = place[:count]
+            last += count
+            stops[ways * i + w + 1] = last
+    return found[:last], places[:last], stops
