@@ -110,7 +110,7 @@ class NearPairs:
         self._crowd, self.pairs = crowd, len(crowd.ends)
         self.held: Integers = np.full(crowd.room_near, -1, dtype=np.int64)
         # Places where all pairs were looked at, and which of them may come near beside these.
-        self._looked: Floats | None = None
+        self._looked: Floats = np.zeros((0, 0))
         self._some: Integers = self.held[:0]
         self._beside = _BESIDE * float(crowd.room.min())
 
@@ -118,7 +118,7 @@ class NearPairs:
         """Pairs that are near: all are looked at only where balls have gone some way."""
         crowd = self._crowd
         law = crowd.ends, crowd.room, crowd.near
-        if self._looked is None or not self._covers(places):
+        if not len(self._looked) or not self._covers(places):
             wider = crowd.near + self._beside
             self._some = near_of(crowd.ends, crowd.room, wider, places)
             self._looked = places.copy()

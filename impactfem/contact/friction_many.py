@@ -6,6 +6,7 @@ method, as in `impactfem.contact.friction_solver`, with sparse matrices.
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,8 @@ from scipy.sparse.linalg import splu
 
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.rooted import Rooted
-from impactfem.contact.rooted_kernels import sweep_roots
-from impactfem.contact.sparse_rows import across
+from impactfem.contact.rooted_kernels import gathered_roots, sweep_roots
+from impactfem.contact.sparse_rows import across, rows_of
 
 Floats = NDArray[np.float64]
 
@@ -77,6 +78,7 @@ class Many:
         self.problem, self.matrix, self._tolerance = problem, problem.matrix, tolerance
         self.own = problem.own()
         self._scale = problem.scales()
+        self._gathered: Any = None  # roots pair by pair, where sweeps ask for them
 
     def missed(self, force: Floats) -> tuple[Floats, Floats]:
         """Errors of the law [N], (pairs, dim), and what of each pair is rounding [N], (pairs,)."""
@@ -103,12 +105,18 @@ class Many:
 
     def _sweep(self, force: Floats, share: float, most: int) -> tuple[int, bool]:
         """Sweep over all pairs; the sweeps made, and whether forces change no more."""
-        problem, roots = self.problem, self.matrix.roots
-        motion = across(roots, force.ravel())
+        problem, (pairs, dim) = self.problem, force.shape
+        if self._gathered is None:
+            self._gathered = gathered_roots(*rows_of(self.matrix.roots), pairs, dim)
+        more = [(0, 0), (0, 3 - dim)]
+        own, offset = np.pad(self.own, [*more, more[1]]), np.pad(problem.offset, more)
+        found, motion = np.pad(force, more), across(self.matrix.roots, force.ravel())
         least = 0.1 * self._tolerance / self._scale.min(axis=1)
-        rows = roots.indptr, roots.indices, roots.data, self.own, problem.offset
         law = problem.friction, problem.base
-        done, settled = sweep_roots(*rows, *law, force, motion, most, share, least)
+        done, settled = sweep_roots(
+            *self._gathered, own, offset, *law, found, motion, most, share, least
+        )
+        force[:] = found[:, :dim]
         return int(done), bool(settled)
 
     def residual(self, force: Floats) -> float:

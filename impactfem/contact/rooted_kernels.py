@@ -48,21 +48,54 @@ def squares_of(ends, values):
     return found
 
 
+@compiled
+def gathered_roots(ends, columns, values, pairs, dim):
+    """R pair by pair: what each moves, and how much by its three components.
+
+    Args:
+        ends, columns, values: R as SciPy has sparse rows.
+        pairs: Their number.
+        dim: Rows of each; in the plane the third component moves nothing.
+
+    Returns:
+        Where each pair begins, (pairs + 1,), coordinates, and values, (entries, 3).
+    """
+    starts = np.zeros(pairs + 1, dtype=np.int64)
+    places = np.empty(len(values), dtype=np.int64)
+    found = np.zeros((len(values), 3))
+    for j in range(pairs):
+        first, last = starts[j], starts[j]
+        for c in range(dim):
+            for k in range(ends[j * dim + c], ends[j * dim + c + 1]):
+                m = first + k - ends[j * dim + c]  # where it is if rows of a pair are alike
+                if m >= last or places[m] != columns[k]:
+                    m = first
+                    while m < last and places[m] != columns[k]:
+                        m += 1
+                    if m == last:
+                        places[m] = columns[k]
+                        last += 1
+                found[m, c] += values[k]
+        starts[j + 1] = last
+    return starts, places[: starts[pairs]].copy(), found[: starts[pairs]].copy()
+
+
 @fused
 def sweep_roots(
-    ends, columns, values, own, offset, friction, base, force, motion, sweeps, share, least
+    starts, places, roots, own, offset, friction, base, force, motion, sweeps, share, least
 ):
     """Block Gauss-Seidel for forces in their cones, A = R R^T: v = R^T x is kept up to date.
 
     A sweep begins where the one before has come and a share of its step further, within the cones
-    (heavy ball): of 400 contacts five to ten times fewer sweeps are needed so.
+    (heavy ball): of 400 contacts five to ten times fewer sweeps are needed so. Forces have three
+    components, of which the last one is 0 in the plane.
 
     Args:
-        ends, columns, values: R as SciPy has sparse rows.
-        own: R_j R_j^T of each pair, (pairs, dim, dim).
-        offset: o, (pairs, dim), the normal component first.
+        starts, places, roots: See `gathered_roots`.
+        own: R_j R_j^T of each pair, (pairs, 3, 3).
+        offset: o, (pairs, 3), the normal component first.
         friction, base: See `impactfem.contact.friction_newton.ConeProblem`.
-        force: x to begin with, (pairs, dim); changed.
+        force: x to begin with, (pairs, 3); changed.
         motion: v, (coordinates,); changed.
         sweeps: Limit.
         share: Ends where no force changes by more than this share of the largest,
@@ -71,77 +104,86 @@ def sweep_roots(
     Returns:
         Sweeps made, and whether it has ended.
     """
-    pairs, dim = offset.shape
-    answer, old, slip = np.zeros(dim), np.zeros(dim), np.zeros(dim)
+    pairs = len(offset)
     largest = np.abs(force).max() if pairs else 0.0
-    last, step, before = force.copy(), np.inf, 0.0
+    last, before_motion, step, before = force.copy(), motion.copy(), np.inf, 0.0
+    # Inverses: of the normal's own answer, and of a bound between the largest eigenvalue of the
+    # tangential part and twice that.
+    soft = np.empty((pairs, 2))
+    for j in range(pairs):
+        block = own[j]
+        steep = max(abs(block[1, 1]) + abs(block[1, 2]), abs(block[2, 2]) + abs(block[1, 2]))
+        soft[j, 0], soft[j, 1] = 1.0 / block[0, 0], 1.0 / steep
     for sweep in range(sweeps):
         settled, size, before, step = True, 0.0, step, 0.0
         for j in range(pairs):
-            block = own[j]
-            for c in range(dim):
-                total = offset[j, c]
-                for k in range(ends[j * dim + c], ends[j * dim + c + 1]):
-                    total += values[k] * motion[columns[k]]
-                answer[c], old[c] = total, force[j, c]
+            a, b, c = offset[j, 0], offset[j, 1], offset[j, 2]
+            for k in range(starts[j], starts[j + 1]):
+                moved = motion[places[k]]
+                a += roots[k, 0] * moved
+                b += roots[k, 1] * moved
+                c += roots[k, 2] * moved
+            block, mu, given = own[j], friction[j], base[j]
+            first, flat = soft[j, 0], soft[j, 1]
+            f, g, h = force[j, 0], force[j, 1], force[j, 2]
             counts = max(share * largest, least[j])
-            # Between the largest eigenvalue of the tangential part and twice that.
-            steep = 0.0
-            for c in range(1, dim):
-                row = 0.0
-                for i in range(1, dim):
-                    row += abs(block[c, i])
-                steep = max(steep, row)
             for _ in range(_LOCAL):
-                pushed = max(0.0, force[j, 0] - answer[0] / block[0, 0])
-                change = pushed - force[j, 0]
-                moved = abs(change)
-                force[j, 0] = pushed
-                for c in range(dim):
-                    answer[c] += block[c, 0] * change
-                bound, length = friction[j] * (base[j] + pushed), 0.0
-                for c in range(1, dim):
-                    slip[c] = force[j, c] - answer[c] / steep
-                    length += slip[c] ** 2
-                length = np.sqrt(length)
-                shrink = bound / length if length > bound else 1.0
-                for c in range(1, dim):
-                    slip[c] = shrink * slip[c] - force[j, c]
-                for c in range(1, dim):
-                    force[j, c] += slip[c]
-                    moved = max(moved, abs(slip[c]))
-                    for i in range(dim):
-                        answer[i] += block[i, c] * slip[c]
-                if moved <= _SAME * counts:
+                pushed = max(0.0, f - a * first)
+                change = pushed - f
+                f = pushed
+                a += block[0, 0] * change
+                b += block[1, 0] * change
+                c += block[2, 0] * change
+                bound = mu * (given + f)
+                x, y = g - b * flat, h - c * flat
+                length = x * x + y * y
+                if length > bound * bound:
+                    shrink = bound / np.sqrt(length)
+                    x *= shrink
+                    y *= shrink
+                x -= g
+                y -= h
+                g += x
+                h += y
+                a += block[0, 1] * x + block[0, 2] * y
+                b += block[1, 1] * x + block[1, 2] * y
+                c += block[2, 1] * x + block[2, 2] * y
+                if max(abs(change), abs(x), abs(y)) <= _SAME * counts:
                     break
-            for c in range(dim):
-                change = force[j, c] - old[c]
-                if abs(change) > counts:
-                    settled = False
-                step += change * change
-                if change != 0.0:
-                    for k in range(ends[j * dim + c], ends[j * dim + c + 1]):
-                        motion[columns[k]] += values[k] * change
-                size = max(size, abs(force[j, c]))
+            x, y, z = f - force[j, 0], g - force[j, 1], h - force[j, 2]
+            force[j, 0], force[j, 1], force[j, 2] = f, g, h
+            settled = settled and max(abs(x), abs(y), abs(z)) <= counts
+            step += x * x + y * y + z * z
+            size = max(size, abs(f), abs(g), abs(h))
+            for k in range(starts[j], starts[j + 1]):
+                motion[places[k]] += roots[k, 0] * x + roots[k, 1] * y + roots[k, 2] * z
         largest = size
         if settled:
             return sweep + 1, True
         further = _MOMENTUM if step <= _GROWS * _GROWS * before and sweep < sweeps - 1 else 0.0
+        if further == 0.0:
+            last[:] = force
+            before_motion[:] = motion
+            continue
+        # All go on along their way, and those that leave their cones are put back.
+        for k in range(len(motion)):
+            moved = motion[k]
+            motion[k] += further * (moved - before_motion[k])
+            before_motion[k] = moved
         for j in range(pairs):
-            for c in range(dim):
-                old[c] = force[j, c]
-                force[j, c] += further * (old[c] - last[j, c])
-                last[j, c] = old[c]
-            force[j, 0] = max(force[j, 0], 0.0)
-            bound, length = friction[j] * (base[j] + force[j, 0]), 0.0
-            for c in range(1, dim):
-                length += force[j, c] ** 2
-            length = np.sqrt(length)
-            shrink = bound / length if length > bound else 1.0
-            for c in range(dim):
-                force[j, c] *= shrink if c else 1.0
-                change = force[j, c] - old[c]
-                if change != 0.0:
-                    for k in range(ends[j * dim + c], ends[j * dim + c + 1]):
-                        motion[columns[k]] += values[k] * change
+            f, g, h = force[j, 0], force[j, 1], force[j, 2]
+            p = f + further * (f - last[j, 0])
+            q, r = g + further * (g - last[j, 1]), h + further * (h - last[j, 2])
+            last[j, 0], last[j, 1], last[j, 2] = f, g, h
+            f, g, h = max(p, 0.0), q, r
+            bound, length = friction[j] * (base[j] + f), g * g + h * h
+            if length > bound * bound:
+                shrink = bound / np.sqrt(length)
+                g *= shrink
+                h *= shrink
+            force[j, 0], force[j, 1], force[j, 2] = f, g, h
+            if f != p or g != q or h != r:
+                x, y, z = f - p, g - q, h - r
+                for k in range(starts[j], starts[j + 1]):
+                    motion[places[k]] += roots[k, 0] * x + roots[k, 1] * y + roots[k, 2] * z
     return sweeps, False

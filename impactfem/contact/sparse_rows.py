@@ -1,7 +1,5 @@
 """Products of sparse matrices that change in every layer, without what SciPy asks of each."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
@@ -37,13 +35,11 @@ def across(matrix: Floats | csr_matrix, values: Floats) -> Floats:
 
 def below(parts: list[csr_matrix], columns: int) -> csr_matrix:
     """Matrices one below the other."""
-    ends: list[Any] = [np.zeros(1, dtype=np.int64)]
-    for part in parts:
-        ends.append(part.indptr[1:] + ends[-1][-1])
+    before = np.cumsum([0, *(part.nnz for part in parts)])
+    ends = [part.indptr[1:] + first for part, first in zip(parts, before, strict=False)]
     entries = [np.concatenate([getattr(part, n) for part in parts]) for n in ("data", "indices")]
-    return csr_matrix(
-        (*entries, np.concatenate(ends)), shape=(len(np.concatenate(ends)) - 1, columns)
-    )
+    rows = sum(part.shape[0] for part in parts)
+    return csr_matrix((*entries, np.concatenate([[0], *ends])), shape=(rows, columns))
 
 
 def directed_roots(
