@@ -192,11 +192,19 @@ def solve_by_active_set(tolerance: float, max_iterations: int) -> Solver:
         force = np.maximum(-found.multiplier, 0.0)
         if found.converged and _are_closed(matrix, offset, found.active, force):
             return force, found.iterations
-        # A singular set may have passed for a solution: a little compliance, far below that of the
-        # body, gives each set one answer.
-        if found.converged:
-            matrix = matrix + np.diag(_COMPLIANCE * np.diag(matrix))
-        force, pivots = _murty(matrix, offset, found.active, tolerance)
+        # A singular set may have passed for a solution, or pivots go round between such: a little
+        # compliance, far below that of the body, gives each set one answer.
+        soft = matrix + np.diag(_COMPLIANCE * np.diag(matrix))
+        try:
+            trial = soft if found.converged else matrix
+            force, pivots = _murty(trial, offset, found.active, tolerance)
+        except ConvergenceError:
+            if found.converged:
+                raise
+            force, pivots = _murty(soft, offset, found.active, tolerance)
+            # Where gaps contradict each other forces grow by it without end, and close none.
+            if (offset + matrix @ force).min() < -_OPEN * np.abs(offset).max():
+                raise
         return force, found.iterations + pivots
 
     return solver

@@ -18,6 +18,7 @@ from impactfem.contact.meeting import NodeMeet
 from impactfem.contact.mortar_surface import Surface
 from impactfem.errors import SceneError
 from impactfem.models.convex_contacts import Shapes, convex_meetings, on_others
+from impactfem.models.tip_contacts import tip_meetings
 from impactfem.scene import Scene, Solid
 from impactfem.scene.pairing import body_pairs, named_body_pairs
 from impactfem.system.few import FewBodies
@@ -183,7 +184,8 @@ def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
             found += _on_line(label, first, second, offsets[-1], asked=asked)
         else:
             found += _slender(label, first, second, offsets[-1], asked=asked)
-    return found + [BallMeeting(*each) for each in convex_meetings(model.scene, model.few, offsets)]
+    found += [BallMeeting(*each) for each in convex_meetings(model.scene, model.few, offsets)]
+    return found + [BallMeeting(*each) for each in tip_meetings(model.scene, model.few, offsets)]
 
 
 type _Side = Callable[[Sequence[str] | None, str], _Balls | _Faces]
