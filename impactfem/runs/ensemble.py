@@ -16,6 +16,7 @@ from impactfem.marching.lone_kernels import DONE, TURNS, WAITS, march_members, s
 from impactfem.marching.rubbing import frames
 from impactfem.models.solids import SolidsModel, solids_model
 from impactfem.planning import plan
+from impactfem.planning.solid_plan import MarchNumbers
 from impactfem.runs.loops import rounding
 from impactfem.runs.members import Members, read_members
 from impactfem.scene import Contact, Scene
@@ -88,11 +89,12 @@ def solve_ensemble(
     if every is not None and every < 1:
         raise SceneError(f"every = {every}: give a number >= 1 of steps between two rows")
     numbers = plan(found).numbers
-    if found.solver != "march":
+    if not isinstance(numbers, MarchNumbers):
         _refuse(f"its bodies are {', '.join(body.kind for body in found.bodies)}")
     fixed = _fixed(solids_model(found, (), updated=True))
+    (body,) = found.bodies
     members = read_members(
-        found.bodies[0], fixed.laws, position=position, angle=angle, orientation=orientation,
+        body, fixed.laws, position=position, angle=angle, orientation=orientation,
         velocity=velocity, angular_velocity=angular_velocity,
         friction_coefficient=friction_coefficient, restitution=restitution,
     )  # fmt: skip

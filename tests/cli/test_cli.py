@@ -108,7 +108,7 @@ def test_summary_has_the_keys_of_the_contract(ran):
 def test_scene_as_used_has_the_defaults_and_can_be_read(ran):
     path = ran[0] / "results/bar_impact/scene.toml"
     text = path.read_text(encoding="utf-8")
-    for line in ("area = 1.0", 'far_end = "free"', "elements = 10", 'method = "', "every = 1"):
+    for line in ("area = 1.0", 'far_end = "free"', "elements = 10", 'method = "', "report = true"):
         assert line in text
     assert Scene.from_toml(path).solve.elements == 10
 

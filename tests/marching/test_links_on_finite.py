@@ -109,7 +109,7 @@ def test_energy_and_momenta_stay(tmp_path, mu):
     assert np.ptp(kept) < 1e-6 * kept[0]  # steps that contact cuts short round
     assert (history["friction_work"].values[-1] < -0.02 * kept[0]) == (mu > 0.0)
     for axis in "xyz":
-        assert np.ptp(history[f"momentum.{axis}"].values) < 1e-12
+        assert np.ptp(history[f"momentum.{axis}"].values) < 1e-11  # of 4.2 N s: rounding
 
 
 PRESS = robot(
