@@ -178,8 +178,8 @@ class Skin:
         images = 2 ** len(self.mirrors)
         count = len(self.points) // images
         found = np.zeros(count, dtype=bool)
-        found[self.triangles % count] = True  # the first image may be the one left out
         if "von_mises" in self.fields.point_data:  # rigid bodies have cells, but no stress
+            found[self.triangles % count] = True  # the first image may be the one left out
             found &= ~np.isnan(self.fields.read(0, "von_mises")["von_mises"])
         return np.tile(found, images)
 

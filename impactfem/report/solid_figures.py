@@ -86,7 +86,8 @@ def body(result: Record) -> Figure | None:
         columns = 1
     rows = -(-len(snapshots) // columns)
     width = min(12.0, 3.4 * columns) if columns > 1 else 9.0
-    height = (width - 1.5) / columns * (aspect * rows + maps) + 0.3 * rows + 1.0
+    stressed = bool(skin.is_stressed.any())  # then colours have a bar beside the panels
+    height = (width - 1.5 * stressed) / columns * (aspect * rows + maps) + 0.3 * rows + 1.0
     figure = Sheet(width, float(np.clip(height, 3.2, 11.0)))
     grid = figure.subplots(rows + maps, columns, squeeze=False)
     panels = grid[:rows].ravel()
@@ -99,7 +100,7 @@ def body(result: Record) -> Figure | None:
             axes.label_outer()
     for axes in panels[len(snapshots) :]:
         axes.set_visible(False)
-    if skin.is_stressed.any():
+    if stressed:
         colours = ScalarMappable(Normalize(0.0, painter.stress), "viridis")
         figure.colorbar(colours, ax=list(panels), label=STRESS, shrink=0.9)
     if maps:

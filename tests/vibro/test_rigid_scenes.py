@@ -5,6 +5,7 @@ import pytest
 
 import impactfem
 from impactfem import SceneError
+from impactfem.report.space_picture import skin_of
 
 G = 9.81
 
@@ -120,3 +121,11 @@ def test_rims_and_friction_in_space_are_refused():
     ball = {"kind": "sphere", "radius": 0.1, "center": [0.0, 0.0, 1.0]}
     with pytest.raises(SceneError, match=r"friction_coefficient = 0\.2"):
         dropped(ball, law={"friction_coefficient": 0.2})
+
+
+def test_pictures_have_no_colours_of_stresses_that_there_are_none_of():
+    scene = dropped({"kind": "disc", "radius": 0.1, "center": [0.0, 0.6]}).with_settings(
+        {"output.fields": ["vtkhdf"], "duration": 0.1}
+    )
+    result = impactfem.solve(scene)
+    assert not skin_of(result, result.fields).is_stressed.any()
