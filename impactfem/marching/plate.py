@@ -70,14 +70,19 @@ class PlateMidpoint(ShownPlate):
         self._keeps = True
         self.massive = np.full(len(self._touch), not self._massless)
         arms = bodies.plate.frame[0] + bodies.mesh.points @ bodies.plate.frame[1][:2]
-        self._moments = np.cross(arms - bodies.centers[0], self._normal)  # (vertices, 3)
+        # Momentum along the normal (d,) and angular momentum (d, 3) by rates; slopes turn about the
+        # axes of the plate that lie across them.
+        lever = np.cross(arms - bodies.centers[0], self._normal)
+        self._pull = vertex @ bodies.node_mass
+        x, y = (bodies.basis[k::DOFS].T @ bodies.turning for k in (1, 2))
+        (first, second), levers = bodies.plate.frame[1][:2], bodies.node_mass[:, None] * lever
+        self._turns = vertex @ levers + np.outer(y, first) - np.outer(x, second)
         local = np.column_stack([np.ones(len(bodies.mesh.points)), bodies.mesh.points])
         self._fit, self._fitting = local, np.linalg.pinv(local)
         self._seen = np.zeros(2)
         self._loads = self._pressed(0.0)  # of the layer
         # At the start slopes are in equilibrium, and so is what touches, unless it is asked for.
         self._settle_slopes(self._q)
-        self._zero = bodies.deflection(self._q)
         self._begun = self._q.copy()
         self._start = bodies.places(self._q)
         self._free = self._at_ease()
@@ -132,11 +137,11 @@ class PlateMidpoint(ShownPlate):
 
     def settle(self, place: Floats) -> Floats:
         """Begin elsewhere; mass times the way there [kg m], (3,)."""
-        mass, way = self.bodies.node_mass, self.bodies.deflection(place - self._q)
+        fallen = float(self._pull @ (place - self._q))
         self._q = place.copy()
         self._free = self._at_ease()
         self._loads = self._pressed(0.0)
-        return np.asarray(float(mass @ way) * self._normal)
+        return np.asarray(fallen * self._normal)
 
     def _settle_slopes(self, q: Floats) -> None:
         """Bring slopes into equilibrium with deflections, in place."""
@@ -258,20 +263,14 @@ class PlateMidpoint(ShownPlate):
     def _summed(self, work: float) -> list[Sums]:
         if not self.counts:
             return [Sums(0.0, 0.0, 0.0, *np.zeros((3, 3)))]
-        bodies, mass = self.bodies, self.bodies.node_mass
-        momenta = mass * bodies.deflection(self._v)
-        moved = float(mass @ (bodies.deflection(self._q) - self._zero))
-        # Slopes turn about the axes of the plate that lie across them.
-        _, x, y = (bodies.turning @ (bodies.basis[k::DOFS] @ self._v) for k in range(DOFS))
-        turning = y * bodies.plate.frame[1][0] - x * bodies.plate.frame[1][1]
         return [
             Sums(
                 0.5 * float(self._mass @ self._v**2),
-                bodies.elastic(self._q),
+                self.bodies.elastic(self._q),
                 work,
-                float(momenta.sum()) * self._normal,
-                moved * self._normal,
-                momenta @ self._moments + turning,
+                float(self._pull @ self._v) * self._normal,
+                float(self._pull @ (self._q - self._begun)) * self._normal,
+                self._v @ self._turns,
             )
         ]
 
