@@ -131,11 +131,6 @@ def proximal(
     return found, float(left), int(steps)
 
 
-def missed_by(problem: ConeProblem, force: Floats, tolerance: float) -> float:
-    """Error of forces in units of the tolerance [m]."""
-    return float(cone_kernels.missed_by(_law(problem), force, tolerance)[2])
-
-
 def residual(problem: ConeProblem, force: Floats) -> float:
     """Largest error of the law in a force, as a share of the largest force."""
     error = cone_kernels.missed_by(_law(problem), force, 0.0)[1]
