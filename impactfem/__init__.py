@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from impactfem.scene import (
         Bar,
         Beam,
+        BeamSupport,
         Block,
         Capsule,
         Contact,
@@ -90,6 +91,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Bar": "impactfem.scene",
     "Beam": "impactfem.scene",
+    "BeamSupport": "impactfem.scene",
     "Block": "impactfem.scene",
     "Board": "impactfem.studies.hard.cases",
     "Capsule": "impactfem.scene",
@@ -165,6 +167,7 @@ _HOMES = {
 __all__ = [
     "Bar",
     "Beam",
+    "BeamSupport",
     "Block",
     "Board",
     "Capsule",

@@ -6,7 +6,7 @@ with contact forces F of the layer and H where the free motion is halfway. Each 
 bodies, of which there are few, and only rank 0 sums them up.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from impactfem.contact.closest import closest_shares, distances
 from impactfem.errors import ConvergenceError
+from impactfem.findings import STRAIN_LIMITS, Finding, by_limits, percent
 from impactfem.marching.few_forces import steady_load, tangent
 from impactfem.marching.held_rows import HeldLumped
 from impactfem.marching.layers import Sums
@@ -191,6 +192,7 @@ class FewMidpoint(FewInterior):
         self._prepare(0.0)
         self._ahead = self._v.copy()
         self._pushed = self._joined = self._kick = np.zeros_like(self._q)
+        self._stretched = np.zeros(2)  # see `_look`
         self.massive = np.ones(len(self._start), dtype=bool)
         self.volatile = np.full(len(self._start), bodies.turning or not self._linear)
 
@@ -342,7 +344,33 @@ class FewMidpoint(FewInterior):
         if self.bodies.load is not None:
             work = self.bodies.load(self._time, self._middle(self._ahead), mean) * (end - self._q)
         self._q, self._v = end, self._ahead + self._kick
+        self._look()
         return self._summed(work)
+
+    def _look(self) -> None:
+        """Keep the most that an axis between held ends had to stretch, and what bent it [J]."""
+        beam = self.bodies.beam
+        if beam is not None and (stretched := beam.stretching(self._q)) > self._stretched[0]:
+            self._stretched = np.array([stretched, beam.elastic(self._q)])
+
+    def findings(self) -> Iterator[Finding]:
+        """Deflections that stretch a beam between ends that are held."""
+        stretched, bent = self._stretched.tolist()
+        name = self.bodies.names[0]
+        stiffer = 2.0 * stretched / bent if bent else 0.0  # forces of U ~ w^4 over those of ~ w^2
+        text = f"{name} would be about {percent(stiffer)} stiffer by the stretching of its axis "
+        text += "between its ends, which is left out"
+        remedy = "smaller loads or speeds, or model it as a solid of finite strain"
+        yield from by_limits("model_strain", stiffer, STRAIN_LIMITS, text, name, remedy)
+
+    def memory(self) -> dict[str, Floats]:
+        """Coordinates, their rates, and what was seen."""
+        return super().memory() | {"stretched": self._stretched.copy()}
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave."""
+        super().remember(memory)
+        self._stretched = memory["stretched"].copy()
 
     def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state."""

@@ -100,7 +100,8 @@ def _units(body: Any) -> list[Finding]:
     if getattr(body, "youngs_modulus", None) is None:
         return []
     waves = math.sqrt(body.youngs_modulus / body.density)
-    entries = body.velocity if isinstance(body.velocity, tuple) else (body.velocity,)
+    given = body.velocity or 0.0
+    entries = given if isinstance(given, tuple) else (given,)
     zero = {"x": 0.0, "y": 0.0, "z": 0.0}
     speed = math.hypot(*(e if isinstance(e, float) else float(e(**zero)) for e in entries))
     if not speed > _FAST * waves:

@@ -54,7 +54,7 @@ def bar_figures(bar: Bar, positions: Floats, displacement: Floats) -> dict[str, 
         displacement: Of these at some levels [m], (levels, nodes).
     """
     u, h = displacement[_some(len(displacement), _BAR_LEVELS)], np.diff(positions)
-    largest, exceeded = _strains(np.diff(u, axis=1) / h, h)
+    largest, exceeded = strains(np.diff(u, axis=1) / h, h)
     mass = bar.density * bar.area * bar.length
     return body_figures(mass, rotation_max=0.0, strain_max=largest, strain_99=exceeded)
 
@@ -77,7 +77,7 @@ def beam_figures(free: "FreeBeam", position: Floats, turned: float) -> dict[str,
     z = beam.height * (np.arange(_FIBRES) / (_FIBRES - 1) - 0.5)
     fibres = stretch[:, :, None] - z * bend[:, :, None]
     volumes = np.repeat(h, _FIBRES)
-    largest, exceeded = _strains(fibres.reshape(len(u), -1), volumes)
+    largest, exceeded = strains(fibres.reshape(len(u), -1), volumes)
     return body_figures(
         beam.mass, inertia=float(free.rigid_mass[2, 2]), rotation_max=turned, strain_max=largest,
         strain_99=exceeded,
@@ -89,7 +89,7 @@ def _some(levels: int, most: int) -> NDArray[np.int64]:
     return np.linspace(0, levels - 1, min(levels, most)).round().astype(np.int64)
 
 
-def _strains(strain: Floats, volumes: Floats) -> tuple[float | None, float | None]:
+def strains(strain: Floats, volumes: Floats) -> tuple[float | None, float | None]:
     """Largest strain by amount, and that which 1 % of the volume exceeds at one level.
 
     Args:

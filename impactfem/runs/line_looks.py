@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from impactfem.marching.few import FewInterior, FewMidpoint
 from impactfem.marching.wave_bar import WaveBar
-from impactfem.runs.line_bodies import bar_figures, beam_figures
-from impactfem.system.beam import FreeBeam
+from impactfem.runs.line_bodies import bar_figures, strains
+from impactfem.system.beam_parts import BeamParts
 from impactfem.system.stretches import Look
 
 Floats = NDArray[np.float64]
@@ -22,27 +22,29 @@ class BeamLooks:
 
     Attributes:
         march: Of the beam.
-        free: The beam.
+        parts: The beam.
     """
 
     march: FewMidpoint
-    free: FreeBeam
+    parts: BeamParts
 
     @property
     def mass(self) -> float:
         """[kg]."""
-        return self.free.beam.mass
+        return self.parts.beam.mass
 
     @property
     def inertia(self) -> Floats:
-        """About its centre [kg m^2], (1, 1)."""
-        return self.free.rigid_mass[2:, 2:]
+        """About its centre [kg m^2], (1, 1) or (3, 3)."""
+        return self.parts.inertia
 
     def look(self, displacement: Floats, known: float = 0.0) -> Look:  # noqa: ARG002  (of solids)
         """What it is now; the watch gives what it knows of solids."""
         position = self.march.coordinates
-        turned = float(self.free.rigid_part(position)[2])
-        return _looked(turned, beam_figures(self.free, position[None], abs(turned)), known)
+        strain, volumes = self.parts.fibres(position)
+        largest, exceeded = strains(strain[None], volumes)
+        found = {"strain_max": largest, "strain_99": exceeded}
+        return _looked(self.parts.turned(position), found, known)
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Scenes: what is modelled and how, read from TOML or made in Python; no finite elements."""
 
+from impactfem.scene.beam_supports import BeamSupport
 from impactfem.scene.beams import Beam, Rod
 from impactfem.scene.bodies import Bar
 from impactfem.scene.boundary import Pressure, Support, Traction
@@ -43,6 +44,7 @@ from impactfem.scene.toml import parse_assignment
 __all__ = [
     "Bar",
     "Beam",
+    "BeamSupport",
     "Block",
     "Capsule",
     "Contact",

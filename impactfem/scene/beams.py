@@ -1,15 +1,17 @@
-"""Slender bodies that fall in the plane: the rigid rod and the elastic beam."""
+"""Slender bodies: the rigid rod in the plane and the elastic beam, in the plane or in space."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from impactfem.scene.body import JOINED, BodyKind, Floats
+from impactfem.scene.beam_supports import BeamSupport, check_supports, first_root
+from impactfem.scene.body import JOINED, BodyKind, Floats, Solver
 from impactfem.scene.flight import Flight
-from impactfem.scene.inline import Vector
+from impactfem.scene.inline import InlineTable, ListOf, NumberOrVector, Vector
 from impactfem.scene.kinds import Choice, Integer, Name, Real
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
@@ -25,23 +27,22 @@ _INCLINATION = "angle of the axis to the x axis, from -pi to pi"
 
 
 class Slender(BodyKind):
-    """What rods and beams have in common: a straight axis in the plane at t = 0."""
+    """What rods and beams have in common: a straight axis at t = 0."""
 
-    dim: ClassVar[int] = 2
-    meets_edges: ClassVar[bool] = True
+    is_slender: ClassVar[bool] = True
 
     length: float
     center: Sequence[float]
     inclination: float
-    velocity: Sequence[float]
 
-    def centre_velocity(self) -> Floats:
-        """Velocity of its centre at t = 0 [m/s], (2,)."""
-        return np.asarray(self.velocity, dtype=np.float64)
+    @property
+    def along(self) -> Floats:
+        """Unit vector along the axis at t = 0."""
+        return np.array([math.cos(self.inclination), math.sin(self.inclination)])
 
     def centreline(self) -> Floats:
-        """Both ends of its axis at t = 0 [m], (2, 2)."""
-        along = np.array([math.cos(self.inclination), math.sin(self.inclination)])
+        """Both ends of its axis at t = 0 [m], (2, dim)."""
+        along = self.along
         return np.asarray(self.center) + 0.5 * self.length * np.array([-along, along])
 
 
@@ -55,6 +56,8 @@ class Rod(Slender):
     """
 
     kind: ClassVar[str] = "rod"
+    dim: ClassVar[int] = 2
+    meets_edges: ClassVar[bool] = True
     dents: ClassVar[bool] = True
     round_ends: ClassVar[bool] = True
 
@@ -72,6 +75,10 @@ class Rod(Slender):
     def __post_init__(self) -> None:
         check_fields(self, self.kind)
         _check_angle(self)
+
+    def centre_velocity(self) -> Floats | None:
+        """Velocity of its centre at t = 0 [m/s], (2,)."""
+        return np.asarray(self.velocity, dtype=np.float64)
 
     def box(self) -> tuple[Floats, Floats]:
         """Half edges and centre [m] of a box around it in any rotation."""
@@ -91,14 +98,14 @@ class Rod(Slender):
 @table('[[body]] with kind = "beam"')
 @dataclass(frozen=True, kw_only=True)
 class Beam(Slender):
-    """A free elastic beam of rectangular section that falls in the plane.
+    """An elastic beam of rectangular section, free or held at its ends, in the plane or in space.
 
     Its axis touches obstacles, with both ends or with all nodes. Displacements and rotations from
     the place at t = 0 are small.
 
     Raises:
-        SceneError: a value is missing or not allowed, the beam is too thick for its theory, or its
-            damping is given twice.
+        SceneError: a value is missing or not allowed, the beam is too thick for its theory, its
+            damping is given twice, or keys of the plane and of space are mixed.
     """
 
     kind: ClassVar[str] = "beam"
@@ -107,8 +114,12 @@ class Beam(Slender):
 
     name: str = key(Name(), "name of the beam in histories", default="beam")
     length: float = key(Real(above=0), "length", unit="m")
-    height: float = key(Real(above=0), "height of the section, in the plane", unit="m")
-    width: float = key(Real(above=0), "width of the section, across the plane", unit="m")
+    height: float = key(
+        Real(above=0), "height of the section, in the plane, or across width_axis", unit="m"
+    )
+    width: float = key(
+        Real(above=0), "width of the section, across the plane or along width_axis", unit="m"
+    )
     density: float = key(Real(above=0), "mass density", unit="kg/m^3")
     youngs_modulus: float = key(Real(above=0), "Young's modulus", unit="Pa")
     poisson_ratio: float = key(
@@ -118,16 +129,33 @@ class Beam(Slender):
     )
     theory: str = key(Choice(THEORIES), "bending without or with shear", default="euler_bernoulli")
     elements: int = key(Integer(1, 1000), "number of elements along the beam", default=16)
-    center: Sequence[float] = key(Vector((2,)), "centre at t = 0", unit="m")
-    inclination: float = key(Real(), f"{_INCLINATION}, at t = 0", unit="rad", default=0.0)
-    velocity: Sequence[float] = key(
-        Vector((2,)), "velocity of the centre at t = 0", unit="m/s", default=(0.0, 0.0)
+    center: Sequence[float] = key(Vector(), "centre at t = 0", unit="m")
+    inclination: float = key(
+        Real(), f"{_INCLINATION}, at t = 0, in the plane", unit="rad", default=0.0
     )
-    angular_velocity: float = key(Real(), "rotation at t = 0", unit="rad/s", default=0.0)
+    axis: Sequence[float] | None = key(
+        Vector((3,), nonzero=True), "from the first to the last end, in space", default=None,
+        absent="along x",
+    )  # fmt: skip
+    width_axis: Sequence[float] | None = key(
+        Vector((3,), nonzero=True), "across the axis, in space: where the width lies",
+        default=None, absent="across z; of a beam along z, along y",
+    )  # fmt: skip
+    velocity: Sequence[float] | None = key(
+        Vector(), "velocity of the centre at t = 0", unit="m/s", default=None, absent="at rest"
+    )
+    angular_velocity: float | Sequence[float] | None = key(
+        NumberOrVector(), "at t = 0, in space along the axes of the scene", unit="rad/s",
+        default=None, absent="none",
+    )  # fmt: skip
+    supports: tuple[BeamSupport, ...] = key(
+        ListOf(InlineTable((BeamSupport,))), "ends that are held", default=()
+    )
     contact: str = key(Choice(CONTACTS), "what of the axis may touch", default="ends")
     damping_ratio: float | None = key(
         Real(at_least=0, below=1),
-        "damping of the first bending mode over the critical one, by C = beta K",
+        "damping of the first bending mode over the critical one, by C = beta K; of ends on "
+        "springs that of free ones",
         default=None,
         absent="0",
     )
@@ -138,23 +166,104 @@ class Beam(Slender):
         absent="0",
     )
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            *,
+            length: float,
+            height: float,
+            width: float,
+            density: float,
+            youngs_modulus: float,
+            center: Sequence[float],
+            name: str = "beam",
+            poisson_ratio: float = 0.3,
+            theory: str = "euler_bernoulli",
+            elements: int = 16,
+            inclination: float = 0.0,
+            axis: Sequence[float] | None = None,
+            width_axis: Sequence[float] | None = None,
+            velocity: Sequence[float] | None = None,
+            angular_velocity: float | Sequence[float] | None = None,
+            supports: Sequence[BeamSupport | Mapping[str, Any]] = (),
+            contact: str = "ends",
+            damping_ratio: float | None = None,
+            rayleigh: Sequence[float] | None = None,
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         check_fields(self, self.kind)
         _check_angle(self)
+        self._check_dimension()
+        check_supports(self.supports, self.kind)
         self._check_slenderness()
         self._check_damping()
         self._check_scales()
 
+    @property
+    def dim(self) -> int:
+        """Dimension of space."""
+        return len(self.center)
+
+    @property
+    def in_space(self) -> bool:
+        """Whether it moves in space."""
+        return self.dim == 3
+
+    @property
+    def solvers(self) -> tuple[Solver, Solver]:  # type: ignore[override]
+        """Methods of few degrees of freedom take free beams in the plane."""
+        return ("march", "march") if self.in_space or self.supports else ("vibro", "vibro")
+
+    @property
+    def meets_edges(self) -> bool:  # type: ignore[override]
+        """In the plane."""
+        return not self.in_space
+
+    @property
+    def along(self) -> Floats:
+        """Unit vector along the axis at t = 0, (dim,)."""
+        return np.asarray(self.frame[0])
+
+    @cached_property
+    def frame(self) -> Floats:
+        """Unit vectors along the axis, the height and the width, by rows: (dim, dim)."""
+        if not self.in_space:
+            along = super().along
+            return np.array([along, [-along[1], along[0]]])
+        along = _unit((1.0, 0.0, 0.0) if self.axis is None else self.axis)
+        if self.width_axis is None:
+            upright = abs(along[2]) > 1.0 - 1e-9
+            wide = np.array([0.0, 1.0, 0.0]) if upright else np.cross(along, [0.0, 0.0, 1.0])
+        else:
+            wide = np.asarray(self.width_axis, dtype=np.float64)
+        wide = _unit(wide - (wide @ along) * along)
+        return np.array([along, np.cross(wide, along), wide]) + 0.0
+
+    @property
+    def rates(self) -> Floats:
+        """Velocity [m/s] and angular velocity [rad/s] at t = 0, (3,), in space (6,)."""
+        moving = np.zeros(self.dim) if self.velocity is None else self.velocity
+        turns = 2 * self.dim - 3
+        spin = np.zeros(turns) if self.angular_velocity is None else self.angular_velocity
+        return np.concatenate([moving, np.atleast_1d(spin)]).astype(np.float64)
+
+    def centre_velocity(self) -> Floats | None:
+        """Velocity of its centre at t = 0 [m/s], (dim,); None if ends are held."""
+        return None if self.supports else self.rates[: self.dim]
+
     def box(self) -> tuple[Floats, Floats]:
         """Half edges and centre [m] of a box around its axis in any rotation."""
-        return np.full(2, self.length / 2), np.asarray(self.center, dtype=np.float64)
+        return np.full(self.dim, self.length / 2), np.asarray(self.center, dtype=np.float64)
 
     def missed(self, place: Floats) -> str | None:
         """Joints hold a section along its axis, within its height."""
-        along = np.array([math.cos(self.inclination), math.sin(self.inclination)])
+        along = self.along
         away = place - np.asarray(self.center)
         far = abs(away @ along) > 0.5 * self.length * (1.0 + JOINED)
-        off = abs(away @ [-along[1], along[0]]) > 0.5 * self.height * (1.0 + JOINED)
+        across = float(np.linalg.norm(away - (away @ along) * along))
+        off = across > 0.5 * self.height * (1.0 + JOINED)
         ends = " to ".join(show([round(x, 12) for x in end]) for end in self.centreline().tolist())
         return f"from {ends}, within half its height" if far or off else None
 
@@ -170,10 +279,10 @@ class Beam(Slender):
 
     @property
     def flight(self) -> Flight | None:
-        """How it flies; None if damping brakes its fall."""
-        if self.rayleigh_damping[0]:
+        """How it flies; None if damping brakes its fall, or an end is held."""
+        if self.rayleigh_damping[0] or self.supports:
             return None
-        return Flight((self.length / 2,) * 2, self.center, self.velocity)
+        return Flight((self.length / 2,) * self.dim, self.center, tuple(self.rates[: self.dim]))
 
     @property
     def area(self) -> float:
@@ -198,9 +307,10 @@ class Beam(Slender):
 
     @property
     def first_frequency(self) -> float:
-        """First free-free angular frequency of the Euler-Bernoulli beam [rad/s]."""
-        stiffness = self.youngs_modulus * self.second_moment / (self.density * self.area)
-        return (4.730040744862704 / self.length) ** 2 * math.sqrt(stiffness)
+        """First angular frequency of the Euler-Bernoulli beam, springs left out [rad/s]."""
+        thin = min(self.height, self.width) if self.in_space else self.height
+        stiffness = self.youngs_modulus * thin**2 / (12.0 * self.density)
+        return (first_root(self.supports) / self.length) ** 2 * math.sqrt(stiffness)
 
     @property
     def rayleigh_damping(self) -> tuple[float, float]:
@@ -209,16 +319,41 @@ class Beam(Slender):
             return self.rayleigh[0], self.rayleigh[1]
         return 0.0, 2.0 * (self.damping_ratio or 0.0) / self.first_frequency
 
+    def _check_dimension(self) -> None:
+        """Refuse keys of the plane in space, and of space in the plane."""
+        dim, turns = self.dim, 2 * self.dim - 3
+        for name, plain in (("inclination", 3), ("axis", 2), ("width_axis", 2)):
+            if dim == plain and getattr(self, name):
+                other = "axis and width_axis" if dim == 3 else "inclination"
+                text = f" = {show(getattr(self, name))} does not fit a center of {dim} entries: "
+                raise KeyedError(self.kind, name, f"{text}give {other} there.")
+        if self.velocity is not None and len(self.velocity) != dim:
+            text = f" = {show(list(self.velocity))} has {len(self.velocity)} entries, center has "
+            raise KeyedError(self.kind, "velocity", f"{text}{dim}: give {dim}.")
+        if self.angular_velocity is not None and np.size(self.angular_velocity) != turns:
+            spin, wanted = self.angular_velocity, "a number" if dim == 2 else "3 numbers"
+            text = f" = {show(spin)} does not fit {dim} coordinates: give {wanted}."
+            raise KeyedError(self.kind, "angular_velocity", text)
+        if self.width_axis is not None:
+            wide = np.asarray(self.width_axis, dtype=np.float64)
+            along = _unit(self.axis or (1.0, 0.0, 0.0))
+            if np.linalg.norm(np.cross(along, wide)) < 1e-6 * np.linalg.norm(wide):
+                text = f" = {show(list(self.width_axis))} lies along axis: give one across it."
+                raise KeyedError(self.kind, "width_axis", text)
+
     def _check_slenderness(self) -> None:
-        limit, slope = _THICKEST[self.theory], self.height / self.length
-        if slope > limit:
-            other = 'choose theory = "timoshenko" (up to 1/2), or ' * (limit < slope <= 0.5)
-            raise KeyedError(
-                self.kind,
-                "height",
-                f" = {self.height:g} is {slope:.3g} of the length = {self.length:g}, too thick for "
-                f'theory = "{self.theory}" (at most {limit:g}): {other}model it as a solid.',
-            )
+        limit = _THICKEST[self.theory]
+        for name in ("height", "width")[: self.dim - 1]:
+            size = getattr(self, name)
+            slope = size / self.length
+            if slope > limit:
+                other = 'choose theory = "timoshenko" (up to 1/2), or ' * (limit < slope <= 0.5)
+                raise KeyedError(
+                    self.kind,
+                    name,
+                    f" = {size:g} is {slope:.3g} of the length = {self.length:g}, too thick for "
+                    f'theory = "{self.theory}" (at most {limit:g}): {other}model it as a solid.',
+                )
 
     def _check_damping(self) -> None:
         if self.rayleigh is None:
@@ -239,6 +374,11 @@ class Beam(Slender):
         if not 0 < self.first_frequency < math.inf:
             text = f" = {show(self.length)} gives the frequency {self.first_frequency}"
             raise KeyedError(self.kind, "length", f"{text}: give SI units.")
+
+
+def _unit(vector: Sequence[float] | Floats) -> Floats:
+    found = np.asarray(vector, dtype=np.float64)
+    return found / np.linalg.norm(found)
 
 
 def _check_angle(body: Rod | Beam) -> None:

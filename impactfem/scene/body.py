@@ -35,6 +35,7 @@ class BodyKind:
         probed: What a probe in it may keep.
         settings: Keys of ``[solve]`` that it brings into scenes of several kinds.
         has_surface: Whether it touches at many places what has a surface too.
+        is_slender: Whether it touches with an axis.
         meets_edges: Whether edges and faces of rigid bodies may meet it.
         has_links: Whether it is made of links, some of which may have edges and faces.
         dents: Whether its contacts, at single places, may have a stiffness.
@@ -61,6 +62,7 @@ class BodyKind:
     probed: ClassVar[tuple[str, ...]] = MOVES
     settings: ClassVar[tuple[str, ...]] = ()
     has_surface: ClassVar[bool] = False
+    is_slender: ClassVar[bool] = False
     meets_edges: ClassVar[bool] = False
     has_links: ClassVar[bool] = False
     dents: ClassVar[bool] = False

@@ -40,8 +40,8 @@ class FreeBeam:
     @property
     def axes(self) -> tuple[Floats, Floats]:
         """Unit vectors t along the axis and n across it, each (2,)."""
-        c, s = np.cos(self.beam.inclination), np.sin(self.beam.inclination)
-        return np.array([c, s]), np.array([-s, c])
+        along, across = self.beam.frame
+        return along, across
 
     @cached_property
     def rigid_modes(self) -> Floats:
@@ -88,6 +88,11 @@ class FreeBeam:
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
     @property
+    def inertia(self) -> Floats:
+        """About the centre [kg m^2], (1, 1)."""
+        return self.rigid_mass[2:, 2:]
+
+    @property
     def damping(self) -> Floats:
         """C = alpha M + beta K, shape (d, d)."""
         alpha, beta = self.beam.rayleigh_damping
@@ -104,8 +109,7 @@ class FreeBeam:
     @property
     def start(self) -> tuple[Floats, Floats]:
         """Displacement (zero) and velocity (rigid) of the coordinates at t = 0, each (d,)."""
-        rates = np.array([*self.beam.velocity, self.beam.angular_velocity])
-        return np.zeros(len(self.rigid_modes)), self.rigid_modes @ rates
+        return np.zeros(len(self.rigid_modes)), self.rigid_modes @ self.beam.rates
 
     def system(
         self,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.scene import Bar
-from impactfem.system.beam import FreeBeam
+from impactfem.system.beam_parts import BeamParts
 from impactfem.system.convex import Carrier
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.system.stations import Stations
@@ -205,7 +205,7 @@ class Lumped(FewBodies):
     turning: bool
     elastic: Callable[[Floats], float]
     load: Callable[[float, Floats, Floats], Floats] | None
-    beam: FreeBeam | None = None
+    beam: BeamParts | None = None
     section: Callable[[int, Floats], tuple[Floats, Floats]] | None = None
 
     def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:

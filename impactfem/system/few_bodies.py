@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.scene import Bar, Beam, Mechanism, Plate, Point, RigidBody, Rod, Scene, SpringNet
-from impactfem.system.beam import free_beam
+from impactfem.system.beam_parts import beam_parts
 from impactfem.system.few import ElasticBar, FewBodies, Lumped, rigid_in_plane
 from impactfem.system.frequency import highest_frequency
 from impactfem.system.generalized import LinearSystem
@@ -104,30 +104,23 @@ def _of_rod(rod: Rod) -> Lumped:
 
 
 def _of_beam(beam: Beam) -> Lumped:
-    free = free_beam(beam)
-    matrices, (along, across) = free.matrices, free.axes
-    count, size = len(matrices.nodes), len(matrices.mass)
+    parts, dim = beam_parts(beam), beam.dim
+    count, size = len(parts.nodes), len(parts.mass)
     system = LinearSystem(
-        mass=matrices.mass, stiffness=matrices.stiffness, damping=free.damping,
+        mass=parts.mass, stiffness=parts.stiffness, damping=parts.damping,
         normals=np.zeros((0, size)), offsets=np.zeros(0),
     )  # fmt: skip
-    jacobian = np.zeros((count, 2, size))
-    jacobian[np.arange(count), :, 3 * np.arange(count)] = along
-    jacobian[np.arange(count), :, 3 * np.arange(count) + 1] = across
-    flat = jacobian.reshape(2 * count, size)
-    position, velocity = free.start
     touching = np.full(count, beam.contact == "along")
     touching[[0, -1]] = True
-    weights = matrices.mass @ free.rigid_modes[:, :2]
+    weights, velocity = parts.momenta[:, :dim], parts.velocity
+    touching &= np.abs(parts.jacobian).reshape(count, -1).max(axis=1) > 0.0  # not where it is held
 
     def section(_: int, place: Floats) -> tuple[Floats, Floats]:
-        s = float((place[:2] - beam.center) @ along)
-        s = min(max(s, matrices.nodes[0]), matrices.nodes[-1])
-        moving, rows = matrices.section(s), np.zeros((6, size))
-        rows[:2] = np.outer(along, moving[0]) + np.outer(across, moving[1])
-        rows[5] = moving[2]
-        return in_space(np.asarray(beam.center) + s * along), rows
+        s = float((place[:dim] - beam.center) @ beam.along)
+        s = min(max(s, parts.nodes[0]), parts.nodes[-1])
+        return in_space(np.asarray(beam.center) + s * beam.along), parts.section(s)
 
+    held = " held" if beam.supports else " free"
     return Lumped(
         names=(beam.name,),
         masses=(beam.mass,),
@@ -138,24 +131,24 @@ def _of_beam(beam: Beam) -> Lumped:
         ends={},
         system=system,
         weights=weights,
-        moments=matrices.mass @ free.rigid_modes[:, 2:],
-        inertias=(float(free.rigid_mass[2, 2]),),
+        moments=parts.momenta[:, dim:],
+        inertias=(float(parts.inertia[-1, -1]),),
         angles=(beam.inclination,),
         owner=np.zeros(size, dtype=np.int64),
-        position=position,
+        position=np.zeros(size),
         velocity=velocity,
-        places=free.points,
-        jacobian=lambda _: flat,
+        places=parts.places,
+        jacobian=lambda _: parts.jacobian,
         turning=False,
         radius=np.full(count, 0.5 * beam.height),
         shell=np.zeros(count),
         touching=touching,
         body=np.zeros(count, dtype=np.int64),
         lines=np.stack([np.arange(count - 1), np.arange(1, count)], axis=1),
-        elastic=lambda q: 0.5 * float(q @ (matrices.stiffness @ q)),
+        elastic=parts.elastic,
         load=None,
-        words=f"a free beam of {beam.elements} elements",
-        beam=free,
+        words=f"a{held} beam of {beam.elements} elements",
+        beam=parts,
         section=section,
     )
 

@@ -31,6 +31,7 @@ TABLES = {
     "[solve]": Solve,
     "[output]": Output,
     "supports = [{ ... }]": Support,
+    "supports = [{ end = ... }]": language.BeamSupport,
     "supports = [{ edge = ... }]": language.EdgeSupport,
     "tractions = [{ ... }]": language.Traction,
     "pressures = [{ ... }]": language.Pressure,

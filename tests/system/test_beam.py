@@ -204,7 +204,7 @@ def test_weight_and_damping_act_on_the_right_motions():
         ({"inclination": 30.0}, "beam.inclination", "0.523599"),
         ({"rayleigh": [0.0, 1e-6], "damping_ratio": 0.1}, "beam.rayleigh", "remove one"),
         ({"rayleigh": [0.0, -1e-6]}, "beam.rayleigh", ">= 0"),
-        ({"center": [0.0, 0.0, 1.0]}, "beam.center", "2 numbers"),
+        ({"center": [1.0]}, "beam.center", "2 or 3 numbers"),
         ({"theory": "bernoulli"}, "beam.theory", "euler_bernoulli"),
         ({"elements": 0}, "beam.elements", "from 1"),
         ({"youngs_modulus": 1e-300, "density": 1e300}, "beam.density", "SI units"),

@@ -213,12 +213,13 @@ def _slender_state(body: Any) -> str:
     if body.inclination:
         degrees = number(math.degrees(body.inclination), 4)
         text += f", inclined by {quantity(body.inclination, 'rad')} ({degrees}°)"
-    if any(body.velocity):
-        text += f", with the velocity {vector(body.velocity, 'm/s')}"
-    if body.angular_velocity:
-        text += f", turning at {quantity(body.angular_velocity, 'rad/s')}"
-    moving = any(body.velocity) or body.angular_velocity
-    return text if moving else f"{text}, at rest"
+    moving, spin = body.velocity or (), np.atleast_1d(body.angular_velocity or 0.0).tolist()
+    if any(moving):
+        text += f", with the velocity {vector(moving, 'm/s')}"
+    if any(spin):
+        turning = quantity(spin[0], "rad/s") if len(spin) == 1 else vector(spin, "rad/s")
+        text += f", turning at {turning}"
+    return text if any(moving) or any(spin) else f"{text}, at rest"
 
 
 def _rod(_: Scene, rod: Any) -> str:
@@ -227,13 +228,23 @@ def _rod(_: Scene, rod: Any) -> str:
     return f"{text}{ends}; {_slender_state(rod)}. Its ends touch obstacles."
 
 
+def _beam_axis(beam: Any) -> str:
+    """Where a beam in space lies."""
+    if not beam.in_space:
+        return ""
+    along, _, wide = beam.frame.round(12).tolist()
+    return f"its axis along {vector(along)}, its width along {vector(wide)}; "
+
+
 def _beam(_: Scene, beam: Any) -> str:
     size = f"{quantity(beam.length, 'm')} long, {quantity(beam.height, 'm')} high"
     theory = "Timoshenko" if beam.theory == "timoshenko" else "Euler-Bernoulli"
     shear = f", Poisson's ratio {number(beam.poisson_ratio)}" if theory == "Timoshenko" else ""
     touch = "Its ends touch" if beam.contact == "ends" else "All nodes of its axis may touch"
+    held = " and ".join(f"{s.kind.replace('_', ' ')} at its {s.end} end" for s in beam.supports)
     text = (
-        f"A free elastic beam, {size} and {quantity(beam.width, 'm')} wide; {_slender_state(beam)}."
+        f"An elastic beam, {held or 'free'}, {size} and {quantity(beam.width, 'm')} wide; "
+        f"{_beam_axis(beam)}{_slender_state(beam)}."
         f" {theory} theory on {counted(beam.elements, 'element')}: Young's modulus "
         f"{quantity(beam.youngs_modulus, 'Pa')}{shear}, density "
         f"{quantity(beam.density, 'kg/m³')}; its mass is {quantity(beam.mass, 'kg')}. {touch} "

@@ -1,0 +1,102 @@
+"""How the ends of beams are held."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from impactfem.scene.kinds import Choice, Real
+from impactfem.scene.schema import KeyedError, check_fields, key, table
+
+ENDS = ("first", "last")
+# Whether the end stays where it is, its section keeps its direction, and springs hold it.
+HOLDS = {
+    "clamped": (True, True, False),
+    "simply_supported": (True, False, False),
+    "free": (False, False, False),
+    "elastic": (False, False, True),
+}
+# Roots of the characteristic equations of the Euler-Bernoulli beam, by what both ends hold.
+_FIRST_ROOTS = {
+    ((False, False), (False, False)): 4.730040744862704,
+    ((False, False), (True, True)): 1.875104068711961,
+    ((False, False), (True, False)): 3.926602312047919,
+    ((True, False), (True, False)): math.pi,
+    ((True, False), (True, True)): 3.926602312047919,
+    ((True, True), (True, True)): 4.730040744862704,
+}
+
+
+@table("supports = [{ end = ... }]")
+@dataclass(frozen=True, kw_only=True)
+class BeamSupport:
+    """How an end of a beam is held.
+
+    Raises:
+        SceneError: a value is not allowed.
+    """
+
+    end: str = key(Choice(ENDS), "which end: where the axis begins, or where it points")
+    kind: str = key(
+        Choice(tuple(HOLDS)),
+        "clamped: neither moves nor turns; simply_supported: does not move, nor turn about the "
+        "axis; free; elastic: on springs in all directions",
+    )
+    stiffness: float = key(
+        Real(at_least=0), "of an elastic one to displacement", unit="N/m", default=0.0
+    )
+    rotational_stiffness: float = key(
+        Real(at_least=0), "of an elastic one to rotation", unit="N m", default=0.0
+    )
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            *,
+            end: str,
+            kind: str,
+            stiffness: float = 0.0,
+            rotational_stiffness: float = 0.0,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        check_fields(self, "support")
+        springs = {name: getattr(self, name) for name in ("stiffness", "rotational_stiffness")}
+        if self.sprung:
+            if not any(springs.values()):
+                text = ' is 0 of an elastic end: give it, or rotational_stiffness, or kind = "free"'
+                raise KeyedError("support", "stiffness", f"{text}.")
+            return
+        for name, value in springs.items():
+            if value:
+                text = f' = {value:g} is for elastic ends: give kind = "elastic", or remove it.'
+                raise KeyedError("support", name, text)
+
+    @property
+    def sprung(self) -> bool:
+        """Whether it is held by springs."""
+        return HOLDS[self.kind][2]
+
+    @property
+    def holds(self) -> tuple[bool, bool]:
+        """Whether the end stays where it is, and whether its section keeps its direction."""
+        return HOLDS[self.kind][:2]
+
+
+def check_supports(supports: Sequence[BeamSupport], kind: str) -> None:
+    """Refuse two of one end."""
+    for index, support in enumerate(supports):
+        if any(support.end == other.end for other in supports[:index]):
+            text = f' = "{support.end}" is held twice: give each end one support.'
+            raise KeyedError(kind, f"supports[{index}].end", text)
+
+
+def first_root(supports: Sequence[BeamSupport]) -> float:
+    """Of the lowest bending mode: (beta L) with omega = (beta L / L)^2 sqrt(EI / rho A).
+
+    Springs count as free ends.
+    """
+    held = {support.end: support.holds for support in supports}
+    first, last = sorted(held.get(end, (False, False)) for end in ENDS)
+    return _FIRST_ROOTS[first, last]
