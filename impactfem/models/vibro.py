@@ -160,7 +160,7 @@ def _of_rod(scene: Scene, rod: Rod) -> VibroModel:
 def _of_beam(scene: Scene, beam: Beam) -> VibroModel:
     planes, restitution, names = _planes(scene)
     free = free_beam(beam)
-    nodes = len(free.matrices.nodes) if beam.contact == "along" else 2
+    nodes = len(free.matrices.nodes) if beam.touches_along else 2
     system = free.system(planes, _gravity(scene), np.repeat(restitution, nodes).tolist())
     places = ("first end", "last end") if nodes == 2 else [f"node {k}" for k in range(nodes)]
     labels = [f"{beam.name} {place} on {name}" for name in names for place in places]

@@ -100,7 +100,8 @@ class Rod(Slender):
 class Beam(Slender):
     """An elastic beam of rectangular section, free or held at its ends, in the plane or in space.
 
-    Its axis touches obstacles, with both ends or with all nodes. Displacements and rotations from
+    Its axis touches obstacles, with both ends or with all nodes; other bodies meet it as if it were
+    round, half its height around the axis. Displacements and rotations from
     the place at t = 0 are small.
 
     Raises:
@@ -151,7 +152,10 @@ class Beam(Slender):
     supports: tuple[BeamSupport, ...] = key(
         ListOf(InlineTable((BeamSupport,))), "ends that are held", default=()
     )
-    contact: str = key(Choice(CONTACTS), "what of the axis may touch", default="ends")
+    contact: str | None = key(
+        Choice(CONTACTS), "what of the axis may touch obstacles", default=None,
+        absent="ends; along, if an end is held",
+    )  # fmt: skip
     damping_ratio: float | None = key(
         Real(at_least=0, below=1),
         "damping of the first bending mode over the critical one, by C = beta K; of ends on "
@@ -187,7 +191,7 @@ class Beam(Slender):
             velocity: Sequence[float] | None = None,
             angular_velocity: float | Sequence[float] | None = None,
             supports: Sequence[BeamSupport | Mapping[str, Any]] = (),
-            contact: str = "ends",
+            contact: str | None = None,
             damping_ratio: float | None = None,
             rayleigh: Sequence[float] | None = None,
         ) -> None: ...
@@ -205,6 +209,11 @@ class Beam(Slender):
     def dim(self) -> int:
         """Dimension of space."""
         return len(self.center)
+
+    @property
+    def touches_along(self) -> bool:
+        """Whether all nodes of its axis may touch obstacles, not its ends alone."""
+        return (self.contact or CONTACTS[bool(self.supports)]) == CONTACTS[1]
 
     @property
     def in_space(self) -> bool:
@@ -270,7 +279,7 @@ class Beam(Slender):
     @property
     def dents(self) -> bool:  # type: ignore[override]
         """Whether its contacts may have a stiffness: not where all of it may lie on something."""
-        return self.contact == CONTACTS[0]
+        return not self.touches_along
 
     @property
     def line_thickness(self) -> float:

@@ -58,7 +58,8 @@ def check_dimensions(scene: Content) -> None:
     for index, (before, body) in enumerate(pairwise(scene.bodies), start=1):
         if body.dim != before.dim:
             text = f": {body.name} has {body.dim} coordinates, but {before.name} has {before.dim}: "
-            text += "give all the same number, to a bar by point and axis."
+            text += "give all the same number, to a bar by point and axis, to a beam by "
+            text += "center and axis; in space a capsule of kind rigid is a rod."
             raise KeyedError(f"body[{index}]", "", text)
     if any(solid.is_axisymmetric for solid in scene.solids):
         for index, body in enumerate(scene.bodies):

@@ -123,7 +123,7 @@ class FreeBeam:
         if pull.shape != (2,) or not np.isfinite(pull).all():
             raise SceneError(f"beam: gravity = {gravity} is not allowed: give two numbers")
         nodes, size = self.matrices.nodes, len(self.matrices.mass)
-        touching = np.arange(len(nodes)) if self.beam.contact == "along" else [0, len(nodes) - 1]
+        touching = np.arange(len(nodes)) if self.beam.touches_along else [0, len(nodes) - 1]
         along, across = self.axes
         places = self.points(np.zeros(size))
         rows, offsets = [], []

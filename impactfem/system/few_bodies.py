@@ -110,7 +110,7 @@ def _of_beam(beam: Beam) -> Lumped:
         mass=parts.mass, stiffness=parts.stiffness, damping=parts.damping,
         normals=np.zeros((0, size)), offsets=np.zeros(0),
     )  # fmt: skip
-    touching = np.full(count, beam.contact == "along")
+    touching = np.full(count, beam.touches_along)
     touching[[0, -1]] = True
     weights, velocity = parts.momenta[:, :dim], parts.velocity
     touching &= np.abs(parts.jacobian).reshape(count, -1).max(axis=1) > 0.0  # not where it is held

@@ -240,7 +240,7 @@ def _beam(_: Scene, beam: Any) -> str:
     size = f"{quantity(beam.length, 'm')} long, {quantity(beam.height, 'm')} high"
     theory = "Timoshenko" if beam.theory == "timoshenko" else "Euler-Bernoulli"
     shear = f", Poisson's ratio {number(beam.poisson_ratio)}" if theory == "Timoshenko" else ""
-    touch = "Its ends touch" if beam.contact == "ends" else "All nodes of its axis may touch"
+    touch = "All nodes of its axis may touch" if beam.touches_along else "Its ends touch"
     held = " and ".join(f"{s.kind.replace('_', ' ')} at its {s.end} end" for s in beam.supports)
     text = (
         f"An elastic beam, {held or 'free'}, {size} and {quantity(beam.width, 'm')} wide; "

@@ -94,5 +94,6 @@ _LEFT_OUT = {
     "beam": [
         "Large rotations of beams: displacements are small about the place at t = 0.",
         "Local indentation of beams: the contact itself is rigid.",
+        "Corners of beams: others meet them as round, half their height around the axis.",
     ],
 }
