@@ -68,7 +68,9 @@ def check_springs(scene: Content) -> None:
                 continue
             # Of a plate on another plate all vertices may touch.
             broad = body.has_surface and (other not in known or known[other].has_surface)
-            if broad or not body.dents:
+            # An axis may lie on an obstacle, but a ball touches it at one place.
+            single = body.is_slender and other in known and known[other].is_ball
+            if broad or not (body.dents or single):
                 text = f"{shown}{name}, a {body.kind}, may touch at many places, or gives way by "
                 text += "itself; remove it, or take a point, a rigid ball, a bar, a plate, or a "
                 text += "half_space."

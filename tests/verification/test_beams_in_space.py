@@ -78,6 +78,26 @@ def test_a_twisted_cantilever_and_a_bent_one():
         assert load @ moved == pytest.approx(1.0 / known, rel=1e-9)
 
 
+@pytest.mark.parametrize("theory", ["euler_bernoulli", "timoshenko"])
+def test_rigid_motions_move_sections_as_they_should_and_strain_nothing(theory):
+    beam = Beam(**STEEL, **SIZES, **ODD, center=[1.0, 2.0, 3.0], theory=theory)
+    parts, turn = beam_parts(beam), np.array([1.0, -2.0, 0.5])
+    q = parts.rigid_modes @ np.r_[3.0, 4.0, 5.0, turn]
+    for s in (-0.1, 0.013, 0.1):
+        known = np.r_[np.array([3.0, 4.0, 5.0]) + np.cross(turn, s * beam.frame[0]), turn]
+        np.testing.assert_allclose(parts.section(s) @ q, known, atol=1e-12)
+    pushed = np.abs(parts.stiffness) @ np.abs(q)
+    assert np.abs(parts.stiffness @ q).max() < 1e-13 * pushed.max()
+    mass = parts.momenta.T @ parts.rigid_modes
+    np.testing.assert_allclose(mass[:3, :3], beam.mass * np.eye(3), atol=1e-12 * beam.mass)
+    along, height, wide = (a @ parts.inertia @ a for a in beam.frame)
+    assert along == pytest.approx(beam.mass * (0.004**2 + 0.01**2) / 12, rel=1e-9)
+    # Sections of an Euler-Bernoulli beam have no inertia of their own.
+    thick = np.array([0.01, 0.004]) * (theory == "timoshenko")
+    for found, size in zip((height, wide), thick, strict=True):
+        assert found == pytest.approx(beam.mass * (0.2**2 + size**2) / 12, rel=1e-9)
+
+
 def test_springs_at_an_end_carry_a_rigid_beam():
     """Softer than the beam by far: sqrt(k / m) thrice, and M / k_t of a moment about the axis."""
     support = {"end": "first", "kind": "elastic", "stiffness": 10.0, "rotational_stiffness": 2.0}
@@ -128,7 +148,7 @@ def test_a_beam_in_a_plane_of_space_moves_as_in_the_plane():
 def test_a_clamped_end_is_one_that_a_joint_holds():
     """The joint holds the section by forces: both have the same motion."""
     gravity = (3.0, 0.0, -9.81)
-    own = {"elements": 6, "center": [0.1, 0.0, 0.0]}
+    own = {"elements": 6, "center": [0.1, 0.0, 0.0], "contact": "ends"}
     tip = Probe(name="tip", body="beam", point=[0.2, 0.0, 0.0])
     floor = HalfSpace(name="floor", point=[0.0, 0.0, -1.5e-5], normal=[0.0, 0.0, 1.0])
     given = {"obstacles": [floor], "probes": [tip]}
