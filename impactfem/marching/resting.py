@@ -91,18 +91,3 @@ class Rest:
     iterations: tuple[int, int]
     shifted: dict[str, tuple[float, float]]
     neutral: dict[str, tuple[float, str]]
-
-
-def polished(compliance: Floats, gap: Floats, force: Floats) -> Floats:
-    """Forces that close what rounding has left open: free bodies answer with large numbers.
-
-    Args:
-        compliance: Of the gaps [m/N], (k, k).
-        gap: Gaps that the forces leave [m], (k,).
-        force: [N], (k,).
-    """
-    closed = np.flatnonzero(force > 0.0)
-    change = np.linalg.lstsq(compliance[np.ix_(closed, closed)], -gap[closed])[0]
-    found = force.copy()
-    found[closed] = np.maximum(force[closed] + change, 0.0)
-    return found

@@ -3,11 +3,12 @@
 Newton's method with the active set of contact in each pass: bodies answer with their tangents, gaps
 with their linearisation, and the forces in the gaps solve
 
-    0 <= lambda  _|_  g + G dx >= 0,    (K + eps M) dx = residual(x) + G^T lambda.
+    0 <= lambda  _|_  g + G dx + d(lambda) >= 0,    (K + eps M) dx = residual(x) + G^T lambda.
 
-eps M holds bodies that are free to move: a step of the proximal point method (Rockafellar, SIAM J.
-Control Optim. 14 (1976) 877-898). Where motions are free and no load works on them it leaves them
-where they were; where one does, bodies go on along it until a gap closes, or nothing holds them.
+d is by how much contacts with a stiffness give way. eps M holds bodies that are free to move: a
+step of the proximal point method (Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898). Where
+motions are free and no load works on them it leaves them where they were; where one does, bodies go
+on along it until a gap closes, or nothing holds them.
 
 Answers do not know how gaps and normals turn as bodies are squeezed, so that passes overshoot, the
 more the harder bodies press: errors change by -0.9 in a pass at 10 % strain. Where that leads
@@ -21,12 +22,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.complementarity import Solver
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.fem import MPI
 from impactfem.findings import percent
 from impactfem.marching.layers import Answers, ContactGaps
-from impactfem.marching.resting import Rest, Resting, polished
+from impactfem.marching.pressing import Pressing
+from impactfem.marching.resting import Rest, Resting
 
 Floats = NDArray[np.float64]
 
@@ -61,8 +62,7 @@ class StaticStart:
         bodies: Sequence[Resting],
         owns: Sequence[slice],
         gaps: ContactGaps,
-        solver: Solver,
-        tolerance: float,
+        pressing: Pressing,
         arms: Arms | None = None,
     ) -> None:
         """Begin where the bodies are.
@@ -72,13 +72,12 @@ class StaticStart:
             bodies: The bodies.
             owns: Places of the contact nodes of each among all.
             gaps: Distances from obstacles and other bodies.
-            solver: Of complementarity problems.
-            tolerance: Rounding level of gaps [m].
+            pressing: What finds forces in them.
             arms: By which the march turns the directions of gaps; None if it does not.
         """
         self._arms = arms
         self._comm, self._bodies, self._owns = comm, bodies, owns
-        self._gaps, self._solver, self._tolerance = gaps, solver, tolerance
+        self._gaps, self._pressing, self._tolerance = gaps, pressing, pressing.tolerance
         self._places = [body.start.copy() for body in bodies]
         # Of each body free motions, by its modes, that go on being held, and how hard.
         self._held: list[list[Floats]] = [[] for _ in bodies]
@@ -162,8 +161,7 @@ class StaticStart:
         for done in range(most + 1):
             left = self._unbalanced(multiplier, normals)
             rest = self._size(left) / self._force if self._force else 0.0
-            open_ = max(-gap.min(initial=0.0), gap[multiplier > 0.0].max(initial=0.0))
-            closed = open_ <= 10.0 * self._tolerance
+            closed = self._pressing.missed(gap, multiplier) <= 10.0 * self._tolerance
             stalled = _DRIFTING * last < rest <= _ROUNDING
             stalled = stalled and (part < 1.0 or not self._careful)
             if closed and (rest <= settled or stalled):
@@ -270,22 +268,8 @@ class StaticStart:
         answers = self._answers
         changes = [solve(force) for solve, force in zip(tangents, left, strict=True)]
         free = gap + self._along(changes, normals)
-        taking_part = (multiplier > 0.0) | (free < -self._tolerance)
-        found = np.zeros_like(multiplier)
-        while taking_part.any():
-            rows = np.flatnonzero(taking_part)
-            answers.require(rows)
-            compliance, _ = answers.matrices(rows, normals[rows])
-            old = multiplier[rows]
-            new, count = self._solver(compliance, free[rows] - compliance @ old, old > 0.0)
-            self._systems += count
-            new = polished(compliance, free[rows] + compliance @ (new - old), new)
-            way = answers.approach(rows, normals, new - old, np.zeros(len(rows)))
-            missed = (free + way < -self._tolerance) & ~taking_part
-            if not missed.any():
-                found[rows] = new
-                break
-            taking_part |= missed
+        found, count = self._pressing.find(answers, free, normals, multiplier)
+        self._systems += count
         change = self._gaps.spread((found - multiplier)[:, None] * normals)
         for k, (solve, force) in enumerate(zip(tangents, self._pulled(change), strict=True)):
             if self._comm.allreduce(bool(force.any()), op=MPI.LOR):

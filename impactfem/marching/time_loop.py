@@ -127,6 +127,8 @@ class TimeLoop[I: Stepper](ABC):
         if scheme.shares_forces:  # half of the force at t = 0 lies before it, and is missing
             multiplier = np.zeros(count)
         true = gap + np.einsum("ij,ij->i", normals, gaps.relative(static))
+        if self._springs is not None:
+            true = true + self._springs.depth(acting)
         self.contact = ContactState(multiplier, true, multiplier, true, static)
         sums = interior.initial(static)
         self.rows = Rows.empty(

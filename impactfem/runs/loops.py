@@ -29,6 +29,7 @@ from impactfem.marching.net import NetMidpoint
 from impactfem.marching.newton_bodies import NewtonBodies, NewtonStepper
 from impactfem.marching.newton_march import NewtonMarch
 from impactfem.marching.plate import PlateMidpoint
+from impactfem.marching.pressing import Pressing
 from impactfem.marching.rigid_body import RigidMidpoint
 from impactfem.marching.rubbing_march import RubbingMarch
 from impactfem.marching.schemes import SolidScheme
@@ -122,8 +123,9 @@ def make_loop(
     gaps: ContactGaps = contacts.obstacles[0].gaps if alone else contacts.gaps()
     solver, kind = _solver(numbers, tolerance), numbers.linear_solver
     settings = LoopSettings(
-        model.comm, scheme, gaps, solver, layers, tolerance, friction=law, most_pairs=MOST_PAIRS
-    )
+        model.comm, scheme, gaps, solver, layers, tolerance, friction=law,
+        most_pairs=MOST_PAIRS, springs=contacts.springs(scene),
+    )  # fmt: skip
     if iterates:
         if limit is not None:
             explicit = [
@@ -153,7 +155,6 @@ def make_loop(
             settings,
             rest=_rest(started),
             restitution=contacts.restitution(scene),
-            springs=contacts.springs(scene),
         )
         newton = NewtonMarch(interior, settings)
         return Loop(newton, gaps, contacts, offsets, started)
@@ -177,7 +178,8 @@ def make_loop(
         progress.step("bringing the bodies to rest")
         linear = linear_bodies(model, each, kind)
         started = start_at_rest(
-            model, linear, surfaces, composite, composite.static, gaps, solver, tolerance,
+            model, linear, surfaces, composite, composite.static, gaps,
+            Pressing(solver, tolerance, settings.springs),
             plates=cast("Sequence[PlateMidpoint]", few),
         )  # fmt: skip
     whole: Interior = solids[0] if alone else composite
@@ -186,7 +188,6 @@ def make_loop(
         rest=_rest(started),
         restitution=contacts.restitution(scene),
         poisson=contacts.impulsive(scene),
-        springs=contacts.springs(scene),
     )
     linear_march = SolidMarch if law is None else RubbingMarch
     return Loop(linear_march(whole, settings), gaps, contacts, offsets, started)
@@ -253,8 +254,8 @@ def _brought_to_rest(
         return found
 
     started = start_at_rest(
-        model, resting, surfaces, interior, np.zeros_like, settings.gaps, settings.active_set,
-        settings.tolerance, arms, plates,
+        model, resting, surfaces, interior, np.zeros_like, settings.gaps,
+        Pressing(settings.active_set, settings.tolerance, settings.springs), arms, plates,
     )  # fmt: skip
     for body, spin in zip(bodies, spins, strict=True):
         body.turn(spin)

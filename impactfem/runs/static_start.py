@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.complementarity import Solver
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.layers import ContactGaps, Stepper
 from impactfem.marching.plate import PlateMidpoint
+from impactfem.marching.pressing import Pressing
 from impactfem.marching.resting import Rest, Resting
 from impactfem.marching.static_start import Arms, StaticStart
 from impactfem.models.solids import SolidPart, SolidsModel
@@ -121,8 +121,7 @@ def start_at_rest(
     interior: Stepper,
     static: Callable[[Floats], Floats],
     gaps: ContactGaps,
-    solver: Solver,
-    tolerance: float,
+    pressing: Pressing,
     arms: Arms | None = None,
     plates: Sequence[PlateMidpoint] = (),
 ) -> Started:
@@ -135,8 +134,7 @@ def start_at_rest(
         interior: What marches them.
         static: What forces on contact nodes do to massless ones, (count, dim) each.
         gaps: Of all of them.
-        solver: Of complementarity problems.
-        tolerance: Rounding level of gaps [m].
+        pressing: What finds forces in them.
         arms: By which the march turns directions of gaps; see `StaticStart`.
         plates: What marches plates, whose contact nodes are the last.
 
@@ -149,7 +147,7 @@ def start_at_rest(
     owns = [slice(*ends) for ends in pairwise([0, *np.cumsum(counts).tolist()])]
     bodies = [*bodies, *(plate.at_rest() for plate in plates)]
     try:
-        rest = StaticStart(model.comm, bodies, owns, gaps, solver, tolerance, arms).find()
+        rest = StaticStart(model.comm, bodies, owns, gaps, pressing, arms).find()
     finally:
         for body in bodies:
             body.destroy()

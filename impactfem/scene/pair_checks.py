@@ -86,10 +86,6 @@ def _check_around(scene: Content) -> None:
     if scene.iterated and any(law.friction_coefficient > 0.0 for law in scene.laws.each):
         text = f"{shown}beside friction it is not available where {scene.iterated}; remove one."
         raise KeyedError(where, "stiffness", text)
-    if scene.starts_at_rest:
-        text = f'{shown}it is not available with start = "static", which searches equilibrium '
-        text += 'with rigid contacts; remove it, or give start = "given".'
-        raise KeyedError(where, "stiffness", text)
 
 
 def check_itself(scene: Content) -> None:

@@ -60,6 +60,17 @@ def test_a_plate_rests_on_a_stop_and_leaves_it():
     assert w[-1] > w[0] + 1e-3
 
 
+def test_a_plate_rests_on_a_layer():
+    """Far from its edges by q = k w: bending fades over (4 D / k)^(1/4) = 0.08."""
+    law = {"between": ["plate", "stop"], "stiffness": 1e5}
+    history = impactfem.solve(
+        scene(pressure=5.0, obstacles=[stop(0.0)], contact=[law], duration=0.01)
+    ).history
+    w = history["middle.uz"].values
+    assert w[0] == pytest.approx(-15.0 / 1e5, rel=0.02)
+    assert np.ptp(w) < 1e-9 * abs(w[0])
+
+
 def test_a_pull_that_goes_by_the_gap():
     """The equilibrium short of pull-in is the one that a damped plate creeps to."""
     pull = "-0.01/(0.02+gap)**2"

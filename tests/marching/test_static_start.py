@@ -99,6 +99,36 @@ def test_pressure_on_a_block_is_a_patch_test():
     assert column(result, "elastic_energy")[0] == pytest.approx(0.5 * 2e4**2 * 0.5 / E, rel=1e-10)
 
 
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+@pytest.mark.parametrize(
+    ("method", "strain"),
+    [("conserving", "small"), ("moreau_jean", "small"), ("conserving", "finite")],
+)
+def test_a_block_pressed_on_a_layer_that_gives_way(method, strain, exponent):
+    """Block and layer in series: p h / E + d with p = k d^m; under finite strain nearly so."""
+    body = {
+        "mesh_size": 0.25, "poisson_ratio": 0.0, "contact_surfaces": ["bottom"], "strain": strain,
+        "pressures": [{"surface": "top", "value": "2e4"}],
+    }  # fmt: skip
+    law = {"between": ["block", "floor"], "stiffness": 3e8, "stiffness_exponent": exponent}
+    probe = [{"name": "p", "body": "block", "point": [0.5, 0.5]}]
+    result = impactfem.solve(
+        scene(
+            body, gravity=(0.0, 0.0), duration=4e-3, solve={"method": method, "dt": 5e-4},
+            contact=[law], probe=probe,
+        )
+    )  # fmt: skip
+    dent = (2e4 / 3e8) ** (1.0 / exponent)
+    sunk = dent + 0.5 * 2e4 / E
+    place, force = column(result, "p.uy"), column(result, "contact_force")
+    assert place[0] == pytest.approx(-sunk, rel=1e-9 if strain == "small" else 5e-3)
+    assert force == pytest.approx(2e4, rel=1e-9)
+    assert np.ptp(place) < 1e-9 * sunk
+    assert column(result, "indentation")[0] == pytest.approx(dent, rel=1e-8)
+    elastic = column(result, "elastic_energy")[0]
+    assert np.ptp(column(result, "total_energy")) < 1e-9 * elastic
+
+
 def test_a_moved_support_presses_a_block():
     lid = [{"surface": "top", "kind": "motion", "value": ["", "-0.001 - 0.01*t"]}]
     body = {"poisson_ratio": 0.0, "supports": lid}
