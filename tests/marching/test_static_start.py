@@ -125,6 +125,7 @@ def test_a_block_pressed_on_a_layer_that_gives_way(method, strain, exponent):
     assert force == pytest.approx(2e4, rel=1e-9)
     assert np.ptp(place) < 1e-9 * sunk
     assert column(result, "indentation")[0] == pytest.approx(dent, rel=1e-8)
+    assert np.abs(column(result, "gap")).max() < 1e-8 * sunk
     elastic = column(result, "elastic_energy")[0]
     assert np.ptp(column(result, "total_energy")) < 1e-9 * elastic
 
