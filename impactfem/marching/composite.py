@@ -37,8 +37,9 @@ class Bodies[P: Stepper]:
             raise SceneError(
                 f"the bodies have the time steps {[part.dt for part in parts]} s: give one solve.dt"
             )
-        counts = [len(part.surface_displacement) for part in parts]
-        self.offsets: tuple[int, ...] = (0, *np.cumsum(counts).tolist())
+        surfaces = [part.surface_displacement for part in parts]
+        self.offsets: tuple[int, ...] = (0, *np.cumsum([len(s) for s in surfaces]).tolist())
+        self._dim = int(surfaces[0].shape[1])
 
     def own(self, body: int) -> slice:
         """Places of a body's contact nodes."""
@@ -206,8 +207,7 @@ class Composite(Bodies[Interior]):
         Returns:
             Shapes (several, count, dim) [m] and (several, count, turns) [rad].
         """
-        dim = self.parts[0].surface_displacement.shape[1]
-        moved = np.zeros((*moments.shape[:2], dim))
+        moved = np.zeros((*moments.shape[:2], self._dim))
         turned = np.zeros_like(moments)
         for own, part in self._rolling():
             moved[:, own], turned[:, own] = part.twisted(moments[:, own])
@@ -221,8 +221,7 @@ class Composite(Bodies[Interior]):
 
     @property
     def _turns(self) -> int:
-        dim = self.parts[0].surface_displacement.shape[1]
-        return int(dim * (dim - 1) // 2)
+        return self._dim * (self._dim - 1) // 2
 
     def _rolling(self) -> list[tuple[slice, Rolling]]:
         """Bodies that roll, and their nodes."""
@@ -242,8 +241,7 @@ class Composite(Bodies[Interior]):
         each = [part.roots() for part in self.parts]
         if all(found is None for found in each):
             return None
-        sizes = np.diff(self.offsets).tolist()
-        dim = self.parts[0].surface_displacement.shape[1]
+        sizes, dim = np.diff(self.offsets).tolist(), self._dim
         rooted, roots = zip(
             *(
                 (np.zeros(size, dtype=bool), csr_matrix((dim * size, 0)))

@@ -80,6 +80,7 @@ class PlateMidpoint(ShownPlate):
         local = np.column_stack([np.ones(len(bodies.mesh.points)), bodies.mesh.points])
         self._fit, self._fitting = local, np.linalg.pinv(local)
         self._seen = np.zeros(2)
+        self._shown: Floats | None = None  # of `surface_displacement`, until something moves
         self._loads = self._pressed(0.0)  # of the layer
         # At the start slopes are in equilibrium, and so is what touches, unless it is asked for.
         self._settle_slopes(self._q)
@@ -138,7 +139,7 @@ class PlateMidpoint(ShownPlate):
     def settle(self, place: Floats) -> Floats:
         """Begin elsewhere; mass times the way there [kg m], (3,)."""
         fallen = float(self._pull @ (place - self._q))
-        self._q = place.copy()
+        self._q, self._shown = place.copy(), None
         self._free = self._at_ease()
         self._loads = self._pressed(0.0)
         return np.asarray(fallen * self._normal)
@@ -159,9 +160,11 @@ class PlateMidpoint(ShownPlate):
     @property
     def surface_displacement(self) -> Floats:
         """Of the contact nodes since t = 0, without contact forces [m], (count, 3)."""
-        moved = self._q - self._begun
-        moved[self._light] = self._free - self._begun[self._light]
-        return np.outer(self.bodies.reading @ moved, self._normal)
+        if self._shown is None:
+            moved = self._q - self._begun
+            moved[self._light] = self._free - self._begun[self._light]
+            self._shown = np.outer(self.bodies.reading @ moved, self._normal)
+        return self._shown
 
     @property
     def surface_velocity(self) -> Floats:
@@ -186,7 +189,7 @@ class PlateMidpoint(ShownPlate):
         weight = self._mass * float(self.gravity(layer) @ self._normal)
         middle = self._layer.solve(motion + weight + self._loads)
         self._before = self._q.copy()
-        self._q = self._before.copy()
+        self._q, self._shown = self._before.copy(), None
         heavy, advance = self._heavy, self._layer.advance
         self._q[heavy] = advance * middle[heavy] + (1.0 - advance) * self._before[heavy]
         self._free = advance * middle[self._light] + (1.0 - advance) * self._free
@@ -235,6 +238,7 @@ class PlateMidpoint(ShownPlate):
                 answer += parts[k] * self._columns[k]
         else:
             answer, _ = self._changed(forces)
+        self._shown = None
         self._q[self._heavy] += answer[self._heavy]
         self._free += answer[self._light]
 
@@ -326,4 +330,5 @@ class PlateMidpoint(ShownPlate):
     def remember(self, memory: Mapping[str, Any]) -> None:
         """Go on from what `memory` gave."""
         super().remember(memory)
+        self._shown = None
         self._free, self._seen = memory["free"].copy(), memory["seen"].copy()
