@@ -17,12 +17,12 @@ class Pressing:
     """What finds them.
 
     Attributes:
-        solver: Of complementarity problems.
+        solve: Solver of complementarity problems.
         tolerance: Rounding level of gaps [m].
         springs: In the gaps; None without any.
     """
 
-    solver: Solver
+    solve: Solver
     tolerance: float
     springs: ContactSprings | None = None
 
@@ -73,7 +73,7 @@ class Pressing:
         def obey(give: Floats, rest: Floats) -> tuple[Floats, Floats, int]:
             nonlocal new
             softer = compliance + np.diag(give)
-            new, count = self.solver(softer, offset + rest, new > 0.0)
+            new, count = self.solve(softer, offset + rest, new > 0.0)
             # Differences of large numbers last: free bodies answer with such.
             gap = free + rest + give * new + compliance @ (new - old)
             new = _polished(softer, gap, new)

@@ -7,6 +7,7 @@ from impactfem.contact.complementarity import solve_by_active_set
 from impactfem.contact.responses import Responses
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI
+from impactfem.marching.pressing import Pressing
 from impactfem.marching.static_start import StaticStart
 
 
@@ -82,7 +83,9 @@ class Floor:
 def find(load, low=-100.0):
     solver = solve_by_active_set(1e-13, 50)
     body = Barrier(load)
-    return StaticStart(MPI.COMM_SELF, [body], [slice(0, 1)], Floor(low), solver, 1e-13).find()
+    return StaticStart(
+        MPI.COMM_SELF, [body], [slice(0, 1)], Floor(low), Pressing(solver, 1e-13)
+    ).find()
 
 
 def test_a_nonlinear_body_comes_to_rest():
