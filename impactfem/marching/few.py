@@ -344,7 +344,6 @@ class FewMidpoint(FewInterior):
         if self.bodies.load is not None:
             work = self.bodies.load(self._time, self._middle(self._ahead), mean) * (end - self._q)
         self._q, self._v = end, self._ahead + self._kick
-        self._look()
         return self._summed(work)
 
     def _look(self) -> None:
@@ -378,6 +377,7 @@ class FewMidpoint(FewInterior):
 
     def _summed(self, work: Floats) -> list[Sums]:
         """Sums of each body; the energy of springs is told of the first."""
+        self._look()
         bodies, none = self.bodies, np.zeros(self.bodies.dim)
         if not self.counts:
             still = np.zeros(bodies.moments.shape[1])
