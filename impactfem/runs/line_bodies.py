@@ -70,13 +70,11 @@ def beam_figures(free: "FreeBeam", position: Floats, turned: float) -> dict[str,
         turned: Largest rotation of the rigid part [rad].
     """
     matrices, beam = free.matrices, free.beam
-    first, h = 3 * np.arange(len(matrices.nodes)), np.diff(matrices.nodes)
     u = position[_some(len(position), _BEAM_LEVELS)]
-    stretch = np.diff(u[:, first], axis=1) / h
-    bend = np.diff(u[:, first + 2], axis=1) / h
+    stretch, bend = matrices.strains(u)
     z = beam.height * (np.arange(_FIBRES) / (_FIBRES - 1) - 0.5)
     fibres = stretch[:, :, None] - z * bend[:, :, None]
-    volumes = np.repeat(h, _FIBRES)
+    volumes = np.repeat(np.diff(matrices.nodes), _FIBRES)
     largest, exceeded = strains(fibres.reshape(len(u), -1), volumes)
     return body_figures(
         beam.mass, inertia=float(free.rigid_mass[2, 2]), rotation_max=turned, strain_max=largest,

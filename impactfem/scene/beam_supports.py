@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from impactfem.scene.boundary import check_sprung
 from impactfem.scene.kinds import Choice, Real
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 
@@ -62,21 +63,7 @@ class BeamSupport:
 
     def __post_init__(self) -> None:
         check_fields(self, "support")
-        springs = {name: getattr(self, name) for name in ("stiffness", "rotational_stiffness")}
-        if self.sprung:
-            if not any(springs.values()):
-                text = ' is 0 of an elastic end: give it, or rotational_stiffness, or kind = "free"'
-                raise KeyedError("support", "stiffness", f"{text}.")
-            return
-        for name, value in springs.items():
-            if value:
-                text = f' = {value:g} is for elastic ends: give kind = "elastic", or remove it.'
-                raise KeyedError("support", name, text)
-
-    @property
-    def sprung(self) -> bool:
-        """Whether it is held by springs."""
-        return HOLDS[self.kind][2]
+        check_sprung(self, "end", sprung=HOLDS[self.kind][2])
 
     @property
     def holds(self) -> tuple[bool, bool]:

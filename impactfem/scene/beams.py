@@ -13,6 +13,7 @@ from impactfem.scene.body import JOINED, BodyKind, Floats, Solver
 from impactfem.scene.flight import Flight
 from impactfem.scene.inline import InlineTable, ListOf, NumberOrVector, Vector
 from impactfem.scene.kinds import Choice, Integer, Name, Real
+from impactfem.scene.obstacles.base import unit_vector
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
 
@@ -235,19 +236,24 @@ class Beam(Slender):
         """Unit vector along the axis at t = 0, (dim,)."""
         return np.asarray(self.frame[0])
 
+    @property
+    def _axis(self) -> Floats:
+        """Unit vector along the axis, in space."""
+        return unit_vector(np.asarray(self.axis or (1.0, 0.0, 0.0), dtype=np.float64))
+
     @cached_property
     def frame(self) -> Floats:
         """Unit vectors along the axis, the height and the width, by rows: (dim, dim)."""
         if not self.in_space:
             along = super().along
             return np.array([along, [-along[1], along[0]]])
-        along = _unit((1.0, 0.0, 0.0) if self.axis is None else self.axis)
+        along = self._axis
         if self.width_axis is None:
             upright = abs(along[2]) > 1.0 - 1e-9
             wide = np.array([0.0, 1.0, 0.0]) if upright else np.cross(along, [0.0, 0.0, 1.0])
         else:
-            wide = np.asarray(self.width_axis, dtype=np.float64)
-        wide = _unit(wide - (wide @ along) * along)
+            wide = unit_vector(np.asarray(self.width_axis, dtype=np.float64))
+        wide = unit_vector(wide - (wide @ along) * along)
         return np.array([along, np.cross(wide, along), wide]) + 0.0
 
     @property
@@ -344,9 +350,8 @@ class Beam(Slender):
             text = f" = {show(spin)} does not fit {dim} coordinates: give {wanted}."
             raise KeyedError(self.kind, "angular_velocity", text)
         if self.width_axis is not None:
-            wide = np.asarray(self.width_axis, dtype=np.float64)
-            along = _unit(self.axis or (1.0, 0.0, 0.0))
-            if np.linalg.norm(np.cross(along, wide)) < 1e-6 * np.linalg.norm(wide):
+            wide = unit_vector(np.asarray(self.width_axis, dtype=np.float64))
+            if np.linalg.norm(np.cross(self._axis, wide)) < 1e-6:
                 text = f" = {show(list(self.width_axis))} lies along axis: give one across it."
                 raise KeyedError(self.kind, "width_axis", text)
 
@@ -383,11 +388,6 @@ class Beam(Slender):
         if not 0 < self.first_frequency < math.inf:
             text = f" = {show(self.length)} gives the frequency {self.first_frequency}"
             raise KeyedError(self.kind, "length", f"{text}: give SI units.")
-
-
-def _unit(vector: Sequence[float] | Floats) -> Floats:
-    found = np.asarray(vector, dtype=np.float64)
-    return found / np.linalg.norm(found)
 
 
 def _check_angle(body: Rod | Beam) -> None:

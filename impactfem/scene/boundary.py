@@ -19,6 +19,31 @@ SURFACE = Line(100)
 _SURFACE_DOC = "name of a surface of the body"
 
 
+_SPRINGS = ("stiffness", "rotational_stiffness")
+
+
+def check_sprung(support: object, what: str, *, sprung: bool) -> None:
+    """Refuse springs that hold nothing, or that a support does not have.
+
+    Args:
+        support: With a `stiffness` and a `rotational_stiffness`.
+        what: That it holds, in words.
+        sprung: Whether springs hold it.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    springs = {name: getattr(support, name) for name in _SPRINGS}
+    if not sprung:
+        for name, value in springs.items():
+            if value:
+                text = f' = {value:g} is for elastic {what}s: give kind = "elastic", or remove it.'
+                raise KeyedError("support", name, text)
+    elif not any(springs.values()):
+        text = f" is 0 of an elastic {what}: give it, or rotational_stiffness, or "
+        raise KeyedError("support", "stiffness", f'{text}kind = "free".')
+
+
 @table("supports = [{ ... }]")
 @dataclass(frozen=True, kw_only=True)
 class Support:

@@ -110,7 +110,7 @@ def _check_partners(scene: Content) -> None:
 
 def _check_crossings(scene: Content) -> None:
     """Refuse slender bodies in space that would meet each other: they may cross between nodes."""
-    thin = {body.name: body.kind for body in scene.bodies if body.dim == 3 and body.is_slender}
+    thin = {body.name for body in scene.bodies if body.dim == 3 and body.is_slender}
     if len(thin) < 2:
         return
     for name, *sides in named_body_pairs(scene):

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from impactfem.scene.boundary import SURFACE, FormulaLike
+from impactfem.scene.boundary import SURFACE, FormulaLike, check_sprung
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import InlineTable
 from impactfem.scene.kinds import Choice, FormulaOf, Real
@@ -176,18 +176,7 @@ class EdgeSupport:
 
     def __post_init__(self) -> None:
         check_fields(self, "support")
-        springs = {name: getattr(self, name) for name in ("stiffness", "rotational_stiffness")}
-        if EDGE_SUPPORTS[self.kind]:
-            if not any(springs.values()):
-                text = (
-                    ' is 0 of an elastic edge: give it, or rotational_stiffness, or kind = "free".'
-                )
-                raise KeyedError("support", "stiffness", text)
-            return
-        for name, value in springs.items():
-            if value:
-                text = f' = {value:g} is for elastic edges: give kind = "elastic", or remove it.'
-                raise KeyedError("support", name, text)
+        check_sprung(self, "edge", sprung=EDGE_SUPPORTS[self.kind])
 
     @property
     def stays(self) -> bool:

@@ -88,11 +88,6 @@ class FreeBeam:
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
     @property
-    def inertia(self) -> Floats:
-        """About the centre [kg m^2], (1, 1)."""
-        return self.rigid_mass[2:, 2:]
-
-    @property
     def damping(self) -> Floats:
         """C = alpha M + beta K, shape (d, d)."""
         alpha, beta = self.beam.rayleigh_damping

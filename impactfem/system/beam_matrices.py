@@ -37,6 +37,11 @@ class BeamMatrices:
     rotations: NDArray[np.int64]
     turning_places: Floats
 
+    def strains(self, u: Floats) -> tuple[Floats, Floats]:
+        """Stretch a' and curvature r' of the elements [-, 1/m], (..., elements), by u (..., d)."""
+        at, h = 3 * np.arange(len(self.nodes)), np.diff(self.nodes)
+        return np.diff(u[..., at], axis=-1) / h, np.diff(u[..., at + 2], axis=-1) / h
+
     def section(self, s: float) -> Floats:
         """Axial displacement, deflection [m] and rotation at s by the coordinates, (3, d)."""
         found, nodes = np.zeros((3, len(self.mass))), self.nodes
@@ -182,14 +187,30 @@ def _nodes(beam: Beam) -> Floats:
 
 def _axial(beam: Beam, size: int) -> tuple[Floats, Floats]:
     """Mass and stiffness (size, size) with the entries of P1 bar elements."""
-    h, mass, stiffness = beam.length / beam.elements, np.zeros((size, size)), np.zeros((size, size))
-    local_mass = beam.density * beam.area * h / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
-    local = beam.youngs_modulus * beam.area / h * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    for k in range(beam.elements):
-        dofs = np.ix_([3 * k, 3 * k + 3], [3 * k, 3 * k + 3])
+    line_mass, stiffness = beam.density * beam.area, beam.youngs_modulus * beam.area
+    return linear_elements(beam, line_mass, stiffness, size, stride=3)
+
+
+def linear_elements(
+    beam: Beam, line_mass: float, stiffness: float, size: int, stride: int = 1
+) -> tuple[Floats, Floats]:
+    """Mass and stiffness (size, size) with the entries of P1 elements along a beam.
+
+    Args:
+        beam: The beam.
+        line_mass: By length [kg/m], of twists [kg m].
+        stiffness: By strain [N], of twists by rate of twist [N m^2].
+        size: Number of coordinates.
+        stride: From node to node among these.
+    """
+    h, mass, stiff = beam.length / beam.elements, np.zeros((size, size)), np.zeros((size, size))
+    local_mass = line_mass * h / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
+    local = stiffness / h * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    for first in range(0, stride * beam.elements, stride):
+        dofs = np.ix_([first, first + stride], [first, first + stride])
         mass[dofs] += local_mass
-        stiffness[dofs] += local
-    return mass, stiffness
+        stiff[dofs] += local
+    return mass, stiff
 
 
 def _nodes_first(places: Floats, nodes: Floats) -> NDArray[np.int64]:

@@ -4,7 +4,8 @@ A section at s of the axis c + (s + a) t + w n + v b, with the height along n = 
 along b, turns by the vector f t - r_v n + r_w b: a and the twist f are P1, (w, r_w) and (v, r_v)
 those of `beam_matrices` for bending in the height and in the width, which do not know of each other
 in a rectangle that is symmetric to both. In the plane there are a, w and r_w only. Ends that are
-held take coordinates away, springs at ends add to the stiffness.
+held take coordinates away, springs at ends add to the stiffness; axial coordinates of the second
+bending go too.
 
 Saint-Venant's torsion constant of a rectangle: S. Timoshenko, J. N. Goodier, Theory of elasticity
 (1970), section 109.
@@ -21,13 +22,13 @@ from scipy.linalg import block_diag
 
 from impactfem.scene.beam_supports import ENDS
 from impactfem.scene.beams import Beam
-from impactfem.system.beam_matrices import BeamMatrices, beam_matrices
+from impactfem.system.beam_matrices import BeamMatrices, beam_matrices, linear_elements
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _TERMS = np.arange(1, 40, 2)  # of the series for torsion: 1e-7 of it
-_FIBRES = 12  # across the height and the width
+_FIBRES = (40, 12)  # across the height and the width
 
 
 def torsion_constant(height: float, width: float) -> float:
@@ -39,82 +40,83 @@ def torsion_constant(height: float, width: float) -> float:
 
 @dataclass(frozen=True)
 class BeamParts:
-    """A discretised beam; coordinates are (a, w, r_w), then (v, r_v), then the twists.
+    """A discretised beam; coordinates are those of both bendings, then the twists.
 
     Attributes:
         beam: The beam.
         bending: Mass and stiffness with bending in the height, and in space in the width.
+        starts: First coordinate of each bending, and of the twists.
         mass, stiffness: Of the coordinates that are not held, (d, d).
         kept: These, among all.
-        rigid_modes: All coordinates of unit motions along the axes of the scene, and turns about
-            the centre: (all, 3), in space (all, 6).
-        whole: Mass of all coordinates, (all, all).
+        rigid_modes: Unit motions along the axes of the scene, and turns about the centre, (d, 3),
+            in space (d, 6).
+        momenta: Momentum along the axes and about the centre by rates, alike.
+        inertia: About the centre [kg m^2], (1, 1) or (3, 3).
     """
 
     beam: Beam
     bending: tuple[BeamMatrices, ...]
+    starts: Integers
     mass: Floats
     stiffness: Floats
     kept: Integers
     rigid_modes: Floats
-    whole: Floats
+    momenta: Floats
+    inertia: Floats
 
     @property
     def nodes(self) -> Floats:
         """S of the nodes [m]."""
         return self.bending[0].nodes
 
-    @cached_property
-    def _sections(self) -> tuple[Floats, ...]:
-        """Sections at the nodes by the coordinates, (nodes, 6, d)."""
-        return tuple(self.section(s) for s in self.nodes.tolist())
-
     def section(self, s: float) -> Floats:
         """Displacement and turn in space of the section at s by the coordinates, (6, d)."""
         frame, dim = self.beam.frame, self.beam.dim
-        found = np.zeros((6, len(self.whole)))
-        first = 0
+        found = np.zeros((6, self.starts[-1]))
+        turns = _axes_of_slopes(self.beam)
         for k, matrices in enumerate(self.bending):
-            rows = matrices.section(s)
-            taken = _own(matrices, k)
-            own = first + np.arange(len(taken))
-            rows = rows[:, taken]
-            if k == 0:
-                found[:dim, own] += np.outer(frame[0], rows[0])
-            found[:dim, own] += np.outer(frame[1 + k], rows[1])
-            # Slopes in the height turn about the width, and slopes in the width against the height.
-            axis = frame[2] if dim == 3 and k == 0 else -frame[1]
-            found[3:, own] += np.outer(axis if dim == 3 else [0.0, 0.0, 1.0], rows[2])
-            first += len(own)
-        if dim == 3:
-            found[3:, first:] = np.outer(frame[0], _linear(self.nodes, s))
+            own = slice(self.starts[k], self.starts[k + 1])
+            along, across, slope = matrices.section(s)
+            found[:dim, own] = np.outer(frame[0], along) + np.outer(frame[1 + k], across)
+            found[3:, own] = np.outer(turns[k], slope)
+        if self.beam.in_space:  # twists are P1, as axial displacements
+            twist = self.bending[0].section(s)[0, : 3 * len(self.nodes) : 3]
+            found[3:, self.starts[-2] :] = np.outer(frame[0], twist)
         return found[:, self.kept]
 
     @cached_property
     def jacobian(self) -> Floats:
         """Of the places of the nodes, (nodes dim, d)."""
-        return np.concatenate([rows[: self.beam.dim] for rows in self._sections])
+        count, dim, frame = len(self.nodes), self.beam.dim, self.beam.frame
+        found = np.zeros((count, dim, self.starts[-1]))
+        at = np.arange(count)
+        found[at, :, 3 * at] = frame[0]
+        for k in range(len(self.bending)):
+            found[at, :, self.starts[k] + 3 * at + 1] = frame[1 + k]
+        return found.reshape(count * dim, -1)[:, self.kept]
+
+    def _nodal(self, q: Floats) -> Floats:
+        """Axial displacement, deflection and slope of the nodes in each bending, (k, nodes, 3)."""
+        values, size = self._spread(q), 3 * len(self.nodes)
+        firsts = self.starts[: len(self.bending)]
+        return np.array([values[first : first + size].reshape(-1, 3) for first in firsts])
+
+    def _spread(self, q: Floats) -> Floats:
+        """All coordinates, 0 where they are held."""
+        found = np.zeros(self.starts[-1])
+        found[self.kept] = q
+        return found
 
     def places(self, q: Floats) -> Floats:
         """Of the nodes [m], (nodes, dim)."""
-        start = np.asarray(self.beam.center) + np.outer(self.nodes, self.beam.frame[0])
-        return np.asarray(start + (self.jacobian @ q).reshape(start.shape))
-
-    @cached_property
-    def momenta(self) -> Floats:
-        """Momentum along the axes and about the centre by rates, (d, 3), in space (d, 6)."""
-        return np.asarray((self.whole @ self.rigid_modes)[self.kept])
-
-    @property
-    def inertia(self) -> Floats:
-        """About the centre [kg m^2], (1, 1) or (3, 3)."""
-        dim = self.beam.dim
-        return np.asarray((self.rigid_modes.T @ self.whole @ self.rigid_modes)[dim:, dim:])
+        moved, frame = self._nodal(q), self.beam.frame
+        along = (self.nodes + moved[0, :, 0])[:, None] * frame[0]
+        return np.asarray(np.asarray(self.beam.center) + along + moved[:, :, 1].T @ frame[1:])
 
     @property
     def velocity(self) -> Floats:
         """Rates at t = 0, rigid but where ends are held, (d,)."""
-        return np.asarray((self.rigid_modes @ self.beam.rates)[self.kept])
+        return np.asarray(self.rigid_modes @ self.beam.rates)
 
     @property
     def damping(self) -> Floats:
@@ -132,8 +134,10 @@ class BeamParts:
         Signed in the plane if it is free.
         """
         if self.beam.supports:
-            turns = np.array([rows[3:] @ q for rows in self._sections])
-            return float(np.linalg.norm(turns, axis=1).max())
+            turns = [*self._nodal(q)[:, :, 2]]
+            if self.beam.in_space:
+                turns.append(self._spread(q)[self.starts[-2] :])
+            return float(np.linalg.norm(turns, axis=0).max())
         turn = np.linalg.solve(self.inertia, self.momenta[:, self.beam.dim :].T @ q)
         return float(turn[0]) if len(turn) == 1 else float(np.linalg.norm(turn))
 
@@ -142,25 +146,19 @@ class BeamParts:
 
         A fibre at y along the height and z along the width has a' - y r_w' - z r_v'.
         """
-        values = np.zeros(len(self.whole))
-        values[self.kept] = q
-        h, first = np.diff(self.nodes), 0
-        across = np.linspace(-0.5, 0.5, _FIBRES)
-        strain = np.zeros((len(h), _FIBRES, _FIBRES if self.beam.in_space else 1))
-        for k, matrices in enumerate(self.bending):
-            own, taken = np.zeros(len(matrices.mass)), _own(matrices, k)
-            own[taken] = values[first : first + len(taken)]
-            first += len(taken)
-            at = 3 * np.arange(len(self.nodes))
-            if k == 0:
-                strain += (np.diff(own[at]) / h)[:, None, None]
-            bend = (np.diff(own[at + 2]) / h)[:, None, None]
-            size = (self.beam.height, self.beam.width)[k]
-            strain = strain - size * bend * (across[:, None] if k == 0 else across)
+        values, strain = self._spread(q), np.zeros(())
+        for k, (matrices, size, count) in enumerate(
+            zip(self.bending, (self.beam.height, self.beam.width), _FIBRES, strict=False)
+        ):
+            stretch, bend = matrices.strains(values[self.starts[k] : self.starts[k + 1]])
+            across = size * np.linspace(-0.5, 0.5, count)
+            # Of the second bending no stretch is kept.
+            fibres = stretch[:, None] - bend[:, None] * across
+            strain = fibres if k == 0 else strain[:, :, None] + fibres[:, None, :]
         each = strain[0].size
-        return strain.reshape(-1), np.repeat(h / each, each)
+        return strain.reshape(-1), np.repeat(np.diff(self.nodes) / each, each)
 
-    @property
+    @cached_property
     def axial_hold(self) -> float:
         """Stiffness against ends that come nearer to each other [N/m]; 0 if one is free."""
         held = {s.end: np.inf if s.holds[0] else s.stiffness for s in self.beam.supports}
@@ -174,10 +172,9 @@ class BeamParts:
         """Energy of an axis that had to become longer to deflect so, which is left out [J]."""
         if not (hold := self.axial_hold):
             return 0.0
-        moved = (self.jacobian @ q).reshape(len(self.nodes), -1)
-        across = moved @ self.beam.frame[1:].T
-        longer = 0.5 * float((np.diff(across, axis=0) ** 2 / np.diff(self.nodes)[:, None]).sum())
-        straight = np.sum((across[-1] - across[0]) ** 2) / (2.0 * self.beam.length)
+        across = self._nodal(q)[:, :, 1]
+        longer = 0.5 * float((np.diff(across) ** 2 / np.diff(self.nodes)).sum())
+        straight = ((across[:, -1] - across[:, 0]) ** 2).sum() / (2.0 * self.beam.length)
         return 0.5 * hold * (longer - float(straight)) ** 2
 
 
@@ -186,35 +183,32 @@ def beam_parts(beam: Beam) -> BeamParts:
     bending = [beam_matrices(beam)]
     if beam.in_space:
         bending.append(beam_matrices(_on_its_side(beam)))
-    nodes = bending[0].nodes
-    blocks = [
-        tuple(part[np.ix_(own, own)] for part in (matrices.mass, matrices.stiffness))
-        for k, matrices in enumerate(bending)
-        for own in [_own(matrices, k)]
-    ]
+    count = len(bending[0].nodes)
+    blocks = [(matrices.mass, matrices.stiffness) for matrices in bending]
     if beam.in_space:
-        blocks.append(_torsion(beam, nodes))
-    mass, stiffness = (np.asarray(block_diag(*(block[i] for block in blocks))) for i in range(2))
-    starts = np.cumsum([0, *(len(block[0]) for block in blocks)])
+        blocks.append(_torsion(beam, count))
+    mass, stiffness = (np.asarray(block_diag(*each)) for each in zip(*blocks, strict=True))
+    starts = np.cumsum([0, *(len(own) for own, _ in blocks)])
     kept = np.ones(len(mass), dtype=bool)
+    for first in starts[1 : len(bending)]:
+        kept[first : first + 3 * count : 3] = False
     for support in beam.supports:
-        node = (len(nodes) - 1) * (support.end == ENDS[1])
-        moves = [3 * node, 3 * node + 1]
-        turns = [3 * node + 2]
-        twists = []
-        if beam.in_space:
-            moves.append(starts[1] + 2 * node)
-            turns.append(starts[1] + 2 * node + 1)
-            twists.append(starts[2] + node)
+        node = (count - 1) * (support.end == ENDS[1])
+        firsts = starts[: len(bending)] + 3 * node
+        moves, turns = np.array([3 * node, *(firsts + 1)]), firsts + 2
+        twists = starts[len(bending) : -1] + node
         stays, keeps = support.holds
-        kept[moves + twists] &= not stays
+        kept[[*moves, *twists]] &= not stays
         kept[turns] &= not keeps
         stiffness[moves, moves] += support.stiffness
-        stiffness[turns + twists, turns + twists] += support.rotational_stiffness
+        held = np.array([*turns, *twists])
+        stiffness[held, held] += support.rotational_stiffness
     own = np.flatnonzero(kept)
+    modes = _rigid_modes(beam, bending, starts)
+    momenta = mass @ modes
     return BeamParts(
-        beam, tuple(bending), mass[np.ix_(own, own)], stiffness[np.ix_(own, own)], own,
-        _rigid_modes(beam, bending, len(mass)), mass,
+        beam, tuple(bending), starts, mass[np.ix_(own, own)], stiffness[np.ix_(own, own)], own,
+        modes[own], momenta[own], (modes.T @ momenta)[beam.dim :, beam.dim :],
     )  # fmt: skip
 
 
@@ -223,52 +217,34 @@ def _on_its_side(beam: Beam) -> Beam:
     return replace(beam, height=beam.width, width=beam.height)
 
 
-def _own(matrices: BeamMatrices, k: int) -> Integers:
-    """Which coordinates of `BeamMatrices` are taken: axial ones of the first only."""
-    taken = np.ones(len(matrices.mass), dtype=bool)
-    taken[: 3 * len(matrices.nodes) : 3] = k == 0
-    return np.flatnonzero(taken)
+def _axes_of_slopes(beam: Beam) -> Floats:
+    """About what slopes in the height and in the width turn: b, and -n; (2, 3) or (1, 3)."""
+    if not beam.in_space:
+        return np.array([[0.0, 0.0, 1.0]])
+    _, high, wide = beam.frame
+    return np.array([wide, -high])
 
 
-def _linear(nodes: Floats, s: float) -> Floats:
-    """Values at s of the piecewise linear functions of the nodes, (nodes,)."""
-    return np.array([np.interp(s, nodes, unit) for unit in np.eye(len(nodes))])
-
-
-def _torsion(beam: Beam, nodes: Floats) -> tuple[Floats, Floats]:
+def _torsion(beam: Beam, count: int) -> tuple[Floats, Floats]:
     """Mass and stiffness of the twists, P1: rho I_p and G J."""
-    h, count = beam.length / beam.elements, len(nodes)
     height, width = beam.height, beam.width
     shear = 0.5 * beam.youngs_modulus / (1.0 + beam.poisson_ratio)
     polar = beam.density * height * width * (height**2 + width**2) / 12.0
-    mass, stiffness = np.zeros((count, count)), np.zeros((count, count))
-    for k in range(beam.elements):
-        own = slice(k, k + 2)
-        mass[own, own] += polar * h / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
-        stiff = shear * torsion_constant(height, width) / h
-        stiffness[own, own] += stiff * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    return mass, stiffness
+    return linear_elements(beam, polar, shear * torsion_constant(height, width), count)
 
 
-def _rigid_modes(beam: Beam, bending: Sequence[BeamMatrices], size: int) -> Floats:
-    """See `BeamParts.rigid_modes`: a turn e moves the place s of the axis by s e x t."""
+def _rigid_modes(beam: Beam, bending: Sequence[BeamMatrices], starts: Integers) -> Floats:
+    """Of all coordinates; see `BeamParts`: a turn e moves the place s of the axis by s e x t."""
     dim, frame = beam.dim, beam.frame
-    found = np.zeros((size, 3 * (dim - 1)))
-    nodes, first = bending[0].nodes, 0
-    turns = np.eye(3) if dim == 3 else np.array([[0.0, 0.0, 1.0]])
-    axes = frame if dim == 3 else np.array([[*frame[0], 0.0], [*frame[1], 0.0], [0.0, 0.0, 1.0]])
-    for k, matrices in enumerate(bending):
-        modes = np.zeros((len(matrices.mass), 3 * (dim - 1)))
-        if k == 0:
-            modes[3 * np.arange(len(nodes)), :dim] = frame[0]
-        modes[matrices.deflections, :dim] = frame[1 + k]
-        # Slope in the height: e . b; in the width: -e . n.
-        slope = turns @ (axes[2] if k == 0 else -axes[1])
-        modes[matrices.deflections, dim:] = np.outer(matrices.places, slope)
-        modes[matrices.rotations, dim:] = slope
-        own = _own(matrices, k)
-        found[first : first + len(own)] = modes[own]
-        first += len(own)
-    if dim == 3:
-        found[first:, dim:] = turns @ frame[0]
+    found = np.zeros((starts[-1], 3 * (dim - 1)))
+    found[3 * np.arange(len(bending[0].nodes)), :dim] = frame[0]
+    turns = 2 * dim - 3  # about z alone in the plane
+    for k, (matrices, axis) in enumerate(zip(bending, _axes_of_slopes(beam), strict=True)):
+        slope = axis[-turns:]
+        deflections = starts[k] + matrices.deflections
+        found[deflections, :dim] = frame[1 + k]
+        found[deflections, dim:] = np.outer(matrices.places, slope)
+        found[starts[k] + matrices.rotations, dim:] = slope
+    if beam.in_space:
+        found[starts[-2] :, dim:] = frame[0]
     return found

@@ -120,7 +120,7 @@ def _of_beam(beam: Beam) -> Lumped:
         s = min(max(s, parts.nodes[0]), parts.nodes[-1])
         return in_space(np.asarray(beam.center) + s * beam.along), parts.section(s)
 
-    held = " held" if beam.supports else " free"
+    held = "held" if beam.supports else "free"
     return Lumped(
         names=(beam.name,),
         masses=(beam.mass,),
@@ -147,7 +147,7 @@ def _of_beam(beam: Beam) -> Lumped:
         lines=np.stack([np.arange(count - 1), np.arange(1, count)], axis=1),
         elastic=parts.elastic,
         load=None,
-        words=f"a{held} beam of {beam.elements} elements",
+        words=f"a {held} beam of {beam.elements} elements",
         beam=parts,
         section=section,
     )
