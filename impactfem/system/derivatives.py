@@ -1,6 +1,7 @@
 """Derivatives of functions that users write: by complex steps where these take them."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,10 @@ Floats = NDArray[np.float64]
 
 _COMPLEX_STEP = 1e-30
 _REAL_STEP = 6e-6  # about eps^(1/3): the error of central differences is 1e-10 of the curvature
-_LONG_STEP = 1e-3  # of differences of fourth order
 _AGREES = 1e-5  # share of the largest entry by which complex steps and differences may differ
+_FALL, _SHORTER = 16.0, 7  # of steps that are looked for, and how often they fall
+_SETTLED = 1e-6  # share by which rates of two steps may differ; the shorter is 256 times better
+_EPS = float(np.finfo(float).eps)
 
 
 def differentiate(phi: Callable[[Any], Any], u: Floats) -> Floats:
@@ -20,24 +23,64 @@ def differentiate(phi: Callable[[Any], Any], u: Floats) -> Floats:
     By complex steps, exact to rounding, if phi takes complex numbers and its answers agree with
     differences; else by central differences.
     """
-    real = np.stack(
-        [
-            (np.atleast_1d(phi(u + h)) - np.atleast_1d(phi(u - h))) / (2.0 * h.max())
-            for h in _steps(u)
-        ],
-        axis=1,
-    ).astype(float)
+    size = float(np.abs(u).max(initial=0.0))
+    step, axes = _REAL_STEP * max(1.0, size), np.eye(len(u))
+    lines = [partial(_along, phi, u, axis) for axis in axes]
     try:
-        columns = [
-            np.imag(np.atleast_1d(phi(u + 1j * _COMPLEX_STEP * row))) / _COMPLEX_STEP
-            for row in np.eye(len(u))
-        ]
+        exact = [np.imag(line(1j * _COMPLEX_STEP)) / _COMPLEX_STEP for line in lines]
     except TypeError:
-        return real
-    complex_one = np.stack(columns, axis=1).astype(float)
-    size = max(1.0, float(np.abs(real).max(initial=0.0)))
+        exact = []
     # abs, min and max drop the imaginary part: then the complex step is wrong, not inaccurate.
-    return complex_one if np.abs(complex_one - real).max(initial=0.0) <= 1e-5 * size else real
+    fits = bool(exact) and all(map(_agree, exact, (_central(line, step) for line in lines)))
+    if not fits:
+        real = [slope(line, step, size) for line in lines]
+        exact = exact if exact and all(map(_agree, exact, real)) else real
+    return np.stack(exact, axis=1).astype(float)
+
+
+def slope(curve: Callable[[float], Floats], longest: float, size: float) -> Floats:
+    """Rates of values curve(s) at s = 0, by central differences of the step that fits each.
+
+    No length tells how far a function is straight: balls of 1e-7 m bend their gap over that. So
+    the step falls while the rates that two steps find differ by more than rounding.
+
+    Args:
+        curve: Takes s to values (m,).
+        longest: First step; the last is 4e-9 of it.
+        size: Of what s is added to, for its rounding.
+
+    Returns:
+        The rates (m,), right to about 1e-8 of themselves, or as rounding lets them be.
+    """
+    found = last = _central(curve, longest)
+    error, most, h = np.full(found.shape, np.inf), np.abs(found), longest
+    for _ in range(_SHORTER):
+        h /= _FALL
+        new = _central(curve, h)
+        most = np.maximum(most, np.abs(new))
+        noise = 4.0 * _EPS * (np.abs(curve(0.0)) + size * most) / h
+        apart = np.abs(new - last)
+        better = apart + noise < error
+        error = np.where(better, apart + noise, error)
+        found = np.where(better & (apart > noise), new, found)  # else the longer is rounded less
+        if (apart <= _SETTLED * np.abs(new) + noise).all():
+            break
+        last = new
+    return found
+
+
+def _central(curve: Callable[[float], Floats], h: float) -> Floats:
+    return np.asarray((curve(h) - curve(-h)) / (2.0 * h), dtype=float)
+
+
+def _along(phi: Callable[[Any], Any], u: Floats, way: Floats, s: complex) -> Any:
+    return np.atleast_1d(phi(u + s * way))
+
+
+def _agree(one: Floats, other: Floats) -> bool:
+    """Whether two columns of a Jacobian, the rates along one coordinate, are the same."""
+    size = float(np.abs(other).max(initial=0.0))
+    return bool(np.abs(one - other).max(initial=0.0) <= _AGREES * size)
 
 
 class Derivative:
@@ -92,15 +135,11 @@ class MatrixRate:
         exact = None if self._is_analytic is False else self._by_complex_step(u, way)
         if exact is not None and self._is_analytic:
             return speed * exact
-        h = _LONG_STEP * max(1.0, float(np.abs(u).max(initial=0.0)))
-        near, far = (
-            (self._at(u + s * way) - self._at(u - s * way)) / (2.0 * s) for s in (h, 2.0 * h)
-        )
-        rate = np.asarray((4.0 * near - far) / 3.0, dtype=float)
+        size = float(np.abs(u).max(initial=0.0))
+        step = _REAL_STEP * max(1.0, size)
+        rate = slope(lambda s: np.asarray(self._at(u + s * way), dtype=float), step, size)
         if self._is_analytic is None and speed > 0.0:
-            size = max(1.0, float(np.abs(rate).max()))
-            fits = exact is not None and np.abs(exact - rate).max() <= _AGREES * size
-            self._is_analytic = bool(fits)
+            self._is_analytic = exact is not None and _agree(exact, rate)
         return speed * rate
 
     def _at(self, u: Any) -> Any:
@@ -113,7 +152,3 @@ class MatrixRate:
         except TypeError:
             return None
         return np.asarray(np.imag(found) / _COMPLEX_STEP, dtype=float)
-
-
-def _steps(u: Floats) -> Floats:
-    return np.diag(_REAL_STEP * np.maximum(1.0, np.abs(u)))

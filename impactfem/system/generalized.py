@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from impactfem.errors import SceneError
 from impactfem.scene.breaks import Break
 from impactfem.scene.signal import Signal
-from impactfem.system.derivatives import Derivative, MatrixRate, differentiate
+from impactfem.system.derivatives import Derivative, MatrixRate, differentiate, slope
 from impactfem.system.generalized_input import (
     Constraints,
     as_function,
@@ -264,8 +264,9 @@ class GeneralizedSystem:
         speed = float(np.abs(way).max(initial=0.0))
         if speed == 0.0:
             return np.zeros(rows(u).shape[:-1])
-        h = 1e-6 * max(1.0, float(np.abs(u).max(initial=0.0))) / speed
-        return np.asarray((rows(u + h * way) - rows(u - h * way)) @ v / (2.0 * h))
+        size = float(np.abs(u).max(initial=0.0))
+        step = 1e-6 * max(1.0, size)
+        return speed * slope(lambda s: rows(u + s / speed * way), step, size) @ v
 
     def _constraints_at(self, u: Floats) -> Floats:
         return np.atleast_1d(np.asarray(self.constraint_function(u), dtype=float))

@@ -91,7 +91,8 @@ def _check_gradients(system: GeneralizedSystem, u: Floats, t: float) -> None:
         )
     norms = np.linalg.norm(jacobian, axis=1)
     gap = system.gap(t, u)
-    flat = np.flatnonzero((norms <= 1e-12 * size) & (np.abs(gap) <= 1e-9))
+    length = max(float(np.abs(u).max(initial=0.0)), float(np.abs(gap).max(initial=0.0)))
+    flat = np.flatnonzero((norms <= 1e-12 * size) & (np.abs(gap) <= 1e-9 * length))
     if len(flat):
         raise SceneError(
             f"the gradient of constraint {flat[0]} vanishes at u = {u.tolist()}, where it is "

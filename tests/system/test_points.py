@@ -111,6 +111,21 @@ def test_gap_of_two_balls():
     check_start(system, u, v)
 
 
+@pytest.mark.parametrize("size", [1e-9, 1e-6, 1e-3, 1.0, 1e4])
+def test_gaps_are_as_curved_as_the_balls_whatever_their_size(size):
+    other = Point(name="b", mass=1.0, position=[0.3 * size, 2.0 * size], radius=0.15 * size)
+    points = [ball(position=[0.0, 1.6 * size], radius=0.1 * size), other]
+    scene = scene_of(points, [FLOOR], [Contact(between=["ball", "b"])])
+    system = points_system(scene).system
+    u, v = start_state(scene)[0], size * np.array([0.4, 0.1, -0.2, 0.5])
+    check_start(system, u, v)  # once: jacobian ... but differences give ...
+    found = differentiate(lambda u: system.constraint_function(np.real(u)), u)
+    assert found == pytest.approx(system.jacobian(u), abs=1e-7)
+    way, across = v[:2] - v[2:], np.array([0.8, -0.6])
+    bend = (way @ across) ** 2 / (0.5 * size)
+    assert system.gap_curvature(0.0, u, v) == pytest.approx([bend], rel=1e-6)
+
+
 def test_moving_plane_is_followed_along_its_normal():
     table = HalfSpace(name="t", point=[0.0, 0.0], normal=[0.6, 0.8], motion=["t", "sin(3*t)"])
     system = points_system(scene_of([ball()], [table])).system
