@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from impactfem import fem
 from impactfem.errors import MeshError
-from impactfem.mesh.holdings import Holdings
-from impactfem.mesh.opening import Job, opened
 from impactfem.mesh.raw import Cell, RawMesh, Source, cell_facets, facet_keys, without_loose_nodes
 from impactfem.mesh.session import gmsh_session
 from impactfem.mesh.sizes import ball_field, options
+from impactfem.reading.holdings import Holdings
+from impactfem.reading.opening import Job, opened
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -68,7 +68,7 @@ def read_body(
         balls=tuple(ball_field(ball, mesh_size or 0.0, unit) for ball in refine),
         unit=unit,
     )
-    with opened(path, job) as found, gmsh_session() as gmsh:
+    with opened(path, job) as found, gmsh_session(f"mesh file {path}") as gmsh:
         gmsh.merge(str(found.path))
         reader = _Reader(gmsh, path, model, dim, found.holdings)
         reader.check_kept(degree)

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import MeshError
-from impactfem.mesh.holdings import Holdings
-from impactfem.mesh.opening import look, opened
 from impactfem.mesh.session import distribute
 from impactfem.mesh.spacetime import BOUNDARIES, Layout, SpaceTimeMesh, find_layers, finish
+from impactfem.reading.holdings import Holdings
+from impactfem.reading.opening import look, opened
 
 _LINE, _TRIANGLE = 1, 2  # Gmsh's numbers of the 2-node line and the 3-node triangle
 _TOLERANCE = 1e-6  # share of a side by which a boundary may miss its place

@@ -26,8 +26,15 @@ def import_gmsh() -> Any:
 
 
 @contextmanager
-def gmsh_session() -> Iterator[Any]:
-    """Open a silent Gmsh session with an empty model, and close it whatever happens."""
+def gmsh_session(what: str = "the mesh") -> Iterator[Any]:
+    """Open a silent Gmsh session with an empty model, and close it whatever happens.
+
+    Args:
+        what: What the session is for, for messages.
+
+    Raises:
+        MeshError: Gmsh raised an error of its own.
+    """
     gmsh = import_gmsh()
     own = not gmsh.isInitialized()
     before = None if own else gmsh.model.getCurrent()
@@ -40,6 +47,10 @@ def gmsh_session() -> Iterator[Any]:
     gmsh.model.add("impactfem")
     try:
         yield gmsh
+    except Exception as error:
+        if type(error) is not Exception:  # Gmsh raises nothing finer
+            raise
+        raise MeshError(f"{what}: Gmsh says: {error}; write it again") from error
     finally:
         gmsh.model.remove()
         if before is not None:

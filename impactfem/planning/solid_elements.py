@@ -101,7 +101,7 @@ def curved_file(scene: Scene, solid: Solid) -> str:
     if solid.mesh is None or not solid.mesh.lower().endswith(".msh"):
         return ""
     from impactfem.fem import MPI, on_root  # noqa: PLC0415  (loads DOLFINx)
-    from impactfem.mesh.opening import look  # noqa: PLC0415
+    from impactfem.reading.opening import look  # noqa: PLC0415
 
     path = Path(scene.folder or "", solid.mesh)
     holdings = on_root(MPI.COMM_WORLD, lambda: look(path, solid.dim, "body.mesh"))

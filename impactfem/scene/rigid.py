@@ -16,7 +16,7 @@ from impactfem.scene.inline import Formulas, InlineTable, NumberOrVector, Vector
 from impactfem.scene.kinds import Choice, FilePath, Name, Real
 from impactfem.scene.points import COORDINATES
 from impactfem.scene.rigid_forms import Form, form_of, form_of_surface
-from impactfem.scene.rigid_keys import InertiaKind, Orientation, rotation
+from impactfem.scene.rigid_keys import InertiaKind, Orientation, inertia_fault, rotation
 from impactfem.scene.rigid_shapes import RIGID_SHAPES, RigidShape
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.surface_files import MESH_SIZE, SCALE, SURFACE_FILES, closed_surface
@@ -25,7 +25,6 @@ from impactfem.scene.values import show
 MODELS = ("2d", "3d")
 _FORCE = ("t", *COORDINATES, "vx", "vy", "vz")
 _MOMENT = ("t", "w", "wx", "wy", "wz")
-_LEAN = 1e-9  # share of the largest moment of inertia by which the triangle inequality may fail
 
 
 @table('[[body]] with kind = "rigid"')
@@ -352,17 +351,8 @@ class RigidBody(BodyKind):
         if self.inertia is not None and self.moments.shape[0] != self.turns:
             wanted = "a number" if self.dim == 2 else "[Ixx, Iyy, Izz] or 3 x 3 numbers"
             raise self._fail("inertia", f" does not fit {self.dim} coordinates: give {wanted}.")
-        own = np.linalg.eigvalsh(self.moments)
-        if not own[0] > 0.0 or not np.isfinite(own).all():
-            shown = ", ".join(f"{value:.6g}" for value in own)
-            text = f" has the principal moments {shown}: all have to be > 0."
-            raise self._fail("inertia", text)
-        if len(own) == 3 and own[2] > (own[0] + own[1]) * (1.0 + _LEAN):
-            shown = ", ".join(f"{value:.6g}" for value in own)
-            text = (
-                f" has the principal moments {shown}: no body has one above the sum of the other "
-            )
-            raise self._fail("inertia", f"{text}two; check them.")
+        if fault := inertia_fault(self.moments):
+            raise self._fail("inertia", fault)
 
     def _check_formulas(self) -> None:
         """Refuse formulas that need other coordinates, or have no finite value at the start."""

@@ -15,6 +15,7 @@ from impactfem.scene.values import LEAST, NotAllowedError, is_number, number, sh
 Floats = NDArray[np.float64]
 
 _NORMAL = 1e-6  # by which the length of a quaternion may differ from 1
+_LEAN = 1e-9  # share of the largest moment of inertia by which the triangle inequality may fail
 _SYMMETRIC = 1e-9  # share of the largest entry by which a matrix may differ from its transpose
 
 
@@ -48,6 +49,23 @@ class InertiaKind(Kind):
     @override
     def write(self, value: float | tuple[tuple[float, ...], ...]) -> float | list[list[float]]:
         return [list(row) for row in value] if isinstance(value, tuple) else value
+
+
+def inertia_fault(moments: Floats, *, thin: bool = False) -> str | None:
+    """What is wrong with moments of inertia, in words; None if a body has them.
+
+    Args:
+        moments: In the plane (1, 1), in space (3, 3) [kg m^2].
+        thin: Whether those of points and rods, which have none about some axes, are allowed.
+    """
+    own = np.linalg.eigvalsh(moments) if np.isfinite(moments).all() else np.full(1, np.nan)
+    shown = " has the principal moments " + ", ".join(f"{value:.6g}" for value in own)
+    most = _LEAN * abs(float(own[-1]))
+    if not (own[0] >= -most if thin else own[0] > 0.0):
+        return f"{shown}: all have to be {'>= 0' if thin else '> 0'}."
+    if len(own) == 3 and own[2] > own[0] + own[1] + most:
+        return f"{shown}: no body has one above the sum of the other two; check them."
+    return None
 
 
 @table("orientation = { ... }")

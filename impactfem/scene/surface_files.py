@@ -1,10 +1,6 @@
-"""Closed surfaces from files: STL is read here, meshes and geometry by Gmsh in its own process."""
+"""Closed surfaces from files: STL is read here, meshes and geometry by Gmsh apart."""
 
-import os
 import re
-import subprocess
-import sys
-import tempfile
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,6 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.errors import MeshError
+from impactfem.reading.opening import Job, opened
+from impactfem.reading.regular import read_regular, reason
 from impactfem.scene.closed_surface import ClosedSurface, crossed, faults, signed_volume, told
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
@@ -31,35 +30,6 @@ _FACETS = {
     3: ((0, 1), (1, 2), (2, 0)),
     4: ((1, 2, 3), (0, 2, 1), (0, 3, 2), (0, 1, 3)),
 }  # by the number of corners of a cell, outwards
-_LAUNCHER = re.compile(r"(PMI|MPI|OMPI|PRTE|HYDRA|SLURM)")
-_PROGRAM = """
-import sys
-import numpy as np
-source, target, size = sys.argv[1:]
-try:
-    import gmsh
-except (ImportError, OSError) as error:
-    sys.exit(f"Gmsh cannot be loaded ({error}); pip install 'impactfem[fem]'")
-gmsh.initialize(readConfigFiles=False, interruptible=False)
-gmsh.option.setNumber("General.Terminal", 0)
-gmsh.option.setNumber("General.NumThreads", 1)
-gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-try:
-    gmsh.open(source)
-    if float(size):
-        gmsh.option.setNumber("Mesh.MeshSizeMin", float(size))
-        gmsh.option.setNumber("Mesh.MeshSizeMax", float(size))
-        gmsh.model.mesh.generate(3)
-except Exception as error:
-    sys.exit(f"Gmsh says: {error}")
-mesh = gmsh.model.mesh
-tags, points, _ = mesh.getNodes()
-found = {"tags": tags, "points": points}
-found |= {f"cells{count}": mesh.getElementsByType(kind)[1] for kind, count in ((2, 3), (4, 4))}
-others = [kind for kind in mesh.getElementTypes() if kind not in (1, 2, 4, 15)]
-kinds = [mesh.getElementProperties(kind)[0] for kind in others]
-np.savez(target, others=np.array(kinds, dtype=str), **found)
-"""
 
 
 def closed_surface(body: Any, dim: int) -> ClosedSurface:
@@ -88,8 +58,13 @@ def closed_surface(body: Any, dim: int) -> ClosedSurface:
         )
     except _FaultError as error:
         text = f"{given} {error.args[0]}: {error.args[1]} (the file is {path})."
-    except OSError as error:
-        text = f"{given} cannot be read ({error.strerror or error}): check it, relative paths "
+    except MeshError as error:
+        text = (
+            f"{given} is not read: {str(error).removeprefix(f'mesh file {path}: ')} (the file is "
+        )
+        text += f"{path})."
+    except (OSError, ValueError) as error:
+        text = f"{given} cannot be read ({reason(error)}): check it, relative paths "
         text += f"start at the scene file (looked for {path})."
     raise KeyedError(body.kind, "mesh", text)
 
@@ -108,7 +83,7 @@ def _read(
     if path.suffix.lower() == ".stl":
         if dim == 2:
             raise _FaultError("is a surface in space", "in the plane give a .msh file")
-        points, simplices = _merged(_stl(path.read_bytes()))
+        points, simplices = _merged(_stl(read_regular(path)))
     else:
         step = path.suffix.lower() in _STEP
         if step and dim == 2:
@@ -167,19 +142,16 @@ def _merged(corners: Floats) -> tuple[Floats, Integers]:
 
 def _by_gmsh(path: Path, dim: int, size: float) -> tuple[Floats, Integers, Integers | None]:
     """Points, facets of the boundary and cells of a mesh; of a surface mesh its triangles."""
-    path.read_bytes()[:1]  # an error of the system says more than Gmsh's
-    environment = {name: value for name, value in os.environ.items() if not _LAUNCHER.match(name)}
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder, "mesh.npz")
-        done = subprocess.run(  # noqa: S603  (our own program)
-            [sys.executable, "-P", "-c", _PROGRAM, str(path), str(target), repr(size)],
-            env=environment, stdin=subprocess.DEVNULL, capture_output=True, check=False,
-        )  # fmt: skip
-        if done.returncode or not target.exists():
-            said = done.stderr.decode(errors="replace").strip().splitlines() or ["no mesh"]
-            raise _FaultError(f"is not read: {said[-1][:300]}", "correct it, or export it again")
-        with np.load(target) as file:
-            given = dict(file)
+    step = path.suffix.lower() in _STEP
+    options = {"General.NumThreads": 1.0}
+    if step:
+        options |= {"Mesh.MeshSizeMin": size, "Mesh.MeshSizeMax": size}
+    job = Job(
+        key="mesh", surfaces="triangles", endings=SURFACE_FILES[1:], dim=3, options=options,
+        unit=_MILLIMETRE if step else 1.0, arrays=True,
+    )  # fmt: skip
+    with opened(path, job) as found:
+        given = found.arrays
     if others := given["others"].tolist():
         text = f"has elements {', '.join(map(show, others))}"
         raise _FaultError(text, "give triangles or tetrahedra of first order")

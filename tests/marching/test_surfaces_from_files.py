@@ -1,5 +1,6 @@
 """Rigid bodies and obstacles whose surface is in a file, against closed forms and shapes."""
 
+import os
 import re
 
 import numpy as np
@@ -344,9 +345,27 @@ def test_meshes_and_step_files_are_read_by_gmsh(tmp_path):
     assert disc.total_mass == pytest.approx(np.pi, rel=2e-3)
     assert disc.center == pytest.approx([0.5, 0.0], abs=1e-12)
     assert disc.moments[0, 0] == pytest.approx(np.pi / 2.0, rel=4e-3)
-    (tmp_path / "bad.msh").write_text("no mesh")
-    with pytest.raises(SceneError, match=r'mesh = "bad.msh" is not read: Gmsh says: .*correct it'):
-        RigidBody(mesh="bad.msh", density=1.0).opened(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b'SystemCall "touch {}";\nSetFactory("OpenCASCADE");\nBox(1) = {0,0,0, 1,1,1};\nMesh 3;',
+         r"does not begin with \$MeshFormat"),
+        (b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 9 1 9", "Gmsh says: .*correct the file"),
+        (None, "it is no regular file"),
+    ],
+)  # fmt: skip
+def test_a_mesh_of_strangers_is_no_program_and_no_pipe(tmp_path, content, said):
+    path, target = tmp_path / "bad.msh", tmp_path / "hit"
+    if content is None:
+        os.mkfifo(path)  # reading it would wait for ever
+    else:
+        path.write_bytes(content.replace(b"{}", bytes(target)))
+    for given in (RigidBody(mesh="bad.msh", density=1.0), RigidMesh(mesh="bad.msh")):
+        with pytest.raises(SceneError, match=rf'mesh = "bad.msh" .*{said}'):
+            given.opened(tmp_path)
+    assert not target.exists()
 
 
 @pytest.mark.parallel(2)

@@ -317,6 +317,15 @@ def test_a_script_can_run_no_commands(write, tmp_path):
     message = refused(write(f'SystemCall "touch {target}";\n{SQUARE}', "body.geo"))
     assert "'SystemCall' is not allowed" in message
     assert not target.exists()
+    for word in ('a() = ListFromFile("x");', 'a = FileExists("x");'):
+        assert "is not allowed" in refused(write(f"{word}\n{SQUARE}", "body.geo"))
+
+
+@pytest.mark.parametrize("affine", ["", "Affine 1 0 0 1 0 1 0 0 0 0 1 0 0 0 0 1\n"])
+def test_which_nodes_are_copies_does_not_matter(write, affine):
+    """Gmsh wrote such sections of format 2 anew in a way that it did not read again."""
+    copies = f"$Periodic\n1\n0 2 1\n{affine}1\n2 1\n$EndPeriodic\n"
+    assert read(write(listed(UNIT, TWO) + copies)).volume == pytest.approx(1.0)
 
 
 BROKEN = {

@@ -8,9 +8,9 @@ import pytest
 
 from impactfem.errors import MeshError
 from impactfem.fem import MPI
-from impactfem.mesh import opening
 from impactfem.mesh.files import read_mesh, told
 from impactfem.mesh.session import gmsh_session
+from impactfem.reading import opening
 
 T, L = 2.0, 1.0
 GOOD = """

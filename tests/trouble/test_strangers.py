@@ -15,7 +15,7 @@ from trouble_process import DISC, run
 
 from impactfem.errors import MeshError, OutputError, SceneError, plain
 from impactfem.marching.checkpoint import FILE, load, scene_of
-from impactfem.mesh import opening
+from impactfem.reading import apart, opening
 from impactfem.result.store import LAST
 from impactfem.scene import Scene
 from impactfem.scene.toml import MAX_BYTES, MAX_PARTS, read_toml
@@ -135,8 +135,8 @@ SCRIPTS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("text", SCRIPTS.values(), ids=SCRIPTS)
 def test_scripts_end(tmp_path, monkeypatch, text):
-    monkeypatch.setattr(opening, "_SECONDS", 1)
-    monkeypatch.setattr(opening, "_BYTES", 2**31)
+    monkeypatch.setattr(apart, "_SECONDS", 1)
+    monkeypatch.setattr(apart, "_BYTES", 2**31)
     path = tmp_path / "mesh.geo"
     path.write_text(text)
     with pytest.raises(MeshError, match=r"takes too long|crashed|memory"), opening.opened(path):

@@ -1,0 +1,34 @@
+"""The bytes of a file that a scene names."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+MAX_BYTES = 512 * 2**20
+"""Largest file of a mesh, surface or geometry that is read."""
+
+
+def read_regular(path: Path, most: int = MAX_BYTES) -> bytes:
+    """Read a file, but no device, pipe or folder: these may have no end, or wait for ever.
+
+    Args:
+        path: May be a link to a file.
+        most: Bytes beyond which nothing is read.
+
+    Raises:
+        OSError: It cannot be read, is no regular file, or is larger.
+        ValueError: The path cannot be the name of a file.
+    """
+    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY), "rb") as file:  # noqa: PTH123
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(errno.EINVAL, "it is no regular file")
+        content = file.read(most + 1)  # its size may be anything by now
+    if len(content) > most:
+        raise OSError(errno.EFBIG, f"it is larger than the {most / 2**20:g} MiB that are read")
+    return content
+
+
+def reason(error: OSError | ValueError) -> str:
+    """Why a file was not read."""
+    return str(getattr(error, "strerror", None) or error)
