@@ -12,6 +12,7 @@ from impactfem.mesh.session import distribute
 from impactfem.mesh.spacetime import BOUNDARIES, Layout, SpaceTimeMesh, find_layers, finish
 from impactfem.reading.holdings import Holdings
 from impactfem.reading.opening import look, opened
+from impactfem.scene.values import show
 
 _LINE, _TRIANGLE = 1, 2  # Gmsh's numbers of the 2-node line and the 3-node triangle
 _TOLERANCE = 1e-6  # share of a side by which a boundary may miss its place
@@ -83,9 +84,10 @@ class _Reader:
         mesh = self.gmsh.model.mesh
         kinds = [int(kind) for kind in mesh.getElementTypes(2)]
         if kinds != [_TRIANGLE] or list(mesh.getElementTypes(3)):
+            held = [str(mesh.getElementProperties(kind)[0]) for kind in mesh.getElementTypes()]
             raise self.fault(
-                f"needs 3-node triangles only, has Gmsh element types {kinds or 'none'} on "
-                "surfaces; mesh one plane surface with first-order triangles"
+                f"needs 3-node triangles only, it has {', '.join(held) or 'none'}; mesh one "
+                "plane surface with first-order triangles"
             )
         if not self.gmsh.model.getPhysicalGroups(2):
             raise self.fault('no physical surface; add `Physical Surface("bar") = {...};`')
@@ -164,7 +166,8 @@ class _Reader:
         missing = [name for name in BOUNDARIES if name not in tags]
         if missing:
             raise self.fault(
-                f"physical curves {missing} are missing, found {sorted(tags)}; name the sides "
+                f"physical curves {', '.join(missing)} are missing, found "
+                f"{', '.join(map(show, sorted(tags))) or 'none'}; name the sides "
                 "start (t = 0), end (t = T), wall (x = 0) and far (x = L)"
             )
         duration, length = self.sides

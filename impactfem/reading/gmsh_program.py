@@ -137,6 +137,8 @@ try:
         json.dump(found, file)
 except UnicodeError:  # Gmsh repeats what it cannot read, which here is no text
     errors.insert(0, "the file holds bytes that are no text where a mesh file has words")
+except MemoryError:
+    errors.insert(0, "it takes more memory than a file of its size may")
 except Exception as error:
     errors.insert(0, str(error))
 sys.exit(errors[0] if errors else 0)

@@ -6,7 +6,7 @@ import re
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -135,7 +135,10 @@ def look(path: Path, dim: int = 2, key: str = "solve.mesh") -> Holdings:
 
 @lru_cache(maxsize=8)
 def _look(path: Path, dim: int, key: str, _changed: int, _size: int) -> Holdings:
-    with opened(path, Job(key=key, dim=dim)) as found:
+    job = Job(key=key, dim=dim)
+    if key != SPACE_TIME.key:
+        job = replace(job, surfaces="elements of the body")
+    with opened(path, job) as found:
         return found.holdings
 
 

@@ -21,14 +21,17 @@ def read_regular(path: Path, most: int = MAX_BYTES) -> bytes:
         ValueError: The path cannot be the name of a file.
     """
     with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY), "rb") as file:  # noqa: PTH123
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        known = os.fstat(file.fileno())
+        if not stat.S_ISREG(known.st_mode):
             raise OSError(errno.EINVAL, "it is no regular file")
-        content = file.read(most + 1)  # its size may be anything by now
-    if len(content) > most:
+        content = b"" if known.st_size > most else file.read(most + 1)  # it may grow meanwhile
+    if max(known.st_size, len(content)) > most:
         raise OSError(errno.EFBIG, f"it is larger than the {most / 2**20:g} MiB that are read")
     return content
 
 
 def reason(error: OSError | ValueError) -> str:
-    """Why a file was not read."""
+    """Why a file was not read, in words."""
+    if isinstance(error, UnicodeDecodeError):
+        return f"byte {error.start} is not {error.encoding.upper()}"
     return str(getattr(error, "strerror", None) or error)

@@ -150,12 +150,12 @@ class RigidBody(BodyKind):
             text = f" = {show(list(cuts))} makes parts of solids: remove it, a rigid body is whole."
             raise KeyedError(self.kind, "shape.symmetry", text)
         try:
-            volume = self.form.volume
+            volume, cornerless = self.form.volume, not len(self.form.nodes)
         except KeyedError as error:
             if self.mesh is not None:
                 raise
             raise error.moved("").under("shape", self.kind) from None
-        if not math.isfinite(volume) or volume <= 0.0:
+        if not math.isfinite(volume) or volume <= 0.0 or cornerless:
             raise KeyedError(
                 self.kind,
                 "shape" if self.shape else "mesh",

@@ -23,6 +23,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _FLAT = 1e-9  # volume of a hull, as a share of that of a cube of its size, that counts as none
+_THIN = 1e-12  # side of a block, as a share of its size or place, that rounding spoils
 _BULGE = 1e-4  # share by which the hull of a convex body may be larger: files round
 _ROUND = 48  # corners of circles in pictures
 _ALONG_RIM = 8  # places of a rim that can touch at once: its lowest one, and others beside it
@@ -146,10 +147,16 @@ def _cornered(corners: Floats, hull: Integers) -> Form:
 
 def _block(shape: Block) -> Form:
     corner, size = np.asarray(shape.corner, dtype=float), np.asarray(shape.size, dtype=float)
-    corners = corner + size * np.array(list(np.ndindex(*(2,) * shape.dim)))
+    unit = np.array(list(np.ndindex(*(2,) * shape.dim)), dtype=float)
+    corners = corner + size * unit
+    if size.min() < _THIN * np.abs(np.vstack([corners, size])).max():
+        text = f" = {show(size.tolist())} has a side that rounding spoils at corner = "
+        raise KeyedError(shape.kind, "size", f"{text}{show(corner.tolist())}: give a thicker one.")
     volume = float(size.prod())
     second = volume / 12.0 * np.diag(size**2)  # closed forms: no rounding breaks its symmetries
-    return replace(_hull_of(corners), volume=volume, centre=corner + 0.5 * size, second=second)
+    hull = _hull_of(unit)  # that of a thin block would be lost to rounding in Qhull
+    form = _cornered(corners, hull.cells[:, 1:])
+    return replace(form, volume=volume, centre=corner + 0.5 * size, second=second)
 
 
 def _round(
@@ -243,18 +250,30 @@ def _hull(shape: Hull) -> Form:
 
 def _hull_of(points: Floats) -> Form:
     """The convex hull of points; of no volume where they lie in a line or plane."""
-    from scipy.spatial import ConvexHull, QhullError  # noqa: PLC0415  (only rigid bodies need it)
-
-    dim = points.shape[1]
-    try:
-        found = ConvexHull(points)
-    except (QhullError, ValueError):
-        return _cornered(points, np.zeros((0, dim), dtype=np.int64))
+    found = _qhull(points)
+    if found is None:
+        return _cornered(points, np.zeros((0, points.shape[1]), dtype=np.int64))
     simplices = found.simplices.astype(np.int64)
     inner = points[found.vertices].mean(axis=0)
     inwards = np.linalg.det(points[simplices] - inner) < 0.0
     simplices[inwards] = simplices[inwards][:, ::-1]
     return _cornered(points, simplices)
+
+
+def _qhull(points: Floats) -> Any:
+    """Qhull's answer; None where points lie in a line or plane, or are not finite."""
+    from scipy.spatial import ConvexHull, QhullError  # noqa: PLC0415  (only rigid bodies need it)
+
+    try:
+        return ConvexHull(points)
+    except (QhullError, ValueError):
+        return None
+
+
+def hull_corners(points: Floats) -> Floats:
+    """Those of points that are corners of their hull, shape (corners, dim); all if it is flat."""
+    found = _qhull(points)
+    return points if found is None else np.asarray(points[found.vertices])
 
 
 def _sphere() -> Floats:

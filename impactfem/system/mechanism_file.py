@@ -1,23 +1,73 @@
 """Reading of mechanisms: URDF and MJCF files, by Pinocchio."""
 
+import pickle  # what our own process found
+import re
+import tempfile
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from impactfem.reading.apart import ApartError, apart
 from impactfem.scene import Block, Capsule, Hull, Mechanism, Sphere
-from impactfem.scene.rigid_forms import Form, form_of
+from impactfem.scene.rigid_forms import Form, form_of, hull_corners
 from impactfem.scene.rigid_keys import rotation
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.link_shapes import LinkShape
-from impactfem.system.mechanism_checks import Element, checked, fail
+from impactfem.system.mechanism_checks import checked, fail
 from impactfem.system.tree import Tree, import_pinocchio
 
 _FREE = 6  # rates of a free base
 _AROUND = 16  # places of the rim of a cylinder
 _MOST_CORNERS = 500  # of the hull of a mesh
+_LIBRARY = re.compile(rb"^[ \t]*mtllib[^\n]*", re.MULTILINE)
+_PROGRAM = """
+import pickle
+
+source, target, kind, free = sys.argv[4:]
+try:
+    import pinocchio as pin
+except (ImportError, OSError) as error:
+    print(f"Pinocchio cannot be loaded ({error}); pip install impactfem[robots]", file=sys.stderr)
+    sys.exit(3)
+
+def told(model, shape):
+    given, placement = shape.geometry, shape.placement
+    found = {
+        "link": str(model.frames[shape.parentFrame].name), "joint": int(shape.parentJoint),
+        "kind": type(given).__name__, "turn": placement.rotation, "place": placement.translation,
+    }
+    if found["kind"].startswith(("BVHModel", "Convex")):
+        points = given.vertices() if found["kind"].startswith("BVH") else given.points()
+        found |= {"kind": "mesh", "points": points.copy()}
+    return found | {
+        key: getattr(given, key) for key in ("halfSide", "radius", "halfLength")
+        if hasattr(given, key)
+    }
+
+try:
+    with bounded():
+        if kind == "robot":
+            model = pin.buildModelFromUrdf(source, *((pin.JointModelFreeFlyer(),) if free else ()))
+            shapes = pin.buildGeomFromUrdf(
+                model, source, pin.GeometryType.COLLISION, package_dirs=[os.path.dirname(source)]
+            )
+        else:
+            model = pin.buildModelFromMJCF(source)
+            shapes = pin.buildGeomFromMJCF(model, source, pin.GeometryType.COLLISION)
+        found = pickle.dumps((model, [told(model, shape) for shape in shapes.geometryObjects]))
+except MemoryError:
+    sys.exit("it takes more memory than a file of its size may")
+except Exception as error:
+    said = " ".join(str(error).split()).rpartition("message: ")[2].partition(" Hint:")[0]
+    sys.exit(said.rstrip(".") or type(error).__name__)
+with open(target, "wb") as file:
+    file.write(found)
+"""
 
 
 def read_mechanism(body: Mechanism, folder: Path | None) -> tuple[Tree, list[LinkShape]]:
@@ -27,49 +77,67 @@ def read_mechanism(body: Mechanism, folder: Path | None) -> tuple[Tree, list[Lin
         KeyedError: The file cannot be read, holds what is not modelled, or names meshes elsewhere.
         MissingDependencyError: Pinocchio is not installed.
     """
-    path = Path(folder or "", body.file)
-    root, pin = checked(body, path), import_pinocchio()
+    root, meshes = checked(body, Path(folder or "", body.file))
+    pin, free = import_pinocchio(), body.base == "free"
+    if free and root.tag != "robot":
+        word = " of an MJCF file is what the file says: write <freejoint/> there, and remove "
+        raise KeyedError(body.kind, "base", f' = "free"{word}base.')
     try:
-        model, shapes = _read(pin, body, path, root)
-    except (ValueError, RuntimeError) as error:
-        said = " ".join(str(error).replace(str(path), "it").split()).rstrip(".")
-        raise fail(body, f": {said}; correct the file.") from None
-    there = pin.SE3(rotation(body.quaternion), np.asarray(body.position, dtype=float))
-    _move_base(model, shapes, there)
-    _free_base(pin, model)
-    return Tree(model), [_shape(body, model, shape) for shape in shapes.geometryObjects]
-
-
-def _read(pin: Any, body: Mechanism, path: Path, root: Element) -> tuple[Any, Any]:
-    """Model and geometry of a file."""
-    free, text = body.base == "free", str(path)
-    if root.tag != "robot":
-        if free:
-            word = " of an MJCF file is what the file says: write <freejoint/> there, and remove "
-            raise KeyedError(body.kind, "base", f' = "free"{word}base.')
-        model = pin.buildModelFromMJCF(text)
-        return model, pin.buildGeomFromMJCF(model, text, pin.GeometryType.COLLISION)
-    model = pin.buildModelFromUrdf(text, *((pin.JointModelFreeFlyer(),) if free else ()))
-    shapes = pin.buildGeomFromUrdf(
-        model, text, pin.GeometryType.COLLISION, package_dirs=[str(path.parent)]
-    )
+        found = _read(ET.tostring(root), root.tag, tuple(meshes), free)
+    except ApartError as error:
+        raise fail(body, f": {' '.join(str(error).split())}.") from None
+    model, shapes = pickle.loads(found)  # noqa: S301  (our own process wrote it)
     for link in root.iter("link"):
-        read = sum(_link(model, shape) == link.get("name") for shape in shapes.geometryObjects)
+        read = sum(shape["link"] == link.get("name") for shape in shapes)
         if read < len(link.findall("collision")):
             word = f": link {show(link.get('name', '?'))} has a collision shape that is not read: "
             word += 'give box, sphere, cylinder, mesh, or with <robot version="1.2"> capsule.'
             raise fail(body, word)
-    return model, shapes
+    there = pin.SE3(rotation(body.quaternion), np.asarray(body.position, dtype=float))
+    _move_base(pin, model, shapes, there)
+    _free_base(pin, model)
+    return Tree(model), [_shape(body, shape) for shape in shapes]
 
 
-def _move_base(model: Any, shapes: Any, there: Any) -> None:
+@lru_cache(maxsize=4)  # members of ensembles have the file in common
+def _read(
+    content: bytes, kind: str, meshes: tuple[tuple[str, bytes, str], ...], free: bool
+) -> bytes:
+    """Model and shapes of a file, read apart and pickled.
+
+    Raises:
+        ApartError: Pinocchio does not read it.
+    """
+    with tempfile.TemporaryDirectory(prefix="impactfem-") as folder:
+        source, target = Path(folder, "file.xml"), Path(folder, "found")
+        source.write_bytes(content)
+        for name, mesh, _ in meshes:
+            # An .obj may name further files, which nothing here needs.
+            Path(folder, name).write_bytes(_LIBRARY.sub(b"", mesh) if ".obj" in name else mesh)
+        size = len(content) + sum(len(mesh) for _, mesh, _ in meshes)
+        words = [str(source), str(target), kind, "free" if free else ""]
+        try:
+            apart(_PROGRAM, words, size, "Pinocchio")
+        except ApartError as error:
+            text = str(error).replace(f"{source}", "it")
+            for name, _, given in meshes:
+                text = text.replace(f"{Path(folder, name)}", given)
+            raise ApartError(text) from None
+        return target.read_bytes()
+
+
+def _move_base(pin: Any, model: Any, shapes: list[dict[str, Any]], there: Any) -> None:
     """Put what hangs on the world elsewhere."""
     for joint in range(1, model.njoints):
         if model.parents[joint] == 0:
             model.jointPlacements[joint] = there * model.jointPlacements[joint]
-    for entry in (*list(model.frames)[1:], *shapes.geometryObjects):
+    for entry in list(model.frames)[1:]:
         if entry.parentJoint == 0:
             entry.placement = there * entry.placement
+    for shape in shapes:
+        if shape["joint"] == 0:
+            moved = there * pin.SE3(shape["turn"], shape["place"])
+            shape |= {"turn": moved.rotation, "place": moved.translation}
 
 
 def _free_base(pin: Any, model: Any) -> None:
@@ -87,47 +155,53 @@ def _free_base(pin: Any, model: Any) -> None:
     known["base"] = start
 
 
-def _link(model: Any, shape: Any) -> str:
-    return str(model.frames[shape.parentFrame].name)
-
-
-def _shape(body: Mechanism, model: Any, shape: Any) -> LinkShape:
+def _shape(body: Mechanism, shape: dict[str, Any]) -> LinkShape:
     """A collision shape in the frame of its joint."""
-    given, link = shape.geometry, _link(model, shape)
-    form = _form(given)
+    link, kind = shape["link"], shape["kind"]
+    try:
+        form = _form(shape)
+    except KeyedError as error:
+        if kind == "mesh":
+            text = f": the mesh of {link} has no volume: give one that is not flat, with finite "
+            raise fail(body, f"{text}coordinates.") from None
+        why = f"{error.key}{error.text}".partition("; give ")[0].partition(": give")[0]
+        text = f": the {kind.lower()} of {link} has no volume, {why}: give sizes > 0."
+        raise fail(body, text) from None
     if form is None:
-        text = f": a shape of {link} is a {type(given).__name__}: give boxes, spheres, capsules, "
+        text = f": a shape of {link} is a {kind}: give boxes, spheres, capsules, "
         raise fail(body, f"{text}cylinders or meshes; what stays where it is as [[obstacle]].")
     if len(form.nodes) > _MOST_CORNERS:
         text = f": the hull of a mesh of {link} has {len(form.nodes)} corners: give a simpler one, "
         raise fail(body, f"{text}of at most {_MOST_CORNERS}.")
-    turn, place = shape.placement.rotation, shape.placement.translation
+    turn, place = shape["turn"], shape["place"]
     nodes, points = (np.asarray(place + each @ turn.T) for each in (form.nodes, form.points))
-    found = LinkShape(link, int(shape.parentJoint), nodes, form.radius, points, form.cells)
-    if type(given).__name__ == "Cylinder":
-        way = given.halfLength * turn[:, 2]
-        found = replace(found, ends=place + np.stack([-way, way]), girth=float(given.radius))
+    found = LinkShape(link, shape["joint"], nodes, form.radius, points, form.cells)
+    if kind == "Cylinder":
+        way = shape["halfLength"] * turn[:, 2]
+        found = replace(found, ends=place + np.stack([-way, way]), girth=float(shape["radius"]))
     return found
 
 
-def _form(given: Any) -> Form | None:
-    """What a shape of coal amounts to in its own frame; None of those that are not modelled."""
-    from scipy.spatial import ConvexHull  # noqa: PLC0415  (only mechanisms need it)
+def _form(shape: dict[str, Any]) -> Form | None:
+    """What a shape of coal amounts to in its own frame; None of those that are not modelled.
 
-    kind, axis = type(given).__name__, [0.0, 0.0, 1.0]
+    Raises:
+        KeyedError: It has no volume.
+    """
+    kind, axis = shape["kind"], [0.0, 0.0, 1.0]
+    radius, half = float(shape.get("radius", 0.0)), float(shape.get("halfLength", 0.0))
     if kind == "Box":
-        half = np.asarray(given.halfSide)
-        return form_of(Block(size=(2.0 * half).tolist(), corner=(-half).tolist()))
+        corner = np.asarray(shape["halfSide"])
+        return form_of(Block(size=(2.0 * corner).tolist(), corner=(-corner).tolist()))
     if kind == "Sphere":
-        return form_of(Sphere(radius=given.radius, center=[0.0, 0.0, 0.0]))
+        return form_of(Sphere(radius=radius, center=[0.0, 0.0, 0.0]))
     if kind == "Capsule":
-        return form_of(Capsule(radius=given.radius, length=2.0 * given.halfLength, axis=axis))
+        return form_of(Capsule(radius=radius, length=2.0 * half, axis=axis))
     if kind == "Cylinder":
         angle = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
-        rim = given.radius * np.stack([np.cos(angle), np.sin(angle), np.zeros(_AROUND)], axis=1)
-        up = np.array([0.0, 0.0, given.halfLength])
+        rim = radius * np.stack([np.cos(angle), np.sin(angle), np.zeros(_AROUND)], axis=1)
+        up = np.array([0.0, 0.0, half])
         return form_of(Hull(points=np.vstack([rim - up, rim + up]).tolist()))
-    if kind.startswith(("BVHModel", "Convex")):
-        points = np.asarray(given.vertices() if kind.startswith("BVH") else given.points())
-        return form_of(Hull(points=points[ConvexHull(points).vertices].tolist()))
+    if "points" in shape:
+        return form_of(Hull(points=hull_corners(np.asarray(shape["points"])).tolist()))
     return None

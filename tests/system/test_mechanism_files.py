@@ -15,7 +15,7 @@ from impactfem.models.kinematics import kinematics
 from impactfem.models.solids import solids_model
 from impactfem.starting import starters
 
-MOVING = '<inertial><origin xyz="0.5 0 0"/><mass value="1"/><inertia ixx="0" iyy="0" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'  # noqa: E501
+MOVING = '<inertial><origin xyz="0.5 0 0"/><mass value="1"/><inertia ixx="0" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'  # noqa: E501
 LIMIT = '<limit lower="-2.9" upper="2.9" effort="1" velocity="1"/>'
 TWO_R = f"""<robot name="two_r"><link name="base"/>
 <link name="upper">{MOVING}</link><link name="lower">{MOVING}</link><link name="hand"/>
@@ -130,9 +130,13 @@ MESH = '<collision><geometry><mesh filename="{}"/></geometry></collision>'
         (TWO_R, {"joints": {"elbow": {"motor": "1/q"}}}, 'motor = "1/q" has no finite value'),
         (TWO_R, {"velocity": [1, 0, 0]}, r"velocity = .* is of a first link that moves"),
         (TWO_R, {"place": {"frame": "hnd", "target": [1, 1, 0]}}, 'frame "hnd"; did you mean'),
-        (TWO_R.replace('mass value="1"', 'mass value="0"').replace('izz="0.1"', 'izz="0"'), {},
+        (TWO_R.replace('mass value="1"', 'mass value="0"').replace('"0.1"', '"0"'), {},
          'joint "(shoulder|elbow)" moves nothing that has inertia'),
         (_replaced('mass value="1"', 'mass value="-1"'), {}, '"upper" has the mass "-1"'),
+        (_replaced('ixx="0"', 'ixx="-0.01"'), {}, '"upper" has the principal moments -0.01, 0.1'),
+        (_replaced('izz="0.1"', 'izz="0.2"'), {}, "0, 0.1, 0.2: no body has one above the sum"),
+        (_replaced('mass value="1"', 'mass value="0"'), {}, '"upper" has inertia, but no mass'),
+        (_replaced('xyz="1 0 0"', 'xyz="nan 0 0"'), {}, '<origin> of "elbow" has xyz = "nan 0 0"'),
         (_replaced('type="revolute"', 'type="bend"'), {}, '"shoulder" has type = "bend"'),
         (_replaced('parent link="upper"', 'parent link="uper"'), {}, 'link .*"uper"; did you mean'),
         (_replaced("</robot>", ""), {}, "is not valid XML"),
@@ -163,6 +167,12 @@ def test_bad_files_and_joints_name_key_and_remedy(tmp_path, text, body, said, ca
         ("</worldbody>", '<body name="more"><geom size="1" mass="1"/></body></worldbody>',
          "has 2 bodies"),
         ('type="sphere" size="0.1"', 'type="ellipsoid" size="0.1 0.1 0.2"', "is a Ellipsoid"),
+        ('name="elbow" type="hinge"', 'name="elbow" class="x"', 'no <default class> .* named "x"'),
+        ('name="elbow" type="hinge"', 'name="elbow" type="bend"', '"elbow" has type = "bend"'),
+        ('<geom type="sphere" size="0.1" pos="1 0 0" mass="1"/>', '<geom type="mesh" mesh="m"/>',
+         '"lower" has its mass from a mesh'),  # Pinocchio takes 1 kg and 1 kg m^2 for any
+        ('<geom type="sphere"', '<inertial mass="1" diaginertia="1 1 3"/><geom type="sphere"',
+         '"lower" has the principal moments 1, 1, 3: no body'),
     ],
 )  # fmt: skip
 def test_what_mjcf_says_in_vain_is_refused(tmp_path, old, new, said):

@@ -125,3 +125,16 @@ def test_a_solid_that_reaches_nothing_is_no_fault():
     assert result.history["gap"].isnull().all()
     assert "not_finite" not in [each["code"] for each in result.summary["verdict"]["findings"]]
     assert result.summary["status"] == "completed"
+
+
+def test_blocks_whose_sides_rounding_spoils_are_refused():
+    """Qhull loses them: such a body had no corner, and ended in a traceback."""
+    keys = {"density": 500.0, "velocity": [0.3, 0.0, 0.0]}
+    for thick, place in ((1e-20, 0.0), (1e-20, -0.15), (1e-14, 0.0), (1e-3, 1e12)):
+        block = {"kind": "block", "size": [thick, 0.2, 0.1], "corner": [place, -0.1, 0.95]}
+        with pytest.raises(SceneError, match=r"shape\.size = .* has a side that rounding spoils"):
+            impactfem.RigidBody(shape=block, **keys)
+    leaf = {"kind": "block", "size": [1e-10, 0.2, 0.1], "corner": [-0.15, -0.1, 0.95]}
+    body = impactfem.RigidBody(shape=leaf, **keys)
+    assert len(body.form.nodes) == 8
+    assert body.total_mass == pytest.approx(500.0 * 1e-10 * 0.2 * 0.1, rel=1e-12)
