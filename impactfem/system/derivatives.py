@@ -27,15 +27,15 @@ def differentiate(phi: Callable[[Any], Any], u: Floats) -> Floats:
     step, axes = _REAL_STEP * max(1.0, size), np.eye(len(u))
     lines = [partial(_along, phi, u, axis) for axis in axes]
     try:
-        exact = [np.imag(line(1j * _COMPLEX_STEP)) / _COMPLEX_STEP for line in lines]
+        columns = [np.imag(line(1j * _COMPLEX_STEP)) / _COMPLEX_STEP for line in lines]
+        exact = np.stack(columns, axis=1).astype(float)
     except TypeError:
-        exact = []
+        exact = None
     # abs, min and max drop the imaginary part: then the complex step is wrong, not inaccurate.
-    fits = bool(exact) and all(map(_agree, exact, (_central(line, step) for line in lines)))
-    if not fits:
-        real = [slope(line, step, size) for line in lines]
-        exact = exact if exact and all(map(_agree, exact, real)) else real
-    return np.stack(exact, axis=1).astype(float)
+    if exact is not None and _agree(exact, np.stack([_central(at, step) for at in lines], axis=1)):
+        return exact
+    real = np.stack([slope(line, step, size) for line in lines], axis=1)
+    return exact if exact is not None and _agree(exact, real) else real
 
 
 def slope(curve: Callable[[float], Floats], longest: float, size: float) -> Floats:
@@ -77,9 +77,9 @@ def _along(phi: Callable[[Any], Any], u: Floats, way: Floats, s: complex) -> Any
     return np.atleast_1d(phi(u + s * way))
 
 
-def _agree(one: Floats, other: Floats) -> bool:
-    """Whether two columns of a Jacobian, the rates along one coordinate, are the same."""
-    size = float(np.abs(other).max(initial=0.0))
+def _agree(one: Floats, other: Floats, size: float = 0.0) -> bool:
+    """Whether two arrays of rates are the same, as seen beside the largest, or a size."""
+    size = max(size, float(np.abs(other).max(initial=0.0)))
     return bool(np.abs(one - other).max(initial=0.0) <= _AGREES * size)
 
 
@@ -139,7 +139,8 @@ class MatrixRate:
         step = _REAL_STEP * max(1.0, size)
         rate = slope(lambda s: np.asarray(self._at(u + s * way), dtype=float), step, size)
         if self._is_analytic is None and speed > 0.0:
-            self._is_analytic = exact is not None and _agree(exact, rate)
+            usual = float(np.abs(self._at(u)).max()) / max(1.0, size)
+            self._is_analytic = exact is not None and _agree(exact, rate, usual)
         return speed * rate
 
     def _at(self, u: Any) -> Any:

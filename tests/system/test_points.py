@@ -151,6 +151,9 @@ U, V = np.array([0.3, 1.2]), np.array([0.1, 0.2])
 
 def test_jacobian_by_complex_steps_is_exact():
     assert own().jacobian(U) == pytest.approx(np.array([[0.6, 1.0]]), abs=1e-16)
+    # Also where one of its entries vanishes and differences find their rounding instead.
+    bottom = differentiate(lambda u: 1.0 - np.sqrt(u[0] ** 2 + u[1] ** 2), np.array([0.0, -1.0]))
+    assert (bottom == [[0.0, 1.0]]).all()
 
 
 def test_jacobian_by_differences_where_complex_numbers_lose_their_part():
