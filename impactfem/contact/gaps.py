@@ -6,9 +6,11 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
+from scipy.sparse import block_diag, csr_matrix
 
+from impactfem.contact.corners import several_gaps
 from impactfem.contact.distance import nearest_obstacle, signed_distance
+from impactfem.contact.followed_pair import FAR
 from impactfem.contact.responses import Columns, Responses
 from impactfem.scene.obstacles.rotation import placement
 
@@ -41,8 +43,8 @@ class Touching(Protocol):
 
 
 @dataclass(frozen=True)
-class Balls:
-    """Balls beside one obstacle, as `Gaps` takes them; a ball has no pressure."""
+class Started:
+    """Gaps at t = 0, each to an obstacle that stays its own, as `Gaps` takes them."""
 
     positions: Floats
     gap: Floats
@@ -51,12 +53,28 @@ class Balls:
     pressures: csr_matrix
 
     @classmethod
-    def beside(cls, obstacle: Any, places: Floats, radius: Floats) -> "Balls":
-        """At some places [m], (balls, dim), with radii [m], (balls,)."""
+    def of_balls(cls, obstacle: Any, places: Floats, radius: Floats) -> "Started":
+        """Of balls at some places [m], (balls, dim), with radii [m], (balls,), without pressure."""
         gap, normal = signed_distance(obstacle, places, 0.0)
         count = len(places)
         none = np.zeros(count, dtype=np.int64)
         return cls(places, gap - radius, normal, none, csr_matrix((count, count)))
+
+    @classmethod
+    def to_each(
+        cls, contact: Touching, obstacles: Sequence[Any], reach: float
+    ) -> tuple[Indices, "Started"]:
+        """Of nodes to every obstacle that is within reach [m]; with the node of each gap."""
+        fields = [signed_distance(obstacle, contact.positions, 0.0) for obstacle in obstacles]
+        own = [np.flatnonzero(gap <= reach) for gap, _ in fields]
+        nodes = np.concatenate(own)
+        return nodes, cls(
+            contact.positions[nodes],
+            np.concatenate([gap[some] for (gap, _), some in zip(fields, own, strict=True)]),
+            np.concatenate([normal[some] for (_, normal), some in zip(fields, own, strict=True)]),
+            np.repeat(np.arange(len(own)), [len(some) for some in own]),
+            csr_matrix(block_diag([contact.pressures[some][:, some] for some in own])),
+        )
 
 
 class Gaps:
@@ -78,6 +96,7 @@ class Gaps:
         updated: bool,
         pairs: Sequence[str],
         radius: Floats | float = 0.0,
+        nodes: Indices | None = None,
     ) -> None:
         """Take the obstacle of each node.
 
@@ -89,12 +108,16 @@ class Gaps:
                 nearest obstacle; otherwise they are linearised at the place at t = 0.
             pairs: Names of the pairs of the body with the obstacles.
             radius: Of nodes that are balls [m], (count,) or a number.
+            nodes: That of each gap, where nodes have a gap to each obstacle that they may reach;
+                None: each has one, to the nearest.
         """
-        self.pairs, self.radius = tuple(pairs), radius
+        self.pairs, self.radius, self._nodes = tuple(pairs), radius, nodes
         self._obstacles, self.updated = obstacles, updated
         self.contact, self.initial = contact, initial
         self._positions = contact.positions - initial
         self._nearest, self._gap, self._normal = contact.obstacle, contact.gap, contact.normal
+        self._carrier = np.arange(len(contact.gap))  # of each gap that which takes its place
+        self._size = float(np.linalg.norm(np.ptp(self._positions, axis=0))) if len(initial) else 0.0
         self.pressures = contact.pressures
         self.moves = any(obstacle.moves for obstacle in obstacles)
         # What the nodes are nearest to, on the obstacles at rest.
@@ -115,7 +138,7 @@ class Gaps:
         initial = np.concatenate([gaps.initial for gaps in each])
         places = np.concatenate([gaps.contact.positions for gaps in each])
         radius = np.concatenate([np.broadcast_to(gaps.radius, len(gaps.initial)) for gaps in each])
-        balls = Balls.beside(first.single, places, radius)
+        balls = Started.of_balls(first.single, places, radius)
         return cls((first.single,), balls, initial, updated=True, pairs=first.pairs, radius=radius)
 
     def _moving(self) -> Iterator[tuple[NDArray[np.bool_], Any]]:
@@ -138,7 +161,20 @@ class Gaps:
 
     def pair_of(self) -> NDArray[np.int64]:
         """Which of `pairs` each gap belongs to: that of the obstacle that is now its, (count,)."""
-        return self._nearest
+        return self._nearest if self._nodes is None else self.contact.obstacle
+
+    @property
+    def shares_nodes(self) -> bool:
+        """Whether a node may have several gaps."""
+        return self._nodes is not None
+
+    def handed(self, values: Floats) -> Floats:
+        """What gaps have, (count,) or (count, dim), handed over to those that carry them now."""
+        if self._nodes is None:
+            return values
+        found = np.zeros_like(values)
+        np.add.at(found, self._carrier, values)
+        return found
 
     def responses(
         self,
@@ -201,6 +237,8 @@ class Gaps:
         # their work is that of the change of distance, but for the cube of the way.
         static = last - begin
         there = self._positions + displacement + static
+        if self._nodes is not None:
+            return self._several(self._nodes, there, static, time)
         self._nearest, gap, normal = nearest_obstacle(self._obstacles, there, time)
         acting, when, near = there, time, gap
         if displacement is not begin:
@@ -212,6 +250,17 @@ class Gaps:
                     near[mine], normal[mine] = signed_distance(obstacle, acting[mine], when)
         self._face(acting, near, normal, when)
         return gap - self.radius - np.einsum("ij,ij->i", normal, static), normal
+
+    def _several(
+        self, nodes: Indices, there: Floats, static: Floats, time: float
+    ) -> tuple[Floats, Floats]:
+        """`at` where nodes have several gaps: forces act where they are looked at."""
+        own = self.contact.obstacle
+        by, gap, normal = several_gaps(self._obstacles, own, nodes, there, self._size, time)
+        self._carrier, self._nearest, gap, normal = by, own[by], gap[by], normal[by]
+        self._face(there, gap, normal, time)
+        gap = gap - np.einsum("ij,ij->i", normal, static)
+        return np.where(by == np.arange(len(by)), gap, FAR), normal
 
     def normals_at(
         self,

@@ -273,11 +273,26 @@ class PairGaps:
         for own, chosen, obstacle in self._obstacles:
             where, mine = own.start + chosen, slice(first, first + len(chosen))
             found = obstacle.nodal(force[mine], gap[mine])
-            place[where] = np.fmin(place[where], found[0])
-            pressure[where] += found[1]
-            pressed[where] = np.maximum(pressed[where], found[2])
+            # A node may have several of these gaps.
+            np.fmin.at(place, where, found[0])
+            np.add.at(pressure, where, found[1])
+            np.maximum.at(pressed, where, found[2])
             first = mine.stop
         return place, pressure, pressed
+
+    @property
+    def shares_nodes(self) -> bool:
+        """Whether a node may have gaps to several obstacles."""
+        return any(gaps.shares_nodes for _, _, gaps in self._obstacles)
+
+    def handed(self, values: Floats) -> Floats:
+        """What gaps have, (pairs,) or (pairs, dim), by which carry it now; see `Gaps.handed`."""
+        found = values
+        for _, rows, gaps in self._beside:
+            if gaps.shares_nodes:
+                found = values.copy() if found is values else found
+                found[rows] = gaps.handed(values[rows])
+        return found
 
     def memory(self) -> dict[str, Floats]:
         """What the answers of pairs depend on besides places."""

@@ -316,6 +316,13 @@ class ContactGaps(Protocol):
         What that is `at` has found, so that differences tell its way; (pairs, dim).
         """
 
+    @property
+    def shares_nodes(self) -> bool:
+        """Whether a node may have gaps to several obstacles."""
+
+    def handed(self, values: Floats) -> Floats:
+        """What gaps have, (pairs,) or (pairs, dim), where other gaps carry it now."""
+
     def nodal(self, force: Floats, gap: Floats) -> tuple[Floats, Floats, Floats]:
         """Gap [m], pressure [Pa] and whether pressed (1 or 0), of the contact nodes, (nodes,) each.
 

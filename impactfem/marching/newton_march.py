@@ -116,6 +116,8 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             time, span = stop, dt if tries else min(dt, 2.0 * span)
             cuts, tries = cuts - tries, 0
             before = self._look(interior.surface_displacement, time)
+            # Nodes that have slid from one obstacle to the next.
+            last, self._tangential = map(self._gaps.handed, (last, self._tangential))
         self.layer = layer + 1
         static = np.zeros_like(state.static)
         self.rows.put(self.layer, interior.finish(layer, static))

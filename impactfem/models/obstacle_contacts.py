@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.followed_pair import FAR
-from impactfem.contact.gaps import Balls, Gaps
+from impactfem.contact.gaps import Gaps, Started
 from impactfem.errors import SceneError
 from impactfem.models.ball_contacts import Bodies
 from impactfem.scene.obstacles import Rigid
@@ -92,7 +92,7 @@ def obstacle_meetings(model: Bodies) -> list[ObstacleMeeting]:
                 if not len(own):
                     continue
                 radius = bodies.shell[own]
-                balls = Balls.beside(obstacle, places[own], radius)
+                balls = Started.of_balls(obstacle, places[own], radius)
                 size = max(1.0, float(np.abs(places[own]).max(initial=0.0)))
                 if balls.gap.min(initial=0.0) < -1e-12 * size:
                     raise SceneError(

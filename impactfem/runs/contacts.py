@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from impactfem.contact.ball_crowd import BallCrowd, NearPairs
 from impactfem.contact.body_pairs import SurfacePair
 from impactfem.contact.friction_many import Accuracy
-from impactfem.contact.gaps import Gaps
+from impactfem.contact.gaps import Gaps, Started, Touching
 from impactfem.contact.meeting import Meet
 from impactfem.contact.pairs import PairGaps
 from impactfem.contact.springs import ContactSprings
@@ -85,7 +85,12 @@ class Contacts:
 
     @classmethod
     def of(
-        cls, model: SolidsModel, surfaces: Sequence[SurfaceNodes], offsets: Sequence[int]
+        cls,
+        model: SolidsModel,
+        surfaces: Sequence[SurfaceNodes],
+        offsets: Sequence[int],
+        *,
+        iterates: bool,
     ) -> "Contacts":
         """All contacts of some bodies.
 
@@ -93,6 +98,8 @@ class Contacts:
             model: The bodies.
             surfaces: Contact nodes of the solids on this rank.
             offsets: Where the contact nodes of each part of the march begin, and their number.
+            iterates: Whether iterates settle the steps: nodes then are held off all obstacles that
+                they may reach, else off the nearest.
 
         Raises:
             SceneError: Bodies overlap at t = 0, or cannot meet.
@@ -107,13 +114,23 @@ class Contacts:
         obstacles = []
         for k, (part, surface) in enumerate(solids):
             if part.contact is not None:
-                chosen = np.searchsorted(model.numbers[k], part.contact.numbers)
+                contact: Touching = part.contact
+                at, nodes, against = np.arange(part.contact.count), None, list(part.obstacles)
+                if iterates and model.updated:
+                    several = [piece for obstacle in against for piece in obstacle.parts()]
+                    if len(several) > 1:
+                        against = several
+                        nodes, contact = Started.to_each(contact, against, part.reach.distance)
+                        at = nodes
+                chosen = np.searchsorted(model.numbers[k], part.contact.numbers)[at]
                 moved = surface.gather(part.system.displacement)[chosen]
                 name = part.solid.name
-                pairs = [pair_name(model.scene, name, o.name) for o in part.obstacles]
-                gaps = Gaps(part.obstacles, part.contact, moved, updated=model.updated, pairs=pairs)
-                each = [(name, part.obstacles[i].name) for i in part.contact.obstacle]
-                chosen, areas = chosen.astype(np.int64), part.contact.area
+                pairs = [pair_name(model.scene, name, o.name) for o in against]
+                gaps = Gaps(
+                    against, contact, moved, updated=model.updated, pairs=pairs, nodes=nodes
+                )
+                each = [(name, against[i].name) for i in contact.obstacle]
+                chosen, areas = chosen.astype(np.int64), part.contact.area[at]
                 obstacles.append(Beside(k, chosen, gaps, tuple(each), areas))
         for met in model.obstacle_meetings:
             each, areas = [met.names] * len(met.nodes), model.few[met.part].areas[met.nodes]

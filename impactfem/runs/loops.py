@@ -115,11 +115,11 @@ def make_loop(
     counts += [len(part.surface_displacement) for part in few]
     offsets = [0, *np.cumsum(counts).tolist()]
     surfaces = [surface for _, surface, _ in each]
-    contacts = Contacts.of(model, surfaces, offsets)
+    contacts = Contacts.of(model, surfaces, offsets, iterates=iterates and limit is None)
     law = contacts.friction(scene, tolerance, 50 * numbers.max_iterations)
     # Nodes that each have a gap of their own: nothing has to be weighed.
     alone = len(each) == 1 and not few and law is None and not contacts.pairs
-    alone = alone and model.joints is None
+    alone = alone and model.joints is None and not contacts.obstacles[0].gaps.shares_nodes
     gaps: ContactGaps = contacts.obstacles[0].gaps if alone else contacts.gaps()
     solver, kind = _solver(numbers, tolerance), numbers.linear_solver
     settings = LoopSettings(

@@ -1,7 +1,7 @@
 """What is kept of the march of solids: fields every so many layers, and a watch."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -229,9 +229,18 @@ class Watch:
         axes: What was seen of rods and beams.
     """
 
-    def __init__(self, model: SolidsModel, every: int, axes: AxisWatch) -> None:
-        """Look at the bodies of a model every so many layers."""
-        self.axes = axes
+    def __init__(
+        self, model: SolidsModel, every: int, axes: AxisWatch, *, all_held: bool = False
+    ) -> None:
+        """Look at the bodies of a model every so many layers.
+
+        Args:
+            model: The bodies.
+            every: Layers between two looks.
+            axes: Looks at rods and beams.
+            all_held: Whether contact nodes are held off all obstacles that they can reach.
+        """
+        self.axes, self._all_held = axes, all_held
         self._comm, self._parts, self._every = model.comm, model.parts, every
         self._pairs = [pair.bodies for pair in model.pairs if pair.within is None]
         self._itself = self_meeting(model.scene)
@@ -256,8 +265,11 @@ class Watch:
             if part.contact is None:
                 continue
             positions = part.system.positions
+            contact = part.contact
+            if self._all_held:
+                contact = replace(contact, nodes=contact.nodes[:0], rows=contact.rows[:0])
             found = penetration_of_others(
-                self._comm, part.contact, part.obstacles, part.system.numbers,
+                self._comm, contact, part.obstacles, part.system.numbers,
                 positions + moved.reshape(positions.shape), level.time,
             )  # fmt: skip
             if found is not None and found.depth > self.depth:

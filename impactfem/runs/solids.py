@@ -211,7 +211,7 @@ def _march(
     comm, collector = model.comm, Collector(model.comm, model.own_numbers)
     none = np.zeros((0, model.dim))
     positions = np.concatenate([none, *(part.system.positions for part in model.parts)])
-    watch = Watch(model, max(1, march.layers // 50), axes)
+    watch = Watch(model, max(1, march.layers // 50), axes, all_held=gaps.shares_nodes)
     observers: list[Callable[[Level], None]] = [watch, limits, *looking]
     keep = bool(scene.output.fields)
     place, passing = _spool_place(comm, checkpoints or restart, keep=keep)

@@ -198,6 +198,10 @@ class RigidObstacle:
         """
         return None
 
+    def parts(self) -> "Sequence[RigidObstacle]":
+        """Obstacles that it is made of, of which a place may touch several: in inward corners."""
+        return (self,)
+
     def mirrors(self, other: "RigidObstacle", mirror: Mirror) -> bool:
         """Whether it, at rest, is the mirror image of another one."""
         return isinstance(other, type(self)) and self.is_image(other, mirror)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -30,6 +30,7 @@ from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
 
 _ALIKE = 0.9  # cosine between normals from which two segments look the same way
+_BEYOND = 0.1  # of the shorter segment at an inward corner by which parts go on behind the other
 _DEEP = 0.5  # share of a segment by which a point may lie behind it and still touch it
 
 
@@ -192,6 +193,32 @@ class RigidPolyline(RigidObstacle):
             gap[closer] = height[closer]
             found[closer, :2] = left
         return gap, found
+
+    def parts(self) -> "Sequence[RigidPolyline]":
+        """The chain cut where it bends inwards; parts go on behind each other a little."""
+        chain = np.asarray(self.points, dtype=np.float64)
+        closed = len(chain) > 2 and bool((chain[0] == chain[-1]).all())
+        edges = np.diff(chain, axis=0)
+        lengths = np.linalg.norm(edges, axis=1)
+        along = edges / lengths[:, None]
+        before, after = (np.roll(along, 1, axis=0), along) if closed else (along[:-1], along[1:])
+        sharp = (_cross(before, after) > 0.0) & ((before * after).sum(axis=1) < _ALIKE)
+        cuts = np.flatnonzero(sharp) + (not closed)
+        if not len(cuts):
+            return (self,)
+        count = len(edges)
+        starts = cuts if closed else [0, *cuts]
+        stops = [*cuts[1:], cuts[0] + count] if closed else [*cuts, count]
+        found = []
+        for start, stop in zip(starts, stops, strict=True):
+            own = chain[np.arange(start, stop + 1) % (count if closed else count + 1)]
+            first, last = start % count, (stop - 1) % count
+            if closed or start:
+                own[0] -= _BEYOND * min(lengths[first], lengths[first - 1]) * along[first]
+            if closed or stop < count:
+                own[-1] += _BEYOND * min(lengths[last], lengths[stop % count]) * along[last]
+            found.append(replace(self, points=tuple(map(tuple, own.tolist()))))
+        return found
 
     def is_image(self, other: Self, mirror: Mirror) -> bool:
         """Whether it, at rest, is the mirror image of another one of its kind."""
