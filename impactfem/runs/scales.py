@@ -1,9 +1,19 @@
-"""How large the bodies of a scene are, to judge lengths by."""
+"""How large the bodies of a scene are, and what rounding of their coordinates can make of it.
 
+Relative measures need a scale, and at rest there is none but these: motions shorter than
+`rounding_way` and energies below `rounding_energy` are none.
+"""
+
+from collections.abc import Mapping
 from typing import Any
+
+import numpy as np
 
 from impactfem.result.table import Table
 from impactfem.scene import Scene
+
+_AXES = "xyz"
+_ROUNDING = float(np.finfo(np.float64).eps)
 
 
 def size_of(scene: Scene, history: Table) -> float | None:
@@ -16,6 +26,45 @@ def size_of(scene: Scene, history: Table) -> float | None:
     return min(known) if known else None
 
 
+def rounding_way(scene: Scene, history: Table, layers: int) -> float:
+    """Way that rounding of coordinates can make in a run, by as much in each layer [m].
+
+    Args:
+        scene: What was modelled.
+        history: Of the run.
+        layers: That it took.
+    """
+    names = (f"{body.name}.{axis}" for body in scene.bodies for axis in _AXES)
+    places = [history[name].values for name in names if name in history]
+    finite = (np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in places)
+    sizes = (_size(body, history) or 0.0 for body in scene.bodies)
+    return layers * _ROUNDING * float(max(*finite, *sizes, 0.0))
+
+
+def rounding_energy(
+    scene: Scene, history: Table, layers: int, bodies: Mapping[str, Mapping[str, Any]]
+) -> float:
+    """Energy that rounding of coordinates can make in a run [J].
+
+    It is the work of the weights and of the largest contact force over `rounding_way`, and what
+    bodies have whose speeds come of places that differ by as much in one layer.
+
+    Args:
+        scene: What was modelled.
+        history: Of the run.
+        layers: That it took.
+        bodies: With the mass of each, as in ``summary.json``.
+    """
+    way = rounding_way(scene, history, layers)
+    mass = float(sum(body["mass"] for body in bodies.values()))
+    pulls = np.asarray(scene.gravity.values, dtype=np.float64)
+    pull = float(np.linalg.norm(pulls.reshape(len(pulls), -1), axis=1).max())
+    force = np.abs(history["contact_force"].values)
+    largest = float(force[np.isfinite(force)].max(initial=0.0))
+    jump = way / (history["time"].values[-1] or 1.0)  # as fast: one rounding in one layer
+    return way * (mass * pull + largest) + 0.5 * mass * jump**2
+
+
 def _size(body: Any, history: Table) -> float | None:
     if hasattr(body, "length"):
         return float(body.length)
@@ -24,6 +73,6 @@ def _size(body: Any, history: Table) -> float | None:
     box = body.box()
     if box is None:
         return None
-    columns = [history[f"{body.name}.{axis}"].values for axis in "xyz"]
+    columns = [history[f"{body.name}.{axis}"].values for axis in _AXES]
     way = max(float(column.max() - column.min()) for column in columns)
     return max(2.0 * float(box[0].max()), way)

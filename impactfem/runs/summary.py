@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from impactfem.planning import Plan
 from impactfem.runs.forces import largest_force, peak_findings, spells_of, strongest_spells
 from impactfem.runs.run import Run
+from impactfem.runs.scales import rounding_energy
 from impactfem.runs.verdict import GROWTH_LIMITS, judge
 from impactfem.scene import Scene
 
@@ -37,13 +38,16 @@ def summarise(scene: Scene, chosen: Plan[Any], run: Run) -> dict[str, Any]:
     # a body that starts at rest.
     moving = history["kinetic_energy"].values + history["elastic_energy"].values
     worked = history["potential_energy"].values - history["potential_energy"].values[0]
-    given = max(abs(energy[0]), moving[0], np.abs(worked).max()) or moving.max() or 1.0
+    given = max(abs(energy[0]), moving[0], np.abs(worked).max()) or moving.max()
+    layers = int(effort.details.get("layers", len(t) - 1))
+    rounding = rounding_energy(scene, history, layers, effort.bodies)
+    given = max(given, rounding) or 1.0
     scale = max(given, moving.max())
     growth = (energy - energy[0]) / scale
     # Of what was given: of the largest energy no growth would be more than all of it. What friction
     # has taken by then is missing already.
     rubbed = history["friction_work"].values if "friction_work" in history else 0.0
-    grown = max(0.0, float((energy - energy[0] - rubbed).max()) / given)
+    grown = max(0.0, float((energy - energy[0] - rubbed).max()) - rounding) / given
     gap = history["gap"].values
     pushing, struck = force, {}
     if "contact_impulse" in history:  # impacts are no force, but contact
@@ -54,6 +58,8 @@ def summarise(scene: Scene, chosen: Plan[Any], run: Run) -> dict[str, Any]:
     taken = dict(effort.details.get("energy_taken", {}))
     if work := effort.details.get("friction_work"):
         taken["friction"] = -float(work)
+    taken = {name: work for name, work in taken.items() if not abs(work) <= rounding}
+    unexplained = float(energy[-1] - energy[0] + sum(taken.values()))
     summary = {
         "title": scene.title,
         "status": "",  # filled in by the verdict
@@ -74,15 +80,15 @@ def summarise(scene: Scene, chosen: Plan[Any], run: Run) -> dict[str, Any]:
             ],
         },
         "energy": {
-            "initial": _cleared(energy[0], scale),
-            "final": _cleared(energy[-1], scale),
+            "initial": _cleared(energy[0], scale, rounding),
+            "final": _cleared(energy[-1], scale, rounding),
             "max_relative_drift": np.abs(growth).max(),
             "final_relative_drift": growth[-1],
             "max_relative_growth": grown,
             "grows": grown > GROWTH_LIMITS[0] and not driven,
             "driven": driven,
             "taken": taken,  # by friction and impacts, as far as it is known [J]
-            "unexplained": (energy[-1] - energy[0] + sum(taken.values())) / scale,
+            "unexplained": _cleared(unexplained, scale, rounding) / scale,
         },
         "contact": {
             "intervals": intervals,
@@ -107,9 +113,9 @@ def summarise(scene: Scene, chosen: Plan[Any], run: Run) -> dict[str, Any]:
     return plain
 
 
-def _cleared(value: float, scale: float) -> float:
-    """A figure without what is but rounding of sums of a size."""
-    return 0.0 if abs(value) < _ROUNDING * scale else float(value)
+def _cleared(value: float, scale: float, rounding: float = 0.0) -> float:
+    """A figure without what is but rounding: of sums of a size, and of what is summed."""
+    return 0.0 if abs(value) < max(_ROUNDING * scale, rounding) else float(value)
 
 
 def contact_intervals(times: Floats, force: Floats, gap: Floats) -> list[list[float]]:

@@ -17,6 +17,7 @@ from scipy.optimize import brentq
 
 from impactfem.errors import ConvergenceError
 from impactfem.system.generalized import GeneralizedSystem
+from impactfem.system.joined import Forced
 from impactfem.system.joined import closed as closed_rows
 from impactfem.vibro.event_choice import Onset
 from impactfem.vibro.event_contacts import Contacts
@@ -136,14 +137,25 @@ def _flight(
                 at = dense(s)
                 pressed = motion.forces(s, *motion.split(at))[1]
                 record.peak = max(record.peak, float(pressed.sum()))
-        place = motion.split(end)[0]
-        drift = float(np.abs(system.gap(now, place)[list(motion.closed)]).max(initial=0.0))
-        drifted = drift > _DRIFT * max(1e-300, float(np.abs(place).max()))
+        drifted = _drifted(motion, now, end, now - t)
         if event != -1 or solver.status == "finished" or drifted:
             last = min(row, len(record.times) - 1)
             record.lasting[last, list(motion.closed)] += end[pushes] - held
             record.rubbed[last] += end[pushes.stop :].sum() - spent
             return now, end, row, event, solver.step_size or step or 0.0
+
+
+def _drifted(motion: Motion, t: float, y: Floats, span: float) -> bool:
+    """Whether the gaps that a flight holds closed have drifted open by its end.
+
+    What rests at the origin has no lengths but those it would fall in this time.
+    """
+    system, (u, v), rows = motion.system, motion.split(y), list(motion.closed)
+    drift = float(np.abs(system.gap(t, u)[rows]).max(initial=0.0))
+    if not drift > _DRIFT * float(np.abs(u).max()):
+        return False
+    fall = system.jacobian(u)[rows] @ Forced.at(system, t, u, v).free
+    return drift > _DRIFT * span**2 * float(np.abs(fall).max())
 
 
 def _kept(motion: Motion, dense: Callable[[float], Floats], t: float) -> Floats:

@@ -74,11 +74,12 @@ def find_together(system: GeneralizedSystem, motion: Trajectory, within: float) 
     if impacts is None or not len(impacts):
         return None
     time, which = impacts.time, impacts.constraint
-    strikes = -impacts.before > _least_speed(motion)
+    least = _least_speed(system, motion)
+    strikes = -impacts.before > least
     near = (np.diff(time) <= within) & (which[1:] != which[:-1])
     near &= strikes[1:] | strikes[:-1]  # else both just rest
     pairs = [(float(time[k]), int(which[k]), int(which[k + 1])) for k in np.flatnonzero(near)]
-    pairs = pairs[:_LOOKED_AT] + _onto_lasting(motion)
+    pairs = pairs[:_LOOKED_AT] + _onto_lasting(motion, least)
     found, first = 0, None
     for when, i, j in sorted(pairs):
         row = int(np.clip(np.searchsorted(motion.times, when), 0, len(motion.times) - 1))
@@ -89,13 +90,20 @@ def find_together(system: GeneralizedSystem, motion: Trajectory, within: float) 
     return None if first is None else Together(found, *first, within)
 
 
-def _least_speed(motion: Trajectory) -> float:
-    """Normal speed below which nothing strikes [m/s]."""
+def _least_speed(system: GeneralizedSystem, motion: Trajectory) -> float:
+    """Normal speed below which nothing strikes [m/s], also where nothing moves.
+
+    There it is measured by the speed that contacts take from what rests on them in a row.
+    """
+    u = motion.position[0]
+    room = Room.at(system, u)
+    matrix, _ = delassus(room.factor, room.rows(system.jacobian(u)))
+    held = float((np.abs(motion.impulse).max(axis=0) * np.diag(matrix)).max(initial=0.0))
     slow = float(np.abs(motion.position).max()) / float(motion.times[-1])
-    return _CLOSED * max(slow, float(np.abs(motion.velocity).max()))
+    return _CLOSED * max(slow, held, float(np.abs(motion.velocity).max()))
 
 
-def _onto_lasting(motion: Trajectory) -> list[tuple[float, int, int]]:
+def _onto_lasting(motion: Trajectory, least: float) -> list[tuple[float, int, int]]:
     """Impacts (time, constraint, other) while the other is closed before and after."""
     impacts = motion.impacts
     if impacts is None:
@@ -104,7 +112,7 @@ def _onto_lasting(motion: Trajectory) -> list[tuple[float, int, int]]:
     shut = np.abs(motion.gap) <= _CLOSED * np.abs(motion.gap).max(axis=0, initial=1e-300)
     lasting = shut[rows] & shut[rows - 1] & (motion.impulse[rows - 1] > 0.0)
     lasting[np.arange(len(rows)), impacts.constraint] = False
-    lasting[-impacts.before <= _least_speed(motion)] = False
+    lasting[-impacts.before <= least] = False
     hits = np.argwhere(lasting)[:_LOOKED_AT]
     return [(float(impacts.time[k]), int(impacts.constraint[k]), int(j)) for k, j in hits]
 
