@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.fem import MPI
-from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.layers import Sums
 from impactfem.marching.turning import Turning
 from impactfem.system.drive import Drive
@@ -18,19 +17,7 @@ from impactfem.system.surface import SurfaceNodes
 
 Floats = NDArray[np.float64]
 
-_INERTIA_LIMITS = (0.01, 0.1)  # shares of the moment of inertia that masses miss
 _TURNS = {2: ([0], [1]), 3: ([1, 2, 0], [2, 0, 1])}  # of a p^T in the moments a x p
-
-
-def inertia_findings(missed: Mapping[str, float]) -> tuple[Finding, ...]:
-    """Bodies whose masses miss too much of the moment of inertia; shares by their names."""
-    found: list[Finding] = []
-    remedy = "take smaller elements, or name the surfaces that may touch (contact_surfaces)"
-    for name, missing in missed.items():
-        text = f"the masses inside {name} have {percent(missing)} too little moment of "
-        text += "inertia: nodes that may touch carry none, and it is few elements thick"
-        found += by_limits("setting", missing, _INERTIA_LIMITS, text, "", remedy)
-    return tuple(found)
 
 
 class FiniteBody(ABC):

@@ -26,7 +26,6 @@ from impactfem.contact.spring_steps import SpringStep
 from impactfem.contact.springs import unresolved
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding
-from impactfem.marching.finite_body import inertia_findings
 from impactfem.marching.newton_bodies import NewtonStepper
 from impactfem.marching.newton_impacts import arriving, obstacle_speed, way_ahead
 from impactfem.marching.newton_steps import LayerSums, Step
@@ -62,12 +61,10 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         self._tangential = np.zeros_like(self._normals)  # of the last step [N], (gaps, dim)
 
     def findings(self) -> tuple[Finding, ...]:
-        """Bodies that lost too much inertia at contact nodes, and contacts too short for steps."""
-        found = inertia_findings(self.interior.missing)
+        """Contacts too short for steps."""
         if self._springs is None:
-            return found
-        pressed = self.rows.indentation[: self.layer + 1]
-        return (*found, *unresolved(pressed, self.interior.dt))
+            return ()
+        return unresolved(self.rows.indentation[: self.layer + 1], self.interior.dt)
 
     def memory(self) -> dict[str, Floats]:
         """What the next layer needs besides the state of the bodies, the same on all ranks."""

@@ -1,16 +1,22 @@
-"""Energies of a march, from the rows that it has left."""
+"""Energies of a march, from the rows that it has left, and what they say of missing inertia."""
 
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.rows import Rows
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.time_loop import TimeLoop
 from impactfem.models.solids import SolidsModel
+from impactfem.result.history import BodyMotion
 
 Floats = NDArray[np.float64]
+
+INERTIA_LIMITS = (0.01, 0.1)
+"""Shares of the energy of a body that its masses miss as it turns."""
 
 
 def elastic_energy(scheme: SolidScheme, rows: Rows, elastic: Floats) -> Floats:
@@ -62,3 +68,41 @@ def level_at_start(model: SolidsModel) -> float:
             height = float(part.contact.gap[nearest])
             level += part.system.total_mass * max(0.0, towards) * height
     return level
+
+
+def inertia_findings(
+    missing: Mapping[str, float],
+    figures: Mapping[str, Mapping[str, Any]],
+    motions: Mapping[str, BodyMotion],
+    energies: Mapping[str, Floats],
+    rounding: float,
+) -> Iterator[Finding]:
+    """Bodies whose masses miss inertia that they need: what hardly turns needs none.
+
+    The share that is missing counts by the energy of turning, as a share of that which the body has
+    besides its flight: in the frame of its first velocity, less the elastic energy at the start.
+
+    Args:
+        missing: Shares of the moments of inertia that their masses have not, by name.
+        figures: Mass and inertia of each, as ``summary.json`` has them.
+        motions: Of each.
+        energies: Kinetic and elastic energy of each [J], (rows, 2).
+        rounding: Energy that is none [J].
+    """
+    for name, share in missing.items():
+        spin = motions[name].spin
+        if not share or spin is None:
+            continue
+        mass, velocity = figures[name]["mass"], motions[name].velocity
+        inertia = float(np.linalg.norm(np.atleast_2d(figures[name]["inertia"]), 2))
+        turning = 0.5 * inertia * (spin**2).sum(axis=1)
+        kinetic, elastic = energies[name].T
+        flown = ((velocity - velocity[0]) ** 2).sum(axis=1) - (velocity**2).sum(axis=1)
+        own = kinetic + 0.5 * mass * flown + np.abs(elastic - elastic[0])
+        most = float(turning.max())
+        part = most / max(float(own.max()), most) if most > rounding else 0.0
+        text = f"the masses inside {name} have {percent(share)} too little moment of inertia, and "
+        text += f"{percent(part)} of its energy turns: nodes that may touch carry none, and it is "
+        text += "few elements thick"
+        remedy = "take smaller elements, or name the surfaces that may touch (contact_surfaces)"
+        yield from by_limits("setting", share * part, INERTIA_LIMITS, text, name, remedy)

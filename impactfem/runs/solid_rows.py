@@ -24,8 +24,14 @@ from impactfem.result.whole import Whole
 from impactfem.runs.contact_places import ContactPlaces
 from impactfem.runs.forces import contact_codes, contact_findings, mesh_window
 from impactfem.runs.line_bodies import few_figures
+from impactfem.runs.scales import rounding_energy
 from impactfem.runs.solid_bodies import body_motions, momentum_direction
-from impactfem.runs.solid_energies import elastic_energy, level_at_start, work_done
+from impactfem.runs.solid_energies import (
+    elastic_energy,
+    inertia_findings,
+    level_at_start,
+    work_done,
+)
 from impactfem.runs.solid_output import Watch
 from impactfem.runs.solid_pairs import of_layers, pair_motions
 from impactfem.runs.solid_probes import SolidProbes
@@ -134,6 +140,12 @@ def solids_motion(
     )
     taken = _taken(rows, told)
     effort = _effort(model, march, rows, watch, limits, limit, whole, size, bodies, taken)
+    missing = getattr(march.interior, "missing", None)
+    if missing:
+        own = {name: each[:, k, :2] for k, name in enumerate(model.masses)}
+        rounding = rounding_energy(model.scene, history, march.layers, effort.bodies)
+        found = inertia_findings(missing, effort.bodies, bodies, own, rounding)
+        effort = replace(effort, findings=(*effort.findings, *found))
     if started is not None:
         effort = replace(
             effort,

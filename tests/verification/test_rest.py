@@ -5,12 +5,12 @@ scaled: from a micrometre to a kilometre, and in units of mm, t and s.
 """
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 import impactfem
-import impactfem.starters
 
 SIZES = ((1e-6, 9.81, 1e3), (0.1, 9.81, 1e3), (1e3, 9.81, 1e3), (50.0, 9810.0, 1e-9))
 """Size, gravity and density."""
@@ -126,7 +126,7 @@ def points(dim, *heights, radius=0.5):
         for k, height in enumerate(heights)
     ]  # fmt: skip
     names = ["floor", *(body["name"] for body in bodies)]
-    laws = [{"between": [b, a], "restitution": 0.3} for a, b in zip(names, names[1:], strict=False)]
+    laws = [{"between": [b, a], "restitution": 0.3} for a, b in pairwise(names)]
     return scene(dim, bodies, contact=laws)
 
 
@@ -160,8 +160,9 @@ def solid(model="plane_strain", method=None, **keys):
 def plate():
     body = {
         "kind": "plate", "name": "b", "outline": {"kind": "rectangle", "size": [1.0, 1.0]},
-        "mesh_size": 0.25, "thickness": 0.02, "center": [0.0, 0.0, 0.01], "density": 1.0, "youngs_modulus": 1e4,
-        "poisson_ratio": 0.3, "supports": [{"edge": "left", "kind": "clamped"}],
+        "mesh_size": 0.25, "thickness": 0.02, "center": [0.0, 0.0, 0.01],
+        "density": 1.0, "youngs_modulus": 1e4, "poisson_ratio": 0.3,
+        "supports": [{"edge": "left", "kind": "clamped"}],
     }  # fmt: skip
     return scene(3, [body], [half_space([0.0, 0.0, 1.0])]) | {"gravity": [0.0] * 3}
 
@@ -228,7 +229,8 @@ def result(tables, size, gravity, density):
     mass = density * size**3
     factors = dict.fromkeys(LENGTHS, size) | {
         "gravity": gravity, "density": density, "mass": mass,
-        "area": size**2, "youngs_modulus": density * gravity * size, "stiffness": mass * gravity / size,
+        "area": size**2, "youngs_modulus": density * gravity * size,
+        "stiffness": mass * gravity / size,
         "damping": mass * math.sqrt(gravity * size) * size, "friction": mass * gravity * size,
     }  # fmt: skip
     step = 2e-3 * math.sqrt(size / gravity)
