@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from impactfem.log import Progress
 from impactfem.models.solids import solids_model
 from impactfem.planning import plan
-from impactfem.runs.error_estimate import Track
 from impactfem.runs.solids import run_solids
+from impactfem.runs.tracks import Track
 from impactfem.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -140,7 +140,7 @@ def run(body: Body, **solve: Any) -> Run:
     history = motion.history
     unknowns = motion.effort.num_unknowns - motion.effort.details["contact_pairs"]
     return Run(
-        Track.of_history(history, [body.name for body in case.bodies]),
+        Track.of_history(history, case),
         history["total_energy"].values, unknowns, len(history["time"]) - 1,
         body.meshing, body.assembly, started - begin, end - started,
     )  # fmt: skip

@@ -24,7 +24,7 @@ from stamp import RESULTS, write_stamp
 import impactfem
 from impactfem.facade import Result
 from impactfem.reference.bar import Errors
-from impactfem.runs.error_estimate import Track, difference
+from impactfem.runs.tracks import Track, difference
 from impactfem.scene import Scene
 from impactfem.studies.study import markdown_table
 

@@ -31,7 +31,7 @@ from scipy.sparse.linalg import splu
 
 from impactfem.fem import MPI, dolfinx
 from impactfem.mesh.body import build_body_mesh
-from impactfem.runs.error_estimate import Track
+from impactfem.runs.tracks import Track
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -88,7 +88,7 @@ def newmark(elements: int, courant: float = 0.5) -> Run:
     energy[-1] = 0.5 * (v @ (moved @ v) + u @ (stiffness @ u))
     times = dt * np.arange(steps + 1)
     return Run(
-        Track(times, centre, force), energy[[0, -1]], 2 * len(x), steps,
+        Track.of_centres(times, centre, force), energy[[0, -1]], 2 * len(x), steps,
         meshed - begin, done - meshed, ready - done, loop,
     )  # fmt: skip
 

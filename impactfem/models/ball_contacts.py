@@ -320,6 +320,21 @@ def point_loads(model: Bodies) -> list[tuple[str, str]]:
     return found
 
 
+def striking(model: Bodies) -> dict[str, list[float]]:
+    """Diameters of what may strike each solid [m], by its name; of places without one none."""
+    known = {
+        name: 2.0 * float(few.radius[few.nodes_of(k)].max(initial=0.0))
+        for few in model.few
+        for k, name in enumerate(few.names)
+    }
+    found: dict[str, list[float]] = {part.solid.name: [] for part in model.parts}
+    for met in model.ball_meetings:
+        one, two = met.names if met.names[1] in found else reversed(met.names)
+        if two in found and known.get(one):
+            found[two].append(known[one])
+    return found
+
+
 def check_apart(meetings: Sequence[BallMeeting], places: Floats) -> None:
     """Refuse bodies that overlap at t = 0, with all contact nodes at some places [m].
 

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from impactfem.errors import SceneError
+from impactfem.errors import ImpactError, SceneError
 from impactfem.findings import Finding, warning
 from impactfem.methods import METHODS
 from impactfem.planning.estimates import choose_estimate
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 METHOD, OF_PLACES = "moreau_jean", "conserving"
 """Chosen where what touches has mass, and where it has none."""
+
+LOCATING = "event_driven"
+"""Offered where it knows what the scene asks for."""
 
 _LAYERS = 2000
 _PER_RADIAN = 20.0  # steps of a radian of the fastest vibration
@@ -62,12 +66,17 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
         )
     seconds = (_SECONDS + sum(bodies.seconds for bodies in model.few)) * layers
     meshed = scene.meshed
-    estimate, more = choose_estimate(
+    estimate = choose_estimate(
         scene, meshed, [body.least_width for body in meshed], curved=False,
         cost=lambda factor: seconds / factor, reasons=reasons,
     )  # fmt: skip
     if solve.estimate is None and not meshed:
         reasons["estimate"] = "by runs with steps twice and four times as long"
+    if solve.method is None and _could_locate(scene):
+        reasons["offer method"] = (
+            f'solve.method = "{LOCATING}" locates impacts and knows this scene: its error is that '
+            "of its flights, not of the order of a step"
+        )
     return Plan(
         method=method,
         model=f"{few_in_words(model.few)}, {joined_in_words(model)}{law_in_words(scene)}",
@@ -87,11 +96,13 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
             max_iterations=solve.max_iterations or 200,
             contact_pairs=model.contact_count,
             unknowns=model.unknowns,
-            estimate=estimate,
+            estimate=bool(estimate.factors),
+            resizing=estimate.factors,
+            unresized=estimate.kept,
             whole=Whole(),
         ),
         memory_mib=_memory(scene, layers),
-        seconds=seconds + more,
+        seconds=seconds + estimate.seconds,
         reasons=reasons,
         findings=(
             *law_findings(scene),
@@ -102,6 +113,15 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
             *(found for each in model.few for found in contact_damping_findings(each)),
         ),
     )
+
+
+def _could_locate(scene: Scene) -> bool:
+    """Whether the method that locates impacts takes the scene."""
+    try:
+        replace(scene, solve=replace(scene.solve, method=LOCATING))
+    except ImpactError:
+        return False
+    return True
 
 
 def _method(scene: Scene, model: "SolidsModel") -> tuple[str, dict[str, str]]:

@@ -44,6 +44,8 @@ class MarchNumbers(Numbers):
         contact_pairs: Gaps: of nodes to obstacles, and between bodies.
         unknowns: Displacement components.
         estimate: Whether the error is estimated by runs on other elements.
+        resizing: How many times as large elements are in these.
+        unresized: Bodies whose elements stay as they are there.
         whole: What is told of, if planes of symmetry leave only a part to be computed.
     """
 
@@ -63,6 +65,8 @@ class MarchNumbers(Numbers):
     contact_pairs: int
     unknowns: int
     estimate: bool
+    resizing: tuple[float, ...]
+    unresized: tuple[str, ...]
     whole: Whole
 
     @override

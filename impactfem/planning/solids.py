@@ -78,6 +78,7 @@ def plan_solids(scene: Scene) -> Plan[MarchNumbers]:
 
 def _plan(scene: Scene) -> Plan[MarchNumbers]:
     """The plan of a scene with strains as it says."""
+    from impactfem.models.ball_contacts import striking  # noqa: PLC0415  (loads SciPy)
     from impactfem.models.solids import solids_model  # noqa: PLC0415  (loads DOLFINx)
     from impactfem.planning.damping import damping_findings  # noqa: PLC0415  (likewise)
     from impactfem.planning.turns import flight_findings  # noqa: PLC0415  (likewise)
@@ -136,8 +137,10 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
             for solid, size, nodes in zip(solids, sizes, touching, strict=True)
         )  # fmt: skip
 
-    estimate, more = choose_estimate(
-        scene, solids, [min(extents) for _, extents in found],
+    balls = striking(model)
+    estimate = choose_estimate(
+        scene, solids,
+        [min(*e, *balls.get(s.name, ())) for s, (_, e) in zip(solids, found, strict=True)],
         any(is_curved(part.mesh) for part in model.parts), cost, reasons,
     )  # fmt: skip
     others = [name for bodies in model.few for name in bodies.names]
@@ -165,11 +168,13 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
             max_iterations=solve.max_iterations or 200,
             contact_pairs=model.contact_count,
             unknowns=model.unknowns,
-            estimate=estimate,
+            estimate=bool(estimate.factors),
+            resizing=estimate.factors,
+            unresized=estimate.kept,
             whole=whole,
         ),
         memory_mib=memory_mib(sizes, linear_solver),
-        seconds=cost(1.0) + more,
+        seconds=cost(1.0) + estimate.seconds,
         reasons=reasons,
         findings=tuple(findings),
     )

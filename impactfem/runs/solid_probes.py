@@ -12,11 +12,13 @@ from impactfem.marching.few import FewInterior
 from impactfem.marching.rows import Level
 from impactfem.marching.time_loop import TimeLoop
 from impactfem.models.solids import SolidsModel
+from impactfem.runs.samples import Kept
 from impactfem.scene.probes import Probe, outside
 from impactfem.system.located import Located
 from impactfem.system.true_stress import TrueStress
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 
 class Telling(Protocol):
@@ -45,7 +47,7 @@ class AxisProbe:
     probe: Probe
     march: FewInterior
     body: int
-    nodes: NDArray[np.int64]
+    nodes: Integers
     shares: Floats
 
     @property
@@ -86,19 +88,23 @@ class SolidProbes:
     Attributes:
         march: Its rows take the columns.
         names: Probe and last part of each column.
-        weights: Of the owned displacements and then the velocities of all bodies, one body after
-            the other, (columns, 2 dofs).
+        weights: Of the displacements and then the velocities that are `needed`, (columns, needed).
+        needed: Which of the owned dofs of all bodies, one body after the other: of displacements,
+            and of velocities.
         laws: Of stresses that are not linear, by probe: the columns are what these need.
         axes: Probes of bodies without meshes, whose columns follow.
         telling: Bodies without meshes, and what joins them.
+        kept: Places that are kept besides, for runs on other elements.
     """
 
     march: TimeLoop[Any]
     names: tuple[tuple[str, str], ...]
     weights: csr_matrix
+    needed: tuple[Integers, Integers]
     laws: Mapping[str, TrueStress]
     axes: tuple[AxisProbe, ...] = ()
     telling: tuple[Telling, ...] = ()
+    kept: Kept | None = None
 
     @classmethod
     def of(
@@ -107,6 +113,7 @@ class SolidProbes:
         model: SolidsModel,
         few: Sequence[FewInterior] = (),
         joined: Sequence[Telling] = (),
+        kept: Kept | None = None,
     ) -> "SolidProbes":
         """Prepare; the rows of the march get room for the columns.
 
@@ -115,36 +122,45 @@ class SolidProbes:
             model: The bodies.
             few: What marches those without meshes.
             joined: What else tells figures, as joints do.
+            kept: Places that are kept besides.
 
         Raises:
             SceneError: A probe is outside its body.
         """
         own, dim = model.own_numbers, model.dim
         axes = _axes(model, few)
-        place = {int(number): k for k, number in enumerate(own)} if model.probes else {}
+        asked = [
+            (probe.name, located.numbers + model.starts[body], quantity == "velocity",
+             _weights(quantity, located, dim))
+            for probe, body, located in model.probes
+            for quantity in probe.quantities
+        ]  # fmt: skip
+        if kept is not None:
+            asked += [
+                (name, numbers, False, {f"{k}{at}": w for at, w in _along(shares, dim).items()})
+                for name, each in kept.rows.items()
+                for k, (numbers, shares) in enumerate(zip(*each, strict=True))
+            ]
+        place = {int(number): k for k, number in enumerate(own)} if asked else {}
         names: list[tuple[str, str]] = []
         told, rows, columns = [np.zeros(0)], [np.zeros(0, dtype=int)], [np.zeros(0, dtype=int)]
-        for probe, body, located in model.probes:
-            numbers = (located.numbers + model.starts[body]).tolist()
-            mine = [k for k, number in enumerate(numbers) if number in place]
-            dofs = dim * np.array([place[numbers[k]] for k in mine], dtype=int)[:, None]
-            for quantity in probe.quantities:
-                first = dim * len(own) if quantity == "velocity" else 0
-                own_columns = (first + dofs + np.arange(dim)).ravel()
-                for name, weights in _weights(quantity, located, dim).items():
-                    rows.append(np.full(len(own_columns), len(names)))
-                    columns.append(own_columns)
-                    told.append(weights[mine].ravel())
-                    names.append((probe.name, name))
-        entries = np.concatenate(told), (np.concatenate(rows), np.concatenate(columns))
-        shape = len(names), 2 * dim * len(own)
-        weights = csr_matrix(entries, shape=shape)
+        for name, numbers, of_velocity, parts in asked:
+            mine = [k for k, number in enumerate(numbers.tolist()) if number in place]
+            dofs = dim * np.array([place[int(numbers[k])] for k in mine], dtype=int)[:, None]
+            own_columns = (of_velocity * dim * len(own) + dofs + np.arange(dim)).ravel()
+            for part, weights in parts.items():
+                rows.append(np.full(len(own_columns), len(names)))
+                columns.append(own_columns)
+                told.append(weights[mine].ravel())
+                names.append((name, part))
+        needed, compact = np.unique(np.concatenate(columns), return_inverse=True)
+        entries = np.concatenate(told), (np.concatenate(rows), compact)
+        weights = csr_matrix(entries, shape=(len(names), len(needed)))
+        moving = needed >= dim * len(own)
+        telling = (*few, *joined, *(() if kept is None else kept.lines))
         names += [(axis.probe.name, column) for axis in axes for column in axis.columns]
         names += [
-            (name, part)
-            for each in (*few, *joined)
-            for name, told in each.told().items()
-            for part in told
+            (name, part) for each in telling for name, told in each.told().items() for part in told
         ]
         march.rows.probes = np.zeros((march.layers + 1, len(names)))
         laws = {
@@ -152,12 +168,15 @@ class SolidProbes:
             for probe, _, located in model.probes
             if located.law is not None and "stress" in probe.quantities
         }
-        return cls(march, tuple(names), weights, laws, axes, (*few, *joined))
+        which = needed[~moving], needed[moving] - dim * len(own)
+        return cls(march, tuple(names), weights, which, laws, axes, telling, kept)
 
     def __call__(self, level: Level) -> None:
         """Keep a level."""
-        moved = np.concatenate([level.displacement, level.velocity])
-        values = [self.weights @ moved, *(axis.values() for axis in self.axes)]
+        at, moving = self.needed
+        moved = [level.displacement[at] if len(at) else np.zeros(0)]
+        moved += [level.velocity[moving]] if len(moving) else []
+        values = [self.weights @ np.concatenate(moved), *(axis.values() for axis in self.axes)]
         for each in self.telling:
             values += [each.counts * np.array([*of.values()]) for of in each.told().values()]
         self.march.rows.probes[level.layer] = np.concatenate(values)
@@ -181,4 +200,9 @@ def _weights(quantity: str, located: Located, dim: int) -> dict[str, Floats]:
     if quantity == "stress":
         return located.stress
     letter = {"displacement": "u", "velocity": "v"}[quantity]
-    return {f"{letter}{'xyz'[k]}": np.outer(located.values, np.eye(dim)[k]) for k in range(dim)}
+    return {f"{letter}{axis}": weights for axis, weights in _along(located.values, dim).items()}
+
+
+def _along(shares: Floats, dim: int) -> dict[str, Floats]:
+    """Weights of the nodes in each component of a vector, (nodes, dim), by its axis."""
+    return {"xyz"[k]: np.outer(shares, np.eye(dim)[k]) for k in range(dim)}

@@ -24,6 +24,7 @@ from impactfem.result.whole import Whole
 from impactfem.runs.contact_places import ContactPlaces
 from impactfem.runs.forces import contact_codes, contact_findings, mesh_window
 from impactfem.runs.line_bodies import few_figures
+from impactfem.runs.samples import Places
 from impactfem.runs.scales import rounding_energy
 from impactfem.runs.solid_bodies import body_motions, momentum_direction
 from impactfem.runs.solid_energies import (
@@ -50,11 +51,15 @@ class SolidsMotion:
         history: In the columns of the contract.
         effort: How the scheme got there.
         is_finite: Whether forces, energies and motions are finite.
+        places: What was kept of the bodies for runs on other elements.
+        moved: Displacements there in every row [m], (rows, places, dim), by the same names.
     """
 
     history: Table
     effort: Effort
     is_finite: bool
+    places: Places
+    moved: Mapping[str, Floats]
 
 
 def solids_motion(
@@ -106,6 +111,7 @@ def solids_motion(
         model, march, each, attitudes, whole, placed, explicit=explicit
     )
     told = probes.columns(total(model.comm, rows.probes))
+    moved = {} if probes.kept is None else probes.kept.taken(told)
     history = make_history(
         Columns(
             time=march.interior.dt * np.arange(done, dtype=np.float64),
@@ -152,7 +158,8 @@ def solids_motion(
             details={**effort.details, "start": started.details(model, whole)},
             findings=(*effort.findings, *started.findings()),
         )
-    return SolidsMotion(history, effort, finite)
+    places = {} if probes.kept is None else probes.kept.places
+    return SolidsMotion(history, effort, finite, places, moved)
 
 
 def _taken(rows: Rows, told: Mapping[str, Mapping[str, Floats]]) -> dict[str, float]:

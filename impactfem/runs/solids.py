@@ -37,6 +37,7 @@ from impactfem.runs.axis_watch import AxisWatch
 from impactfem.runs.contact_places import ContactPlaces
 from impactfem.runs.line_looks import line_looks
 from impactfem.runs.loops import Marched, make_loop
+from impactfem.runs.samples import Kept, Places, chosen_places
 from impactfem.runs.solid_output import FieldOutput, Followed, Watch, followed, open_spool
 from impactfem.runs.solid_probes import SolidProbes
 from impactfem.runs.solid_rows import SolidsMotion, solids_motion
@@ -89,6 +90,7 @@ def run_solids(
     *,
     checkpoints: Path | None = None,
     restart: Path | None = None,
+    places: Places | None = None,
 ) -> tuple[SolidsMotion, StoredSnapshots | None]:
     """March solids through the duration of their scene (collective).
 
@@ -98,6 +100,7 @@ def run_solids(
         progress: Told of the stages.
         checkpoints: Folder for checkpoints every ``output.checkpoint`` layers, None for none.
         restart: Folder with the checkpoint to continue from, None to begin at t = 0.
+        places: Of bodies whose way is kept; None to choose them if the error is estimated.
 
     Returns:
         The motions, on every rank, and the fields on rank 0 (None elsewhere, or if none are asked).
@@ -147,7 +150,11 @@ def run_solids(
             layers,
             _every(scene, layers) if scene.output.fields else 0,
         )
-        probes = SolidProbes.of(march, model, few, [march.interior] if model.joints else [])
+        if places is None and numbers.estimate:
+            places = chosen_places(model, few, layers)
+        kept = Kept.of(places, model, few) if places else None
+        joined = [march.interior] if model.joints else []
+        probes = SolidProbes.of(march, model, few, joined, kept)
         touching = ContactPlaces.of(march, loop.gaps, loop.contacts, model)
         looking: list[Callable[[Level], None]] = [probes] if probes.names else []
         looking += [touching] if touching else []

@@ -144,6 +144,7 @@ def _error(summary: Mapping[str, Any]) -> tuple[Finding, ...]:
     how = "measured error" if error["measured"] else "estimated error of the mesh"
     text = f"{how}: displacement {percent(largest[0])}, force {percent(largest[1])}"
     remedy = "take smaller elements or steps, or another method"
+    remedy += f": {offer}" if (offer := summary["plan"]["reasons"].get("offer method")) else ""
     small, large = ERROR_LIMITS
     if largest[0] > large:
         text = f"{text}: the course of the motion is not predicted"

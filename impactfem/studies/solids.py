@@ -5,7 +5,8 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from impactfem.errors import ImpactError, SceneError
-from impactfem.runs.error_estimate import Track, difference, resized, turning
+from impactfem.runs.error_estimate import resized
+from impactfem.runs.tracks import Track, difference
 from impactfem.scene import Scene
 from impactfem.solving import solve
 from impactfem.studies.variant import Variant
@@ -45,10 +46,8 @@ def attempts_at(scene: Scene, sizes: Sequence[int]) -> Attempt:
 
 
 def _track(result: Any) -> Track:
-    names = [body.name for body in result.scene.bodies]
     summary = result.summary
-    bodies = turning(result.scene, summary["bodies"])
-    return Track.of_history(result.rows, names, summary["details"], bodies)
+    return Track.of_history(result.rows, result.scene, summary["details"], summary["bodies"])
 
 
 def _sized(scene: Scene, elements: int, settings: dict[str, Any]) -> Scene:

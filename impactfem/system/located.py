@@ -19,6 +19,7 @@ OUTSIDE = 0.05
 """Share of a cell by which a place may lie outside: meshes cut corners off round bodies."""
 
 _ROUNDING = 1e-9  # share of a cell below which a place is in it
+_NEAR = 12  # cells by their middles among which that of a place is sought
 _STEPS = 20  # of Newton's method, which straight cells need one of
 _ORDER = {2: ((0, 0), (1, 1), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))}
 
@@ -102,6 +103,49 @@ def locate(system: ElasticSystem, solid: Any, point: Floats) -> Located | Floats
         answer = Located(nodes.numbers[own], cell.basis(at)[0], stress, law)
     located: Located = comm.bcast(answer, root=winner[2])
     return located
+
+
+def followed(system: ElasticSystem, places: Floats) -> tuple[Integers, Floats]:
+    """Find undeformed places in a body, or next to it (collective).
+
+    Meshes of other sizes cut corners off round bodies: what lies outside is continued from the cell
+    it is nearest to.
+
+    Args:
+        system: The body.
+        places: [m], shape (places, dim).
+
+    Returns:
+        Canonical numbers of the nodes of their cells and the shape functions there, the same on
+        every rank, (places, nodes) each.
+    """
+    nodes, comm = system.nodes, system.comm
+    mesh = nodes.space.mesh
+    owned = mesh.topology.index_map(mesh.topology.dim).size_local
+    cells = np.asarray(nodes.space.dofmap.list[:owned])
+    cell = _Cell(mesh.topology.cell_type.name, int(nodes.space.ufl_element().degree))
+    corners = nodes.positions[cells]
+    middles, widths = corners.mean(axis=1), np.ptp(corners, axis=1).max(axis=1)
+    found: list[Any] = []
+    for place in places:
+        away = np.linalg.norm(middles - place, axis=1) / widths
+        near = [(int(k), cell.inverse(corners[k], place)) for k in np.argsort(away)[:_NEAR]]
+        known = [
+            # The same cell on any number of ranks.
+            (round(max(cell.excess(at), 0.0), 9), int(mesh.topology.original_cell_index[k]), k, at)
+            for k, at in near
+            if at is not None
+        ]
+        best = min(known, key=lambda entry: entry[:2], default=None)
+        told = None
+        if best is not None:
+            told = (*best[:2], nodes.numbers[cells[best[2]]], cell.basis(best[3])[0])
+        found.append(told)
+    each = [
+        min((told for told in tolds if told is not None), key=lambda entry: entry[:2])
+        for tolds in zip(*comm.allgather(found), strict=True)
+    ]
+    return np.array([told[2] for told in each]), np.array([told[3] for told in each])
 
 
 @dataclass(frozen=True)

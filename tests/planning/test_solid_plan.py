@@ -199,11 +199,21 @@ def test_normals_follow_the_way_along_curved_obstacles(obstacle, keys, normals):
     assert normals in plan.reasons["normals"]
 
 
-def test_estimate_needs_elements_that_can_be_made_coarser():
-    assert impactfem.plan(solid_scene()).estimate
+def test_estimate_is_by_coarser_elements_or_by_finer_ones_where_these_cost_little(monkeypatch):
+    assert impactfem.plan(solid_scene()).resizing == (2.0, 4.0)
     coarse = impactfem.plan(solid_scene(mesh_size=0.25))
-    assert not coarse.estimate
+    assert coarse.resizing == (0.5,)
     assert "fewer than 3" in coarse.reasons["estimate"]
+    thin = {"name": "thin", "velocity": [0.0, 0.0], "mesh_size": 0.25}
+    thin |= {"shape": {"kind": "block", "size": [4.0, 1.0], "corner": [5.0, 5.0]}}
+    pair = solid_scene().to_dict()
+    pair["body"].append(pair["body"][0] | thin)
+    assert impactfem.plan(impactfem.Scene.from_dict(pair)).resizing == (0.5,)
+    monkeypatch.setattr("impactfem.planning.estimates.WORTH", 1e-3)
+    assert not impactfem.plan(solid_scene(mesh_size=0.25)).estimate
+    # One thin body does not take the estimate from the others.
+    plan = impactfem.plan(impactfem.Scene.from_dict(pair))
+    assert (plan.resizing, plan.unresized) == ((2.0, 4.0), ("thin",))
     fine, alone = (impactfem.plan(solid_scene(solve={"estimate": e})) for e in (True, False))
     assert alone.seconds < fine.seconds < 3.0 * alone.seconds
     assert not impactfem.plan(solid_scene(solve={"estimate": False})).estimate
