@@ -48,7 +48,9 @@ def bounded():
     limit(resource.RLIMIT_AS, min(memory, room))
     limit(resource.RLIMIT_CPU, int(time.process_time() + seconds))
     limit(resource.RLIMIT_FSIZE, 0)  # reading writes nothing
+    signal.alarm(10 * seconds)  # what waits takes no processor time
     yield
+    signal.alarm(0)
     for kind, known in zip(kinds, before):
         resource.setrlimit(kind, known)
     limit(resource.RLIMIT_AS, memory)
@@ -79,7 +81,7 @@ def apart(program: str, arguments: Sequence[str], size: int, name: str) -> None:
         [sys.executable, "-P", "-c", _START + program, *words],
         env=environment, stdin=subprocess.DEVNULL, capture_output=True, check=False,
     )  # fmt: skip
-    if done.returncode == -signal.SIGXCPU:
+    if -done.returncode in {signal.SIGXCPU, signal.SIGALRM}:
         raise ApartError(
             "reading it takes too long (a loop without end?); write fewer commands, or save its "
             "mesh as .msh"
@@ -93,4 +95,7 @@ def apart(program: str, arguments: Sequence[str], size: int, name: str) -> None:
     if done.returncode == MISSING:
         raise MissingDependencyError(said[-1])
     if done.returncode > 0:
+        said = [
+            line.removeprefix("Error:").strip() for line in said if line[:6] == "Error:"
+        ] or said
         raise ApartError(f"{name} says: {said[-1][:500]}; correct the file")

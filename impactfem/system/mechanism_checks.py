@@ -26,10 +26,22 @@ _DEEPEST = 500  # elements within each other
 _JOINTS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _HINGES = ("hinge", "slide", "ball", "free")
 _UNKNOWN = ("actuator", "equality", "tendon", "include", "replicate", "composite", "flexcomp")
-# Attributes that are no numbers, whatever they look like; and those that may be infinite.
+# Attributes that are no numbers, whatever they look like; that may be infinite; that are >= 0.
 _NAMES = {"name", "link", "joint", "filename", "file", "class", "childclass", "mesh", "material",
           "model"}  # fmt: skip
 _LIMITS = {"lower", "upper", "effort", "velocity", "range"}
+_SIZES = {"damping", "friction", "frictionloss", "armature", "mass", "density"}
+_TOPS = {"link", "joint"}
+_READ = {"body", "joint", "freejoint", "geom", "inertial", "mesh"}  # of MJCF
+# How many numbers attributes have: links and joints with others are read in part, or passed over.
+_COUNTS = {
+    "robot": {"xyz": 3, "rpy": 3, "size": 3, "scale": 3}
+    | dict.fromkeys(("radius", "length", "lower", "upper", "effort", "velocity", "damping"), 1)
+    | dict.fromkeys(("friction", "ixx", "iyy", "izz", "ixy", "ixz", "iyz"), 1),
+    "mujoco": {"pos": 3, "axis": 3, "quat": 4, "euler": 3, "axisangle": 4, "fromto": 6, "range": 2}
+    | {"diaginertia": 3, "fullinertia": 6}
+    | dict.fromkeys(("damping", "frictionloss", "armature", "mass", "density"), 1),
+}  # fmt: skip
 
 
 def checked(body: Mechanism, path: Path) -> tuple[Element, list[tuple[str, bytes, str]]]:
@@ -41,6 +53,7 @@ def checked(body: Mechanism, path: Path) -> tuple[Element, list[tuple[str, bytes
         KeyedError: It cannot be read, holds what is not modelled, or names meshes elsewhere.
     """
     root = _parsed(body, path)
+    _check_names(body, root)
     _check_numbers(body, root)
     if root.tag == "robot":
         _check_joints(body, root)
@@ -86,22 +99,69 @@ def _name(element: Element) -> str:
     return show(element.get("name", "?"))
 
 
-def _check_numbers(body: Mechanism, root: Element) -> None:
-    """Refuse numbers that are not finite, or of absurd size."""
-    links = sum(1 for tag in ("link", "body") for _ in root.iter(tag))
-    if links > _MOST_LINKS:
-        raise fail(body, f" has {links} links, more than the {_MOST_LINKS} that are read.")
+def _parts(root: Element) -> Iterator[tuple[Element, str]]:
+    """Elements that are read, and whose they are."""
+    robot = root.tag == "robot"
     within = [(root, "")]
     while within:
         element, owner = within.pop()
         owner = f" of {_name(element)}" if "name" in element.attrib else owner
-        within += [(inner, owner) for inner in element]
+        within += [
+            (inner, owner)
+            for inner in element
+            if inner.tag != "visual" and (element is not root or not robot or inner.tag in _TOPS)
+        ]
+        if robot or element.tag in _READ:
+            yield element, owner
+
+
+def _check_names(body: Mechanism, root: Element) -> None:
+    """Refuse links and joints that have one name, and a robot without any."""
+    robot = root.tag == "robot"
+    if robot and "name" not in root.attrib:
+        raise fail(body, ': its <robot> has no name: write <robot name="...">.')
+    known: set[tuple[str, str | None]] = set()
+    links = 0
+    for element in root if robot else root.iterfind("worldbody//"):
+        what = "link" if element.tag == "body" else element.tag
+        if what not in _TOPS:
+            continue
+        links += what == "link"
+        name = element.get("name")
+        if robot and not name:
+            raise fail(body, f": a {what} has no name: give it one.")
+        if name and (what, name) in known:
+            raise fail(body, f": two {what}s have the name {show(name)}: give each its own.")
+        known.add((what, name))
+    if links > _MOST_LINKS:
+        raise fail(body, f" has {links} links, more than the {_MOST_LINKS} that are read.")
+
+
+def _check_numbers(body: Mechanism, root: Element) -> None:
+    """Refuse attributes with other numbers than they have, or that are not finite."""
+    counts = _COUNTS[root.tag]
+    for element, owner in _parts(root):
         for key, text in element.attrib.items():
-            for value in () if key in _NAMES else map(_number, text.split()):
-                finite = value is None or abs(value) <= MOST
-                if not finite and not (key in _LIMITS and math.isinf(value or 0.0)):
-                    what = f": <{element.tag}>{owner} has {key} = {show(text)}: give finite numbers"
-                    raise fail(body, f"{what} up to {MOST:g}.")
+            words = [] if key in _NAMES else text.split()
+            numbers = [value for value in map(_number, words) if value is not None]
+            count, fault = counts.get(key, len(words)), ""
+            if key in counts and not len(words) == len(numbers) == count:
+                fault = f"{count} number{'s' * (count > 1)}"
+            elif not all(_is_usable(value, key) for value in numbers):
+                fault = f"finite numbers up to {MOST:g}"
+            elif key in _SIZES and min(numbers, default=0.0) < 0.0:
+                fault = "a number >= 0"
+            elif (key in {"axis", "quat"} or element.tag == "axis") and not any(numbers):
+                fault = "a direction or rotation, not only 0"
+            elif key == "range" and counts.get(key) and numbers[0] > numbers[1]:
+                fault = "the lower limit first"
+            if fault:
+                shown = f": <{element.tag}>{owner} has {key} = {show(text)}: give {fault}."
+                raise fail(body, shown)
+
+
+def _is_usable(value: float, key: str) -> bool:
+    return abs(value) <= MOST or (key in _LIMITS and math.isinf(value))
 
 
 def _number(text: str) -> float | None:
@@ -121,8 +181,6 @@ def _numbers(element: Element, key: str, count: int) -> list[float] | None:
 
 def _check_joints(body: Mechanism, root: Element) -> None:
     links = [link.get("name", "?") for link in root.iter("link")]
-    if twice := sorted({link for link in links if links.count(link) > 1}):
-        raise fail(body, f": two links have the name {show(twice[0])}: give each its own.")
     for joint in root.findall("joint"):
         kind, name = joint.get("type"), _name(joint)
         if kind not in _JOINTS:
@@ -131,12 +189,27 @@ def _check_joints(body: Mechanism, root: Element) -> None:
         if joint.find("mimic") is not None:
             text = f": joint {name} mimics another one, which is not modelled: remove <mimic>."
             raise fail(body, text)
+        if kind in {"revolute", "prismatic"}:
+            _check_limit(body, joint.find("limit"), name)
         ends = joint.findall("parent"), joint.findall("child")
         if [*map(len, ends)] != [1, 1]:
             raise fail(body, f": joint {name} needs one <parent> and one <child>.")
         for (end,) in ends:
             if (link := end.get("link", "")) not in links:
                 raise named(body.kind, "file", link, links, f"link in {body.file} named")
+
+
+def _check_limit(body: Mechanism, limit: Element | None, name: str) -> None:
+    """Refuse a joint without the limits that its type has, or with none between them."""
+    missing = {"effort", "velocity"}.difference({} if limit is None else limit.attrib)
+    if limit is None or missing:
+        what = "<limit>" if limit is None else f"{min(missing)} in its <limit>"
+        text = f": joint {name} has no {what}: give lower, upper, effort and velocity, or make it "
+        raise fail(body, f"{text}continuous.")
+    lower, upper = (float(limit.get(key, "0")) for key in ("lower", "upper"))
+    if lower > upper:
+        text = f": joint {name} has the limits {lower:g} to {upper:g}: give the lower one first."
+        raise fail(body, text)
 
 
 def _check_tree(body: Mechanism, root: Element) -> None:
@@ -180,17 +253,14 @@ def _check_masses(body: Mechanism, root: Element) -> None:
             raise fail(body, text)
         moments = _moments(own if inner is None else inner)
         if moments is None:
-            continue
+            if root.tag != "robot":
+                continue
+            text = f"{who}has no inertia: give <inertia ixx iyy izz ixy ixz iyz> beside the mass."
+            raise fail(body, text)
         if fault := inertia_fault(moments, thin=True):
             raise fail(body, f"{who.rstrip()}{fault}")
         if heavy == 0.0 and moments.any():
             raise fail(body, f"{who}has inertia, but no mass: give both, or neither.")
-    for geom in root.iter("geom"):
-        for key in ("mass", "density"):
-            value = _number(geom.get(key, "0"))
-            if value is None or value < 0.0:
-                text = f": a geom has {key} = {show(geom.get(key, ''))}: give a number >= 0."
-                raise fail(body, text)
 
 
 def _moments(element: Element) -> NDArray[np.float64] | None:

@@ -119,7 +119,7 @@ def _read(
         try:
             apart(_PROGRAM, words, size, "Pinocchio")
         except ApartError as error:
-            text = str(error).replace(f"{source}", "it")
+            text = str(error).replace(f"The file {source}", "it").replace(f"{source}", "it")
             for name, _, given in meshes:
                 text = text.replace(f"{Path(folder, name)}", given)
             raise ApartError(text) from None
