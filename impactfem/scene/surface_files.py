@@ -22,6 +22,9 @@ SURFACE_FILES = (".stl", ".msh", ".step", ".stp")
 MESH_SIZE = "length of the edges of a STEP file's elements; required with one"
 SCALE = "metres in a unit of the file (a STEP file knows its own)"
 
+MOST_FACES = 2_000_000
+"""Largest surface that is read: 45 s and 1.5 GiB."""
+
 _STEP = (".step", ".stp")
 _MILLIMETRE = 1e-3  # in m: Gmsh gives the lengths of STEP files in mm
 _SAME = 1e-7  # share of the size below which places are one: STL files have single precision
@@ -83,7 +86,7 @@ def _read(
     if path.suffix.lower() == ".stl":
         if dim == 2:
             raise _FaultError("is a surface in space", "in the plane give a .msh file")
-        points, simplices = _merged(_stl(read_regular(path)))
+        points, simplices = _merged(_stl(read_regular(path))[: MOST_FACES + 1])
     else:
         step = path.suffix.lower() in _STEP
         if step and dim == 2:
@@ -91,6 +94,9 @@ def _read(
         unit = _MILLIMETRE if step else 1.0
         points, simplices, cells = _by_gmsh(path, dim, size / unit)
         points = unit * points
+    if len(simplices) > MOST_FACES:
+        text = f"has {len(simplices)} facets, more than the {MOST_FACES} that are read"
+        raise _FaultError(text, "give a coarser surface")
     points = scale * points
     if fault := next(faults(points, simplices), None):
         raise _FaultError(*fault)

@@ -10,6 +10,7 @@ from surfaces import box, ell, sphere, swept, write_stl
 
 import impactfem
 from impactfem import RigidBody, RigidBox, RigidMesh, Scene, SceneError
+from impactfem.scene import surface_files
 
 G = 9.81
 
@@ -366,6 +367,13 @@ def test_a_mesh_of_strangers_is_no_program_and_no_pipe(tmp_path, content, said):
         with pytest.raises(SceneError, match=rf'mesh = "bad.msh" .*{said}'):
             given.opened(tmp_path)
     assert not target.exists()
+
+
+def test_surfaces_of_more_facets_than_are_read_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(surface_files, "MOST_FACES", 11)
+    write_stl(tmp_path / "block.stl", box())
+    with pytest.raises(SceneError, match="has 12 facets, more than the 11 that are read: give a c"):
+        RigidBody(mesh="block.stl", density=1.0).opened(tmp_path)
 
 
 @pytest.mark.parallel(2)

@@ -237,7 +237,7 @@ def users(name):
 
 
 def written(folder, seed, count):
-    """Write files and scenes; returns what is said of each scene, and which files it names."""
+    """Write files and scenes; returns of each scene which file it names and what is said of it."""
     random_ = random.Random(seed)  # noqa: S311
     for name, (content, _) in KNOWN.items():
         special(folder, name) if content is None else (folder / name).write_bytes(content)
@@ -260,7 +260,8 @@ def written(folder, seed, count):
         files[name] = None
     scenes = {}
     for name, said in files.items():
-        user = random_.choice(users(name))
-        (folder / f"{name}.toml").write_text(scene(user, name))
-        scenes[f"{name}.toml"] = said
+        known = users(name)
+        for user in known if name.startswith("script.") else [random_.choice(known)]:
+            (folder / f"{name}.{user}.toml").write_text(scene(user, name))
+            scenes[f"{name}.{user}.toml"] = name, said
     return scenes
