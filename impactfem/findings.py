@@ -22,6 +22,7 @@ CODES: Mapping[str, str] = {
     "penetration": "bodies penetrate",
     "friction_nonunique": "friction allows several motions",
     "overconstrained": "contact forces are not determined by the equations of motion",
+    "joint_open": "a joint does not hold its bodies together",
     "no_estimate": "the error is neither measured nor estimated",
     "not_converged": "a contact problem or a linear system was not solved",
     "not_finite": "figures are not finite",

@@ -131,6 +131,9 @@ class HeldLumped(HeldByRows[Linear]):
         self._rest = part.coordinates.copy()
         self._wrench = np.zeros(6 * count)
         self._renew()
+        moved, turned = np.diag(self._flat).reshape(count, 2, 3).sum(axis=(0, 2))
+        # By which spins are compared with speeds [m].
+        self._arm = float(np.sqrt(moved / turned)) if turned > 0.0 else 0.0
 
     def _renew(self) -> None:
         """How stations answer to impulses in the layer, (6 stations, 6 stations)."""
@@ -178,10 +181,12 @@ class HeldLumped(HeldByRows[Linear]):
         linear = self.part.impel(self._rows.T @ self._wrench)
         if linear:
             return True
-        thought = np.concatenate([motion.speeds, motion.spins])
-        found = np.concatenate(self._rates(self.part.rates_ahead))
-        allowed = _SETTLED * np.abs(found).max() + np.finfo(float).tiny
-        return bool(np.abs(found - thought).max() <= allowed)
+        found, size, off = self._rates(self.part.rates_ahead), 0.0, 0.0
+        each = zip(found, (motion.speeds, motion.spins), (1.0, self._arm), strict=True)
+        for rates, thought, arm in each:
+            size = max(size, arm * float(np.abs(rates).max()))
+            off = max(off, arm * float(np.abs(rates - thought).max()))
+        return off <= _SETTLED * size + np.finfo(float).tiny
 
     @property
     def places_ahead(self) -> tuple[Floats, Floats]:

@@ -20,7 +20,14 @@ from impactfem.marching.joint_states import JointStates
 from impactfem.marching.layers import Stepper, Sums
 from impactfem.marching.stations import Held, Motion
 from impactfem.result.history import LOST
-from impactfem.system.joint_kernels import DOT, at_gradients, delassus
+from impactfem.system.joint_kernels import (
+    ANGLE,
+    DOT,
+    at_gradients,
+    delassus,
+    least,
+    sizes_of,
+)
 from impactfem.system.joints import Joints
 from impactfem.system.stations import couples
 
@@ -28,7 +35,6 @@ Floats = NDArray[np.float64]
 
 _MOST = 50  # looks for forces by formula, and for what slips, stops or lets go in a layer
 _ROUNDING = 64.0 * float(np.finfo(float).eps)  # of places in a row
-_RANK = 1e-9  # as of `impactfem.system.joints`
 
 
 class Joining[P: Stepper](Bodies[P]):
@@ -68,8 +74,11 @@ class Joining[P: Stepper](Bodies[P]):
         self._damping = np.array([joint.damping for joint in joints.joints])
         self._struck = False
         reach = np.abs(joints.places).max() + np.abs(terms.arms).max(initial=0.0)
-        self._sizes = np.full(count, _ROUNDING * (reach or 1.0))
-        self._sizes[terms.rows[terms.kinds == DOT]] = _ROUNDING
+        reach = float(reach) or 1.0
+        # Places round by the lengths that make them, cosines and angles do not.
+        rounds = np.where(np.isin(terms.kinds, (DOT, ANGLE)), 1.0, reach)
+        self._rounding = _ROUNDING * reach  # of places [m]
+        self._sizes = _ROUNDING * np.bincount(terms.rows, np.abs(terms.shares) * rounds, count)
         self._reaction: Floats | None = None
         self._middles = joints.turns
         self._ends, self._laws = self._terms, np.zeros((count, 3))
@@ -96,7 +105,7 @@ class Joining[P: Stepper](Bodies[P]):
         slid = self._states.slides.copy()
         if joints.redundant:  # what changes have the least of, their sums need not
             self._acting = np.zeros(joints.count)
-        for _ in range(_MOST):
+        for look in range(_MOST):
             elastic = couples([body.compliance for body in self._held])
             given = [_STILL, *(body.impulses() for body in self._held)]
             self._laws = self._states.laws(begun, self._rates)
@@ -119,7 +128,7 @@ class Joining[P: Stepper](Bodies[P]):
                     "check the joints"
                 )
             ended = self._coordinates(self._ends)
-            if not self._states.settled(begun, ended, self._rates, self._acting, self._time):
+            if not self._states.settled(begun, ended, self._rates, self._acting, self._time, look):
                 continue  # bodies that moved as wrong states have it could go too far
             self._middles = moving[4]
             pushes = self._wrenches(self._acting)
@@ -183,15 +192,13 @@ class Joining[P: Stepper](Bodies[P]):
 
     def _reactions(self, weighed: Floats) -> Floats:
         """Impulses of the rows that take back unit ways of them, (rows, rows)."""
-        laws = self._meeting_contact()
+        laws, joints = self._meeting_contact(), self._joints
         free = np.concatenate([np.zeros((1, 3, 3)), *(body.freedoms for body in self._held)])
         matrix = self._moving(weighed, free, couples([body.compliance for body in self._held]))
-        matrix = 0.5 * self.span * laws[:, :1] * matrix + np.diag(laws[:, 1])
-        size = np.sqrt(np.abs(np.diag(matrix)))
-        size = np.where(size > 0.0, size, 1.0)
-        alike = matrix / np.outer(size, size)
-        inverse = np.linalg.pinv(alike, _RANK)
-        return np.asarray(inverse / np.outer(size, size) * laws[:, 0])
+        matrix = 0.5 * self.span * matrix
+        scale = sizes_of(matrix)
+        matrix = laws[:, :1] * matrix + np.diag(laws[:, 1])
+        return least(matrix, np.diag(laws[:, 0]), scale, redundant=bool(joints.redundant))
 
     def _meeting_contact(self) -> Floats:
         """Laws of rows that contact meets, (rows, 3)."""
@@ -224,7 +231,8 @@ class Joining[P: Stepper](Bodies[P]):
         np.add.at(rates, terms.rows, np.einsum("tsk,tsk->t", weighed, twists[terms.bodies]))
         acting = np.zeros(joints.count)
         inner = matrix[np.ix_(holding, holding)]
-        acting[holding] = -np.linalg.lstsq(inner, rates[holding], rcond=_RANK)[0]
+        redundant = bool(joints.redundant)
+        acting[holding] = -least(inner, rates[holding], sizes_of(inner), redundant=redundant)
         pushes = np.zeros_like(twists)
         np.add.at(pushes, terms.bodies, acting[terms.rows, None, None] * weighed)
         for body, own in zip(self._held, self._at, strict=True):
@@ -265,6 +273,16 @@ class Joining[P: Stepper](Bodies[P]):
             known = dict(zip(("q", "v", "force", "moment", LOST), values, strict=True))
             found[joint.name] = {name: known[name] for name in names}
         return found
+
+    def opened(self) -> dict[str, tuple[float, float]]:
+        """How far each joint that does not give way is open now [m], [rad]."""
+        joints, terms = self._joints, self._joints.terms
+        off = np.where(joints.hard, np.abs(self._coordinates(self._terms) - joints.start), 0.0)
+        turns = np.isin(np.arange(joints.count), terms.rows[np.isin(terms.kinds, (DOT, ANGLE))])
+        most = np.zeros((2, len(joints.joints)))
+        np.maximum.at(most, (turns.astype(int), joints.owner), off)
+        each = zip(joints.joints, *most.tolist(), strict=True)
+        return {joint.name: (way, turn) for joint, way, turn in each}
 
     def _ended(self) -> tuple[float, float]:
         """Take what the step has found; energy in springs at its end, and work of motors [J]."""

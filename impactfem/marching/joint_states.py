@@ -2,7 +2,8 @@
 
 Rates of a layer are taken at its ends: where a coordinate goes from q_a to q_b and its rate was
 v_a, it ends with v_b = 2 (q_b - q_a) / dt - v_a. Dry friction that holds lets it end at rest, a
-limit with -e v_a. States are found as active sets are: laws that turn out to be wrong are changed.
+limit with -e v_a. States are found as active sets are: all laws that turn out to be wrong are
+changed, later the first one.
 """
 
 from collections.abc import Mapping
@@ -17,6 +18,7 @@ from impactfem.system.joints import Joints
 Floats = NDArray[np.float64]
 
 _SETTLED = 1e-12  # change of a motor's force, as a share of it
+_ALL_AT_ONCE = 10  # looks in a layer
 _STEP = 1e-6  # of coordinates and rates where motors are differentiated
 
 
@@ -123,7 +125,7 @@ class JointStates:
         return found
 
     def settled(
-        self, begun: Floats, ended: Floats, rates: Floats, acting: Floats, time: float
+        self, begun: Floats, ended: Floats, rates: Floats, acting: Floats, time: float, look: int
     ) -> bool:
         """Whether motors, friction and limits do what was thought; else it is thought anew.
 
@@ -133,15 +135,19 @@ class JointStates:
             rates: Their rates at its start, (rows,).
             acting: Impulses of the rows, (rows,).
             time: Amid the layer [s].
+            look: How often it was asked in the layer.
         """
         joints, fine = self._joints, True
         for k, motor in self.motors.items():
             row = joints.moving[k]
             q = 0.5 * (begun[row] + ended[row]) + joints.shift(joints.joints[k])
             fine &= motor.look(time, q, (ended[row] - begun[row]) / self.span)
-        return not self._switched(begun, ended, rates, acting) and fine
+        return not self._switched(begun, ended, rates, acting, single=look > _ALL_AT_ONCE) and fine
 
-    def _switched(self, begun: Floats, ended: Floats, rates: Floats, acting: Floats) -> bool:
+    def _switched(
+        self, begun: Floats, ended: Floats, rates: Floats, acting: Floats, *, single: bool
+    ) -> bool:
+        """Change laws that are wrong, or the first one; whether there are any."""
         joints, dt, found = self._joints, self.span, False
         for k, (joint, row) in enumerate(zip(joints.joints, joints.moving, strict=True)):
             slides, stops = self.slides[k], self.stops[k]
@@ -151,6 +157,9 @@ class JointStates:
                     slides = -np.sign(acting[own])
                 elif slides * rate < 0.0:
                     slides = 0.0
+            if single and slides != self.slides[k]:
+                self.slides[k] = slides
+                return True
             if (own := joints.stopping[k]) >= 0 and joint.limits is not None:
                 if stops:
                     stops = 0.0 if stops * acting[own] < 0.0 else stops
@@ -161,6 +170,8 @@ class JointStates:
                         stops += way * float(beyond and way * (rate + back * rates[row]) < 0.0)
             found |= slides != self.slides[k] or stops != self.stops[k]
             self.slides[k], self.stops[k] = slides, stops
+            if found and single:
+                break
         return found
 
     def let_go(self, slid: Floats) -> bool:

@@ -69,7 +69,7 @@ class JointedNewton(Joining[NewtonStepper], NewtonBodies):
             part.lay(forces[own])
         self._join()
         # Places round in rows of joints, and speeds of short steps the more.
-        slack = _ROUNDED * float(self._sizes.max()) / self.span
+        slack = _ROUNDED * self._rounding / self.span
         each_held = zip(self._steppers, known, strict=True)
         worst += [part.left(*was, slack) for part, was in each_held]
         return float(np.max(worst))

@@ -189,8 +189,7 @@ def joint_findings(model: "SolidsModel") -> list[Finding]:
         held = int(joints.holding.sum())
         text = (
             f"{joints.redundant} of the {held} equations of the joints follow from the others: "
-            "forces and moments in joints are not unique, the least ones are told; the motion is "
-            "not touched by it"
+            "forces and moments in joints are not unique, the least ones are told"
         )
         found.append(Finding("overconstrained", "note", text, value=float(joints.redundant)))
     for joint in joints.joints:

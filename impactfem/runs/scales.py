@@ -4,16 +4,43 @@ Relative measures need a scale, and at rest there is none but these: motions sho
 `rounding_way` and energies below `rounding_energy` are none.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
+from impactfem.findings import Finding, by_limits, percent
 from impactfem.result.table import Table
 from impactfem.scene import Scene
 
 _AXES = "xyz"
 _ROUNDING = float(np.finfo(np.float64).eps)
+
+
+OPENING_LIMITS = (1e-8, 1e-4)
+"""Opening of a joint, as a share of its bodies or in radians, that is no rounding, and no joint."""
+
+
+def opening_findings(
+    scene: Scene, history: Table, opened: Mapping[str, tuple[float, float]]
+) -> Iterator[Finding]:
+    """Joints that stand open at the end of a run.
+
+    Args:
+        scene: What was modelled.
+        history: History of the run.
+        opened: How far they are open by their names [m], [rad].
+    """
+    sizes = {body.name: _size(body, history) for body in scene.bodies}
+    between = {joint.name: joint.bodies or sizes for joint in scene.joints}
+    for name, (way, turn) in opened.items():
+        known = [size for body in between[name] if (size := sizes.get(body))]
+        share = way / min(known) if known else 0.0
+        text = f"joint {name} is open by {way:.2g} m, {percent(share)} of a body"
+        if turn > share:
+            share, text = turn, f"joint {name} is open by {turn:.2g} rad"
+        remedy = "use a smaller solve.dt, or check points and axes of joints that hold one another"
+        yield from by_limits("joint_open", share, OPENING_LIMITS, text, name, remedy)
 
 
 def size_of(scene: Scene, history: Table) -> float | None:

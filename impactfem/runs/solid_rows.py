@@ -25,7 +25,7 @@ from impactfem.runs.contact_places import ContactPlaces
 from impactfem.runs.forces import contact_codes, contact_findings, mesh_window
 from impactfem.runs.line_bodies import few_figures
 from impactfem.runs.samples import Places
-from impactfem.runs.scales import rounding_energy
+from impactfem.runs.scales import opening_findings, rounding_energy
 from impactfem.runs.solid_bodies import body_motions, momentum_direction
 from impactfem.runs.solid_energies import (
     elastic_energy,
@@ -152,6 +152,9 @@ def solids_motion(
         rounding = rounding_energy(model.scene, history, march.layers, effort.bodies)
         found = inertia_findings(missing, effort.bodies, bodies, own, rounding)
         effort = replace(effort, findings=(*effort.findings, *found))
+    if model.joints is not None:
+        opened = opening_findings(model.scene, history, march.interior.opened())
+        effort = replace(effort, findings=(*effort.findings, *opened))
     if started is not None:
         effort = replace(
             effort,

@@ -13,14 +13,20 @@ Numer. Meth. Eng. 67 (2006) 499-552.)
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from impactfem.compiled import compiled
+
+Floats = NDArray[np.float64]
 
 POINT, DOT, SLIDE, DISTANCE, ANGLE = range(5)
 """Kinds of terms; see `values`."""
 
 ROUNDING = 64.0 * float(np.finfo(np.float64).eps)
 """Share of what rows could move at most below which their motion is but rounding."""
+
+RANK = 1e-9
+"""Share of the largest singular value of rows made alike below which one follows from others."""
 
 _SAME = 1e-5  # relative turn [rad] below which an angle is its linear part to rounding
 
@@ -159,3 +165,50 @@ def delassus(rows, bodies, last, gradient, count, inverse_mass, freedoms, couple
             found[r, :] = 0.0
             found[:, r] = 0.0
     return found
+
+
+@compiled
+def solved(matrix, given, scale, redundant):
+    """Least solutions x of matrix @ x = given, (rows, several).
+
+    Args:
+        matrix: (rows, rows).
+        given: (rows, several).
+        scale: Typical sizes of the x, (rows,): what the rows are made alike by.
+        redundant: Whether some rows follow from others.
+    """
+    alike = matrix * scale
+    sizes = np.empty(len(scale))
+    for r in range(len(scale)):
+        sizes[r] = np.abs(alike[r]).max()
+        if not sizes[r] > 0.0:
+            sizes[r] = 1.0
+        alike[r] /= sizes[r]
+    right = given / sizes.reshape((-1, 1))
+    if redundant:
+        found = np.linalg.pinv(alike, RANK) @ right
+    else:
+        found = np.linalg.solve(alike, right)
+    return scale.reshape((-1, 1)) * found
+
+
+def sizes_of(matrix: Floats) -> Floats:
+    """Impulses in rows that move these alike, by energy, (rows,); `solved` takes them.
+
+    Args:
+        matrix: How rows move by unit impulses in them, (rows, rows).
+    """
+    own = np.sqrt(np.abs(np.diag(matrix)))
+    return np.asarray(1.0 / np.where(own > 0.0, own, 1.0))
+
+
+def least(matrix: Floats, given: Floats, scale: Floats, *, redundant: bool) -> Floats:
+    """As `solved`, also where rows have come to follow from others."""
+    columns = np.ascontiguousarray(given if given.ndim == 2 else given[:, None])
+    if not len(matrix):
+        return given
+    try:
+        found = solved(matrix, columns, scale, redundant)
+    except np.linalg.LinAlgError:
+        found = solved(matrix, columns, scale, True)
+    return np.asarray(found.reshape(given.shape))

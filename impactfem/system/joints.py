@@ -11,7 +11,16 @@ from impactfem.errors import SceneError
 from impactfem.scene import Joint, Scene
 from impactfem.scene.joints import GROUND
 from impactfem.scene.laws import side_of
-from impactfem.system.joint_kernels import at_gradients, delassus, values
+from impactfem.system.joint_kernels import (
+    ANGLE,
+    DOT,
+    RANK,
+    at_gradients,
+    delassus,
+    least,
+    sizes_of,
+    values,
+)
 from impactfem.system.joint_rows import JointFrame, Rows
 from impactfem.system.rigid import in_space
 from impactfem.system.stations import HasStations, Stations, couples
@@ -19,7 +28,6 @@ from impactfem.system.stations import HasStations, Stations, couples
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_RANK = 1e-9  # share of the largest eigenvalue below which a row follows from others
 _MOVING = 1e-9  # share of the largest speed with which bodies may part in a joint at t = 0
 
 
@@ -111,19 +119,40 @@ class Joints:
 
     def response(self) -> Floats:
         """How constraints move by unit impulses in them at t = 0, (constraints, constraints)."""
-        t, (light, _, inverse) = self.terms, self.masses
-        scaled = self.gradient * t.shares[:, None, None]
+        light, _, inverse = self.masses
         free = self.turns @ inverse @ self.turns.swapaxes(1, 2)
-        found = delassus(t.rows, t.bodies, scaled, scaled, self.count, light, free, *self.elastic)
+        return self._response(light, free, self.elastic)
+
+    def _response(self, light: Floats, free: Floats, elastic: tuple[Integers, Floats]) -> Floats:
+        """The same with inverse masses and moments of inertia in space, and elastic couples."""
+        t = self.terms
+        scaled = self.gradient * t.shares[:, None, None]
+        found = delassus(t.rows, t.bodies, scaled, scaled, self.count, light, free, *elastic)
         return np.asarray(found[np.ix_(self.holding, self.holding)])
 
     @cached_property
     def redundant(self) -> int:
-        """How many constraints follow from others at t = 0."""
-        found = self.response()
-        scale = np.sqrt(np.maximum(np.diag(found), np.finfo(float).tiny))
-        own = np.linalg.eigvalsh(found / np.outer(scale, scale)) if len(found) else np.ones(1)
-        return int((own < _RANK * own[-1]).sum())
+        """How many constraints follow from others at t = 0.
+
+        Lengths and turns tell, not masses: of a pin between heavy bodies one row of both of its
+        joints moves hardly at all by impulses.
+        """
+        count, bodies, light = len(self.names), self.terms.bodies, self.masses[0]
+        reach = np.zeros(count)
+        np.maximum.at(reach, bodies, np.linalg.norm(self.terms.arms, axis=2))
+        turning = 1.0 / np.where(reach > 0.0, reach, 1.0) ** 2
+        alike = (light > 0.0).astype(float)
+        free = (alike * turning)[:, None, None] * np.eye(3)
+        couples, moving = self.elastic
+        own = couples[:, 0] == couples[:, 1]
+        size = np.ones(count)
+        size[couples[own, 0]] = np.einsum("nkk->n", moving[own, :3, :3])
+        size = np.sqrt(np.where(size > 0.0, size, 1.0))
+        moving = moving / (size[couples[:, 0]] * size[couples[:, 1]])[:, None, None]
+        found = self._response(alike, free, (couples, moving))
+        scale = sizes_of(found)
+        own = np.linalg.eigvalsh(found * np.outer(scale, scale)) if len(found) else np.ones(1)
+        return int((own < RANK * own[-1]).sum())
 
     @property
     def mobility(self) -> int:
@@ -162,10 +191,14 @@ class Joints:
             SceneError: naming the joint, and velocities that fit.
         """
         whirls = np.einsum("bij,bj->bi", self.turns, self.spins)
-        apart = np.where(self.holding, self.rates_now(), 0.0)
-        worst = int(np.argmax(np.abs(apart)))
-        largest = max(np.abs(self.speeds).max(), np.abs(whirls).max())
-        if abs(apart[worst]) <= _MOVING * largest:
+        apart, terms = np.where(self.holding, self.rates_now(), 0.0), self.terms
+        reach = float(np.abs(terms.arms).max())
+        largest = np.abs(self.speeds).max() + reach * np.abs(whirls).max()
+        turns = terms.rows[np.isin(terms.kinds, (DOT, ANGLE))]
+        allowed = np.full(self.count, _MOVING * largest)
+        allowed[turns] = _MOVING * (largest / reach if reach else np.abs(whirls).max())
+        worst = int(np.argmax(np.abs(apart) / np.maximum(allowed, np.finfo(float).tiny)))
+        if abs(apart[worst]) <= allowed[worst]:
             return
         joint = self.joints[self.owner[worst]]
         text = (
@@ -178,7 +211,9 @@ class Joints:
             names = " and ".join(dict.fromkeys(fixed))
             raise SceneError(f"{text}, such as 0 of {names} and of what joints hold to it")
         acting = np.zeros(self.count)
-        acting[self.holding] = -np.linalg.pinv(self.response(), _RANK) @ apart[self.holding]
+        response, redundant = self.response(), bool(self.redundant)
+        nearest = least(response, apart[self.holding], sizes_of(response), redundant=redundant)
+        acting[self.holding] = -nearest
         impulse = acting[self.terms.rows] * self.terms.shares
         pushes = np.zeros((len(self.names), 6))
         np.add.at(pushes, self.terms.bodies, impulse[:, None, None] * self.gradient)

@@ -243,10 +243,9 @@ def rigid_system(scene: Scene, body: RigidBody, among: _Bodies) -> Rigid:
         more = len(carrier.markers)
         arms = np.vstack([arms, Carrier.arms(more, dim, carrier.unit)[0]])
         radius, rolling = (np.pad(each, (0, more)) for each in (radius, rolling))
-    inertia, turned = np.eye(3), np.array([body.angle])
-    if dim == 2:
-        inertia[2, 2] = body.moments[0, 0]
-    else:
+    # Across its plane nothing turns a body: what is a size there has the units of the rest.
+    inertia, turned = body.moments[0, 0] * np.eye(3), np.array([body.angle])
+    if dim == 3:
         inertia, turned = body.moments, body.quaternion
     position, velocity = np.concatenate([center, turned]), body.start_velocity
     if dim == 3:
