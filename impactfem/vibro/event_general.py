@@ -1,9 +1,8 @@
 """Flights of any system by a library integrator with dense output, and their events.
 
-Each step of SciPy's DOP853 is looked through at samples: a gap that changes sign, or has a minimum
-between two samples and is negative there, gives a bracket in which the event is located to
-rounding. A gap that closes and opens between samples without a minimum seen by them is missed;
-the steps of the integrator, which resolve the motion, make that unlikely.
+Each step of SciPy's DOP853 is looked through at times (`event_looks`) between which the gaps are
+cubics: a gap that changes sign, or has a minimum between two of them and is negative there, gives a
+bracket in which the event is located to rounding.
 """
 
 from collections import deque
@@ -21,13 +20,16 @@ from impactfem.system.joined import Forced
 from impactfem.system.joined import closed as closed_rows
 from impactfem.vibro.event_choice import Onset
 from impactfem.vibro.event_contacts import Contacts
+from impactfem.vibro.event_looks import Look, Looking
 from impactfem.vibro.event_motion import Motion
-from impactfem.vibro.event_record import Record
+from impactfem.vibro.event_record import Record, gap_rounding
 
 Floats = NDArray[np.float64]
 Curve = Callable[[float], float]
 
-_SAMPLES = 8
+_SAMPLES = 8  # of a step, for the largest force
+_LOOKS = 128  # of a step: with more the steps become shorter
+_SHORTEST = 1e-4  # of a flight, to which they do
 _EPS = 2.0**-52
 _LATER = 1e-3  # of a step of the integrator: where an acceleration is looked at that begins as 0
 _FIRST = 1e-6  # of the duration, before the first step
@@ -119,7 +121,9 @@ def _flight(
             )
         raw = solver.dense_output()
         dense = partial(_kept, motion, raw) if system.is_joined else raw
-        now, event = _first_event(motion, contacts, dense, before, solver.t, fresh, loose)
+        now, event, seen = _first_event(motion, contacts, dense, before, solver.t, fresh, loose)
+        # A body that spins freely has no error that would bound its steps.
+        solver.max_step = max(_SHORTEST * (stop - t), (now - before) * _LOOKS / seen)
         while row < len(record.times) and record.times[row] < now:
             at = dense(record.times[row])
             record.fill(row, *motion.split(at))
@@ -166,17 +170,22 @@ def _kept(motion: Motion, dense: Callable[[float], Floats], t: float) -> Floats:
 def _first_event(
     motion: Motion, contacts: Contacts, dense: Callable[[float], Floats],
     start: float, end: float, fresh: float, loose: Floats,
-) -> tuple[float, int]:  # fmt: skip
-    """Time and event of the first event in a step; the end and -1 if there is none."""
+) -> tuple[float, int, int]:  # fmt: skip
+    """Time and event of the first event in a step, the end and -1 if there is none; and looks."""
     system = motion.system
-    samples = np.linspace(start, end, _SAMPLES + 1)
-    states = [motion.split(y) for y in map(dense, samples)]
-    gaps = np.array([system.gap(s, u) for s, (u, _) in zip(samples, states, strict=True)])
-    rates = np.array([system.gap_rate(s, u, v) for s, (u, v) in zip(samples, states, strict=True)])
+    watched = np.ones(system.num_constraints, dtype=bool)
+    watched[list(contacts.closed + contacts.implied)] = False
+
+    def look(s: float) -> Look:
+        y = motion.split(dense(s))
+        return Look(s, system.gap(s, y[0]), system.gap_rate(s, *y), motion.guards(s, *y))
+
+    # Places and speeds of the dense output agree within the tolerance.
+    doubt = motion.rtol / _EPS * gap_rounding(system, end, *motion.split(dense(end)))
+    seen = Looking(look, watched, doubt).over(start, end)
+    samples, gaps, rates, guarded = (np.array(each) for each in zip(*seen, strict=True))
     best, event = end, -1
-    for j in range(system.num_constraints):
-        if j in contacts.closed or j in contacts.implied:
-            continue
+    for j in np.flatnonzero(watched).tolist():
 
         def gap(s: float, j: int = j) -> float:
             return float(system.gap(s, motion.split(dense(s))[0])[j])
@@ -188,7 +197,6 @@ def _first_event(
         at = _first_closing(gap, rate, samples, gaps[:, j], rates[:, j], order)
         if at is not None and (at < best or event == -1):
             best, event = at, j
-    guarded = np.array([motion.guards(s, *y) for s, y in zip(samples, states, strict=True)])
     for i in range(len(loose)):
 
         def guard(s: float, i: int = i) -> float:
@@ -200,7 +208,7 @@ def _first_event(
             at = samples[0] if k == 0 else _root(guard, samples[k - 1], samples[k])
             if at < best or event == -1:
                 best, event = at, -2 - i
-    return float(best), event
+    return float(best), event, len(seen)
 
 
 def _first_closing(
@@ -215,7 +223,7 @@ def _first_closing(
             while gap(low) <= 0.0 and low - start > 4.0 * _EPS * abs(start):
                 low = start + 0.5 * (low - start)
             return _root(gap, low, samples[1]) if gap(low) > 0.0 else float(low)
-    for k in range(_SAMPLES):
+    for k in range(len(samples) - 1):
         a, b = samples[k], samples[k + 1]
         if gaps[k] <= 0.0 and not (k == 0 and order):
             if rates[k] < 0.0:

@@ -18,6 +18,15 @@ Floats = NDArray[np.float64]
 _EPS = 2.0**-52
 
 
+def gap_rounding(system: GeneralizedSystem, t: float, u: Floats, v: Floats) -> Floats:
+    """Rounding of the gaps by that of the state and of the time, shape (J,)."""
+    size = np.abs(system.gradient(u)) @ np.abs(u) + np.abs(system.motion_at(t))
+    if isinstance(system, LinearSystem):
+        size = size + np.abs(system.offsets)
+    speed = np.abs(system.jacobian(u)) @ np.abs(v) + np.abs(system.motion_rate(t))
+    return np.asarray(_EPS * (64.0 * size + 4.0 * t * speed))
+
+
 class Record:
     """Output of a run.
 
@@ -60,13 +69,7 @@ class Record:
 
     def near(self, t: float, u: Floats, v: Floats) -> NDArray[np.bool_]:
         """Constraints that are closed to rounding of the state and of the time, shape (J,)."""
-        system = self.system
-        size = np.abs(system.gradient(u)) @ np.abs(u) + np.abs(system.motion_at(t))
-        if isinstance(system, LinearSystem):
-            size = size + np.abs(system.offsets)
-        speed = np.abs(system.jacobian(u)) @ np.abs(v) + np.abs(system.motion_rate(t))
-        found: NDArray[np.bool_] = system.gap(t, u) <= _EPS * (64.0 * size + 4.0 * t * speed)
-        return found
+        return np.asarray(self.system.gap(t, u) <= gap_rounding(self.system, t, u, v))
 
     def fill(self, row: int, u: Floats, v: Floats) -> None:
         """Set an output row."""
