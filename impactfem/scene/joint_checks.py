@@ -44,6 +44,7 @@ def check_joints(scene: Content) -> None:
             text = f" has {dim} coordinates, the bodies have {scene.dim}: give {scene.dim}."
             raise KeyedError(where, key, text)
         _check_places(scene, where, joint)
+        _check_shared(scene, index)
         fixed = [n for n in sorted(joint.bodies & set(bodies)) if not bodies[n].joined_in_steps]
         if fixed and scene.iterated:
             kinds = " and ".join(kind for kind, cls in BODIES.items() if cls.joined_in_steps)
@@ -84,6 +85,28 @@ def _check_places(scene: Content, where: str, joint: Joint) -> None:
         key = "point" if joint.points is None else f"points[{side}]"
         text = f" = {show(list(place))} is not on {name}, which joints hold {near}: give a place "
         raise KeyedError(where, key, f"{text}there.")
+
+
+def _check_shared(scene: Content, index: int) -> None:
+    """Refuse joints at two places of one surface: each would hold the mean of all of it."""
+    joint, bodies = scene.joints[index], {body.name: body for body in scene.bodies}
+    for side, name in enumerate(joint.between or ()):
+        whole = bodies.get(side_of(name)[0])
+        if whole is None or not whole.has_surface or not whole.joined_by_surface:
+            continue
+        here = np.asarray(joint.places[side], dtype=float)
+        for other in scene.joints[:index]:
+            for held, place in zip(other.between or (), other.places, strict=False):
+                there = np.asarray(place, dtype=float)
+                alike = held == name and here.shape == there.shape
+                if not alike or np.allclose(here, there, rtol=0.0, atol=1e-9 * abs(here).max()):
+                    continue
+                key = "point" if joint.points is None else f"points[{side}]"
+                text = f" = {show(list(here))}: joint {other.name} holds {name} too, at "
+                text += f"{show(list(there))}, but a joint holds the mean of a whole surface, so "
+                text += "that both would hold the same tip, which then cannot bend between them; "
+                text += "mark a surface around each place in a mesh file, or give one joint."
+                raise KeyedError(f"joint[{index}]", key, text)
 
 
 def _check_side(scene: Content, where: str, name: str, between: object) -> None:

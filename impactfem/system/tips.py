@@ -77,6 +77,21 @@ class Tips:
         }
         return {name: both for name, both in counts.items() if both[0] < both[1]}
 
+    def beside(self, name: str, place: Floats) -> tuple[float, float, float]:
+        """How a place lies to the tip of a surface [m] (collective at the first use).
+
+        Returns:
+            Its distance from the mean of the nodes, their own root mean square distance from that,
+            and its distance from the nearest node. Undeformed.
+        """
+        numbers, points, areas = self.surfaces[name]
+        weights = areas * self.free[np.searchsorted(self._every, numbers)]
+        mean = np.average(points, axis=0, weights=weights)
+        away = ((points - mean) ** 2).sum(axis=1)
+        nearest = np.linalg.norm(points - place, axis=1).min()
+        spread = np.average(away, weights=weights)
+        return float(np.linalg.norm(place - mean)), float(np.sqrt(spread)), float(nearest)
+
     def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
         """One for each surface that is named (collective).
 

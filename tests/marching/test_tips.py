@@ -291,6 +291,24 @@ def test_surfaces_that_cannot_be_held_are_refused(change, text):
         plan(replace(scene, joints=[replace(scene.joints[0], **change)], contacts=contacts))
 
 
+def test_a_joint_beside_the_mean_of_its_surface_is_told_and_two_are_refused():
+    strip, keys = {"kind": "block", "size": [0.2, 0.02], "corner": [-0.1, 0.0]}, {"kind": "fixed"}
+    body, held = block(shape=strip, mesh_size=0.01), ("ground", "block/bottom")
+    left, middle, lever, right = (
+        hinge(*held, point=point, **keys)
+        for point in ([-0.09, 0.0], [0.0, 0.0], [0.0, -0.1], [0.09, 0.0])
+    )
+    for joint, told in ((left, True), (middle, False), (lever, False)):
+        scene = made([body], [joint], 1e-3, 1e-5)
+        found = [each for each in plan(scene).findings if each.subject == "pin"]
+        assert bool(found) == told
+    with pytest.raises(
+        SceneError, match=r"joint\[1\].point = \[0.09, 0.0\]: joint pin holds block/bot"
+    ):
+        made([body], [left, replace(right, name="other")], 1e-3, 1e-5)
+    made([body], [left, replace(left, name="other", kind="revolute")], 1e-3, 1e-5)  # at one place
+
+
 def test_half_of_a_body_is_refused():
     half = {"kind": "block", "size": [0.2, 0.1], "corner": [-0.1, -0.1], "symmetry": ["x"]}
     scene = made([block(shape=half)], [hinge("ground", "block/top")], 0.1, 1e-3)
