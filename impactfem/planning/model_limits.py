@@ -1,10 +1,12 @@
 """Where small-strain elasticity ends: findings on turns and strains, foreseen or measured."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from impactfem.findings import ROTATION_LIMITS, STRAIN_LIMITS, Finding, by_limits, percent
+from impactfem.scene import Scene
 
 CODES = ("model_rotation", "model_strain")
 """What every run of solids looks for."""
@@ -24,6 +26,24 @@ _STRAINS = (
     "elasticity of small strains is not for this: give the body "
     'strain = "finite"; else take a slower impact, a stiffer body or less load'
 )
+
+
+def as_asked(scene: Scene, findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Findings on the model, as warnings of bodies whose scene asks for small strains itself.
+
+    A linear problem has its answer at any amplitude, and is one that is computed to compare.
+
+    Args:
+        scene: As it was given, without the choices of a plan.
+        findings: What is foreseen or was measured.
+    """
+    asked = {solid.name for solid in scene.solids if solid.strain == "small"}
+    return tuple(
+        replace(found, severity="warning")
+        if found.severity == "fault" and found.code in CODES and found.subject in asked
+        else found
+        for found in findings
+    )
 
 
 def measured_findings(

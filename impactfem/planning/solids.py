@@ -11,6 +11,7 @@ from impactfem.methods import METHODS
 from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.few import bar_findings, few_findings, few_in_words, few_step, plan_few
 from impactfem.planning.meetings import told_contacts
+from impactfem.planning.model_limits import as_asked
 from impactfem.planning.normals import choose_normals
 from impactfem.planning.offers import offers
 from impactfem.planning.plans import Plan
@@ -176,7 +177,7 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
         memory_mib=memory_mib(sizes, linear_solver),
         seconds=cost(1.0) + estimate.seconds,
         reasons=reasons,
-        findings=tuple(findings),
+        findings=as_asked(scene, findings),
     )
 
 

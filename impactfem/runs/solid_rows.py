@@ -38,6 +38,7 @@ from impactfem.runs.solid_pairs import of_layers, pair_motions
 from impactfem.runs.solid_probes import SolidProbes
 from impactfem.runs.static_start import Started
 from impactfem.runs.verdict import PENETRATION_LIMITS
+from impactfem.scene import Bar
 from impactfem.scene.pairing import self_meeting
 
 Floats = NDArray[np.float64]
@@ -191,6 +192,8 @@ def _effort(
 ) -> Effort:
     """How the march got there; arguments as of `solids_motion`, motions, and energy taken."""
     figures, parts = limits.figures(), model.parts
+    # Bars are linear at any strain, here as alone.
+    bars = {body.name for body in model.scene.bodies if isinstance(body, Bar)}
     iterations = rows.iterations[rows.iterations > 0]
     return Effort(
         num_unknowns=model.unknowns + model.contact_count,
@@ -219,7 +222,8 @@ def _effort(
         findings=(
             *(contact_findings(rows.force, rows.largest, march.interior.dt) if parts else ()),
             *measured_findings(
-                figures, {p.solid.name: p.solid.material for p in parts if p.solid.is_finite}
+                {name: known for name, known in figures.items() if name not in bars},
+                {p.solid.name: p.solid.material for p in parts if p.solid.is_finite},
             ),
             *_overlap_findings(model, watch),
             *march.findings(),

@@ -7,6 +7,7 @@ import numpy as np
 
 from impactfem.findings import Finding, by_limits, level_of, percent, settled, warning
 from impactfem.methods import is_exact
+from impactfem.planning.model_limits import as_asked
 from impactfem.result.table import Table
 from impactfem.runs.scales import size_of
 from impactfem.scene import Scene
@@ -70,7 +71,7 @@ def judge(
     codes = [*_JUDGED, *measured]
     if summary["error"] is not None or is_exact(summary["method"]):
         codes += ["error_large", "no_estimate"]
-    every = settled(foreseen, [*own, *found], codes)
+    every = settled(foreseen, [*own, *as_asked(scene, found)], codes)
     faults = [finding.code for finding in every if finding.severity == "fault"]
     status = next((status for code, status in _STATUS.items() if code in faults), "completed")
     return {

@@ -283,3 +283,18 @@ def test_ranks_agree(monkeypatch):
         one = impactfem.solve(case)
     found = differences(one, impactfem.solve(case))
     parallel_assert(max(found.values(), default=0.0) <= 1e-10, participating=True, msg=str(found))
+
+
+def test_a_bar_has_no_limits_of_strain_beside_other_bodies_as_alone():
+    """Half its wave speed at the wall: a strain of 50 %, exact for d'Alembert's bar."""
+    bar = SOFT | {"velocity": -0.5}
+    ball = {"kind": "point", "name": "ball", "mass": 1.0, "position": [5.0]}
+    runs = [
+        scene([bar], 1.0, gravity=0.0, obstacles=[WALL], solve={"estimate": None}),
+        scene([bar, ball], 1.0, obstacles=[WALL]),
+    ]
+    for summary in (impactfem.solve(run).summary for run in runs):
+        assert summary["bodies"]["bar"]["strain_99"] == pytest.approx(0.5, rel=0.02)
+        found = [entry["code"] for entry in summary["verdict"]["findings"]]
+        assert "model_strain" not in found
+        assert summary["status"] == "completed"
