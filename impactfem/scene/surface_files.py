@@ -86,7 +86,9 @@ def _read(
     if path.suffix.lower() == ".stl":
         if dim == 2:
             raise _FaultError("is a surface in space", "in the plane give a .msh file")
-        points, simplices = _merged(_stl(read_regular(path))[: MOST_FACES + 1])
+        corners = _stl(read_regular(path))
+        _check_count(len(corners))
+        points, simplices = _merged(corners)
     else:
         step = path.suffix.lower() in _STEP
         if step and dim == 2:
@@ -94,9 +96,7 @@ def _read(
         unit = _MILLIMETRE if step else 1.0
         points, simplices, cells = _by_gmsh(path, dim, size / unit)
         points = unit * points
-    if len(simplices) > MOST_FACES:
-        text = f"has {len(simplices)} facets, more than the {MOST_FACES} that are read"
-        raise _FaultError(text, "give a coarser surface")
+    _check_count(len(simplices))
     points = scale * points
     if fault := next(faults(points, simplices), None):
         raise _FaultError(*fault)
@@ -108,6 +108,13 @@ def _read(
             f"crosses itself near ({told(place)})", "give the outside of one body only"
         )
     return found
+
+
+def _check_count(facets: int) -> None:
+    """Refuse surfaces that would take too long."""
+    if facets > MOST_FACES:
+        text = f"has {facets} facets, more than the {MOST_FACES} that are read"
+        raise _FaultError(text, "give a coarser surface")
 
 
 def _stl(content: bytes) -> Floats:
