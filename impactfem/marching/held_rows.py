@@ -186,7 +186,7 @@ class HeldLumped(HeldByRows[Linear]):
         for rates, thought, arm in each:
             size = max(size, arm * float(np.abs(rates).max()))
             off = max(off, arm * float(np.abs(rates - thought).max()))
-        return off <= _SETTLED * size + np.finfo(float).tiny
+        return bool(off <= _SETTLED * size + np.finfo(float).tiny)
 
     @property
     def places_ahead(self) -> tuple[Floats, Floats]:
