@@ -23,28 +23,19 @@ from impactfem.errors import (
 )
 from impactfem.first_use import announce_to
 from impactfem.processes import abort, complain, end_together, join, rank, ranks, say
-from impactfem.signals import InterruptedRunError, listen
+from impactfem.signals import InterruptedRunError, end_if_deaf, kept_apart, listen
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
-    # More threads than ranks slow every dense kernel down; set before NumPy loads.
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    # PETSc would take SIGTERM, print pages about it and leave half-written files.
-    options = os.environ.get("PETSC_OPTIONS", "").split()
-    os.environ["PETSC_OPTIONS"] = " ".join([*options, "-no_signal_handler"])
-    # Libraries make many objects that stay: collecting garbage takes a tenth of their loading.
-    gc.set_threshold(50_000)
-    # And Python would look through all of them once more as it ends.
-    atexit.register(gc.freeze)
-    _prepare_streams()
-    listen()
+    _prepare(alone=arguments is None)
     code, reason, patience = DONE, "", 5.0
     try:
         _check_present_folder()
         join()
         given = _parsed(arguments)
-        code = given.action(given)
+        with kept_apart():
+            code = given.action(given)
     except SystemExit as end:  # argparse has said why
         code = int(end.code or DONE)
     except InterruptedRunError as error:
@@ -66,6 +57,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if code != DONE:
         end_together(code, reason, patience)
     return code
+
+
+def _prepare(*, alone: bool) -> None:
+    """Set what libraries look for before they are loaded, and what signals and streams do.
+
+    Args:
+        alone: Whether the process is ours.
+    """
+    # More threads than ranks slow every dense kernel down; set before NumPy loads.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    # PETSc would take SIGTERM, print pages about it and leave half-written files.
+    options = os.environ.get("PETSC_OPTIONS", "").split()
+    os.environ["PETSC_OPTIONS"] = " ".join([*options, "-no_signal_handler"])
+    # And UCX, below MPI, SIGHUP: to wait for a debugger.
+    os.environ.setdefault("UCX_DEBUG_SIGNO", "0")
+    # Libraries make many objects that stay: collecting garbage takes a tenth of their loading.
+    gc.set_threshold(50_000)
+    # And Python would look through all of them once more as it ends.
+    atexit.register(gc.freeze)
+    _prepare_streams()
+    listen()
+    if alone:
+        end_if_deaf()
 
 
 def _check_present_folder() -> None:

@@ -10,7 +10,7 @@ from impactfem.result.claim import Claim
 from impactfem.result.store import CHECKPOINT, SPOOL
 from impactfem.scene import Scene
 from impactfem.scene.toml import parse_toml
-from impactfem.signals import InterruptedRunError
+from impactfem.signals import InterruptedRunError, kept_apart
 
 
 def scene_to_continue(folder: Path) -> Scene:
@@ -66,7 +66,8 @@ def kept(folder: Path, active: bool) -> Iterator[None]:
         yield
         return
     try:
-        yield
+        with kept_apart():
+            yield
     except InterruptedRunError as error:
         if (folder / CHECKPOINT).exists():
             error.kept = what_is_kept(folder)

@@ -1,13 +1,19 @@
-"""SIGINT and SIGTERM: an end in order, and short blocks that they must not cut in two."""
+"""SIGINT, SIGTERM and SIGHUP: an end in order, and short blocks that they must not cut in two."""
 
+import ctypes
+import fcntl
+import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_TWICE = 1.0  # s; terminals, launchers and `timeout` send one signal twice at once
+_heard: list[tuple[int, float]] = []  # the signal that ends this run, and when it came
 
 
 class InterruptedRunError(BaseException):
@@ -25,17 +31,67 @@ class InterruptedRunError(BaseException):
 
 
 def listen() -> None:
-    """Have SIGINT and SIGTERM raise `InterruptedRunError`, once; a finalizer cannot swallow it."""
+    """Have signals raise `InterruptedRunError`, once; a finalizer cannot swallow it.
+
+    The next one, if it comes more than a second later, does what it would without us: it kills.
+    """
+    _heard.clear()
     for number in _SIGNALS:
-        signal.signal(number, _interrupt)
+        # Under `nohup` a terminal that closes is no reason to end.
+        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _interrupt)
     sys.unraisablehook = _unraisable
 
 
+def end_if_deaf() -> None:
+    """Have this process killed half a minute after a signal for which it had no ear.
+
+    Python's handlers wait until compiled code returns, which it never does where ranks wait for
+    each other. But what is in C of them writes to a pipe at once, of which the system tells by
+    SIGIO. That has number 29 and for a handler alarm(29): 29 s later SIGALRM ends the process,
+    unless a handler in Python has taken it back by then.
+    """
+    end, begin = os.pipe()
+    os.set_blocking(begin, False)
+    fcntl.fcntl(end, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(end, fcntl.F_SETFL, os.O_ASYNC | os.O_NONBLOCK)
+    c = ctypes.CDLL(None)
+    c.signal.argtypes = (ctypes.c_int, ctypes.c_void_p)
+    c.signal.restype = ctypes.c_void_p
+    c.signal(signal.SIGIO, ctypes.cast(c.alarm, ctypes.c_void_p))
+    signal.set_wakeup_fd(begin, warn_on_full_buffer=False)
+
+
 def _interrupt(number: int, _: object) -> NoReturn:
-    # A second signal must not disturb the cleaning up after the first.
+    signal.alarm(0)
+    _heard[:] = [(number, time.monotonic())]
     for each in _SIGNALS:
-        signal.signal(each, signal.SIG_IGN)
+        signal.signal(each, _again)
     raise InterruptedRunError(number)
+
+
+def _again(number: int, _: object) -> None:
+    """Leave the cleaning up after the first signal alone, but not for ever."""
+    signal.alarm(0)
+    if _heard and time.monotonic() - _heard[0][1] < _TWICE:
+        return
+    signal.signal(number, signal.SIG_DFL)
+    signal.raise_signal(number)
+
+
+@contextmanager
+def kept_apart() -> Iterator[None]:
+    """Have a signal stay a signal, whatever compiled code makes of it on its way up.
+
+    Raises:
+        InterruptedRunError: In place of any other error after a signal.
+    """
+    try:
+        yield
+    except Exception as error:
+        if _heard:
+            raise InterruptedRunError(_heard[0][0]) from error
+        raise
 
 
 def _unraisable(raised: "sys.UnraisableHookArgs") -> None:
@@ -50,7 +106,7 @@ def _unraisable(raised: "sys.UnraisableHookArgs") -> None:
         again = threading.Timer(0.05, signal.pthread_kill, (main, error.number))
         again.daemon = True
         again.start()
-    elif signal.getsignal(_SIGNALS[0]) is not signal.SIG_IGN:
+    elif not _heard:
         sys.__unraisablehook__(raised)
     # else: an object that the signal left half made, of a run that says so and ends
 
@@ -62,9 +118,13 @@ def held_back() -> Iterator[None]:
         yield  # Python handles signals in the main thread only
         return
     held: list[int] = []
-    usual = {
-        number: signal.signal(number, lambda number, _: held.append(number)) for number in _SIGNALS
-    }
+
+    def hold(number: int, _: object) -> None:
+        signal.alarm(0)
+        held.append(number)
+
+    usual = {number: signal.getsignal(number) for number in _SIGNALS}
+    _set({number: hold for number, one in usual.items() if one is not signal.SIG_IGN})
     try:
         yield
     finally:

@@ -18,6 +18,7 @@ import numpy as np
 from impactfem.errors import OutputError
 from impactfem.fem import on_root
 from impactfem.marching.collect import Collector, Floats, total
+from impactfem.marching.rows import OF_RANKS
 from impactfem.marching.time_loop import TimeLoop
 from impactfem.result.store import CHECKPOINT, in_mib
 
@@ -29,7 +30,6 @@ _BROKEN = (
     OSError, ValueError, LookupError, TypeError, AttributeError, EOFError, NotImplementedError,
     SyntaxError, MemoryError, zipfile.BadZipFile, zlib.error, struct.error,
 )  # fmt: skip
-_SUMMED = ("sums", "probes")  # rows to which each rank adds its part
 _OWN = frozenset({"scene", "body", "layer", "dt"})
 
 
@@ -79,7 +79,7 @@ class Checkpoints:
         done = march.layer + 1
         for entry in fields(march.rows):
             data[f"rows.{entry.name}"] = getattr(march.rows, entry.name)[:done]
-        for name in _SUMMED:
+        for name in OF_RANKS:
             data[f"rows.{name}"] = total(self._comm, getattr(march.rows, name)[:done])
         on_root(self._comm, lambda: self._write(data))
 
@@ -127,7 +127,8 @@ class Checkpoints:
         Raises:
             OutputError: There is no such file, or it belongs to another scene or mesh.
         """
-        data = on_root(self._comm, lambda: self._read(march))
+        expected = self._expected(march)  # gathers: on all ranks
+        data = on_root(self._comm, lambda: self._read(march, expected))
         layer, dim = int(data["layer"]), self._dim
         state = {
             name.removeprefix("node."): self._collector.distribute(values, dim)
@@ -142,7 +143,7 @@ class Checkpoints:
         for entry in fields(march.rows):
             getattr(march.rows, entry.name)[: layer + 1] = data[f"rows.{entry.name}"]
         if self._comm.rank != 0:  # the sums of all ranks: only once
-            for name in _SUMMED:
+            for name in OF_RANKS:
                 getattr(march.rows, name)[: layer + 1] = 0.0
         march.restore(state, memory, data["asked.nodes"], layer)
         return {
@@ -151,7 +152,9 @@ class Checkpoints:
             if name not in _OWN and "." not in name
         }
 
-    def _read(self, march: TimeLoop[Any]) -> dict[str, Any]:
+    def _read(
+        self, march: TimeLoop[Any], expected: Mapping[str, tuple[int, ...]]
+    ) -> dict[str, Any]:
         data = load(self._path)
         if str(data.get("scene")) != self._scene:
             raise OutputError(
@@ -162,7 +165,7 @@ class Checkpoints:
                 f"{self._path}: was written on another mesh of this scene (its mesh file was "
                 "changed, or this is another version of Gmsh); run the scene from its start"
             )
-        given = self._expected(march)
+        given = dict(expected)
         if "asked.nodes" in data:  # as many as the march had needed
             given["asked.nodes"] = data["asked.nodes"].shape
         layer, dt = data.get("layer"), data.get("dt")
@@ -182,7 +185,7 @@ class Checkpoints:
         return data
 
     def _expected(self, march: TimeLoop[Any]) -> dict[str, tuple[int, ...]]:
-        """Shapes of the arrays in a file; those of rows are as long as the whole march."""
+        """Shapes of the arrays in a file, those of rows as long as the whole march (collective)."""
         nodes = (self._collector.count, self._dim)
         inside = {f"node.{name}": nodes for name in march.interior.state()}
         memory = {f"march.{name}": values.shape for name, values in march.memory().items()}

@@ -86,6 +86,10 @@ class Level:
         return found
 
 
+OF_RANKS = ("sums", "attitude", "probes")
+"""Rows to which each rank adds its part; the others are the same on all ranks."""
+
+
 @dataclass
 class Rows:
     """What each layer leaves in the history; row 0 is the initial state.

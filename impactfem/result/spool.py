@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impactfem.errors import OutputError
-from impactfem.hdf5 import h5py
+from impactfem.hdf5 import h5py, of_a_dead_writer
 from impactfem.result.shapes import FLAGS, MOTION, VECTOR, Layout, Shape, as_vectors
 from impactfem.result.store import reserve
 from impactfem.signals import held_back
@@ -102,7 +102,7 @@ class FieldSpool:
         path = Path(path)
         try:
             # As one of many readers: of a killed run the file still says that it has a writer.
-            with h5py.File(path, "r", swmr=True) as file:
+            with of_a_dead_writer(path) as file:
                 root = file["VTKHDF"]
                 data = {name: root["PointData"][name] for name in fields_of(file)}
                 there = int(root["Steps"].attrs["NSteps"])

@@ -174,6 +174,8 @@ def open_spool(
     positions = np.concatenate([none, *(part.system.positions for part in parts)])
     points = collector.collect(positions.ravel(), model.dim)
     cells = [_cells(comm, part.mesh) for part in parts]
+    shown = _shown([*(part.system.fields for part in parts), *others])
+    known = {**POINT_DATA, "contact_normal": VECTOR, **shown}
 
     def make() -> None:
         if place is None or points is None:
@@ -187,9 +189,6 @@ def open_spool(
                 parts, cells, kinds, pairwise(model.starts), strict=True
             )
         ]
-        own = [part.system.fields for part in parts]
-        more = {"contact_normal": VECTOR, **_shown([*own, *others])}
-        known = {**POINT_DATA, **more}
         found.append(FieldSpool(place, [*shapes, *(body.shape for body in others)], known))
 
     found: list[FieldSpool] = []

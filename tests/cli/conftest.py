@@ -95,7 +95,8 @@ def command(work, capsys, monkeypatch):  # noqa: ARG001  (in the working folder)
     for name in ("OMP_NUM_THREADS", "PETSC_OPTIONS"):  # as they were, whatever is set meanwhile
         monkeypatch.setenv(name, os.environ.get(name, ""))
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    handlers = {number: signal.getsignal(number) for number in numbers}
 
     def run(*arguments, drawn=False):
         words = [str(argument) for argument in arguments]

@@ -225,13 +225,19 @@ def check_ranks(made, monkeypatch):
 
 
 def check_restart(made, layer, tmp_path, monkeypatch):
-    """A run that is stopped in a layer and goes on equals the whole to the last bit; both runs."""
+    """A run that is stopped in a layer and goes on equals the whole to the last bit; both runs.
+
+    On several ranks too, each of which has a `tmp_path` of its own.
+    """
+    from impactfem.fem import MPI
+
+    tmp_path = MPI.COMM_WORLD.bcast(tmp_path, root=0)
     whole = impactfem.solve(made)
     with stopping(monkeypatch, layer):
         impactfem.solve(made, checkpoints=tmp_path)
     again = impactfem.solve(made, checkpoints=tmp_path, restart=tmp_path)
-    found = differences(whole, again)
-    assert found == {}, found
+    found = MPI.COMM_WORLD.allgather(differences(whole, again))  # all fail, or none
+    assert not any(found), found
     return whole, again
 
 

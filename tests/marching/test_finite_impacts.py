@@ -87,6 +87,7 @@ def test_no_layer_of_a_rod_and_a_point_gains_energy():
     assert result.summary["contact"]["max_impulse"] > 0.1
 
 
+@pytest.mark.parallel([1, 2])
 @pytest.mark.slow
 def test_a_continued_run_with_impacts_equals_the_whole_one(tmp_path, monkeypatch):
     case = tumbling()

@@ -128,6 +128,7 @@ def crank(**output):
     return scene(bodies, joints, laws, 0.008, output={"fields": [], "checkpoint": 5} | output)
 
 
+@pytest.mark.parallel([1, 2])
 @pytest.mark.slow
 def test_a_run_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
     whole, _ = check_restart(crank(), 14, tmp_path, monkeypatch)

@@ -261,6 +261,7 @@ def striking(folder: Path) -> Scene:
     return made.with_settings({"output.checkpoint": 50})
 
 
+@pytest.mark.parallel([1, 2])
 def test_restart_goes_on_to_the_last_bit(tmp_path, monkeypatch):
     made = striking(tmp_path)
     whole, _ = check_restart(made, 140, tmp_path, monkeypatch)

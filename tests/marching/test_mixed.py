@@ -275,6 +275,7 @@ def test_a_point_load_is_told():
     assert not any(f.code == "contact_single_node" for f in plan.findings)
 
 
+@pytest.mark.parallel([1, 2])
 @pytest.mark.slow
 def test_a_continued_run_equals_the_whole_one(tmp_path, monkeypatch):
     """With all kinds of bodies, friction and restitution: to the last bit."""
@@ -291,7 +292,8 @@ def test_a_continued_run_equals_the_whole_one(tmp_path, monkeypatch):
     whole, again = check_restart(scene, 52, tmp_path, monkeypatch)
     assert again.summary["energy"] == whole.summary["energy"]
     assert whole.summary["contact"]["impulse"] > 0.0
-    assert set(whole.fields.layout.names) == {"s", "b", "r", "p"}
+    if whole.fields is not None:  # on rank 0
+        assert set(whole.fields.layout.names) == {"s", "b", "r", "p"}
 
 
 @pytest.mark.slow

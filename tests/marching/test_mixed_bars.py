@@ -268,6 +268,7 @@ def several(**output):
                  output={"fields": []} | output)  # fmt: skip
 
 
+@pytest.mark.parallel([1, 2])
 @pytest.mark.slow
 def test_a_continued_run_equals_the_whole_one(tmp_path, monkeypatch):
     case = several(checkpoint=200)

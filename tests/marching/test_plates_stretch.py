@@ -191,6 +191,7 @@ def dented():
     return struck(duration=0.1, output={"fields": [], "checkpoint": 5})
 
 
+@pytest.mark.parallel([1, 2])
 @pytest.mark.parametrize("made", [moving, dented])
 def test_a_run_goes_on_where_it_was_stopped(made, tmp_path, monkeypatch):
     check_restart(made(), 27, tmp_path, monkeypatch)

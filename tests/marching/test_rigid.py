@@ -248,6 +248,7 @@ def tumbling():
     }  # fmt: skip
 
 
+@pytest.mark.parallel([1, 2])
 @pytest.mark.parametrize("shape", [None, {"kind": "cylinder", "radius": 0.08, "height": 0.1}])
 def test_a_restarted_run_is_equal_to_the_last_bit(tmp_path, monkeypatch, shape):
     data = tumbling()

@@ -174,6 +174,7 @@ def rubbing(fields=()):
     )  # fmt: skip
 
 
+@pytest.mark.parallel([1, 2])
 def test_a_run_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
     check_restart(rubbing(["vtkhdf"]), 14, tmp_path, monkeypatch)
 

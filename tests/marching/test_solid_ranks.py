@@ -192,8 +192,19 @@ def folder(tmp_path):
         driven("massless", linear_solver="gamg"),
         pair("explicit", "updated", 0.4),
         pair("conserving", "fixed", 0.0),
+        finite(rolling, "conserving"),
+        finite(rubbing, "explicit"),
     ],
-    ids=["explicit", "conserving", "moreau_jean", "gamg", "pair with friction", "pair"],
+    ids=[
+        "explicit",
+        "conserving",
+        "moreau_jean",
+        "gamg",
+        "pair with friction",
+        "pair",
+        "finite",
+        "finite explicit",
+    ],
 )
 def test_a_continued_run_equals_the_whole_one_on_as_many_ranks(case, folder, monkeypatch):
     whole = impactfem.solve(case)

@@ -198,6 +198,7 @@ def test_a_disc_that_turns_is_stretched():
     assert column(result, "block.spin")[0] == pytest.approx(rate)
 
 
+@pytest.mark.parallel([1, 2])
 def test_the_start_is_the_same_after_a_restart(tmp_path, monkeypatch):
     bodies = [{"name": "low"}, {"name": "top", "shape": BLOCK | {"corner": [0.2, 0.5]}}]
     bodies[0]["tractions"] = [{"surface": "right", "value": ["-100*t", "0"]}]
@@ -205,6 +206,8 @@ def test_the_start_is_the_same_after_a_restart(tmp_path, monkeypatch):
     case = scene(bodies, output=output)
     whole, again = check_restart(case, 10, tmp_path, monkeypatch)
     assert again.summary["details"]["start"] == whole.summary["details"]["start"]
+    if whole.fields is None:  # they are on rank 0
+        return
     # Fields of t = 0 show the bodies as they are then.
     first = whole.fields.read(0)
     assert first["displacement"][:, 1].min() < -0.25 * RHO * G / E

@@ -258,6 +258,7 @@ def test_block_that_lands_with_a_body_on_it_keeps_its_energy(dim, kind):
     assert history["contact_force"].values.max() > 1000.0
 
 
+@pytest.mark.parallel([1, 2])
 def test_restart_goes_on_to_the_last_bit(tmp_path, monkeypatch):
     rubbing = landing(corner=-0.02, kind="revolute", friction_coefficient=0.3)
     rubbing = replace(rubbing, output=Output(checkpoint=10))
