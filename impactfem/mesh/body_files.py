@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from impactfem import fem
 from impactfem.errors import MeshError
-from impactfem.mesh.raw import Cell, RawMesh, Source, cell_facets, facet_keys, without_loose_nodes
+from impactfem.mesh.raw import (
+    Cell,
+    Numbering,
+    RawMesh,
+    Source,
+    cell_facets,
+    facet_keys,
+    numbering,
+    without_loose_nodes,
+)
 from impactfem.mesh.session import gmsh_session
 from impactfem.mesh.sizes import ball_field, options
 from impactfem.reading.holdings import Holdings
@@ -160,12 +169,11 @@ class _Reader:
     def mesh(self, used: Collection[str]) -> RawMesh:
         """Check what the file holds and take it."""
         tags, coordinates, _ = self.gmsh.model.mesh.getNodes()
-        number = np.full(int(tags.max(initial=0)) + 1, -1, dtype=np.int64)
-        number[tags.astype(np.int64)] = np.arange(len(tags))
+        number = numbering(tags)
         points = np.reshape(coordinates, (-1, 3))
         entities = self._body_entities()
         kind, cells = self._cells(entities, number)
-        self._check_loose(entities, number, cells)
+        self._check_loose(entities, number, cells, len(tags))
         points = self._in_plane(points, cells)
         points, cells, groups = without_loose_nodes(points, cells, self._groups(number))
         raw = RawMesh(points, cells, *_KINDS[kind])
@@ -215,13 +223,13 @@ class _Reader:
         found = (model.getEntitiesForPhysicalGroup(dim, tag) for _, tag in groups)
         return sorted({int(tag) for tags in found for tag in tags})
 
-    def _cells(self, entities: Sequence[int], number: Indices) -> tuple[int, Indices]:
+    def _cells(self, entities: Sequence[int], number: Numbering) -> tuple[int, Indices]:
         """Kind of the elements, and their nodes in DOLFINx's order."""
         found: dict[int, list[Indices]] = {}
         for entity in entities:
             kinds, _, lists = self.gmsh.model.mesh.getElements(self.dim, entity)
             for kind, nodes in zip(kinds, lists, strict=True):
-                found.setdefault(int(kind), []).append(number[nodes.astype(np.int64)])
+                found.setdefault(int(kind), []).append(number(nodes))
         names = [self.gmsh.model.mesh.getElementProperties(kind)[0] for kind in found]
         if not found:
             what = "volumes" if self.dim == 3 else "surfaces"
@@ -242,13 +250,15 @@ class _Reader:
         cells: Indices = np.concatenate(found[kind]).reshape(-1, nodes)
         return kind, cells[:, fem.from_gmsh_order(cell, nodes)]
 
-    def _check_loose(self, entities: Sequence[int], number: Indices, cells: Indices) -> None:
+    def _check_loose(
+        self, entities: Sequence[int], number: Numbering, cells: Indices, count: int
+    ) -> None:
         """Refuse nodes of the body that no element has; centres of arcs and the like are none."""
-        used = np.zeros(number.max(initial=0) + 1, dtype=bool)
+        used = np.zeros(count, dtype=bool)
         used[cells] = True
         for entity in entities:
             tags, coordinates, _ = self.gmsh.model.mesh.getNodes(self.dim, entity)
-            loose = ~used[number[tags.astype(np.int64)]]
+            loose = ~used[number(tags)]
             if loose.any():
                 x, y, z = np.reshape(coordinates, (-1, 3))[loose][0]
                 raise self.fault(
@@ -273,7 +283,7 @@ class _Reader:
             plane[np.abs(plane[:, 0]) <= _OFF_PLANE * extent, 0] = 0.0
         return plane
 
-    def _groups(self, number: Indices) -> dict[str, Indices]:
+    def _groups(self, number: Numbering) -> dict[str, Indices]:
         """Vertices of the facets of each physical group of the boundary."""
         mesh, side = self.gmsh.model.mesh, self.dim - 1
         groups: dict[str, Indices] = {}
@@ -284,7 +294,7 @@ class _Reader:
                 kinds, _, lists = mesh.getElements(side, entity)
                 for kind, nodes in zip(kinds, lists, strict=True):
                     _, _, _, count, _, corners = mesh.getElementProperties(kind)
-                    elements = number[nodes.astype(np.int64)].reshape(-1, count)[:, :corners]
+                    elements = number(nodes).reshape(-1, count)[:, :corners]
                     if rows and rows[0].shape[1] != corners:
                         raise self.fault(
                             f"surface {name!r} mixes elements of 3 and 4 corners; use one kind"

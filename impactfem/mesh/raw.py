@@ -1,8 +1,8 @@
 """A mesh as plain arrays on one rank: what shapes and files make, and checks and names need."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from impactfem import fem
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Cell = Literal["triangle", "quadrilateral", "tetrahedron", "hexahedron"]
+
+Numbering = Callable[[NDArray[Any]], Indices]
+"""From Gmsh's tags of nodes to their places in a list."""
 
 _PACKED = 2**21  # three node numbers below this fit into one 64-bit integer
 
@@ -96,6 +99,13 @@ def outer_facets(mesh: RawMesh) -> Indices:
     _, first, counts = np.unique(facet_keys(facets)[0], return_index=True, return_counts=True)
     outer: Indices = facets[np.sort(first[counts == 1])]
     return outer
+
+
+def numbering(tags: NDArray[Any]) -> Numbering:
+    """The numbering by these tags, which in a file may be as large as it likes."""
+    order = np.argsort(tags)
+    known = tags[order]
+    return lambda asked: order[np.searchsorted(known, asked)]
 
 
 def without_loose_nodes(

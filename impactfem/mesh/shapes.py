@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from impactfem import fem
 from impactfem.errors import MeshError
 from impactfem.mesh.outline import Ball, Outline, Polygon, Round, Sector, outline
-from impactfem.mesh.raw import Cell, RawMesh, outer_facets, without_loose_nodes
+from impactfem.mesh.raw import Cell, RawMesh, numbering, outer_facets, without_loose_nodes
 from impactfem.mesh.session import gmsh_session
 from impactfem.mesh.sizes import ball_field, options
 
@@ -265,13 +265,11 @@ def _read(gmsh: Any, dim: int, degree: int) -> RawMesh:
     """Take the only mesh of the model out of Gmsh."""
     cell: Cell = "triangle" if dim == 2 else "tetrahedron"
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
-    number = np.full(int(tags.max(initial=0)) + 1, -1, dtype=np.int64)
-    number[tags.astype(np.int64)] = np.arange(len(tags))
     _, _, lists = gmsh.model.mesh.getElements(dim)
     if len(lists) != 1 or not len(lists[0]):
         raise MeshError("Gmsh made no elements of the shape; give a smaller mesh_size")
     nodes = len(fem.reference_nodes(cell, degree))
-    cells = number[lists[0].astype(np.int64)].reshape(-1, nodes)
+    cells = numbering(tags)(lists[0]).reshape(-1, nodes)
     cells = cells[:, fem.from_gmsh_order(cell, nodes)]
     points = np.reshape(coordinates, (-1, 3))[:, :dim]
     points, cells, _ = without_loose_nodes(points, cells, {})

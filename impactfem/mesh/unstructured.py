@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from impactfem import fem
 from impactfem.errors import MeshError
+from impactfem.mesh.raw import numbering
 from impactfem.mesh.session import gmsh_session
 from impactfem.mesh.spacetime import SpaceTimeMesh
 
@@ -177,23 +178,22 @@ def _read(
     """
     node_tags, coordinates, _ = gmsh.model.mesh.getNodes()
     place = np.reshape(coordinates, (-1, 3))[:, :2].copy()
-    number = np.full(int(node_tags.max()) + 1, -1, dtype=np.int64)
-    number[node_tags.astype(np.int64)] = np.arange(len(node_tags))
+    number = numbering(node_tags)
     for axis, value in ((0, 0.0), (0, duration), (1, 0.0), (1, 1.0)):
         place[np.abs(place[:, axis] - value) < 1e-9, axis] = value
     for curve, (a, b) in inner.items():
         found, _, _ = gmsh.model.mesh.getNodes(1, curve)
-        nodes = number[found.astype(np.int64)]
+        nodes = number(found)
         along = points[b] - points[a]
         share = (place[nodes] - points[a]) @ along / (along @ along)
         place[nodes] = points[a] + share[:, None] * along
     for k, tag in tags.items():
         found, _, _ = gmsh.model.mesh.getNodes(0, tag)
-        place[number[found.astype(np.int64)]] = points[k]
+        place[number(found)] = points[k]
     kinds, _, lists = gmsh.model.mesh.getElements(2)
     if list(kinds) != [2]:
         raise RuntimeError("no triangles")
-    cells = number[lists[0].astype(np.int64)].reshape(-1, 3)
+    cells = number(lists[0]).reshape(-1, 3)
     used, cells = np.unique(cells, return_inverse=True)
     return _checked(place[used], cells.reshape(-1, 3), duration)
 

@@ -19,7 +19,7 @@ from impactfem.scene import Scene
 from impactfem.scene.joints import Joint
 from impactfem.scene.laws import side_of
 from impactfem.scene.pairing import law_of, named_body_pairs
-from impactfem.sizing import physical_mib
+from impactfem.sizing import check_memory
 
 if TYPE_CHECKING:
     from impactfem.models.solids import SolidsModel
@@ -157,11 +157,8 @@ def _memory(scene: Scene, layers: int) -> float:
         SceneError: The machine has less.
     """
     needed = _BASE_MIB + layers * _ROW_BYTES * (1 + len(scene.bodies)) / 2**20
-    if needed > physical_mib():
-        raise SceneError(
-            f"solve.dt: the history of {layers:.3g} steps needs about {needed / 1024:.3g} GiB, "
-            f"this machine has {physical_mib() / 1024:.3g}; give a larger dt or a shorter duration"
-        )
+    what = f"the rows of {layers:.3g} steps in the history"
+    check_memory(needed, "solve.dt", what, "a larger dt or a shorter duration")
     return needed
 
 

@@ -4,9 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from impactfem.errors import SceneError
 from impactfem.scene.solids import Solid
-from impactfem.sizing import physical_mib
+from impactfem.sizing import check_memory
 
 NATURAL_STEP = 0.35
 """c_p dt / h_min of the default explicit step, .9 of the stable one, on meshes of fair quality."""
@@ -209,21 +208,18 @@ def count_layers(duration: float, dt: float) -> int:
     """
     count = duration / dt * (1.0 - 1e-9)
     needed = count * _ROW_BYTES / 2**20
-    if not needed <= physical_mib():
-        raise SceneError(
-            f"duration = {duration:g} s is {count:.3g} layers of {dt:.3g} s, whose history needs "
-            f"about {needed / 1024:.3g} GiB, and this machine has {physical_mib() / 1024:.3g}; "
-            "give a shorter duration, larger elements or a larger solve.dt (check the units)"
-        )
+    what = f"the rows of {count:.3g} layers of {dt:.3g} s in the history"
+    remedy = "a shorter duration, larger elements or a larger solve.dt (check the units)"
+    check_memory(needed, f"duration = {duration:g} s", what, remedy)
     return max(1, math.ceil(count))
 
 
 def _check(needed: float, unknowns: float) -> None:
     """Refuse what cannot fit."""
-    physical = physical_mib()
-    if needed > physical:
-        raise SceneError(
-            f"body.mesh_size: {unknowns:.3g} unknowns need about {needed / 1024:.3g} GiB, this "
-            f"machine has {physical / 1024:.3g}; use larger elements, a symmetry of the shape, "
-            'degree = 1, or solve.method = "explicit", which factorises nothing'
-        )
+    check_memory(
+        needed,
+        "body.mesh_size",
+        f"{unknowns:.3g} unknowns",
+        'larger elements, a symmetry of the shape, degree = 1, or solve.method = "explicit", which '
+        "factorises nothing",
+    )

@@ -12,6 +12,7 @@ from impactfem.methods import METHODS
 from impactfem.planning.plans import Numbers, Plan, estimate_row
 from impactfem.scene import Scene
 from impactfem.scene.values import show
+from impactfem.sizing import check_memory
 
 if TYPE_CHECKING:
     from impactfem.models.vibro import VibroModel
@@ -21,6 +22,7 @@ _LIVELY = 0.85
 _MOST_STEPS = 200_000_000
 _PER_RADIAN = 20.0  # steps of a radian of the fastest vibration
 _BEAM_PERIOD = 200.0  # steps of the first bending period
+_FEW = 500  # degrees of freedom of which frequencies are known at once
 _BYTES = 8.0 * 24.0
 
 
@@ -75,6 +77,8 @@ def plan_vibro(scene: Scene) -> Plan[VibroNumbers]:
     if solve.method is not None:
         reasons["method"] = "as given"
     _check_settings(scene, method)
+    if METHODS[method].locates and model.system.dofs <= _FEW:
+        _check_periods(scene, model, method)
     dt = solve.dt or _choose_step(scene, model, method, reasons)
     steps = max(1, round(scene.duration / dt))
     if steps > _MOST_STEPS:
@@ -135,6 +139,20 @@ def _choose_step(scene: Scene, model: "VibroModel", method: str, reasons: dict[s
     return min(even, 1.0 / (_PER_RADIAN * fastest)) if fastest > 0.0 else even
 
 
+def _check_periods(scene: Scene, model: "VibroModel", method: str) -> None:
+    """Refuse to look for events in more vibrations than a machine can follow."""
+    from impactfem.system.frequency import highest_frequency  # noqa: PLC0415  (SciPy)
+
+    fastest = highest_frequency(model.system, model.position, model.velocity)
+    periods = scene.duration * fastest / (2.0 * math.pi)
+    if periods > _MOST_STEPS:
+        raise SceneError(
+            f"duration = {scene.duration:g} s is {periods:.3g} periods of the fastest vibration, "
+            f'in each of which method = "{method}" looks for events: more than {_MOST_STEPS:g}; '
+            "give a shorter duration (check the units), or fewer elements"
+        )
+
+
 def _signals(model: "VibroModel") -> list[Any]:
     return [*getattr(model.system, "load", ()), *model.system.motion]
 
@@ -174,11 +192,10 @@ def _check_settings(scene: Scene, method: str) -> None:
 def _memory(scene: Scene, steps: int) -> float:
     stride = scene.output.stride
     memory = _BYTES * (steps / stride) * max(1, len(scene.bodies)) / 2**20
-    if memory > 8192.0:
-        raise SceneError(
-            f"output.every = {stride} keeps {steps // stride} rows, about "
-            f"{memory:.0f} MiB: give a larger one"
-        )
+    what = f"{steps // stride:.3g} rows of every {stride} steps"
+    check_memory(
+        memory, "output.every", what, "a larger one, a larger solve.dt or a shorter duration"
+    )
     return memory
 
 

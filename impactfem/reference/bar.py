@@ -113,10 +113,11 @@ class Errors:
 def measure(motion: "BarMotion", exact: ExactBar) -> Errors:
     """Errors of a motion at the nodes of its kept levels, and of the force in its layers."""
     t, x = motion.times[motion.kept], motion.positions
-    reference, _ = exact.fields(t, x)
-    difference = motion.displacement - reference
+    reference = exact.fields(t, x)[0]
     weights = trapezoidal(t), trapezoidal(x)
-    largest = max(np.abs(difference).max(), np.abs(motion.gap - exact.gap(motion.times)).max())
+    size, norm = _largest(reference), _norm(reference, *weights)
+    difference = np.subtract(motion.displacement, reference, out=reference)  # they may be large
+    largest = max(_largest(difference), np.abs(motion.gap - exact.gap(motion.times)).max())
     # Split the layers where the exact force jumps or bends: between it is linear.
     breaks = exact.multiplier_breaks
     inner = breaks[(breaks > motion.times[0]) & (breaks < motion.times[-1])]
@@ -134,8 +135,8 @@ def measure(motion: "BarMotion", exact: ExactBar) -> Errors:
         how += f", exact until {exact.exact_until:.6g} s, then its smallest waves are merged"
     return Errors(
         how,
-        relative(largest, np.abs(reference).max()),
-        relative(_norm(difference, *weights), _norm(reference, *weights)),
+        relative(largest, size),
+        relative(_norm(difference, *weights), norm),
         relative(wrong, np.sum(quadrature * np.abs(force))),
         measured=True,
     )
@@ -153,6 +154,11 @@ def trapezoidal(grid: Floats) -> Floats:
     """Weights of the trapezoidal rule on a grid."""
     h = np.diff(grid)
     return 0.5 * (np.append(h, 0.0) + np.insert(h, 0, 0.0))
+
+
+def _largest(values: Floats) -> float:
+    """Largest of the sizes of all values, without an array of them."""
+    return max(float(values.max()), -float(values.min()))
 
 
 def _norm(values: Floats, rows: Floats, columns: Floats) -> float:

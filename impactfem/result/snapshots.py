@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pyvista as pv
 
 Floats = NDArray[np.float64]
+_AT_ONCE = 1 << 25  # bytes of layers that are written together
 
 
 class Snapshots(ABC):
@@ -77,7 +78,7 @@ class Snapshots(ABC):
         return mesh + 131_072 + needed_bytes(len(self), len(layout.points), self.point_data)
 
     def write(self, path: Path) -> None:
-        """Write a file as `FieldSpool` does.
+        """Write a file as `FieldSpool` does; some layers at a time are made vectors of.
 
         Raises:
             OutputError: The file cannot be written.
@@ -85,8 +86,13 @@ class Snapshots(ABC):
         # Only what is kept needs h5py.
         from impactfem.result.spool import FieldSpool  # noqa: PLC0415
 
+        nodes, times = len(self.layout.points), self.times
+        count = max(1, _AT_ONCE // (8 * nodes * sum(self.point_data.values())))
         with FieldSpool(path, self.layout, self.point_data) as spool:
-            spool.extend(self.times, {name: self.over_time(name) for name in self.point_data})
+            for first in range(0, len(times), count):
+                some = [self.read(k) for k in range(first, min(first + count, len(times)))]
+                values = {name: np.stack([one[name] for one in some]) for name in self.point_data}
+                spool.extend(times[first : first + count], values)
 
     @property
     def points(self) -> Floats:

@@ -110,6 +110,18 @@ def saved(path, text, dim, degree=1, *, version=4.1, binary=0, everything=1):
 # good ones
 
 
+def test_numbers_of_nodes_may_be_as_large_as_they_like(write):
+    """A list of all numbers up to the largest would need 30 GiB."""
+    elements = ["2 1 1 2 3", "2 1 1 3 4", "1 2 1 2", "1 3 3 4"]
+    names = ['2 1 "body"', '1 2 "floor"', '1 3 "lid"']
+    text = listed(["0 0 0", "1 0 0", "1 1 0", "0 1 0"], elements, names)
+    one = read(write(text, "one.msh"), contact_surfaces=["lid"])
+    large = text.replace("\n4 0 1 0", "\n4000000000 0 1 0").replace(" 3 4\n", " 3 4000000000\n")
+    other = read(write(large, "other.msh"), contact_surfaces=["lid"])
+    np.testing.assert_array_equal(one.mesh.geometry.x, other.mesh.geometry.x)
+    assert {name: len(facets) for name, facets in other.surfaces.items()} == {"floor": 1, "lid": 1}
+
+
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_script_with_some_unnamed_boundary(write, degree):
     body = read(write(SQUARE, "body.geo"), degree=degree)

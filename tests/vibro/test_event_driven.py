@@ -8,7 +8,10 @@ import vibro_forms
 
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.exact import vibro
+from impactfem.planning import plan
+from impactfem.scene import Scene
 from impactfem.scene.signal import Signal
+from impactfem.shipped import find_scene
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.vibro.event_driven import EventSettings, integrate_events
 
@@ -324,3 +327,12 @@ def test_only_the_last_impacts_are_kept_on_request():
     assert len(some.impacts) == 7
     assert (some.impacts.time == every.impacts.time[-7:]).all()
     assert some.effort.details["impacts"] == len(every.impacts)
+
+
+def test_more_vibrations_than_can_be_followed_are_refused():
+    scene = Scene.from_toml(find_scene("dropped_beam")).with_settings(
+        {"solve.method": "event_driven"}
+    )
+    plan(scene)
+    with pytest.raises(SceneError, match=r"duration = 1e\+20 s is .* periods of the fast"):
+        plan(scene.with_settings({"duration": 1e20, "solve.dt": 1e18}))
