@@ -99,3 +99,20 @@ def test_rounding_does_not_move_a_degenerate_pair():
     result = primal_dual_active_set(solve, 1, gamma=1.0, tolerance=1e-12, max_iterations=50)
     assert result.converged
     assert not result.active[0]
+
+
+def test_a_pressed_pair_stays_where_its_gap_is_rounding():
+    """One threshold for joining and leaving would let a pair that just lies there alternate."""
+    rounding = 1e-15
+
+    def solve(active):
+        gap = np.where(active, 0.0, -2.0 * rounding)  # free, it lies in the obstacle by rounding
+        return gap, np.where(active, -rounding, 0.0)  # pressed by as little
+
+    for start, expected in (([True], True), ([False], False)):
+        result = primal_dual_active_set(
+            solve, 1, gamma=1.0, tolerance=1e-12, max_iterations=10, start=np.array(start)
+        )
+        assert result.converged
+        assert result.iterations == 1
+        assert result.active.tolist() == [expected]

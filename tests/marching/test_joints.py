@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from moving_scenes import alone, differences, stopping
+from scipy.spatial.transform import Rotation
 from scipy.special import ellipk
 
 from impactfem import (
@@ -419,3 +420,35 @@ def test_bad_joints_are_refused(change, message):
     data = {"title": "bad", "duration": 1.0, "body": [body], "joint": [given | change]}
     with pytest.raises(SceneError, match=message):
         Scene.from_dict(data)
+
+
+def test_planar_and_universal_joints_hold_by_their_own_axes():
+    """Odd axes: a planar joint lets gravity act in its plane, a universal one keeps its cross."""
+    normal = np.array([2.0, -1.0, 2.0]) / 3.0
+    spin, pull = 1.5 * normal, np.array([0.7, -9.81, 1.3])
+    block = Block(size=[0.1, 0.2, 0.3], corner=[1.0, 2.0, 3.0])
+    places = {"point": [1.05, 2.1, 3.15], "axis": normal.tolist()}  # the centre: only it is held
+    body = RigidBody(name="body", shape=block, density=500.0, angular_velocity=spin.tolist())
+    flat = Joint(name="flat", kind="planar", between=["ground", "body"], **places)
+    history = run([body], [flat], 0.5, 0.005, gravity=pull)
+    place = np.stack([history[f"body.{x}"].values for x in "xyz"], axis=-1)
+    fall = 0.5 * history["time"].values[:, None] ** 2 * (pull - (pull @ normal) * normal)
+    assert np.abs(place - place[0] - fall).max() < 1e-12
+    turned = np.stack([history[f"body.w{x}"].values for x in "xyz"], axis=-1)
+    # Its axis is not principal: the joint has to keep it there.
+    assert np.abs(turned - spin).max() < 1e-11
+
+    second = np.array([1.0, 2.0, 0.0]) / np.sqrt(5.0)
+    body = RigidBody(
+        name="body", shape=block, density=500.0, angular_velocity=(spin + 2.0 * second).tolist()
+    )
+    cross = Joint(
+        name="cross", kind="universal", between=["ground", "body"], second_axis=second.tolist(),
+        **places,
+    )  # fmt: skip
+    history = run([body], [cross], 1.0, 0.005, gravity=pull)
+    q = np.stack([history[f"body.q{x}"].values for x in "xyzw"], axis=-1)
+    carried = Rotation.from_quat(q).apply(second)
+    assert np.abs(carried @ normal).max() < 1e-12
+    assert (carried @ second).min() < 0.9  # it did turn
+    assert drift(history["total_energy"].values) < 1e-11

@@ -18,6 +18,7 @@ from impactfem import (
     SceneError,
     Solve,
 )
+from impactfem.marching.turn_kernels import turn
 
 G = 9.81
 SPHERE = {"kind": "sphere", "radius": 0.1, "center": [0.0, 0.1, 0.0]}
@@ -72,6 +73,19 @@ def test_the_free_top_tumbles_on_time_and_keeps_energy_and_momentum():
         assert np.abs(momentum - momentum[0]).max() <= 1e-13 * np.linalg.norm(momentum[0])
     assert np.abs(errors[1]).max() < 0.08
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.01)
+
+
+def test_small_turns_about_an_axis_are_exact_on_both_sides_of_their_series():
+    inertia, dt = np.diag([1.0, 2.0, 3.0]), 0.5
+    inverse, still = np.linalg.inv(inertia), np.zeros(3)
+    for angle in (1e-9, 5e-5, 1.99e-4, 2.01e-4, 1e-2, 1.0):
+        new, half, found = np.zeros(3), np.zeros(3), np.zeros((3, 3, 3))
+        spin = np.array([0.0, 0.0, angle / dt])
+        assert turn(inertia, inverse, np.eye(3), spin, still, dt, False, new, half, *found)
+        assert np.arctan2(found[0][1, 0], found[0][0, 0]) == pytest.approx(
+            angle, rel=4e-15, abs=0.0
+        )
+        assert new == pytest.approx(spin, rel=4e-15, abs=0.0)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,9 @@ from structured import block
 
 from impactfem.errors import MeshError
 from impactfem.scene.loads import PiecewiseVector
+from impactfem.system.massless import mass_transfer
 from impactfem.system.matrices import rigid_motions, to_blocked
+from impactfem.system.surface import SurfaceNodes
 
 E, NU = 10.0, 0.3
 MU, LAMBDA = E / (2 * (1 + NU)), E * NU / ((1 + NU) * (1 - 2 * NU))
@@ -214,3 +216,24 @@ def test_equilibrium_of_a_uniform_pull_is_exact():
     )  # fmt: skip
     expected = body.positions * [1.5 / E, -NU * 1.5 / E, -NU * 1.5 / E]
     assert equilibrium(body) == pytest.approx(expected, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("cell", "divisions"), [("quadrilateral", (5, 3)), ("hexahedron", (3, 4, 2))]
+)
+def test_massless_nodes_give_their_mass_as_the_consistent_mass_couples_them(cell, divisions):
+    """On a regular grid the weights of inner neighbours are those of the rows of M."""
+    mesh = block(cell, 1, divisions)
+    body = system_on(mesh, **({"model": "3d"} if len(divisions) == 3 else {}))
+    nodes = np.flatnonzero(body.positions[:, -1] == 0.0)
+    surface = SurfaceNodes.of(body.comm, body.dim, np.sort(body.numbers[nodes]), body.numbers)
+    transfer = mass_transfer(body, surface, mesh)
+    weights = to_scipy(transfer).toarray()[:: body.dim, :: body.dim]
+    transfer.destroy()
+    coupled = to_scipy(body.mass).toarray()[:: body.dim, :: body.dim]
+    inner = np.setdiff1d(np.arange(len(weights)), nodes)
+    coupled = coupled[np.ix_(nodes, inner)]
+    expected = coupled / coupled.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(weights[np.ix_(nodes, inner)], expected, atol=1e-14)
+    np.testing.assert_array_equal(weights[np.ix_(inner, inner)], np.eye(len(inner)))
+    assert not weights[:, nodes].any()

@@ -100,6 +100,17 @@ def test_a_wall_that_starts_at_once_strikes_what_lies_on_it(method, dt, e):
     assert result.impacts.time[0] == pytest.approx(0.3, abs=located)
 
 
+def test_positions_know_when_within_a_step_a_wall_starts():
+    """The scheme's delay of two steps is all that the motion after it is late by."""
+    dt, e, c = 1e-3, 0.5, 2.0
+    for begins in (0.3001, 0.3002, 0.3003):
+        kick = f"where(t < {begins}, 0, {c}*(t - {begins}))"
+        result = ball("paoli_schatzman", dt, e=e, g=0.0, height=0.0, motion=kick, duration=0.4,
+                      estimate=False)  # fmt: skip
+        late = c * (0.4 - begins) + e * c * (0.4 - begins - 2.0 * dt)
+        assert float(result.history["ball.y"][-1]) == pytest.approx(late, abs=1e-12)
+
+
 @pytest.mark.parametrize("method", ["event_driven", "paoli_schatzman", "moreau_jean"])
 def test_a_wall_that_leaves_at_once_lets_go(method):
     gone = "where(t < 0.2, 0, -2*(t - 0.2))"

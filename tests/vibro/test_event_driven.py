@@ -161,6 +161,20 @@ def test_cradle_of_three(law, e, after):
     assert run.impacts.time == pytest.approx(1.0, abs=1e-15)
 
 
+def test_two_body_impacts_begin_with_the_fastest_approach():
+    """Three beads that close on the middle one at 1 and 2 m/s: the order decides who leaves how."""
+    beads = LinearSystem(
+        mass=[1.0, 2.0, 1.0], normals=[[-1, 1, 0], [0, -1, 1]], offsets=[0.0, 0.0], restitution=1.0
+    )
+    settings = EventSettings(rows=3, impact_law="sequential")
+    # Masses 1 and 2 by hand: the right pair at 2 m/s first, then the left one at 1 + 4/3 m/s.
+    places, speeds, after = np.array([[-1.0, 0.0, 2.0], [1.0, 0.0, -2.0], [-19 / 9, 2 / 9, 2 / 3]])
+    for side in (1, -1):  # seen in a mirror, too
+        start = side * places[::side], side * speeds[::side]
+        run = integrate_events(beads, *start, 1.5, settings)
+        assert run.velocity[-1] == pytest.approx(side * after[::side], abs=1e-13)
+
+
 @pytest.mark.parametrize("k", range(7))
 @pytest.mark.parametrize("heavy_step", [1, 2])
 def test_stack_of_unequal_masses(k, heavy_step):
