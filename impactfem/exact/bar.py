@@ -95,7 +95,7 @@ class ExactBar:
                 has too many breakpoints to keep.
         """
         if far_end not in ("free", "clamped"):
-            raise SceneError(f'far_end = {far_end!r}: choose "free" or "clamped"')
+            raise SceneError(f'far_end = "{far_end}": choose "free" or "clamped"')
         self.far_end = far_end
         self.length = initial.positive("length", length)
         self.wave_speed = initial.positive("wave_speed", wave_speed)

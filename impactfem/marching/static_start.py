@@ -177,9 +177,9 @@ class StaticStart:
                 new = self._step(left, gap, normals, multiplier)
             except ConvergenceError as error:
                 raise ConvergenceError(
-                    f'start = "static": no contact forces were found in pass {done + 1}; bodies '
-                    "that press each other together hard at once have to be brought there: use "
-                    'start = "given" and loads that grow'
+                    f'start = "static": no contact forces were found in pass {done + 1}; what is '
+                    "pressed hard at once, or rests on too little to hold it, has to be brought "
+                    'there: use start = "given", with damping or loads that grow'
                 ) from error
             followed = slow and rest > _ROUNDING and self._follow(before, left, gap, normals)
             if part < 1.0 and not followed:

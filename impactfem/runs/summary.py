@@ -11,13 +11,16 @@ from impactfem.planning import Plan
 from impactfem.runs.forces import largest_force, peak_findings, spells_of, strongest_spells
 from impactfem.runs.run import Run
 from impactfem.runs.scales import rounding_energy
-from impactfem.runs.verdict import GROWTH_LIMITS, judge
+from impactfem.runs.verdict import GROWTH_LIMITS, is_damped, judge
 from impactfem.scene import Scene
 
 Floats = NDArray[np.float64]
 
 # Share of the largest energy or gap that is but rounding of it.
 _ROUNDING = 1e-15
+
+DAMPED = "damping and the method"
+"""What takes energy where bodies are damped, besides what is known."""
 
 _SHUT = 1e-9  # share of the largest gap that counts as none
 _HELD = 0.015  # the same of a layer's way: the law of finite strain holds gaps closed up to 0.01
@@ -60,6 +63,8 @@ def summarise(scene: Scene, chosen: Plan[Any], run: Run) -> dict[str, Any]:
         taken["friction"] = -float(work)
     taken = {name: work for name, work in taken.items() if not abs(work) <= rounding}
     unexplained = float(energy[-1] - energy[0] + sum(taken.values()))
+    if unexplained < -rounding and is_damped(scene):
+        taken[DAMPED], unexplained = -unexplained, 0.0
     summary = {
         "title": scene.title,
         "status": "",  # filled in by the verdict
@@ -87,7 +92,7 @@ def summarise(scene: Scene, chosen: Plan[Any], run: Run) -> dict[str, Any]:
             "max_relative_growth": grown,
             "grows": grown > GROWTH_LIMITS[0] and not driven,
             "driven": driven,
-            "taken": taken,  # by friction and impacts, as far as it is known [J]
+            "taken": taken,  # by what is known to take it [J]
             "unexplained": _cleared(unexplained, scale, rounding) / scale,
         },
         "contact": {

@@ -65,7 +65,7 @@ def judge(
     own = [
         *_ending(history, summary),
         *_energy(scene, summary),
-        *_error(summary),
+        *_error(scene, summary),
         *_contact(scene, history, summary),
     ]
     codes = [*_JUDGED, *measured]
@@ -107,9 +107,9 @@ def _energy(scene: Scene, summary: Mapping[str, Any]) -> tuple[Finding, ...]:
     growth, change = energy["max_relative_growth"], energy["unexplained"]
     if energy["driven"] or growth is None or change is None:
         return ()
-    if not any(_is_damped(body) for body in scene.bodies):
+    if not is_damped(scene):
         text = f"{percent(-change)} of the energy is lost, though nothing in the scene takes it"
-        remedy = "take smaller elements and steps, or a method that conserves energy"
+        remedy = f"take {_finer(scene, 'and')}, or a method that conserves energy"
         lost = by_limits("energy_loss", -change, (LOSS_LIMIT, np.inf), text, remedy=remedy)
         if lost:
             return lost
@@ -118,33 +118,50 @@ def _energy(scene: Scene, summary: Mapping[str, Any]) -> tuple[Finding, ...]:
     if summary["plan"].get("normals") == "updated":
         text = f"the energy grows by {percent(growth)}: contact that follows the bodies is right "
         text += "to the first order of step and faces only"
-        remedy = "take smaller elements and steps"
+        remedy = f"take {_finer(scene, 'and')}"
     return by_limits("energy_growth", growth, GROWTH_LIMITS, text, remedy=remedy)
 
 
-def _is_damped(body: Any) -> bool:
+def is_damped(scene: Scene) -> bool:
+    """Whether bodies of a scene take energy themselves."""
+    return any(_takes_energy(body) for body in scene.bodies)
+
+
+def _has_elements(scene: Scene) -> bool:
+    """Whether any of its bodies is made of elements."""
+    return bool(scene.meshed) or any(body.kind in {"bar", "beam"} for body in scene.bodies)
+
+
+def _finer(scene: Scene, word: str) -> str:
+    """What can be made smaller in a scene."""
+    return f"smaller elements {word} steps" if _has_elements(scene) else "smaller steps"
+
+
+def _takes_energy(body: Any) -> bool:
     """Whether a body takes energy itself."""
     rates = (getattr(body, "rayleigh_mass", 0.0), getattr(body, "rayleigh_stiffness", 0.0))
     springs = (spring.damping for spring in getattr(body, "springs", ()))
     return any((*rates, *getattr(body, "rayleigh_damping", ()), *springs))
 
 
-def _error(summary: Mapping[str, Any]) -> tuple[Finding, ...]:
+def _error(scene: Scene, summary: Mapping[str, Any]) -> tuple[Finding, ...]:
     error = summary["error"]
     if error is None:
         if is_exact(summary["method"]):
             return ()
         why = summary["details"].get("error_estimate", {})
         why = why.get("message", "") if isinstance(why, Mapping) else why
-        why = why or summary["plan"]["reasons"].get("estimate", "").removeprefix("no: ")
+        planned = summary["plan"]["reasons"].get("estimate", "")
+        why = why or planned.removeprefix("no: ") * planned.startswith("no: ")
         text = "its error was neither measured nor estimated" + (f": {why}" if why else "")
         return (warning("no_estimate", text, remedy="compare runs of two mesh sizes or steps"),)
     largest = error["displacement_max"], error["force_l1"]
     if None in largest:
         return (Finding("error_large", "fault", "its error is not finite"),)
-    how = "measured error" if error["measured"] else "estimated error of the mesh"
+    how = "measured error" if error["measured"] else "estimated error"
+    how += " of the mesh" * (_has_elements(scene) and not error["measured"])
     text = f"{how}: displacement {percent(largest[0])}, force {percent(largest[1])}"
-    remedy = "take smaller elements or steps, or another method"
+    remedy = f"take {_finer(scene, 'or')}, or another method"
     remedy += f": {offer}" if (offer := summary["plan"]["reasons"].get("offer method")) else ""
     small, large = ERROR_LIMITS
     if largest[0] > large:
@@ -160,5 +177,5 @@ def _contact(scene: Scene, history: Table, summary: Mapping[str, Any]) -> tuple[
         return ()
     share = deep / size
     text = f"bodies penetrate by up to {deep:.3g} m, {percent(share)} of a body"
-    remedy = "take smaller elements or steps, or another method"
+    remedy = f"take {_finer(scene, 'or')}, or another method"
     return by_limits("penetration", share, PENETRATION_LIMITS, text, remedy=remedy)

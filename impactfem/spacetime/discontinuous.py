@@ -14,6 +14,7 @@ from impactfem.mesh.spacetime import SpaceTimeMesh
 from impactfem.mesh.unstructured import Triangulation, gathered, triangulate
 from impactfem.result.bar_motion import BarMotion, Effort
 from impactfem.scene import Bar, PiecewiseConstant
+from impactfem.scene.values import show
 from impactfem.spacetime.adaptive import MAX_TRIANGLES, Level, refine_until, refined
 from impactfem.spacetime.fitting import fit
 from impactfem.spacetime.motion import motion_of_waves
@@ -194,8 +195,8 @@ def _check(settings: DiscontinuousSettings) -> None:
         raise SceneError(f"solve.degree = {settings.degree}: choose 0, 1 or 2")
     if settings.window not in {1, "all"}:
         raise SceneError(
-            f'solve.window = {settings.window!r}: the method "dg" has 1 (contact decided edge by '
-            'edge) or "all" (one active set)'
+            f'solve.window = {show(settings.window)}: the method "dg" has 1 (contact decided edge '
+            'by edge) or "all" (one active set)'
         )
     if settings.fitted and settings.mesh is not None:
         raise SceneError(

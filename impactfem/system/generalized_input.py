@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impactfem.errors import SceneError
+from impactfem.scene.values import show
 
 Floats = NDArray[np.float64]
 Constraints = Callable[[Floats], ArrayLike] | Sequence[Callable[[Floats], Any]]
@@ -59,7 +60,7 @@ def as_function(constraints: Constraints | None) -> Callable[[Any], Any]:
     functions = tuple(constraints)
     if not functions or not all(callable(entry) for entry in functions):
         raise SceneError(
-            f"constraints = {constraints!r}: give a function u -> (J,), or a list of functions"
+            f"constraints = {show(constraints)}: give a function u -> (J,), or a list of functions"
         )
     return lambda u: np.array([entry(u) for entry in functions])
 

@@ -127,7 +127,7 @@ def check_theta(theta: float) -> float:
         SceneError: It is not.
     """
     if not 0.5 <= theta <= 1.0:
-        raise SceneError(f"theta = {theta!r}: give a number from 1/2 to 1")
+        raise SceneError(f"theta = {theta:g}: give a number from 1/2 to 1")
     return theta
 
 

@@ -39,9 +39,9 @@ def count_steps(duration: float, dt: float, every: int, impact_law: Law) -> tupl
         SceneError: A value is not allowed.
     """
     if not (math.isfinite(dt) and dt > 0.0):
-        raise SceneError(f"dt = {dt!r}: give the time step as a number > 0 [s]")
+        raise SceneError(f"dt = {dt:g}: give the time step as a number > 0 [s]")
     if not (math.isfinite(duration) and duration > 0.0):
-        raise SceneError(f"duration = {duration!r}: give a number > 0 [s]")
+        raise SceneError(f"duration = {duration:g}: give a number > 0 [s]")
     if every < 1:
         raise SceneError(f"every = {every}: give a number >= 1 of steps between two rows")
     if impact_law != "simultaneous":

@@ -8,6 +8,7 @@ import impactfem
 from impactfem.cli import DONE, NOT_TRUSTED, main
 from impactfem.findings import CODES, Finding, by_limits, level_of, settled, warning
 from impactfem.planning import plan
+from impactfem.planning.model_limits import measured_findings
 from impactfem.scene import Scene
 from impactfem.shipped import shipped_scenes
 
@@ -25,6 +26,31 @@ def test_limits_make_warnings_and_faults():
     assert found[2][0].limit == 0.5
     (lost,) = by_limits("error_large", float("nan"), (0.05, 0.5), "text")
     assert lost.severity == "fault"
+
+
+@pytest.mark.parametrize(
+    ("figures", "finite", "severity"),
+    [
+        ({"rotation_max": 0.09}, None, None),
+        ({"rotation_max": 0.11}, None, "warning"),
+        ({"rotation_max": 0.31}, None, "fault"),
+        ({"strain_99": 0.045}, None, None),
+        ({"strain_99": 0.055}, None, "warning"),
+        ({"strain_99": 0.21}, None, "fault"),
+        ({"volume_ratio_min": 0.51}, None, None),
+        ({"volume_ratio_min": 0.49}, None, "warning"),
+        ({"volume_ratio_min": -0.01}, None, "fault"),
+        ({"volume_ratio_min": 0.61}, "linear", None),
+        ({"volume_ratio_min": 0.59}, "linear", "warning"),
+        ({"volume_ratio_min": 0.39}, "linear", "fault"),
+        ({"volume_ratio_min": 0.39}, "neo_hookean", None),
+    ],
+)
+def test_limits_of_the_model_stand_where_they_are_documented(figures, finite, severity):
+    calm = {"rotation_max": 0.0, "strain_99": 0.0, "volume_ratio_min": 1.0}
+    laws = {"disc": finite} if finite else {}
+    found = list(measured_findings({"disc": calm | figures}, laws))
+    assert [entry.severity for entry in found] == ([severity] if severity else [])
 
 
 def test_what_was_measured_replaces_what_was_foreseen():

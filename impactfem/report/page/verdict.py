@@ -50,9 +50,9 @@ def _holds(summary: Mapping[str, Any], codes: set[str]) -> Iterator[str]:
     if is_exact(summary):
         yield "It is the exact solution, to rounding."
     elif error is not None and "error_large" not in codes:
-        how = "Measured error" if error["measured"] else "Estimated error of the mesh"
+        how = "Measured error" if error["measured"] else "Estimated error"
         text = f"{how}: displacement {percent(error['displacement_max'])}, "
         text += f"force {percent(error['force_l1'])}"
         yield f"{text}."
     if error is not None and (told := beyond_model(summary)):
-        yield f"The error is that of the mesh{told}."
+        yield f"The error is that of elements and steps{told}."
