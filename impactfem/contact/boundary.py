@@ -69,6 +69,15 @@ class Boundary:
         """Diagonal of the body's bounding box [m]."""
         return float(np.linalg.norm(np.ptp(self.points, axis=0))) if len(self.points) else 0.0
 
+    @property
+    def area(self) -> float:
+        """Of the faces by their corners, without thickness or revolution [m^2; m in the plane]."""
+        a, b, c = (self.points[self.faces[:, min(k, self.faces.shape[1] - 1)]] for k in range(3))
+        if self.points.shape[1] == 2:
+            return float(np.linalg.norm(b - a, axis=1).sum())
+        share = 1.0 if self.faces.shape[1] in {4, 9} else 0.5
+        return share * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
     def on(self, surfaces: Collection[str]) -> Booleans:
         """Which faces belong to one of some surfaces, shape (faces,); none to unknown ones."""
         columns = [k for k, name in enumerate(self.names) if name in surfaces]

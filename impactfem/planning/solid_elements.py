@@ -1,6 +1,10 @@
 """Choices of the elements of a solid, and what they make of its motion; each with its reason."""
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from impactfem.errors import SceneError
 from impactfem.findings import Finding, warning
@@ -12,16 +16,28 @@ from impactfem.scene import Scene
 from impactfem.scene.shapes import Block, Cylinder, Ring
 from impactfem.scene.solids import Solid
 
+if TYPE_CHECKING:
+    from impactfem.models.solids import SolidPart
+
 SLENDER = 10.0
 """Length over thickness from which a block bends, as a beam does."""
+
+_WALLS = {2: SLENDER + 1.0, 3: SLENDER + 2.0}
+"""Sizes by 2 V / A of a plane strip and a plate of that length over thickness."""
 
 _RINGING = 5.0  # p waves over s waves from which the noise of the mesh shows in the force
 
 
 def choose_degrees(
-    scene: Scene, reasons: dict[str, str], findings: list[Finding]
+    scene: Scene, reasons: dict[str, str], findings: list[Finding], walls: Mapping[str, str]
 ) -> tuple[int, ...]:
     """Degree of the elements of each solid (collective).
+
+    Args:
+        scene: The scene.
+        reasons: Gets those of the degrees.
+        findings: Get what is wrong with them.
+        walls: Of bodies from files, once they are meshed, why they bend; see `thin_walls`.
 
     Raises:
         SceneError: The method asked for has no elements of the degree asked for.
@@ -29,15 +45,16 @@ def choose_degrees(
     alone, found = len(scene.solids) == 1, []
     for solid in scene.solids:
         key = "degree" if alone else f"degree of {solid.name}"
-        found.append(_degree(scene, solid, key, reasons, findings))
+        stiff = stiff_elements(solid) or walls.get(solid.name, "")
+        found.append(_degree(scene, solid, key, stiff, (reasons, findings)))
         findings += _one_pressure(solid, found[-1])
     return tuple(found)
 
 
 def _degree(
-    scene: Scene, solid: Solid, key: str, reasons: dict[str, str], findings: list[Finding]
+    scene: Scene, solid: Solid, key: str, stiff: str, told: tuple[dict[str, str], list[Finding]]
 ) -> int:
-    method, stiff = scene.solve.method, stiff_elements(solid)
+    method, (reasons, findings) = scene.solve.method, told
     if method in EXPLICIT:
         if solid.degree == 2:
             raise SceneError(
@@ -94,6 +111,27 @@ def stiff_elements(solid: Solid) -> str:
     if ratio is not None and ratio >= SLENDER:
         return f"the body is {ratio:.3g} times as long as thick: it bends, linear elements lock"
     return ""
+
+
+def thin_walls(parts: Iterable["SolidPart"]) -> dict[str, str]:
+    """Why linear elements are too stiff for bodies from mesh files: thin ones bend (collective).
+
+    The thickness of a wall is 2 V / A, with its area A on both sides; of a square bar in space
+    half of its own.
+    """
+    found = {}
+    for part in parts:
+        outside = part.outside
+        if part.solid.shape is not None or not len(outside.faces):
+            continue
+        wall = 2.0 * part.mesh.volume / outside.area
+        size = float(np.ptp(outside.points, axis=0).max())
+        if size >= _WALLS[part.solid.dim] * wall:
+            found[part.solid.name] = (
+                f"the walls of the mesh are {wall:.3g} m thick in the mean, {size / wall:.3g} "
+                "times less than it is large: it bends, linear elements lock"
+            )
+    return found
 
 
 def curved_file(scene: Scene, solid: Solid) -> str:

@@ -1,7 +1,7 @@
 """The plan of solids: degree, method, step and solver, with the reasons, and cheaper models."""
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,13 +31,16 @@ from impactfem.planning.solid_costs import (
     memory_mib,
     seconds,
 )
-from impactfem.planning.solid_elements import choose_degrees, ringing_findings
+from impactfem.planning.solid_elements import choose_degrees, ringing_findings, thin_walls
 from impactfem.planning.solid_plan import MarchNumbers, in_words
 from impactfem.planning.strains import finite_instead, told, with_strains
 from impactfem.planning.wholes import find_whole
 from impactfem.scene import Scene
 from impactfem.scene.pairing import self_meeting
 from impactfem.scene.solids import Solid
+
+if TYPE_CHECKING:
+    from impactfem.models.solids import SolidsModel
 
 _STARTS = {
     "static": {
@@ -87,10 +90,7 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
     solids, solve = scene.solids, scene.solve
     reasons = dict(_STARTS.get(scene.start, {}))
     findings: list[Finding] = []
-    degrees = choose_degrees(scene, reasons, findings)
-    for solid, degree in zip(solids, degrees, strict=True):
-        check_before_meshing(solid, degree)
-    model = solids_model(scene, degrees, updated=solve.normals == "updated")
+    degrees, model = _meshed(scene, reasons, findings)
     if choose_normals(model, reasons) and not model.updated:
         model = solids_model(scene, degrees, updated=True)
     alone = len(model.parts) == 1
@@ -190,6 +190,30 @@ def left_out(solid: Solid, body_mesh: Any) -> list[Finding]:
 def is_curved(body_mesh: Any) -> bool:
     """Whether a mesh comes from a file with curved elements."""
     return body_mesh.source is not None and body_mesh.source.is_curved
+
+
+def _meshed(
+    scene: Scene, reasons: dict[str, str], findings: list[Finding]
+) -> tuple[tuple[int, ...], "SolidsModel"]:
+    """Degrees of the elements and the bodies with these (collective).
+
+    How thin the walls of a mesh file are is known once it is read.
+    """
+    from impactfem.models.solids import solids_model  # noqa: PLC0415  (loads DOLFINx)
+
+    def made(degrees: tuple[int, ...]) -> "SolidsModel":
+        for solid, degree in zip(scene.solids, degrees, strict=True):
+            check_before_meshing(solid, degree)
+        return solids_model(scene, degrees, updated=scene.solve.normals == "updated")
+
+    degrees = choose_degrees(scene, reasons, findings, {})
+    model = made(degrees)
+    if walls := thin_walls(model.parts):
+        findings.clear()
+        others = choose_degrees(scene, reasons, findings, walls)
+        model = model if others == degrees else made(others)
+        degrees = others
+    return degrees, model
 
 
 def measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, tuple[float, ...]]:

@@ -3,12 +3,14 @@
 import math
 
 import pytest
-from solid_scenes import DISC, FLOOR, solid_scene
+from solid_scenes import DISC, FLOOR, FLOOR_3D, solid_scene
 
 import impactfem
 from impactfem.planning import MarchNumbers
 from impactfem.planning.solid_elements import slenderness
 
+FRAME = """Rectangle(1) = {0, 1, 0, 3, 2}; Rectangle(2) = {0.05, 1.05, 0, 2.9, 1.9};
+BooleanDifference{ Surface{1}; Delete; }{ Surface{2}; Delete; }"""
 LONG_BLOCK = {"kind": "block", "size": [1.0, 0.1], "corner": [0.0, 0.1]}
 BALL = {"kind": "sphere", "center": [0.0, -0.4], "radius": 0.4}
 STAIRS = {"kind": "polyline", "points": [[-2, 0], [0, 0], [0, -0.2], [2, -0.2]]}
@@ -57,6 +59,28 @@ def filling(dt, duration=4.0):
 def test_slenderness_of_a_ring_is_that_of_its_wall():
     ring = {"kind": "ring", "inner_radius": 0.9, "radius": 1.0, "center": [0.0, 1.5]}
     assert slenderness(solid_scene(shape=ring).solid) == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize(
+    ("drawn", "dim", "degree"),
+    [
+        (FRAME, 2, 2),
+        ("Rectangle(1) = {0, 1, 0, 3, 2};", 2, 1),
+        ("Box(1) = {0, 1, 0, 2, 1, 0.1};", 3, 2),
+        ("Box(1) = {0, 1, 0, 2, 1, 0.5};", 3, 1),
+    ],
+)  # fmt: skip
+def test_thin_walls_of_a_mesh_file_get_quadratic_elements(tmp_path, drawn, dim, degree):
+    (tmp_path / "body.geo").write_text(f'SetFactory("OpenCASCADE");\n{drawn}\n')
+    keys = {"shape": None, "mesh": str(tmp_path / "body.geo"), "mesh_size": 0.2}
+    if dim == 3:
+        keys |= {"obstacles": (FLOOR_3D,), "model": "3d", "velocity": [0.0, -1.0, 0.0]}
+    plan = impactfem.plan(solid_scene(**keys))
+    assert plan.degree == degree
+    assert ("thick in the mean" in plan.reasons["degree"]) == (degree == 2)
+    if degree == 2:
+        asked = impactfem.plan(solid_scene(**keys, degree=1))
+        assert [each.code for each in asked.findings].count("locking") == 1
 
 
 def test_nearly_incompressible_bodies_march_with_waves_of_shear():
