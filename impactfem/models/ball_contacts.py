@@ -341,7 +341,14 @@ def check_apart(meetings: Sequence[BallMeeting], places: Floats) -> None:
     Raises:
         SceneError: They do.
     """
-    for meeting in meetings:
+    single = [(met, met.single) for met in meetings if met.single is not None]
+    closest = []
+    if single:  # all at once: balls may be many
+        ends = np.array([(pair.balls[0], pair.target.nodes[0]) for _, pair in single])
+        room = np.array([pair.radius[0] + pair.target.radius[0] for _, pair in single])
+        apart = np.linalg.norm(places[ends[:, 0]] - places[ends[:, 1]], axis=1)
+        closest = [single[int(np.argmin(apart - room))][0]]
+    for meeting in (*closest, *(met for met in meetings if met.single is None)):
         met = meeting.pair(places, places)
         own = places[meeting.pair.nodes]
         size = float(np.ptp(own, axis=0).max())

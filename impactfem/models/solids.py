@@ -20,7 +20,13 @@ from impactfem.errors import SceneError
 from impactfem.fem import MPI
 from impactfem.marching.schemes import SOLID_SCHEMES
 from impactfem.mesh.body import BodyMesh, build_body_mesh
-from impactfem.models.ball_contacts import BallMeeting, ball_meetings, strike
+from impactfem.models.ball_contacts import (
+    BallMeeting,
+    ball_meetings,
+    check_apart,
+    places_of,
+    strike,
+)
 from impactfem.models.key import SceneKey
 from impactfem.models.obstacle_contacts import ObstacleMeeting, obstacle_meetings
 from impactfem.models.solid_contact import contact_of, reach_of
@@ -216,14 +222,24 @@ class SolidsModel:
 
     @cached_property
     def ball_meetings(self) -> tuple[BallMeeting, ...]:
-        """Meetings of pairs with a body without a mesh.
+        """Meetings of pairs with a body without a mesh (collective at the first use).
 
         Raises:
-            SceneError: Two bodies cannot meet.
+            SceneError: Two bodies cannot meet, or overlap at t = 0.
         """
         counts = [len(numbers) for numbers in self.numbers]
         counts += [len(bodies.radius) for bodies in self.few]
-        return tuple(ball_meetings(self, np.cumsum([0, *counts]).tolist()))
+        found = tuple(ball_meetings(self, np.cumsum([0, *counts]).tolist()))
+        if found:
+            check_apart(found, self.contact_places)
+        return found
+
+    @property
+    def contact_places(self) -> Floats:
+        """Places of the contact nodes of all bodies at t = 0 [m], (nodes, dim) (collective)."""
+        systems = [(part.system, self.surface(k)) for k, part in enumerate(self.parts)]
+        places = [on.gather(s.positions.ravel() + s.displacement) for s, on in systems]
+        return np.concatenate([*places, places_of(self.few)] if self.few else places)
 
     @cached_property
     def obstacle_meetings(self) -> tuple[ObstacleMeeting, ...]:

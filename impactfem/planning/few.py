@@ -40,8 +40,10 @@ _OF_DENT = 100
 _DENTED = 3.0  # Zener's number beyond which balls stay on large plates, dents or not
 _BRAKED, _RESOLVED = 0.05, 0.25  # steps by the time in which a bar brakes a body: chosen, told
 _MOST = 10_000_000
-_SECONDS = 6e-4  # of a layer; up to 1e-3 with friction
+_SECONDS, _BODY_SECONDS = 6e-4, 1.2e-5  # of a layer, up to 1e-3 with friction; of a body in it
+_PAIR_SECONDS = 1.5e-4  # of a gap, before the first layer; measured with 25 to 300 balls
 _BASE_MIB = 240.0  # of the process with DOLFINx
+_PAIR_BYTES = 2500.0  # of a gap between bodies
 _ROW_BYTES = 400.0  # of a layer in the history, and as much of each body; measured with 1 and 4
 
 
@@ -66,11 +68,13 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
             f"solve.dt = {dt:g} s makes {layers:.3g} steps of duration = {scene.duration:g} s, "
             f"more than {_MOST:g}: give a larger dt or a shorter duration"
         )
-    seconds = (_SECONDS + sum(bodies.seconds for bodies in model.few)) * layers
+    each = _SECONDS + _BODY_SECONDS * len(scene.bodies)
+    seconds = (each + sum(bodies.seconds for bodies in model.few)) * layers
+    start = _PAIR_SECONDS * model.contact_count
     meshed = scene.meshed
     estimate = choose_estimate(
         scene, meshed, [body.least_width for body in meshed], curved=False,
-        cost=lambda factor: seconds / factor, reasons=reasons,
+        cost=lambda factor: start + seconds / factor, reasons=reasons,
     )  # fmt: skip
     if solve.estimate is None and not meshed:
         reasons["estimate"] = "by runs with steps twice and four times as long"
@@ -103,8 +107,8 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
             unresized=estimate.kept,
             whole=Whole(),
         ),
-        memory_mib=_memory(scene, layers),
-        seconds=seconds + estimate.seconds,
+        memory_mib=_memory(scene, layers, model.contact_count),
+        seconds=start + seconds + estimate.seconds,
         reasons=reasons,
         findings=(
             *law_findings(scene),
@@ -150,13 +154,14 @@ def _method(scene: Scene, model: "SolidsModel") -> tuple[str, dict[str, str]]:
     return asked or (OF_PLACES if of_places else METHOD), {"method": reason}
 
 
-def _memory(scene: Scene, layers: int) -> float:
+def _memory(scene: Scene, layers: int, pairs: int) -> float:
     """Estimated peak memory [MiB].
 
     Raises:
         SceneError: The machine has less.
     """
-    needed = _BASE_MIB + layers * _ROW_BYTES * (1 + len(scene.bodies)) / 2**20
+    rows = layers * _ROW_BYTES * (1 + len(scene.bodies))
+    needed = _BASE_MIB + (rows + _PAIR_BYTES * pairs) / 2**20
     what = f"the rows of {layers:.3g} steps in the history"
     check_memory(needed, "solve.dt", what, "a larger dt or a shorter duration")
     return needed

@@ -16,7 +16,7 @@ from impactfem.contact.meeting import Meet
 from impactfem.contact.pairs import PairGaps
 from impactfem.contact.springs import ContactSprings
 from impactfem.marching.rubbing import Friction
-from impactfem.models.ball_contacts import check_apart, places_of
+from impactfem.models.ball_contacts import places_of
 from impactfem.models.solids import SolidsModel
 from impactfem.result.history import MOST_PAIRS
 from impactfem.scene import Contact, Scene
@@ -147,11 +147,6 @@ class Contacts:
         crowd = (
             BallCrowd.of([pair for _, pair in single], np.concatenate(shared)) if single else None
         )
-        start = joined[0] + joined[1]
-        check_apart([met for met in balls if met.single is None], start)
-        if crowd is not None:  # all at once: balls may be many
-            worst = int(np.argmin(crowd(start, start).gap))
-            check_apart([single[worst][0]], start)
         between += [
             Between.two(met.label, met.names, met.pair, met.pair.count)
             for met in balls
