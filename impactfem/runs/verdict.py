@@ -151,8 +151,8 @@ def _error(scene: Scene, summary: Mapping[str, Any]) -> tuple[Finding, ...]:
             return ()
         why = summary["details"].get("error_estimate", {})
         why = why.get("message", "") if isinstance(why, Mapping) else why
-        planned = summary["plan"]["reasons"].get("estimate", "")
-        why = why or planned.removeprefix("no: ") * planned.startswith("no: ")
+        if not why and not summary["plan"].get("estimate"):  # else how it would have been made
+            why = summary["plan"]["reasons"].get("estimate", "").removeprefix("no: ")
         text = "its error was neither measured nor estimated" + (f": {why}" if why else "")
         return (warning("no_estimate", text, remedy="compare runs of two mesh sizes or steps"),)
     largest = error["displacement_max"], error["force_l1"]

@@ -174,6 +174,7 @@ def test_inertia_that_a_body_does_not_need_is_not_missed():
     assert force[-1] == pytest.approx(2.0 * 61329.76658, rel=1e-6)
     found = result.summary["verdict"]["findings"]
     assert [entry["code"] for entry in found] == ["no_estimate"]
+    assert found[0]["text"].endswith("nor estimated: as asked")
     # What damping takes is known, though not apart from what the method loses.
     energy = result.summary["energy"]
     assert energy["taken"]["damping and the method"] > 0.0

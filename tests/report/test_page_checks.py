@@ -122,7 +122,8 @@ def test_bodies_without_elements_are_not_told_to_make_them_smaller(result):
     energy = {**result.summary["energy"], "unexplained": -0.1, "max_relative_growth": 0.1}
     for error in (figures, None):  # a plan that says how it estimates is no reason for no estimate
         reasons = {"estimate": "by runs with larger steps"}
-        plan = {**result.summary["plan"], "normals": "updated", "reasons": reasons}
+        more = {"normals": "updated", "reasons": reasons, "estimate": True}
+        plan = {**result.summary["plan"], **more}
         judged = {**result.summary, "energy": energy, "error": error, "plan": plan}
         for found in verdict(Result(scene, result.history, judged))["findings"]:
             assert "element" not in found["text"] + found["remedy"]
