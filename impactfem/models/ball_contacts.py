@@ -366,9 +366,11 @@ def strike(model: Bodies) -> dict[int, Side]:
     """Faces of the solids that bodies without meshes may strike, by the place of the solid."""
     names = [part.solid.name for part in model.parts]
     asked: dict[int, NDArray[np.bool_]] = {}
+    if not (names and model.few):  # pairs may be millions
+        return {}
     for sides in body_pairs(model.scene):
         solids = [side for side in sides if side[0] in names]
-        if len(solids) != 1 or not model.few:
+        if len(solids) != 1:
             continue
         k = names.index(solids[0][0])
         _, _, faces = model.faces(k, solids[0][1])
