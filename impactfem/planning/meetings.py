@@ -54,8 +54,9 @@ def _told_of(
         asked = any(name in {one, two} for (one, _), (two, _) in body_pairs(scene))
         because = "no face of it looks at another body or an obstacle"
         if not asked and not part.obstacles:
-            if any(name in joint.bodies for joint in scene.joints):
-                return []  # a joint moves it
+            free = not scene.obstacles and len(scene.bodies) == 1
+            if free or any(name in joint.bodies for joint in scene.joints):
+                return []  # it vibrates, or a joint moves it
             because = "no [[contact]] names it"
         why.append(f"body {name} touches nothing: {because}")
     return [warning("meets_nothing", text, name) for text in why]

@@ -47,6 +47,7 @@ class MarchNumbers(Numbers):
         resizing: How many times as large elements are in these.
         unresized: Bodies whose elements stay as they are there.
         whole: What is told of, if planes of symmetry leave only a part to be computed.
+        apart: Whether the step is one for bodies that nothing strikes.
     """
 
     degree: int
@@ -68,6 +69,7 @@ class MarchNumbers(Numbers):
     resizing: tuple[float, ...]
     unresized: tuple[str, ...]
     whole: Whole
+    apart: bool = False
 
     @override
     def rows(self, plan: Plan[Any]) -> list[tuple[str, str]]:

@@ -86,6 +86,7 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
     from impactfem.models.solids import solids_model  # noqa: PLC0415  (loads DOLFINx)
     from impactfem.planning.damping import damping_findings  # noqa: PLC0415  (likewise)
     from impactfem.planning.turns import flight_findings  # noqa: PLC0415  (likewise)
+    from impactfem.planning.vibration import follow_vibration  # noqa: PLC0415  (likewise)
 
     solids, solve = scene.solids, scene.solve
     reasons = dict(_STARTS.get(scene.start, {}))
@@ -103,6 +104,7 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
     method = choose_method(scene, sizes, [max(extents) for _, extents in found], reasons)
     steps = choose_steps(scene, method, sizes, reasons)
     steps = shortened(steps, scene, few_step(model.few), reasons)
+    steps, apart = follow_vibration(scene, model, steps, reasons)
     linear_solver = choose_linear_solver(scene, method, sizes, reasons)
     for solid, size in zip(solids, sizes, strict=True):
         findings += ringing_findings(solid, method, size)
@@ -161,6 +163,7 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
             mesh_size=min(size.mesh_size for size in sizes),
             dt=steps.dt,
             courant=steps.courant,
+            apart=apart,
             layers=steps.layers,
             linear_solver=linear_solver,
             normals="updated" if model.updated else "fixed",

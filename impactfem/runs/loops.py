@@ -119,7 +119,8 @@ def make_loop(
     law = contacts.friction(scene, tolerance, 50 * numbers.max_iterations)
     # Nodes that each have a gap of their own: nothing has to be weighed.
     alone = len(each) == 1 and not few and law is None and not contacts.pairs
-    alone = alone and model.joints is None and not contacts.obstacles[0].gaps.shares_nodes
+    alone = alone and model.joints is None and bool(contacts.obstacles)
+    alone = alone and not contacts.obstacles[0].gaps.shares_nodes
     gaps: ContactGaps = contacts.obstacles[0].gaps if alone else contacts.gaps()
     solver, kind = _solver(numbers, tolerance), numbers.linear_solver
     settings = LoopSettings(

@@ -6,6 +6,7 @@ from dataclasses import replace
 from impactfem.log import Progress
 from impactfem.planning import MarchNumbers, Plan
 from impactfem.planning.strains import with_strains
+from impactfem.planning.vibration import struck_after_all
 from impactfem.runs.error_estimate import estimate_error
 from impactfem.runs.run import Checkpointing, Cost, Run
 from impactfem.runs.solids import run_solids
@@ -28,6 +29,9 @@ def run(scene: Scene, plan: Plan[MarchNumbers], progress: Progress, saved: Check
         progress.step("estimating the error on other elements")
         errors, details["error_estimate"] = estimate_error(used, plan, motion)
     effort = replace(effort, details=details)
+    force = float(motion.history["contact_force"].values.max())
+    if plan.numbers.apart and force > 0.0:
+        effort = replace(effort, findings=(*effort.findings, struck_after_all(force)))
     return Run(
         used=used, history=motion.history, effort=effort, errors=errors, cost=cost, fields=fields
     )

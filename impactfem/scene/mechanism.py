@@ -157,6 +157,8 @@ class Mechanism(BodyKind):
 
     def __post_init__(self) -> None:
         check_fields(self, self.kind)
+        if self.orientation is not None:
+            self.orientation.check_in_space(self.kind)
 
     @property
     def turns_far(self) -> bool:

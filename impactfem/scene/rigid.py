@@ -83,8 +83,9 @@ class RigidBody(BodyKind):
         Real(), "turns the shape about its centre of mass at t = 0 (2D)", unit="rad", default=0.0
     )
     orientation: Orientation | None = key(  # noqa: RUF009  # a field
-        InlineTable((Orientation,)), "the same in space (3D)", default=None, absent="as drawn"
-    )
+        InlineTable((Orientation,)), "the same, in space (3D) with an axis", default=None,
+        absent="as drawn",
+    )  # fmt: skip
     velocity: Sequence[float] | None = key(
         Vector(), "of the centre of mass at t = 0", unit="m/s", default=None, absent="at rest"
     )
@@ -324,9 +325,22 @@ class RigidBody(BodyKind):
         if dim == 3 and self.angle:
             text = " is for the plane: give orientation = { axis = [0, 0, 1], angle = ... }."
             raise self._fail("angle", text)
-        if dim == 2 and self.orientation is not None:
-            text = " is for bodies in space: give angle."
+        if self.orientation is not None:
+            self._check_orientation(self.orientation)
+
+    def _check_orientation(self, given: Orientation) -> None:
+        """Take that of a body in the plane for its angle; refuse what does not fit."""
+        if self.dim == 3:
+            given.check_in_space(self.kind)
+            return
+        angle = given.in_plane
+        if angle is None:
+            text = " turns the body out of its plane: give { angle = ... }, or angle."
             raise KeyedError(self.kind, "orientation", text)
+        if self.angle:
+            raise KeyedError(self.kind, "orientation", " is given beside angle: remove one.")
+        object.__setattr__(self, "angle", angle)
+        object.__setattr__(self, "orientation", None)
 
     def _check_mass(self) -> None:
         """Refuse a mass that is not given just once, and what contradicts it."""

@@ -1,5 +1,6 @@
 """Values that only rigid bodies have: moments of inertia, and orientations in space."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, override
@@ -71,7 +72,7 @@ def inertia_fault(moments: Floats, *, thin: bool = False) -> str | None:
 @table("orientation = { ... }")
 @dataclass(frozen=True, kw_only=True)
 class Orientation:
-    """A rotation in space: axis and angle, or a unit quaternion.
+    """A rotation: axis and angle, or a unit quaternion; in the plane an angle is enough.
 
     Raises:
         SceneError: a value is not allowed, or the rotation is not given just once.
@@ -81,7 +82,7 @@ class Orientation:
 
     axis: Sequence[float] | None = key(
         Vector((3,), nonzero=True), "axis of the rotation, of any length", default=None,
-        absent="none",
+        absent="along z in 2D",
     )  # fmt: skip
     angle: float | None = key(
         Real(), "angle about the axis, by the right hand", unit="rad", default=None, absent="none"
@@ -93,10 +94,9 @@ class Orientation:
     def __post_init__(self) -> None:
         check_fields(self, self.heading)
         if self.quaternion is None:
-            if self.axis is None or self.angle is None:
-                missing = "axis" if self.axis is None else "angle"
+            if self.angle is None:
                 text = " is missing: give axis and angle, or quaternion."
-                raise KeyedError(self.heading, missing, text)
+                raise KeyedError(self.heading, "angle", text)
             return
         shown = show(list(self.quaternion))
         if self.axis is not None or self.angle is not None:
@@ -112,6 +112,28 @@ class Orientation:
                 f" = {shown} has length {length:.6g}, not 1: give {show(own)}, or axis and angle."
             )
             raise KeyedError(self.heading, "quaternion", text)
+
+    def check_in_space(self, heading: str) -> None:
+        """Refuse a rotation in space without an axis.
+
+        Raises:
+            KeyedError: There is none; it names the key under a heading.
+        """
+        if self.quaternion is None and self.axis is None:
+            text = " is missing: give axis and angle, or quaternion."
+            raise KeyedError(heading, "orientation.axis", text)
+
+    @property
+    def in_plane(self) -> float | None:
+        """Its angle about z [rad]; None if it turns about another axis."""
+        if self.quaternion is None and self.axis is None:
+            return self.angle
+        w, *vector = self.unit
+        if abs(vector[0]) + abs(vector[1]) > _NORMAL:
+            return None
+        if self.quaternion is None and self.axis is not None:  # with all its turns
+            return float(np.sign(self.axis[2])) * float(self.angle or 0.0)
+        return 2.0 * math.atan2(vector[2], w)
 
     @property
     def unit(self) -> Floats:

@@ -293,12 +293,33 @@ def test_probes_and_fields_move_as_the_body_does():
     np.testing.assert_allclose(apart.max(), 0.5 * np.linalg.norm([0.2, 0.1, 0.15]), rtol=1e-12)
 
 
+def test_orientations_in_the_plane_are_angles():
+    def body(**more):
+        return impactfem.RigidBody(
+            shape={"kind": "block", "size": [0.2, 0.1], "corner": [0.0, 0.0]}, density=1.0, **more
+        )
+
+    half = 0.5 * 0.4
+    for given in (
+        {"angle": 0.4},
+        {"axis": [0.0, 0.0, -2.0], "angle": -0.4},
+        {"quaternion": [np.cos(half), 0.0, 0.0, np.sin(half)]},
+    ):
+        assert body(orientation=given).angle == pytest.approx(0.4, rel=1e-15)
+        np.testing.assert_allclose(body(orientation=given).rotation, body(angle=0.4).rotation)
+    with pytest.raises(SceneError, match="orientation turns the body out of its plane"):
+        body(orientation={"axis": [1.0, 0.0, 0.0], "angle": 0.4})
+    with pytest.raises(SceneError, match="orientation is given beside angle"):
+        body(orientation={"angle": 0.4}, angle=0.2)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
         ({"orientation": {"quaternion": [0.0, 0.0, 0.0, 0.0]}}, "is no rotation: give [1.0,"),
         ({"orientation": {"quaternion": [1.0, 1.0, 0.0, 0.0]}}, "has length 1.41421, not 1: give"),
         ({"orientation": {"axis": [0.0, 0.0, 1.0]}}, "orientation.angle is missing: give axis and"),
+        ({"orientation": {"angle": 0.2}}, "orientation.axis is missing: give axis and angle"),
         ({"density": None, "mass": 1.0, "inertia": [1.0, 1.0, 3.0]}, "has one above the sum"),
         ({"density": None, "mass": 1.0, "inertia": [1.0, -1.0, 1.0]}, "inertia = [1.0, -1.0, 1.0]"),
         ({"density": None, "mass": 1.0, "inertia": 2.0}, "does not fit 3 coordinates: give [Ixx"),
