@@ -78,7 +78,8 @@ def _meet_nothing(scene: Scene) -> bool:
     """Whether it is certain that there is no contact: one impact may lead to others."""
     if scene.starts_at_rest:  # they are moved to where they are held
         return False
-    if not scene.obstacles and all(body.may_meet_nothing for body in scene.bodies):
+    lone = len(scene.bodies) == 1 or not scene.solids  # several solids are there to meet
+    if lone and not scene.obstacles and all(body.may_meet_nothing for body in scene.bodies):
         return False  # nor shall they
     times = np.linspace(0.0, scene.duration, _SAMPLES)
     known = {body.name: _path(scene, body, times) for body in scene.bodies}
