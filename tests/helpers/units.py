@@ -66,9 +66,9 @@ class Units:
             row = ROWS.get(heading)
             if row is None:
                 raise ValueError(f"{heading} is not in the reference")
-            table[key] = self._value(value, row, table, name)
+            table[key] = self._value(value, row, table)
 
-    def _value(self, value, row, table, name):
+    def _value(self, value, row, table):
         if isinstance(value, dict):
             self._table(value, self._heading(row, value))
             return value
