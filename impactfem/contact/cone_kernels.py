@@ -337,3 +337,40 @@ def least_solution(matrix, right):
     solution = np.empty(count)
     solution[order] = least
     return solution
+
+
+@compiled
+def in_cones(ways, least, bounds, slack, most):
+    """The forces next to 0 that do as some do and lie in their cones, by Dykstra's projections.
+
+    Args:
+        ways: What motions tell of the forces: orthonormal combinations of them, (pairs dim, ways).
+        least: The least forces that do so, (pairs, dim).
+        bounds: Largest tangential forces over normal ones, (pairs,).
+        slack: Share of these by which they may miss it: the last step takes for ever.
+        most: Limit of projections.
+
+    Returns:
+        Whether they were found, and the last ones.
+    """
+    pairs, dim = least.shape
+    force, beyond = least.copy(), np.zeros((pairs, dim))
+    for _ in range(most):
+        inside, near = True, force + beyond
+        for j in range(pairs):
+            rub = np.sqrt((force[j, 1:] * force[j, 1:]).sum())
+            inside = (
+                inside and force[j, 0] >= 0.0 and rub <= (1.0 + slack) * bounds[j] * force[j, 0]
+            )
+            push, mu = near[j, 0], bounds[j]
+            rub = np.sqrt((near[j, 1:] * near[j, 1:]).sum())
+            if rub > mu * push:  # on the cone, or at its tip
+                along = max(0.0, (push + mu * rub) / (1.0 + mu * mu))
+                near[j, 0] = along
+                near[j, 1:] *= mu * along / rub if rub > 0.0 else 0.0
+        if inside:
+            return True, force
+        beyond += force - near
+        flat = (near - least).reshape(-1)
+        force = near - (ways @ (ways.T @ flat)).reshape(pairs, dim)
+    return False, force

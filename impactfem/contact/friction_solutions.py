@@ -11,6 +11,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.cone_kernels import in_cones
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.rooted import Matrix, full, own_blocks
 
@@ -20,6 +21,7 @@ Booleans = NDArray[np.bool_]
 MOST_PAIRS = 4  # of which all solutions are looked for
 _ROUNDING = 1e-9
 _RANK = 1e-9  # share of the largest singular value that counts as none
+_INSIDE, _SEARCH = 1e-3, 400  # how far within cones stick is looked for, and how often
 
 
 def jams(matrix: Matrix, friction: Floats, slip: Floats) -> Booleans:
@@ -121,3 +123,44 @@ def dependent(problem: ConeProblem, force: Floats) -> Floats:
     values, right = np.linalg.svd(answers / size)[1:]
     rank = int((values > _RANK * values.max(initial=0.0)).sum())
     return np.asarray(np.linalg.qr(spread @ (right[rank:] / size).T)[0])
+
+
+def stuck(problem: ConeProblem) -> Floats | None:
+    """The least forces with which nothing slips, of pairs whose forces depend on each other.
+
+    What would be pulled lets go. Forces are measured by the law's numbers a, so that neither order
+    nor directions of the pairs matter, and pairs that are alike push alike.
+
+    Args:
+        problem: The law.
+
+    Returns:
+        Forces (pairs, dim); None where they do not depend on each other, where some are moments,
+        or none were found well within their cones.
+    """
+    pairs, dim = problem.offset.shape
+    if pairs < 2 or not problem.pushes.all() or problem.base.any():
+        return None
+    size = 1.0 / np.sqrt(np.maximum(problem.scales(), np.finfo(float).tiny))
+    alike = full(problem.matrix) * np.outer(size, size)
+    right = -(size * problem.offset).ravel()
+    bounds = (1.0 - _INSIDE) * problem.friction * size[:, 0] / size[:, -1]
+    shut = np.ones(pairs, dtype=bool)
+    while shut.any():
+        at = np.flatnonzero(np.repeat(shut, dim))
+        own, ways = np.linalg.eigh(alike[np.ix_(at, at)])
+        counts = own > _RANK * own[-1]
+        if shut.all() and counts.all():
+            return None
+        ways = np.ascontiguousarray(ways[:, counts])
+        force = (ways @ ((ways.T @ right[at]) / own[counts])).reshape(-1, dim)
+        fine, held = in_cones(ways, force, bounds[shut], 0.5 * _INSIDE, _SEARCH)
+        if fine:
+            found = np.zeros((pairs, dim))
+            found[shut] = held
+            return np.asarray(size * found)
+        pulls = force[:, 0] < -_ROUNDING * np.abs(force).max()
+        if not pulls.any():
+            break
+        shut[shut] = ~pulls
+    return None

@@ -25,6 +25,7 @@ from impactfem.contact.cone_kernels import without_traces
 from impactfem.contact.friction_kernels import islands_of, sweep_cones
 from impactfem.contact.friction_many import WORST, Accuracy, Many
 from impactfem.contact.friction_newton import ConeProblem, newton, proximal, residual
+from impactfem.contact.friction_solutions import stuck
 from impactfem.contact.rooted import Rooted, full
 from impactfem.errors import ConvergenceError
 
@@ -65,6 +66,8 @@ def solve_cones(
     problem, start = _yielding(problem, start)
     force, total, accuracy = np.zeros_like(start), 0, accuracy or Accuracy()
     wrong = np.ones(len(start), dtype=bool)
+    if len(start) <= _FEW:
+        start = _canonical(problem, start)
     if isinstance(problem.matrix, Rooted):
         many = Many(problem, tolerance)
         force, wrong = many.swept(start, accuracy)
@@ -85,6 +88,19 @@ def solve_cones(
         force[pairs] = found
         total = max(total, systems)
     return force, total
+
+
+def _canonical(problem: ConeProblem, start: Floats) -> Floats:
+    """Forces to begin with: those of stick where forces depend on each other.
+
+    Where these obey the law it is at once solved; else what slips does not hang on how forces came.
+    """
+    found = start.copy()
+    for pairs in _islands(problem):
+        part = problem.part(pairs)
+        if (force := stuck(part)) is not None:
+            found[pairs] = force
+    return found
 
 
 def _solve_many(

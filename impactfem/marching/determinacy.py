@@ -1,14 +1,17 @@
 """What a run says of contact forces that the equations of motion do not determine."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import chain, combinations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
+from impactfem.contact.friction_kernels import sweep_cones
 from impactfem.contact.friction_newton import ConeProblem
 from impactfem.contact.friction_solutions import MOST_PAIRS, all_solutions, dependent, jams
+from impactfem.contact.rooted import full
 from impactfem.findings import Finding
 
 Floats = NDArray[np.float64]
@@ -16,7 +19,10 @@ Integers = NDArray[np.int64]
 
 _MOST = 60  # pairs up to which dependent forces are looked for
 _TAKEN = ("the contact opens", "an impulse that ends the slip", "slip under the larger force")
-_NUMBERS = 12
+_NUMBERS = 13
+_PAIRS_OF = 12  # pushing pairs up to which normal forces are taken from two at once, not from one
+_MOVED, _SWEEPS = 1e-6, 2000  # share of the velocities that is a change; sweeps that look for it
+_RANK = 1e-9  # as of `impactfem.contact.friction_solutions`
 _NARROW = 1e-6  # of a force, between whose limits it counts as determined
 
 
@@ -26,7 +32,8 @@ class Determinacy:
     Attributes:
         seen: What it has found as numbers: dimension of the dependent forces, time, pair, its
             force and the limits between which it may lie, contacts that push; layers in which
-            friction jams, time, pair, solutions, and which of `_TAKEN` was taken.
+            friction jams, time, pair, solutions, and which of `_TAKEN` was taken; whether other
+            shares of normal forces let something slip.
     """
 
     def __init__(self) -> None:
@@ -69,6 +76,7 @@ class Determinacy:
             own = force[most, 0]
             pair, count = pair_of()[rows[most]], pushes.sum()
             self.seen[:7] = basis.shape[1], time, pair, own, low, high, count
+            self.seen[12] = max(self.seen[12], float(_hangs_on_shares(problem, force)))
 
     def _look_at_friction(
         self, time: float, rows: Integers, pair_of: Callable[[], Integers], problem: ConeProblem,
@@ -92,7 +100,7 @@ class Determinacy:
         taken = 0 if not pushed else 1 if ended else 2
         self.seen[7] += 1
         if self.seen[7] == 1:
-            self.seen[8:] = time, pair_of()[rows[at]], count, taken
+            self.seen[8:12] = time, pair_of()[rows[at]], count, taken
 
     def figures(self, names: Sequence[str]) -> Mapping[str, Any]:
         """What it has found, for the details of a run.
@@ -106,9 +114,10 @@ class Determinacy:
             found["overconstrained"] = {
                 "dimension": int(dimension), "time": time, "contacts": int(contacts),
                 "pair": names[int(gap)], "normal_force": force, "limits": [low, high],
+                "motion_determined": not self.seen[12],
             }  # fmt: skip
         if self.seen[7]:
-            layers, time, gap, solutions, taken = self.seen[7:].tolist()
+            layers, time, gap, solutions, taken = self.seen[7:12].tolist()
             found["friction_nonunique"] = {
                 "solutions": int(solutions), "taken": _TAKEN[int(taken)], "time": time,
                 "pair": names[int(gap)], "layers": int(layers),
@@ -126,13 +135,21 @@ class Determinacy:
                 which += f"any from {low:.6g} to {high:.6g} N"
             text = (
                 f"forces of {told['contacts']} contacts are not determined by the motion from t = "
-                f"{told['time']:.6g} s on, in {told['dimension']} dimensions: {which}; motions are "
-                "determined, and so are sum and moment of the forces on each body"
+                f"{told['time']:.6g} s on, in {told['dimension']} dimensions: {which}; "
             )
+            if told["motion_determined"]:
+                text += (
+                    "motions are determined, and so are sum and moment of the forces on each body"
+                )
+                remedy = "compare sums of forces only"
+            else:
+                text += "other shares of them let something slip; taken were those with which as "
+                text += "little as can be slips, the least"
+                remedy = "model what carries the shares as elastic if they matter"
             found.append(
                 Finding(
                     "overconstrained", "note", text, told["pair"], float(told["dimension"]),
-                    remedy="compare sums of forces only",
+                    remedy=remedy,
                 )
             )  # fmt: skip
         if told := known.get("friction_nonunique"):
@@ -156,6 +173,40 @@ def _may_jam(problem: ConeProblem) -> bool:
     """Whether friction of some contact can act as much along its normal as its pressure does."""
     own = problem.own()
     return bool((problem.friction * np.linalg.norm(own[:, 0, 1:], axis=1) >= own[:, 0, 0]).any())
+
+
+def _hangs_on_shares(problem: ConeProblem, force: Floats) -> bool:
+    """Whether normal forces that press alike, shared otherwise, let something slip that does not.
+
+    Friction is found again with the bounds of normal forces as small in single pairs, and in two of
+    few, as those that press the bodies alike can be.
+    """
+    dim = force.shape[1]
+    at = np.flatnonzero(force[:, 0] > 0.0)
+    if not problem.pushes.all() or not problem.friction[at].any():
+        return False
+    matrix = np.ascontiguousarray(full(problem.matrix))
+    own, ways = np.linalg.eigh(matrix[np.ix_(at * dim, at * dim)])
+    free = ways[:, own <= _RANK * own[-1]]
+    if not free.shape[1]:
+        return False
+    whole, answer = float(force[at, 0].max()), problem.answers(force)
+    law = problem.friction, problem.masters, problem.spins, problem.base
+    size = np.abs(problem.offset).max() + np.abs(answer).max()
+    most = 2 if len(at) <= _PAIRS_OF else 1
+    for some in chain.from_iterable(combinations(range(len(at)), k + 1) for k in range(most)):
+        taken = free[list(some)].sum(axis=0)
+        if not np.abs(taken).max() > _RANK:
+            continue
+        found = linprog(taken, -free, force[at, 0] / whole, bounds=(None, None))
+        if found.status:
+            continue
+        bound, moved = np.zeros(len(force)), force.copy()
+        bound[at] = np.maximum(force[at, 0] + whole * (free @ found.x), 0.0)
+        sweep_cones(matrix, problem.offset, *law, bound, moved, False, _SWEEPS, 1e-12 * whole)
+        if np.abs(problem.answers(moved) - answer).max() > _MOVED * size:
+            return True
+    return False
 
 
 def _limits(problem: ConeProblem, force: Floats, basis: Floats) -> tuple[int, float, float]:
