@@ -60,7 +60,7 @@ def estimate_error(
     tracks = []
     for factor in chosen.numbers.resizing:
         try:
-            tracks.append(_run(scene, chosen, factor, motion.places))
+            tracks.append(rerun(scene, chosen, factor, motion.places))
         except (ImpactError, ArithmeticError, ValueError, RuntimeError, MemoryError) as error:
             return None, {"message": f"the run on elements {factor:g} times as large: {error}"}
     found: Errors | None
@@ -114,7 +114,7 @@ def _share(ratio: float) -> float:
     return SAFETY / (believed - 1.0)
 
 
-def _run(scene: Scene, chosen: Plan[MarchNumbers], factor: float, places: Places) -> Track:
+def rerun(scene: Scene, chosen: Plan[MarchNumbers], factor: float, places: Places) -> Track:
     """The scene on elements so many times as large, with steps as much larger."""
     from impactfem.runs.solids import run_solids  # noqa: PLC0415  (loads DOLFINx)
 

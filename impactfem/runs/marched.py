@@ -16,12 +16,12 @@ from impactfem.scene import Scene
 def run(scene: Scene, plan: Plan[MarchNumbers], progress: Progress, saved: Checkpointing) -> Run:
     """March the bodies (collective); see `run_solids`."""
     start = time.perf_counter()
-    scene = _strained(scene, plan)
+    scene = strained(scene, plan)
     motion, fields = run_solids(
         scene, plan, progress, checkpoints=saved.folder, restart=saved.restart
     )
     cost = Cost.since(start)
-    effort, used = motion.effort, _as_used(scene, plan)
+    effort, used = motion.effort, as_used(scene, plan)
     unknowns = max(1, effort.num_unknowns)
     details = {**effort.details, "memory_per_unknown_kib": cost.memory_mib * 1024 / unknowns}
     errors = None
@@ -37,13 +37,13 @@ def run(scene: Scene, plan: Plan[MarchNumbers], progress: Progress, saved: Check
     )
 
 
-def _strained(scene: Scene, plan: Plan[MarchNumbers]) -> Scene:
+def strained(scene: Scene, plan: Plan[MarchNumbers]) -> Scene:
     """The scene with finite strain where the plan takes it."""
     pairs = zip(scene.solids, plan.numbers.strains, strict=True)
     return with_strains(scene, (solid.name for solid, strain in pairs if strain == "finite"))
 
 
-def _as_used(scene: Scene, plan: Plan[MarchNumbers]) -> Scene:
+def as_used(scene: Scene, plan: Plan[MarchNumbers]) -> Scene:
     """The scene with the plan's choices filled in."""
     numbers = plan.numbers
     settings = replace(

@@ -1,5 +1,6 @@
 """Where a place lies in a body: its cell, and what the nodes there say of its motion and stress."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -129,20 +130,23 @@ def followed(system: ElasticSystem, places: Floats) -> tuple[Integers, Floats]:
     found: list[Any] = []
     for place in places:
         away = np.linalg.norm(middles - place, axis=1) / widths
-        near = [(int(k), cell.inverse(corners[k], place)) for k in np.argsort(away)[:_NEAR]]
-        known = [
-            # The same cell on any number of ranks.
-            (round(max(cell.excess(at), 0.0), 9), int(mesh.topology.original_cell_index[k]), k, at)
-            for k, at in near
-            if at is not None
-        ]
+        known = []
+        for k in map(int, np.argsort(away)[:_NEAR]):
+            at = cell.inverse(corners[k], place)
+            if at is not None:
+                excess = max(round(cell.excess(at), 9), 0.0)
+                # The same cell on any number of ranks, but where cells meet, which say the same.
+                known.append((excess, int(mesh.topology.original_cell_index[k]), k, at))
+                if not excess:
+                    break
         best = min(known, key=lambda entry: entry[:2], default=None)
-        told = None
         if best is not None:
-            told = (*best[:2], nodes.numbers[cells[best[2]]], cell.basis(best[3])[0])
-        found.append(told)
+            found.append((*best[:2], nodes.numbers[cells[best[2]]], cell.basis(best[3])[0]))
+        else:  # no cells here, or all of them degenerate: then any node of the nearest one
+            own = nodes.numbers[cells[np.argmin(away)]] if owned else np.zeros(1, dtype=np.int64)
+            found.append((math.inf, 0 if owned else 1, own, np.eye(len(own))[0]))
     each = [
-        min((told for told in tolds if told is not None), key=lambda entry: entry[:2])
+        min(tolds, key=lambda entry: entry[:2])
         for tolds in zip(*comm.allgather(found), strict=True)
     ]
     return np.array([told[2] for told in each]), np.array([told[3] for told in each])

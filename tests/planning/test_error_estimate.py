@@ -47,6 +47,24 @@ def test_forces_are_compared_by_their_impulse_in_coarse_layers():
     assert other.force_l1 == pytest.approx(0.5, rel=1e-12)
 
 
+def test_bodies_that_hardly_move_are_measured_by_others_or_by_their_extent():
+    times = np.linspace(0.0, 1.0, 5)
+
+    def pair(small, wrong):
+        way = np.zeros((5, 6))
+        way[:, 1], way[-1, 4] = times**2, small + wrong
+        return Track.of_centres(times, way, np.zeros(5))
+
+    # A tenth of the largest way, which is 3/4 in the frame of the first velocity of 1/4.
+    found = difference(pair(1e-3, 0.0), pair(1e-3, 1e-4), "").displacement_max
+    assert found == pytest.approx(1e-4 / (0.1 * 0.75), rel=1e-9)
+    still = np.full((5, 3), 5.0)
+    moved = still.copy()
+    moved[-1] += 1e-14  # rounding, over 5 m of coordinates
+    tracks = (Track.of_centres(times, each, np.zeros(5)) for each in (still, moved))
+    assert 0.0 < difference(*tracks, "").displacement_max < 1e-14
+
+
 def test_only_the_time_both_have_counts():
     fine = track(8, 1.0, np.ones_like)
     place = np.vstack([fine.parts[0].way, [[9.0, 9.0, 9.0]]])
@@ -102,7 +120,7 @@ def test_without_an_error_the_verdict_says_why_and_the_run_is_kept(monkeypatch, 
         raise FloatingPointError("lost")
 
     if fails:
-        monkeypatch.setattr("impactfem.runs.error_estimate._run", failing)
+        monkeypatch.setattr("impactfem.runs.error_estimate.rerun", failing)
     monkeypatch.setattr("impactfem.runs.error_estimate.FALL", 1e9)
     monkeypatch.setattr("impactfem.runs.error_estimate.SMALL", 0.0)
     summary = impactfem.solve(solid_scene(solve={"method": "explicit"})).summary
