@@ -70,3 +70,15 @@ class ObstaclePlaces(Anew):
         )
         weights = -met.weights[:, : self._total]
         return Meeting(weights, met.gap, -met.normal, met.area, lambda: _STILL)
+
+
+def edges(corners: Floats, step: float) -> Floats:
+    """Corners of a box, in the order of `np.ndindex`, and places along its edges, (places, dim)."""
+    found = [corners]
+    for one in range(len(corners)):
+        for bit in (1 << k for k in range(corners.shape[1])):
+            if not one & bit:
+                way = corners[one | bit] - corners[one]
+                count = int(np.ceil(np.linalg.norm(way) / step))
+                found.append(corners[one] + np.outer(np.arange(1, count) / count, way))
+    return np.concatenate(found)

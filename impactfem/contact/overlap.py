@@ -7,11 +7,15 @@ plane, or solid angles in space (Van Oosterom, Strackee, IEEE Trans. Biomed. Eng
 turn.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.boundary import Boundary
+from impactfem.contact.obstacle_places import edges
 from impactfem.contact.self_pairs import WithinBody
+from impactfem.scene.obstacles.rotation import Placement, placement
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -20,23 +24,43 @@ HALF_FACE = 0.5
 """Depth below faces, share of their width, at which a body in contact with itself is wrong."""
 
 _BELOW = 0.02  # of the width of a face: how far below it the points lie
+_DEEP = 0.25  # of the width of a face, or of what is small of an obstacle, between nodes
+_HELD = 1e-6  # of the size of a body, by which its nodes are in an obstacle
+_WALK = 64  # of the length of a line: the shortest steps along it
 _AT_ONCE = 2_000_000  # angles
 _TRIANGLES = {3: [[0, 1, 2]], 4: [[0, 1, 2], [1, 3, 2]]}  # DOLFINx's order of corners
 
 
+def _lattice(corners: int) -> Floats:
+    """Shares of the corners of a face in places all over it, (places, corners)."""
+    s = (np.arange(8) + 0.5) / 8.0
+    if corners == 2:
+        return np.stack([1.0 - s, s], axis=1)
+    x, y = (each.ravel() for each in np.meshgrid(s[::2], s[::2]))
+    if corners == 3:
+        x, y = x[x + y < 1.0], y[x + y < 1.0]
+        return np.stack([1.0 - x - y, x, y], axis=1)
+    return np.stack([(1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y], axis=1)
+
+
+_SHARES = {corners: _lattice(corners) for corners in (2, 3, 4)}
+
+
 def overlap(
-    one: Boundary, places: Floats, other: Boundary, other_places: Floats
+    one: Boundary, places: Floats, other: Boundary, other_places: Floats, *, closely: bool = False
 ) -> tuple[float, Floats] | None:
     """How deep one body lies in another, and where; None if it does not.
 
     Points are taken below the middles of the faces of both. The depth of a point is that below the
-    nearest face's plane, right in convex bodies and too small in others.
+    nearest face's plane, right in convex bodies and too small in others. Looked at closely, there
+    are points all over the faces: then bodies thinner than these do not cross unseen.
 
     Args:
         one: Outside of one body.
         places: Places of its nodes [m], shape (nodes, dim).
         other: Of the other.
         other_places: Of its nodes.
+        closely: Whether to take more points.
     """
     found: list[tuple[float, Floats]] = []
     for (a, at), (b, there) in (
@@ -44,15 +68,91 @@ def overlap(
         ((other, other_places), (one, places)),
     ):
         low, high = there.min(axis=0), there.max(axis=0)
-        middles, below = _below(a, at)
+        middles, below = _all_over(a, at) if closely else _below(a, at)
         near = np.flatnonzero(((below > low) & (below < high)).all(axis=1))
         held = near[inside(b, there, below[near])]
+        if closely:  # below a sharp edge a point may be on the other side of it
+            held = held[inside(a, at, below[held])]
         normals = outward_normals(b, there) if len(held) else b.normals
         for face in held:
             # The middle of the face is deeper than the point below it, or on the other's surface.
             depth = max(_depth(b, there, normals, x[face]) for x in (below, middles))
             found.append((depth, middles[face]))
     return max(found, key=lambda entry: entry[0], default=None)
+
+
+def in_obstacle(obstacle: Any, time: float, body: Boundary, places: Floats) -> Floats | None:
+    """Where an obstacle and a body lie in each other between nodes, (dim,); None if they do not.
+
+    Sides of the faces of the body are not in the obstacle, nor what marks the obstacle in
+    the body, by more than faces of curved ones may miss. Where nodes are in the obstacle, which is
+    refused of those that may touch, the body is held there, and nothing is said.
+
+    Args:
+        obstacle: `impactfem.scene.obstacles.RigidObstacle`.
+        time: [s].
+        body: Outside of the body.
+        places: Of its nodes [m], shape (nodes, dim).
+    """
+    placed, (over, _) = placement(obstacle, time), _all_over(body, places)
+    size = float(np.ptp(places, axis=0).max(initial=0.0))
+    if (obstacle.gap(placed.back(places))[0] < -_HELD * size).any():
+        return None
+    width = np.repeat(_width(body), len(over) // max(1, len(body.faces)))
+    place = _within(obstacle, placed, places[_sides(body)])
+    if place is not None:
+        return place
+    marks = placed.moved(_marks(obstacle, placed.back(places), 0.5 * float(np.median(width))))
+    low, high = places.min(axis=0), places.max(axis=0)
+    marks = marks[((marks > low) & (marks < high)).all(axis=1)]
+    for mark in marks[inside(body, places, marks)]:
+        apart = np.linalg.norm(over - mark, axis=1) - _DEEP * width
+        if apart.min() > 0.0:
+            return np.asarray(mark)
+    return None
+
+
+def _within(obstacle: Any, placed: Placement, sides: Floats) -> Floats | None:
+    """Where lines (lines, 2, dim) run through an obstacle, (dim,).
+
+    Each is walked along by its distance from the obstacle, within which there is nothing.
+    """
+    begin, way = sides[:, 0], sides[:, 1] - sides[:, 0]
+    length = np.linalg.norm(way, axis=1)
+    small = np.minimum(obstacle.features, length) if obstacle.is_convex else length
+    least, at = np.maximum(0.2 * small, length / _WALK), np.zeros(len(length))
+    deepest, found = 0.0, None
+    left = np.flatnonzero(length > 0.0)
+    while len(left):
+        over = begin[left] + (at[left] / length[left])[:, None] * way[left]
+        gap = obstacle.gap(placed.back(over))[0]
+        beyond = -gap - _DEEP * small[left]
+        if beyond.max() > deepest:
+            deepest, found = float(beyond.max()), over[np.argmax(beyond)]
+        at[left] += np.maximum(gap, least[left])
+        left = left[at[left] < length[left]]
+    return found
+
+
+def _marks(obstacle: Any, places: Floats, step: float) -> Floats:
+    """Places at rest that an obstacle has in it [m], (marks, dim).
+
+    Args:
+        obstacle: It.
+        places: Of the body's nodes where the obstacle is at rest [m], (nodes, dim).
+        step: Between marks along what is long.
+    """
+    dim, core, found = places.shape[1], obstacle.core, [np.zeros((0, places.shape[1]))]
+    if obstacle.corners is not None:
+        found.append(edges(obstacle.corners, max(step, 1e-4 * float(np.ptp(obstacle.corners)))))
+    if core is not None and core.side > 0.0:
+        axis = np.zeros(dim) if core.axis is None else np.asarray(core.axis, dtype=float)
+        along = (places - core.center) @ axis
+        count = 1 + int((along.max() - along.min()) / step)
+        found.append(core.center + np.outer(np.linspace(along.min(), along.max(), count), axis))
+    if dim == 2 and obstacle.ridges is not None:
+        found.append(obstacle.ridges.places)
+    return np.concatenate(found)
 
 
 def folded(
@@ -85,6 +185,15 @@ def _below(body: Boundary, places: Floats, depth: float = _BELOW) -> tuple[Float
     """Middles of the faces and points just below them, (faces, dim) each."""
     middles = places[_corners(body)].mean(axis=1)
     return middles, middles - (depth * _width(body))[:, None] * outward_normals(body, places)
+
+
+def _all_over(body: Boundary, places: Floats) -> tuple[Floats, Floats]:
+    """Points all over the faces and just below them, face by face, (points, dim) each."""
+    corners, normals = places[_corners(body)], outward_normals(body, places)
+    shares = _SHARES[corners.shape[1]]
+    over = np.einsum("sc,fcd->fsd", shares, corners)
+    below = over - (_BELOW * _width(body))[:, None, None] * normals[:, None]
+    return over.reshape(-1, places.shape[1]), below.reshape(-1, places.shape[1])
 
 
 def outward_normals(body: Boundary, places: Floats) -> Floats:
@@ -145,6 +254,17 @@ def _corners(body: Boundary) -> NDArray[np.int64]:
     if body.points.shape[1] == 2:
         return body.faces[:, :2]
     return body.faces[:, : {3: 3, 6: 3, 4: 4, 9: 4}[body.faces.shape[1]]]
+
+
+def _sides(body: Boundary) -> NDArray[np.int64]:
+    """Ends of the straight sides of the faces, (sides, 2)."""
+    corners = _corners(body)
+    around = corners[:, [0, 1, 3, 2]] if corners.shape[1] == 4 else corners
+    if around.shape[1] == 2:
+        return around
+    return np.unique(
+        np.sort(np.stack([around, np.roll(around, 1, axis=1)], axis=2).reshape(-1, 2)), axis=0
+    )
 
 
 def _parts(body: Boundary) -> NDArray[np.int64]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from impactfem.contact.body_pairs import Side, SurfacePair, make_pair
 from impactfem.contact.boundary import Boundary, boundary, everywhere
-from impactfem.contact.overlap import overlap
+from impactfem.contact.overlap import in_obstacle, overlap
 from impactfem.contact.reach import Reach
 from impactfem.contact.self_pairs import WithinBody
 from impactfem.contact.surfaces import ContactNodes
@@ -112,10 +112,19 @@ class SolidPart:
         """
         if not self.obstacles:
             return None
-        return contact_of(
+        found = contact_of(
             self.comm, self.scene, self.solid, self.system, self.outside, self.obstacles,
             self.reach,
         )  # fmt: skip
+        for obstacle in self.obstacles:
+            place = in_obstacle(obstacle, 0.0, self.outside, self.places)
+            if place is not None:
+                raise SceneError(
+                    f"body {self.solid.name} and obstacle {obstacle.name} lie in each other at "
+                    f"t = 0, at ({', '.join(f'{x:.4g}' for x in place)}), between its nodes: move "
+                    "one of them"
+                )
+        return found
 
 
 @dataclass(frozen=True)
@@ -187,7 +196,7 @@ class SolidsModel:
 
     def _check_apart(self, a: int, b: int) -> None:
         one, two = self.parts[a], self.parts[b]
-        found = overlap(one.outside, one.places, two.outside, two.places)
+        found = overlap(one.outside, one.places, two.outside, two.places, closely=True)
         if found is not None:
             depth, place = found
             raise SceneError(

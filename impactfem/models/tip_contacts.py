@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.ball_pairs import Target
-from impactfem.contact.obstacle_places import ObstaclePlaces, Tips
+from impactfem.contact.obstacle_places import ObstaclePlaces, Tips, edges
 from impactfem.scene import Scene
 from impactfem.scene.pairing import obstacles_of, pair_name
 from impactfem.system.few import FewBodies
@@ -49,7 +49,7 @@ def _tips(obstacle: Any, places: Floats, triangles: Floats) -> Tips | None:
     sides = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2)
     side, core = float(np.median(sides)), obstacle.core
     if obstacle.corners is not None:
-        found, radius = _edges(obstacle.corners, _ALONG * side), 0.0
+        found, radius = edges(obstacle.corners, _ALONG * side), 0.0
     elif core is not None and core.side > 0.0 and core.radius < _SMALL * side:
         radius = core.radius
         found = core.center[None]
@@ -72,16 +72,3 @@ def _tips(obstacle: Any, places: Floats, triangles: Floats) -> Tips | None:
     if obstacle.moves:
         over[:] = True
     return Tips(found[over], np.full(int(over.sum()), radius)) if over.any() else None
-
-
-def _edges(corners: Floats, step: float) -> Floats:
-    """Corners of a box, in the order of `np.ndindex`, and places along its edges, (places, 3)."""
-    found = [corners]
-    for one in range(len(corners)):
-        for bit in (1, 2, 4):
-            if not one & bit:
-                other = one | bit
-                way = corners[other] - corners[one]
-                count = int(np.ceil(np.linalg.norm(way) / step))
-                found.append(corners[one] + np.outer(np.arange(1, count) / count, way))
-    return np.concatenate(found)

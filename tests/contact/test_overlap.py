@@ -1,13 +1,16 @@
 """Bodies that lie in each other: against boxes, whose overlap is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from impactfem.contact.boundary import Boundary
-from impactfem.contact.overlap import folded, inside, overlap
+from impactfem.contact.overlap import folded, in_obstacle, inside, overlap
 from impactfem.contact.self_pairs import WithinBody
+from impactfem.scene import HalfSpace, RigidBox, RigidCylinder, RigidSphere
 
 
 def polygon(points):
@@ -46,6 +49,11 @@ def made(points, faces, outward):
     )  # fmt: skip
 
 
+def scaled(body, size):
+    """A body of another size."""
+    return replace(body, points=size * body.points)
+
+
 LETTER_L = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]
 
 
@@ -81,6 +89,46 @@ def test_boxes_overlap_where_they_do(across, y, z):
 def test_boxes_that_touch_or_are_apart_do_not_overlap(gap, y, z):
     one, two = box([0, 0, 0], [1, 1, 1]), box([1 + gap, y, z], [2 + gap, 1 + y, 1 + z])
     assert overlap(one, one.points, two, two.points) is None
+    assert overlap(one, one.points, two, two.points, closely=True) is None
+
+
+def test_thin_bodies_that_cross_between_middles_of_faces_are_seen_closely():
+    lying = polygon([[x, 0.0] for x in (-2, -1, 0, 1, 2)] + [[x, 0.4] for x in (2, 1, 0, -1, -2)])
+    standing = polygon([[y, x] for x, y in lying.points[::-1]] - np.array([0.2, 0.0]))
+    assert overlap(lying, lying.points, standing, standing.points) is None
+    depth, place = overlap(lying, lying.points, standing, standing.points, closely=True)
+    assert 0.0 < depth <= 0.2
+    assert np.abs(place).max() <= 0.4
+
+
+CUBE, HELD = box([-1, -1, 0], [1, 1, 2]), box([-1, -1, -0.5], [1, 1, 1.5])
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "body", "seen"),
+    [
+        (RigidSphere(name="pin", center=[0.1, 0.2, 1.1], radius=0.01), CUBE, True),
+        (RigidCylinder(name="needle", point=[0.1, 0.2, 1.1], radius=0.01, axis=[0, 0, 1]),
+         CUBE, True),
+        (RigidBox(name="blade", center=[0.1, 0.0, 1.0], size=[0.05, 9.0, 9.0]), CUBE, True),
+        (RigidBox(name="nail", center=[0.1, 0.1, 1.0], size=[0.01, 0.01, 9.0]), CUBE, True),
+        (RigidBox(name="table", center=[-5.0, 0.0, -0.5], size=[10.0, 1.0, 1.0]), CUBE, False),
+        (RigidSphere(name="ball", center=[0.1, 0.2, -0.3], radius=0.3), CUBE, False),
+        (HalfSpace(name="floor", point=[0, 0, 0], normal=[0, 0, 1]), HELD, False),
+        (RigidBox(name="table", center=[0.0, 0.0, 0.0], size=[0.5, 0.5, 2.0],
+                  motion=["0", "0", "t - 1"]), CUBE, False),
+        (RigidBox(name="table", center=[0.0, 0.0, 0.0], size=[0.5, 0.5, 2.0],
+                  motion=["0", "0", "t"]), CUBE, True),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e3])
+def test_obstacles_between_nodes_are_seen_where_they_are(obstacle, body, seen, size):
+    if obstacle.moves and size != 1.0:
+        return
+    keys = {key: np.multiply(getattr(obstacle, key), size).tolist()
+            for key in ("center", "point", "radius", "size") if hasattr(obstacle, key)}  # fmt: skip
+    place = in_obstacle(replace(obstacle, **keys), 0.0, scaled(body, size), size * body.points)
+    assert (place is not None) == seen
 
 
 @pytest.mark.parametrize("depth", [0.01, 0.1, 0.3])
