@@ -13,6 +13,7 @@ CODES: Mapping[str, str] = {
     "model_thin": "a body is thicker than its theory is for",
     "model_layers": "layers couple bending and stretching, which is left out",
     "contact_unresolved": "a contact lasts too few steps",
+    "load_unresolved": "loads, supports or obstacles change within a step",
     "contact_single_node": "a single node carries the contact force",
     "force_peak": "the largest force of a step belongs to the mesh",
     "rounding_growth": "rounding grows from contact to contact",

@@ -198,7 +198,7 @@ class FewMidpoint(FewInterior):
 
     def _prepare(self, time: float) -> None:
         """Invert M + dt C / 2 + dt^2 K / 4, with forces linearised: layers then are products."""
-        stiffness, damping = tangent(self._system, time, self._q, self._v)
+        stiffness, damping = tangent(self._system, (time, self._span), self._q, self._v)
         half = 0.5 * self._span
         self._inverse = np.linalg.inv(self._mass + half * damping + half**2 * stiffness)
         self._renew_answer()
@@ -326,7 +326,7 @@ class FewMidpoint(FewInterior):
     def _force(self, q: Floats, v: Floats) -> Floats:
         system = self._system
         if self._steady is None or not isinstance(system, LinearSystem):
-            return system.force(self._time, q, v)
+            return system.force(self._time, q, v, self._span)
         return self._steady - system.stiffness @ q - system.damping @ v
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
@@ -339,10 +339,10 @@ class FewMidpoint(FewInterior):
 
     def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
         """End the layer and sum up."""
-        end, mean = self._end(self._ahead), 0.5 * (self._v + self._ahead)
-        work = np.zeros(len(self._q))
+        end, mean, work = self._end(self._ahead), 0.5 * (self._v + self._ahead), 0.0 * self._q
         if self.bodies.load is not None:
-            work = self.bodies.load(self._time, self._middle(self._ahead), mean) * (end - self._q)
+            ends = self._time - 0.5 * self._span, self._time + 0.5 * self._span
+            work = self.bodies.load(*ends, self._middle(self._ahead), mean) * (end - self._q)
         self._q, self._v = end, self._ahead + self._kick
         return self._summed(work)
 

@@ -19,13 +19,18 @@ def steady_load(system: GeneralizedSystem) -> Floats | None:
     return np.array([signal.constant for signal in system.load], dtype=float)
 
 
-def tangent(system: GeneralizedSystem, time: float, q: Floats, v: Floats) -> tuple[Floats, Floats]:
-    """Stiffness -df/dq and damping -df/dv (d, d) each, by central differences if not constant."""
+def tangent(
+    system: GeneralizedSystem, around: tuple[float, float], q: Floats, v: Floats
+) -> tuple[Floats, Floats]:
+    """Stiffness -df/dq and damping -df/dv (d, d) each, by central differences if not constant.
+
+    Those of means over a step, given by its middle and its length [s].
+    """
     if isinstance(system, LinearSystem):
         return system.stiffness, system.damping
     return (
-        _falling(lambda x: system.force(time, x, v), q),
-        _falling(lambda x: system.force(time, q, x), v),
+        _falling(lambda x: system.force(around[0], x, v, around[1]), q),
+        _falling(lambda x: system.force(around[0], q, x, around[1]), v),
     )
 
 

@@ -88,7 +88,8 @@ class FewNewton(FewMidpoint):
         """End the step at the iterate."""
         end, mean = self._end(self._ahead), 0.5 * (self._v + self._ahead)
         if self.bodies.load is not None:
-            load = self.bodies.load(self._time, self._middle(self._ahead), mean)
+            ends = self._time - 0.5 * self._span, self._time + 0.5 * self._span
+            load = self.bodies.load(*ends, self._middle(self._ahead), mean)
             self._work = self._work + load * (end - self._q)
         self._q, self._v = end, self._ahead
 

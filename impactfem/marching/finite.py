@@ -165,7 +165,7 @@ class FiniteMidpoint(FiniteBody):
         self._stale, self._left = True, np.inf
         self._loads = self._weights * np.tile(gravity, len(self._weights) // system.dim)
         if drive.is_active:
-            self._dead = 0.5 * (drive.load(start) + drive.load(end))
+            self._dead = drive.load(start, end)
             self._loads = self._loads + self._dead
         self._after = self.displacement.copy()
         if drive.has_moved:

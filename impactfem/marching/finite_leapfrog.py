@@ -177,15 +177,15 @@ class FiniteLeapfrog(FiniteBody):
         self._level(end)
 
     def _level(self, time: float) -> None:
-        """Loads at a time (collective)."""
+        """Loads at a time: means of half a step around it (collective)."""
         self._last_load = self._load
+        around = max(0.0, time - 0.5 * self._step), time + 0.5 * self._step
         if self._drive.is_active:
-            self._load = self._dead = self._drive.load(time)
+            self._load = self._dead = self._drive.load(*around)
             self._surface_load = self._surface.gather(self._load)
         if self._following is not None:
-            self._following.put(time)
-        half = 0.5 * self.dt
-        self._pull = self._drive.gravity(max(0.0, time - half), time + half)
+            self._following.put(*around)
+        self._pull = self._drive.gravity(*around)
 
     def move_surface(self, place: Floats) -> None:
         """Put the contact nodes somewhere, (count, dim) [m]."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.scene import Formula
+from impactfem.scene.means import StepMean
 from impactfem.system.joints import Joints
 
 Floats = NDArray[np.float64]
@@ -31,24 +31,24 @@ def _back(restitution: float, rate: float) -> float:
 class Motor:
     """A motor about the last look: constant - stiffness q - damping v; the force it gave."""
 
-    formula: Formula
+    mean: StepMean
     constant: float = 0.0
     stiffness: float = 0.0
     damping: float = 0.0
     force: float = 0.0
 
-    def look(self, t: float, q: float, v: float) -> bool:
-        """Follow it at a time, coordinate and rate; whether it is as it was thought."""
-        formula = self.formula
-        self.force = float(formula(t=t, q=q, v=v))
+    def look(self, start: float, end: float, q: float, v: float) -> bool:
+        """Follow it between times, at a coordinate and rate; whether it is as it was thought."""
+        mean = self.mean
+        self.force = mean(start, end, q=q, v=v)
         thought = self.constant - self.stiffness * q - self.damping * v
         if abs(self.force - thought) <= _SETTLED * abs(self.force):
             return True
         slopes = []
         for at, name in ((q, "q"), (v, "v")):
             h = _STEP * max(1.0, abs(at))
-            ends = [formula(**({"t": t, "q": q, "v": v} | {name: at + s * h})) for s in (1, -1)]
-            slopes.append(-float(ends[0] - ends[1]) / (2.0 * h))
+            sides = [mean(start, end, **({"q": q, "v": v} | {name: at + s * h})) for s in (1, -1)]
+            slopes.append(-(sides[0] - sides[1]) / (2.0 * h))
         self.stiffness, self.damping = slopes
         self.constant = self.force + self.stiffness * q + self.damping * v
         return False
@@ -75,7 +75,7 @@ class JointStates:
         self._joints, self.span = joints, span
         self.slides = np.sign(np.where(joints.rubbing < 0, 0.0, rates[joints.rubbing]))
         self.stops = np.zeros(len(joints.joints))
-        self.motors = {k: Motor(j.motor) for k, j in enumerate(joints.joints) if j.motor}
+        self.motors = {k: Motor(StepMean(j.motor)) for k, j in enumerate(joints.joints) if j.motor}
 
     def laws(self, begun: Floats, rates: Floats) -> Floats:
         """a, b, c of all rows; see `impactfem.marching.joint_kernels`.
@@ -141,7 +141,8 @@ class JointStates:
         for k, motor in self.motors.items():
             row = joints.moving[k]
             q = 0.5 * (begun[row] + ended[row]) + joints.shift(joints.joints[k])
-            fine &= motor.look(time, q, (ended[row] - begun[row]) / self.span)
+            rate = (ended[row] - begun[row]) / self.span
+            fine &= motor.look(time - 0.5 * self.span, time + 0.5 * self.span, q, rate)
         return not self._switched(begun, ended, rates, acting, single=look > _ALL_AT_ONCE) and fine
 
     def _switched(

@@ -159,8 +159,11 @@ class Leapfrog:
 
     def gravity(self, layer: int) -> Floats:
         """Gravity that acts at the start of a layer [m/s^2], shape (dim,)."""
-        time = layer * self.dt
-        return self._drive.gravity(max(0.0, time - 0.5 * self.dt), time + 0.5 * self.dt)
+        return self._drive.gravity(*self._around(layer))
+
+    def _around(self, layer: int) -> tuple[float, float]:
+        """Times between which forces act at the start of a layer [s]."""
+        return max(0.0, (layer - 0.5) * self.dt), (layer + 0.5) * self.dt
 
     def _contact_at(self, time: float) -> Floats:
         if self._statics is None:
@@ -179,7 +182,7 @@ class Leapfrog:
         if self._lag and layer:
             self.displacement -= self._lag * self._step
         if drive.is_active:
-            self._loads = drive.load(time)
+            self._loads = drive.load(*self._around(layer))
             self._lift = drive.lift(time)
             self._load[:] = self._loads + self._lift
             self._reaction = drive.reaction(self.displacement)

@@ -155,7 +155,7 @@ class MechanismMidpoint(ShownMechanism):
         for sides, found in ((1.0, stiffness), (0.0, damping)) if joints.motors else ():
             step = _SHARE * np.maximum(1.0, np.abs(self._angle if sides else self._v))
             one, two = (
-                joints.drive(self._time, self._angle + way * sides * step,
+                joints.drive(*self._ends_of_time, self._angle + way * sides * step,
                              self._v + way * (1.0 - sides) * step)
                 for way in (-1.0, 1.0)
             )  # fmt: skip
@@ -258,6 +258,11 @@ class MechanismMidpoint(ShownMechanism):
         ):
             turn, self._impulses = turn + 1, self._iterate()
 
+    @property
+    def _ends_of_time(self) -> tuple[float, float]:
+        """Of the layer [s]."""
+        return self._time - 0.5 * self.span, self._time + 0.5 * self.span
+
     def _ends(self) -> Floats:
         """Positions of single joints at the end of the layer, counted over turns, (v,)."""
         return np.asarray(self._angle + 0.5 * self.span * (self._v + self._ahead))
@@ -296,7 +301,7 @@ class MechanismMidpoint(ShownMechanism):
             if struck and kept > self._least:  # what turns round has no mean to make x of
                 share *= -np.expm1(-((twice / kept) ** 2))
             force += (gained / dt - float(force @ mean)) * share * along
-            self._drive = joints.drive(self._time, self._angle + 0.5 * dt * mean, mean)
+            self._drive = joints.drive(*self._ends_of_time, self._angle + 0.5 * dt * mean, mean)
             force += self._drive - joints.damping * mean
             missing = dt * force + given + pushed + turned - momentum
             change = self._inverse @ missing

@@ -127,7 +127,7 @@ class Midpoint:
         right[:] = self._times_mass(motion)
         right.reshape(-1, system.dim)[:] += self._weights.reshape(-1, system.dim) * gravity
         if drive.is_active:
-            self._loads = 0.5 * (drive.load(begin) + drive.load(end))
+            self._loads = drive.load(begin, end)
             right += self._loads + 0.5 * (drive.lift(begin) + drive.lift(end))
         right[system.constrained] = 0.0
         if self._solver.is_iterative:  # from where the body would be without forces

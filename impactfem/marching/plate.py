@@ -81,7 +81,7 @@ class PlateMidpoint(ShownPlate):
         self._fit, self._fitting = local, np.linalg.pinv(local)
         self._seen = np.zeros(2)
         self._shown: Floats | None = None  # of `surface_displacement`, until something moves
-        self._loads = self._pressed(0.0)  # of the layer
+        self._loads = self._pressed(0.0, 0.0)  # of the layer
         # At the start slopes are in equilibrium, and so is what touches, unless it is asked for.
         self._settle_slopes(self._q)
         self._begun = self._q.copy()
@@ -104,18 +104,19 @@ class PlateMidpoint(ShownPlate):
         rows = self.bodies.stiffness[self._slopes]
         return splu(rows[:, self._slopes].tocsc(), **CHOLESKY), rows[:, self._deflected].tocsr()
 
-    def _pressed(self, time: float, ahead: float = 0.0, place: Floats | None = None) -> Floats:
-        """Forces of pressures on q, moved off what has no mass.
+    def _pressed(self, start: float, end: float, place: Floats | None = None) -> Floats:
+        """Mean forces of pressures on q, moved off what has no mass.
 
         Args:
-            time: [s].
-            ahead: Since the present state, by which speed takes gaps on [s].
-            place: Coordinates that gaps are at; None: the present ones.
+            start: Of the time, at which the present state is [s].
+            end: Its end [s]: speed takes gaps on to the middle.
+            place: Coordinates that gaps are at the start at; None: the present ones.
         """
         bodies, moved = self.bodies, None
         if bodies.by_gap:
-            moved = bodies.deflection(self._q if place is None else place) + ahead * self.speed
-        forces = bodies.pressure(time, moved)
+            moved = bodies.deflection(self._q if place is None else place)
+            moved = moved + 0.5 * (end - start) * self.speed
+        forces = bodies.pressure(start, end, moved)
         return np.asarray(self._of_vertices @ (self.bodies.transfer.T @ forces))
 
     def at_rest(self) -> PlateAtRest:
@@ -134,14 +135,14 @@ class PlateMidpoint(ShownPlate):
     def loads_at_rest(self, place: Floats) -> Floats:
         """Forces on q at t = 0 with some coordinates, without contact."""
         weight = float(np.asarray(self._gravity.at(0.0)) @ self._normal)
-        return np.asarray(self._pressed(0.0, place=place) + weight * self._mass)
+        return np.asarray(self._pressed(0.0, 0.0, place) + weight * self._mass)
 
     def settle(self, place: Floats) -> Floats:
         """Begin elsewhere; mass times the way there [kg m], (3,)."""
         fallen = float(self._pull @ (place - self._q))
         self._q, self._shown = place.copy(), None
         self._free = self._at_ease()
-        self._loads = self._pressed(0.0)
+        self._loads = self._pressed(0.0, 0.0)
         return np.asarray(fallen * self._normal)
 
     def _settle_slopes(self, q: Floats) -> None:
@@ -181,10 +182,8 @@ class PlateMidpoint(ShownPlate):
     def predict(self, layer: int) -> Floats:
         """Solve the layer without contact forces."""
         begin, end = layer * self.dt, (layer + 1) * self.dt
-        if self.bodies.by_gap:
-            self._loads = self._pressed(0.5 * (begin + end), 0.5 * self.dt)
-        elif not self.bodies.is_steady:
-            self._loads = 0.5 * (self._pressed(begin) + self._pressed(end))
+        if not self.bodies.is_steady:
+            self._loads = self._pressed(begin, end)
         motion = self._layer.motion(self._q, self._v, self.dt)
         weight = self._mass * float(self.gravity(layer) @ self._normal)
         middle = self._layer.solve(motion + weight + self._loads)

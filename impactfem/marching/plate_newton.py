@@ -84,10 +84,7 @@ class PlateNewton(PlateMidpoint):
         """Take up a step between two times."""
         self._span = step = end - start
         weight = float(np.asarray(self._gravity.mean(start, end)) @ self._normal)
-        if self.bodies.by_gap:
-            self._pushed = self._pressed(0.5 * (start + end), 0.5 * step)
-        else:
-            self._pushed = 0.5 * (self._pressed(start) + self._pressed(end))
+        self._pushed = self._pressed(start, end)
         self._loads = self._pushed + weight * self._mass
         # Of places the last digits are lost by which speeds of short steps go.
         self._way = step * self._v

@@ -203,7 +203,8 @@ class RigidBodies(Meshless):
         for k, loads in self._driven:
             mean = 0.5 * (self._speed[k] + self._speed_ahead[k])
             place = self._centre[k] + 0.5 * dt * mean
-            self._loads[:, k] = loads(self._time, place, mean, self._whirl(k))
+            ends = self._time - 0.5 * dt, self._time + 0.5 * dt
+            self._loads[:, k] = loads(*ends, place, mean, self._whirl(k))
         force, moment = self._loads
         return dt * (force + self._weight) + self._pushed, dt * moment + self._turned
 

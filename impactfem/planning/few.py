@@ -13,7 +13,8 @@ from impactfem.methods import METHODS
 from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.plans import Plan
 from impactfem.planning.solid_costs import count_layers
-from impactfem.planning.solid_plan import MarchNumbers, law_in_words
+from impactfem.planning.solid_plan import MarchNumbers, few_in_words, joined_in_words, law_in_words
+from impactfem.planning.time_data import Datum, data_findings, parts_following, time_data
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
 from impactfem.scene.joints import Joint
@@ -62,7 +63,8 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
     solve = scene.solve
     model = solids_model(scene, (), updated=True)
     method, reasons = _method(scene, model)
-    dt, layers = _steps(scene, model.few, reasons)
+    data = time_data(scene, (), model.few)
+    dt, layers = _steps(scene, model.few, data, reasons)
     if layers > _MOST:
         raise SceneError(
             f"solve.dt = {dt:g} s makes {layers:.3g} steps of duration = {scene.duration:g} s, "
@@ -113,6 +115,7 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
         findings=(
             *law_findings(scene),
             *bar_findings(model.few, dt),
+            *data_findings(data, dt, layers),
             *joint_findings(model),
             *dent_findings(model),
             *(found for body in meshed for found in mass_damping_findings(body, dt)),
@@ -165,23 +168,6 @@ def _memory(scene: Scene, layers: int, pairs: int) -> float:
     what = f"the rows of {layers:.3g} steps in the history"
     check_memory(needed, "solve.dt", what, "a larger dt or a shorter duration")
     return needed
-
-
-def few_in_words(few: Sequence["FewBodies"]) -> str:
-    """What the bodies are, in words."""
-    return ", ".join(bodies.words for bodies in few)
-
-
-def joined_in_words(model: "SolidsModel") -> str:
-    """What joints leave free, in words with a comma behind; empty without any."""
-    if model.joints is None:
-        return ""
-    each, free = model.joints.joints, model.joints.mobility
-    plural = "" if len(each) == 1 else "s"
-    degrees = "degree" if free == 1 else "degrees"
-    return (
-        f"{len(each)} joint{plural} that leave{'' if plural else 's'} {free} {degrees} of freedom, "
-    )
 
 
 def joint_findings(model: "SolidsModel") -> list[Finding]:
@@ -366,7 +352,9 @@ def _braked(few: Sequence["FewBodies"]) -> list[float]:
     return [mass / stiffest for mass in masses] if stiffest > 0.0 else []
 
 
-def _steps(scene: Scene, few: Sequence["FewBodies"], reasons: dict[str, str]) -> tuple[float, int]:
+def _steps(
+    scene: Scene, few: Sequence["FewBodies"], data: Sequence[Datum], reasons: dict[str, str]
+) -> tuple[float, int]:
     """Time step [s] and number of layers.
 
     Raises:
@@ -381,7 +369,8 @@ def _steps(scene: Scene, few: Sequence["FewBodies"], reasons: dict[str, str]) ->
         )
     if solve.dt is not None or shortest == float("inf"):
         layers = max(1, round(duration / (solve.dt or _step(scene, few, reasons))))
-        return duration / layers, layers
+        parts = 1 if solve.dt is not None else parts_following(data, duration, layers, reasons)
+        return duration / (parts * layers), parts * layers
     # Whole layers in a transit keep the shape of waves; the last one may end past the duration.
     wanted = min([few_step(few), *(_BRAKED * time for time in _braked(few))])
     count = min(max(_OF_TRANSIT, math.ceil(shortest / wanted)), _MOST_OF_TRANSIT)

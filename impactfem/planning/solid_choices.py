@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from impactfem.errors import SceneError
 from impactfem.findings import Finding, warning
@@ -16,6 +16,7 @@ from impactfem.planning.solid_costs import (
     leading_speed,
 )
 from impactfem.planning.solid_elements import SLENDER, slenderness
+from impactfem.planning.time_data import Datum, parts_following
 from impactfem.scene import Scene
 from impactfem.scene.shapes import Block
 from impactfem.scene.solids import Solid
@@ -215,6 +216,29 @@ def shortened(steps: Steps, scene: Scene, limit: float, reasons: dict[str, str])
     dt = scene.duration / layers
     courant = None if steps.courant is None else steps.courant * dt / steps.dt
     return Steps(dt, courant, layers)
+
+
+def following(
+    steps: Steps, scene: Scene, data: Sequence[Datum], stable: float, reasons: dict[str, str]
+) -> Steps:
+    """Steps that follow loads, supports and obstacles that change in time, where a few more do.
+
+    Args:
+        steps: As chosen.
+        scene: The scene; a step or Courant number that it gives stays.
+        data: What changes in time.
+        stable: Longest explicit step, about [s].
+        reasons: Gets the reason.
+    """
+    if scene.solve.dt is not None or scene.solve.courant is not None:
+        return steps
+    step = steps.dt or (steps.courant or 1.0) * stable
+    layers = steps.layers or count_layers(scene.duration, step)
+    parts = parts_following(data, scene.duration, layers, reasons)
+    courant = None if steps.courant is None else steps.courant / parts
+    if steps.dt is None or steps.layers is None:
+        return replace(steps, courant=courant)
+    return Steps(steps.dt / parts, courant, steps.layers * parts)
 
 
 def refuse_unstable(dt: float, method: str, solid: Solid, size: Size) -> None:

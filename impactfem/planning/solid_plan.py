@@ -2,13 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, override
+from typing import TYPE_CHECKING, Any, override
 
 from impactfem.planning.plans import Numbers, Plan, cost_rows, estimate_row
 from impactfem.planning.solid_costs import Size
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
 from impactfem.scene.solids import Solid
+
+if TYPE_CHECKING:
+    from impactfem.models.solids import SolidsModel
+    from impactfem.system.few import FewBodies
 
 _MODELS = {
     "plane_strain": "in plane strain",
@@ -120,3 +124,20 @@ def _body(solid: Solid, size: Size) -> str:
         fraction = {1: "half", 2: "quarter", 3: "eighth"}[len(cuts)]
         text = f"{fraction} of a {text}"
     return f"{text}, {letter}{size.degree} {kind}"
+
+
+def few_in_words(few: Sequence["FewBodies"]) -> str:
+    """What the bodies are, in words."""
+    return ", ".join(bodies.words for bodies in few)
+
+
+def joined_in_words(model: "SolidsModel") -> str:
+    """What joints leave free, in words with a comma behind; empty without any."""
+    if model.joints is None:
+        return ""
+    each, free = model.joints.joints, model.joints.mobility
+    plural = "" if len(each) == 1 else "s"
+    degrees = "degree" if free == 1 else "degrees"
+    return (
+        f"{len(each)} joint{plural} that leave{'' if plural else 's'} {free} {degrees} of freedom, "
+    )

@@ -9,7 +9,7 @@ from impactfem.errors import SceneError
 from impactfem.findings import Finding
 from impactfem.methods import METHODS
 from impactfem.planning.estimates import choose_estimate
-from impactfem.planning.few import bar_findings, few_findings, few_in_words, few_step, plan_few
+from impactfem.planning.few import bar_findings, few_findings, few_step, plan_few
 from impactfem.planning.meetings import told_contacts
 from impactfem.planning.model_limits import as_asked
 from impactfem.planning.normals import choose_normals
@@ -19,6 +19,7 @@ from impactfem.planning.solid_choices import (
     choose_linear_solver,
     choose_method,
     choose_steps,
+    following,
     method_findings,
     shortened,
 )
@@ -32,8 +33,9 @@ from impactfem.planning.solid_costs import (
     seconds,
 )
 from impactfem.planning.solid_elements import choose_degrees, ringing_findings, thin_walls
-from impactfem.planning.solid_plan import MarchNumbers, in_words
+from impactfem.planning.solid_plan import MarchNumbers, few_in_words, in_words
 from impactfem.planning.strains import finite_instead, told, with_strains
+from impactfem.planning.time_data import data_findings, time_data
 from impactfem.planning.wholes import find_whole
 from impactfem.scene import Scene
 from impactfem.scene.pairing import self_meeting
@@ -105,9 +107,9 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
     steps = choose_steps(scene, method, sizes, reasons)
     steps = shortened(steps, scene, few_step(model.few), reasons)
     steps, apart = follow_vibration(scene, model, steps, reasons)
+    data = time_data(scene, [part.system for part in model.parts], model.few)
+    steps = following(steps, scene, data, explicit_step(solids, sizes), reasons)
     linear_solver = choose_linear_solver(scene, method, sizes, reasons)
-    for solid, size in zip(solids, sizes, strict=True):
-        findings += ringing_findings(solid, method, size)
     findings += few_findings(model, reasons)
     joined = {name for joint in scene.joints for name in joint.bodies}
     flyers = [
@@ -123,9 +125,12 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
     share = (steps.courant or 1.0) / SHARE_OF_STABLE
     step = steps.dt or share * explicit_step(solids, sizes)
     count = steps.layers or count_layers(scene.duration, step)
-    findings += bar_findings(model.few, step)
+    findings += [*bar_findings(model.few, step), *data_findings(data, step, count)]
     for solid, (size, extents) in zip(solids, found, strict=True):
-        findings += damping_findings(method, solid, size, max(extents), step)
+        findings += [
+            *ringing_findings(solid, method, size),
+            *damping_findings(method, solid, size, max(extents), step),
+        ]
     touching = [len(numbers) for numbers in model.numbers]
 
     active_set = solve.active_set or "pdas"

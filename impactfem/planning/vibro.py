@@ -10,6 +10,7 @@ from impactfem.errors import SceneError
 from impactfem.findings import Finding, warning
 from impactfem.methods import METHODS
 from impactfem.planning.plans import Numbers, Plan, estimate_row
+from impactfem.planning.time_data import data_findings, parts_following, time_data
 from impactfem.scene import Scene
 from impactfem.scene.values import show
 from impactfem.sizing import check_memory
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 _ROWS = 1000
 _LIVELY = 0.85
+_MEANS = ("moreau_jean", "paoli_schatzman")  # methods whose steps take means of loads
 _MOST_STEPS = 200_000_000
 _PER_RADIAN = 20.0  # steps of a radian of the fastest vibration
 _BEAM_PERIOD = 200.0  # steps of the first bending period
@@ -80,6 +82,9 @@ def plan_vibro(scene: Scene) -> Plan[VibroNumbers]:
     if METHODS[method].locates and model.system.dofs <= _FEW:
         _check_periods(scene, model, method)
     dt = solve.dt or _choose_step(scene, model, method, reasons)
+    data = [] if METHODS[method].locates else time_data(scene, means=method in _MEANS)
+    if solve.dt is None:
+        dt /= parts_following(data, scene.duration, round(scene.duration / dt), reasons)
     steps = max(1, round(scene.duration / dt))
     if steps > _MOST_STEPS:
         raise SceneError(
@@ -103,7 +108,7 @@ def plan_vibro(scene: Scene) -> Plan[VibroNumbers]:
         memory_mib=memory,
         seconds=_seconds(model, method, steps, estimate=estimate),
         reasons=reasons,
-        findings=tuple(_findings(scene, model, method)),
+        findings=(*_findings(scene, model, method), *data_findings(data, dt, steps)),
     )
 
 

@@ -17,6 +17,7 @@ from impactfem.marching.time_loop import TimeLoop
 from impactfem.models.solids import SolidsModel
 from impactfem.planning.model_limits import CODES as MODEL_CODES
 from impactfem.planning.model_limits import measured_findings
+from impactfem.planning.time_data import DATA_CODES, data_findings, time_data
 from impactfem.result.bar_motion import Effort
 from impactfem.result.history import LOST, BodyMotion, Columns, make_history
 from impactfem.result.table import Series, Table
@@ -225,11 +226,16 @@ def _effort(
                 {name: known for name, known in figures.items() if name not in bars},
                 {p.solid.name: p.solid.material for p in parts if p.solid.is_finite},
             ),
+            *data_findings(
+                time_data(model.scene, [part.system for part in parts], model.few),
+                march.interior.dt,
+                march.layers,
+            ),
             *_overlap_findings(model, watch),
             *march.findings(),
             *watch.axes.findings(),
         ),
-        measured=(*(contact_codes(rows.force) if parts else ()), *MODEL_CODES),
+        measured=(*(contact_codes(rows.force) if parts else ()), *MODEL_CODES, *DATA_CODES),
         force_window=mesh_window(
             [part.solid for part in parts], [part.degree for part in parts], size
         ),

@@ -37,6 +37,16 @@ class Break:
     after: float
 
 
+@dataclass(frozen=True)
+class Kick:
+    """A constraint whose motion b(t) changes its velocity at once, from before to after [m/s]."""
+
+    at: Break
+    constraint: int
+    before: float
+    after: float
+
+
 @lru_cache(maxsize=256)
 def find_breaks(formula: Formula, end: float) -> tuple[Break, ...]:
     """Breaks of a formula in t, 0 <= t <= end [s], in the order of time; kinks are among them.
@@ -67,8 +77,9 @@ def find_breaks(formula: Formula, end: float) -> tuple[Break, ...]:
 
 
 def check_motion(
-    where: str, name: str, formulas: Sequence[Formula | None], end: float, unit: str = "m"
-) -> None:
+    where: str, name: str, formulas: Sequence[Formula | None], end: float, unit: str = "m",
+    *, from_zero: bool = False,
+) -> None:  # fmt: skip
     """Refuse motions of obstacles and supports that jump, or whose velocity is not finite.
 
     Args:
@@ -77,6 +88,7 @@ def check_motion(
         formulas: Displacements in t [m], or angles [rad]; None where there is none.
         end: Duration [s].
         unit: Of the formulas.
+        from_zero: Whether what moves is at 0 before, so that another value at t = 0 is a jump.
 
     Raises:
         KeyedError: Naming the key, the value, the time and the remedy.
@@ -89,6 +101,11 @@ def check_motion(
         bad = np.flatnonzero(~np.isfinite(values))
         why = f"has no finite value at t = {times[bad[0]]:.6g}" if bad.size else ""
         remedy = f"give one for 0 <= t <= {end:g}"
+        if not why and from_zero and values[0] != 0.0:
+            why = f"jumps from 0 to {values[0]:.6g} {unit} at t = 0 s, at an infinite speed"
+            begun = formula.text if formula.is_constant else f"({formula.text})"
+            remedy = f"let it move in a finite time, as by {begun}*min(1, t/{0.01 * end:g}), or "
+            remedy += 'begin in equilibrium with it by start = "static"'
         if not why:
             scale = float(np.ptp(values)), float(np.abs(values).max())
             for at in find_breaks(formula, end):

@@ -94,6 +94,26 @@ class Formula:
         shifted._store(f"{float(offset)!r} + ({self.text})", self.variables, tree)
         return shifted
 
+    def fixed(self, **numbers: float) -> "Formula":
+        """Return this formula with numbers for some of its variables."""
+
+        def walk(node: Node) -> Node:
+            match node:
+                case ("variable", name) if name in numbers:
+                    return float(numbers[name])
+                case ("negative", operand):
+                    return ("negative", walk(operand))
+                case ("chain", first, steps):
+                    return ("chain", walk(first), tuple((op, walk(each)) for op, each in steps))
+                case ("call", name, args):
+                    return ("call", name, tuple(map(walk, args)))
+            return node
+
+        found = object.__new__(Formula)
+        text = ", ".join([self.text, *(f"{name} = {value!r}" for name, value in numbers.items())])
+        found._store(text, tuple(v for v in self.variables if v not in numbers), walk(self._tree))
+        return found
+
     def __call__(self, **values: ArrayLike) -> Any:  # float or array of floats
         """Evaluate with numpy.
 

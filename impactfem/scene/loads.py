@@ -50,6 +50,13 @@ class PiecewiseConstant:
         index = np.searchsorted(self.times, np.asarray(t, dtype=float), side="right") - 1
         return np.asarray(self.values)[np.maximum(index, 0)]
 
+    def mean(self, t0: ArrayLike, t1: ArrayLike) -> Any:  # float or array
+        """Return the means from t0 to t1, which broadcast; where t1 is t0 the value there."""
+        span = np.subtract(t1, t0)
+        known = span > 0.0
+        found = self.integral(t0, t1) / np.where(known, span, 1.0)
+        return np.where(known, found, self(np.broadcast_to(t0, span.shape)))[()]
+
     def integral(self, t0: ArrayLike, t1: ArrayLike) -> Any:  # float or array
         """Return the integrals from t0 to t1, which broadcast; negative where t1 < t0."""
         start, end = np.broadcast_arrays(np.asarray(t0, dtype=float), np.asarray(t1, dtype=float))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from impactfem.scene.formula import Formula
 
 Floats = NDArray[np.float64]
+type Number = float | Floats
 Booleans = NDArray[np.bool_]
 
 _WIDEN = 2.0**-50
@@ -30,22 +31,24 @@ class _Range:
     high: Floats
     rough: Booleans
 
+    __array_ufunc__ = None  # arrays leave arithmetic with ranges to these
+
     def __neg__(self) -> "_Range":
         return _Range(-self.high, -self.low, self.rough)
 
-    def __add__(self, other: "_Range | float") -> "_Range":
+    def __add__(self, other: "_Range | Number") -> "_Range":
         b = _range(other, self)
         return _made(self.low + b.low, self.high + b.high, self.rough | b.rough)
 
     __radd__ = __add__
 
-    def __sub__(self, other: "_Range | float") -> "_Range":
+    def __sub__(self, other: "_Range | Number") -> "_Range":
         return self + (-_range(other, self))
 
-    def __rsub__(self, other: float) -> "_Range":
+    def __rsub__(self, other: Number) -> "_Range":
         return (-self) + other
 
-    def __mul__(self, other: "_Range | float") -> "_Range":
+    def __mul__(self, other: "_Range | Number") -> "_Range":
         b = _range(other, self)
         ends = np.array(
             [self.low * b.low, self.low * b.high, self.high * b.low, self.high * b.high]
@@ -54,7 +57,7 @@ class _Range:
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: "_Range | float") -> "_Range":
+    def __truediv__(self, other: "_Range | Number") -> "_Range":
         b = _range(other, self)
         pole = (b.low <= 0.0) & (b.high >= 0.0)
         inverse = _Range(
@@ -63,10 +66,10 @@ class _Range:
         )  # fmt: skip
         return self * inverse
 
-    def __rtruediv__(self, other: float) -> "_Range":
+    def __rtruediv__(self, other: Number) -> "_Range":
         return _range(other, self) / self
 
-    def __pow__(self, other: "_Range | float") -> "_Range":
+    def __pow__(self, other: "_Range | Number") -> "_Range":
         b = _range(other, self)
         if not (np.all(b.low == b.high) and np.all(b.low == b.low[0])):
             found: _Range = _exp(b * _log(self))
@@ -84,7 +87,7 @@ class _Range:
             low = np.where((self.low <= 0.0) & (self.high >= 0.0), 0.0**n, low)
         return _made(low, high, self.rough | b.rough)
 
-    def __rpow__(self, other: float) -> "_Range":
+    def __rpow__(self, other: Number) -> "_Range":
         return _range(other, self) ** self
 
 
@@ -104,16 +107,30 @@ def rough_on(formula: Formula, low: Floats, high: Floats) -> Booleans:
         low: Starts of the intervals [s], shape (intervals,).
         high: Their ends [s].
     """
-    smooth = np.zeros(len(low), dtype=np.bool_)
+    return range_on(formula, low, high)[2]
+
+
+def range_on(
+    formula: Formula, low: Floats, high: Floats, others: Mapping[str, Number] | None = None
+) -> tuple[Floats, Floats, Booleans]:
+    """Least and largest value on intervals of time, or bounds of these, and what `rough_on` says.
+
+    Args:
+        formula: Formula in t and others.
+        low: Starts of the intervals [s], shape (intervals,).
+        high: Their ends [s].
+        others: What other variables are, a number or (intervals,) each.
+    """
+    time = _Range(low, high, np.zeros(len(low), dtype=np.bool_))
     with np.errstate(all="ignore"):
-        found = formula.apply(_FUNCTIONS, t=_Range(low, high, smooth))
-    return found.rough if isinstance(found, _Range) else smooth
+        found = _range(formula.apply(_FUNCTIONS, t=time, **(others or {})), time)
+    return found.low, found.high, found.rough
 
 
-def _range(value: _Range | float, like: _Range) -> _Range:
+def _range(value: _Range | Number, like: _Range) -> _Range:
     if isinstance(value, _Range):
         return value
-    number = np.full(len(like.low), float(value))
+    number = np.broadcast_to(np.asarray(value, dtype=np.float64), like.low.shape)
     return _Range(number, number, np.zeros(len(number), dtype=np.bool_))
 
 
@@ -128,10 +145,10 @@ def _made(low: Floats, high: Floats, rough: Booleans) -> _Range:
 
 def _rising(
     function: Callable[[Any], Any], least: float = -np.inf, most: float = np.inf
-) -> Callable[[_Range | float], Any]:
+) -> Callable[[_Range | Number], Any]:
     """A function that rises from ``least`` to ``most`` and has no smooth value beyond or there."""
 
-    def apply(x: _Range | float) -> Any:
+    def apply(x: _Range | Number) -> Any:
         if not isinstance(x, _Range):
             return function(np.float64(x))
         ends = np.clip(x.low, least, most), np.clip(x.high, least, most)
@@ -141,10 +158,10 @@ def _rising(
     return apply
 
 
-def _wave(function: Callable[[Any], Any], top: float) -> Callable[[_Range | float], Any]:
+def _wave(function: Callable[[Any], Any], top: float) -> Callable[[_Range | Number], Any]:
     """Sine or cosine, whose first maximum is at ``top``."""
 
-    def apply(x: _Range | float) -> Any:
+    def apply(x: _Range | Number) -> Any:
         if not isinstance(x, _Range):
             return function(np.float64(x))
         ends = np.array([function(x.low), function(x.high)])
@@ -163,7 +180,7 @@ def _wave(function: Callable[[Any], Any], top: float) -> Callable[[_Range | floa
     return apply
 
 
-def _tan(x: _Range | float) -> Any:
+def _tan(x: _Range | Number) -> Any:
     if not isinstance(x, _Range):
         return np.tan(x)
     turns = np.floor(x.low / np.pi - 0.5) < np.floor(x.high / np.pi - 0.5)
@@ -172,15 +189,15 @@ def _tan(x: _Range | float) -> Any:
     return _made(low, high, x.rough | pole)
 
 
-def _cosh(x: _Range | float) -> Any:
+def _cosh(x: _Range | Number) -> Any:
     return np.cosh(x) if not isinstance(x, _Range) else 0.5 * (_exp(x) + _exp(-x))
 
 
-def _acos(x: _Range | float) -> Any:
+def _acos(x: _Range | Number) -> Any:
     return np.arccos(x) if not isinstance(x, _Range) else 0.5 * np.pi - _asin(x)
 
 
-def _abs(x: _Range | float) -> Any:
+def _abs(x: _Range | Number) -> Any:
     if not isinstance(x, _Range):
         return np.abs(x)
     across = (x.low <= 0.0) & (x.high >= 0.0)
@@ -189,9 +206,13 @@ def _abs(x: _Range | float) -> Any:
     return _Range(least, most, x.rough | (across & (most > 0.0)))
 
 
-def _choose(test: Any, one: _Range | float, two: _Range | float) -> Any:
-    if not isinstance(test, _Test):
-        return one if test else two
+def _choose(test: Any, one: _Range | Number, two: _Range | Number) -> Any:
+    if not isinstance(test, _Test):  # decided by numbers: one for all intervals, or one of each
+        if np.ndim(test) == 0:
+            return one if test else two
+        if not isinstance(one, _Range) and not isinstance(two, _Range):
+            return np.where(test, one, two)
+        test = _Test(np.asarray(test), ~np.asarray(test))
     like = _Range(*(np.zeros(len(test.holds)),) * 2, np.zeros(len(test.holds), dtype=np.bool_))
     a, b = _range(one, like), _range(two, like)
     # Two branches that are the same number hold no break between them.
@@ -203,7 +224,7 @@ def _choose(test: Any, one: _Range | float, two: _Range | float) -> Any:
     )
 
 
-def _less(one: _Range | float, two: _Range | float) -> Any:
+def _less(one: _Range | Number, two: _Range | Number) -> Any:
     """Whether one < two; equality is left open, which serves <= too."""
     if not isinstance(one, _Range) and not isinstance(two, _Range):
         return one < two
@@ -212,11 +233,11 @@ def _less(one: _Range | float, two: _Range | float) -> Any:
     return _Test(a.high < b.low, a.low > b.high)
 
 
-def _least(one: _Range | float, two: _Range | float) -> Any:
+def _least(one: _Range | Number, two: _Range | Number) -> Any:
     return _choose(_less(one, two), one, two)
 
 
-def _largest(one: _Range | float, two: _Range | float) -> Any:
+def _largest(one: _Range | Number, two: _Range | Number) -> Any:
     return _choose(_less(one, two), two, one)
 
 

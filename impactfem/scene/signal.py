@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from impactfem.scene.breaks import Break, find_breaks
 from impactfem.scene.formula import Formula
 from impactfem.scene.jets import motion_at
+from impactfem.scene.loads import PiecewiseConstant
+from impactfem.scene.means import mean_of, stops_of
 
 Floats = NDArray[np.float64]
 
@@ -60,6 +62,24 @@ class Signal:
             value = value + self.rest(times)
         return value if np.ndim(value) else value[()]
 
+    def mean(self, start: ArrayLike, end: ArrayLike) -> Any:  # float or array of floats
+        """Mean values between times [s], which broadcast; that of a callable rest by samples."""
+        first, last = np.asarray(start, dtype=float), np.asarray(end, dtype=float)
+        middle, span = 0.5 * (first + last), last - first
+        value = self.constant + self.slope * middle
+        for w, a, b in self.harmonics:
+            flat = np.sinc(w * span / (2.0 * np.pi))
+            value = value + flat * (a * np.cos(w * middle) + b * np.sin(w * middle))
+        for factor, formula in self.formulas:
+            value = value + factor * mean_of(formula, first, last)
+        if isinstance(self.rest, PiecewiseConstant):
+            value = value + self.rest.mean(first, last)
+        elif self.rest is not None:
+            nodes, weights = np.polynomial.legendre.leggauss(8)
+            for node, weight in zip(nodes, weights, strict=True):
+                value = value + 0.5 * weight * self.rest(middle + 0.5 * node * span)
+        return value if np.ndim(value) else value[()]
+
     def rate(self, t: ArrayLike) -> Any:  # float or array of floats
         """Derivative at the times t; that of the rest by central differences (to about 1e-9)."""
         times = np.asarray(t, dtype=float)
@@ -94,6 +114,12 @@ class Signal:
             (at, float(self.rate(at.before)), float(self.rate(at.after)))
             for at in sorted(breaks, key=lambda at: at.before)
         ]
+
+    def stops(self, end: float) -> list[float]:
+        """Times up to an end [s] at which an integrator with its own steps should stop."""
+        jumps = self.rest.times[1:] if isinstance(self.rest, PiecewiseConstant) else ()
+        found = [stop for _, formula in self.formulas for stop in stops_of(formula, end)]
+        return sorted({*found, *(time for time in jumps if time < end)})
 
     def plus(self, other: "Signal") -> "Signal":
         """The sum of two signals."""

@@ -37,11 +37,11 @@ class Drive:
         """Mean gravity between two times [m/s^2], shape (dim,)."""
         return self._system.loads.mean_gravity(start, end)
 
-    def load(self, time: float) -> Floats:
-        """Tractions and pressures [N], shape (owned dofs,): a new array (collective)."""
+    def load(self, start: float, end: float) -> Floats:
+        """Mean tractions and pressures [N], shape (owned dofs,): a new array (collective)."""
         if not self._has_loads:
             return np.zeros(len(self._load))
-        self._system.loads.at(time, self._load, self._none)
+        self._system.loads.mean(start, end, self._load, self._none)
         self._load[self._system.constrained] = 0.0
         return transferred(self._transfer, self._load)
 

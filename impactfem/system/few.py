@@ -190,8 +190,8 @@ class Lumped(FewBodies):
         jacobian: H(q), shape (nodes * dim, d).
         turning: Whether H depends on q.
         elastic: Elastic energy of q [J].
-        load: Forces that do work besides gravity, springs and inertia, (t, q, q') -> (d,); None
-            without any.
+        load: Mean forces that do work besides gravity, springs and inertia, (start, end, q, q') ->
+            (d,); None without any.
         beam: The beam, None for other bodies.
         section: Of a body and a place in space the place of what moves there [m], (3,), and its
             velocity and spin in space by q', (6, d); None of bodies that joints do not hold.
@@ -204,7 +204,7 @@ class Lumped(FewBodies):
     jacobian: Callable[[Floats], Floats]
     turning: bool
     elastic: Callable[[Floats], float]
-    load: Callable[[float, Floats, Floats], Floats] | None
+    load: Callable[[float, float, Floats, Floats], Floats] | None
     beam: BeamParts | None = None
     section: Callable[[int, Floats], tuple[Floats, Floats]] | None = None
 

@@ -52,7 +52,7 @@ class FiniteAtRest(BodyAtRest):
         strain.press(0.0, 0.0)
         self._mass, self._weights = mass, weights.reshape(-1, system.dim)
         drive = Drive(system, None)
-        self._load = drive.load(0.0) + (self._weights * gravity).ravel()
+        self._load = drive.load(0.0, 0.0) + (self._weights * gravity).ravel()
         self._solver: LinearSolver | None = None
 
     def residual(self, place: Floats) -> Floats:

@@ -56,13 +56,18 @@ class FollowingPressures:
             self._facets.append((len(self._facets) + 1, pairs))
 
     def put(self, start: float, end: float) -> None:
-        """Take the means of their values at two times [s] (collective).
+        """Take the means of their values between two times [s] (collective).
 
         Raises:
             SceneError: A formula has no finite value somewhere; on all ranks.
         """
         for function, values, used in self._values:
-            function.x.array[used] = 0.5 * (values.at(start) + values.at(end))
+            function.x.array[used] = values.mean(start, end)
+
+    @property
+    def values(self) -> list[FormulaValues]:
+        """Their formulas."""
+        return [values for _, values, _ in self._values]
 
     @property
     def largest(self) -> float:
@@ -99,9 +104,9 @@ class LevelPressures:
         self._following = following
         self._form = fem.compile_form(following.form(forms, displacement, displacement))
 
-    def put(self, time: float) -> None:
-        """Take their values at a time [s] (collective)."""
-        self._following.put(time, time)
+    def put(self, start: float, end: float) -> None:
+        """Take the means of their values between two times [s] (collective)."""
+        self._following.put(start, end)
 
     @property
     def largest(self) -> float:

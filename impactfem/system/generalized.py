@@ -7,13 +7,12 @@ t, u and p = M(u) u', here of t, u and v = u'.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impactfem.errors import SceneError
-from impactfem.scene.breaks import Break
+from impactfem.scene.breaks import Kick
 from impactfem.scene.signal import Signal
 from impactfem.system.derivatives import Derivative, MatrixRate, differentiate, slope
 from impactfem.system.generalized_input import (
@@ -32,23 +31,14 @@ Mass = Callable[[Floats], ArrayLike]
 Force = Callable[[float, Floats, Floats], ArrayLike]
 
 
-@dataclass(frozen=True)
-class Kick:
-    """A constraint whose motion b(t) changes its velocity at once, from before to after [m/s]."""
-
-    at: Break
-    constraint: int
-    before: float
-    after: float
-
-
 class GeneralizedSystem:
     """A mechanical system in generalised coordinates u with unilateral constraints.
 
     Args:
         mass: M(u) as a function u (d,) -> (d, d), or a constant: (d, d), (d,) for a diagonal, or
             a number. Symmetric positive definite.
-        force: f(t, u, v) -> (d,): applied forces, with the inertial ones that depend on v.
+        force: f(t, u, v) -> (d,): applied forces, with the inertial ones that depend on v. If it
+            has a method mean(start, end, u, v), steps take this.
         constraints: phi(u) -> (J,), or J functions phi_j(u) -> number; >= 0 where allowed; None:
             there are none.
         restitution: Newton's e in [0, 1]: a number, or one a constraint.
@@ -156,9 +146,12 @@ class GeneralizedSystem:
             return np.zeros((self.dofs, self.dofs))
         return self._mass_rates(u, v)
 
-    def force(self, t: float, u: Floats, v: Floats) -> Floats:
-        """Forces f(t, u, v), shape (d,)."""
-        return np.atleast_1d(np.asarray(self._force(t, u, v), dtype=float))
+    def force(self, t: float, u: Floats, v: Floats, span: float = 0.0) -> Floats:
+        """Forces f(t, u, v), shape (d,); their means over a span of time around t, if known."""
+        mean = getattr(self._force, "mean", None) if span else None
+        ends = t - 0.5 * span, t + 0.5 * span
+        found = self._force(t, u, v) if mean is None else mean(*ends, u, v)
+        return np.atleast_1d(np.asarray(found, dtype=float))
 
     def gap(self, t: float, u: Floats) -> Floats:
         """phi(u) - b(t), shape (J,)."""
@@ -190,6 +183,11 @@ class GeneralizedSystem:
             for at, before, after in signal.kicks(end)
         ]
         return sorted(found, key=lambda kick: kick.at.before)
+
+    def stops(self, end: float) -> list[float]:
+        """Times up to an end [s] at which forces and motions change, ascending, as far as known."""
+        found = {t for s in (*self.motion, *getattr(self, "load", ())) for t in s.stops(end)}
+        return sorted(found.union(getattr(self._force, "stops", lambda _: ())(end)))
 
     def gradient(self, u: Floats) -> Floats:
         """Derivatives d phi / d u, shape (J, coordinates)."""
@@ -333,7 +331,7 @@ class LinearSystem(GeneralizedSystem):
         self.load = tuple(e if isinstance(e, Signal) else Signal(float(e)) for e in entries)
         super().__init__(
             mass=matrix,
-            force=self._linear_force,
+            force=self.force,
             constraints=lambda u: self.normals @ u + self.offsets,
             restitution=restitution,
             jacobian=lambda _: self.normals,
@@ -351,17 +349,19 @@ class LinearSystem(GeneralizedSystem):
         """Whether loads and motions have a form that can be followed exactly."""
         return all(signal.is_exact for signal in (*self.load, *self.motion))
 
-    def load_at(self, t: ArrayLike) -> Floats:
-        """p(t): shape (d,) for a number t, (times, d) for an array."""
-        times = np.asarray(t, dtype=float)
-        return np.stack([signal(times) + 0.0 * times for signal in self.load], axis=-1)
+    def load_at(self, t: ArrayLike, until: ArrayLike | None = None) -> Floats:
+        """p(t), or its mean until later: shape (d,) for a number t, (times, d) for an array."""
+        times, end = np.asarray(t, dtype=float), t if until is None else until
+        return np.stack([signal.mean(times, end) + 0.0 * times for signal in self.load], axis=-1)
 
     def gap_curvature(self, t: float, u: Floats, v: Floats) -> Floats:  # noqa: ARG002  # flat
         """-b''(t), shape (J,)."""
         return -self.motion_curvature(t)
 
-    def _linear_force(self, t: float, u: Floats, v: Floats) -> Floats:
-        return self.load_at(t) - self.stiffness @ u - self.damping @ v
+    def force(self, t: float, u: Floats, v: Floats, span: float = 0.0) -> Floats:
+        """Forces f(t, u, v), shape (d,); their means over a span of time around t."""
+        load = self.load_at(t - 0.5 * span, t + 0.5 * span)
+        return load - self.stiffness @ u - self.damping @ v
 
     def _linear_potential(self, _: float, u: Floats) -> float:
         constant = np.array([signal.constant for signal in self.load])

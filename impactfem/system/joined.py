@@ -120,10 +120,11 @@ class Forced:
 
     @classmethod
     def at(
-        cls, system: GeneralizedSystem, t: float, u: Floats, v: Floats, room: Room | None = None
-    ) -> "Forced":
-        """Those of a system; ``room`` if it is known."""
-        room, force = room or Room.at(system, u, t), system.force(t, u, v)
+        cls, system: GeneralizedSystem, t: float, u: Floats, v: Floats, room: Room | None = None,
+        span: float = 0.0,
+    ) -> "Forced":  # fmt: skip
+        """Those of a system, or their means over a span of time; ``room`` if it is known."""
+        room, force = room or Room.at(system, u, t), system.force(t, u, v, span)
         if room.back is None:
             return cls(room, force, np.zeros(system.dofs))
         drift = -room.back @ _bend(system, u, v)

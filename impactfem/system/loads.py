@@ -13,6 +13,7 @@ from impactfem.errors import SceneError
 from impactfem.fem import MPI, PETSc, dolfinx_fem
 from impactfem.forms.elasticity import ElasticForms
 from impactfem.scene import Formula
+from impactfem.scene.means import mean_of
 from impactfem.system.nodes import Floats, Nodes
 from impactfem.system.supports import surface_facets
 
@@ -20,7 +21,12 @@ _AXES = "xyz"
 
 
 class FormulaValues:
-    """A formula of place and time at some places of a surface, or of another whole."""
+    """A formula of place and time at some places of a surface, or of another whole.
+
+    Attributes:
+        formula: In x, y, z, t and others.
+        label: What it is, for messages.
+    """
 
     def __init__(
         self, formula: Formula, label: str, places: Floats, comm: Any, whole: str = "surface"
@@ -34,39 +40,51 @@ class FormulaValues:
             comm: MPI communicator.
             whole: Of what the places are, for messages.
         """
-        self._formula, self._label, self._comm, self._whole = formula, label, comm, whole
+        self.formula, self.label, self._comm, self._whole = formula, label, comm, whole
         self._points = dict(zip(_AXES, np.ascontiguousarray(places.T), strict=False))
 
     @cached_property
     def is_steady(self) -> bool:
         """Whether the formula does not use t."""
-        return "t" not in self._formula.used
+        return "t" not in self.formula.used
 
     @cached_property
     def uses_gap(self) -> bool:
         """Whether the formula uses the gap to an obstacle."""
-        return "gap" in self._formula.used
+        return "gap" in self.formula.used
 
-    def at(self, t: float, **more: Floats) -> Floats:
-        """Values at time t, shape (count,) (collective).
+    def some(self, count: int) -> list[dict[str, float]]:
+        """Coordinates of at most so many places, of all ranks; one without any if all are alike."""
+        names = [name for name in self._points if name in self.formula.used]
+        if not names:
+            return [{}]
+        own = np.stack([self._points[name] for name in names], axis=1)
+        every = np.unique(np.concatenate(self._comm.allgather(own)), axis=0)
+        chosen = np.linspace(0, len(every) - 1, min(count, len(every))).round().astype(int)
+        return [dict(zip(names, place, strict=True)) for place in every[chosen].tolist()]
+
+    def mean(self, start: float, end: float, **more: Floats) -> Floats:
+        """Mean values from one time to another, shape (count,) (collective).
 
         Args:
-            t: [s].
+            start: [s].
+            end: [s]; the start for the values there.
             more: Other variables, (count,) each.
 
         Raises:
             SceneError: One is not finite; on all ranks.
         """
         count = len(next(iter(self._points.values())))
-        values: Floats = np.broadcast_to(self._formula(t=t, **self._points, **more), count)
+        known = self._points | more
+        values: Floats = np.broadcast_to(mean_of(self.formula, start, end, **known), count)
         bad = np.flatnonzero(~np.isfinite(values))
         if self._comm.allreduce(bad.size, op=MPI.SUM):
             error = None
             if bad.size:
                 place = ", ".join(f"{x[bad[0]]:g}" for x in self._points.values())
                 error = SceneError(
-                    f"the {self._label} = {self._formula.text!r} has no finite value at ({place}), "
-                    f"t = {t:g} s; give a formula that is finite on the whole "
+                    f"the {self.label} = {self.formula.text!r} has no finite value at ({place}), "
+                    f"t = {start:g} s; give a formula that is finite on the whole "
                     f"{self._whole}"
                 )
             fem.raise_together(self._comm, error)
@@ -91,13 +109,13 @@ class SurfaceLoad:
     values: Any
     forces: Any
 
-    def at(self, t: float) -> Floats:
-        """Nodal forces [N] at time t, shape (owned dofs,): a view that the next call changes.
+    def mean(self, start: float, end: float) -> Floats:
+        """Mean nodal forces [N], shape (owned dofs,): a view that the next call changes.
 
         Raises:
             SceneError: The formula has no finite value somewhere; on all ranks.
         """
-        self.values.array_w[:] = self.formula.at(t)
+        self.values.array_w[:] = self.formula.mean(start, end)
         self.matrix.mult(self.values, self.forces)
         forces: Floats = self.forces.array_r
         return forces
@@ -144,13 +162,18 @@ class Loads:
         self._steady = np.zeros(self.body_forces.shape[1])
         self._varying: list[SurfaceLoad] = []
         self._changing = np.zeros_like(self._steady)
-        self._time: float | None = None
+        self._time: tuple[float, float] | None = None
         for load in _surface_loads(nodes, forms, surfaces, solid):
             if load.formula.is_steady:
-                self._steady += load.at(0.0)
+                self._steady += load.mean(0.0, 0.0)
                 load.destroy()
             else:
                 self._varying.append(load)
+
+    @property
+    def varying(self) -> list[FormulaValues]:
+        """Formulas that change in time."""
+        return [load.formula for load in self._varying]
 
     @property
     def is_steady(self) -> bool:
@@ -158,35 +181,40 @@ class Loads:
         return not self._varying
 
     def at(self, t: float, out: Floats, gravity: Floats | None = None) -> Floats:
-        """Put nodal forces [N] at time t into ``out``, shape (owned dofs,), and return it.
+        """Put nodal forces [N] at time t into ``out``; see `mean`."""
+        return self.mean(t, t, out, gravity)
+
+    def mean(self, start: float, end: float, out: Floats, gravity: Floats | None = None) -> Floats:
+        """Put mean nodal forces [N] into ``out``, shape (owned dofs,), and return it.
 
         Args:
-            t: Time [s].
+            start: Of the time [s].
+            end: Its end [s].
             out: Array for the forces.
-            gravity: Taken instead of that at time t [m/s^2], shape (dim,).
+            gravity: Taken instead of the mean one [m/s^2], shape (dim,).
 
         Raises:
             SceneError: A formula has no finite value somewhere.
         """
-        acceleration = self._gravity.at(t) if gravity is None else gravity
+        acceleration = self.mean_gravity(start, end) if gravity is None else gravity
         np.copyto(out, self._steady)
         for g, forces in zip(acceleration, self.body_forces, strict=True):
             if g != 0.0:
                 out += g * forces
         if self._varying:
-            self._update(t)
+            self._update(start, end)
             out += self._changing
         return out
 
-    def _update(self, t: float) -> None:
+    def _update(self, start: float, end: float) -> None:
         """Evaluate the loads that change in time, unless this was their last time."""
-        if t == self._time:
+        if (start, end) == self._time:
             return
         self._time = None  # an error below must not leave a mixture for the next call
         self._changing[:] = 0.0
         for load in self._varying:
-            self._changing += load.at(t)
-        self._time = t
+            self._changing += load.mean(start, end)
+        self._time = start, end
 
     def mean_gravity(self, start: float, end: float) -> Floats:
         """Mean gravity [m/s^2] from one time to another, shape (dim,)."""

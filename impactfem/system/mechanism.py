@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.scene import Mechanism, Scene
-from impactfem.scene.formula import Formula
-from impactfem.scene.grammar import NUMPY_FUNCTIONS
+from impactfem.scene.means import StepMean
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 from impactfem.system.few import FewBodies
@@ -33,7 +32,7 @@ class Joints:
         restitution: Of these.
         damping: [N m s, N s/m].
         friction: Coulomb's [N m, N].
-        motors: Formulas in t, q and v by rate.
+        motors: Formulas in t, q and v by rate, as their means over steps.
     """
 
     lower: Floats
@@ -41,14 +40,13 @@ class Joints:
     restitution: Floats
     damping: Floats
     friction: Floats
-    motors: Mapping[int, Formula]
+    motors: Mapping[int, StepMean]
 
-    def drive(self, time: float, angle: Floats, v: Floats) -> Floats:
-        """Moments and forces of the motors, (v,)."""
+    def drive(self, start: float, end: float, angle: Floats, v: Floats) -> Floats:
+        """Mean moments and forces of the motors from one time to another [s], (v,)."""
         found = np.zeros(len(v))
-        now = np.float64(time)
-        for at, formula in self.motors.items():  # each call in every iterate of every layer
-            found[at] = formula.apply(NUMPY_FUNCTIONS, t=now, q=angle[at], v=v[at])
+        for at, motor in self.motors.items():
+            found[at] = motor(start, end, q=angle[at], v=v[at])
         return found
 
 
@@ -220,7 +218,7 @@ def start_of(body: Mechanism, tree: Tree) -> tuple[Joints, Floats, Floats, Found
     """
     known, (lower, upper) = list(tree.single), tree.limits()
     restitution, q, v = np.zeros(tree.rates), tree.neutral(), np.zeros(tree.rates)
-    motors: dict[int, Formula] = {}
+    motors: dict[int, StepMean] = {}
     for name, at in tree.single.items():
         tree.put(q, name, min(max(0.0, lower[at]), upper[at]))
     for name, given in body.joints.items():
@@ -234,7 +232,7 @@ def start_of(body: Mechanism, tree: Tree) -> tuple[Joints, Floats, Floats, Found
             tree.put(q, name, given.position)
         v[at], restitution[at] = given.velocity, given.restitution
         if given.motor is not None:
-            motors[at] = given.motor
+            motors[at] = StepMean(given.motor)
             start = {"t": 0.0, "q": tree.position(q, name), "v": v[at]}
             if not np.isfinite(given.motor(**{n: start[n] for n in given.motor.used})):
                 text = f" = {show(given.motor.text)} has no finite value at the start: rewrite it."
@@ -306,7 +304,7 @@ def _rate(scene: Scene, tree: Tree, joints: Joints, q: Floats, v: Floats) -> flo
     def force(way: Floats) -> Floats:
         there = tree.integrate(q, way)
         swung: Floats = tree.mass * tree.centre_jacobian(there).T @ pull
-        return swung + joints.drive(0.0, angle + way, v)
+        return swung + joints.drive(0.0, 0.0, angle + way, v)
 
     step = 1e-6 * np.eye(tree.rates)
     stiffness = np.stack([(force(-h) - force(h)) / 2e-6 for h in step], axis=1)

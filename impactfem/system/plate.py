@@ -153,17 +153,19 @@ class PlateSystem(FewBodies):
         found[..., :2] += self.plate.residual_stress
         return np.asarray(found)
 
-    def pressure(self, t: float, deflection: Floats | None = None) -> Floats:
-        """Forces of the pressures along the normal on all vertices [N], (vertices,).
+    def pressure(self, start: float, end: float, deflection: Floats | None = None) -> Floats:
+        """Mean forces of the pressures along the normal on all vertices [N], (vertices,).
 
         Args:
-            t: [s].
+            start: Of the time [s].
+            end: Its end [s]; gaps are those amid it.
             deflection: Of the vertices [m], (vertices,); None: 0.
         """
+        middle = 0.5 * (start + end)
         found = np.zeros(len(self.mesh.points))
         for sign, values in self.loads:
-            more = {"gap": self.gap(sign, t, deflection)} if values.uses_gap else {}
-            found += sign * (self.mesh.shares @ values.at(t, **more))
+            more = {"gap": self.gap(sign, middle, deflection)} if values.uses_gap else {}
+            found += sign * (self.mesh.shares @ values.mean(start, end, **more))
         return found
 
     def gap(self, sign: float, t: float, deflection: Floats | None = None) -> Floats:

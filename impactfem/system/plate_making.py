@@ -136,8 +136,8 @@ def discretised(
             formula, f"{label} of {plate.name}", mesh.points, fem.MPI.COMM_SELF, "plate"
         )
 
-    u = values(plate.displacement, "displacement").at(0.0)
-    v = values(plate.velocity, "velocity").at(0.0).copy()
+    u = values(plate.displacement, "displacement").mean(0.0, 0.0)
+    v = values(plate.velocity, "velocity").mean(0.0, 0.0).copy()
     v[still] = 0.0
     v = np.asarray(transfer @ v)  # of what has no mass the mean of its neighbours
     position = np.zeros(basis.shape[1])

@@ -4,11 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
-from impactfem.scene import PiecewiseVector, Point, Scene, Spring
+from impactfem.scene import PiecewiseConstant, PiecewiseVector, Point, Scene, Spring
 from impactfem.scene.affine import affine_parts
+from impactfem.scene.means import StepMean, stops_of
 from impactfem.scene.points import COORDINATES
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
@@ -43,12 +44,12 @@ class FreePoints:
     Attributes:
         system: As of `PointsSystem`, without constraints.
         elastic: Energy of the springs as a function of u [J].
-        load: Forces by formula, (t, u, v) -> (d,) [N]; None without any.
+        load: Mean forces by formula, (start, end, u, v) -> (d,) [N]; None without any.
     """
 
     system: GeneralizedSystem
     elastic: Callable[[Floats], float]
-    load: Callable[[float, Floats, Floats], Floats] | None
+    load: Callable[[float, float, Floats, Floats], Floats] | None
 
 
 def free_points(points: Sequence[Point]) -> FreePoints:
@@ -66,7 +67,7 @@ def free_points(points: Sequence[Point]) -> FreePoints:
         return sum(spring.energy(u) for spring in springs)
 
     formulas = any(p.force is not None for p in points)
-    load = loads.at if formulas else None
+    load = loads.mean if formulas else None
     if loads.is_affine and all(spring.is_linear for spring in springs):
         stiffness, damping, pull = _linear_part(loads, springs)
         system: GeneralizedSystem = LinearSystem(
@@ -75,7 +76,7 @@ def free_points(points: Sequence[Point]) -> FreePoints:
         )  # fmt: skip
         return FreePoints(system, elastic, load)
     system = GeneralizedSystem(
-        mass=mass, force=_force_of(loads, springs), constraints=lambda _: np.zeros(0)
+        mass=mass, force=_Forces(loads, springs), constraints=lambda _: np.zeros(0)
     )
     return FreePoints(system, elastic, load)
 
@@ -125,7 +126,7 @@ def points_system(scene: Scene) -> PointsSystem:
 
     system = GeneralizedSystem(
         mass=mass,
-        force=_force_of(loads, springs),
+        force=_Forces(loads, springs),
         constraints=lambda u: np.array([gap.distance(np.asarray(u)) for gap in gaps]),
         jacobian=lambda u: np.array([gap.gradient(u) for gap in gaps]),
         restitution=restitution,
@@ -149,18 +150,26 @@ def _signals(loads: "_Loads", pull: Floats) -> list[Signal]:
     return [s.plus(Signal(float(p))) for s, p in zip(loads.signals, pull, strict=True)]
 
 
-def _force_of(
-    loads: "_Loads", springs: Sequence[SpringForce]
-) -> Callable[[float, Floats, Floats], Floats]:
+@dataclass(frozen=True)
+class _Forces:
     """All forces as a function of time, place and velocity."""
 
-    def force(t: float, u: Floats, v: Floats) -> Floats:
-        total = loads.at(t, u, v)
-        for spring in springs:
+    loads: "_Loads"
+    springs: Sequence[SpringForce]
+
+    def __call__(self, t: float, u: Floats, v: Floats) -> Floats:
+        return self.mean(t, t, u, v)
+
+    def stops(self, end: float) -> list[float]:
+        """Times up to an end [s] at which they change."""
+        return self.loads.stops(end)
+
+    def mean(self, start: float, end: float, u: Floats, v: Floats) -> Floats:
+        """Their means from one time to another."""
+        total = self.loads.mean(start, end, u, v)
+        for spring in self.springs:
             spring.push(total, u, v)
         return total
-
-    return force
 
 
 def contact_pairs(scene: Scene) -> list[tuple[tuple[str, str], float]]:
@@ -218,12 +227,11 @@ class _Loads:
 
     def __init__(self, points: Sequence[Point], gravity: PiecewiseVector) -> None:
         self._points, self._gravity = points, gravity
+        self._means = [tuple(map(StepMean, p.force or ())) for p in points]
         dim = points[0].dim
         size = dim * len(points)
         self.stiffness, self.damping = np.zeros((size, size)), np.zeros((size, size))
-        self.signals = [
-            _gravity_signal(gravity, axis).times(p.mass) for p in points for axis in range(dim)
-        ]
+        self.signals = [_weight(p.mass, gravity, axis) for p in points for axis in range(dim)]
         self.is_affine = True
         for index, point in enumerate(points):
             for axis, formula in enumerate(point.force or ()):
@@ -235,32 +243,44 @@ class _Loads:
                 columns = slice(index * dim, (index + 1) * dim)
                 self.stiffness[row, columns] -= parts[0][:dim]
                 self.damping[row, columns] -= parts[0][dim:]
-                self.signals[row] = self.signals[row].plus(parts[1])
+                # What is no harmonic keeps its formula, whose means and breaks are known.
+                left = formula.fixed(**dict.fromkeys(point.state, 0.0))
+                signal = Signal(formulas=((1.0, left),)) if parts[1].rest else parts[1]
+                self.signals[row] = self.signals[row].plus(signal)
         symmetric = np.array_equal(self.stiffness, self.stiffness.T)
         constant = all(signal.is_constant for signal in self.signals)
         self.is_conservative = self.is_affine and symmetric and constant
+
+    def stops(self, end: float) -> list[float]:
+        """Times up to an end [s] at which forces change, as the states at the start have them."""
+        found = set(self._gravity.times[1:])
+        for point in self._points:
+            still = point.position, point.velocity or (0.0,) * point.dim
+            known = dict(zip(point.state, (*still[0], *still[1]), strict=True))
+            for formula in point.force or ():
+                found.update(stops_of(formula.fixed(**known), end))
+        return sorted(time for time in found if time < end)
 
     def potential(self, u: Floats) -> float:
         """Potential energy [J] of conservative loads."""
         constant = np.array([signal.constant for signal in self.signals])
         return float(0.5 * u @ (self.stiffness @ u) - constant @ u)
 
-    def at(self, t: float, u: Floats, v: Floats) -> Floats:
-        """Forces [N], shape (d,)."""
+    def mean(self, start: float, end: float, u: Floats, v: Floats) -> Floats:
+        """Mean forces from one time to another, at a state [N], shape (d,)."""
         dim = self._points[0].dim
-        pull = np.asarray(self._gravity.at(t), dtype=float)
+        pull = np.asarray(self._gravity.mean(start, end), dtype=float)
         total = np.concatenate([p.mass * pull for p in self._points])
-        for index, point in enumerate(self._points):
-            if point.force is None:
-                continue
+        for index, (point, means) in enumerate(zip(self._points, self._means, strict=True)):
             own = slice(index * dim, (index + 1) * dim)
-            values: dict[str, ArrayLike] = dict(zip(point.state, (*u[own], *v[own]), strict=True))
-            for axis, formula in enumerate(point.force):
-                total[index * dim + axis] += formula(t=t, **values)
+            state = dict(zip(point.state, (*u[own], *v[own]), strict=True))
+            for axis, mean in enumerate(means):
+                total[index * dim + axis] += mean(start, end, **state)
         return total
 
 
-def _gravity_signal(gravity: PiecewiseVector, axis: int) -> Signal:
+def _weight(mass: float, gravity: PiecewiseVector, axis: int) -> Signal:
+    weights = tuple(mass * vector[axis] for vector in gravity.values)
     if gravity.is_constant:
-        return Signal(gravity.values[0][axis])
-    return Signal(rest=lambda t: np.asarray(gravity.at(t))[..., axis])
+        return Signal(weights[0])
+    return Signal(rest=PiecewiseConstant(gravity.times, weights))

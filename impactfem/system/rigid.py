@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.scene import RigidBody, Scene
+from impactfem.scene.means import StepMean
 from impactfem.scene.obstacles.rotation import gap_at
 from impactfem.scene.pairing import bodies_met, friction_of, obstacles_of
 from impactfem.scene.rigid_keys import rotation
@@ -24,8 +25,8 @@ from impactfem.system.stations import Stations
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-type Loads = Callable[[float, Floats, Floats, Floats], tuple[Floats, Floats]]
-"""Force [N] and moment [N m], (3,) each, by time, centre, velocity and spin in space."""
+type Loads = Callable[[float, float, Floats, Floats, Floats], tuple[Floats, Floats]]
+"""Mean force [N] and moment [N m], (3,) each, between two times, by centre, velocity and spin."""
 
 
 NEAR = 0.2
@@ -342,18 +343,18 @@ def _loads(body: RigidBody) -> Loads | None:
     """Force and moment by the formulas of a body."""
     if not body.force and not body.moment:
         return None
-    force, moment = body.force or (), body.moment or ()
+    force, moment = (tuple(map(StepMean, each or ())) for each in (body.force, body.moment))
 
-    def loads(time: float, place: Floats, speed: Floats, spin: Floats) -> tuple[Floats, Floats]:
+    def loads(
+        start: float, end: float, place: Floats, speed: Floats, spin: Floats
+    ) -> tuple[Floats, Floats]:
         moving = dict(zip(("x", "y", "z", "vx", "vy", "vz"), (*place, *speed), strict=True))
         turning = dict(zip(("wx", "wy", "wz", "w"), (*spin, spin[2]), strict=True))
         found = np.zeros((2, 3))
-        for k, formula in enumerate(force):
-            known = {name: moving[name] for name in formula.used if name != "t"}
-            found[0, k] = float(formula(t=time, **known))
-        for k, formula in enumerate(moment, start=3 - len(moment)):
-            known = {name: turning[name] for name in formula.used if name != "t"}
-            found[1, k] = float(formula(t=time, **known))
+        for k, mean in enumerate(force):
+            found[0, k] = mean(start, end, **moving)
+        for k, mean in enumerate(moment, start=3 - len(moment)):
+            found[1, k] = mean(start, end, **turning)
         return found[0], found[1]
 
     return loads

@@ -97,7 +97,7 @@ class SolidAtRest(BodyAtRest):
         super().__init__(name, system, surface, linear_solver)
         drive = Drive(system, transfer)
         weight = np.repeat(system.node_mass, system.dim) * np.tile(gravity, len(system.positions))
-        self._load = drive.load(0.0) + drive.lift(0.0) + transferred(transfer, weight)
+        self._load = drive.load(0.0, 0.0) + drive.lift(0.0) + transferred(transfer, weight)
         if spin.any():
             flung = self._flung(spin)
             moved = transferred(transfer, flung)

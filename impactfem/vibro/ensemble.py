@@ -158,6 +158,6 @@ def _velocities(
     gap = u @ system.normals.T + system.offsets - system.motion_at(0.0)
 
     def tables(begin: int, end: int) -> tuple[Floats, Floats]:
-        return velocity_level.tabulate(system, kicks, loads, h, theta, begin, end)
+        return velocity_level.tabulate(system, kicks, loads, h, begin, end)
 
     return march_velocities, tables, tuple(matrices), (u, v, gap, np.zeros_like(gap)), (theta,)

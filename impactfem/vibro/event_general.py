@@ -49,7 +49,7 @@ def fly_general(
     t, row, rubbed = 0.0, 0, 0.0
     u, v = closed_rows(system, u, v)
     stalled = 0
-    kicks = deque(system.kicks(duration))
+    kicks, stops = deque(system.kicks(duration)), deque(system.stops(duration))
     released, watched = None, -1
     step: float | None = None
     while True:
@@ -77,7 +77,10 @@ def fly_general(
             record.fill(row, u, v)
             return
         motion = contacts.motion(tolerances[0])
-        start, stop = t, kicks[0].at.before if kicks else duration
+        while stops and stops[0] <= t:
+            stops.popleft()
+        start = t
+        stop = min(kicks[0].at.before if kicks else duration, stops[0] if stops else duration)
         t, y, row, watched, step = _flight(
             motion, t, np.concatenate([u, v, np.zeros(motion.integrals)]), stop, contacts,
             record, row, tolerances, step,

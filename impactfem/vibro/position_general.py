@@ -1,5 +1,7 @@
 """The position-level scheme of systems with any mass matrix, forces and constraints, in Python."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve
@@ -89,7 +91,12 @@ def _step(
     """U^{m+1} - U^m, P and the linearisations; velocities in f by fixed point."""
 
     def gained(v: Floats) -> Floats:
-        forced = Forced.at(room.system, t, u, v, room)
+        # Means of half a step around; at the start, which has taken half of those at t = 0 off.
+        system, around = room.system, (t, h) if t else (0.25 * h, 0.5 * h)
+        forced = Forced.at(system, around[0], u, v, room, around[1])
+        if not t:
+            first = Forced.at(system, t, u, v, room)
+            forced = replace(forced, load=0.5 * (forced.load + first.load))
         if not np.isfinite(forced.load).all():
             raise ConvergenceError(
                 f"force at t = {t:.6g} s is {forced.load.tolist()}: the motion or the formula "

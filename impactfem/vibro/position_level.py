@@ -13,10 +13,11 @@ K (beta U^{m+1} + (1 - 2 beta) U^m + beta U^{m-1}) of the stiffness the step rea
     A (U^{m+1} - 2 U^m + U^{m-1}) = h^2 (p^m - K U^m) - h C (U^m - U^{m-1}) + J^T P,
     A = M + h C / 2 + beta h^2 K,      0 <= P _|_ gap^{m+1} + e gap^{m-1} >= 0,
 
-and P = h^2 lambda^m. Eliminating U^{m+1} leaves J A^-1 J^T P: a projection in the metric
-of A. beta is 0 (the founding scheme, stable for h omega_max < 2) or 1/4 (stable without contact for
-any h). The condition of contact is stated for each constraint with its own e; for equal ones it is
-the projection, and always the law of simultaneous impacts.
+and P = h^2 lambda^m. p^m is the mean of p(t) half a step around t_m. Eliminating U^{m+1} leaves
+J A^-1 J^T P: a projection in the metric of A. beta is 0 (the founding scheme, stable for
+h omega_max < 2) or 1/4 (stable without contact for any h). The condition of contact is stated for
+each constraint with its own e; for equal ones it is the projection, and always the law of
+simultaneous impacts.
 
 An impact takes two steps, leaves with the speed e v exactly, and 2 h late; positions thus have
 order 1, and penetrate by no more than 2 e h v / (1 + e).
@@ -175,12 +176,15 @@ def start_weight(system: LinearSystem, h: float, *, implicit: bool) -> Floats:
 def tabulate(
     system: LinearSystem, kicks: Kicks, loads: Floats, h: float, begin: int, end: int
 ) -> tuple[Floats, Floats]:
-    """Tables of the steps begin to end: h^2 A^-1 p(t_m) (steps, d), and walls (steps, 3 J).
+    """Tables of the steps begin to end: h^2 A^-1 p^m (steps, d), and walls (steps, 3 J).
 
     Of walls b(t_{m+1}) and both `Kicks.shifts`.
     """
     levels = np.arange(begin, end)
-    forces = system.load_at(h * levels) @ loads.T
+    means = system.load_at(h * np.maximum(levels - 0.5, 0.0), h * (levels + 0.5))
+    if begin == 0:  # the start has taken half of p(0) off
+        means[0] = 0.5 * (means[0] + system.load_at(0.0))
+    forces = means @ loads.T
     ahead = h * (levels + 1.0)
     walls = np.stack([signal(ahead) + 0.0 * ahead for signal in system.motion], axis=1)
     return np.ascontiguousarray(forces), np.hstack([walls, *kicks.shifts(begin, end)])

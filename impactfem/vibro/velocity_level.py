@@ -1,14 +1,15 @@
 """Moreau's and Jean's scheme: impacts and contact forces as impulses on velocities.
 
-With f the forces without contact and v_t = (1 - theta) v^m + theta v^{m+1} the step is
+With f the forces without contact, as their means over the time of the step at one state, and
+v_t = (1 - theta) v^m + theta v^{m+1} the step is
 
     M (v^{m+1} - v^m) = h f + J^T P,      u^{m+1} = u^m + h v_t,
     0 <= P _|_ w^{m+1} + e w^m >= 0   where the gap at t_m + h/2, u^m + h v^m / 2 is <= 0,
 
-w = J v - b'. For a `LinearSystem` f = p_t - C v_t - K (u^m + theta h v_t), which with
+w = J v - b'. For a `LinearSystem` f = p - C v_t - K (u^m + theta h v_t), which with
 
     A = M + theta h C + theta^2 h^2 K,
-    A (v^{m+1} - v^m) = h p_t - h K u^m - (h C + theta h^2 K) v^m + J^T P
+    A (v^{m+1} - v^m) = h p - h K u^m - (h C + theta h^2 K) v^m + J^T P
 
 is solved at once; stable for any h from theta = 1/2 on. Other systems, and those with friction,
 take M, J and f at the midpoint, u^m + h v^m / 2. Impulses of friction obey Coulomb's exact cone
@@ -150,12 +151,11 @@ def step_matrices(system: LinearSystem, h: float, theta: float) -> tuple[Floats,
 
 
 def tabulate(
-    system: LinearSystem, kicks: Kicks, loads: Floats, h: float, theta: float, begin: int, end: int
+    system: LinearSystem, kicks: Kicks, loads: Floats, h: float, begin: int, end: int
 ) -> tuple[Floats, Floats]:
-    """Tables: h A^-1 p_t (steps, d) and b, b at the midpoint, b' before and after (steps, 4 J)."""
+    """Tables: h A^-1 p (steps, d) and b, b at the midpoint, b' before and after (steps, 4 J)."""
     times = h * np.arange(begin, end + 1)
-    p = system.load_at(times)
-    forces = ((1.0 - theta) * p[:-1] + theta * p[1:]) @ loads.T
+    forces = system.load_at(times[:-1], times[1:]) @ loads.T
     at, middle = times[:-1], times[:-1] + 0.5 * h
     places = [signal(at) + 0.0 * at for signal in system.motion]
     halves = [signal(middle) + 0.0 * at for signal in system.motion]
@@ -174,7 +174,7 @@ def _linear(
     kicks = Kicks(system, steps, h)
     march = LinearMarch(
         march_velocities, steps, h, settings.every,
-        lambda begin, end: tabulate(system, kicks, loads, h, theta, begin, end), tuple(matrices),
+        lambda begin, end: tabulate(system, kicks, loads, h, begin, end), tuple(matrices),
         (u, v, system.gap(0.0, u), np.zeros(system.num_constraints)), rows,
         episodes, (theta,),
     )  # fmt: skip
@@ -215,7 +215,7 @@ def _step(
     rate[normal], arriving[normal] = walls[1][closed], system.restitution[closed] * speed[closed]
 
     def accelerated(v: Floats) -> Floats:
-        forced = Forced.at(system, t + 0.5 * h, middle, v, room)
+        forced = Forced.at(system, t + 0.5 * h, middle, v, room, h)
         if not np.isfinite(forced.load).all():
             raise ConvergenceError(
                 f"force at t = {t:.6g} s is {forced.load.tolist()}: the motion or the formula "

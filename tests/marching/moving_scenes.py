@@ -44,7 +44,12 @@ def driven(method, duration=2.2, **solve):
         "supports": [
             {"surface": "left", "kind": "motion", "value": ["0.01*sin(2*t)", "-0.05*sin(t)"]}
         ],
-        "tractions": [{"surface": "top", "value": ["0", "-0.1*t*x"]}],
+        "tractions": [
+            {
+                "surface": "top",
+                "value": ["0", "-0.1*t*x - 9*max(0, 1 - abs(t - x/3 - 0.7)/1e-3)"],
+            }
+        ],
         "pressures": [{"surface": "right", "value": "0.05*sin(3*t)"}],
     }
     round_floor = BALL | {"center": [0.8, -2.0], "motion": ["0", "0.02*sin(3*t)"]}

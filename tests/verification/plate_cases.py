@@ -53,7 +53,7 @@ def grid(n, shift=0.0):
 
 def deflected(plate):
     """Deflections under the pressure, and where, (vertices,) and (vertices, 2)."""
-    forces = plate.basis[::3].T @ (plate.transfer.T @ plate.pressure(0.0))
+    forces = plate.basis[::3].T @ (plate.transfer.T @ plate.pressure(0.0, 0.0))
     return plate.deflection(spsolve(plate.stiffness.tocsc(), forces)), plate.mesh.points
 
 

@@ -28,9 +28,17 @@ def oscillator(e=0.5):
         mass=1.0, damping=1.0, stiffness=1.0, load=[load], normals=[[1.0]], offsets=[-0.8],
         restitution=e,
     )  # fmt: skip
+
+    class Driven:
+        def __call__(self, t, u, v):
+            return 5.0 * np.cos(50.0 * t) - v - u
+
+        def mean(self, start, end, u, v):
+            return 0.1 * (np.sin(50.0 * end) - np.sin(50.0 * start)) / (end - start) - v - u
+
     general = GeneralizedSystem(
         mass=1.0,
-        force=lambda t, u, v: 5.0 * np.cos(50.0 * t) - v - u,
+        force=Driven(),
         constraints=lambda u: u - 0.8,
         restitution=e,
     )
