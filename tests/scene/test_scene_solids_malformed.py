@@ -245,7 +245,6 @@ CASES = {
     ),
     # obstacles
     "wall": ({"obstacle.0": {"kind": "wall"}}, ['obstacle[0].kind = "wall"', '"half_space"']),
-    "no obstacle": ({"obstacle": []}, ["obstacle = []", "there is none", "one or more"]),
     "many": ({"obstacle": [GOOD["obstacle"][0]] * 101}, ["obstacle = ", "are 101", "up to 100"]),
     "same names": (
         {"obstacle.1.name": "floor"},
