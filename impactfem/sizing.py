@@ -2,6 +2,7 @@
 
 import math
 import os
+import sys
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -212,7 +213,10 @@ def marching_cost(grid: Grid, every: int, passes: int) -> tuple[float, float]:
 
 
 def free_mib() -> float:
-    """Memory that this machine has free for a run [MiB]; less if a control group allows less."""
+    """Memory that this machine has free for a run [MiB]; less if a control group allows less.
+
+    Of several ranks that of the first one (collective): all have to plan, or refuse, alike.
+    """
     page = os.sysconf("SC_PAGE_SIZE")
     found = [float(page * os.sysconf("SC_PHYS_PAGES"))]
     with suppress(OSError, ValueError, IndexError):
@@ -226,7 +230,12 @@ def free_mib() -> float:
                 own = top / group.lstrip("/")
                 folders = (own, *own.parents)
                 found += [left_in(each) for each in folders if each.is_relative_to(top)]
-    return min(found) / 2**20
+    free = min(found) / 2**20
+    if "mpi4py.MPI" not in sys.modules:
+        return free
+    from impactfem.fem import MPI  # noqa: PLC0415  (loaded already)
+
+    return float(MPI.COMM_WORLD.bcast(free))
 
 
 def left_in(group: Path) -> float:

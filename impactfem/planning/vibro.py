@@ -197,10 +197,8 @@ def _check_settings(scene: Scene, method: str) -> None:
 def _memory(scene: Scene, steps: int) -> float:
     stride = scene.output.stride
     memory = _BYTES * (steps / stride) * max(1, len(scene.bodies)) / 2**20
-    what = f"{steps // stride:.3g} rows of every {stride} steps"
-    check_memory(
-        memory, "output.every", what, "a larger one, a larger solve.dt or a shorter duration"
-    )
+    what, remedy = f"{steps // stride:.3g} rows", "a larger one, a larger solve.dt or less duration"
+    check_memory(memory, f"output.every = {stride}", what, remedy)
     return memory
 
 

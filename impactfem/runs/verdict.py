@@ -129,7 +129,7 @@ def is_damped(scene: Scene) -> bool:
 
 def _has_elements(scene: Scene) -> bool:
     """Whether any of its bodies is made of elements."""
-    return bool(scene.meshed) or any(body.kind in {"bar", "beam"} for body in scene.bodies)
+    return any(body.waves or hasattr(body, "elements") for body in scene.bodies)
 
 
 def _finer(scene: Scene, word: str) -> str:

@@ -150,6 +150,8 @@ class Package:
             whole = self.found(word, module)
             if kinds is None and isinstance(whole, str):  # a module
                 return self.as_called(self.found(name, whole))
+            if kinds is None and isinstance(whole, ast.ClassDef):
+                kinds = [whole]
         return kinds if kinds is None else [f for one in kinds for f in self.members(one, name)]
 
     def as_called(self, found):

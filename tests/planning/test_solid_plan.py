@@ -306,8 +306,9 @@ def test_stray_obstacles_do_not_hide_that_one_floor_is_enough():
     assert both.contact_pairs == impactfem.plan(solid_scene()).contact_pairs
 
 
-def test_slender_blocks_are_offered_the_step_of_their_bending():
+def test_slender_blocks_are_offered_the_step_of_their_bending(monkeypatch):
     """A clamped steel strip: first frequency 1.8751^2 / (2 pi) sqrt(E t^2 / (12 rho L^4))."""
+    monkeypatch.setattr("impactfem.sizing.free_mib", lambda: 1e6)
     keys = {
         "shape": {"kind": "block", "size": [0.1, 0.002], "corner": [0.0, 0.001]},
         "mesh_size": 0.001, "density": 7800.0, "youngs_modulus": 2e11,

@@ -99,7 +99,7 @@ CASES = {
     "checkpoint": (made(output={"checkpoint": 5}), ["output.checkpoint", "not checkpointed"]),
     "VTX": (made(output={"fields": ["vtx"]}), ["output.fields", '["vtkhdf"]', "or []"]),
     "steps": (made(solve={"method": "moreau_jean", "dt": 1e-9}), ["solve.dt = 1e-09", "larger dt"]),
-    "rows": (made(duration=1e4, solve={"dt": 1e-4}), ["output.every = 1", "give a larger one"]),
+    "rows": (made(duration=1e4, solve={"dt": 1e-4}), ["output.every = 1", "use a larger one"]),
     "inside": (made(body__0__position=[0.0, -0.25]), ["ball on floor", "overlap by 0.25 m"]),
     "inside each other": (
         made(
