@@ -232,7 +232,7 @@ def difference(fine: Track, coarse: Track, reference: str) -> Errors:
         reference: What the errors are measured against, in words.
     """
     end = min(fine.times[-1], coarse.times[-1])
-    times = coarse.times[coarse.times <= end * (1.0 + 1e-12)]
+    times = np.append(coarse.times[coarse.times < end * (1.0 - 1e-12)], end)
     weights = np.diff(times, prepend=times[0]) + np.diff(times, append=times[-1])
     ways = [part.at(times, fine.times) for part in fine.parts]
     others = [part.at(times, coarse.times) for part in coarse.parts]

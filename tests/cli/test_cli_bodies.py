@@ -20,7 +20,7 @@ name = "left"
 kind = "solid"
 model = "plane_strain"
 shape = { kind = "disc", radius = 0.5, center = [-0.51, 0.0] }
-mesh_size = 0.2
+mesh_size = 0.1
 density = 1.0
 youngs_modulus = 1.0
 poisson_ratio = 0.3
@@ -31,7 +31,7 @@ name = "right"
 kind = "solid"
 model = "plane_strain"
 shape = { kind = "disc", radius = 0.5, center = [0.51, 0.1] }
-mesh_size = 0.15
+mesh_size = 0.075
 density = 1.0
 youngs_modulus = 1.0
 poisson_ratio = 0.3
