@@ -84,9 +84,10 @@ class _Reader:
         mesh = self.gmsh.model.mesh
         kinds = [int(kind) for kind in mesh.getElementTypes(2)]
         if kinds != [_TRIANGLE] or list(mesh.getElementTypes(3)):
-            held = [str(mesh.getElementProperties(kind)[0]) for kind in mesh.getElementTypes()]
+            held = [*kinds, *map(int, mesh.getElementTypes(3))]
+            names = [str(mesh.getElementProperties(kind)[0]) for kind in held]
             raise self.fault(
-                f"needs 3-node triangles only, it has {', '.join(held) or 'none'}; mesh one "
+                f"needs 3-node triangles only, it has {', '.join(names) or 'none'}; mesh one "
                 "plane surface with first-order triangles"
             )
         if not self.gmsh.model.getPhysicalGroups(2):

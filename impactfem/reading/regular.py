@@ -25,8 +25,8 @@ def read_regular(path: Path, most: int = MAX_BYTES) -> bytes:
         if not stat.S_ISREG(known.st_mode):
             raise OSError(errno.EINVAL, "it is no regular file")
         content = b"" if known.st_size > most else file.read(most + 1)  # it may grow meanwhile
-    if max(known.st_size, len(content)) > most:
-        raise OSError(errno.EFBIG, f"it is larger than the {most / 2**20:g} MiB that are read")
+    if (size := max(known.st_size, len(content))) > most:
+        raise OSError(errno.EFBIG, f"it has {size} bytes, more than the {most} that are read")
     return content
 
 

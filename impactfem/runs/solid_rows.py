@@ -39,7 +39,6 @@ from impactfem.runs.solid_pairs import of_layers, pair_motions
 from impactfem.runs.solid_probes import SolidProbes
 from impactfem.runs.static_start import Started
 from impactfem.runs.verdict import PENETRATION_LIMITS
-from impactfem.scene import Bar
 from impactfem.scene.pairing import self_meeting
 
 Floats = NDArray[np.float64]
@@ -193,8 +192,7 @@ def _effort(
 ) -> Effort:
     """How the march got there; arguments as of `solids_motion`, motions, and energy taken."""
     figures, parts = limits.figures(), model.parts
-    # Bars are linear at any strain, here as alone.
-    bars = {body.name for body in model.scene.bodies if isinstance(body, Bar)}
+    small = {body.name for body in model.scene.bodies if body.small_strains}
     iterations = rows.iterations[rows.iterations > 0]
     return Effort(
         num_unknowns=model.unknowns + model.contact_count,
@@ -223,7 +221,7 @@ def _effort(
         findings=(
             *(contact_findings(rows.force, rows.largest, march.interior.dt) if parts else ()),
             *measured_findings(
-                {name: known for name, known in figures.items() if name not in bars},
+                {name: known for name, known in figures.items() if name in small},
                 {p.solid.name: p.solid.material for p in parts if p.solid.is_finite},
             ),
             *data_findings(

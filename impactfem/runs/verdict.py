@@ -129,7 +129,7 @@ def is_damped(scene: Scene) -> bool:
 
 def _has_elements(scene: Scene) -> bool:
     """Whether any of its bodies is made of elements."""
-    return any(body.waves or hasattr(body, "elements") for body in scene.bodies)
+    return any(body.in_elements for body in scene.bodies)
 
 
 def _finer(scene: Scene, word: str) -> str:

@@ -111,6 +111,7 @@ class Beam(Slender):
     """
 
     kind: ClassVar[str] = "beam"
+    in_elements: ClassVar[bool] = True
     round_ends: ClassVar[bool] = False
     takes_joints: ClassVar[bool] = True
 

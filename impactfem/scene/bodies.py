@@ -43,6 +43,8 @@ class Bar(BodyKind):
     dents: ClassVar[bool] = True
     probed: ClassVar[tuple[str, ...]] = STRAINS
     waves: ClassVar[bool] = True
+    in_elements: ClassVar[bool] = True
+    small_strains: ClassVar[bool] = False  # linear at any strain
     meets_edges: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True
     substeps: ClassVar[bool] = False

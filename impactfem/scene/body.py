@@ -28,6 +28,8 @@ class BodyKind:
         has_coordinates: Whether methods that do not march solve one of it where they are named.
         marches_alone: Whether the march takes it without other kinds, where its own does not do.
         waves: Whether it has waves, and rebounds by its own elasticity.
+        in_elements: Whether it is solved by elements, in a mesh or along its axis.
+        small_strains: Whether its elasticity is that of small strains, which must stay small.
         meets_alike: Whether it meets others of its kind by methods of the kind.
         may_meet_nothing: Whether its motion is worth a run where there is nothing to hit.
         settles: Whether it can start in equilibrium (``start = "static"``).
@@ -55,6 +57,8 @@ class BodyKind:
     has_coordinates: ClassVar[bool] = False
     marches_alone: ClassVar[bool] = True
     waves: ClassVar[bool] = False
+    in_elements: ClassVar[bool] = False
+    small_strains: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = False
     may_meet_nothing: ClassVar[bool] = False
     settles: ClassVar[bool] = False

@@ -63,6 +63,7 @@ class Plate(BodyKind):
     solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
     dim: ClassVar[int] = 3
     waves: ClassVar[bool] = True
+    in_elements: ClassVar[bool] = True
     may_meet_nothing: ClassVar[bool] = True
     settles: ClassVar[bool] = True
     has_surface: ClassVar[bool] = True

@@ -63,6 +63,7 @@ class SolidKeys(BodyKind):
     solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
     probed: ClassVar[tuple[str, ...]] = STRAINS
     waves: ClassVar[bool] = True
+    in_elements: ClassVar[bool] = True
     may_meet_nothing: ClassVar[bool] = True
     settles: ClassVar[bool] = True
     lined: ClassVar[bool] = True

@@ -52,7 +52,7 @@ def both(cells):
 
 
 BAD = {
-    "side by side": (second([1.0, 0.5], [0.9, 0.0]), ["left and right", "0.1 m", "(1,", "move"]),
+    "side by side": (second([1.0, 0.5], [0.9, 0.0]), ["left and right", "0.1 m", "(0.9,", "move"]),
     "deep": (second([1.0, 0.5], [0.5, 0.1]), ["left and right overlap", "at t = 0", "move"]),
     "inside": (second([0.3, 0.2], [0.4, 0.15]), ["left and right overlap", "at t = 0", "move"]),
     "crossing": (second([0.2, 1.5], [0.4, -0.5]), ["left and right overlap", "at t = 0", "move"]),

@@ -104,7 +104,7 @@ LINES = {
     "removed key": ((*GOOD, "duration="), ["duration is missing"]),
     "courant": ((*GOOD, "solve.courant=2"), ["courant = 2", "use courant <= 1"]),
     "null character": ((*GOOD, "title=a\0b"), ["title", "control character"]),
-    "too large": ((*GOOD, "solve.elements=1000000"), ["GiB", "use fewer elements"]),
+    "too large": ((*GOOD, "solve.elements=1000000"), ["GiB", "or fewer elements"]),
     "plot of nothing": (("plot", "nowhere"), ["nowhere: no complete result", "run the scene"]),
     "plot of a file": (("plot", "file"), ["file: no complete result", "run the scene"]),
     "plot of a folder": (("plot", "."), [".: no complete result", "run the scene"]),
@@ -181,7 +181,7 @@ MESHES = {
     "script error": (MESH + "Line(9) = {1, ;", ["mesh.geo", "syntax error", "correct"]),
     "program": (MESH + 'SystemCall "touch hit";', ["mesh.geo", "'SystemCall'", "not allowed"]),
     "too long": (MESH.replace("T = 5", "T = 6"), ["mesh.geo", "t runs from 0 to 6 s", "0 to 5 s"]),
-    "no name": (MESH.replace('"far"', '"fra"'), ["mesh.geo", "['far'] are missing", "name"]),
+    "no name": (MESH.replace('"far"', '"fra"'), ["mesh.geo", "curves far are missing", "name"]),
     "empty": ("", ["mesh.geo: empty", "write a mesh"]),
 }
 

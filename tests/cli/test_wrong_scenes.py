@@ -57,6 +57,7 @@ DOUBTED = {
         ("bar_impact", "body.bar.velocity=0.5"), "never presses on the wall",
     ),
     "gravity upwards": (("dropped_disc", "gravity=[0.0, 9.81]"), "disc meets nothing"),
+    "obstacle forgotten": (("dropped_disc", "obstacle=[]"), "disc meets nothing"),
     "too short": (("dropped_disc", "duration=0.01"), "flies freely"),
     "modulus in GPa": (("dropped_beam", "body.beam.youngs_modulus=210"), "check the units"),
     "no restitution": (("bouncing_ball", "contact=[]"), "add [[contact]]"),

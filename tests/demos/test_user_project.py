@@ -20,7 +20,8 @@ PROJECT = TOP / "demos" / "user_project"
 # These answer with a number or an array, or what a foreign library makes of their argument.
 LIKE_THEIR_ARGUMENT = {
     "Formula.apply(return)", "PiecewiseConstant.integral(return)", "PiecewiseVector.at(return)",
-    "PiecewiseVector.mean(return)", "Signal.rate(return)", "Signal.curvature(return)",
+    "PiecewiseConstant.mean(return)", "PiecewiseVector.mean(return)", "Signal.rate(return)",
+    "Signal.curvature(return)", "Signal.mean(return)",
 }  # fmt: skip
 
 

@@ -549,7 +549,7 @@ def test_results_broadcast_and_keep_their_shape():
         ({"length": 0}, "length = 0"),
         ({"wave_speed": np.nan}, "wave_speed = nan"),
         ({"duration": "long"}, "duration"),
-        ({"far_end": "loose"}, "far_end = 'loose'"),
+        ({"far_end": "loose"}, 'far_end = "loose"'),
         ({"nodes": [0, 2]}, "nodes run from 0.0 to 2.0"),
         ({"nodes": [0, 0]}, "nodes"),
         ({"displacement": [-0.1, 0]}, "displacement = -0.1"),

@@ -38,6 +38,7 @@ texts = st.sampled_from(["0", "x", "0.1*sin(pi*x)", "where(y < 0.5, 1, -1)", "2*
 in_time = st.floats(-1, 1) | st.sampled_from(["t", "0.1*sin(5*t)", "min(t, 1)"])
 formulas = st.floats(-1, 1) | texts
 of_loads = formulas | in_time
+from_zero = st.sampled_from(["t", "0.1*sin(5*t)", "0.0"])
 models = st.sampled_from(["plane_strain", "plane_stress", "axisymmetric", "3d"])
 
 
@@ -101,7 +102,7 @@ def solids(draw):
                 Support,
                 surface=st.just(name),
                 kind=st.just("motion"),
-                value=vectors(dim - 1, in_time | st.just("")).map(lambda v: ["0", *v]),
+                value=vectors(dim - 1, from_zero | st.just("")).map(lambda v: ["0", *v]),
             )
         )
         for name in held

@@ -274,7 +274,7 @@ def test_stiff_systems_are_implicit_by_themselves():
 @pytest.mark.parametrize(
     ("choice", "message"),
     [
-        (PositionSettings(0.0), "dt = 0.0"),
+        (PositionSettings(0.0), "dt = 0:"),
         (PositionSettings(0.1, every=0), "every = 0"),
         (PositionSettings(0.1, impact_law="sequential"), "sequential"),
     ],
