@@ -255,7 +255,8 @@ def test_folder(tmp_path):
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no /dev/zero")
 def test_endless(tmp_path):
     (tmp_path / "mesh.msh").symlink_to("/dev/zero")
-    assert "cannot be read (it is no regular file); check `solve.mesh`" in refused(tmp_path / "mesh.msh")
+    message = refused(tmp_path / "mesh.msh")
+    assert "cannot be read (it is no regular file); check `solve.mesh`" in message
 
 
 @pytest.mark.parametrize("name", ["mesh.vtk", "mesh", "mesh.geo_unrolled"])
