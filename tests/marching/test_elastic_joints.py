@@ -299,7 +299,8 @@ def test_free_beams_and_what_they_carry_keep_energy_and_momentum(kind, first):
         given["points"] = given["points"][::-1]
     joint = Joint(name="joint", kind=kind, between=names, **given)
     history = run([beam, disc], [joint], 0.5, 1e-3, gravity=(0.0, 0.0))
-    assert drift(history["total_energy"].values) < 1e-13
+    # Two roundings in each of 500 steps: how they add up depends on the processor.
+    assert drift(history["total_energy"].values) < 1000.0 * np.finfo(float).eps
     assert history["elastic_energy"].values.max() > 1e-8
     for axis in "xy":
         assert drift(history[f"momentum.{axis}"].values) < 1e-13

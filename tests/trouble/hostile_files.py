@@ -200,8 +200,8 @@ KNOWN = {
     "zero.urdf": (None, "no regular file"),
     "folder.msh": (None, "no regular file|directory"),
     "loop.stl": (None, "levels of symbolic links"),
-    "huge.msh": (None, "larger than"),
-    "huge.urdf": (None, "larger than"),
+    "huge.msh": (None, "more than the"),
+    "huge.urdf": (None, "more than the"),
 }  # fmt: skip
 BEGINS = {
     "square.msh": SQUARE, "tetrahedron.msh": TETRAHEDRON, "script.geo": SCRIPT, "part.step": STEP,

@@ -239,7 +239,8 @@ def test_rocking_block_has_housners_times_and_amplitudes(first, reach, mass):
         motion = impactfem.integrate(block, start, [0.0] * 3, times[-1] + 1e-3, rows=60)
     changes = motion.effort.details["friction_changes"]
     found = [t for t, _, what in changes if what == "opens"]
-    assert found == pytest.approx(times, abs=1e-9 * np.sqrt(reach))
+    # Flights are integrated to 1e-10 of the motion, which each swing hands on to the next.
+    np.testing.assert_allclose(found, times, rtol=5e-10)
     # Amplitudes by the energy of each swing: m g R (cos(alpha - a) - cos alpha).
     energy = motion.kinetic / mass + G * (motion.position[:, 1] - half[1])
     for a, (begin, end) in zip(amplitudes[1:], itertools.pairwise(found), strict=True):
