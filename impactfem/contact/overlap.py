@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.boundary import Boundary
+from impactfem.contact.closest import closest_shares, distances
 from impactfem.contact.obstacle_places import edges
 from impactfem.contact.self_pairs import WithinBody
 from impactfem.scene.obstacles.rotation import Placement, placement
@@ -27,6 +28,7 @@ _BELOW = 0.02  # of the width of a face: how far below it the points lie
 _DEEP = 0.25  # of the width of a face, or of what is small of an obstacle, between nodes
 _HELD = 1e-6  # of the size of a body, by which its nodes are in an obstacle
 _WALK = 64  # of the length of a line: the shortest steps along it
+_MARKS = 256  # of an obstacle in a body, at most
 _AT_ONCE = 2_000_000  # angles
 _TRIANGLES = {3: [[0, 1, 2]], 4: [[0, 1, 2], [1, 3, 2]]}  # DOLFINx's order of corners
 
@@ -81,57 +83,77 @@ def overlap(
     return max(found, key=lambda entry: entry[0], default=None)
 
 
-def in_obstacle(obstacle: Any, time: float, body: Boundary, places: Floats) -> Floats | None:
-    """Where an obstacle and a body lie in each other between nodes, (dim,); None if they do not.
+def in_obstacle(
+    obstacle: Any,
+    time: float,
+    body: Boundary,
+    places: Floats,
+    *,
+    held: float = _HELD,
+    least: float = _DEEP,
+) -> tuple[float, Floats] | None:
+    """How deep an obstacle and a body lie in each other between nodes, and where; None: not.
 
     Sides of the faces of the body are not in the obstacle, nor what marks the obstacle in
-    the body, by more than faces of curved ones may miss. Where nodes are in the obstacle, which is
-    refused of those that may touch, the body is held there, and nothing is said.
+    the body. Where nodes are in the obstacle, which is refused of those that may touch, or told of
+    them, nothing is said.
 
     Args:
         obstacle: `impactfem.scene.obstacles.RigidObstacle`.
         time: [s].
         body: Outside of the body.
         places: Of its nodes [m], shape (nodes, dim).
+        held: Depth of nodes, share of the size of the body, from which nothing is said.
+        least: Depth that counts, share of what faces of curved ones may miss: of their width, or of
+            what is small of the obstacle.
     """
-    placed, (over, _) = placement(obstacle, time), _all_over(body, places)
-    size = float(np.ptp(places, axis=0).max(initial=0.0))
-    if (obstacle.gap(placed.back(places))[0] < -_HELD * size).any():
+    placed = placement(obstacle, time)
+    gap = obstacle.gap(placed.back(places))[0]
+    if gap.min() < -held * float(np.ptp(places, axis=0).max(initial=0.0)):
         return None
-    width = np.repeat(_width(body), len(over) // max(1, len(body.faces)))
-    place = _within(obstacle, placed, places[_sides(body)])
-    if place is not None:
-        return place
+    corners = _corners(body)
+    width = np.linalg.norm(np.ptp(places[corners], axis=1), axis=1)
+    sides = _sides(corners[gap[corners].min(axis=1) <= width])  # others are too far
+    known = np.maximum(-gap[sides], 0.0).max(axis=1, initial=0.0)
+    found = _within(obstacle, placed, places[sides], known, least)
     marks = placed.moved(_marks(obstacle, placed.back(places), 0.5 * float(np.median(width))))
     low, high = places.min(axis=0), places.max(axis=0)
     marks = marks[((marks > low) & (marks < high)).all(axis=1)]
+    marks = marks[:: 1 + len(marks) // _MARKS]
+    parts = places[_parts(body)]
+    width = np.repeat(width, len(parts) // max(1, len(body.faces)))
     for mark in marks[inside(body, places, marks)]:
-        apart = np.linalg.norm(over - mark, axis=1) - _DEEP * width
-        if apart.min() > 0.0:
-            return np.asarray(mark)
-    return None
+        away = distances(mark[None], parts, closest_shares(mark[None], parts))[1][0]
+        if (away > least * width).all() and (found is None or away.min() > found[0]):
+            found = float(away.min()), mark
+    return found
 
 
-def _within(obstacle: Any, placed: Placement, sides: Floats) -> Floats | None:
-    """Where lines (lines, 2, dim) run through an obstacle, (dim,).
+def _within(
+    obstacle: Any, placed: Placement, sides: Floats, known: Floats, least: float
+) -> tuple[float, Floats] | None:
+    """How deep lines (lines, 2, dim) run through an obstacle, and where, (dim,).
 
-    Each is walked along by its distance from the obstacle, within which there is nothing.
+    Each is walked along by its distance from the obstacle, within which there is nothing. Depths
+    are beyond those known of the ends of the lines (lines,), and, as a share, beyond the least.
     """
     begin, way = sides[:, 0], sides[:, 1] - sides[:, 0]
     length = np.linalg.norm(way, axis=1)
-    small = np.minimum(obstacle.features, length) if obstacle.is_convex else length
-    least, at = np.maximum(0.2 * small, length / _WALK), np.zeros(len(length))
+    small = np.minimum(obstacle.features, length)
+    step, at = np.maximum(0.2 * small, length / _WALK), np.zeros(len(length))
+    small = small if obstacle.is_convex else length
     deepest, found = 0.0, None
     left = np.flatnonzero(length > 0.0)
     while len(left):
         over = begin[left] + (at[left] / length[left])[:, None] * way[left]
         gap = obstacle.gap(placed.back(over))[0]
-        beyond = -gap - _DEEP * small[left]
-        if beyond.max() > deepest:
-            deepest, found = float(beyond.max()), over[np.argmax(beyond)]
-        at[left] += np.maximum(gap, least[left])
+        depth = -gap - known[left]
+        depth[depth <= least * small[left]] = 0.0
+        if depth.max() > deepest:
+            deepest, found = float(depth.max()), over[np.argmax(depth)]
+        at[left] += np.maximum(gap, step[left])
         left = left[at[left] < length[left]]
-    return found
+    return None if found is None else (deepest, found)
 
 
 def _marks(obstacle: Any, places: Floats, step: float) -> Floats:
@@ -150,9 +172,31 @@ def _marks(obstacle: Any, places: Floats, step: float) -> Floats:
         along = (places - core.center) @ axis
         count = 1 + int((along.max() - along.min()) / step)
         found.append(core.center + np.outer(np.linspace(along.min(), along.max(), count), axis))
-    if dim == 2 and obstacle.ridges is not None:
-        found.append(obstacle.ridges.places)
+    if obstacle.ridges is not None:
+        ridges = obstacle.ridges.places
+        if dim == 3:  # all along z
+            z = np.arange(places[:, 2].min(), places[:, 2].max(), step)
+            ridges = np.column_stack([np.repeat(ridges, len(z), axis=0), np.tile(z, len(ridges))])
+        found.append(ridges)
+    if dim == 3 and len(rims := obstacle.rims):
+        found.append(_along(rims, places.min(axis=0), places.max(axis=0), step))
     return np.concatenate(found)
+
+
+def _along(lines: Floats, low: Floats, high: Floats, step: float) -> Floats:
+    """Places along the parts of lines (lines, 2, dim) in a box, (places, dim)."""
+    begin, way = lines[:, 0], lines[:, 1] - lines[:, 0]
+    way = np.where(way == 0.0, np.finfo(float).tiny, way)
+    with np.errstate(over="ignore"):
+        ends = np.sort([(low - begin) / way, (high - begin) / way], axis=0)
+    first, last = np.maximum(ends[0].max(axis=1), 0.0), np.minimum(ends[1].min(axis=1), 1.0)
+    some = np.flatnonzero(first < last)
+    first, last, begin, way = first[some], last[some], begin[some], way[some]
+    count = 1 + ((last - first) * np.linalg.norm(way, axis=1) / step).astype(np.int64)
+    line = np.repeat(np.arange(len(some)), count)
+    place = np.arange(len(line)) - np.repeat(np.cumsum(count) - count, count)
+    share = first[line] + (last - first)[line] * (place + 0.5) / count[line]
+    return np.asarray(begin[line] + share[:, None] * way[line])
 
 
 def folded(
@@ -256,9 +300,8 @@ def _corners(body: Boundary) -> NDArray[np.int64]:
     return body.faces[:, : {3: 3, 6: 3, 4: 4, 9: 4}[body.faces.shape[1]]]
 
 
-def _sides(body: Boundary) -> NDArray[np.int64]:
-    """Ends of the straight sides of the faces, (sides, 2)."""
-    corners = _corners(body)
+def _sides(corners: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Ends of the straight sides of faces by their corners, (sides, 2)."""
     around = corners[:, [0, 1, 3, 2]] if corners.shape[1] == 4 else corners
     if around.shape[1] == 2:
         return around

@@ -117,11 +117,11 @@ class SolidPart:
             self.reach,
         )  # fmt: skip
         for obstacle in self.obstacles:
-            place = in_obstacle(obstacle, 0.0, self.outside, self.places)
-            if place is not None:
+            met = in_obstacle(obstacle, 0.0, self.outside, self.places)
+            if met is not None:
                 raise SceneError(
                     f"body {self.solid.name} and obstacle {obstacle.name} lie in each other at "
-                    f"t = 0, at ({', '.join(f'{x:.4g}' for x in place)}), between its nodes: move "
+                    f"t = 0, at ({', '.join(f'{x:.4g}' for x in met[1])}), between its nodes: move "
                     "one of them"
                 )
         return found

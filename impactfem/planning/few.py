@@ -10,6 +10,7 @@ import numpy as np
 from impactfem.errors import ImpactError, SceneError
 from impactfem.findings import Finding, warning
 from impactfem.methods import METHODS
+from impactfem.planning.doubts import Room
 from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.plans import Plan
 from impactfem.planning.solid_costs import count_layers
@@ -303,7 +304,10 @@ def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]
     from impactfem.models.ball_contacts import point_loads  # noqa: PLC0415  (loads SciPy)
 
     found = law_findings(model.scene) + joint_findings(model) + dent_findings(model)
+    room = Room.of(model.scene)
     for name, solid in sorted(set(point_loads(model))):
+        if not room.meet(name, solid):
+            continue
         text = (
             f"{name} presses on single places of {solid}, which give way the more the smaller the "
             "elements are (as ln(1/h) in the plane, as 1/h in space)"
@@ -316,10 +320,7 @@ def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]
 def law_findings(scene: Scene) -> list[Finding]:
     """What is not settled of the laws of impact."""
     dead = {body.name for body in scene.bodies if not body.waves}
-    strikes = bool(scene.obstacles) or any(
-        {one, two} <= dead for _, (one, _), (two, _) in named_body_pairs(scene)
-    )
-    if scene.contacts or not (dead and strikes):
+    if scene.contacts or not (dead and _strikes(scene, dead)):
         rubs = [e for e in scene.contacts if e.friction_coefficient > 0.0]
         both = [e for e in rubs if e.restitution > 0.0 and not e.tangential_restitution]
         if not both:
@@ -332,6 +333,17 @@ def law_findings(scene: Scene) -> list[Finding]:
     text = "no [[contact]] gives a restitution: 0 is taken, bodies without waves do not rebound"
     remedy = "add [[contact]] with between and restitution"
     return [warning("setting", text, remedy=remedy)]
+
+
+def _strikes(scene: Scene, dead: set[str]) -> bool:
+    """Whether bodies without waves may strike each other or obstacles."""
+    room = Room.of(scene)
+    if any(room.reach(name, o) for name in dead for o in scene.rigid_obstacles):
+        return True
+    return any(
+        {one, two} <= dead and room.meet(one, two)
+        for _, (one, _), (two, _) in named_body_pairs(scene)
+    )
 
 
 def bar_findings(few: Sequence["FewBodies"], dt: float) -> list[Finding]:

@@ -1,12 +1,13 @@
-"""A watch on what contact of bodies without meshes may miss: corners, and steps that are too long.
+"""A watch on what contact may miss: corners between nodes, and steps that are too long.
 
-Rods and beams touch obstacles with their nodes, so that corners may pass between; edges of rigid
-bodies may pass between nodes of solids; balls and axes have no inside, so that what moves farther
-in a step than they are thick may pass through them.
+Rods, beams and solids touch obstacles with their nodes, so that corners may pass between; edges of
+rigid bodies may pass between nodes of solids; balls and axes have no inside, so that what moves
+farther in a step than they are thick may pass through them.
 """
 
 import json
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from impactfem.contact.convex_nodes import CornersOnFaces
 from impactfem.contact.distance import signed_distance
 from impactfem.contact.meeting import Led
+from impactfem.contact.overlap import in_obstacle
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.few import FewInterior
 from impactfem.marching.rows import Level
@@ -38,7 +40,7 @@ _SHARES = (0.5, 1.0)  # of a thickness, passed in a step
 
 
 class AxisWatch:
-    """Measures how deep axes lie in obstacles.
+    """Measures how deep axes lie in obstacles, and these in solids between their nodes.
 
     Attributes:
         depth: Of each pair of a body and an obstacle [m], or of a rigid body and a solid, by their
@@ -61,6 +63,8 @@ class AxisWatch:
             for met in several
             if isinstance(met.pair, CornersOnFaces) and len(met.pair.between)
         }
+        self._solids = model.parts
+        self._cuts = np.cumsum([0, *(len(part.system.constrained) for part in self._solids)])
         self._every = max(1, layers // _LOOKS)
         self._bodies = [
             (march, name, march.bodies.nodes_of(k)[march.bodies.lines_of(k)])
@@ -82,6 +86,7 @@ class AxisWatch:
             depth = -edged.least_between(self._places + level.surface)
             if depth > self.depth.get(names, 0.0):
                 self.depth[names] = depth
+        self._look_between(level)
         for march, name, lines in self._bodies:
             if not len(lines) or not self._obstacles[name]:
                 continue
@@ -91,6 +96,18 @@ class AxisWatch:
                 pair = name, obstacle.name
                 if np.isfinite(depth) and depth > self.depth.get(pair, 0.0):
                     self.depth[pair] = depth
+
+    def _look_between(self, level: Level) -> None:
+        """Look for obstacles between nodes of solids, by more than chords of round ones."""
+        for part, (first, end) in zip(self._solids, pairwise(self._cuts), strict=True):
+            places = part.places_at(level.displacement[first:end])
+            for obstacle in part.obstacles:
+                least = {} if obstacle.is_smooth else {"least": 0.0}
+                held = PENETRATION_LIMITS[0]  # from which it is told of nodes
+                found = in_obstacle(obstacle, level.time, part.outside, places, held=held, **least)
+                pair = part.solid.name, obstacle.name
+                if found is not None and found[0] > self.depth.get(pair, 0.0):
+                    self.depth[pair] = found[0]
 
     def findings(self) -> Iterator[Finding]:
         """What was seen."""
@@ -108,6 +125,14 @@ class AxisWatch:
             text += f"{name}: only its corners and the nodes of {other} touch"
             remedy = "take smaller elements where they meet"
             yield from by_limits("penetration", share, PENETRATION_LIMITS, text, name, remedy)
+        for part in self._solids:
+            solid = part.solid.name
+            for tip in (obstacle.name for obstacle in part.obstacles):
+                share = (depth := self.depth.get((solid, tip), 0.0)) / part.outside.size
+                text = f"{tip} lies up to {depth:.2g} m in {solid} between its nodes, "
+                text += f"{percent(share)} of its size: only nodes touch obstacles"
+                remedy = f"take smaller elements where {solid} meets {tip}"
+                yield from by_limits("penetration", share, PENETRATION_LIMITS, text, solid, remedy)
         for march, name, lines in self._bodies:
             yield from march.findings()
             if not len(lines):

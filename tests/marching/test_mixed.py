@@ -267,7 +267,7 @@ def test_settings_that_the_march_does_not_know_are_refused():
 
 
 def test_a_point_load_is_told():
-    bodies = [body("solid", "s", 0.0, 0.0), body("point", "p", 0.2, 0.0) | {"radius": 0.0}]
+    bodies = [body("solid", "s", 0.0, 0.0), body("point", "p", 0.2, -2.0) | {"radius": 0.0}]
     plan = impactfem.plan(mixed(bodies, 0.1))
     assert any(f.code == "contact_single_node" and "p.s" in f.subject for f in plan.findings)
     large = body("point", "p", 0.3, 0.0) | {"radius": 0.2}

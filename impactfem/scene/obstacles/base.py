@@ -140,6 +140,11 @@ class RigidObstacle:
         """What sticks out of one that need not be convex, for sides of bodies in the plane."""
         return None
 
+    @property
+    def rims(self) -> Floats:
+        """Straight lines on one that need not be convex, at rest, in space [m], (lines, 2, 3)."""
+        return np.empty((0, 2, 3))
+
     def meets_sides(self, body: Any) -> bool:
         """Whether sides of a body in the plane meet its ridges, and not its corners alone."""
         there = body.dim == 2 and self.ridges is not None

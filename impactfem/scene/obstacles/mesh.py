@@ -106,6 +106,12 @@ class RigidMesh(RigidObstacle):
         corners = self.surface.corners
         return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).min())
 
+    @property
+    def rims(self) -> Floats:
+        """Sides of its triangles [m], (sides, 2, 3)."""
+        ends = np.stack([self.surface.simplices, np.roll(self.surface.simplices, -1, axis=1)], 2)
+        return self.surface.points[ends[ends[:, :, 0] < ends[:, :, 1]]]
+
     def gap(self, points: Floats) -> Field:
         """Distances (points,) and normals (points, 3) at rest."""
         return self.surface.gap(points)
