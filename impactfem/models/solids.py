@@ -29,7 +29,7 @@ from impactfem.models.ball_contacts import (
 )
 from impactfem.models.key import SceneKey
 from impactfem.models.obstacle_contacts import ObstacleMeeting, obstacle_meetings
-from impactfem.models.solid_contact import contact_of, reach_of
+from impactfem.models.solid_contact import Neighbours, contact_of, reach_of
 from impactfem.models.tips import tips_of
 from impactfem.scene import Scene, Solid
 from impactfem.scene.obstacles import Rigid
@@ -57,6 +57,7 @@ class SolidPart:
         solid: The body.
         degree: Degree of its elements.
         mesh: Its mesh.
+        neighbours: Which solids may meet.
     """
 
     comm: Any
@@ -64,6 +65,7 @@ class SolidPart:
     solid: Solid
     degree: int
     mesh: BodyMesh
+    neighbours: Neighbours
 
     @cached_property
     def system(self) -> ElasticSystem:
@@ -101,7 +103,7 @@ class SolidPart:
     @cached_property
     def reach(self) -> Reach:
         """Bound of its way within the duration (collective at the first use)."""
-        return reach_of(self.comm, self.scene, self.solid, self.system, self.obstacles)
+        return reach_of(self)
 
     @cached_property
     def contact(self) -> ContactNodes | None:
@@ -158,6 +160,8 @@ class SolidsModel:
             if one not in names or two not in names:
                 continue
             a, b = names.index(one), names.index(two)
+            if frozenset((one, two)) not in self.parts[a].neighbours.pairs:
+                continue
             if a != b:
                 self._check_apart(a, b)
             pair = make_pair(
@@ -392,7 +396,8 @@ def _parts(key: SceneKey, degrees: tuple[int, ...]) -> tuple[SolidPart, ...]:
     # A list with a name outlives an error of a later body. What a comprehension had found would be
     # freed while the error is under way, which mpi4py's locks of communicators do not survive.
     parts: list[SolidPart] = []
+    neighbours = Neighbours(scene, parts)
     for solid, degree in zip(scene.solids, degrees, strict=True):
         mesh = build_body_mesh(comm, solid, degree, folder)
-        parts.append(SolidPart(comm, scene, solid, degree, mesh))
+        parts.append(SolidPart(comm, scene, solid, degree, mesh, neighbours))
     return tuple(parts)

@@ -227,6 +227,8 @@ def _meshed(
 def measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, tuple[float, ...]]:
     """Size of the discretised body and the edges of the box around it [m] (collective).
 
+    The box is turned as the shape is.
+
     Raises:
         SceneError: Elements shall be larger than the body.
     """
@@ -242,6 +244,11 @@ def measured(solid: Solid, body_mesh: Any, degree: int) -> tuple[Size, tuple[flo
     least = mesh.comm.allreduce(lengths.min(initial=np.inf), op=MPI.MIN)
     total = mesh.comm.allreduce(lengths.min(axis=1).sum() if len(cells) else 0.0)
     mean = total / body_mesh.num_cells
+    if solid.shape is not None and solid.shape.angle:
+        c, s = np.cos(solid.shape.angle), np.sin(solid.shape.angle)
+        turned = np.eye(dim)
+        turned[:2, :2] = [[c, -s], [s, c]]
+        points = points @ turned
     low = np.array([mesh.comm.allreduce(v, op=MPI.MIN) for v in points.min(axis=0, initial=np.inf)])
     high = np.array(
         [mesh.comm.allreduce(v, op=MPI.MAX) for v in points.max(axis=0, initial=-np.inf)]
