@@ -244,7 +244,8 @@ def difference(fine: Track, coarse: Track, reference: str, least: float = 0.0) -
     own = np.maximum(scale, np.maximum(SHARE * scale.max(axis=0), least))
     share = rounding_share(len(fine.times) - 1)
     moves = scale[:, :1] > share * extents[:, None]
-    found = np.array(apart) / np.where(moves, own, extents[:, None])
+    among = np.where(moves, own, extents[:, None])
+    found = np.divide(apart, among, out=np.zeros_like(among), where=np.array(apart) > 0.0)
     impulses = [np.diff(track.impulse(times)) for track in (fine, coarse)]
     acting = max(impulse.sum() for impulse in impulses)
     wrong = float(np.abs(impulses[0] - impulses[1]).sum())
