@@ -23,7 +23,7 @@ _DIGITS = 12  # of lengths over the largest one: division by it rounds the last 
 
 def told(lengths: Any, largest: float) -> Floats:
     """Lengths as shares of the largest one, the same numbers for all bodies of a form."""
-    return np.round(np.divide(lengths, largest), _DIGITS)
+    return np.asarray(np.round(np.divide(lengths, largest), _DIGITS))
 
 
 @dataclass(frozen=True)
