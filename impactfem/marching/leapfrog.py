@@ -49,12 +49,13 @@ def _advance(u, step, internal, load, inverse, gravity, keep, gain):
 
 
 @compiled
-def _add_up(u, step, internal, mass, inverse, arms, sums):
+def _add_up(u, step, internal, mass, inverse, arms, carried, sums):
     """Add up m s^2 / 2, u K u_m / 2, and by component m s, m u and the moments arm x m s.
 
     Args:
         u, step, internal, mass, inverse: As for `_advance`, with the lumped mass.
         arms: Of the nodes, shape (nodes, dim).
+        carried: Mean translation without strain, shape (dim,).
         sums: Filled, shape (2 + 2 dim + 1,), in space (2 + 2 dim + 3,).
     """
     dim = arms.shape[1]
@@ -65,7 +66,7 @@ def _add_up(u, step, internal, mass, inverse, arms, sums):
             node, k = i // dim, i % dim
             moment = mass[i] * step[i]
             sums[0] += 0.5 * moment * step[i]
-            sums[1] += 0.5 * u[i] * internal[i]
+            sums[1] += 0.5 * (u[i] - carried[k]) * internal[i]
             sums[2 + k] += moment
             sums[2 + dim + k] += mass[i] * u[i]
             if dim == 2:
@@ -98,9 +99,10 @@ class Leapfrog:
         self._drive = Drive(system, transfer)
         self._matrix = to_blocked(system.stiffness)  # its products are faster
         self._now, self._internal = self._matrix.createVecs()
-        self.displacement: Floats = self._now.getArray()
+        self._strained: Floats = self._now.getArray()
         self._forces: Floats = self._internal.getArray()
-        self.displacement[:] = system.displacement
+        self._carried = np.zeros(system.dim)
+        self.displacement: Floats = system.displacement.copy()
         self._step = dt * system.velocity
         self._mass, self._inverse = lumped_mass(system, transfer, surface)
         self._load = np.zeros(len(self._mass) if self._drive.is_active else 0)
@@ -176,11 +178,7 @@ class Leapfrog:
     def predict(self, layer: int) -> Floats:
         """Take the step without contact forces."""
         drive, time = self._drive, layer * self.dt
-        if self._lag and layer:
-            self.displacement += self._lag * self._step
-        self._matrix.mult(self._now, self._internal)
-        if self._lag and layer:
-            self.displacement -= self._lag * self._step
+        self._strain(self._lag if layer else 0.0)
         if drive.is_active:
             self._loads = drive.load(*self._around(layer))
             self._lift = drive.lift(time)
@@ -241,10 +239,20 @@ class Leapfrog:
 
     def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state."""
-        self._matrix.mult(self._now, self._internal)
+        self._strain(0.0)
         if self._drive.is_active:
             self._lift = self._drive.lift(0.0)
         return self._summed(0.0)
+
+    def _strain(self, lag: float) -> None:
+        """K u without the translation, whose rounding would push; with ``lag`` steps ahead."""
+        dim = self._system.dim
+        self._carried = self._system.carried(self.displacement)
+        places, strained = (x.reshape(-1, dim) for x in (self.displacement, self._strained))
+        np.subtract(places, self._carried, out=strained)
+        if lag:
+            self._strained += lag * self._step
+        self._matrix.mult(self._now, self._internal)
 
     def _half_work(self) -> float:
         """Work of loads and moved supports at a level along half of the step before or after it."""
@@ -256,7 +264,7 @@ class Leapfrog:
         dim, drive = self._system.dim, self._drive
         _add_up(
             self.displacement, self._step, self._forces, self._mass, self._inverse,
-            self._turning.arms, self._sums,
+            self._turning.arms, self._carried, self._sums,
         )  # fmt: skip
         elastic, work = self._sums[1], 0.0
         if drive.is_active:

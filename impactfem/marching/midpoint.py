@@ -123,6 +123,9 @@ class Midpoint:
         begin, end = layer * dt, (layer + 1) * dt
         gravity = self.gravity(layer)
         motion = self._mu * self.displacement + (2.0 / dt) * self.velocity
+        carried = np.tile(system.carried(motion), len(motion) // system.dim)
+        motion -= carried
+        carried /= self._mu  # of the middle: the equations are solved for what strains
         right = self._sum
         right[:] = self._times_mass(motion)
         right.reshape(-1, system.dim)[:] += self._weights.reshape(-1, system.dim) * gravity
@@ -131,13 +134,13 @@ class Midpoint:
             right += self._loads + 0.5 * (drive.lift(begin) + drive.lift(end))
         right[system.constrained] = 0.0
         if self._solver.is_iterative:  # from where the body would be without forces
-            guess = self.displacement + (0.5 * dt) * self.velocity
+            guess = self.displacement + (0.5 * dt) * self.velocity - carried
             guess[system.constrained] = 0.0
             self._middle.setArray(guess)
         self._right.setArray(right)
         self._solver.solve(self._right, self._middle)
         self._before = self.displacement.copy()
-        change = self._advance * (self._middle.getArray() - self.displacement)
+        change = self._advance * (self._middle.getArray() - (self.displacement - carried))
         change[self._still] = 0.0
         self.displacement += change
         if drive.has_moved:
@@ -237,11 +240,13 @@ class Midpoint:
 
     def _summed(self, work: float) -> list[Sums]:
         system, dim = self._system, self._system.dim
-        self._argument.setArray(self.displacement)
+        carried = system.carried(self.displacement)
+        strained = (self.displacement.reshape(-1, dim) - carried).ravel()
+        self._argument.setArray(strained)
         system.stiffness.mult(self._argument, self._product)
         internal = self._product.getArray()
         free = ~system.constrained
-        elastic = 0.5 * float(self.displacement[free] @ internal[free])
+        elastic = 0.5 * float(strained[free] @ internal[free])
         if self._drive.has_moved:
             elastic += self._drive.elastic(self.displacement, self.displacement)
         momentum = self._times_mass(self.velocity)

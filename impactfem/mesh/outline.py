@@ -1,12 +1,13 @@
 """What is drawn for a shape: in its own frame, before it is turned, and of a size near 1.
 
 A mesh generator's decisions depend on the last digits of coordinates. Shapes are therefore meshed
-about a fixed place and moved and turned afterwards: a turned body has the turned mesh.
+about a fixed place, of size 1 and in numbers without their last digits, and scaled, moved and
+turned afterwards: a turned body has the turned mesh, and one of other size or units the scaled one.
 """
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,13 @@ Floats = NDArray[np.float64]
 
 NEAR = 1e-7
 """Distance, for a body of size 1, within which a node of the generator lies on a surface."""
+
+_DIGITS = 12  # of lengths over the largest one: division by it rounds the last ones of a number
+
+
+def told(lengths: Any, largest: float) -> Floats:
+    """Lengths as shares of the largest one, the same numbers for all bodies of a form."""
+    return np.asarray(np.round(np.divide(lengths, largest), _DIGITS))
 
 
 @dataclass(frozen=True)
@@ -112,6 +120,10 @@ class Polygon:
     corners: Floats
     heights: tuple[float, float] | None
 
+    def told(self, largest: float) -> "Polygon":
+        """The same in shares of the largest length."""
+        return Polygon(told(self.corners, largest), _told(self.heights, largest))
+
 
 @dataclass(frozen=True)
 class Sector:
@@ -131,6 +143,19 @@ class Sector:
     count: int
     heights: tuple[float, float] | None
 
+    def told(self, largest: float) -> "Sector":
+        """The same in shares of the largest length."""
+        radius, inner = told((self.radius, self.inner), largest).tolist()
+        heights = _told(self.heights, largest)
+        return replace(self, radius=radius, inner=inner, heights=heights)
+
+
+def _told(heights: tuple[float, float] | None, largest: float) -> tuple[float, float] | None:
+    if heights is None:
+        return None
+    low, high = told(heights, largest).tolist()
+    return low, high
+
 
 @dataclass(frozen=True)
 class Ball:
@@ -144,6 +169,10 @@ class Ball:
     radius: float
     signs: tuple[int, int, int]
 
+    def told(self, largest: float) -> "Ball":
+        """The same in shares of the largest length."""
+        return replace(self, radius=float(told(self.radius, largest)))
+
 
 @dataclass(frozen=True)
 class Outline:
@@ -151,6 +180,7 @@ class Outline:
 
     Attributes:
         frame: Its way into the scene.
+        largest: Length of the drawing by which bodies of one form differ.
         drawing: What is drawn.
         places: Where the named surfaces lie in the drawing; planes first, as a facet of a curved
             surface can have its vertices on the rim of a plane one but not the reverse.
@@ -158,6 +188,7 @@ class Outline:
     """
 
     frame: Frame
+    largest: float
     drawing: Polygon | Sector | Ball
     places: tuple[tuple[str, Plane | Round], ...]
     levels: tuple[tuple[int, float], ...]
@@ -201,7 +232,8 @@ def outline(shape: Any, *, axisymmetric: bool) -> Outline:
         places.append(("axis", Plane(normal, float(normal @ axis_at))))
     places += [(f"symmetry_{axis}", planes["xyz".index(axis)]) for axis in shape.symmetry]
     places += sorted(faces.items(), key=lambda item: isinstance(item[1], Round))
-    return Outline(frame, drawing, tuple(places), tuple(levels))
+    largest = shape.figure.largest / frame.scale
+    return Outline(frame, largest, drawing, tuple(places), tuple(levels))
 
 
 def _frame(shape: Any, centre: Floats, *, cut: bool) -> Frame:

@@ -1,7 +1,7 @@
 """Meshes of named shapes: triangles and tetrahedra by Gmsh, quadrilaterals and hexahedra mapped."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from impactfem import fem
 from impactfem.errors import MeshError
-from impactfem.mesh.outline import Ball, Outline, Polygon, Round, Sector, outline
+from impactfem.mesh.outline import Ball, Outline, Polygon, Round, Sector, outline, told
 from impactfem.mesh.raw import Cell, RawMesh, numbering, outer_facets, without_loose_nodes
 from impactfem.mesh.session import gmsh_session
 from impactfem.mesh.sizes import ball_field, options
@@ -34,6 +34,11 @@ class Finer:
     point: Sequence[float]
     radius: float
     size: float
+
+    def told(self, largest: float) -> "Finer":
+        """The same in shares of the largest length; a last digit of its place changes nothing."""
+        radius, size = told((self.radius, self.size), largest).tolist()
+        return Finer(np.round(np.divide(self.point, largest), 9).tolist(), radius, size)
 
 
 def shape_mesh(
@@ -59,13 +64,15 @@ def drawn_mesh(
     plan: Outline, size: float, refine: Sequence[Any] = (), *, degree: int = 1
 ) -> RawMesh:
     """The same of what is drawn already."""
-    scaled = size / plan.frame.scale
     balls = [_in_drawing(ball, plan) for ball in refine]
     check_count(plan, size, balls)
+    largest = plan.largest
+    scaled = float(told(size / plan.frame.scale, largest))
+    drawn = [ball.told(largest) for ball in balls]
     with gmsh_session() as gmsh:
-        dim = 2 if len(plan.frame.origin) == 2 else 3
-        raw = _meshed(gmsh, plan, dim, scaled, balls, degree)
-    return placed(raw, plan)
+        dim = len(plan.frame.origin)
+        raw = _meshed(gmsh, plan.drawing.told(largest), dim, scaled, drawn, degree)
+    return placed(replace(raw, points=largest * raw.points), plan)
 
 
 def placed(raw: RawMesh, plan: Outline) -> RawMesh:
@@ -91,9 +98,9 @@ def placed(raw: RawMesh, plan: Outline) -> RawMesh:
 
 
 def _in_drawing(ball: Any, plan: Outline) -> Finer:
-    """A ball in the frame of the drawing, rounded: a last digit must not change the mesh."""
+    """A ball in the frame of the drawing."""
     scale = plan.frame.scale
-    centre = np.round(plan.frame.to_drawing(np.array([ball.point], dtype=np.float64))[0], 9)
+    centre = plan.frame.to_drawing(np.array([ball.point], dtype=np.float64))[0]
     return Finer(tuple(centre), ball.radius / scale, ball.size / scale)
 
 
@@ -225,13 +232,14 @@ def _draw_cut(
 
 
 def _meshed(
-    gmsh: Any, plan: Outline, dim: int, size: float, balls: Sequence[Finer], degree: int
-) -> RawMesh:
+    gmsh: Any, drawing: Polygon | Sector | Ball, dim: int, size: float, balls: Sequence[Finer],
+    degree: int,
+) -> RawMesh:  # fmt: skip
     """Draw and mesh in the current model."""
     wanted = options(dim, size, [ball.size for ball in balls])
     before = {name: gmsh.option.getNumber(name) for name in wanted}
     try:
-        _draw(gmsh.model.geo, plan.drawing)
+        _draw(gmsh.model.geo, drawing)
         gmsh.model.geo.synchronize()
         for name, value in wanted.items():
             gmsh.option.setNumber(name, value)

@@ -93,7 +93,7 @@ def obstacle_meetings(model: Bodies) -> list[ObstacleMeeting]:
                     continue
                 radius = bodies.shell[own]
                 balls = Started.of_balls(obstacle, places[own], radius)
-                size = max(1.0, float(np.abs(places[own]).max(initial=0.0)))
+                size = float(np.abs(places[own]).max() + radius.max())
                 if balls.gap.min(initial=0.0) < -1e-12 * size:
                     raise SceneError(
                         f"{name} on {obstacle.name}: it is {-balls.gap.min():.6g} m inside at "

@@ -137,7 +137,6 @@ def _of_rod(scene: Scene, rod: Rod) -> VibroModel:
     labels = [f"{rod.name} {end} on {name}" for name in names for end in ("first end", "last end")]
     position = np.array([*rod.center, rod.inclination])
     velocity = np.array([*rod.velocity, rod.angular_velocity])
-    _refuse_overlap(system, position, labels)
 
     def bodies(u: Floats, v: Floats) -> dict[str, BodyMotion]:
         place, speed = _in_space(u[:, :2]), _in_space(v[:, :2])
@@ -149,6 +148,7 @@ def _of_rod(scene: Scene, rod: Rod) -> VibroModel:
         along = np.stack([np.cos(u[..., 2]), np.sin(u[..., 2])], axis=-1)
         return np.asarray(u[..., None, :2] + ends[:, None] * along[..., None, :])
 
+    _refuse_overlap(system, position, labels, places(position))
     words = f"a rigid rod in the plane, {_count(len(labels), 'constraint')}, nonlinear"
     return VibroModel(
         system, position, velocity, tuple(labels), *_pairs(scene, 2), (rod.mass,), bodies, _none,
@@ -165,7 +165,7 @@ def _of_beam(scene: Scene, beam: Beam) -> VibroModel:
     places = ("first end", "last end") if nodes == 2 else [f"node {k}" for k in range(nodes)]
     labels = [f"{beam.name} {place} on {name}" for name in names for place in places]
     position, velocity = free.start
-    _refuse_overlap(system, position, labels)
+    _refuse_overlap(system, position, labels, free.points(position))
     center = np.asarray(beam.center, dtype=float)
 
     def bodies(u: Floats, v: Floats) -> dict[str, BodyMotion]:
@@ -195,8 +195,8 @@ def _of_rigid(scene: Scene, body: RigidBody) -> VibroModel:
     corners = [f" corner {k}" for k in range(each)] if each > 1 else [""]
     labels = [f"{body.name}{corner} on {name}" for name in names for corner in corners]
     position, velocity = place.start
-    _refuse_overlap(system, position, labels)
     dim, arms = body.dim, body.form.points - body.center
+    _refuse_overlap(system, position, labels, place.places(position, arms))
 
     def bodies(u: Floats, v: Floats) -> dict[str, BodyMotion]:
         speed, spin = _in_space(v[:, :dim]), v[:, dim:]
@@ -247,10 +247,13 @@ def _gravity(scene: Scene) -> tuple[float, ...]:
     return gravity.values[0]
 
 
-def _refuse_overlap(system: GeneralizedSystem, position: Floats, labels: list[str]) -> None:
+def _refuse_overlap(
+    system: GeneralizedSystem, position: Floats, labels: list[str], places: Floats
+) -> None:
+    """Refuse a start inside an obstacle, but for rounding of ``places`` [m]."""
     gap = system.gap(0.0, position)
     worst = int(np.argmin(gap))
-    if gap[worst] < -1e-12 * max(1.0, float(np.abs(position).max())):
+    if gap[worst] < -1e-12 * float(np.abs(places).max()):
         raise SceneError(f"{labels[worst]}: it is {-gap[worst]:.6g} m inside at t = 0; move it")
 
 

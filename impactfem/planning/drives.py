@@ -1,7 +1,9 @@
 """What moves a body as a rigid one: gravity and its loads, or its supports."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +15,6 @@ from impactfem.system.elastic import ElasticSystem
 Floats = NDArray[np.float64]
 
 _SAMPLES = 513
-_ALIKE = 0.2  # share by which every other sample may tell another motion; else loads are missed
 
 
 @dataclass(frozen=True)
@@ -58,52 +59,45 @@ def flown(
         start: Velocity [m/s] and spin [rad/s] at t = 0, shape (3,) each.
     """
     times = np.linspace(0.0, scene.duration, _SAMPLES)
-    pull = in_space(np.array([scene.vector_gravity.at(t) for t in times], dtype=np.float64))
+    spans = list(pairwise(times.tolist()))
+    pull = in_space(np.array([system.loads.mean_gravity(*span) for span in spans]))
     loaded = bool(solid.tractions or solid.pressures)
     spinning = np.zeros_like(pull)
     if loaded:
-        force, moment = _resultants(system, times)
+        force, moment = _resultants(system, spans)
         pull, spinning = pull + force / system.total_mass, moment @ inverse
-
-    def by_samples(every: int) -> tuple[Floats, Floats]:
-        instants, damping = times[::every], solid.rayleigh_mass
-        way = _moved(instants, start[0], pull[::every], damping)
-        return way, _moved(instants, start[1], spinning[::every], damping)
-
-    way, turn = by_samples(1)
-    known = not solid.following and (
-        not loaded
-        or all(
-            np.abs(fine[::2] - coarse).max() <= _ALIKE * np.abs(fine).max()
-            for fine, coarse in zip((way, turn), by_samples(2), strict=True)
-        )
+    way, turn = (
+        _moved(times, first, rate, solid.rayleigh_mass)
+        for first, rate in zip(start, (pull, spinning), strict=True)
     )
-    return Drives(times, way, turn, loaded, known)
+    return Drives(times, way, turn, loaded, not solid.following)
 
 
-def _resultants(system: ElasticSystem, times: Floats) -> tuple[Floats, Floats]:
-    """Force [N] and moment about the centre of mass [N m] of all loads, (times, 3) each."""
+def _resultants(
+    system: ElasticSystem, spans: Sequence[tuple[float, float]]
+) -> tuple[Floats, Floats]:
+    """Mean force [N] and moment about the centre of mass [N m] of all loads, (spans, 3) each."""
     arm = in_space(system.positions - system.center_of_mass)
     forces, none = np.zeros(len(system.constrained)), np.zeros(system.dim)
-    found = np.zeros((len(times), 6))
-    for k, t in enumerate(times):
+    found = np.zeros((len(spans), 6))
+    for k, span in enumerate(spans):
         if k and system.loads.is_steady:
             found[k] = found[0]
             continue
-        each = in_space(system.loads.at(t, forces, none).reshape(-1, system.dim))
+        each = in_space(system.loads.mean(*span, forces, none).reshape(-1, system.dim))
         found[k, :3], found[k, 3:] = each.sum(axis=0), np.cross(arm, each).sum(axis=0)
     system.comm.Allreduce(MPI.IN_PLACE, found)
     return found[:, :3], found[:, 3:]
 
 
 def _moved(times: Floats, speed: Floats, rate: Floats, damping: float) -> Floats:
-    """Integrate v' = rate - damping v twice from a speed, (times, 3)."""
+    """Integrate v' = rate - damping v twice from a speed, (times, 3), by means between times."""
     step = times[1]
     kept = math.exp(-damping * step)
     share = (1.0 - kept) / damping if damping * step > 1e-9 else step
-    speeds = np.empty_like(rate)
+    speeds = np.empty((len(times), 3))
     speeds[0] = speed
-    for k, mean in enumerate(0.5 * (rate[1:] + rate[:-1])):
+    for k, mean in enumerate(rate):
         speeds[k + 1] = kept * speeds[k] + share * mean
     moved: Floats = np.cumsum(
         np.vstack([np.zeros(3), 0.5 * step * (speeds[1:] + speeds[:-1])]), axis=0

@@ -45,21 +45,19 @@ class _Motion:
         displacement: Their shares of the squared displacement by mass [kg m^2], (modes,).
         energy: Their energies, doubled [J], (modes,).
         way: By how much nodes may leave the places that they are given at t = 0 [m].
-        jumps: Whether loads jump at t = 0, which steps may see half a step later.
     """
 
     periods: Floats
     displacement: Floats
     energy: Floats
     way: float
-    jumps: bool
 
     def errors(self, dt: float, duration: float) -> Floats:
         """Of the displacement and in the norm of the energy, relative, (2,)."""
         with np.errstate(divide="ignore", invalid="ignore"):
             half = 0.5 * dt / self.periods
             late = 1.0 - np.arctan(half) / half
-            shifted = duration / self.periods * late + self.jumps * half
+            shifted = duration / self.periods * late
         turned = np.minimum(2.0, shifted) ** 2
         whole = self.displacement.sum(), self.energy.sum()
         found = np.array([turned @ self.displacement, turned @ self.energy])
@@ -204,7 +202,6 @@ def _motion(scene: Scene, system: ElasticSystem) -> _Motion:
     return _Motion(
         periods, np.concatenate([shares, given * fast]), np.concatenate([shares * inverse, given]),
         math.sqrt(system.dim) * (largest(later - system.displacement) + _FURTHEST * moved),
-        largest(last - first) > 0.0,
     )  # fmt: skip
 
 

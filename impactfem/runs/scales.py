@@ -14,7 +14,10 @@ from impactfem.result.table import Table
 from impactfem.scene import Scene
 
 _AXES = "xyz"
-_ROUNDING = float(np.finfo(np.float64).eps)
+_EPS = float(np.finfo(np.float64).eps)
+_LEAST = (
+    1e-11  # equations of a layer lose up to five of sixteen digits, however few layers there are
+)
 
 
 OPENING_LIMITS = (1e-8, 1e-4)
@@ -53,8 +56,19 @@ def size_of(scene: Scene, history: Table) -> float | None:
     return min(known) if known else None
 
 
+def rounding_share(layers: int) -> float:
+    """Share of a body's extent, its place and way included, below which a way is but rounding.
+
+    Coordinates are kept to eps of it. Each layer adds as much again.
+
+    Args:
+        layers: That the run took, or as many as are known.
+    """
+    return max(_LEAST, layers * _EPS)
+
+
 def rounding_way(scene: Scene, history: Table, layers: int) -> float:
-    """Way that rounding of coordinates can make in a run, by as much in each layer [m].
+    """Way that rounding of coordinates can make in a run, `rounding_share` of the largest one [m].
 
     Args:
         scene: What was modelled.
@@ -65,7 +79,7 @@ def rounding_way(scene: Scene, history: Table, layers: int) -> float:
     places = [history[name].values for name in names if name in history]
     finite = (np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in places)
     sizes = (_size(body, history) or 0.0 for body in scene.bodies)
-    return layers * _ROUNDING * float(max(*finite, *sizes, 0.0))
+    return rounding_share(layers) * float(max(*finite, *sizes, 0.0))
 
 
 def rounding_energy(
@@ -74,7 +88,7 @@ def rounding_energy(
     """Energy that rounding of coordinates can make in a run [J].
 
     It is the work of the weights and of the largest contact force over `rounding_way`, and what
-    bodies have whose speeds come of places that differ by as much in one layer.
+    bodies have that go as far in the run.
 
     Args:
         scene: What was modelled.
@@ -88,7 +102,7 @@ def rounding_energy(
     pull = float(np.linalg.norm(pulls.reshape(len(pulls), -1), axis=1).max())
     force = np.abs(history["contact_force"].values)
     largest = float(force[np.isfinite(force)].max(initial=0.0))
-    jump = way / (history["time"].values[-1] or 1.0)  # as fast: one rounding in one layer
+    jump = way / (history["time"].values[-1] or 1.0)
     return way * (mass * pull + largest) + 0.5 * mass * jump**2
 
 

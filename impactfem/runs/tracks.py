@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from impactfem.reference.bar import Errors
 from impactfem.result.table import Table
+from impactfem.runs.scales import rounding_share
 from impactfem.scene import Scene
 
 if TYPE_CHECKING:
@@ -18,9 +19,6 @@ Floats = NDArray[np.float64]
 
 SHARE = 0.1
 """Share of the largest way that a body's own one counts as at least."""
-
-ROUNDING = 1e-11
-"""Share of the extent of bodies and their ways below which ways are rounding."""
 
 
 @dataclass(frozen=True)
@@ -216,7 +214,7 @@ def _rotation(history: Table, name: str, own: float) -> list[Floats]:
     return [scale * entry for entry in entries]
 
 
-def difference(fine: Track, coarse: Track, reference: str) -> Errors:
+def difference(fine: Track, coarse: Track, reference: str, least: float = 0.0) -> Errors:
     """Difference of two runs at the times and in the layers of the coarser one.
 
     How far the places of a body are apart (root mean square), linear between the levels of the
@@ -230,6 +228,7 @@ def difference(fine: Track, coarse: Track, reference: str) -> Errors:
         fine: The run with shorter layers.
         coarse: The other one, with the same parts.
         reference: What the errors are measured against, in words.
+        least: Way that a body's own one counts as at least [m].
     """
     end = min(fine.times[-1], coarse.times[-1])
     times = np.append(coarse.times[coarse.times < end * (1.0 - 1e-12)], end)
@@ -242,13 +241,15 @@ def difference(fine: Track, coarse: Track, reference: str) -> Errors:
     ]
     extents = np.array([part.extent for part in fine.parts])
     scale = np.array(_scales(fine, times, ways, weights))
-    least = np.maximum(scale, SHARE * scale.max(axis=0))
-    moves = scale[:, :1] > ROUNDING * extents[:, None]
-    found = np.array(apart) / np.where(moves, least, extents[:, None])
+    own = np.maximum(scale, np.maximum(SHARE * scale.max(axis=0), least))
+    share = rounding_share(len(fine.times) - 1)
+    moves = scale[:, :1] > share * extents[:, None]
+    among = np.where(moves, own, extents[:, None])
+    found = np.divide(apart, among, out=np.zeros_like(among), where=np.array(apart) > 0.0)
     impulses = [np.diff(track.impulse(times)) for track in (fine, coarse)]
     acting = max(impulse.sum() for impulse in impulses)
     wrong = float(np.abs(impulses[0] - impulses[1]).sum())
-    rounding = ROUNDING * fine.mass * float(extents.max()) / float(times[-1] - times[0])
+    rounding = share * fine.mass * float(extents.max()) / float(times[-1] - times[0])
     largest, mean = found.max(axis=0)
     return Errors(
         reference,
@@ -256,6 +257,17 @@ def difference(fine: Track, coarse: Track, reference: str) -> Errors:
         float(mean),
         0.0 if max(acting, wrong) <= rounding or not wrong else float(wrong / acting),
     )
+
+
+def largest_way(track: Track) -> float:
+    """Largest way of the bodies [m], each in the frame in which it is least.
+
+    At least the thousandth of their extent, below which rounding makes it up.
+    """
+    ways = [part.at(track.times, track.times) for part in track.parts]
+    scales = _scales(track, track.times, ways, np.ones(len(track.times)))
+    extent = max(part.extent for part in track.parts)
+    return max(*(largest for largest, _ in scales), 1e-3 * extent) or 1.0
 
 
 def _sizes(lengths: Floats, weights: Floats) -> tuple[float, float]:

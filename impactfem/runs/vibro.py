@@ -15,7 +15,7 @@ from impactfem.methods import METHODS
 from impactfem.models.vibro import VibroModel, vibro_model
 from impactfem.planning import Plan, VibroNumbers
 from impactfem.planning.model_limits import CODES, strain_findings
-from impactfem.reference.bar import Errors, relative, root_of_squares
+from impactfem.reference.bar import Errors, relative
 from impactfem.result.history import Columns, PairMotion, make_history
 from impactfem.result.shapes import as_vectors
 from impactfem.result.snapshots import KeptSnapshots
@@ -24,6 +24,7 @@ from impactfem.result.trajectory import Trajectory
 from impactfem.runs.line_bodies import beam_figures, body_figures
 from impactfem.runs.line_probes import vibro_probes
 from impactfem.runs.run import Checkpointing, Cost, Run
+from impactfem.runs.tracks import Part, Track, difference, grounds, largest_way
 from impactfem.runs.vibro_contact import contact_figures, impact_loss
 from impactfem.scene import Scene
 from impactfem.scene.rigid_keys import rotation
@@ -142,13 +143,17 @@ def vibro_fields(motion: Trajectory, model: VibroModel) -> KeptSnapshots:
     rows = np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
     position, velocity = motion.position[rows], motion.velocity[rows]
     at_rest = np.concatenate([np.asarray(shape.points) for shape in model.shapes])
-    # The derivative along the motion by a step that is imaginary: exact to rounding.
-    pairs = zip(position, velocity, strict=True)
-    rates = np.array([model.system.coordinate_rates(u, v) for u, v in pairs])
-    speed = model.places(position + 1j * _TINY * rates).imag / _TINY
+    speed = np.array([_speeds(model, u, v) for u, v in zip(position, velocity, strict=True)])
     values = {"displacement": model.places(position) - at_rest, "velocity": speed}
     shown = {name: as_vectors(given) for name, given in values.items()}
     return KeptSnapshots(motion.times[rows], model.shapes, shown)
+
+
+def _speeds(model: VibroModel, u: Floats, v: Floats) -> Floats:
+    """Velocities of the nodes of the shapes (nodes, dim), from position and velocity (d,)."""
+    # The derivative along the motion by a step that is imaginary: exact to rounding.
+    rates = model.system.coordinate_rates(u, v)
+    return np.asarray(model.places(u + 1j * _TINY * rates).imag / _TINY)
 
 
 def _episode(scene: Scene, model: VibroModel, motion: Trajectory) -> dict[str, Any]:
@@ -212,13 +217,13 @@ def _estimate(
         fine = replace(scene, output=replace(scene.output, every=2 * scene.output.stride))
         reference = _integrate(fine, other, model)
         # e(dt) is the difference over 1 - 2^-p: told as for order 1, that of steps with impacts.
-        found = compare(motion, reference, f"twice the difference to the {name}")
+        found = compare(scene, model, motion, reference, f"twice the difference to the {name}")
         return found.times(2.0, 2.0), f"against the {name}", reference
     if _rests_at_first(model):  # all methods take the same one of several motions
         _, note, lost = _sensitivity(scene, other, model, reference)
         if lost:
             return None, note, reference
-    return compare(motion, reference, name), f"against the {name}", reference
+    return compare(scene, model, motion, reference, name), f"against the {name}", reference
 
 
 def _sensitivity(
@@ -230,20 +235,22 @@ def _sensitivity(
     """
     if int(motion.effort.details.get("impacts", 0)) > _EVENTS:
         return None, f"left out: more than {_EVENTS} impacts", False
-    size = float(np.abs(motion.position).max()) or 1.0
+    track = _track(scene, model, motion)
+    size, at = largest_way(track), model.position
     # Away from closed constraints, so that the start stays allowed.
-    gradient = model.system.jacobian(model.position).sum(axis=0)
-    length = float(np.linalg.norm(gradient))
-    way = gradient / length if length > 0.0 else np.eye(model.system.dofs)[0]
+    gradient = model.system.jacobian(at).sum(axis=0)
+    way = np.linalg.solve(model.system.mass(at), gradient)
+    way = way if way.any() else np.eye(model.system.dofs)[0]
+    way = way / np.linalg.norm(_speeds(model, at, way), axis=1).max()
     try:
         moved = advanced(model.system, model.position, _SHIFT * size * way)
         other = _integrate(scene, chosen, model, moved)
     except (ConvergenceError, SceneError) as error:
         return None, f"left out: {error}", False
     # What hardly moves is not told by its way, which the change alone makes up.
-    found = compare(motion, other, "", least=1e3 * _SHIFT * size)
-    rows = min(len(motion.times), len(other.times))
-    apart = float(np.abs(motion.position[:rows] - other.position[:rows]).max())
+    found = compare(scene, model, motion, other, "", least=1e3 * _SHIFT * size)
+    times = motion.times[: len(other.times)]
+    apart = float(np.abs(track.way(times) - _track(scene, model, other).way(times)).max())
     precision = _ROUNDING if model.is_exact else max(_ROUNDING, scene.solve.tolerance or _RTOL)
     share = precision / _SHIFT
     growth = apart / (_SHIFT * size)
@@ -267,22 +274,40 @@ def _rests_at_first(model: VibroModel) -> bool:
     return bool(((gap == 0.0) & (rate == 0.0)).any())
 
 
-def compare(motion: Trajectory, reference: Trajectory, name: str, least: float = 0.0) -> Errors:
+def compare(
+    scene: Scene, model: VibroModel, motion: Trajectory, reference: Trajectory, name: str,
+    least: float = 0.0,
+) -> Errors:  # fmt: skip
     """Differences of two motions with the same rows, over the way but at least over ``least`` [m].
 
     The force is compared by its impulse up to each time, since an impact that falls into the next
     row is no error of the force.
     """
+    fine, coarse = (_track(scene, model, each) for each in (reference, motion))
     count = min(len(motion.times), len(reference.times))
-    u, exact = motion.position[:count], reference.position[:count]
-    way = exact - exact[0]
     impulse, other = (np.cumsum(m.impulse[1:count], axis=0) for m in (motion, reference))
-    return Errors(
-        f"{name}; force by its impulse up to each time",
-        relative(np.abs(u - exact).max(), max(np.abs(way).max(), least)),
-        relative(root_of_squares(u - exact), max(root_of_squares(way), least * u.size**0.5)),
-        relative(np.abs(impulse - other).sum(), np.abs(other).sum()),
-    )
+    wrong = relative(np.abs(impulse - other).sum(), np.abs(other).sum())
+    name = f"{name}; force by its impulse up to each time"
+    return replace(difference(fine, coarse, name, least), force_l1=wrong)
+
+
+def _track(scene: Scene, model: VibroModel, motion: Trajectory) -> Track:
+    """Of the nodes of the bodies, without forces: impacts are instants."""
+    places = model.places(motion.position)
+    speeds = _speeds(model, motion.position[0], motion.velocity[0])
+    ends = np.cumsum([len(np.asarray(shape.points)) for shape in model.shapes])[:-1]
+    parts, dim = [], places.shape[2]
+    for shape, place, speed in zip(
+        model.shapes, np.split(places, ends, axis=1), np.split(speeds, ends), strict=True
+    ):
+        share = 1.0 / np.sqrt(place.shape[1])
+        way = share * (place - place[0]).reshape(len(place), -1)
+        carried = np.zeros((3, way.shape[1]))
+        carried[:dim] = share * np.tile(np.eye(dim), place.shape[1])
+        first = np.pad(speed.mean(axis=0), (0, 3 - dim))
+        extent = float(np.abs(place).max() + np.abs(way).max())
+        parts.append(Part(shape.name, way, carried, first, extent))
+    return Track(motion.times, tuple(parts), np.zeros(len(motion.times)), grounds(scene))
 
 
 def vibro_history(

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -105,7 +105,7 @@ class ElasticSystem:
         """Canonical numbers of the owned nodes, the same for any number of ranks."""
         return self.nodes.numbers[: self.nodes.owned]
 
-    @property
+    @cached_property
     def total_mass(self) -> float:
         """Mass of the body [kg]."""
         return float(self.comm.allreduce(float(self.node_mass.sum()), op=MPI.SUM))
@@ -125,6 +125,20 @@ class ElasticSystem:
         if self.axisymmetric:
             momentum[0] = 0.0
         return momentum
+
+    @cached_property
+    def adrift(self) -> Floats:
+        """1 for directions in which the body moves without strain, else 0, (dim,) (collective)."""
+        held = self.constrained.reshape(-1, self.dim).any(axis=0)
+        held[0] |= self.axisymmetric
+        return np.where(self.comm.allreduce(held.astype(np.int64), op=MPI.SUM) > 0, 0.0, 1.0)
+
+    def carried(self, field: Floats) -> Floats:
+        """Mean translation in a field of the owned dofs that strains nothing, (dim,) (collective).
+
+        Products with K of what is large by it lose as many digits: K annihilates it to rounding.
+        """
+        return self.adrift * self.mean(field)
 
     @property
     def center_of_mass(self) -> Floats:

@@ -168,10 +168,11 @@ def _attach_rigid_motions(nodes: Nodes, stiffness: Any, supports: Supports) -> N
         motion[supports.constrained] = 0.0
         vector = stiffness.createVecLeft()
         vector.array_w[:] = motion
+        whole = vector.norm()
         for other in vectors:
             vector.axpy(-vector.dot(other), other)
         size = vector.norm()
-        if size > 1e-10 * max(1.0, nodes.size) * np.sqrt(vector.getSize()):
+        if size > 1e-10 * whole:
             vector.scale(1.0 / size)
             vectors.append(vector)
         else:

@@ -149,7 +149,8 @@ class _Segment(Plane):
 
 def _polygon(outline: PolygonOutline) -> Outline:
     corners = outline.corners
-    scale = 2.0 ** round(math.log2(float(np.ptp(corners, axis=0).max())))
+    largest = float(np.ptp(corners, axis=0).max())
+    scale = 2.0 ** round(math.log2(largest))
     corners = corners / scale
     places = []
     for name, a, b in zip(outline.edges, corners, np.roll(corners, -1, axis=0), strict=True):
@@ -157,7 +158,7 @@ def _polygon(outline: PolygonOutline) -> Outline:
         places.append((name, _Segment(normal, float(normal @ a), a, b)))
     around = corners if outline.signed_area > 0.0 else corners[::-1]
     frame = Frame(scale, np.zeros(2), np.zeros(2), 0.0)
-    return Outline(frame, Polygon(around, None), tuple(places), ())
+    return Outline(frame, largest / scale, Polygon(around, None), tuple(places), ())
 
 
 def held_slopes(mesh: PlateMesh, plate: Plate) -> tuple[Booleans, list[list[Floats]]]:

@@ -215,7 +215,7 @@ def _check_gaps(points: Sequence[Point], gaps: Sequence[Gap], labels: Sequence[s
     start = np.concatenate([p.position for p in points]).astype(float)
     for gap, label in zip(gaps, labels, strict=True):
         depth = gap.distance(start) - float(gap.motion(0.0))
-        if depth < -1e-12 * max(1.0, float(np.abs(start).max())):
+        if depth < -1e-12 * max(float(np.abs(start).max()), abs(gap.offset), gap.reach):
             raise SceneError(
                 f"{label}: they overlap by {-depth:.6g} m at t = 0; move one of them, or make the "
                 "radius smaller"

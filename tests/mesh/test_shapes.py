@@ -1,6 +1,8 @@
 """Shapes: volumes, names, orders, turned bodies, cuts and refinement."""
 
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +13,14 @@ from impactfem.mesh.checks import check_body
 from impactfem.mesh.raw import outer_facets
 from impactfem.mesh.shapes import shape_mesh
 from impactfem.mesh.structured import structured_mesh
+from impactfem.scene.plate import Plate
+from impactfem.scene.plate_outlines import PolygonOutline
 from impactfem.scene.shapes import Block, Cylinder, Disc, Ring, Sphere
+from impactfem.scene.solid_keys import Refinement
+from impactfem.system.plate_mesh import plate_mesh
 
 QUARTER = math.pi / 2
+SCALES = [2.0**-30, 1e-9, 1e-7, 1e-3, 0.7, math.pi, 1e4]
 
 PLANE = [
     (Block(size=(1.0, 2.0), corner=(3.0, -1.0)), 0.2),
@@ -175,13 +182,49 @@ def test_a_turned_and_moved_body_has_the_turned_and_moved_mesh(make, angle, kind
     np.testing.assert_allclose(turned.points, expected, rtol=0, atol=1e-15)
 
 
-@pytest.mark.parametrize("factor", [2.0**-30, 2.0**10])
-def test_a_nanometre_and_a_kilometre_have_the_same_mesh(factor):
-    one, other = (
-        shape_mesh(Disc(radius=0.5 * k, center=(0.0, 0.5 * k)), 0.1 * k) for k in (1.0, factor)
-    )
-    np.testing.assert_array_equal(one.cells, other.cells)
-    np.testing.assert_array_equal(factor * one.points, other.points)
+def scaled(shape, factor):
+    """The same form, of other size and place."""
+    names = ("size", "corner", "center", "radius", "inner_radius", "height")
+    old = {name: np.array(getattr(shape, name)) for name in names if getattr(shape, name, None)}
+    return replace(shape, **{name: (factor * value).tolist() for name, value in old.items()})
+
+
+@pytest.mark.parametrize(("shape", "size", "axisymmetric"), [
+    *((shape, size, False) for shape, size in [*PLANE[:1], *PLANE[4:7], *SPACE[:2], SPACE[5]]),
+    *((shape, size, True) for shape, size in AXISYMMETRIC[1:3]),
+    (Block(size=(1.0, 0.3)), 0.07, False),
+])  # fmt: skip
+def test_the_unit_of_length_does_not_change_the_mesh(shape, size, axisymmetric):
+    def made(factor):
+        ball = {"point": shape.centre, "radius": 0.31, "size": 0.6 * size}
+        ball = Refinement(**{name: (factor * np.array(v)).tolist() for name, v in ball.items()})
+        keys = {"degree": 2, "axisymmetric": axisymmetric}
+        return shape_mesh(scaled(shape, factor), size * factor, [ball], **keys)
+
+    expected = made(1.0)
+    for factor in SCALES:
+        found = made(factor)
+        np.testing.assert_array_equal(found.cells, expected.cells)
+        for name, facets in expected.surfaces.items():
+            np.testing.assert_array_equal(found.surfaces[name], facets)
+        atol = 1e-12 * np.abs(expected.points).max()
+        np.testing.assert_allclose(found.points / factor, expected.points, rtol=0, atol=atol)
+
+
+def test_the_unit_of_length_does_not_change_the_mesh_of_a_polygon():
+    corners = np.array([[0.0, 0.0], [1.0, 0.1], [0.7, 0.8], [0.3, 0.35]])
+
+    def made(factor):
+        outline = PolygonOutline(points=(factor * corners).tolist())
+        keys = {"density": 1.0, "youngs_modulus": 1.0, "poisson_ratio": 0.3}
+        keys |= {"mesh_size": 0.07 * factor, "thickness": 0.01 * factor}
+        return plate_mesh(Plate(outline=outline, **keys), Path())
+
+    expected = made(1.0)
+    for factor in SCALES:
+        found = made(factor)
+        np.testing.assert_array_equal(found.cells, expected.cells)
+        np.testing.assert_allclose(found.points / factor, expected.points, rtol=0, atol=1e-12)
 
 
 def test_a_body_is_meshed_alike_every_time():

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from impactfem import Scene
+from impactfem.models.solids import solids_model
 from impactfem.planning.doubts import MEETS_NOTHING, doubts
+from impactfem.planning.flights import flyer
 
 
 def thrown(*flights, duration=1.0):
@@ -65,3 +67,21 @@ def test_random_flights_meet_where_samples_do():
             scene = thrown(*zip(places.tolist(), speeds.tolist(), strict=True))
             assert told(scene) != seen[-1]
     assert len(set(seen)) == 2
+
+
+def test_a_blow_between_samples_is_in_the_flight():
+    """Its impulse moves the body, however short it is: samples saw none of it."""
+    pulse = {"surface": "left", "value": ["where(abs(t - 0.2501) < 1e-5, 1e5, 0)", "0"]}
+    block = {
+        "kind": "solid", "name": "block", "model": "plane_strain", "mesh_size": 0.5,
+        "shape": {"kind": "block", "size": [1.0, 1.0], "corner": [0.0, 0.0]}, "density": 1.0,
+        "youngs_modulus": 1e6, "poisson_ratio": 0.3, "tractions": [pulse],
+    }  # fmt: skip
+    wall = {"kind": "half_space", "name": "wall", "point": [9.0, 0.0], "normal": [-1.0, 0.0]}
+    data = {"title": "blow", "duration": 1.0, "body": [block], "obstacle": [wall]}
+    scene = Scene.from_dict(data)
+    part = solids_model(scene, [1]).parts[0]
+    drives = flyer(scene, part.solid, part.system, part.outside).drives
+    assert drives.known
+    # 2e-5 s of 1e5 N give 1 kg a speed of 2 m/s.
+    np.testing.assert_allclose(drives.at(1.0), [2.0 * 0.7499, 0.0, 0.0], rtol=2e-3, atol=1e-9)

@@ -7,6 +7,7 @@ import pytest
 from units import Units
 
 from impactfem import Scene, plan, solve
+from impactfem.errors import SceneError
 from impactfem.shipped import shipped_scenes
 from impactfem.starting import starters
 
@@ -50,3 +51,32 @@ def test_other_units_change_neither_numbers_nor_verdict(name):
             error = np.abs(np.nan_to_num(values - series.values))
             size = scales[column.rpartition(".")[0], unit]
             assert error.max(initial=0.0) <= 1e-9 * size, column
+
+
+BLOCK = {"kind": "rigid", "mass": 1.0, "shape": {"kind": "block", "size": [1, 1], "corner": [0, 0]}}
+DISC = {"kind": "rigid", "name": "b", "mass": 1.0}
+DISC |= {"shape": {"kind": "disc", "radius": 0.2, "center": [3.0, 2.0]}}
+BEAM = {"kind": "beam", "length": 1.0, "height": 0.05, "width": 0.05, "density": 1000.0}
+LYING = {
+    "point": [{"kind": "point", "mass": 1.0, "radius": 0.1, "position": [0.0, 0.1]}],
+    "rod": [{"kind": "rod", "mass": 1.0, "length": 1.0, "center": [0.0, 0.0]}],
+    "beam": [BEAM | {"youngs_modulus": 1e9, "center": [0.0, 0.0]}],
+    "rigid": [BLOCK],
+    "two": [BLOCK, DISC],
+}
+
+
+@pytest.mark.parametrize("metre", [1.0, 2.0**-30, 2.0**30])
+@pytest.mark.parametrize("name", LYING)
+def test_a_body_inside_another_is_refused_in_any_unit(name, metre):
+    def lying(depth):
+        floor = {"kind": "half_space", "name": "floor", "normal": [0.0, 1.0]}
+        bodies = [{"name": "a"} | body for body in LYING[name]]
+        data = {"title": "lying", "duration": 1.0, "gravity": [0.0, -1.0], "body": bodies,
+                "obstacle": [floor | {"point": [0.0, depth]}],
+                "contact": [{"between": ["a", "floor"], "restitution": 0.5}]}  # fmt: skip
+        return Scene.from_dict(Units(1.0, metre, 1.0).scene(data))
+
+    plan(lying(0.0))
+    with pytest.raises(SceneError, match=r"a.* on floor: .* at t = 0; move"):
+        solve(lying(1e-6))
