@@ -29,12 +29,13 @@ from impactfem.models.ball_contacts import (
 )
 from impactfem.models.key import SceneKey
 from impactfem.models.obstacle_contacts import ObstacleMeeting, obstacle_meetings
-from impactfem.models.solid_contact import Neighbours, contact_of, reach_of
+from impactfem.models.solid_contact import contact_of, reach_of
 from impactfem.models.tips import tips_of
 from impactfem.scene import Scene, Solid
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.pairing import named_body_pairs, obstacles_of
 from impactfem.scene.probes import Probe, outside
+from impactfem.scene.room import Room
 from impactfem.system.elastic import ElasticSystem, elastic_system
 from impactfem.system.few import FewBodies
 from impactfem.system.few_bodies import few_bodies
@@ -57,7 +58,6 @@ class SolidPart:
         solid: The body.
         degree: Degree of its elements.
         mesh: Its mesh.
-        neighbours: Which solids may meet.
     """
 
     comm: Any
@@ -65,7 +65,6 @@ class SolidPart:
     solid: Solid
     degree: int
     mesh: BodyMesh
-    neighbours: Neighbours
 
     @cached_property
     def system(self) -> ElasticSystem:
@@ -155,14 +154,14 @@ class SolidsModel:
             SceneError: Two bodies overlap at t = 0, or a surface is unknown.
         """
         names = [part.solid.name for part in self.parts]
-        found = []
+        found, room = [], Room.of(self.scene)
         for label, (one, first), (two, second) in named_body_pairs(self.scene):
             if one not in names or two not in names:
                 continue
             a, b = names.index(one), names.index(two)
-            if frozenset((one, two)) not in self.parts[a].neighbours.pairs:
-                continue
             if a != b:
+                if not room.meet(one, two):
+                    continue
                 self._check_apart(a, b)
             pair = make_pair(
                 (a, b),
@@ -396,8 +395,7 @@ def _parts(key: SceneKey, degrees: tuple[int, ...]) -> tuple[SolidPart, ...]:
     # A list with a name outlives an error of a later body. What a comprehension had found would be
     # freed while the error is under way, which mpi4py's locks of communicators do not survive.
     parts: list[SolidPart] = []
-    neighbours = Neighbours(scene, parts)
     for solid, degree in zip(scene.solids, degrees, strict=True):
         mesh = build_body_mesh(comm, solid, degree, folder)
-        parts.append(SolidPart(comm, scene, solid, degree, mesh, neighbours))
+        parts.append(SolidPart(comm, scene, solid, degree, mesh))
     return tuple(parts)

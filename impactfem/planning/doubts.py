@@ -16,6 +16,7 @@ from impactfem.exact import ExactBar
 from impactfem.findings import Finding, warning
 from impactfem.scene import Scene
 from impactfem.scene.pairing import bodies_met, obstacles_of, self_meeting
+from impactfem.scene.room import Room
 
 MEETS_NOTHING = "meets_nothing"
 """Code of bodies that meet nothing."""
@@ -74,51 +75,14 @@ def doubts_of_bar(scene: Scene, exact: ExactBar) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-@dataclass(frozen=True)
-class Room:
-    """What is too far apart to meet, whatever strikes what.
-
-    Attributes:
-        boxes: Half the edges and the centres of bodies at t = 0 [m], (dim,) each; empty if their
-            ways are not certain.
-        way: Bound of the ways of two of them within the duration [m].
-    """
-
-    boxes: Mapping[str, tuple[Floats, Floats]]
-    way: float
-
-    @classmethod
-    def of(cls, scene: Scene) -> "Room":
-        """Of a scene: what strikes another body passes on at most twice its speed."""
-        flights = {body.name: body.flight for body in scene.bodies}
-        known = {name: flight for name, flight in flights.items() if flight is not None}
-        moved = any(obstacle.moves for obstacle in scene.rigid_obstacles)
-        if len(known) < len(flights) or moved or scene.joints or scene.starts_at_rest:
-            return cls({}, math.inf)
-        pull = float(np.linalg.norm(scene.vector_gravity.values, axis=-1).max(initial=0.0))
-        speed = pull * scene.duration
-        for body in scene.bodies:
-            spin = np.linalg.norm(getattr(body, "angular_velocity", None) or 0.0)
-            flight = known[body.name]
-            speed += float(np.linalg.norm(flight.velocity) + spin * np.linalg.norm(flight.half))
-        boxes = {name: (np.array(f.half), np.array(f.center)) for name, f in known.items()}
-        return cls(boxes, scene.duration * speed * 2.0 ** min(len(known), 64))
-
-    def meet(self, one: str, other: str) -> bool:
-        """Whether two bodies may meet."""
-        if not self.boxes:
-            return True
-        (half, here), (other_half, there) = self.boxes[one], self.boxes[other]
-        apart = np.maximum(np.abs(there - here) - half - other_half, 0.0)
-        return bool(np.linalg.norm(apart) <= self.way)
-
-    def reach(self, body: str, obstacle: Any) -> bool:
-        """Whether a body may meet an obstacle."""
-        if not self.boxes:
-            return True
-        half, center = self.boxes[body]
-        still = np.zeros_like(center)
-        return _may_meet(_Path(half, still, np.array([center, center + self.way])), obstacle)
+def may_reach(room: Room, body: str, obstacle: Any) -> bool:
+    """Whether a body may meet an obstacle, whatever strikes it."""
+    if not room.balls:
+        return True
+    radius, center = room.balls[body]
+    ways = np.array([center, center + room.way])
+    half = np.full(len(center), radius)
+    return _may_meet(_Path(half, np.zeros(len(center)), ways), obstacle)
 
 
 def _meet_nothing(scene: Scene) -> bool:

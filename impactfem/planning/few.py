@@ -10,7 +10,7 @@ import numpy as np
 from impactfem.errors import ImpactError, SceneError
 from impactfem.findings import Finding, warning
 from impactfem.methods import METHODS
-from impactfem.planning.doubts import Room
+from impactfem.planning.doubts import may_reach
 from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.plans import Plan
 from impactfem.planning.solid_costs import count_layers
@@ -21,6 +21,7 @@ from impactfem.scene import Scene
 from impactfem.scene.joints import Joint
 from impactfem.scene.laws import side_of
 from impactfem.scene.pairing import law_of, named_body_pairs
+from impactfem.scene.room import Room
 from impactfem.sizing import check_memory
 
 if TYPE_CHECKING:
@@ -338,7 +339,7 @@ def law_findings(scene: Scene) -> list[Finding]:
 def _strikes(scene: Scene, dead: set[str]) -> bool:
     """Whether bodies without waves may strike each other or obstacles."""
     room = Room.of(scene)
-    if any(room.reach(name, o) for name in dead for o in scene.rigid_obstacles):
+    if any(may_reach(room, name, o) for name in dead for o in scene.rigid_obstacles):
         return True
     return any(
         {one, two} <= dead and room.meet(one, two)
