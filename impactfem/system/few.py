@@ -150,6 +150,15 @@ class FewBodies:
         """Contact nodes of one of the bodies."""
         return np.flatnonzero(self.body == body)
 
+    @property
+    def singles(self) -> Mapping[str, int]:
+        """Bodies that meet all of their kind with the same contact node, by name, and that."""
+        if self.ends or len(self.lines):
+            return {}
+        alone = np.bincount(self.body, minlength=len(self.names)) == 1
+        own = np.argsort(self.body, kind="stable")[alone[np.sort(self.body)]]
+        return {self.names[self.body[node]]: int(node) for node in own}
+
     def meeting(
         self,
         body: int,
