@@ -314,7 +314,9 @@ class MechanismMidpoint(ShownMechanism):
                 break
             allowed = _SETTLED * np.abs(self._ahead).max() + np.finfo(float).tiny
             allowed += _ROUNDS * self._rounding * share * np.abs(mean).max()
-            sizes = np.abs(self._momentum) + np.abs(momentum) + dt * np.abs(self._drive)
+            # At rest what holds, pushes and pulls cancels to rounding of each.
+            sizes = dt * (np.abs(force) + np.abs(self._drive)) + np.abs(momentum)
+            sizes += np.abs(given) + np.abs(pushed) + np.abs(impulses)
             allowed += _ROUNDS * _EPSILON * float((self._spread @ sizes).max())
             self._allowed = allowed
             if np.abs(change).max() <= allowed:
