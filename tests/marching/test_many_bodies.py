@@ -108,7 +108,9 @@ def test_pairs_of_balls_without_laws_are_arrays_and_those_found_one_by_one(kind,
     scene = grains(places, contact=[]).to_dict()
     if kind == "point":
         each = [{"kind": kind, "name": f"p{k}", "mass": 1.0} for k in range(len(places))]
-        scene["body"] = [b | {"position": p, "radius": 0.1} for b, p in zip(each, places, strict=True)]
+        scene["body"] = [
+            b | {"position": p, "radius": 0.1} for b, p in zip(each, places, strict=True)
+        ]
     scene["body"].insert(
         3,
         {
