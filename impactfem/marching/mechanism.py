@@ -315,9 +315,8 @@ class MechanismMidpoint(ShownMechanism):
             allowed = _SETTLED * np.abs(self._ahead).max() + np.finfo(float).tiny
             allowed += _ROUNDS * self._rounding * share * np.abs(mean).max()
             # At rest what holds, pushes and pulls cancels to rounding of each.
-            sizes = dt * (np.abs(force) + np.abs(self._drive)) + np.abs(momentum)
-            sizes += np.abs(given) + np.abs(pushed) + np.abs(impulses)
-            allowed += _ROUNDS * _EPSILON * float((self._spread @ sizes).max())
+            parts = dt * force, dt * self._drive, momentum, given, pushed, impulses
+            allowed += _ROUNDS * _EPSILON * float((self._spread @ sum(map(np.abs, parts))).max())
             self._allowed = allowed
             if np.abs(change).max() <= allowed:
                 return impulses

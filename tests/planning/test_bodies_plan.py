@@ -183,5 +183,5 @@ def test_time_of_boxes_counts_what_their_edges_and_faces_take_in_each_layer():
         body["shape"] = {"kind": "block", "corner": corner, "size": [0.002, 0.002, 0.002]}
     table["solve"] = {"dt": table["duration"] / 100, "estimate": False}
     plan = impactfem.plan(impactfem.Scene.from_dict(table))
-    assert 8 * 300 <= plan.contact_pairs
+    assert plan.contact_pairs >= 8 * 300
     assert 3.05 / 3.0 < plan.seconds < 3.0 * 3.05
