@@ -33,6 +33,7 @@ class Lone:
         arms: From the centre to the contact nodes [m], (nodes, 3).
         rolling: Radius with which nodes roll [m], (nodes,).
         shares, axis: Of `impactfem.system.rigid.Rims`, (nodes or 0, 2) and (3,).
+        free: See `impactfem.system.rigid.Rigid`.
     """
 
     mass: float
@@ -41,6 +42,7 @@ class Lone:
     rolling: Floats
     shares: Floats
     axis: Floats
+    free: bool
 
 
 @dataclass(frozen=True, kw_only=True)

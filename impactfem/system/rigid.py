@@ -86,6 +86,8 @@ class Rigid(FewBodies):
         loads: What acts besides gravity; None if nothing does.
         picture: Points [m], (points, 3), along the axes of the body, and cells of its picture.
         crowded: Of each contact node how many from it on others share, 0 where none do, (nodes,).
+        free: Whether it turns about any axis alike, and nothing of what touches turns with it: its
+            steps may be of many turns.
     """
 
     inertia: Floats
@@ -100,6 +102,7 @@ class Rigid(FewBodies):
     loads: Loads | None
     picture: tuple[Floats, Integers]
     crowded: Integers
+    free: bool
 
     @property
     def shared(self) -> Integers:
@@ -128,7 +131,7 @@ class Rigid(FewBodies):
             return None
         shares = np.zeros((0, 2)) if self.rims is None else self.rims.shares
         axis = np.zeros(3) if self.rims is None else self.rims.axis
-        return Lone(self.masses[0], self.inertia, self.arms, self.rolling, shares, axis)
+        return Lone(self.masses[0], self.inertia, self.arms, self.rolling, shares, axis, self.free)
 
     def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
         """One, wherever joints hold it."""
@@ -280,6 +283,8 @@ def rigid_system(scene: Scene, body: RigidBody, among: _Bodies) -> Rigid:
         return np.asarray((middle + arms @ turn.T + around)[:, :dim])
 
     spin = float(np.linalg.norm(velocity[dim:]))
+    # Steps of what is joined, or beside iterated bodies, follow arms and turns.
+    free = not (carriers or rims or scene.joints or scene.iterated) and _is_free(inertia, arms)
     return Rigid(
         names=(body.name,),
         masses=(body.total_mass,),
@@ -296,7 +301,7 @@ def rigid_system(scene: Scene, body: RigidBody, among: _Bodies) -> Rigid:
         body=np.zeros(len(radius), dtype=np.int64),
         lines=np.zeros((0, 2), dtype=np.int64),
         ends={},
-        rate=lambda: spin,
+        rate=lambda: 0.0 if free else spin,
         words=f"a rigid {body.figure}",
         inertia=inertia,
         arms=arms,
@@ -311,6 +316,7 @@ def rigid_system(scene: Scene, body: RigidBody, among: _Bodies) -> Rigid:
         picture=(in_space(form.points - center), form.cells),
         crowded=np.where(np.arange(len(radius)) == len(own) * len(partners), room, 0),
         carriers=carriers,
+        free=free,
     )
 
 
@@ -323,6 +329,12 @@ def _alike(body: RigidBody, others: Sequence[str], among: _Bodies) -> tuple[froz
     if not found or len(found) <= (room := _room(body, among)):
         return frozenset(), 0
     return (among.rolling if len(found) == len(among.rolling) - 1 else found), room
+
+
+def _is_free(inertia: Floats, arms: Floats) -> bool:
+    """Whether a body turns about any axis alike, and none of its arms (nodes, 3) turns with it."""
+    alike = np.abs(inertia - inertia[0, 0] * np.eye(3)).max() <= 1e-14 * np.abs(inertia).max()
+    return bool(alike) and not arms.any()
 
 
 def _room(body: RigidBody, among: _Bodies) -> int:
