@@ -168,7 +168,9 @@ def crowded(model: Bodies, offsets: Sequence[int]) -> tuple[Crowded, list[dict[s
         if few.singles and not asked:
             own = {name: node + start for name, node in few.singles.items()}
             kinds.setdefault(type(few), {}).update(own)
-    held = {tuple(sorted(place[name] for name in joint.bodies)) for joint in scene.joints}
+    # Gears join three or more, and others one to the ground.
+    both = (set(joint.bodies) & place.keys() for joint in scene.joints if len(joint.bodies) == 2)
+    held = {tuple(sorted(place[name] for name in names)) for names in both if len(names) == 2}
     found = [np.zeros((0, 2), dtype=np.int64)]
     node = np.zeros(len(bodies), dtype=np.int64)
     for kind in kinds.values():
@@ -176,8 +178,8 @@ def crowded(model: Bodies, offsets: Sequence[int]) -> tuple[Crowded, list[dict[s
         node[among] = list(kind.values())
         found.append(np.sort(among)[np.stack(np.triu_indices(len(among), 1), axis=1)])
     pairs = np.concatenate(found)
-    for both in held:
-        pairs = pairs[(pairs != both).any(axis=1)]
+    for two in held:
+        pairs = pairs[(pairs != two).any(axis=1)]
     radii = radius[node[pairs]]
     there = radii.sum(axis=1) > 0.0  # two points do not meet
     ends = node[pairs[there]]

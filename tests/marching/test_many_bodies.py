@@ -135,6 +135,36 @@ def test_pairs_of_balls_without_laws_are_arrays_and_those_found_one_by_one(kind,
     solids._model.cache_clear()
 
 
+def test_points_that_a_joint_holds_do_not_meet_and_those_on_the_ground_do():
+    each = [
+        {"kind": "point", "name": f"p{k}", "mass": 1.0, "position": [0.3 * k, 0.0], "radius": 0.1}
+        for k in range(4)
+    ]
+    joints = [
+        {
+            "kind": "distance",
+            "name": "a",
+            "between": ["p1", "p2"],
+            "points": [[0.3, 0.0], [0.6, 0.0]],
+        },
+        {
+            "kind": "distance",
+            "name": "g",
+            "between": ["p0", "ground"],
+            "points": [[0.0, 0.0], [0.0, 1.0]],
+        },
+    ]
+    table = {"title": "held", "duration": 0.1, "body": each, "joint": joints, "obstacle": BOX[:1]}
+    crowd = solids.solids_model(Scene.from_dict(table), (), updated=True).crowd
+    assert set(crowd.names) == {
+        ("p0", "p1"),
+        ("p0", "p2"),
+        ("p0", "p3"),
+        ("p1", "p3"),
+        ("p2", "p3"),
+    }
+
+
 def test_bodies_stepped_together_move_as_each_does_alone():
     """Free flights with spins about no axis of symmetry and forces by formula."""
     bodies = [
