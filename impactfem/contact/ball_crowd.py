@@ -1,6 +1,5 @@
 """Gaps of many pairs of balls at once: one array operation in place of a search for each pair."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +7,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from impactfem.contact.ball_kernels import gaps_of, near_among, near_of
-from impactfem.contact.ball_pairs import BallPair
 from impactfem.contact.followed_pair import FAR
 from impactfem.contact.meeting import Anew, Meeting
 from impactfem.errors import ConvergenceError
@@ -45,18 +43,17 @@ class BallCrowd(Anew):
     total: int
 
     @classmethod
-    def of(cls, pairs: Sequence[BallPair], shared: Integers) -> "BallCrowd":
-        """Join pairs that are `BallPair.single`.
+    def of(cls, ends: Integers, radii: Floats, shared: Integers) -> "BallCrowd":
+        """Join pairs of single balls.
 
         Args:
-            pairs: See there.
+            ends: See above.
+            radii: Of both [m], (pairs, 2).
             shared: As of `impactfem.system.few.FewBodies`, of all contact nodes.
         """
-        ends = np.array([(pair.balls[0], pair.target.nodes[0]) for pair in pairs])
-        radii = np.array([(pair.radius[0], pair.target.radius[0]) for pair in pairs])
         several = shared[ends]
         near = np.where(several.any(axis=1), NEAR * radii.min(axis=1), np.inf)
-        return cls(ends, several, radii.sum(axis=1), near, pairs[0].total)
+        return cls(ends, several, radii.sum(axis=1), near, len(shared))
 
     @property
     def room_near(self) -> int:

@@ -3,7 +3,7 @@
 A step is that of `impactfem.marching.rigid` with the law of contact of
 `impactfem.marching.rubbing_march`, from the same parts. Arguments that functions share:
 
-- body: (mass [kg], inertia, inverse (3, 3) along its axes).
+- body: (mass [kg], inertia, inverse (3, 3) along its axes, whether it is `Rigid.free`).
 - places: what can touch, each of one plane: (arms along the axes of the body (C, 3), radius,
   rolling radius (C,), shares of rims (C, 2), axis of rims (3,), whether there are rims, plane (C,),
   how far they reach from the centre (J,)); see `impactfem.system.rigid.Rigid`.
@@ -213,7 +213,7 @@ def march_members(
     """
     member, m = begins
     steps, every = span
-    mass, inertia, inverse = body
+    mass, inertia, inverse, free = body
     of, reach, points = places[6], places[7], planes[1]
     dim, nothing, known = planes[0].shape[1], np.zeros(3), handing[3]
     acting, ahead = np.empty(len(of), dtype=np.int64), np.empty(3)
@@ -237,7 +237,7 @@ def march_members(
         for k in range(3):
             ahead[k] = speed[k] + dt * (mass * pull[k]) / mass
         turned = new, half, end, middle, freedom
-        if not turn(inertia, inverse, rotation, spin, nothing, dt, False, *turned):
+        if not turn(inertia, inverse, rotation, spin, nothing, dt, False, free, *turned):
             return member, m, TURNS
         there = centre + 0.5 * dt * (speed + ahead)
         down = look_down(end, places, planes, lowest, -1.0) if places[5] else lowest
@@ -291,14 +291,17 @@ def march_members(
             if force.any():
                 for k in range(3):
                     ahead[k] = speed[k] + (dt * (mass * pull[k]) + dt * push[k]) / mass
-                if not turn(inertia, inverse, rotation, spin, dt * moment, dt, False, *turned):
+                if not turn(
+                    inertia, inverse, rotation, spin, dt * moment, dt, False, free, *turned
+                ):
                     return member, m, TURNS
+        way = 0.5 * dt * (spin + new)
         for k in range(3):
             centre[k] += 0.5 * dt * (speed[k] + ahead[k])
             speed[k], spin[k] = ahead[k], new[k]
         lowest[:] = down
         angles = states[1][member : member + 1]
-        angles[:] = turned_further(angles, half.reshape(1, 3))
+        angles[:] = turned_further(angles, half.reshape(1, 3), way.reshape(1, 3))
         rotation = frames(angles)[0]
         if near:
             ends = reached(rotation, places, planes, lowest)

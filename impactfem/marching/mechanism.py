@@ -314,8 +314,9 @@ class MechanismMidpoint(ShownMechanism):
                 break
             allowed = _SETTLED * np.abs(self._ahead).max() + np.finfo(float).tiny
             allowed += _ROUNDS * self._rounding * share * np.abs(mean).max()
-            sizes = np.abs(self._momentum) + np.abs(momentum) + dt * np.abs(self._drive)
-            allowed += _ROUNDS * _EPSILON * float((self._spread @ sizes).max())
+            # At rest what holds, pushes and pulls cancels to rounding of each.
+            parts = dt * force, dt * self._drive, momentum, given, pushed, impulses
+            allowed += _ROUNDS * _EPSILON * float((self._spread @ sum(map(np.abs, parts))).max())
             self._allowed = allowed
             if np.abs(change).max() <= allowed:
                 return impulses

@@ -25,6 +25,7 @@ from impactfem.marching.rigid_kernels import (
     turned_further,
 )
 from impactfem.marching.rigid_sums import about_axes, applied, no_sums, on_bodies, sums_of
+from impactfem.marching.turn_kernels import LARGEST
 from impactfem.scene import PiecewiseVector
 from impactfem.system.rigid import Rigid, in_space
 
@@ -61,6 +62,7 @@ class RigidBodies(Meshless):
         ends = np.cumsum([0, *sizes])
         self.owns = [slice(*both) for both in pairwise(ends.tolist())]
         self.apart: Integers = np.repeat(np.arange(len(bodies)), sizes)
+        self._free = np.array([each.free for each in bodies])
         self._mass = np.array([each.masses[0] for each in bodies])[:, None]
         self._inertia = np.array([each.inertia for each in bodies])
         self._inverse = np.linalg.inv(self._inertia)
@@ -180,7 +182,7 @@ class RigidBodies(Meshless):
         for _ in range(_MOST):
             pushed, kick = self.impulses()
             given = self._inertia, self._inverse, self._turn, self._spin, kick
-            *found, fine = turn_all(*given, self._span, chosen, self._straight)
+            *found, fine = turn_all(*given, self._span, chosen, self._straight, self._free)
             if not fine.all():
                 raise ConvergenceError(
                     f"{self._bodies[chosen[~fine][0]].names[0]} turns too far in a step at t = "
@@ -210,7 +212,13 @@ class RigidBodies(Meshless):
 
     def _whirl(self, body: int | slice = slice(None)) -> Floats:
         """Mean spins of the layer in space, (3,) or (bodies, 3)."""
-        return applied(self._turn[body], 0.5 * (self._spin[body] + self._spin_ahead[body]))
+        found = applied(self._turn[body], 0.5 * (self._spin[body] + self._spin_ahead[body]))
+        if not self._free.any():
+            return found
+        whirls = (applied(self._turn, self._spin), applied(self.end, self._spin_ahead))
+        mean = (0.5 * (whirls[0] + whirls[1]))[body]
+        far = self._span * np.linalg.norm(mean, axis=-1, keepdims=True) >= LARGEST
+        return np.where(far, mean, found)  # others do not turn so far
 
     def take(
         self, speeds: Floats, spins: Floats, halves: Floats, ends: Floats, middles: Floats,
@@ -376,7 +384,8 @@ class RigidBodies(Meshless):
             force, moment = self._loads[:, k]
             work[k] = self._span * float(force @ mean[k] + moment @ self._whirl(k))
         self._centre = self._centre + self._span * mean
-        self._angles = turned_further(self._angles, self._half)
+        ways = 0.5 * self._span * (self._spin + self._spin_ahead)
+        self._angles = turned_further(self._angles, self._half, ways)
         self._speed, self._spin = self._leaving or self.rates_ahead
         self._begin()
         return work

@@ -10,7 +10,7 @@ from impactfem.marching.turn_kernels import turn
 
 
 @compiled
-def turn_all(inertia, inverse, rotations, spins, impulses, dt, chosen, straight):
+def turn_all(inertia, inverse, rotations, spins, impulses, dt, chosen, straight, free):
     """The rotations of a layer of some bodies; see `impactfem.marching.turn_kernels.turn`.
 
     Args:
@@ -21,6 +21,7 @@ def turn_all(inertia, inverse, rotations, spins, impulses, dt, chosen, straight)
         dt: [s].
         chosen: Which bodies, (some,).
         straight: See `turn`.
+        free: See `turn`, (bodies,).
 
     Returns:
         What `turn` writes, with an axis of the chosen bodies before, and which were found.
@@ -33,7 +34,7 @@ def turn_all(inertia, inverse, rotations, spins, impulses, dt, chosen, straight)
         k = chosen[i]
         found[i] = turn(
             inertia[k], inverse[k], rotations[k], spins[k], impulses[k], dt, straight,
-            new[i], half[i], end[i], middle[i], freedom[i],
+            free[k], new[i], half[i], end[i], middle[i], freedom[i],
         )  # fmt: skip
     return new, half, end, middle, freedom, found
 
@@ -62,13 +63,18 @@ def frames(angles):
 
 
 @compiled
-def turned_further(angles, halves):
-    """Angles or unit quaternions turned about axes of the bodies by 2 atan |half|, (bodies, 3)."""
+def turned_further(angles, halves, ways):
+    """Angles or unit quaternions turned about axes of the bodies by 2 atan |half|, (bodies, 3).
+
+    Angles are counted over whole turns: `ways` tell them, mean spins times the step (bodies, 3).
+    """
     found = np.empty_like(angles)
     for k in range(len(angles)):
         a, b, c = halves[k]
         if angles.shape[1] == 1:
-            found[k, 0] = angles[k, 0] + 2.0 * np.arctan(c)
+            turn_ = 2.0 * np.arctan(c)
+            whole = 2.0 * np.pi * np.round((ways[k, 2] - turn_) / (2.0 * np.pi))
+            found[k, 0] = angles[k, 0] + (turn_ + whole)
             continue
         w, x, y, z = angles[k]
         found[k, 0] = w - x * a - y * b - z * c

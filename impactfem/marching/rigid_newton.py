@@ -63,7 +63,7 @@ class RigidSteps(RigidBodies):
         angle = np.linalg.norm(self._spin, axis=1, keepdims=True)
         tangent = np.minimum(np.tan(np.minimum(0.5 * span * angle, 1.5)), _WHOLE)
         half = self._spin * tangent / np.maximum(angle, np.finfo(float).tiny)
-        rotations = frames(turned_further(self._angles, half))
+        rotations = frames(turned_further(self._angles, half, 2.0 * np.arctan(half)))
         bare = turned(rotations, self.apart, self._arms)
         return self._places(self._centre + span * self._speed, rotations, bare)
 

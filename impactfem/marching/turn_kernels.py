@@ -18,6 +18,10 @@ a force on a material point r along its chord T x (mean of R_a r, R_b r), but fo
 such share). Free spin about a principal axis, and
 any of a ball, is exact. (After J. C. Simo, K. K. Wong, Int. J. Numer. Meth. Eng. 31 (1991) 19-52,
 who take the same balance.)
+
+Where arms do not turn with the body, as those of a ball that touches around its centre, steps may
+be of many turns: with J = j 1 the balance is that of spins in space, w_b = w_a + impulse / j, and
+the body turns about their mean, on which moments do their work.
 """
 
 import numpy as np
@@ -28,11 +32,13 @@ _MOST, _SETTLED = 50, 4e-16  # iterates, and the change of spins that is but rou
 _FINE = 1e-12  # change with which the last iterate still counts
 _FEW = 5  # iterates after which that is so
 _SMALL = 1e-4  # angles whose tangent is known by its series
-_LARGEST = 2.0  # rotation in a step [rad]; beyond pi it has no such form
+LARGEST = 2.0  # rotation in a step [rad]; beyond pi it has no such form
 
 
 @compiled
-def turn(inertia, inverse, rotation, spin, impulse, dt, straight, new, half, end, middle, freedom):
+def turn(
+    inertia, inverse, rotation, spin, impulse, dt, straight, free, new, half, end, middle, freedom
+):  # fmt: skip
     """The rotation of a layer.
 
     Vectors are tuples here: arrays that are made for each product would take most of the time.
@@ -44,6 +50,7 @@ def turn(inertia, inverse, rotation, spin, impulse, dt, straight, new, half, end
         impulse: Of moments in space [N m s], (3,).
         dt: [s].
         straight: Whether T = dt W_m.
+        free: Whether steps may be of many turns; see `impactfem.system.rigid.Rigid.free`.
         new, half: W_b [rad/s] and T / 2, (3,) each; written.
         end, middle, freedom: R_b, the mean of R_a and R_b, and the inverse inertia in space amid
             the layer, (3, 3) each; written.
@@ -58,7 +65,23 @@ def turn(inertia, inverse, rotation, spin, impulse, dt, straight, new, half, end
     given = max(_largest(first), _largest(_by(inverse, own)))
     h, stretch = _stretched(first, last, dt, straight)
     found = False
-    for k in range(_MOST):
+    if free:
+        gain = _by(inverse, own)
+        mean = (first[0] + 0.5 * gain[0], first[1] + 0.5 * gain[1], first[2] + 0.5 * gain[2])
+        size = np.sqrt(mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2])
+        if 0.5 * dt * size >= 0.5 * LARGEST:
+            share = np.tan(0.5 * dt * size) / size
+            h, found = (share * mean[0], share * mean[1], share * mean[2]), True
+            last = (first[0] + gain[0], first[1] + gain[1], first[2] + gain[2])
+            share = 2.0 / (1.0 + h[0] * h[0] + h[1] * h[1] + h[2] * h[2])
+            once = _cross(last, h)  # along the axes at the end
+            twice = _cross(once, h)
+            last = (
+                last[0] + share * (once[0] + twice[0]),
+                last[1] + share * (once[1] + twice[1]),
+                last[2] + share * (once[2] + twice[2]),
+            )
+    for k in range(0 if found else _MOST):
         mean = (0.5 * (first[0] + last[0]), 0.5 * (first[1] + last[1]), 0.5 * (first[2] + last[2]))
         p = _by(inertia, mean)
         grown = _by(inertia, (last[0] - first[0], last[1] - first[1], last[2] - first[2]))
@@ -127,7 +150,7 @@ def _stretched(first, last, dt, straight):
     """T / 2, and tan(a) / a of half the angle that a layer turns; 0 if that is too large."""
     x, y, z = 0.5 * (first[0] + last[0]), 0.5 * (first[1] + last[1]), 0.5 * (first[2] + last[2])
     angle = 0.5 * dt * np.sqrt(x * x + y * y + z * z)
-    if not angle < 0.5 * _LARGEST:
+    if not angle < 0.5 * LARGEST:
         return (0.0, 0.0, 0.0), 0.0
     stretch = 1.0
     if not straight:

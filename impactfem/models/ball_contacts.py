@@ -1,6 +1,6 @@
 """How bodies without meshes meet each other and solids: which gaps there are, between what."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -20,6 +20,7 @@ from impactfem.errors import SceneError
 from impactfem.models.convex_contacts import Shapes, convex_meetings, on_others
 from impactfem.models.tip_contacts import tip_meetings
 from impactfem.scene import Scene, Solid
+from impactfem.scene.laws import default_name
 from impactfem.scene.pairing import body_pairs, named_body_pairs
 from impactfem.system.few import FewBodies
 
@@ -71,7 +72,7 @@ class Bodies(Protocol):
 
     @property
     def ball_meetings(self) -> "Sequence[BallMeeting]":
-        """What `ball_meetings` has found."""
+        """What `ball_meetings` has found besides single balls."""
 
     def faces(
         self, body: int, surfaces: Sequence[str] | None
@@ -98,6 +99,91 @@ class BallMeeting:
     pair: NodeMeet
     patch: bool
     single: BallPair | None = None
+
+
+@dataclass(frozen=True)
+class Crowded:
+    """Pairs of bodies that each meet all of their kind with one ball: they may be millions.
+
+    Attributes:
+        bodies: Names of all bodies.
+        pairs: Places of both among these, (pairs, 2).
+        ends: Of both among all contact nodes, (pairs, 2).
+        radii: Of both [m], (pairs, 2).
+        named: Labels of the first pairs, the others have default ones.
+    """
+
+    bodies: Sequence[str]
+    pairs: Integers
+    ends: Integers
+    radii: Floats
+    named: Sequence[str] = ()
+
+    def __len__(self) -> int:
+        """Number of pairs."""
+        return len(self.pairs)
+
+    def behind(self, meetings: Sequence[BallMeeting]) -> "Crowded":
+        """These pairs behind those that are `BallMeeting.single`."""
+        single = [(met, met.single) for met in meetings if met.single is not None]
+        if not single:
+            return self
+        place = {name: k for k, name in enumerate(self.bodies)}
+        pairs = [[place[name] for name in met.names] for met, _ in single]
+        ends = [(pair.balls[0], pair.target.nodes[0]) for _, pair in single]
+        radii = [(pair.radius[0], pair.target.radius[0]) for _, pair in single]
+        return Crowded(
+            self.bodies,
+            np.concatenate([pairs, self.pairs]),
+            np.concatenate([ends, self.ends]),
+            np.concatenate([radii, self.radii]),
+            tuple(met.label for met, _ in single),
+        )
+
+    @property
+    def names(self) -> list[tuple[str, str]]:
+        """Of both bodies of each pair."""
+        return [(self.bodies[one], self.bodies[two]) for one, two in self.pairs.tolist()]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the pairs."""
+        return (*self.named, *(default_name(*both) for both in self.names[len(self.named) :]))
+
+
+def crowded(model: Bodies, offsets: Sequence[int]) -> tuple[Crowded, list[dict[str, int]]]:
+    """Pairs of bodies of one kind without contact laws, and contact nodes of each kind by name.
+
+    Args:
+        model: The bodies.
+        offsets: Where the contact nodes of each part begin, their number last.
+    """
+    scene = model.scene
+    bodies = list(dict.fromkeys(body.name for body in scene.bodies))
+    place, kinds = {name: k for k, name in enumerate(bodies)}, dict[type, dict[str, int]]()
+    radius = np.zeros(offsets[-1])
+    asked = scene.dim == 1 or bool(scene.contacts)  # a line has an order, laws have ends
+    for few, start in zip(model.few, offsets[len(model.parts) : -1], strict=True):
+        radius[start : start + len(few.radius)] = few.radius
+        if few.singles and not asked:
+            own = {name: node + start for name, node in few.singles.items()}
+            kinds.setdefault(type(few), {}).update(own)
+    # Gears join three or more, and others one to the ground.
+    both = (set(joint.bodies) & place.keys() for joint in scene.joints if len(joint.bodies) == 2)
+    held = {tuple(sorted(place[name] for name in names)) for names in both if len(names) == 2}
+    found = [np.zeros((0, 2), dtype=np.int64)]
+    node = np.zeros(len(bodies), dtype=np.int64)
+    for kind in kinds.values():
+        among = np.array([place[name] for name in kind])
+        node[among] = list(kind.values())
+        found.append(np.sort(among)[np.stack(np.triu_indices(len(among), 1), axis=1)])
+    pairs = np.concatenate(found)
+    for two in held:
+        pairs = pairs[(pairs != two).any(axis=1)]
+    radii = radius[node[pairs]]
+    there = radii.sum(axis=1) > 0.0  # two points do not meet
+    ends = node[pairs[there]]
+    return Crowded(bodies, pairs[there], ends, radii[there]), list(kinds.values())
 
 
 @dataclass(frozen=True)
@@ -151,12 +237,15 @@ def places_of(few: Sequence[FewBodies]) -> Floats:
     return np.concatenate([bodies.places(bodies.position) for bodies in few])
 
 
-def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
+def ball_meetings(
+    model: Bodies, offsets: Sequence[int], alike: Sequence[Collection[str]] = ()
+) -> list[BallMeeting]:
     """Meetings of all pairs with a body without a mesh.
 
     Args:
         model: The bodies.
         offsets: Where the contact nodes of each part begin, their number last.
+        alike: Groups of names within which `crowded` has the pairs.
 
     Raises:
         SceneError: Two bodies overlap at t = 0, or have no extent, so that they cannot meet.
@@ -165,7 +254,7 @@ def ball_meetings(model: Bodies, offsets: Sequence[int]) -> list[BallMeeting]:
     shapes = Shapes.of(model.few, offsets)
     found: list[BallMeeting] = []
     flat = model.scene.dim == 1
-    for label, (one, on_one), (two, on_two) in named_body_pairs(model.scene):
+    for label, (one, on_one), (two, on_two) in named_body_pairs(model.scene, alike):
         # A law names the ends that meet; without any all do.
         first = sides[one](on_one or ("",) if asked else None, two) if one in sides else None
         second = sides[two](on_two or ("",) if asked else None, one) if two in sides else None
@@ -341,25 +430,33 @@ def check_apart(meetings: Sequence[BallMeeting], places: Floats) -> None:
     Raises:
         SceneError: They do.
     """
-    single = [(met, met.single) for met in meetings if met.single is not None]
-    closest = []
-    if single:  # all at once: balls may be many
-        ends = np.array([(pair.balls[0], pair.target.nodes[0]) for _, pair in single])
-        room = np.array([pair.radius[0] + pair.target.radius[0] for _, pair in single])
-        apart = np.linalg.norm(places[ends[:, 0]] - places[ends[:, 1]], axis=1)
-        closest = [single[int(np.argmin(apart - room))][0]]
-    for meeting in (*closest, *(met for met in meetings if met.single is None)):
+    for meeting in meetings:
         met = meeting.pair(places, places)
         own = places[meeting.pair.nodes]
         size = float(np.ptp(own, axis=0).max())
         worst = int(np.argmin(met.gap)) if len(met.gap) else 0
         depth = -met.gap[worst] - meeting.pair.touch if len(met.gap) else 0.0
         if depth > _ROUNDING * size:
-            one, two = meeting.names
-            raise SceneError(
-                f"bodies {one} and {two} overlap by {depth:.4g} m at t = 0: move one, or make it "
-                "smaller"
-            )
+            raise _overlap(*meeting.names, depth)
+
+
+def check_crowd(crowd: Crowded, places: Floats) -> None:
+    """Refuse balls that overlap, as `check_apart`.
+
+    Raises:
+        SceneError: They do.
+    """
+    ways = places[crowd.ends[:, 0]] - places[crowd.ends[:, 1]]
+    gap = np.linalg.norm(ways, axis=1) - crowd.radii.sum(axis=1)
+    worst = int(np.argmin(gap)) if len(gap) else 0
+    if len(gap) and -gap[worst] > _ROUNDING * float(np.abs(ways[worst]).max()):
+        one, two = crowd.pairs[worst]
+        raise _overlap(crowd.bodies[one], crowd.bodies[two], -gap[worst])
+
+
+def _overlap(one: str, two: str, depth: float) -> SceneError:
+    text = f"bodies {one} and {two} overlap by {depth:.4g} m at t = 0: move one, or make it "
+    return SceneError(text + "smaller")
 
 
 def strike(model: Bodies) -> dict[int, Side]:

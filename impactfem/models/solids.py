@@ -22,8 +22,11 @@ from impactfem.marching.schemes import SOLID_SCHEMES
 from impactfem.mesh.body import BodyMesh, build_body_mesh
 from impactfem.models.ball_contacts import (
     BallMeeting,
+    Crowded,
     ball_meetings,
     check_apart,
+    check_crowd,
+    crowded,
     places_of,
     strike,
 )
@@ -155,7 +158,8 @@ class SolidsModel:
         """
         names = [part.solid.name for part in self.parts]
         found, room = [], Room.of(self.scene)
-        for label, (one, first), (two, second) in named_body_pairs(self.scene):
+        # Bodies without meshes may be in millions of pairs.
+        for label, (one, first), (two, second) in named_body_pairs(self.scene) if names else ():
             if one not in names or two not in names:
                 continue
             a, b = names.index(one), names.index(two)
@@ -232,19 +236,34 @@ class SolidsModel:
         """Faces that bodies without meshes may strike, by the place of the solid."""
         return strike(self)
 
-    @cached_property
+    @property
     def ball_meetings(self) -> tuple[BallMeeting, ...]:
-        """Meetings of pairs with a body without a mesh (collective at the first use).
+        """Meetings of other pairs with a body without a mesh (collective at the first use).
 
         Raises:
             SceneError: Two bodies cannot meet, or overlap at t = 0.
         """
+        return self._balls[0]
+
+    @property
+    def crowd(self) -> Crowded:
+        """Pairs of which both are single balls (collective and raising likewise)."""
+        return self._balls[1]
+
+    @cached_property
+    def _balls(self) -> tuple[tuple[BallMeeting, ...], Crowded]:
         counts = [len(numbers) for numbers in self.numbers]
         counts += [len(bodies.radius) for bodies in self.few]
-        found = tuple(ball_meetings(self, np.cumsum([0, *counts]).tolist()))
-        if found:
-            check_apart(found, self.contact_places)
-        return found
+        offsets = np.cumsum([0, *counts]).tolist()
+        crowd, kinds = crowded(self, offsets)
+        found = ball_meetings(self, offsets, kinds)
+        crowd = crowd.behind(found)
+        several = tuple(met for met in found if met.single is None)
+        if found or len(crowd):
+            places = self.contact_places
+            check_crowd(crowd, places)
+            check_apart(several, places)
+        return several, crowd
 
     @property
     def contact_places(self) -> Floats:
@@ -349,7 +368,7 @@ class SolidsModel:
         obstacles = sum(part.contact.count for part in self.parts if part.contact is not None)
         obstacles += sum(len(met.nodes) for met in self.obstacle_meetings)
         balls = sum(met.pair.count for met in self.ball_meetings)
-        return obstacles + balls + sum(pair.count for pair in self.pairs)
+        return obstacles + balls + len(self.crowd) + sum(pair.count for pair in self.pairs)
 
     def takes_iterates(self, method: str, active_set: str) -> bool:
         """Whether steps are solved by iterates: as bodies ask for, and for pairs that follow.

@@ -90,9 +90,12 @@ def _meet_nothing(scene: Scene) -> bool:
     if scene.starts_at_rest:  # they are moved to where they are held
         return False
     lone = len(scene.bodies) == 1 or not scene.solids  # several solids are there to meet
-    wanted = (body.may_meet_nothing and not body.waves for body in scene.bodies)
+    wanted = (
+        body.may_meet_nothing and not body.waves and (body.turns_in_joints or body.flight is None)
+        for body in scene.bodies
+    )
     if lone and not scene.obstacles and all(wanted):
-        return False  # nor shall they, while what has waves would only fly
+        return False  # nor shall they, while what has waves, or does not turn, would only fly
     times = np.linspace(0.0, scene.duration, _SAMPLES)
     known = {body.name: _path(scene, body, times) for body in scene.bodies}
     paths = {name: path for name, path in known.items() if path is not None}

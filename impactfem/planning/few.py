@@ -44,7 +44,13 @@ _DENTED = 3.0  # Zener's number beyond which balls stay on large plates, dents o
 _BRAKED, _RESOLVED = 0.05, 0.25  # steps by the time in which a bar brakes a body: chosen, told
 _MOST = 10_000_000
 _SECONDS, _BODY_SECONDS = 6e-4, 1.2e-5  # of a layer, up to 1e-3 with friction; of a body in it
-_PAIR_SECONDS = 1.5e-4  # of a gap, before the first layer; measured with 25 to 300 balls
+_PAIR_SECONDS = 2e-5  # of a gap, before the first layer; measured with 25 to 600 balls
+_GAP_SECONDS, _BALL_SECONDS = 4e-6, 1.5e-4
+"""Of a gap in each layer where edges, faces or axes meet, and of a ball among others.
+
+Measured with 100 and 200 boxes, which have eight gaps a pair (5.6e-6 and 3.6e-6: 100 layers of 200
+boxes take 61 s), and with 200 and 300 balls (200 layers of 300 balls take 11 s).
+"""
 _BASE_MIB = 240.0  # of the process with DOLFINx
 _PAIR_BYTES = 2500.0  # of a gap between bodies
 _ROW_BYTES = 400.0  # of a layer in the history, and as much of each body; measured with 1 and 4
@@ -73,6 +79,8 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
             f"more than {_MOST:g}: give a larger dt or a shorter duration"
         )
     each = _SECONDS + _BODY_SECONDS * len(scene.bodies)
+    each += _GAP_SECONDS * sum(met.pair.count for met in model.ball_meetings)
+    each += _BALL_SECONDS * np.unique(model.crowd.pairs).size
     seconds = (each + sum(bodies.seconds for bodies in model.few)) * layers
     start = _PAIR_SECONDS * model.contact_count
     meshed = scene.meshed

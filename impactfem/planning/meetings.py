@@ -20,6 +20,7 @@ def told_contacts(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding
     """
     scene, found = model.scene, []
     meetings = [p.names for p in model.pairs] + [met.names for met in model.ball_meetings]
+    meetings += model.crowd.names if scene.contacts else []
     met = {name for names in meetings for name in names}
     for pair in model.pairs:
         friction = friction_of(scene, *pair.names)

@@ -9,18 +9,21 @@ from impactfem.result.whole import Whole
 Floats = NDArray[np.float64]
 
 
-def attitude(moments: Floats, spun: Floats, whole: Whole) -> tuple[Floats, Floats]:
+def attitude(
+    moments: Floats, spun: Floats, whole: Whole, dt: float
+) -> tuple[Floats, Floats]:  # fmt: skip
     """Rotation and spin as `BodyMotion` has them.
 
     The rotation is the one that fits the places best (W. Kabsch, Acta Cryst. A 32 (1976) 922-923),
-    in the plane counted over turns; the spin is that of the rigid body with the present moment of
-    inertia and the same angular momentum.
+    in the plane counted over the turns that spins tell, of which a step may have many; the spin is
+    that of the rigid body with the present moment of inertia and the same angular momentum.
 
     Args:
         moments: Sum of m x (X - c)^T and of m a a^T with present arms a [kg m^2],
             (rows, 2, dim, dim).
         spun: Angular momentum about the centre [kg m^2/s], (rows, 1 or 3).
         whole: What the body is part of: images undo products across their planes.
+        dt: From row to row [s].
 
     Returns:
         Angle [rad], (rows, 1), or unit quaternions, w first, (rows, 4); spin [rad/s], (rows, 1 or
@@ -33,8 +36,12 @@ def attitude(moments: Floats, spun: Floats, whole: Whole) -> tuple[Floats, Float
         kept &= np.eye(dim, dtype=bool)
     fit, second = np.where(kept, moments[:, 0], 0.0), np.where(kept, moments[:, 1], 0.0)
     if dim == 2:
-        angle = np.unwrap(np.arctan2(fit[:, 1, 0] - fit[:, 0, 1], np.trace(fit, axis1=1, axis2=2)))
-        return angle[:, None], spun / np.trace(second, axis1=1, axis2=2)[:, None]
+        angle = np.arctan2(fit[:, 1, 0] - fit[:, 0, 1], np.trace(fit, axis1=1, axis2=2))
+        spin = spun / np.trace(second, axis1=1, axis2=2)[:, None]
+        steps, ways = np.diff(angle), 0.5 * dt * (spin[1:, 0] + spin[:-1, 0])
+        turns = np.cumsum(np.round((ways - steps) / (2.0 * np.pi)))
+        angle[1:] += 2.0 * np.pi * turns
+        return angle[:, None], spin
     left, _, right = np.linalg.svd(fit)
     left[:, :, -1] *= np.sign(np.linalg.det(left @ right))[:, None]
     turn = np.roll(Rotation.from_matrix(left @ right).as_quat(), 1, axis=1)  # w comes last there

@@ -53,9 +53,9 @@ class AxisWatch:
     ) -> None:
         """Look at some layers of a march with contact nodes at places (nodes, dim) at first."""
         scene, self.speed = model.scene, 0.0
-        self._reach = min((met.pair.thickness for met in model.ball_meetings), default=np.inf)
-        # Of half a million pairs few are no balls.
-        several = [met for met in model.ball_meetings if met.single is None]
+        self._reach = float(model.crowd.radii.sum(axis=1).min(initial=np.inf))
+        several = model.ball_meetings
+        self._reach = min([self._reach, *(met.pair.thickness for met in several)])
         self._led = [met.pair for met in several if isinstance(met.pair, Led)]
         self._places = places
         self._edges = {

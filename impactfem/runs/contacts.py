@@ -140,22 +140,17 @@ class Contacts:
             Between.two(p.label, p.names, p.meeting(_rows(model, offsets, p), offsets[-1]), p.count)
             for p in model.pairs
         ]
-        balls = model.ball_meetings
-        single = [(met, met.single) for met in balls if met.single is not None]
         shared = [np.zeros(len(each), dtype=np.int64) for each in places[: len(solids)]]
         shared += [bodies.shared for bodies in model.few]
-        crowd = (
-            BallCrowd.of([pair for _, pair in single], np.concatenate(shared)) if single else None
-        )
         between += [
             Between.two(met.label, met.names, met.pair, met.pair.count)
-            for met in balls
-            if met.single is None
+            for met in model.ball_meetings
         ]
-        if crowd is not None:
-            labels, names = zip(*((met.label, met.names) for met, _ in single), strict=True)
+        if count := len(model.crowd):
+            crowd = BallCrowd.of(model.crowd.ends, model.crowd.radii, np.concatenate(shared))
             meet: Meet = crowd
-            if len(single) > MOST_PAIRS and crowd.room_near < len(single) and _alike(model, names):
+            labels, names = model.crowd.labels, tuple(model.crowd.names)
+            if count > MOST_PAIRS and crowd.room_near < count and _alike(model, names):
                 meet, names = NearPairs(crowd), names[: crowd.room_near]
             between.append(Between(labels, names, meet))
         owns = tuple(slice(*ends) for ends in pairwise(offsets))
@@ -237,7 +232,7 @@ class Contacts:
 
 def _alike(model: SolidsModel, names: Sequence[Names]) -> bool:
     """Whether one law is between all pairs."""
-    if len(model.scene.contacts) == 1:
+    if len(model.scene.contacts) <= 1:
         return True
     laws = (law_of(model.scene, *both) for both in names)
     every = ({} if law is None else law.__dict__ | {"between": ()} for law in laws)

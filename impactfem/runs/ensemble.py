@@ -142,7 +142,7 @@ def _fixed(model: SolidsModel) -> _Fixed:
     reach = np.array([far[of == j].max() for j in range(len(planes))])
     normals = np.array([plane.normal for plane in planes], dtype=float)
     return _Fixed(
-        (lone.mass, lone.inertia, np.linalg.inv(lone.inertia)),
+        (lone.mass, lone.inertia, np.linalg.inv(lone.inertia), lone.free),
         (lone.arms[own], shell, lone.rolling[own], shares, lone.axis, rims, of, reach),
         (in_space(frames(normals)), in_space(np.array([plane.point for plane in planes]))),
         tuple(laws),

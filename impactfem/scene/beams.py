@@ -111,6 +111,7 @@ class Beam(Slender):
     """
 
     kind: ClassVar[str] = "beam"
+    may_meet_nothing: ClassVar[bool] = True
     in_elements: ClassVar[bool] = True
     round_ends: ClassVar[bool] = False
     takes_joints: ClassVar[bool] = True

@@ -260,6 +260,8 @@ def why_marched(scene: Content) -> str | None:
 
 def _of_laws(scene: Content) -> str | None:
     """What of laws and obstacles other methods do not know, in words."""
+    if not (scene.obstacles or scene.contacts) and all(b.may_meet_nothing for b in scene.bodies):
+        return "motion without anything to hit"
     for law in scene.laws.each:
         what = "friction" if law.friction_coefficient > 0.0 else "Poisson's restitution"
         if law.friction_coefficient > 0.0 or law.by_impulses:

@@ -1,7 +1,6 @@
 """Which bodies of a scene may meet which others, by its contact laws."""
 
-from collections.abc import Sequence
-from itertools import combinations
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from impactfem.scene.content import Content
@@ -18,17 +17,35 @@ def pair_name(scene: Content, one: str, two: str) -> str:
     return default_name(one, two) if law is None else name_of(law)
 
 
-def named_body_pairs(scene: Content) -> Sequence[tuple[str, Side, Side]]:
+def named_body_pairs(
+    scene: Content, alike: Sequence[Collection[str]] = ()
+) -> Iterable[tuple[str, Side, Side]]:
     """Names of the pairs of `body_pairs`, and these.
 
     Bodies that a joint holds together meet only where a contact law says so.
+
+    Args:
+        scene: The scene.
+        alike: Groups of names within which no pairs are wanted where there is no contact law, as
+            they may be millions.
     """
-    names = {body.name: None for body in scene.bodies}
-    if not scene.contacts:
-        held = {joint.bodies for joint in scene.joints}
-        pairs = [pair for pair in combinations(names, 2) if frozenset(pair) not in held]
-        return [(default_name(one, two), (one, None), (two, None)) for one, two in pairs]
-    return scene.laws.between_bodies
+    if scene.contacts:
+        return scene.laws.between_bodies
+    return _all_pairs(scene, alike)
+
+
+def _all_pairs(
+    scene: Content, alike: Sequence[Collection[str]]
+) -> Iterator[tuple[str, Side, Side]]:
+    names = list(dict.fromkeys(body.name for body in scene.bodies))
+    held = {joint.bodies for joint in scene.joints}
+    every = list(enumerate(names))
+    others = {id(group): [each for each in every if each[1] not in group] for group in alike}
+    own = {name: others[id(group)] for group in alike for name in group}
+    for k, one in every:
+        for j, two in own.get(one, every[k + 1 :]):
+            if j > k and not (held and frozenset((one, two)) in held):
+                yield default_name(one, two), (one, None), (two, None)
 
 
 def body_pairs(scene: Content) -> list[tuple[Side, Side]]:

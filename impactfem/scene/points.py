@@ -59,6 +59,7 @@ class Point(BodyKind):
     """
 
     kind: ClassVar[str] = "point"
+    may_meet_nothing: ClassVar[bool] = True
     meets_alike: ClassVar[bool] = True
     is_ball: ClassVar[bool] = True
     meets_edges: ClassVar[bool] = True

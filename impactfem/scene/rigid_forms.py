@@ -8,6 +8,7 @@ determinant of their corners, int x x^T = det / (d + 2)! (sum of a a^T, and s s^
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -173,8 +174,8 @@ def _round(
         if inner > 0.0:
             cells = np.vstack([cells, np.stack([one + _ROUND, two, two + _ROUND], axis=1)])
     else:
-        seen = _hull_of(centre + radius * _sphere())
-        points, cells = seen.points, seen.cells
+        seen = _unit_ball()
+        points, cells = centre + radius * seen.points, seen.cells
     return Form(
         volume, centre, second, centre[None], np.array([radius]),
         points, cells,
@@ -274,6 +275,12 @@ def hull_corners(points: Floats) -> Floats:
     """Those of points that are corners of their hull, shape (corners, dim); all if it is flat."""
     found = _qhull(points)
     return points if found is None else np.asarray(points[found.vertices])
+
+
+@lru_cache(maxsize=1)
+def _unit_ball() -> Form:
+    """Hull of `_sphere`: found once, as balls may be many."""
+    return _hull_of(_sphere())
 
 
 def _sphere() -> Floats:

@@ -55,6 +55,7 @@ class Room:
 
 def may_be_struck(scene: "Scene", name: str) -> bool:
     """Whether other bodies of a scene may strike one."""
-    pairs = ((one, two) for _, (one, _), (two, _) in named_body_pairs(scene))
+    others = {body.name for body in scene.bodies} - {name}
+    pairs = ((one, two) for _, (one, _), (two, _) in named_body_pairs(scene, [others]))
     room = Room.of(scene)
     return any(name in pair and pair[0] != pair[1] and room.meet(*pair) for pair in pairs)

@@ -33,6 +33,7 @@ class Lone:
         arms: From the centre to the contact nodes [m], (nodes, 3).
         rolling: Radius with which nodes roll [m], (nodes,).
         shares, axis: Of `impactfem.system.rigid.Rims`, (nodes or 0, 2) and (3,).
+        free: See `impactfem.system.rigid.Rigid`.
     """
 
     mass: float
@@ -41,6 +42,7 @@ class Lone:
     rolling: Floats
     shares: Floats
     axis: Floats
+    free: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,6 +151,15 @@ class FewBodies:
     def nodes_of(self, body: int) -> Integers:
         """Contact nodes of one of the bodies."""
         return np.flatnonzero(self.body == body)
+
+    @property
+    def singles(self) -> Mapping[str, int]:
+        """Bodies that meet all of their kind with the same contact node, by name, and that."""
+        if self.ends or len(self.lines):
+            return {}
+        alone = np.bincount(self.body, minlength=len(self.names)) == 1
+        own = np.argsort(self.body, kind="stable")[alone[np.sort(self.body)]]
+        return {self.names[self.body[node]]: int(node) for node in own}
 
     def meeting(
         self,

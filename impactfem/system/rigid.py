@@ -76,6 +76,8 @@ class Rigid(FewBodies):
         inertia: About the centre along the axes of the body [kg m^2], (3, 3).
         arms: From the centre to the contact nodes along the axes of the body [m], (nodes, 3).
         meets: Contact nodes that meet a body or obstacle, by its name and the number of its face.
+        alike: Names of the balls that share nodes.
+        crowd: The first of these nodes, (1,), of no meaning where there are none.
         rolling: Radius with which nodes roll [m], (nodes,): that of their balls but beside solids,
             which they may touch at several places: followers carry the arms of these.
         rims: What of the nodes are places on circles around `arms`; None if nothing is.
@@ -84,11 +86,15 @@ class Rigid(FewBodies):
         loads: What acts besides gravity; None if nothing does.
         picture: Points [m], (points, 3), along the axes of the body, and cells of its picture.
         crowded: Of each contact node how many from it on others share, 0 where none do, (nodes,).
+        free: Whether it turns about any axis alike, and nothing of what touches turns with it: its
+            steps may be of many turns.
     """
 
     inertia: Floats
     arms: Floats
     meets: Mapping[tuple[str, int], Integers]
+    alike: frozenset[str]
+    crowd: Integers
     rolling: Floats
     rims: Rims | None
     normals: Floats
@@ -96,6 +102,7 @@ class Rigid(FewBodies):
     loads: Loads | None
     picture: tuple[Floats, Integers]
     crowded: Integers
+    free: bool
 
     @property
     def shared(self) -> Integers:
@@ -124,7 +131,7 @@ class Rigid(FewBodies):
             return None
         shares = np.zeros((0, 2)) if self.rims is None else self.rims.shares
         axis = np.zeros(3) if self.rims is None else self.rims.axis
-        return Lone(self.masses[0], self.inertia, self.arms, self.rolling, shares, axis)
+        return Lone(self.masses[0], self.inertia, self.arms, self.rolling, shares, axis, self.free)
 
     def stations(self, asked: Sequence[tuple[str, Floats]]) -> Stations:
         """One, wherever joints hold it."""
@@ -152,7 +159,13 @@ class Rigid(FewBodies):
         partner: tuple[str, int],
     ) -> Integers:
         """Contact nodes that may meet a body, or a face of an obstacle."""
-        return self.meets.get(partner, _NONE)
+        found = self.crowd if partner[0] in self.alike else _NONE
+        return self.meets.get(partner, found)
+
+    @property
+    def singles(self) -> Mapping[str, int]:
+        """See `FewBodies`."""
+        return {self.names[0]: int(self.crowd[0])} if self.alike else {}
 
 
 _NONE = np.zeros(0, dtype=np.int64)
@@ -178,13 +191,15 @@ class _Bodies:
     """What each rigid body asks of all others: found once, as they may be many.
 
     Attributes:
-        cornered, rolling, linked: Names of bodies with edges and faces, that roll, and with links.
+        cornered, rolling, linked, solids: Names of bodies with edges and faces, that roll, with
+            links, and that are solids.
         least: Radius of the smallest ball [m].
     """
 
     cornered: frozenset[str]
     rolling: frozenset[str]
     linked: frozenset[str]
+    solids: frozenset[str]
     least: float
 
     @classmethod
@@ -194,7 +209,8 @@ class _Bodies:
         balls = [cast("RigidBody", body) for body in scene.bodies if body.rolls]
         least = min((float(ball.form.radius[0]) for ball in balls), default=np.inf)
         linked = frozenset(body.name for body in scene.bodies if body.has_links)
-        return cls(cornered, frozenset(ball.name for ball in balls), linked, least)
+        solids = frozenset(solid.name for solid in scene.solids)
+        return cls(cornered, frozenset(ball.name for ball in balls), linked, solids, least)
 
 
 def rigid_systems(scene: Scene, bodies: Sequence[RigidBody]) -> list[Rigid]:
@@ -217,19 +233,17 @@ def rigid_system(scene: Scene, body: RigidBody, among: _Bodies) -> Rigid:
         for name, obstacle in obstacles.items()
         for face in range(1 if obstacle.other_gap(np.zeros((0, dim))) is None else 2)
     ]
-    solids = {solid.name for solid in scene.solids}
-    others = [(other, 0) for other in bodies_met(scene, body.name)]
-    shaped = {each for each, _ in others} if body.has_corners else set(among.cornered)
+    solids, others = among.solids, bodies_met(scene, body.name)
+    shaped = set(others) if body.has_corners else set(among.cornered)
     shaped |= {name for name in solids if body.rolls and friction_of(scene, body.name, name)}
-    partners = list(dict.fromkeys([*faces, *(each for each in others if each[0] not in shaped)]))
     rolls = bool(form.radius.any() or len(form.rim))
-    alike = _alike(body, partners, among)
-    partners = [each for each in partners if each not in alike]
-    room = min(len(alike), _room(body, among)) if alike else 0
+    alike, room = _alike(body, others, among)
+    apart = [(each, 0) for each in others if each not in shaped and each not in alike]
+    partners = list(dict.fromkeys([*faces, *apart]))
     copies, count = max(1, len(partners) + room) if rolls else 1, len(form.nodes)
     own = np.arange(count)
     meets = {partner: own + count * k * rolls for k, partner in enumerate(partners)}
-    meets |= dict.fromkeys(alike, own + count * len(partners))
+    crowd = own + count * len(partners)
     rolling = np.tile(form.radius, copies)
     for (name, _), nodes in meets.items():
         rolling[nodes] *= name not in solids
@@ -237,7 +251,7 @@ def rigid_system(scene: Scene, body: RigidBody, among: _Bodies) -> Rigid:
     radius = np.tile(form.radius, copies)
     count = len(arms)
     shaped |= among.linked
-    shaped = shaped.intersection(each for each, _ in others)
+    shaped = shaped.intersection(others)
     shaped |= {o.name for o in named}.difference(obstacles)
     carriers = (_carrier(body, count, shaped),) if shaped else ()
     for carrier in carriers:
@@ -269,6 +283,8 @@ def rigid_system(scene: Scene, body: RigidBody, among: _Bodies) -> Rigid:
         return np.asarray((middle + arms @ turn.T + around)[:, :dim])
 
     spin = float(np.linalg.norm(velocity[dim:]))
+    # Steps of what is joined, or beside iterated bodies, follow arms and turns.
+    free = not (carriers or rims or scene.joints or scene.iterated) and _is_free(inertia, arms)
     return Rigid(
         names=(body.name,),
         masses=(body.total_mass,),
@@ -285,11 +301,13 @@ def rigid_system(scene: Scene, body: RigidBody, among: _Bodies) -> Rigid:
         body=np.zeros(len(radius), dtype=np.int64),
         lines=np.zeros((0, 2), dtype=np.int64),
         ends={},
-        rate=lambda: spin,
+        rate=lambda: 0.0 if free else spin,
         words=f"a rigid {body.figure}",
         inertia=inertia,
         arms=arms,
         meets=meets,
+        alike=alike,
+        crowd=crowd,
         rolling=rolling,
         rims=rims,
         normals=normals,
@@ -298,15 +316,25 @@ def rigid_system(scene: Scene, body: RigidBody, among: _Bodies) -> Rigid:
         picture=(in_space(form.points - center), form.cells),
         crowded=np.where(np.arange(len(radius)) == len(own) * len(partners), room, 0),
         carriers=carriers,
+        free=free,
     )
 
 
-def _alike(
-    body: RigidBody, partners: Sequence[tuple[str, int]], among: _Bodies
-) -> set[tuple[str, int]]:
-    """Other balls, where there are so many that they share nodes."""
-    found = {each for each in partners if each[0] in among.rolling} if body.rolls else set()
-    return found if found and len(found) > _room(body, among) else set()
+def _alike(body: RigidBody, others: Sequence[str], among: _Bodies) -> tuple[frozenset[str], int]:
+    """Other balls, where there are so many that they share nodes, and the number of these.
+
+    Where these are all balls the set is that of all, itself among them: each has it.
+    """
+    found = among.rolling.intersection(others) if body.rolls else frozenset[str]()
+    if not found or len(found) <= (room := _room(body, among)):
+        return frozenset(), 0
+    return (among.rolling if len(found) == len(among.rolling) - 1 else found), room
+
+
+def _is_free(inertia: Floats, arms: Floats) -> bool:
+    """Whether a body turns about any axis alike, and none of its arms (nodes, 3) turns with it."""
+    alike = np.abs(inertia - inertia[0, 0] * np.eye(3)).max() <= 1e-14 * np.abs(inertia).max()
+    return bool(alike) and not arms.any()
 
 
 def _room(body: RigidBody, among: _Bodies) -> int:

@@ -10,7 +10,7 @@ from impactfem.contact import ball_crowd, pair_responses
 from impactfem.marching.time_loop import TimeLoop
 from impactfem.models import solids
 from impactfem.runs import contacts
-from impactfem.system import rigid
+from impactfem.system import few, rigid
 
 BOX = [
     {"kind": "half_space", "name": name, "point": point, "normal": normal}
@@ -99,6 +99,70 @@ def test_nodes_that_balls_share_do_as_their_own(monkeypatch):
 def test_a_restart_with_shared_nodes_goes_on(tmp_path, monkeypatch):
     made = crowd().with_settings({"output.checkpoint": 25})
     check_restart(made, 70, tmp_path, monkeypatch)
+
+
+@pytest.mark.parametrize("kind", ["rigid", "point"])
+def test_pairs_of_balls_without_laws_are_arrays_and_those_found_one_by_one(kind, monkeypatch):
+    """Half a million objects for a thousand balls would take longer than their run."""
+    places = [[0.25 * (k % 6) + 0.11, 0.23 * (k // 6) + 0.11] for k in range(18)]
+    scene = grains(places, contact=[]).to_dict()
+    if kind == "point":
+        each = [{"kind": kind, "name": f"p{k}", "mass": 1.0} for k in range(len(places))]
+        scene["body"] = [
+            b | {"position": p, "radius": 0.1} for b, p in zip(each, places, strict=True)
+        ]
+    scene["body"].insert(
+        3,
+        {
+            "kind": "rigid",
+            "name": "large",
+            "mass": 1.0,
+            "shape": {"kind": "block", "corner": [0.05, 2.0], "size": [0.4, 0.3]},
+        },
+    )
+    scene = Scene.from_dict(scene)
+    model = solids.solids_model(scene, (), updated=True)
+    crowd, others = model.crowd, {met.label for met in model.ball_meetings}
+    assert len(crowd) == 18 * 17 // 2
+    assert others == {met.label for met in model.ball_meetings if "large" in met.names}
+    monkeypatch.setattr(few.FewBodies, "singles", property(lambda _: {}))
+    monkeypatch.setattr(rigid.Rigid, "singles", property(lambda _: {}))
+    solids._model.cache_clear()
+    slow = solids.solids_model(scene, (), updated=True).crowd
+    assert slow.labels == crowd.labels == tuple(map(".".join, crowd.names))
+    for name in ("pairs", "ends", "radii"):
+        np.testing.assert_array_equal(getattr(slow, name), getattr(crowd, name))
+    solids._model.cache_clear()
+
+
+def test_points_that_a_joint_holds_do_not_meet_and_those_on_the_ground_do():
+    each = [
+        {"kind": "point", "name": f"p{k}", "mass": 1.0, "position": [0.3 * k, 0.0], "radius": 0.1}
+        for k in range(4)
+    ]
+    joints = [
+        {
+            "kind": "distance",
+            "name": "a",
+            "between": ["p1", "p2"],
+            "points": [[0.3, 0.0], [0.6, 0.0]],
+        },
+        {
+            "kind": "distance",
+            "name": "g",
+            "between": ["p0", "ground"],
+            "points": [[0.0, 0.0], [0.0, 1.0]],
+        },
+    ]
+    table = {"title": "held", "duration": 0.1, "body": each, "joint": joints, "obstacle": BOX[:1]}
+    crowd = solids.solids_model(Scene.from_dict(table), (), updated=True).crowd
+    assert set(crowd.names) == {
+        ("p0", "p1"),
+        ("p0", "p2"),
+        ("p0", "p3"),
+        ("p1", "p3"),
+        ("p2", "p3"),
+    }
 
 
 def test_bodies_stepped_together_move_as_each_does_alone():

@@ -117,6 +117,21 @@ def test_limits_send_back_with_their_restitution(tmp_path, e):
     assert found["arm.x.lost"][-1] == pytest.approx(9.0 * (1.0 - e**2), abs=1e-12)
 
 
+def test_joints_locked_by_equal_limits_hold_a_load_at_rest(tmp_path):
+    """The rates are 0, and change by the rounding of the moments that hold the load."""
+    limit = '<limit lower="0" upper="0" effort="0" velocity="0"/>'
+    locked = robot(
+        '<link name="base"/>', link("one", at="0 0 0.05", mass=0.2),
+        link("two", at="0 0 0.1", mass=0.3),
+        joint("a", "revolute", "base", "one", "1 0 0", limit),
+        joint("b", "revolute", "one", "two", "1 0 0", f'<origin xyz="0 0 0.1"/>{limit}'),
+    )  # fmt: skip
+    found = columns(scene(tmp_path, locked, 0.01, 1e-3, gravity=(0.0, -G, 0.0)))
+    for name in "ab":
+        assert np.abs(found[f"arm.{name}.q"]).max() < 1e-18
+    assert np.abs(found["arm.a.lost"]).max() < 1e-17
+
+
 def test_damping_friction_and_motors_follow_their_laws(tmp_path):
     def run(file: str, start: dict, pull: float = 0.0, duration: float = 1.0) -> dict:
         joints = {"x": start} if start else {}

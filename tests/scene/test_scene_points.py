@@ -78,7 +78,6 @@ CASES = {
     ),
     "twice": (made(contact=[LAW, {**LAW, "between": ["floor", "ball"]}]), ["contact[1]", "twice"]),
     "same names": (made(body__1__name="ball"), ["body[1].name", "body[0] too"]),
-    "nothing to hit": (made(obstacle=[], contact=[]), ["obstacle is missing", "two points"]),
     "a wall": (made(obstacle=[{"kind": "wall"}], contact=[]), ["obstacle[0].kind", "half_space"]),
     "3D obstacle": (made(obstacle__0__normal=[0, 0, 1]), ["obstacle[0].normal", "2 coordinates"]),
     "point and bar": (
