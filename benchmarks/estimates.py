@@ -2,9 +2,9 @@
 
     python benchmarks/estimates.py [--out benchmarks/results] [NAME ...]
 
-Writes estimates.md with its stamp. True errors are those against a run on elements a quarter as large,
-by the measure of the claim: displacement fields and probes, in the frame in which bodies move
-least. Scenes are the quick ones of the board of hard cases and twenty-one others.
+Writes estimates.md with its stamp. True errors are those against a run on elements a quarter as
+large, by the measure of the claim: displacement fields and probes, in the frame in which bodies
+move least. Scenes are the quick ones of the board of hard cases and twenty-one others.
 """
 
 import argparse
