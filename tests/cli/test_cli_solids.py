@@ -205,7 +205,7 @@ def test_a_checkpoint_that_is_cut_short_is_refused(command, work):
 @pytest.mark.slow
 def test_bench_measures_methods_against_a_finer_mesh(disc, command, work):
     done = command(
-        "bench", disc, "--methods", "massless,explicit", "--sizes", "6,12", "--repeats", 1,
+        "bench", disc, "--methods", "massless,explicit", "--sizes", "8,16", "--repeats", 1,
         "--out", "study",
     )  # fmt: skip
     assert done.code == DONE, done.err
