@@ -124,7 +124,7 @@ def test_a_hand_presses_rubber_with_its_motor_and_weight(tmp_path):
            "joints": {"z": {"motor": "-20 - 100*v"}}}  # fmt: skip
     block = pad(rayleigh_mass=300.0, **HELD)
     history = impactfem.solve(
-        scene(tmp_path, [block, arm], 0.1, 5e-3, mu=0.0, gravity=(0.0, 0.0, -G))
+        scene(tmp_path, [block, arm], 0.2, 5e-3, mu=0.0, gravity=(0.0, 0.0, -G))
     ).history
     # In each layer the rubber, its top a little bent, gives what motor, weight and inertia ask for.
     q, v = history["arm.z.q"].values, history["arm.z.v"].values
