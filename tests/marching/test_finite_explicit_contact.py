@@ -47,7 +47,9 @@ def test_a_spinning_disc_leaves_as_with_implicit_steps():
     (total,) = columns(result, "total_energy")
     grown = (total - total[0] - kept).max() / total[0]
     assert grown > (total / total[0] - 1.0).max() + 2e-5
-    assert result.summary["energy"]["max_relative_growth"] == pytest.approx(grown, abs=1e-9)  # rounding
+    assert result.summary["energy"]["max_relative_growth"] == pytest.approx(
+        grown, abs=1e-9
+    )  # rounding
 
 
 def test_forces_obey_the_cone_at_each_level(monkeypatch):
