@@ -145,16 +145,23 @@ def _choose_step(scene: Scene, model: "VibroModel", method: str, reasons: dict[s
 
 
 def _check_periods(scene: Scene, model: "VibroModel", method: str) -> None:
-    """Refuse to look for events in more vibrations than a machine can follow."""
+    """Refuse to look for events in more vibrations, or falls of bodies, than can be followed."""
     from impactfem.system.frequency import highest_frequency  # noqa: PLC0415  (SciPy)
 
     fastest = highest_frequency(model.system, model.position, model.velocity)
-    periods = scene.duration * fastest / (2.0 * math.pi)
+    periods, of = scene.duration * fastest / (2.0 * math.pi), "periods of the fastest vibration"
+    pull = float(np.linalg.norm(scene.vector_gravity.values, axis=-1).max(initial=0.0))
+    flights = (body.flight for body in scene.bodies)
+    sizes = [float(np.linalg.norm(flight.half)) for flight in flights if flight is not None]
+    size = min((size for size in sizes if size > 0.0), default=math.inf)
+    falls = scene.duration * math.sqrt(pull / size)
+    if falls > max(periods, _MOST_STEPS):
+        periods, of = falls, "times in which a body falls by its size"
     if periods > _MOST_STEPS:
         raise SceneError(
-            f"duration = {scene.duration:g} s is {periods:.3g} periods of the fastest vibration, "
-            f'in each of which method = "{method}" looks for events: more than {_MOST_STEPS:g}; '
-            "give a shorter duration (check the units), or fewer elements"
+            f"duration = {scene.duration:g} s is {periods:.3g} {of}, in each of which method = "
+            f'"{method}" looks for events: more than {_MOST_STEPS:g}; give a shorter duration '
+            "(check the units), or fewer elements"
         )
 
 

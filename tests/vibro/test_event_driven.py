@@ -12,6 +12,7 @@ from impactfem.planning import plan
 from impactfem.scene import Scene
 from impactfem.scene.signal import Signal
 from impactfem.shipped import find_scene
+from impactfem.starting import starters
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.vibro.event_driven import EventSettings, integrate_events
 
@@ -350,3 +351,10 @@ def test_more_vibrations_than_can_be_followed_are_refused():
     plan(scene)
     with pytest.raises(SceneError, match=r"duration = 1e\+20 s is .* periods of the fast"):
         plan(scene.with_settings({"duration": 1e20, "solve.dt": 1e18}))
+
+
+def test_a_rod_that_rests_for_ever_is_refused():
+    """Of 1e30 s each step was as short as rounding let it be."""
+    rod = Scene.from_toml(starters()["rod"])
+    with pytest.raises(SceneError, match=r"duration = 1e\+30 s is .* falls by its size"):
+        plan(rod.with_settings({"duration": 1e30}))
