@@ -91,11 +91,12 @@ def _meet_nothing(scene: Scene) -> bool:
         return False
     lone = len(scene.bodies) == 1 or not scene.solids  # several solids are there to meet
     wanted = (
-        body.may_meet_nothing and not body.waves and (body.turns_in_joints or body.flight is None)
+        body.may_meet_nothing
+        and (body.flight is None or (body.turns_in_joints and not body.in_elements))
         for body in scene.bodies
     )
     if lone and not scene.obstacles and all(wanted):
-        return False  # nor shall they, while what has waves, or does not turn, would only fly
+        return False  # nor shall they, while what has elements, or does not turn, would only fly
     times = np.linspace(0.0, scene.duration, _SAMPLES)
     known = {body.name: _path(scene, body, times) for body in scene.bodies}
     paths = {name: path for name, path in known.items() if path is not None}

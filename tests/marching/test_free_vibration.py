@@ -40,6 +40,9 @@ def test_a_cantilever_under_sudden_weight_vibrates_at_its_first_frequency():
     assert np.diff(lowest) == pytest.approx(2.0 * np.pi / frequency, rel=0.01)
 
 
-def test_a_point_that_only_flies_is_told_to_meet_nothing():
-    plan = impactfem.plan(alone(POINT, 1.0))
+@pytest.mark.parametrize("body", [POINT, BEAM | {"supports": [], "velocity": [0.0, 1.0]}])
+def test_what_only_flies_is_told_to_meet_nothing(body):
+    plan = impactfem.plan(alone(body, 1.0))
     assert [finding.code for finding in plan.findings].count("meets_nothing") == 1
+    held = impactfem.plan(alone(BEAM, 0.5, gravity=[0.0, -9.81]))
+    assert "meets_nothing" not in [finding.code for finding in held.findings]
