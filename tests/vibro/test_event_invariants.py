@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from impactfem.errors import ConvergenceError
 from impactfem.scene.signal import Signal
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.vibro.event_driven import EventSettings, integrate_events
@@ -55,9 +56,13 @@ restitution = st.one_of(st.just(0.0), st.just(1.0), st.floats(0.0, 1.0))
 )  # fmt: skip
 def test_random_linear_systems(seed, d, count, e, law):
     system, start, velocity = random_system(seed, d, count, e)
-    run = integrate_events(
-        system, start, velocity, DURATION, EventSettings(rows=3000, impact_law=law)
-    )
+    settled = EventSettings(rows=3000, impact_law=law)
+    try:
+        run = integrate_events(system, start, velocity, DURATION, settled)
+    except ConvergenceError as error:  # impacts one after the other may have no end, and it is said
+        assert law == "sequential"
+        assert "did not separate" in str(error)  # noqa: PT017
+        return
     size = 1.0 + np.abs(run.position).max()
     assert run.gap.min() >= -1e-11 * size
     assert (run.impacts.impulse > 0.0).all()
