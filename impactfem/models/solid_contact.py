@@ -11,30 +11,25 @@ from impactfem.contact.surfaces import ContactNodes, contact_nodes
 from impactfem.errors import SceneError
 from impactfem.fem import MPI
 from impactfem.scene import Scene, Solid
+from impactfem.scene.apartness import may_be_struck
 from impactfem.scene.pairing import surfaces_on
-from impactfem.scene.room import may_be_struck
 from impactfem.system.elastic import ElasticSystem
 
 if TYPE_CHECKING:
     from impactfem.models.solids import SolidPart
 
 
-def _speed(comm: Any, solid: Solid, system: ElasticSystem) -> float:
-    """Largest speed of a node at t = 0 [m/s] (collective)."""
-    speeds = np.linalg.norm(system.velocity.reshape(-1, solid.dim), axis=1)
-    return float(comm.allreduce(float(speeds.max(initial=0.0)), op=MPI.MAX))
-
-
 def reach_of(part: "SolidPart") -> Reach:
     """Bound of the way of a solid within the duration of its scene (collective)."""
     scene, solid = part.scene, part.solid
+    speeds = np.linalg.norm(part.system.velocity.reshape(-1, solid.dim), axis=1)
+    speed = part.comm.allreduce(float(speeds.max(initial=0.0)), op=MPI.MAX)
     driven = _driven(scene, solid, part.obstacles)
     if driven is None and may_be_struck(scene, solid.name):
         driven = "other bodies that strike it"
     gravity = scene.vector_gravity
     return reach(
-        _speed(part.comm, solid, part.system), gravity.times, gravity.values, part.obstacles,
-        scene.duration, driven=driven,
+        speed, gravity.times, gravity.values, part.obstacles, scene.duration, driven=driven,
     )  # fmt: skip
 
 

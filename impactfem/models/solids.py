@@ -35,10 +35,10 @@ from impactfem.models.obstacle_contacts import ObstacleMeeting, obstacle_meeting
 from impactfem.models.solid_contact import contact_of, reach_of
 from impactfem.models.tips import tips_of
 from impactfem.scene import Scene, Solid
+from impactfem.scene.apartness import Apartness
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.pairing import named_body_pairs, obstacles_of
 from impactfem.scene.probes import Probe, outside
-from impactfem.scene.room import Room
 from impactfem.system.elastic import ElasticSystem, elastic_system
 from impactfem.system.few import FewBodies
 from impactfem.system.few_bodies import few_bodies
@@ -157,14 +157,14 @@ class SolidsModel:
             SceneError: Two bodies overlap at t = 0, or a surface is unknown.
         """
         names = [part.solid.name for part in self.parts]
-        found, room = [], Room.of(self.scene)
+        found, apart = [], Apartness.of(self.scene)
         # Bodies without meshes may be in millions of pairs.
         for label, (one, first), (two, second) in named_body_pairs(self.scene) if names else ():
             if one not in names or two not in names:
                 continue
             a, b = names.index(one), names.index(two)
             if a != b:
-                if not room.meet(one, two):
+                if not apart.meet(one, two):
                     continue
                 self._check_apart(a, b)
             pair = make_pair(

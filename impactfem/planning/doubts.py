@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from impactfem.exact import ExactBar
 from impactfem.findings import Finding, warning
 from impactfem.scene import Scene
+from impactfem.scene.apartness import Apartness
 from impactfem.scene.pairing import bodies_met, obstacles_of, self_meeting
-from impactfem.scene.room import Room
 
 MEETS_NOTHING = "meets_nothing"
 """Code of bodies that meet nothing."""
@@ -75,12 +75,12 @@ def doubts_of_bar(scene: Scene, exact: ExactBar) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def may_reach(room: Room, body: str, obstacle: Any) -> bool:
+def may_reach(apart: Apartness, body: str, obstacle: Any) -> bool:
     """Whether a body may meet an obstacle, whatever strikes it."""
-    if not room.balls:
+    if not apart.balls:
         return True
-    radius, center = room.balls[body]
-    ways = np.array([center, center + room.way])
+    radius, center = apart.balls[body]
+    ways = np.array([center, center + apart.way])
     half = np.full(len(center), radius)
     return _may_meet(_Path(half, np.zeros(len(center)), ways), obstacle)
 

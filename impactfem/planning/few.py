@@ -18,10 +18,10 @@ from impactfem.planning.solid_plan import MarchNumbers, few_in_words, joined_in_
 from impactfem.planning.time_data import Datum, data_findings, parts_following, time_data
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
+from impactfem.scene.apartness import Apartness
 from impactfem.scene.joints import Joint
 from impactfem.scene.laws import side_of
 from impactfem.scene.pairing import law_of, named_body_pairs
-from impactfem.scene.room import Room
 from impactfem.sizing import check_memory
 
 if TYPE_CHECKING:
@@ -313,9 +313,9 @@ def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]
     from impactfem.models.ball_contacts import point_loads  # noqa: PLC0415  (loads SciPy)
 
     found = law_findings(model.scene) + joint_findings(model) + dent_findings(model)
-    room = Room.of(model.scene)
+    apart = Apartness.of(model.scene)
     for name, solid in sorted(set(point_loads(model))):
-        if not room.meet(name, solid):
+        if not apart.meet(name, solid):
             continue
         text = (
             f"{name} presses on single places of {solid}, which give way the more the smaller the "
@@ -346,11 +346,11 @@ def law_findings(scene: Scene) -> list[Finding]:
 
 def _strikes(scene: Scene, dead: set[str]) -> bool:
     """Whether bodies without waves may strike each other or obstacles."""
-    room = Room.of(scene)
-    if any(may_reach(room, name, o) for name in dead for o in scene.rigid_obstacles):
+    apart = Apartness.of(scene)
+    if any(may_reach(apart, name, o) for name in dead for o in scene.rigid_obstacles):
         return True
     return any(
-        {one, two} <= dead and room.meet(one, two)
+        {one, two} <= dead and apart.meet(one, two)
         for _, (one, _), (two, _) in named_body_pairs(scene)
     )
 

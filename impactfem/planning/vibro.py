@@ -150,6 +150,7 @@ def _check_periods(scene: Scene, model: "VibroModel", method: str) -> None:
 
     fastest = highest_frequency(model.system, model.position, model.velocity)
     periods, of = scene.duration * fastest / (2.0 * math.pi), "periods of the fastest vibration"
+    remedy = "give a shorter duration (check the units)"
     pull = float(np.linalg.norm(scene.vector_gravity.values, axis=-1).max(initial=0.0))
     flights = (body.flight for body in scene.bodies)
     sizes = [float(np.linalg.norm(flight.half)) for flight in flights if flight is not None]
@@ -157,11 +158,12 @@ def _check_periods(scene: Scene, model: "VibroModel", method: str) -> None:
     falls = scene.duration * math.sqrt(pull / size)
     if falls > max(periods, _MOST_STEPS):
         periods, of = falls, "times in which a body falls by its size"
+    else:
+        remedy += ", or fewer elements"
     if periods > _MOST_STEPS:
         raise SceneError(
             f"duration = {scene.duration:g} s is {periods:.3g} {of}, in each of which method = "
-            f'"{method}" looks for events: more than {_MOST_STEPS:g}; give a shorter duration '
-            "(check the units), or fewer elements"
+            f'"{method}" looks for events: more than {_MOST_STEPS:g}; {remedy}'
         )
 
 

@@ -17,7 +17,7 @@ type Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Room:
+class Apartness:
     """What is too far apart to meet, whatever strikes what.
 
     Attributes:
@@ -30,7 +30,7 @@ class Room:
     way: float
 
     @classmethod
-    def of(cls, scene: "Scene") -> "Room":
+    def of(cls, scene: "Scene") -> "Apartness":
         """Of a scene: what strikes another body passes on at most twice its speed."""
         flights = {body.name: body.flight for body in scene.bodies}
         known = {name: flight for name, flight in flights.items() if flight is not None}
@@ -57,5 +57,5 @@ def may_be_struck(scene: "Scene", name: str) -> bool:
     """Whether other bodies of a scene may strike one."""
     others = {body.name for body in scene.bodies} - {name}
     pairs = ((one, two) for _, (one, _), (two, _) in named_body_pairs(scene, [others]))
-    room = Room.of(scene)
-    return any(name in pair and pair[0] != pair[1] and room.meet(*pair) for pair in pairs)
+    apart = Apartness.of(scene)
+    return any(name in pair and pair[0] != pair[1] and apart.meet(*pair) for pair in pairs)
