@@ -205,6 +205,12 @@ def _parser() -> argparse.ArgumentParser:
         "--out", metavar="DIR", type=_folder,
         help="folder of kinematics.json and kinematics.png (default results/NAME_kinematics)",
     )  # fmt: skip
+    for action, what in (
+        (commands.gradient, "gradient.json (default results/NAME_gradient)"),
+        (commands.identify, "answer, search and report (default results/NAME_identified)"),
+    ):
+        sub = command(action, scene=None)
+        sub.add_argument("--out", metavar="DIR", type=_folder, help=f"folder of {what}")
     command(commands.methods)
     command(commands.scenes)
     schema = command(commands.schema)

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -233,6 +234,51 @@ def _write_kinematics(scene: "Scene", found: "tuple[Kinematics, ...]", folder: P
     except OSError as error:
         why = f"{folder}: cannot be written ({error.strerror}); choose another folder (--out)"
         raise OutputError(why) from None
+
+
+def gradient(given: argparse.Namespace) -> int:
+    """Take the gradient of a scene's objective by its parameters, and check it."""
+    from impactfem.inverse import gradient as gradient_of  # noqa: PLC0415
+    from impactfem.inverse.written import gradient_table, write_gradient  # noqa: PLC0415
+
+    path, scene = _read(given)
+    folder = given.out or Path("results") / f"{_name(path)}_gradient"
+    found = gradient_of(scene)
+    on_root(lambda: write_gradient(found, folder))
+    say(f"{gradient_table(found)}\n\nwritten to {folder}")
+    return _trusted(found.trusted, "this gradient", folder, found.doubts)
+
+
+def identify(given: argparse.Namespace) -> int:
+    """Find the parameters with which a scene is nearest to what was measured."""
+    from impactfem.inverse import identify as identified  # noqa: PLC0415
+    from impactfem.inverse.written import identified_table, write_identified  # noqa: PLC0415
+    from impactfem.log import Progress  # noqa: PLC0415
+    from impactfem.provenance import run_record, shell_command  # noqa: PLC0415
+    from impactfem.solving import solve  # noqa: PLC0415
+
+    path, scene = _read(given)
+    folder = given.out or Path("results") / f"{_name(path)}_identified"
+    found = identified(scene)
+    words = ["impactfem", "identify", given.scene]
+    words += [word for text in given.settings for word in ("--set", text)]
+    record = run_record(shell_command(words))
+    on_root(lambda: write_identified(found, folder, record))
+    verified = solve(found.scene)
+    on_root(lambda: verified.write_data(folder / "verified"))
+    on_root(lambda: _add_pictures(verified, folder / "verified", Progress(enabled=False)))
+    say(f"{identified_table(found)}\n\nAnswer, search and report: {folder}")
+    trusted = found.trusted and verified.summary["verdict"]["level"] != "do_not_trust"
+    return _trusted(trusted, "this answer", folder, found.doubts)
+
+
+def _trusted(trusted: bool, what: str, folder: Path, doubts: Sequence[str]) -> int:
+    """The exit code of what is trusted or not, which is said."""
+    if trusted:
+        return DONE
+    why = doubts[0] if doubts else "its check failed, or the search did not converge"
+    complain(f"do not trust {what}: {why}; it is kept in {folder}")
+    return NOT_TRUSTED
 
 
 def methods(_: argparse.Namespace) -> int:

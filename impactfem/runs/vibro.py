@@ -62,7 +62,7 @@ def run(scene: Scene, chosen: Plan[VibroNumbers], progress: Progress, saved: Che
     model = vibro_model(scene)
     probes = vibro_probes(scene, model)
     progress.step("integrating")
-    settings = _settings(scene, chosen)
+    settings = settings_of(scene, chosen)
     motion = _integrate(scene, chosen, model)
     cost = Cost.since(start)
     findings: list[Finding] = []
@@ -166,7 +166,7 @@ def _episode(scene: Scene, model: VibroModel, motion: Trajectory) -> dict[str, A
     return {"episode": asdict(found) | {"is_over": found.is_over}}
 
 
-def _settings(scene: Scene, chosen: Plan[VibroNumbers]) -> Any:
+def settings_of(scene: Scene, chosen: Plan[VibroNumbers]) -> Any:
     """Settings of the method as the plan says."""
     numbers = chosen.numbers
     tolerance, every = scene.solve.tolerance, scene.output.stride
@@ -190,7 +190,7 @@ def _integrate(
     entry = INTEGRATORS[chosen.method]
     begin = model.position if start is None else start
     motion: Trajectory = entry.integrate(
-        model.system, begin, model.velocity, scene.duration, _settings(scene, chosen)
+        model.system, begin, model.velocity, scene.duration, settings_of(scene, chosen)
     )
     return motion
 

@@ -6,6 +6,7 @@ from impactfem.scene.bodies import Bar
 from impactfem.scene.boundary import Pressure, Support, Traction
 from impactfem.scene.contacts import Contact
 from impactfem.scene.formula import Formula
+from impactfem.scene.inverse import Measure, Objective, Parameter, Term
 from impactfem.scene.joints import Joint, Soft
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
 from impactfem.scene.mechanism import JointStart, Mechanism, Place
@@ -59,10 +60,13 @@ __all__ = [
     "Joint",
     "JointStart",
     "Layer",
+    "Measure",
     "Mechanism",
+    "Objective",
     "Orientation",
     "Orthotropic",
     "Output",
+    "Parameter",
     "PiecewiseConstant",
     "PiecewiseVector",
     "Place",
@@ -91,6 +95,7 @@ __all__ = [
     "Spring",
     "SpringNet",
     "Support",
+    "Term",
     "Traction",
     "Wall",
     "describe",

@@ -12,6 +12,7 @@ from impactfem.scene.beams import Beam, Rod
 from impactfem.scene.bodies import Bar
 from impactfem.scene.body import Solver
 from impactfem.scene.contacts import Contact
+from impactfem.scene.inverse import MAX_MEASURES, MAX_PARAMETERS, Measure, Objective, Parameter
 from impactfem.scene.joints import Joint
 from impactfem.scene.kinds import Choice, Line, Real
 from impactfem.scene.laws import Laws
@@ -85,6 +86,22 @@ class Content:
         name="probe",
         default=(),
     )
+    parameters: tuple[Parameter, ...] = key(
+        ObjectsKind((Parameter,), "[[parameter]]", MAX_PARAMETERS, 0),
+        "numbers that may vary",
+        name="parameter",
+        default=(),
+    )
+    measures: tuple[Measure, ...] = key(
+        ObjectsKind((Measure,), "[[measure]]", MAX_MEASURES, 0),
+        "what is looked at, or was measured",
+        name="measure",
+        default=(),
+    )
+    objective: Objective | None = key(  # noqa: RUF009  # a field
+        SettingsKind(Objective, "[objective]"), "what is wanted", default=None,
+        absent="the misfits of all measures with data",
+    )  # fmt: skip
     solve: Solve = key(  # noqa: RUF009  # a field
         SettingsKind(Solve, "[solve]"), "how to solve", default=Solve()
     )

@@ -9,6 +9,7 @@ from impactfem.scene.breaks import check_motion
 from impactfem.scene.column_names import check_column_names
 from impactfem.scene.content import BODIES, Content
 from impactfem.scene.finite_checks import check_finite
+from impactfem.scene.inverse import check_asked
 from impactfem.scene.joint_checks import check_joints
 from impactfem.scene.loads import PiecewiseConstant
 from impactfem.scene.mixed import check_dimensions, check_mixed
@@ -80,6 +81,7 @@ def check_scene(scene: Content, gravity: object) -> None:
     _check_start(scene)
     check_column_names(scene)
     check_probes(scene)
+    check_asked(scene)
     _check_settings(scene)
     if scene.solve.dt is not None and scene.solve.dt > scene.duration:
         text = f" = {scene.solve.dt} exceeds duration = {scene.duration}: give a smaller step."

@@ -18,11 +18,13 @@ class Formula:
     Allowed are numbers, ``+ - * / **``, parentheses, the variables, the constants ``pi`` and
     ``e``, the functions ``sin cos tan asin acos atan sinh cosh tanh exp log sqrt abs min max`` and
     ``where(condition, a, b)`` with a comparison such as ``x < 0.5`` or ``0 <= x < 0.5``. At most
-    1000 characters and 50 levels. Formulas are equal when their text and their variables are.
+    1000 characters and 50 levels. Formulas are equal when their text, their variables and the
+    numbers that they use by name are.
 
     Attributes:
         text: the formula; a number given instead is turned into its text.
         variables: names that may occur in it.
+        named: names of numbers in it, as of parameters of a scene, and their values.
 
     Raises:
         SceneError: the text is not an allowed formula, or a constant part of it is not finite
@@ -31,6 +33,7 @@ class Formula:
 
     text: str
     variables: tuple[str, ...] = ("x",)
+    named: tuple[tuple[str, float], ...] = field(init=False, repr=False)
     _tree: Node = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -45,10 +48,16 @@ class Formula:
         else:
             raise FormulaError(show(given), "it is neither number nor text; give one of these")
         names = tuple(self.variables)
-        self._store(text, names, Parser(text, names).parse())
+        parser = Parser(text, names)
+        tree = parser.parse()
+        self._store(text, names, tree, tuple(sorted(parser.used.items())))
 
-    def _store(self, text: str, variables: tuple[str, ...], tree: Node) -> None:
+    def _store(
+        self, text: str, variables: tuple[str, ...], tree: Node,
+        named: tuple[tuple[str, float], ...] = (),
+    ) -> None:  # fmt: skip
         object.__setattr__(self, "text", text)
+        object.__setattr__(self, "named", named)
         object.__setattr__(self, "variables", variables)
         object.__setattr__(self, "_tree", tree)
 
@@ -91,7 +100,8 @@ class Formula:
         # Made without parsing: the longer text may pass the limit that holds for users.
         shifted = object.__new__(Formula)
         tree = ("chain", float(offset), (("Add", self._tree),))
-        shifted._store(f"{float(offset)!r} + ({self.text})", self.variables, tree)
+        text = f"{float(offset)!r} + ({self.text})"
+        shifted._store(text, self.variables, tree, self.named)
         return shifted
 
     def fixed(self, **numbers: float) -> "Formula":
@@ -111,7 +121,8 @@ class Formula:
 
         found = object.__new__(Formula)
         text = ", ".join([self.text, *(f"{name} = {value!r}" for name, value in numbers.items())])
-        found._store(text, tuple(v for v in self.variables if v not in numbers), walk(self._tree))
+        left = tuple(v for v in self.variables if v not in numbers)
+        found._store(text, left, walk(self._tree), self.named)
         return found
 
     def __call__(self, **values: ArrayLike) -> Any:  # float or array of floats

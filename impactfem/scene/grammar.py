@@ -5,7 +5,9 @@ import operator
 import re
 import unicodedata
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any, NoReturn
 
 import numpy as np
@@ -78,6 +80,19 @@ _REFUSALS: Mapping[type, str] = {
 type Node = float | tuple[Any, ...]
 
 
+_NAMED: ContextVar[Mapping[str, float]] = ContextVar("named numbers of formulas")
+
+
+@contextmanager
+def naming(numbers: Mapping[str, float]) -> Iterator[None]:
+    """Let formulas that are read meanwhile use numbers by name."""
+    token = _NAMED.set(numbers)
+    try:
+        yield
+    finally:
+        _NAMED.reset(token)
+
+
 class FormulaError(SceneError):
     """A text is not an allowed formula; `why` is the reason without the text."""
 
@@ -96,6 +111,9 @@ class Parser:
     def __init__(self, text: str, variables: tuple[str, ...]) -> None:
         self.text = text
         self.variables = variables
+        self.named = _NAMED.get({})
+        self.used: dict[str, float] = {}
+        """Numbers that the formula uses by name."""
 
     def parse(self) -> Node:
         """Return the tree of the text, with its constant parts evaluated."""
@@ -164,12 +182,15 @@ class Parser:
             return ("variable", name)
         if name in CONSTANTS:
             return CONSTANTS[name]
+        if name in self.named:
+            self.used[name] = self.named[name]
+            return self.named[name]
         if name in FUNCTIONS:
             self._fail(f"the function {name!r} needs its argument in parentheses")
         self._unknown(name)
 
     def _unknown(self, name: str) -> NoReturn:
-        known = (*self.variables, *CONSTANTS, *FUNCTIONS)
+        known = (*self.variables, *self.named, *CONSTANTS, *FUNCTIONS)
         near = nearest(name[:40], known)
         meant = f", did you mean {near!r}?" if near else ";"
         self._fail(f"unknown name {name[:40]!r}{meant} use {', '.join(known)}")

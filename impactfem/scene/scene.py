@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -11,7 +11,16 @@ from impactfem.scene.card import scene_card
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import BODIES, MAX_CONTACTS, MAX_JOINTS, Body, Content, Obstacle
 from impactfem.scene.crosschecks import check_scene
+from impactfem.scene.grammar import naming
 from impactfem.scene.inline import plain
+from impactfem.scene.inverse import (
+    MAX_MEASURES,
+    MAX_PARAMETERS,
+    Measure,
+    Objective,
+    Parameter,
+    named_numbers,
+)
 from impactfem.scene.joints import Joint
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
 from impactfem.scene.obstacles import OBSTACLES
@@ -31,10 +40,15 @@ from impactfem.scene.tables import (
     MAX_BODIES,
     MAX_OBSTACLES,
     assign,
+    looked_up,
+    own,
     read_objects,
 )
 from impactfem.scene.toml import parse_assignment, read_toml, write_table
-from impactfem.scene.values import NotAllowedError, show
+from impactfem.scene.values import NotAllowedError, is_number, show
+
+_RARE = ("parameter", "measure", "objective")
+"""Tables that a scene file has only where they say something."""
 
 
 @table(TOP)
@@ -67,6 +81,9 @@ class Scene(Content):
             probes: Sequence[Probe] = (),
             gravity: float | Sequence[Any] | PiecewiseConstant | PiecewiseVector = 0.0,
             start: str = "given",
+            parameters: Sequence[Parameter] = (),
+            measures: Sequence[Measure] = (),
+            objective: Objective | None = None,
             solve: Solve = ...,
             output: Output = ...,
             folder: str | os.PathLike[str] | None = None,
@@ -81,6 +98,7 @@ class Scene(Content):
         if self.gives_way and not any(body.marches_alone for body in self.bodies):
             self._turn_gravity()
         check_scene(self, gravity)
+        self._start_parameters()
         if not self.bars and not isinstance(self.gravity, PiecewiseVector):
             object.__setattr__(self, "gravity", PiecewiseVector((0.0,), ((0.0,) * self.dim,)))
 
@@ -89,6 +107,26 @@ class Scene(Content):
         if isinstance(self.gravity, PiecewiseConstant):
             along = tuple((0.0 - value,) for value in self.gravity.values)
             object.__setattr__(self, "gravity", PiecewiseVector(self.gravity.times, along))
+
+    def _start_parameters(self) -> None:
+        """Let parameters with a key start as the scene has it.
+
+        Raises:
+            KeyedError: naming the key.
+        """
+        data = self.to_dict() if self.parameters else {}
+        found = []
+        for index, parameter in enumerate(self.parameters):
+            where = f"parameter[{index}]"
+            if parameter.path is not None:
+                value = _number_at(data, parameter.path, where)
+                if parameter.start is not None and parameter.start != value:
+                    text = f" = {parameter.start:g}, but {parameter.path} = {value:g}: remove one."
+                    raise KeyedError(where, "start", text)
+                parameter = replace(parameter, start=value)  # noqa: PLW2901  # checked anew
+                parameter.check_bounds(where)
+            found.append(parameter)
+        object.__setattr__(self, "parameters", tuple(found))
 
     def _open_files(self) -> None:
         """Read the files of rigid bodies and obstacles, where this scene lies.
@@ -134,7 +172,7 @@ class Scene(Content):
 
         Args:
             data: keys ``title, duration, gravity, start, body, obstacle, contact, joint, probe,
-                solve, output``.
+                parameter, measure, objective, solve, output``.
             base: folder where relative mesh paths start.
 
         Raises:
@@ -143,6 +181,19 @@ class Scene(Content):
         fields = {entry.name: name for name, entry in keys_of(cls).items()}
         given = check_keys(data, list(fields), "", TOP)
         values: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
+        folder = None if base is None else Path(base)
+        parameters: list[Parameter] = []
+        if "parameter" in values:
+            parameters = read_objects(
+                values["parameter"], "parameter", Parameter, MAX_PARAMETERS, 0
+            )
+            values = _started(values, parameters)
+        with naming(named_numbers(parameters)):
+            return cls(**{fields[k]: v for k, v in cls._read(values).items()}, folder=folder)
+
+    @classmethod
+    def _read(cls, values: dict[str, Any]) -> dict[str, Any]:
+        """Tables as objects."""
         if "body" in values:
             values["body"] = read_objects(values["body"], "body", BODIES, MAX_BODIES)
         if "obstacle" in values:
@@ -155,21 +206,27 @@ class Scene(Content):
             values["joint"] = read_objects(values["joint"], "joint", Joint, MAX_JOINTS, 0)
         if "probe" in values:
             values["probe"] = read_objects(values["probe"], "probe", Probe, MAX_PROBES, 0)
-        if "solve" in values:
-            values["solve"] = from_table(Solve, values["solve"], "solve")
-        if "output" in values:
-            values["output"] = from_table(Output, values["output"], "output")
-        folder = None if base is None else Path(base)
-        return cls(**{fields[k]: v for k, v in values.items()}, folder=folder)
+        if "measure" in values:
+            values["measure"] = read_objects(values["measure"], "measure", Measure, MAX_MEASURES, 0)
+        for name, settings in (("objective", Objective), ("solve", Solve), ("output", Output)):
+            if name in values:
+                values[name] = from_table(settings, values[name], name)
+        return values
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain tables with defaults filled in; keys left to the plan are absent."""
         data = plain(self)
         for name in ("body", "obstacle"):
             data[name] = [{"kind": entry.kind, **plain(entry)} for entry in data[name]]
-        for name in ("contact", "joint", "probe"):
+        for name in ("contact", "joint", "probe", "parameter", "measure"):
             data[name] = [plain(entry) for entry in data[name]]
-        return data | {"solve": plain(self.solve), "output": plain(self.output)}
+            if name in _RARE and not data[name]:
+                del data[name]
+        for parameter in data.get("parameter", ()):
+            if "key" in parameter:  # its value stands there
+                parameter.pop("start", None)
+        asked = {} if self.objective is None else {"objective": plain(self.objective)}
+        return data | asked | {"solve": plain(self.solve), "output": plain(self.output)}
 
     def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
         """Return the text of a scene file with defaults filled in.
@@ -189,7 +246,8 @@ class Scene(Content):
                     home[name] = str(there.relative_to(target) if inside else there)
         bodies, obstacles = data.pop("body"), data.pop("obstacle")
         contacts, joints = data.pop("contact"), data.pop("joint")
-        probes = data.pop("probe")
+        probes, objective = data.pop("probe"), data.pop("objective", None)
+        parameters, measures = data.pop("parameter", []), data.pop("measure", [])
         solve, output = data.pop("solve"), data.pop("output")
         parts: list[tuple[str, type[DataclassLike], dict[str, Any]]] = [
             ("", type(self), data),
@@ -198,6 +256,9 @@ class Scene(Content):
             *(("[[contact]]", Contact, entry) for entry in contacts),
             *(("[[joint]]", Joint, entry) for entry in joints),
             *(("[[probe]]", Probe, entry) for entry in probes),
+            *(("[[parameter]]", Parameter, entry) for entry in parameters),
+            *(("[[measure]]", Measure, entry) for entry in measures),
+            *([] if objective is None else [("[objective]", Objective, objective)]),
             ("[solve]", Solve, solve),
             ("[output]", Output, output),
         ]
@@ -232,6 +293,45 @@ class Scene(Content):
         except SceneError as error:
             shown = ", ".join(f"{path} = {show(value)}" for path, value in settings.items())
             raise SceneError(f"after setting {shown}: {error}") from None
+
+
+def _started(values: dict[str, Any], parameters: Sequence[Parameter]) -> dict[str, Any]:
+    """The tables with the numbers of parameters that have a key and a start; checked later.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    found: dict[str, Any] = own(values, 8)  # the caller keeps his
+    for index, parameter in enumerate(parameters):
+        if parameter.path is None:
+            continue
+        if parameter.path.partition(".")[0] in _RARE:
+            text = f" = {show(parameter.path)} is no number of what is modelled: give one."
+            raise KeyedError(f"parameter[{index}]", "key", text)
+        if parameter.start is not None:
+            try:
+                assign(found, parameter.path, parameter.start)
+            except NotAllowedError as error:
+                text = f" = {show(parameter.path)}: {error}."
+                raise KeyedError(f"parameter[{index}]", "key", text) from None
+    found["parameter"] = list(parameters)
+    return found
+
+
+def _number_at(data: dict[str, Any], path: str, where: str) -> float:
+    """The number at a path of plain tables.
+
+    Raises:
+        KeyedError: there is none.
+    """
+    try:
+        value = looked_up(data, path)
+    except NotAllowedError as error:
+        raise KeyedError(where, "key", f" = {show(path)}: {error}.") from None
+    if not is_number(value) or isinstance(value, bool):
+        text = f" = {show(path)} is {show(value)} in the scene: give the path of a number."
+        raise KeyedError(where, "key", text)
+    return float(value)
 
 
 def _absolute(path: str | os.PathLike[str]) -> Path:

@@ -297,6 +297,9 @@ def _rank(heading: str) -> int:
         "supports", "tractions", "pressures", "outline", "shape", "refine", "springs",
         "orientation", "rotation", "joints", "place", "soft", "orthotropic", "layers",
     )  # fmt: skip
-    others = ("[[obstacle]]", "[[contact]]", "[[joint]]", "[[probe]]", "[solve]", "[output]")
+    others = (
+        "[[obstacle]]", "[[contact]]", "[[joint]]", "[[probe]]", "[[parameter]]", "[[measure]]",
+        "[objective]", "[solve]", "[output]",
+    )  # fmt: skip
     order = (TOP, *bodies, *others, *inline)
     return next((i for i, start in enumerate(order) if heading.startswith(start)), len(order))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, override
 
 from impactfem.scene.kinds import Kind, one_of
+from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError, check_keys, from_table, keys_of
 from impactfem.scene.values import NotAllowedError, show, type_in_words
 
@@ -148,17 +149,37 @@ def read_object(
 
 
 def assign(data: dict[str, Any], path: str, value: object) -> None:
-    """Put a value at a path such as ``solve.dt`` or ``body.0.gap`` of plain tables.
+    """Put a value at a path such as ``solve.dt``, ``body.0.gap`` or ``body.ball.velocity.1``.
 
     Raises:
         NotAllowedError: there is no such table.
     """
+    place, name = _home(data, path)
+    place[name] = own(value)
+
+
+def looked_up(data: dict[str, Any], path: str) -> object:
+    """Return what stands at a path of plain tables.
+
+    Raises:
+        NotAllowedError: there is nothing.
+    """
+    place, name = _home(data, path)
+    if isinstance(place, dict) and name not in place:
+        near = nearest(str(name), list(place))
+        meant = f"did you mean {show(near)}?" if near else f"there are {', '.join(place)}"
+        raise NotAllowedError(f"the scene has no {show(name)} there; {meant}")
+    return place[name]
+
+
+def _home(data: dict[str, Any], path: str) -> tuple[Any, Any]:
+    """Return the table or list of numbers in which a path ends, and the key or index in it."""
     parts = [part.strip() for part in path.replace("[", ".").replace("]", "").split(".")]
     place: Any = data
     for part in parts[:-1]:
         if isinstance(place, list):
             found = {str(index): entry for index, entry in enumerate(place)}
-            found |= {str(entry["name"]): entry for entry in place if "name" in entry}
+            found |= {str(e["name"]): e for e in place if isinstance(e, dict) and "name" in e}
             if part not in found:
                 raise NotAllowedError(f"there is no {show(part)}; write {' or '.join(found)}")
             place = found[part]
@@ -166,28 +187,43 @@ def assign(data: dict[str, Any], path: str, value: object) -> None:
             place = tables[part]
         else:
             raise NotAllowedError(
-                f"there is no table {show(part)}; the tables are {', '.join(_tables(data))}"
+                f"there is no table {show(part)}; the tables are {', '.join(_of_tables(data))}"
             )
+    last = parts[-1]
+    if isinstance(place, list) and not isinstance(place[0], dict):
+        if not (last.isdigit() and int(last) < len(place)):
+            raise NotAllowedError(
+                f"{show(last)} is no entry of a list of {len(place)}; write 0 to {len(place) - 1}"
+            )
+        return place, int(last)
     if isinstance(place, list):
         example = ".".join([*parts[:-1], str(place[0].get("name", 0)), parts[-1]])
         raise NotAllowedError(f"say which one is meant, such as {example}")
-    place[parts[-1]] = _own(value)
+    return place, last
 
 
-def _own(value: object, depth: int = 5) -> object:
+def own(value: object, depth: int = 5) -> object:
     """Return a copy of tables and lists: later assignments must not reach the caller's."""
     if depth and isinstance(value, list):
-        return [_own(entry, depth - 1) for entry in value]
+        return [own(entry, depth - 1) for entry in value]
     if depth and isinstance(value, dict):
-        return {name: _own(entry, depth - 1) for name, entry in value.items()}
+        return {name: own(entry, depth - 1) for name, entry in value.items()}
     return value
 
 
 def _tables(data: dict[str, Any]) -> dict[str, Any]:
-    """Return the tables of a table; a list counts when it holds tables."""
+    """Return the tables and lists of a table."""
     return {
         name: value
         for name, value in data.items()
-        if isinstance(value, dict)
-        or (isinstance(value, list) and value and all(isinstance(e, dict) for e in value))
+        if isinstance(value, dict) or (isinstance(value, list) and value)
     }
+
+
+def _of_tables(data: dict[str, Any]) -> list[str]:
+    """Return the names of tables, and of lists of tables."""
+    return [
+        name
+        for name, value in _tables(data).items()
+        if isinstance(value, dict) or isinstance(value[0], dict)
+    ]

@@ -24,6 +24,7 @@ from impactfem.system.generalized import GeneralizedSystem
 from impactfem.system.joined import Forced, Room, advanced
 from impactfem.vibro.event_choice import Onset, accumulate, independent, lasting, signs, stay
 from impactfem.vibro.event_constrained import constrained
+from impactfem.vibro.event_legs import Mode, Strike
 from impactfem.vibro.event_motion import End, Motion
 
 Floats = NDArray[np.float64]
@@ -58,6 +59,8 @@ class Contacts:
         dropped_speed: Largest normal speed set to 0 by sticking.
         dropped_energy: Energy [J] lost by that.
         work: Of friction in impacts [J].
+        strikes: Impacts of the last event.
+        modes: Of the closed constraints, where anything rubs.
     """
 
     system: GeneralizedSystem
@@ -74,6 +77,8 @@ class Contacts:
     dropped_speed: float = 0.0
     dropped_energy: float = 0.0
     work: float = 0.0
+    strikes: tuple[Strike, ...] = ()
+    modes: tuple[Mode, ...] = ()
     _lasting: dict[int, list[float]] = field(default_factory=dict)
 
     @property
@@ -115,6 +120,7 @@ class Contacts:
         system = self.system
         near = near.copy()
         near[list(self.closed + self.implied)] = True
+        self.strikes = ()
         rows = np.flatnonzero(near)
         self.order = np.zeros(system.num_constraints, dtype=np.int64)
         before_spell = set(self.closed)
@@ -190,6 +196,9 @@ class Contacts:
                     f"solution: do they leave room? ({error})"
                 ) from error
             v = room.full(hit.velocity)
+            hits = tuple(rows[hit.impulse > 0.0].tolist())
+            turns = again or (self.impact_law == "sequential" and len(rows) > 1)
+            self.strikes += (Strike(hits, (1,) * len(hits), not turns or len(hits) == 1),)
             pushed = np.abs(room.answers(jacobian[rows])) @ hit.impulse
             np.maximum(noise, 64.0 * _EPS * np.abs(jacobian) @ pushed, out=noise)
             impacts += [

@@ -19,6 +19,7 @@ from impactfem.system.start_checks import check_start
 from impactfem.vibro.event_contacts import Contacts
 from impactfem.vibro.event_friction import RubbingContacts
 from impactfem.vibro.event_general import fly_general
+from impactfem.vibro.event_legs import Leg
 from impactfem.vibro.event_linear import fly_linear
 from impactfem.vibro.event_record import Record
 
@@ -45,6 +46,7 @@ class EventSettings:
         atol: Absolute tolerance of these.
         max_impacts: Limit of the number of impacts.
         keep_impacts: Number of impacts, the last ones, that are kept one by one; None for all.
+        times: Output rows at these times instead, from 0 to the end [s].
 
     Raises:
         SceneError: A value is out of range.
@@ -57,6 +59,7 @@ class EventSettings:
     atol: float = 1e-12
     max_impacts: int = 10_000_000
     keep_impacts: int | None = None
+    times: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.rows < 1:
@@ -125,14 +128,28 @@ def integrate_events(
         ConvergenceError: Too many impacts, events that do not move on, or a motion that is not
             finite.
     """
-    settings = settings or EventSettings()
+    record, contacts = follow(system, position, velocity, duration, settings or EventSettings())
+    return record.trajectory(contacts)
+
+
+def follow(
+    system: GeneralizedSystem,
+    position: ArrayLike,
+    velocity: ArrayLike,
+    duration: float,
+    settings: EventSettings,
+    legs: list[Leg] | None = None,
+) -> tuple[Record, Contacts]:
+    """As `integrate_events`: what the run leaves; its flights are kept in ``legs``, if given."""
     u = np.atleast_1d(np.array(position, dtype=float))
     v = np.atleast_1d(np.array(velocity, dtype=float))
     if not 0.0 < duration < math.inf:
         raise SceneError(f"duration = {duration}: give a time > 0")
     check_start(system, u, v)
     check_friction(system, u, settings.impact_law)
-    record = Record(system, duration, settings.rows, settings.max_impacts, settings.keep_impacts)
+    even = np.linspace(0.0, duration, settings.rows + 1)
+    times = even if settings.times is None else np.array(settings.times)
+    record = Record(system, times, settings.max_impacts, settings.keep_impacts, legs)
     rubs = bool(system.static_friction.any())
     exact = isinstance(system, LinearSystem) and system.is_exact and not rubs
     share = EXACT_SHARE if exact else GENERAL_SHARE
@@ -142,4 +159,4 @@ def integrate_events(
         fly_linear(system, u, v, duration, contacts, record)
     else:
         fly_general(system, u, v, duration, contacts, record, (settings.rtol, settings.atol))
-    return record.trajectory(contacts)
+    return record, contacts

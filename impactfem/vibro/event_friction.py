@@ -16,9 +16,9 @@ from impactfem.system.joined import Forced, Room, advanced
 from impactfem.system.joined import answers as answers_to
 from impactfem.vibro.event_choice import rank
 from impactfem.vibro.event_contacts import MAX_SPELLS, Begin, Contacts, Row
+from impactfem.vibro.event_legs import Mode, Strike
 from impactfem.vibro.event_motion import End, Motion
 from impactfem.vibro.event_rubbing import (
-    Mode,
     Rubbing,
     RubbingMotion,
     Solutions,
@@ -35,6 +35,7 @@ _EPS = 2.0**-52
 _STILL = 1e-11  # share of the velocities, before and after impacts, that is no sliding
 _REPEATS = 100  # impacts at one instant until nothing approaches
 _FLAT = 1e-9  # share of the accelerations below which a gap does not open
+_AT_EDGE = 1e-9  # share of the cone's edge by which an impulse may miss it and slide
 _IN_WORDS = {None: "opens", 0: "sticks", 1: "slides", -1: "slides"}
 
 
@@ -43,7 +44,6 @@ class RubbingContacts(Contacts):
     """Closed constraints with friction during a run.
 
     Attributes:
-        modes: Of the closed constraints.
         nonunique: The first instant at which several motions fit: its time, the number of
             solutions, and what each of its constraints does in the one that was taken.
         overconstrained: The first instant at which forces were not determined by the motion: its
@@ -54,7 +54,6 @@ class RubbingContacts(Contacts):
         settled: Time of the last event at contacts [s].
     """
 
-    modes: tuple[Mode, ...] = ()
     nonunique: dict[str, Any] | None = None
     overconstrained: dict[str, Any] | None = None
     changes: list[list[Any]] = field(default_factory=list)
@@ -81,6 +80,7 @@ class RubbingContacts(Contacts):
         system, count = self.system, self.system.num_constraints
         near = near.copy()
         near[list(self.closed + self.implied)] = True
+        self.strikes = ()
         rows, before_spell = np.flatnonzero(near), set(self.closed)
         past: dict[int, Mode] = dict(zip(self.closed, self.modes, strict=True))
         self.order = np.zeros(count, dtype=np.int64)
@@ -196,6 +196,7 @@ class RubbingContacts(Contacts):
                     f"{t:.9g} has no solution ({error})"
                 ) from error
             v = v + answers @ push
+            self.strikes += (_strike(rows, push, system.friction[rows]),)
             after = both @ v
             after[::2] -= rate[rows]
             self.work += 0.5 * float(push[1::2] @ (before + after)[1::2])
@@ -269,3 +270,12 @@ class RubbingContacts(Contacts):
             and len(closed)
             and rank(jacobian[[*closed, j]]) == rank(jacobian[list(closed)])
         )
+
+
+def _strike(rows: Integers, push: Floats, friction: Floats) -> Strike:
+    """Which constraints got impulses (normal and along the tangent by turns), and what slid."""
+    hits = np.flatnonzero(push[::2] > 0.0)
+    normal, tangential = push[2 * hits], push[2 * hits + 1]
+    slid = np.abs(tangential) >= (1.0 - _AT_EDGE) * friction[hits] * normal
+    modes = np.where(slid, np.where(tangential > 0.0, -1, 1), 0)
+    return Strike(tuple(rows[hits].tolist()), tuple(modes.tolist()))

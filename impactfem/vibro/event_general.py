@@ -46,16 +46,17 @@ def fly_general(
     Raises:
         ConvergenceError: The integrator failed, or events do not move on.
     """
-    t, row, rubbed = 0.0, 0, 0.0
+    t, row, rubbed, passed = 0.0, 0, 0.0, 0
     u, v = closed_rows(system, u, v)
     stalled = 0
     kicks, stops = deque(system.kicks(duration)), deque(system.stops(duration))
     released, watched = None, -1
     step: float | None = None
     while True:
-        earlier = None
+        earlier, kick = None, -1
         while kicks and kicks[0].at.before <= t:
-            at = kicks.popleft().at
+            at, kick = kicks.popleft().at, passed
+            passed += 1
             earlier = system.motion_rate(at.before) if earlier is None else earlier
             t = max(t, at.after)
         near = record.near(t, u, v)
@@ -68,8 +69,10 @@ def fly_general(
         ) -> Onset:
             return Motion(system, closed, tolerances[0]).onset(t, u, v, later)
 
+        before = u, v
         u, v, impacts, impulses = contacts.settle(t, u, v, near, begin, released, earlier)
         u, v = closed_rows(system, u, v)
+        record.depart(t, before, (u, v), row, contacts, contacts.strikes, watched, kick)
         record.add(impacts, impulses, row)
         record.rubbed[min(row, len(record.rubbed) - 1)] += contacts.work - rubbed
         rubbed = contacts.work

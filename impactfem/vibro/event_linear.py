@@ -19,7 +19,7 @@ from impactfem.vibro.flights import Flights
 Floats = NDArray[np.float64]
 
 _MAX_STALL = 1000  # events at one instant
-_TABLE = 16_384  # impacts between two visits to Python
+_TABLE = 16_384  # impacts between two visits to Python; where flights are kept it sees each one
 
 
 class _Run:
@@ -34,8 +34,10 @@ class _Run:
         self.duration = duration
         self.z = np.zeros(self.flights.size)
         self.clock, self.counts = np.zeros(3), np.zeros(3, dtype=np.int64)
-        self.table, self.who = np.empty((_TABLE, 5)), np.full(1, -1, dtype=np.int64)
+        rows = _TABLE if record.legs is None else 0
+        self.table, self.who = np.empty((rows, 5)), np.full(1, -1, dtype=np.int64)
         self.put(u, v)
+        self.held: tuple[int, ...] = ()
         stick = contacts.stick_speed
         given, share = (0.0, contacts.share) if stick is None else (stick, 0.0)
         flights = self.flights
@@ -66,9 +68,15 @@ class _Run:
         if event is not None:
             near[event] = True
         end = None if released is None else End(released)
+        before, row = (u, v), int(self.counts[0])
         u, v, impacts, impulses = self.contacts.settle(self.time, u, v, near, self.begin, end)
-        self.record.add(impacts, impulses, int(self.counts[0]))
+        self.record.add(impacts, impulses, row)
         self.put(u, v)
+        cause = -1 if event is None else event
+        if released is not None:
+            cause = -2 - self.held.index(released)
+        self.held, strikes = self.contacts.closed, self.contacts.strikes
+        self.record.depart(self.time, before, (u, v), row, self.contacts, strikes, cause)
         self.clock[1] = self.contacts.fastest
 
     def begin(self, t: float, u: Floats, v: Floats, closed: tuple[int, ...]) -> Onset:
@@ -112,7 +120,7 @@ def fly_linear(
     """
     run = _Run(system, u, v, duration, contacts, record)
     run.settle(None, None)  # constraints may be closed at the start
-    if system.num_constraints == 1:
+    if system.num_constraints == 1 and record.legs is None:
         _alone(run)
     else:
         _several(run)
@@ -132,8 +140,10 @@ def _several(run: _Run) -> None:
         )  # fmt: skip
         run.collect(status)
         if status == DONE:
+            end, rows = run.state(), int(run.counts[0])
+            run.record.depart(run.time, end, end, rows, contacts, ())
             return
-        if status == FULL:
+        if status == FULL and run.record.legs is None:
             continue
         stalled = stalled + 1 if run.time == last else 0
         last = run.time

@@ -1,7 +1,6 @@
 """What a run from event to event leaves behind: rows, impacts, effort."""
 
 import math
-from collections import deque
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from impactfem.result.bar_motion import Effort
 from impactfem.result.trajectory import Impacts, Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.vibro.event_contacts import Contacts, Row
+from impactfem.vibro.event_legs import Event, Leg, Strike
 
 Floats = NDArray[np.float64]
 
@@ -32,13 +32,12 @@ class Record:
 
     Args:
         system: The system.
-        duration: End [s].
-        rows: Intervals of the uniform output grid.
+        times: Of the output, from 0 to the end [s], shape (rows + 1,).
         max_impacts: Limit of the number of impacts.
         keep: Number of impacts that are kept, the last ones; None for all.
+        legs: List to keep flights in; None for none.
 
     Attributes:
-        times: t_m [s], shape (rows + 1,).
         position: u at t_m, shape (rows + 1, d).
         velocity: u' just after t_m, shape (rows + 1, d).
         impulse: Impulses of impacts since t_{m-1} [N s], shape (rows + 1, J).
@@ -47,14 +46,17 @@ class Record:
         count: Impacts so far.
         steps: Substeps so far.
         rubbed: Work of friction since t_{m-1} [J], shape (rows + 1,).
+        legs: The flights and the events before them; None if they are not kept.
     """
 
     def __init__(
-        self, system: GeneralizedSystem, duration: float, rows: int, max_impacts: int,
-        keep: int | None,
+        self, system: GeneralizedSystem, times: Floats, max_impacts: int, keep: int | None,
+        legs: list[Leg] | None = None,
     ) -> None:  # fmt: skip
+        rows = len(times) - 1
         self.system = system
-        self.times: Floats = np.linspace(0.0, duration, rows + 1)
+        self.times = times
+        self.legs = legs
         self.position: Floats = np.zeros((rows + 1, system.coordinates))
         self.velocity: Floats = np.zeros((rows + 1, system.dofs))
         self.impulse: Floats = np.zeros((rows + 1, system.num_constraints))
@@ -64,7 +66,7 @@ class Record:
         self.steps = 0
         self.rubbed: Floats = np.zeros(rows + 1)
         self._max, self._keep = max_impacts, keep
-        self._tables: deque[Floats] = deque()
+        self.tables: list[Floats] = []
         self._held = 0
 
     def near(self, t: float, u: Floats, v: Floats) -> NDArray[np.bool_]:
@@ -75,6 +77,15 @@ class Record:
         """Set an output row."""
         if row < len(self.times):
             self.position[row], self.velocity[row] = u, v
+
+    def depart(
+        self, t: float, before: tuple[Floats, Floats], after: tuple[Floats, Floats], row: int,
+        contacts: Contacts, strikes: tuple[Strike, ...], cause: int = -1, kick: int = -1,
+    ) -> None:  # fmt: skip
+        """Keep an event at t, u and v before and after it, and the flight that begins there."""
+        if self.legs is not None:
+            event = Event(t, cause, kick, strikes, *before, row)
+            self.legs.append(Leg(event, *after, contacts.closed, contacts.modes))
 
     def add(self, impacts: list[Row], impulses: Floats, row: int) -> None:
         """Add impacts and their impulses (J,) in the interval that ends at a row."""
@@ -98,35 +109,36 @@ class Record:
             )
         if self._keep == 0:
             return
-        self._tables.append(table.copy())
+        self.tables.append(table.copy())
         self._held += len(table)
-        while self._keep is not None and self._held - len(self._tables[0]) >= self._keep:
-            self._held -= len(self._tables.popleft())
+        while self._keep is not None and self._held - len(self.tables[0]) >= self._keep:
+            self._held -= len(self.tables.pop(0))
+
+    def table(self) -> Floats:
+        """Impacts that are kept (time, constraint, before, after, impulse), (impacts, 5)."""
+        table = np.concatenate([np.empty((0, 5)), *self.tables])
+        return table if self._keep is None else table[max(0, len(table) - self._keep) :]
 
     def trajectory(self, contacts: Contacts) -> Trajectory:
         """The trajectory of the run."""
         system, times = self.system, self.times
-        for pushed in (self.impulse, self.lasting, self.rubbed):
-            pushed[1] += pushed[0]  # at the start
-            pushed[0] = 0.0
-        force = np.zeros_like(self.lasting)
-        force[1:] = self.lasting[1:] / np.diff(times)[:, None]
+        impulse, lasting, rubbed = map(_from_start, (self.impulse, self.lasting, self.rubbed))
+        force = np.zeros_like(lasting)
+        force[1:] = lasting[1:] / np.diff(times)[:, None]
         states = list(zip(times, self.position, self.velocity, strict=True))
-        table = np.concatenate([np.empty((0, 5)), *self._tables])
-        if self._keep is not None:
-            table = table[max(0, len(table) - self._keep) :]
+        table = self.table()
         return Trajectory(
             times=times,
             position=self.position,
             velocity=self.velocity,
             gap=np.array([system.gap(t, u) for t, u, _ in states]),
             contact_force=force,
-            impulse=self.impulse + self.lasting,
+            impulse=impulse + lasting,
             kinetic=np.array([system.kinetic_energy(u, v) for _, u, v in states]),
             potential=np.array(
                 [system.potential(t, u) if system.potential else 0.0 for t, u, _ in states]
             ),
-            friction_work=np.cumsum(self.rubbed),
+            friction_work=np.cumsum(rubbed),
             peak=self.peak if self.peak > 0.0 else None,
             impacts=Impacts(table[:, 0], table[:, 1].astype(np.int64), *table[:, 2:].T),
             effort=Effort(iterations=self.steps, details=self._details(contacts)),
@@ -152,3 +164,11 @@ class Record:
             ),
             **contacts.details,
         }
+
+
+def _from_start(pushed: Floats) -> Floats:
+    """What was pushed since the row before, that at the start counted in the first interval."""
+    moved = pushed.copy()
+    moved[1] += moved[0]
+    moved[0] = 0.0
+    return moved

@@ -132,15 +132,33 @@ def page(
         facts.files(result, names, faults.lines),
     ]
     data = [{"element": f"chart-{each.name}", "figure": each.figure} for each in drawn]
+    return shell(
+        result.summary["title"], _byline(result), sections, _verdict(result),
+        _scripts(script, moving, data),
+    )  # fmt: skip
+
+
+def shell(
+    title: str, byline: str, sections: Sequence[str], verdict: str = "", scripts: str = ""
+) -> str:
+    """A page of sections as HTML, which needs no network.
+
+    Args:
+        title: Plain text.
+        byline: Plain text below it.
+        sections: HTML of `elements.section`.
+        verdict: HTML above them.
+        scripts: HTML at the end.
+    """
     template = Template((_HERE / "page.html").read_text(encoding="utf-8"))
     return template.substitute(
-        title=text(result.summary["title"]),
-        byline=text(_byline(result)),
+        title=text(title),
+        byline=text(byline),
         css=(_HERE / "page.css").read_text(encoding="utf-8"),
-        verdict=_verdict(result),
+        verdict=verdict,
         contents=_contents(sections),
         sections="".join(sections),
-        scripts=_scripts(script, moving, data),
+        scripts=scripts,
     )
 
 

@@ -1,0 +1,136 @@
+"""Points, rods and rigid bodies from event to event: outcomes and their derivatives."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import SceneError
+from impactfem.inverse.outcomes import Outcome
+from impactfem.inverse.quantities import Quantities
+from impactfem.inverse.steps import Changes
+from impactfem.models.vibro import VibroModel, vibro_model
+from impactfem.planning import Plan, VibroNumbers
+from impactfem.result.trajectory import Trajectory
+from impactfem.runs.line_probes import vibro_probes
+from impactfem.runs.vibro import settings_of, vibro_history
+from impactfem.scene import Scene
+from impactfem.vibro.event_contacts import Contacts
+from impactfem.vibro.event_driven import EventSettings, follow
+from impactfem.vibro.event_legs import Leg
+from impactfem.vibro.event_record import Record
+from impactfem.vibro.tangents import Neighbours, tangents
+
+Floats = NDArray[np.float64]
+
+_RTOL = 1e-12  # of flights: searches and checks look at small differences of runs
+_STEP = 1e-5  # share of a parameter between neighbours: their square is lost beside rounding
+
+
+@dataclass(frozen=True)
+class EventRuns:
+    """Event-driven runs as planned."""
+
+    chosen: Plan[VibroNumbers]
+
+    def _settings(self, scene: Scene, times: Floats) -> EventSettings:
+        made: EventSettings = settings_of(scene, self.chosen)
+        rtol, atol = min(made.rtol, _RTOL), min(made.atol, 1e-2 * _RTOL)
+        return replace(made, times=tuple(times.tolist()), rtol=rtol, atol=atol)
+
+    def _followed(self, scene: Scene, model: VibroModel, times: Floats) -> tuple[Record, Contacts]:
+        return follow(
+            model.system, model.position, model.velocity, scene.duration,
+            self._settings(scene, times), [],
+        )  # fmt: skip
+
+    def outcome(self, scene: Scene, times: Floats) -> Outcome:
+        """A run, known at some times."""
+        model = vibro_model(scene)
+        record, contacts = self._followed(scene, model, times)
+        return _outcome(scene, model, record.trajectory(contacts), record.legs or [])
+
+    def jacobian(
+        self, changes: Changes, quantities: Quantities
+    ) -> tuple[Floats, Floats, list[str]]:
+        """Numbers of a run, their derivatives, and doubts.
+
+        Raises:
+            SceneError: A parameter begins where the model changes its kind.
+            ConvergenceError: There is no derivative.
+        """
+        scene, times = changes.scene, quantities.times
+        model = vibro_model(scene)
+        record, contacts = self._followed(scene, model, times)
+        q = quantities.read(_outcome(scene, model, record.trajectory(contacts), record.legs or []))
+        count = len(changes.values)
+        scenes: list[tuple[list[tuple[Scene, VibroModel]], Floats, Floats]] = [
+            changes.neighbours(k, _STEP, lambda other: (other, _alike(other, model)))
+            for k in range(count)
+        ]
+        neighbours = [
+            Neighbours(
+                tuple(m.system for _, m in made),
+                tuple((m.position, m.velocity) for _, m in made), offsets, weights,
+            )
+            for made, offsets, weights in scenes
+        ]  # fmt: skip
+        found = tangents(model.system, record, neighbours, scene.duration)
+        slopes = np.zeros((len(q), count))
+        for k, (made, offsets, weights) in enumerate(scenes):
+            for (other, own), offset, weight in zip(made, offsets, weights, strict=True):
+                moved = found.moved(record, own.system, k, float(offset))
+                outcome = _outcome(other, own, moved.trajectory(contacts), moved.legs or [])
+                slopes[:, k] += weight * quantities.read(outcome)
+        return q, slopes, found.doubts
+
+
+def _alike(scene: Scene, model: VibroModel) -> VibroModel:
+    """The model of a neighbour.
+
+    Raises:
+        SceneError: It is of another kind.
+    """
+    made = vibro_model(scene)
+    rubs = [bool(each.system.static_friction.any()) for each in (made, model)]
+    if made.labels != model.labels or made.is_exact != model.is_exact or rubs[0] != rubs[1]:
+        raise SceneError(
+            "parameter: beside its value the scene is of another kind (friction or damping that "
+            "begins at 0, contacts that come and go); start at another value"
+        )
+    return made
+
+
+def _outcome(scene: Scene, model: VibroModel, motion: Trajectory, legs: Sequence[Leg]) -> Outcome:
+    history = vibro_history(motion, model, vibro_probes(scene, model)(motion))
+    impulse, duration = {}, {}
+    for k, name in enumerate(model.pairs):
+        own = model.pair_of == k
+        impulse[name] = np.cumsum(motion.impulse[:, own].sum(axis=1))
+        touching = set(np.flatnonzero(own).tolist())
+        duration[name] = sum(
+            until.event.time - leg.event.time
+            for leg, until in pairwise(legs)
+            if touching & set(leg.closed)
+        )
+    names = list(model.bodies(motion.position[:1], motion.velocity[:1]))
+    return Outcome(
+        history, impulse, duration, _rebounds(model, legs, names),
+        dict(zip(names, model.masses, strict=True)),
+    )  # fmt: skip
+
+
+def _rebounds(model: VibroModel, legs: Sequence[Leg], names: Sequence[str]) -> dict[str, float]:
+    """Speeds of the centres just after the last contact of any body."""
+    found: dict[str, float] = dict.fromkeys(names, float("nan"))
+    last: Leg | None = None
+    for before, leg in zip([None, *legs], legs, strict=False):
+        if leg.event.strikes or (before is not None and set(before.closed) - set(leg.closed)):
+            last = leg
+    if last is not None:
+        bodies: dict[str, Any] = dict(model.bodies(last.position[None], last.velocity[None]))
+        found = {name: float(np.linalg.norm(bodies[name].velocity)) for name in names}
+    return found

@@ -1,0 +1,213 @@
+"""The gradient of an objective, checked where it is taken."""
+
+import time
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import ConvergenceError, SceneError
+from impactfem.inverse.varied import Varied
+from impactfem.scene import Scene
+
+Floats = NDArray[np.float64]
+
+GOOD_RATE = 1.8
+"""Least rate at which Taylor remainders of a right gradient fall, where 2 is expected."""
+
+_LONGEST, _SHORTEST, _SHORTER = 1e-3, 1e-6, 10.0  # steps of the check, in sizes of parameters
+_HALVINGS = 3
+_ROUNDING = 1e-11  # share of the objective's size and change that is rounding in a remainder
+
+
+@dataclass(frozen=True)
+class TaylorCheck:
+    """Remainders |J(p + h d) - J(p) - h g.d| in a random direction d, at h, h/2, h/4.
+
+    Attributes:
+        steps: h, in sizes of the parameters.
+        remainders: As many.
+        rate: Least order at which they fall; None if they are rounding only.
+    """
+
+    steps: tuple[float, ...]
+    remainders: tuple[float, ...]
+    rate: float | None
+
+    @property
+    def passed(self) -> bool:
+        """Whether the gradient is right as far as this tells."""
+        return self.rate is None or self.rate >= GOOD_RATE
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """An objective and its gradient.
+
+    Attributes:
+        objective: J.
+        gradient: dJ/dp by the name of the parameter.
+        measures: Of each measure its values and their derivatives by the name of the parameter.
+        check: Taylor remainders.
+        doubts: Why there may be no gradient here, in words.
+        method: The method of all runs.
+        forward_runs: Runs without derivatives.
+        gradient_runs: Runs with them.
+        seconds_forward: Time of one run without them [s].
+        seconds_gradient: Time of the one with them [s].
+    """
+
+    objective: float
+    gradient: dict[str, float]
+    measures: dict[str, dict[str, Any]]
+    check: TaylorCheck
+    doubts: tuple[str, ...]
+    method: str
+    forward_runs: int
+    gradient_runs: int
+    seconds_forward: float
+    seconds_gradient: float
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the check passed and nothing speaks against a gradient."""
+        return self.check.passed and not self.doubts
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data of ``gradient.json``."""
+        return {
+            "objective": self.objective,
+            "gradient": self.gradient,
+            "measures": self.measures,
+            "check": check_as_dict(self.check, self.doubts),
+            "method": self.method,
+            "cost": {
+                "forward_runs": self.forward_runs,
+                "gradient_runs": self.gradient_runs,
+                "seconds_forward": self.seconds_forward,
+                "seconds_gradient": self.seconds_gradient,
+            },
+        }
+
+
+def check_as_dict(check: TaylorCheck, doubts: tuple[str, ...] | list[str]) -> dict[str, Any]:
+    """Plain data of a check."""
+    return {
+        "taylor_rate": check.rate,
+        "taylor_steps": list(check.steps),
+        "taylor_remainders": list(check.remainders),
+        "passed": check.passed and not doubts,
+        "doubts": list(doubts),
+    }
+
+
+def gradient(scene: Scene | str | Path) -> Gradient:
+    """Take the gradient of a scene's objective by its parameters, at their starts.
+
+    Points, one rod and one rigid body are followed from event to event with derivatives along
+    (see `impactfem.vibro.tangents`); a bar by its exact solution at neighbouring values.
+
+    Args:
+        scene: A scene with parameters and an objective, or measures with data; or its file.
+
+    Raises:
+        SceneError: The scene cannot work, or its method has no right derivatives.
+        ConvergenceError: A run failed, or the motion has no derivative.
+    """
+    if not isinstance(scene, Scene):
+        scene = Scene.from_toml(scene)
+    varied = Varied.of(scene)
+    start = varied.start
+    begun = time.perf_counter()
+    q, jacobian, doubts = varied.jacobian(start)
+    took = time.perf_counter() - begun
+    varied.check_moves(jacobian)
+    begun = time.perf_counter()
+    varied.numbers(start)
+    plain = time.perf_counter() - begun
+    slope = varied.quantities.slope(q) @ jacobian
+    check = taylor_check(varied, start, q, slope, scene.objective.seed if scene.objective else 0)
+    names = [parameter.name for parameter in varied.parameters]
+    measures = {
+        measure.name: {
+            "values": q[own].tolist(),
+            "times": varied.quantities.data[k].times.tolist(),
+            "gradient": dict(zip(names, jacobian[own].T.tolist(), strict=True)),
+        }
+        for k, (measure, own) in enumerate(
+            zip(scene.measures, varied.quantities.slices, strict=True)
+        )
+    }
+    return Gradient(
+        objective=varied.quantities.objective(q),
+        gradient=dict(zip(names, slope.tolist(), strict=True)),
+        measures=measures,
+        check=check,
+        doubts=tuple(doubts),
+        method=varied.chosen.method,
+        forward_runs=varied.forward - varied.sloped,
+        gradient_runs=varied.sloped,
+        seconds_forward=plain,
+        seconds_gradient=took,
+    )
+
+
+def taylor_check(varied: Varied, at: Floats, q: Floats, slope: Floats, seed: int) -> TaylorCheck:
+    """Hold a gradient against runs of their own in a random direction.
+
+    Steps are shortened where the order of events changes within them.
+
+    Args:
+        varied: The scene.
+        at: Parameters (P,).
+        q: Numbers of the run there.
+        slope: The gradient (P,).
+        seed: Of the direction.
+    """
+    first = varied.quantities.objective(q)
+    way = np.random.default_rng(seed).standard_normal(len(at))
+    way *= varied.scales / np.linalg.norm(way)
+    limits = np.array([parameter.limits for parameter in varied.parameters]).T
+    for k in range(len(at)):  # inwards, where a bound is near
+        if not limits[0, k] <= at[k] + _LONGEST * way[k] <= limits[1, k]:
+            way[k] = -way[k]
+    tried: list[TaylorCheck] = []
+    longest = _LONGEST
+    while longest >= _SHORTEST:
+        tried.append(_remainders(varied, at, first, slope, way, longest))
+        if tried[-1].passed:
+            break
+        longest /= _SHORTER
+    return max(tried, key=lambda each: 2.0 if each.rate is None else each.rate)
+
+
+def _remainders(
+    varied: Varied, at: Floats, first: float, slope: Floats, way: Floats, longest: float
+) -> TaylorCheck:
+    steps, left, sizes = [], [], []
+    for k in range(_HALVINGS):
+        h = longest * 0.5**k
+        value = _objective(varied, at, h * way)
+        steps.append(h)
+        left.append(abs(value - first - h * float(slope @ way)))
+        sizes.append(abs(first) + abs(value - first))
+    noise = _ROUNDING * max(sizes)
+    if max(left) <= noise:
+        return TaylorCheck(tuple(steps), tuple(left), None)
+    rates = [float(np.log2(a / b)) for a, b in pairwise(left) if b > 0.1 * noise]
+    return TaylorCheck(tuple(steps), tuple(left), min(rates, default=None))
+
+
+def _objective(varied: Varied, at: Floats, change: Floats) -> float:
+    """J at a place beside; on the other side if there is no such scene.
+
+    Raises:
+        SceneError: There is none on either side.
+    """
+    try:
+        return varied.quantities.objective(varied.numbers(at + change))
+    except (SceneError, ConvergenceError) as error:
+        raise SceneError(f"gradient: it cannot be checked beside the start: {error}") from error

@@ -1,0 +1,297 @@
+"""Parameters from measurements, by nonlinear least squares with gradients of ours."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import chi2, t
+
+from impactfem.errors import ConvergenceError, SceneError
+from impactfem.inverse.gradient import TaylorCheck, check_as_dict, taylor_check
+from impactfem.inverse.varied import Varied
+from impactfem.scene import Scene
+
+Floats = NDArray[np.float64]
+
+_FAILED = 1e6  # times the first misfit: what a run that fails counts as, so that its step is undone
+_UNLIKELY = 1e-3  # probability below which misfits do not fit their standard deviations
+_FLAT = 1e-12  # least share of a singular value of a direction that the data determine
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One evaluation of the search.
+
+    Attributes:
+        objective: J.
+        gradient_norm: Of J by parameters in their sizes.
+        step: Change of the parameters since the one before, in their sizes.
+        seconds: Since the beginning [s].
+        forward_runs: Since the beginning.
+        parameters: (P,).
+    """
+
+    objective: float
+    gradient_norm: float
+    step: float
+    seconds: float
+    forward_runs: int
+    parameters: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter that was found.
+
+    Attributes:
+        value: Its value.
+        start: Where the search began.
+        sigma: Its standard deviation, the Cramer-Rao bound of the data's; None if unknown.
+        interval95: Where it lies with 95 % probability; None if unknown.
+    """
+
+    value: float
+    start: float
+    sigma: float | None
+    interval95: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What was identified.
+
+    Attributes:
+        status: "converged", "not_converged".
+        parameters: By name.
+        correlation: Of the parameters, (P, P); None if it is unknown.
+        objective: J at the start and the end, and with a plan of its own.
+        sigma_of_data: "given", or the standard deviation that the misfits tell.
+        chi2_probability: Of misfits as large as these, if the standard deviations given are right;
+            None if none were.
+        iterations: The search.
+        check: Taylor remainders of the gradient at the answer.
+        doubts: Why the answer or its intervals may be wrong, in words.
+        forward_runs: Runs without derivatives.
+        gradient_runs: Runs with them.
+        seconds: Of all [s].
+        method: The method of the search.
+        scene: The scene with the answer.
+    """
+
+    status: str
+    parameters: dict[str, Estimate]
+    correlation: Floats | None
+    objective: dict[str, float]
+    sigma_of_data: float | str
+    chi2_probability: float | None
+    iterations: tuple[Iteration, ...]
+    check: TaylorCheck
+    doubts: tuple[str, ...]
+    forward_runs: int
+    gradient_runs: int
+    seconds: float
+    method: str
+    scene: Scene
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the search converged and nothing speaks against its answer."""
+        return self.status == "converged" and self.check.passed and not self.doubts
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data of ``summary.json``."""
+        return {
+            "status": self.status,
+            "objective": self.objective,
+            "parameters": {
+                name: {
+                    "value": found.value,
+                    "start": found.start,
+                    "sigma": found.sigma,
+                    "interval95": None if found.interval95 is None else list(found.interval95),
+                }
+                for name, found in self.parameters.items()
+            },
+            "correlation": None if self.correlation is None else self.correlation.tolist(),
+            "sigma_of_data": self.sigma_of_data,
+            "chi2_probability": self.chi2_probability,
+            "check": check_as_dict(self.check, self.doubts),
+            "method": self.method,
+            "cost": {
+                "forward_runs": self.forward_runs,
+                "gradient_runs": self.gradient_runs,
+                "seconds": self.seconds,
+            },
+        }
+
+
+class _Search:
+    """Residuals and their derivatives, and what was tried."""
+
+    def __init__(self, varied: Varied) -> None:
+        self.varied, self.begun = varied, time.perf_counter()
+        self.misfits = varied.quantities.misfits
+        self.tried: list[Iteration] = []
+        self.failures: list[str] = []
+        self.size = 0.0
+
+    def residuals(self, values: Floats) -> Floats:
+        try:
+            q, jacobian, _ = self.varied.jacobian(values)
+        except (SceneError, ConvergenceError) as error:
+            if not self.tried:
+                raise
+            self.failures.append(str(error))
+            return np.full(self.count, _FAILED * self.size / np.sqrt(self.count))
+        found = self._weighted([self.varied.quantities.residuals(i, q) for i, _ in self.misfits])
+        self.count, self.size = len(found), max(self.size, float(np.linalg.norm(found)))
+        slope = self._slopes(jacobian).T @ found * self.varied.scales
+        before = self.tried[-1].parameters if self.tried else tuple(values)
+        change = (values - np.array(before)) / self.varied.scales
+        self.tried.append(
+            Iteration(
+                0.5 * float(found @ found), float(np.linalg.norm(slope)),
+                float(np.linalg.norm(change)), time.perf_counter() - self.begun,
+                self.varied.forward, tuple(map(float, values)),
+            )
+        )  # fmt: skip
+        return found
+
+    def jacobian(self, values: Floats) -> Floats:
+        return self._slopes(self.varied.jacobian(values)[1])
+
+    def _slopes(self, jacobian: Floats) -> Floats:
+        quantities = self.varied.quantities
+        return self._weighted([
+            jacobian[quantities.slices[i]] / quantities.sigma(i)[:, None] for i, _ in self.misfits
+        ])  # fmt: skip
+
+    def _weighted(self, each: list[Floats]) -> Floats:
+        return np.concatenate([w * part for (_, w), part in zip(self.misfits, each, strict=True)])
+
+
+def identify(scene: Scene | str | Path) -> Identified:
+    """Find the parameters with which a scene is nearest to what was measured.
+
+    The sum of ((measure - data) / sigma)^2 / 2 becomes least, by SciPy's trust region reflective
+    method. The plan of the start holds for the whole search; the answer is run once more with a
+    plan of its own. Standard deviations are those of the linearised problem, (J^T J)^-1: the
+    Cramer-Rao bound where the data's are given.
+
+    Args:
+        scene: A scene with parameters and measures with data; or its file.
+
+    Raises:
+        SceneError: The scene cannot work, or its method has no right derivatives.
+        ConvergenceError: The run at the start failed, or has no derivative.
+    """
+    if not isinstance(scene, Scene):
+        scene = Scene.from_toml(scene)
+    varied = Varied.of(scene)
+    search = _Search(varied)
+    varied.check_moves(varied.jacobian(varied.start)[1])
+    low, high = np.array([parameter.limits for parameter in varied.parameters]).T
+    objective = scene.objective
+    tolerance = 1e-8 if objective is None else objective.tolerance
+    found = least_squares(
+        search.residuals, varied.start, search.jacobian,
+        bounds=(np.where(low <= -1e300, -np.inf, low), np.where(high >= 1e300, np.inf, high)),
+        x_scale=varied.scales, ftol=tolerance, xtol=tolerance, gtol=1e-12,
+        max_nfev=100 if objective is None else objective.max_iterations,
+    )  # fmt: skip
+    q, _, doubts = varied.jacobian(found.x)
+    doubts = list(doubts)
+    slopes, residuals = search.jacobian(found.x), found.fun
+    held = [bool(side) for side in found.active_mask]
+    sigmas, correlation, spread, probability = _spread(varied, slopes, residuals, held, doubts)
+    slope = varied.quantities.slope(q) @ varied.jacobian(found.x)[1]
+    check = taylor_check(varied, found.x, q, slope, 0 if objective is None else objective.seed)
+    verified, planned = varied.verified(found.x)
+    first, last = search.tried[0].objective, float(found.cost)
+    if planned.method == varied.chosen.method and abs(verified - last) > 1e-6 * max(first, last):
+        doubts.append(
+            f"with a plan of its own the answer has the objective {verified:.6g}, in the search "
+            f"{last:.6g}"
+        )
+    if search.failures and not found.success:
+        doubts.append(f"{len(search.failures)} runs failed, the last one: {search.failures[-1]}")
+    width = (
+        1.96 if spread == "given" else float(t.ppf(0.975, max(1, len(residuals) - len(slopes.T))))
+    )
+    parameters = {}
+    for k, parameter in enumerate(varied.parameters):
+        value, sigma = float(found.x[k]), sigmas[k]
+        around = None if sigma is None else (value - width * sigma, value + width * sigma)
+        parameters[parameter.name] = Estimate(value, float(varied.start[k]), sigma, around)
+        if held[k]:
+            doubts.append(f"{parameter.name} is held at its bound {value:g}: it has no interval")
+    return Identified(
+        status="converged" if found.status > 0 else "not_converged",
+        parameters=parameters,
+        correlation=correlation,
+        objective={"initial": first, "final": last, "verified": verified},
+        sigma_of_data=spread,
+        chi2_probability=probability,
+        iterations=tuple(search.tried),
+        check=check,
+        doubts=tuple(doubts),
+        forward_runs=varied.forward - varied.sloped,
+        gradient_runs=varied.sloped,
+        seconds=time.perf_counter() - search.begun,
+        method=varied.chosen.method,
+        scene=varied.at(found.x),
+    )
+
+
+def _spread(
+    varied: Varied, slopes: Floats, residuals: Floats, held: list[bool], doubts: list[str]
+) -> tuple[list[float | None], Floats | None, float | str, float | None]:
+    """Standard deviations and correlation of the parameters, and what is known of the data's.
+
+    Args:
+        varied: The scene.
+        slopes: Derivatives of the residuals (n, P).
+        residuals: At the answer (n,).
+        held: Which parameters are held at a bound (P,).
+        doubts: Gets what speaks against intervals.
+    """
+    scaled = slopes * varied.scales
+    free = [k for k, stays in enumerate(held) if not stays]
+    left = len(residuals) - len(free)
+    known = all(varied.quantities.data[i].sigma is not None for i, _ in varied.quantities.misfits)
+    none: list[float | None] = [None] * len(held)
+    if not free:
+        return none, None, "given" if known else float("nan"), None
+    _, sizes, right = np.linalg.svd(scaled[:, free], full_matrices=False)
+    if len(residuals) < len(free) or not sizes[-1] > _FLAT * sizes[0]:
+        weak = varied.parameters[free[int(np.abs(right[-1]).argmax())]].name
+        doubts.append(f"the data do not determine all parameters: {weak} may change for nothing")
+        return none, None, "given" if known else float("nan"), None
+    inverse = (right.T / sizes**2) @ right
+    cost, probability = float(residuals @ residuals), None
+    spread: float | str = "given"
+    if known:
+        probability = float(chi2.sf(cost, left)) if left else None
+        if probability is not None and probability < _UNLIKELY:
+            doubts.append(
+                f"misfits are {np.sqrt(cost / left):.3g} times the standard deviations given (a "
+                f"chance of {probability:.2g}): these are too small, or the model is wrong, and "
+                "intervals are too narrow"
+            )
+    elif left:
+        spread = float(np.sqrt(cost / left))
+        inverse = spread**2 * inverse
+    else:
+        doubts.append("as many data as parameters and no sigma: there are no intervals")
+        return none, None, float("nan"), None
+    root = np.sqrt(np.diag(inverse))
+    found = none.copy()
+    for place, k in enumerate(free):
+        found[k] = float(root[place] * varied.scales[k])
+    correlation = np.full((len(held), len(held)), np.nan)
+    correlation[np.ix_(free, free)] = inverse / np.outer(root, root)
+    return found, correlation if len(free) == len(held) else None, spread, probability

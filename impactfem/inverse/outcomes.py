@@ -1,0 +1,47 @@
+"""What a run offers to measures, whatever solved it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.result.table import Table
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A run as measures see it.
+
+    Attributes:
+        history: Its history.
+        impulse: Of each pair, of its normal force from 0 up to each row [N s], (rows,).
+        duration: Of each pair, how long it lasted in all [s].
+        rebound: Speed of each body's centre of mass just after its last contact [m/s]; NaN if
+            there was none.
+        masses: Of the bodies [kg].
+    """
+
+    history: Table
+    impulse: Mapping[str, Floats]
+    duration: Mapping[str, float]
+    rebound: Mapping[str, float]
+    masses: Mapping[str, float]
+
+    @property
+    def times(self) -> Floats:
+        """Of the rows [s]."""
+        return np.asarray(self.history["time"].values)
+
+    @property
+    def names(self) -> list[str]:
+        """What a measure may be of."""
+        columns = [name for name, column in self.history.items() if column.values.ndim == 1]
+        return [
+            *columns,
+            *(f"impulse.{name}" for name in self.impulse),
+            *(f"duration.{name}" for name in self.duration),
+            *(f"rebound_speed.{name}" for name in self.rebound),
+        ]

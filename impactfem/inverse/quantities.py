@@ -1,0 +1,212 @@
+"""The numbers that an objective is made of: those of measures, and of terms."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import SceneError
+from impactfem.inverse.data import Data, data_of
+from impactfem.inverse.outcomes import Outcome
+from impactfem.scene import Scene, Term
+from impactfem.scene.nearest import nearest
+from impactfem.scene.schema import KeyedError
+from impactfem.scene.values import show
+
+Floats = NDArray[np.float64]
+
+_AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Quantities:
+    """The numbers q of a scene, and the objective J(q).
+
+    Attributes:
+        scene: The scene.
+        data: Of each measure, in the order of the scene.
+        terms: Of the objective.
+    """
+
+    scene: Scene
+    data: tuple[Data, ...]
+    terms: tuple[Term, ...]
+
+    @classmethod
+    def of(cls, scene: Scene) -> "Quantities":
+        """Those of a scene.
+
+        Raises:
+            SceneError: Nothing is wanted, or data cannot be read.
+        """
+        if scene.objective is not None:
+            terms = scene.objective.minimise
+        else:
+            measured = [m.name for m in scene.measures if m.is_measured]
+            terms = tuple(Term(term="misfit", of=name) for name in measured)
+        if not terms:
+            raise SceneError(
+                "objective: nothing is wanted: give [objective] with minimise, or data of a "
+                "[[measure]], whose misfit then becomes least"
+            )
+        data = tuple(data_of(scene, index) for index in range(len(scene.measures)))
+        return cls(scene, data, terms)
+
+    @property
+    def times(self) -> Floats:
+        """Times at which a run has to be known, with its start and end [s]."""
+        own = [each.times for each in self.data]
+        own += [np.array([self._at(term)]) for term in self.terms]
+        return np.unique(np.concatenate([[0.0, self.scene.duration], *own]))
+
+    def _at(self, term: Term) -> float:
+        return self.scene.duration if term.at is None else term.at
+
+    @property
+    def ends(self) -> list[int]:
+        """Where the numbers of each measure end; those of terms follow."""
+        return np.cumsum([len(each.times) for each in self.data]).tolist()
+
+    def read(self, outcome: Outcome) -> Floats:
+        """The numbers of a run, (n,): of all measures at their times, then of all terms.
+
+        Raises:
+            SceneError: A measure is of nothing that the run has.
+        """
+        found = [self._measured(index, outcome, data.times) for index, data in enumerate(self.data)]
+        return np.concatenate([*found, [self._term(term, outcome) for term in self.terms]])
+
+    def _measured(self, index: int, outcome: Outcome, times: Floats) -> Floats:
+        measure = self.scene.measures[index]
+        kind, _, name = measure.of.partition(".")
+        where = f"measure[{index}]"
+        if kind == "impulse" and name in outcome.impulse:
+            values, unit = outcome.impulse[name], "N s"
+        elif kind == "duration" and name in outcome.duration:
+            values, unit = np.full(len(outcome.times), outcome.duration[name]), "s"
+        elif kind == "rebound_speed" and name in outcome.rebound:
+            values, unit = np.full(len(outcome.times), outcome.rebound[name]), "m/s"
+            if np.isnan(values).any():
+                text = f" = {show(measure.of)}: {name} touches nothing in this run; start elsewhere"
+                raise KeyedError(where, "of", text)
+        elif measure.of in outcome.names:
+            column = outcome.history[measure.of]
+            values, unit = np.asarray(column.values, dtype=float), str(column.attrs.get("units"))
+        else:
+            near = nearest(measure.of, outcome.names)
+            meant = f"did you mean {show(near)}?" if near else ""
+            text = f" = {show(measure.of)} is nothing of this run; {meant} There are "
+            raise KeyedError(where, "of", f"{text}{', '.join(outcome.names)}.")
+        if measure.unit is not None and measure.unit != unit:
+            text = f" = {show(measure.unit)}, but {measure.of} is in {unit}: convert the data."
+            raise KeyedError(where, "unit", text)
+        return values[_rows(outcome.times, times)]
+
+    def _term(self, term: Term, outcome: Outcome) -> float:
+        """Number of a term that is of no measure; else 0."""
+        if term.of is not None:
+            return 0.0
+        row = _rows(outcome.times, np.array([self._at(term)]))[0]
+        if term.term == "speed":
+            return float(np.linalg.norm(_velocity(outcome, str(term.body), row)))
+        columns = [outcome.history.get(f"{name}_energy") for name in _ENERGIES[term.term]]
+        energy = sum(float(column.values[row]) for column in columns if column is not None)
+        if term.term == "vibration_energy":
+            for name, mass in outcome.masses.items():
+                energy -= 0.5 * mass * float(np.square(_velocity(outcome, name, row)).sum())
+        return energy
+
+    def parts(self, q: Floats) -> list[float]:
+        """Each term of J(q), with its weight."""
+        return [term.weight * self._part(k, term, q)[0] for k, term in enumerate(self.terms)]
+
+    def objective(self, q: Floats) -> float:
+        """J(q)."""
+        return float(sum(self.parts(q)))
+
+    def slope(self, q: Floats) -> Floats:
+        """Derivatives of J by q, (n,)."""
+        found = np.zeros(len(q))
+        for k, term in enumerate(self.terms):
+            found += term.weight * self._part(k, term, q)[1]
+        return found
+
+    def _part(self, k: int, term: Term, q: Floats) -> tuple[float, Floats]:
+        """A term without its weight, and its derivatives by q (n,)."""
+        slope = np.zeros(len(q))
+        if term.of is None:
+            place = self._first_term + k
+            slope[place] = 1.0
+            return float(q[place]), slope
+        index = self.index(term.of)
+        own = self.slices[index]
+        if term.term == "value":
+            slope[own.start] = 1.0
+            return float(q[own.start]), slope
+        wrong = self.residuals(index, q)
+        slope[own] = wrong / self.sigma(index)
+        return 0.5 * float(wrong @ wrong), slope
+
+    def residuals(self, index: int, q: Floats) -> Floats:
+        """(measure - data) / sigma of a measure, (times,)."""
+        values = self.data[index].values
+        if values is None:
+            raise SceneError(f"measure[{index}]: there are no data to differ from; give some")
+        return np.asarray((q[self.slices[index]] - values) / self.sigma(index))
+
+    def sigma(self, index: int) -> Floats:
+        """Standard deviations of a measure's data, 1 where they are unknown, (times,)."""
+        data = self.data[index]
+        return np.ones(len(data.times)) if data.sigma is None else data.sigma
+
+    def index(self, name: str) -> int:
+        """Place of a measure."""
+        return [measure.name for measure in self.scene.measures].index(name)
+
+    @property
+    def slices(self) -> list[slice]:
+        """Where the numbers of each measure stand in q."""
+        ends = self.ends
+        return [slice(a, b) for a, b in zip([0, *ends], ends, strict=False)]
+
+    @property
+    def _first_term(self) -> int:
+        return self.ends[-1] if self.data else 0
+
+    @property
+    def misfits(self) -> Sequence[tuple[int, float]]:
+        """Measures whose misfits are wanted, and the roots of their weights.
+
+        Raises:
+            SceneError: There are other terms, or negative weights.
+        """
+        found = []
+        for k, term in enumerate(self.terms):
+            if term.term != "misfit" or not term.weight > 0.0:
+                raise KeyedError(
+                    f"objective.minimise[{k}]", "term",
+                    f" = {show(term.term)} with weight {term.weight:g}: what is identified are "
+                    "misfits with positive weights; remove it, or ask for a gradient only.",
+                )  # fmt: skip
+            found.append((self.index(str(term.of)), float(np.sqrt(term.weight))))
+        return found
+
+
+_ENERGIES = {
+    "terminal_energy": ("kinetic", "elastic", "potential"),
+    "vibration_energy": ("kinetic", "elastic"),
+}
+
+
+def _velocity(outcome: Outcome, body: str, row: int) -> Floats:
+    """Of the centre of mass of a body (axes,)."""
+    columns = [outcome.history.get(f"{body}.v{axis}") for axis in _AXES]
+    return np.array([column.values[row] for column in columns if column is not None])
+
+
+def _rows(known: Floats, wanted: Floats) -> NDArray[np.int64]:
+    """Rows of times that are among those known."""
+    right = np.clip(np.searchsorted(known, wanted), 1, len(known) - 1)
+    nearer = np.abs(known[right - 1] - wanted) < np.abs(known[right] - wanted)
+    return np.where(nearer, right - 1, right)

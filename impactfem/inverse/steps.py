@@ -1,0 +1,73 @@
+"""Parameter values beside those of a run, for differences."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import SceneError
+from impactfem.scene import Scene
+
+Floats = NDArray[np.float64]
+
+CENTRAL = (np.array([1.0, -1.0]), np.array([0.5, -0.5]))
+FORWARD = (np.array([0.0, 1.0, 2.0]), np.array([-1.5, 2.0, -0.5]))
+"""Offsets and weights of differences of second order, in steps."""
+
+
+@dataclass(frozen=True)
+class Changes:
+    """A place and its neighbours.
+
+    Attributes:
+        at: Makes the scene of parameter values.
+        values: The parameters (P,).
+        scales: Their sizes (P,).
+    """
+
+    at: Callable[[Floats], Scene]
+    values: Floats
+    scales: Floats
+
+    @classmethod
+    def of(cls, at: Callable[[Floats], Scene], values: Floats, scales: Floats) -> "Changes":
+        """Those at some values."""
+        return cls(at, values, np.maximum(np.abs(values), 1e-2 * scales))
+
+    @property
+    def scene(self) -> Scene:
+        """The scene itself."""
+        return self.at(self.values)
+
+    def moved(self, k: int, offset: float) -> Scene:
+        """The scene with one parameter changed."""
+        values = self.values.copy()
+        values[k] += offset
+        return self.at(values)
+
+    def neighbours[T](
+        self, k: int, share: float, make: Callable[[Scene], T]
+    ) -> tuple[list[T], Floats, Floats]:
+        """Neighbours along a parameter, on both sides where there are scenes, else on one.
+
+        Args:
+            k: The parameter.
+            share: Step, as a share of its size.
+            make: Makes what is wanted of a scene; may refuse it.
+
+        Returns:
+            What was made, offsets of the parameter, weights of its derivative.
+
+        Raises:
+            SceneError: There are scenes on neither side.
+        """
+        step, refused = share * self.scales[k], None
+        for sign, (places, weights) in ((1.0, CENTRAL), (1.0, FORWARD), (-1.0, FORWARD)):
+            try:
+                made = [make(self.moved(k, sign * step * place)) for place in places]
+            except SceneError as error:
+                refused = refused or error
+                continue
+            return made, sign * step * places, weights / (sign * step)
+        raise refused or SceneError("parameter: no neighbours")

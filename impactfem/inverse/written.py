@@ -1,0 +1,176 @@
+"""Files of gradients and of what was identified: data, picture, page."""
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from impactfem.errors import OutputError
+from impactfem.inverse.gradient import Gradient
+from impactfem.inverse.identify import Identified
+from impactfem.inverse.varied import Varied
+from impactfem.report.page import elements, page
+from impactfem.report.page.sketch import svg
+from impactfem.report.sheet import Sheet, write_png
+from impactfem.report.table import table
+
+Rows = list[tuple[str, str]]
+
+
+def gradient_rows(found: Gradient) -> Rows:
+    """A gradient as rows of a table."""
+    rows = [("objective", f"{found.objective:.10g}")]
+    rows += [(f"d/d{name}", f"{value:.10g}") for name, value in found.gradient.items()]
+    rows.append(("check", _check(found.check.rate, passed=found.check.passed)))
+    rows += [("doubt", doubt) for doubt in found.doubts]
+    cost = f"{found.seconds_gradient:.3g} s with derivatives, {found.seconds_forward:.3g} s without"
+    return [*rows, ("method", found.method), ("cost", f"{cost}; {found.forward_runs} more runs")]
+
+
+def identified_rows(found: Identified) -> Rows:
+    """What was identified as rows of a table."""
+    rows = [("status", found.status)]
+    for name, each in found.parameters.items():
+        around = ""
+        if each.interval95 is not None:
+            low, high = each.interval95
+            around = f", 95 % within [{low:.8g}, {high:.8g}]"
+        rows.append((name, f"{each.value:.10g}{around} (began at {each.start:g})"))
+    costs = found.objective
+    told = f"{costs['initial']:.6g} at first, {costs['final']:.6g} at the end, "
+    rows.append(("misfit", f"{told}{costs['verified']:.6g} with a plan of its own"))
+    sigma = found.sigma_of_data
+    told = "as given" if isinstance(sigma, str) else f"{sigma:.4g}, by the misfits"
+    chance = found.chi2_probability
+    told += "" if chance is None else f" (chance of misfits as large: {chance:.2g})"
+    rows.append(("sigma of data", told))
+    rows.append(("check", _check(found.check.rate, passed=found.check.passed)))
+    rows += [("doubt", doubt) for doubt in found.doubts]
+    cost = f"{found.gradient_runs} runs with derivatives, {found.forward_runs} without"
+    return [*rows, ("method", found.method), ("cost", f"{cost}, {found.seconds:.3g} s")]
+
+
+def _check(rate: float | None, *, passed: bool) -> str:
+    what = "rounding only" if rate is None else f"of order {rate:.3f} (2 is right)"
+    return f"Taylor remainders {what}{'' if passed else ': the gradient is WRONG'}"
+
+
+def gradient_table(found: Gradient) -> str:
+    """A gradient for a terminal."""
+    return table(gradient_rows(found))
+
+
+def identified_table(found: Identified) -> str:
+    """What was identified for a terminal."""
+    return table(identified_rows(found))
+
+
+def write_gradient(found: Gradient, folder: Path) -> None:
+    """Write ``gradient.json``.
+
+    Raises:
+        OutputError: It cannot be written.
+    """
+    _write(folder, {"gradient.json": _json(found.as_dict())})
+
+
+def write_identified(found: Identified, folder: Path, run: dict[str, Any]) -> None:
+    """Write the answer as a scene, the search, the summary, a picture and a page.
+
+    Args:
+        found: What was identified.
+        folder: Where.
+        run: Date, versions, machine and command.
+
+    Raises:
+        OutputError: They cannot be written.
+    """
+    lines = io.StringIO()
+    writer = csv.writer(lines, lineterminator="\n")
+    head = ["iteration", "objective", "gradient_norm", "step", "seconds", "forward_runs"]
+    writer.writerow([*head, *found.parameters])
+    for k, each in enumerate(found.iterations):
+        numbers = (each.objective, each.gradient_norm, each.step, each.seconds)
+        shown = [f"{number:.17g}" for number in (*numbers, *each.parameters)]
+        writer.writerow([str(k), *shown[:4], str(each.forward_runs), *shown[4:]])
+    picture = identified_picture(found)
+    rows = identified_rows(found)
+    title = f"Identified: {found.scene.title}"
+    search = [
+        (str(k), f"{i.objective:.8g}", f"{i.gradient_norm:.3g}", f"{i.step:.3g}")
+        for k, i in enumerate(found.iterations)
+    ]
+    parts = [
+        elements.section("answer", "Answer", elements.table(rows)),
+        elements.section("picture", "Measured and modelled", svg(picture, title)),
+        elements.section(
+            "search", "Search",
+            elements.table(search, ("evaluation", "objective", "gradient", "step")),
+        ),
+        elements.section("run", "Where it comes from", elements.code(str(run.get("command")))),
+    ]  # fmt: skip
+    texts = {
+        "optimum.toml": found.scene.to_toml(folder),
+        "iterations.csv": lines.getvalue(),
+        "summary.json": _json({**found.as_dict(), "run": run}),
+        "report.html": page.shell(title, str(run.get("date")), parts),
+    }
+    _write(folder, texts)
+    write_png(picture, folder / "identified.png")
+
+
+def identified_picture(found: Identified) -> Sheet:
+    """Measurements, the model at the start and at the answer, and the misfits over sigma."""
+    varied = Varied.of(found.scene)
+    answer = np.array([each.value for each in found.parameters.values()])
+    start = np.array([each.start for each in found.parameters.values()])
+    curves = [
+        (varied.numbers(start), "start", "0.6"),
+        (varied.numbers(answer), "answer", "tab:blue"),
+    ]
+    quantities = varied.quantities
+    wanted = [index for index, _ in quantities.misfits]
+    sheet = Sheet(7.0, 2.6 * len(wanted) + 0.4)
+    for place, index in enumerate(wanted):
+        axes = sheet.add_subplot(len(wanted), 1, place + 1)
+        data, own = quantities.data[index], quantities.slices[index]
+        times, values = data.times, data.values
+        for q, label, colour in curves:
+            axes.plot(times, q[own], color=colour, label=label, marker="_" * (len(times) == 1))
+        if data.sigma is None:
+            axes.plot(times, values, ".", color="tab:red", markersize=3, label="measured")
+        else:
+            axes.errorbar(
+                times, values, data.sigma, fmt=".", color="tab:red", markersize=3, elinewidth=0.5,
+                label="measured",
+            )  # fmt: skip
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel(quantities.scene.measures[index].of)
+        axes.legend(fontsize=8)
+    return sheet
+
+
+def _json(data: dict[str, Any]) -> str:
+    return json.dumps(_finite(data), indent=1) + "\n"
+
+
+def _finite(data: Any) -> Any:
+    """Plain data with null for what is no number."""
+    if isinstance(data, dict):
+        return {name: _finite(entry) for name, entry in data.items()}
+    if isinstance(data, list | tuple):
+        return [_finite(entry) for entry in data]
+    return None if isinstance(data, float) and not np.isfinite(data) else data
+
+
+def _write(folder: Path, texts: dict[str, str]) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+    except OSError as error:
+        why = f"{folder}: cannot be written ({error.strerror}); choose another folder (--out)"
+        raise OutputError(why) from None

@@ -1,0 +1,196 @@
+"""Gradients of scenes: against closed forms, by the command, and what is refused or doubted."""
+
+import json
+
+import numpy as np
+import pytest
+
+import impactfem
+from impactfem import Scene, SceneError
+from impactfem.cli import main
+from impactfem.vibro import tangents
+
+G = 9.81
+
+
+def ball(*tables, duration=0.9, **point):
+    """A ball that falls on a floor, with tables of what is asked."""
+    body = {"kind": "point", "name": "ball", "mass": 2.0, "position": [0.0, 1.0]} | point
+    return {
+        "title": "ball", "duration": duration, "gravity": [0.0, -G], "body": [body],
+        "obstacle": [{"kind": "half_space", "name": "floor", "point": [0.0, 0.0],
+                      "normal": [0.0, 1.0]}],
+        "contact": [{"between": ["ball", "floor"], "restitution": 0.8}],
+        "output": {"report": False, "pictures": False, "fields": []},
+    } | dict(tables)  # fmt: skip
+
+
+H0 = {"name": "h0", "key": "body.ball.position.1"}
+E = {"name": "e", "key": "contact.0.restitution"}
+HEIGHT = {"name": "height", "of": "ball.y"}
+VALUE = {"minimise": [{"term": "value", "of": "height"}]}
+
+
+def asked(parameters, measures=(HEIGHT,), objective=VALUE):
+    return ("parameter", list(parameters)), ("measure", list(measures)), ("objective", objective)
+
+
+def test_a_height_after_an_impact():
+    found = impactfem.gradient(Scene.from_dict(ball(*asked([H0, E]))))
+    fall = np.sqrt(2.0 / G)
+    assert found.objective == pytest.approx(
+        0.8 * G * fall * (0.9 - fall) - 0.5 * G * (0.9 - fall) ** 2
+    )
+    assert found.gradient["h0"] == pytest.approx(0.98785200, abs=1e-8)
+    assert found.gradient["e"] == pytest.approx(G * fall * (0.9 - fall), rel=1e-9)
+    assert found.trusted
+    assert found.check.rate == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_ball_at_rest_says_since_when():
+    """It rests from sqrt(2 h/g) (1 + e)/(1 - e) on: its duration of contact is the rest."""
+    measure = {"name": "m", "of": "duration.ball.floor"}
+    objective = {"minimise": [{"term": "value", "of": "m"}]}
+    scene = Scene.from_dict(ball(*asked([H0], [measure], objective), duration=6.0))
+    found = impactfem.gradient(scene)
+    rest = np.sqrt(2.0 / G) * 1.8 / 0.2
+    assert found.objective == pytest.approx(6.0 - rest, rel=1e-6)
+    assert found.gradient["h0"] == pytest.approx(-0.5 * rest, rel=1e-5)
+
+
+def test_all_terms_by_the_mass():
+    """Impulse, energy, speed: what a mass changes, and what it does not."""
+    for term, right in (
+        ({"term": "terminal_energy"}, -G * 0.36),  # the zero of the energy is at the start
+        ({"term": "speed", "body": "ball"}, 0.0),
+        ({"term": "value", "of": "p"}, 1.8 * np.sqrt(2.0 * G)),
+    ):
+        measures = [{"name": "p", "of": "impulse.ball.floor"}]
+        parameters = [{"name": "m", "key": "body.ball.mass"}]
+        scene = Scene.from_dict(ball(*asked(parameters, measures, {"minimise": [term]})))
+        found = impactfem.gradient(scene)
+        assert found.gradient["m"] == pytest.approx(right, rel=1e-9, abs=1e-9)
+
+
+def test_a_name_in_a_formula():
+    """A drag c in the force, and a rebound speed: against differences of runs."""
+    measure = {"name": "height", "of": "rebound_speed.ball"}
+    parameters = [{"name": "c", "start": 0.05}]
+
+    def made(c):
+        tables = asked([parameters[0] | {"start": c}], [measure])
+        return Scene.from_dict(
+            ball(*tables, force=["0", "-c*vy*abs(vy)"]) | {"solve": {"tolerance": 1e-12}}
+        )
+
+    found = impactfem.gradient(made(0.05))
+    near = [impactfem.gradient(made(0.05 + h)).objective for h in (1e-3, -1e-3, 5e-4, -5e-4)]
+    right = (8.0 * (near[2] - near[3]) - (near[0] - near[1])) / 6e-3
+    assert found.gradient["c"] == pytest.approx(right, rel=1e-8)
+
+
+def founding(*tables, gap=0.5):
+    bar = {"kind": "bar", "name": "bar", "length": 1.0, "area": 1.0, "density": 1.0,
+           "youngs_modulus": 1.0, "gap": gap, "velocity": -0.5}  # fmt: skip
+    return {
+        "title": "bar", "duration": 3.5, "body": [bar], "solve": {"method": "exact"},
+        "obstacle": [{"kind": "wall", "name": "wall"}],
+        "output": {"report": False, "pictures": False, "fields": []},
+    } | dict(tables)  # fmt: skip
+
+
+def test_the_impulse_of_a_bar():
+    """It is 2 v rho A c l/c while the contact is within the run, 2 rho A v L in all."""
+    parameters = [
+        {"name": "v", "key": "body.bar.velocity"}, {"name": "rho", "key": "body.bar.density"}
+    ]  # fmt: skip
+    tables = asked(parameters, [{"name": "height", "of": "impulse.bar.wall"}])
+    found = impactfem.gradient(Scene.from_dict(founding(*tables)))
+    assert found.objective == pytest.approx(1.0, rel=1e-12)
+    assert found.gradient["v"] == pytest.approx(-2.0, rel=1e-7)
+    assert found.gradient["rho"] == pytest.approx(1.0, rel=1e-7)
+    assert found.trusted
+
+
+def test_a_kink_is_told_with_both_sides():
+    """Where the contact ends with the run, slopes of the impulse by the gap are 0 and -1 N s/m."""
+    tables = asked(
+        [{"name": "H", "key": "body.bar.gap"}], [{"name": "height", "of": "impulse.bar.wall"}]
+    )
+    scene = founding(*tables) | {"duration": 3.0}
+    found = impactfem.gradient(Scene.from_dict(scene))
+    assert found.doubts
+    assert not found.trusted
+    assert found.gradient["H"] == pytest.approx(-0.5, abs=1e-6)
+
+
+def test_the_command_and_a_wrong_term(tmp_path, monkeypatch, capsys):
+    """A derivative that forgets the change of the time of an impact ends with 3."""
+    path = tmp_path / "ball.toml"
+    path.write_text(Scene.from_dict(ball(*asked([H0, E]))).to_toml(), encoding="utf-8")
+    assert main(["gradient", str(path), "--out", str(tmp_path / "g")]) == 0
+    told = json.loads((tmp_path / "g/gradient.json").read_text(encoding="utf-8"))
+    assert told["gradient"]["h0"] == pytest.approx(0.987852, abs=1e-8)
+    assert told["check"]["taylor_rate"] > 1.9
+    monkeypatch.setattr(tangents._Run, "_late", lambda *_: np.zeros(2))
+    assert main(["gradient", str(path), "--out", str(tmp_path / "w")]) == 3
+    told = json.loads((tmp_path / "w/gradient.json").read_text(encoding="utf-8"))
+    assert told["check"]["taylor_rate"] < 1.2
+    assert "do not trust this gradient" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("tables", "words"),
+    [
+        (asked([{"name": "h", "key": "body.ball.positio.1"}]), r"parameter\[0\]\.key.*positio"),
+        (asked([{"name": "h", "key": "body.ball.position.2"}]), r"parameter\[0\]\.key.*0 to 1"),
+        (asked([{"name": "h", "key": "body.ball.name"}]), r"parameter\[0\]\.key.*number"),
+        (asked([{"name": "h", "key": "body.ball.mas"}]), r"parameter\[0\]\.key.*mass"),
+        (asked([E | {"bounds": [0.0, 0.5]}]), r"parameter\[0\]\.bounds.*excludes"),
+        (asked([{"name": "x", "start": 1.0}]), r"parameter\[0\]\.name.*formula"),
+        (asked([{"name": "c"}]), r"parameter\[0\]\.start is missing"),
+        (asked([E, E]), r"parameter\[1\]\.name"),
+        (asked([H0], [HEIGHT | {"of": "bal.y"}]), r"measure\[0\]\.of.*ball\.y"),
+        (asked([H0], [HEIGHT | {"unit": "mm"}]), r"measure\[0\]\.unit.*convert"),
+        (asked([H0], [HEIGHT | {"at": 2.0}]), r"measure\[0\]\.at.*after the end"),
+        (asked([{"name": "m", "key": "body.ball.mass"}]), r"parameter\[0\]\.key.*moves nothing"),
+        (asked([H0], objective={"minimise": [{"term": "misfit", "of": "height"}]}), "neither data"),
+        (asked([H0], objective={"minimise": [{"term": "value"}]}), r"minimise\[0\]\.of is missing"),
+        (asked([H0], objective={"minimise": [{"term": "speed", "body": "bal"}]}), r"\.body.*ball"),
+        (asked([]), "nothing may vary"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_named(tables, words):
+    with pytest.raises(SceneError, match=words):
+        impactfem.gradient(Scene.from_dict(ball(*tables)))
+
+
+def test_methods_without_right_gradients_are_refused():
+    for method in ("moreau_jean", "paoli_schatzman"):
+        scene = Scene.from_dict(ball(*asked([H0])) | {"solve": {"method": method}})
+        with pytest.raises(SceneError, match="event_driven"):
+            impactfem.gradient(scene)
+    speed = {"name": "v", "key": "body.bar.velocity"}
+    bar = founding(*asked([speed], [{"name": "height", "of": "impulse.bar.wall"}]))
+    scene = Scene.from_dict(bar | {"solve": {"method": "newmark"}})
+    with pytest.raises(SceneError, match="exact"):
+        impactfem.gradient(scene)
+
+
+def test_a_parameter_and_the_scene_say_one_number():
+    scene = Scene.from_dict(ball(*asked([H0 | {"start": 1.5}, {"name": "c", "start": 0.1}]),
+                                 force=["0", "-c*vy"]))  # fmt: skip
+    assert scene.points[0].position == (0.0, 1.5)
+    moved = scene.with_settings({"body.ball.position": [0.0, 2.0], "parameter.c.start": 0.2})
+    assert moved.parameters[0].start == 2.0
+    assert moved.points[0].force[1](vy=1.0) == -0.2
+    assert scene.points[0].force[1](vy=1.0) == -0.1
+    assert scene.points[0].force[1] != moved.points[0].force[1]
+    assert Scene.from_dict(moved.to_dict()) == moved
+
+
+def test_a_restitution_of_1_has_a_derivative_from_below():
+    scene = ball(*asked([E])) | {"contact": [{"between": ["ball", "floor"], "restitution": 1.0}]}
+    found = impactfem.gradient(Scene.from_dict(scene))
+    fall = np.sqrt(2.0 / G)
+    assert found.gradient["e"] == pytest.approx(G * fall * (0.9 - fall), rel=1e-7)
