@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from impactfem.errors import SceneError
 from impactfem.inverse.outcomes import Outcome
 from impactfem.inverse.quantities import Quantities
-from impactfem.inverse.steps import Changes
+from impactfem.inverse.steps import Changes, Slopes
 from impactfem.planning import BarNumbers, Plan
 from impactfem.reference.bar import exact_bar, exact_motion
 from impactfem.result.bar_row_motion import RowMotion, row_history
@@ -54,10 +54,8 @@ class BarRuns:
             {bar.name: section * bar.length},
         )
 
-    def jacobian(
-        self, changes: Changes, quantities: Quantities
-    ) -> tuple[Floats, Floats, list[str]]:
-        """Numbers of a run, their derivatives, and doubts.
+    def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:
+        """Numbers of a run and their derivatives.
 
         Each side has differences over a step and its half, extrapolated; where they disagree, the
         derivative is the mean of both sides, and a doubt says so.
@@ -90,4 +88,4 @@ class BarRuns:
                         f"parameter[{k}]: slopes differ on both sides, {sides[1][place]:.6g} below "
                         f"and {sides[0][place]:.6g} above; their mean is given"
                     )
-        return q, slopes, doubts
+        return Slopes(q, slopes, doubts)

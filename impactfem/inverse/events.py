@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from impactfem.errors import SceneError
 from impactfem.inverse.outcomes import Outcome
 from impactfem.inverse.quantities import Quantities
-from impactfem.inverse.steps import Changes
+from impactfem.inverse.steps import Changes, Slopes
 from impactfem.models.vibro import VibroModel, vibro_model
 from impactfem.planning import Plan, VibroNumbers
 from impactfem.result.trajectory import Trajectory
@@ -22,7 +22,7 @@ from impactfem.vibro.event_contacts import Contacts
 from impactfem.vibro.event_driven import EventSettings, follow
 from impactfem.vibro.event_legs import Leg
 from impactfem.vibro.event_record import Record
-from impactfem.vibro.tangents import Neighbours, tangents
+from impactfem.vibro.tangents import Neighbours, Tangents, tangents
 
 Floats = NDArray[np.float64]
 
@@ -53,10 +53,8 @@ class EventRuns:
         record, contacts = self._followed(scene, model, times)
         return _outcome(scene, model, record.trajectory(contacts), record.legs or [])
 
-    def jacobian(
-        self, changes: Changes, quantities: Quantities
-    ) -> tuple[Floats, Floats, list[str]]:
-        """Numbers of a run, their derivatives, and doubts.
+    def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:
+        """Numbers of a run and their derivatives.
 
         Raises:
             SceneError: A parameter begins where the model changes its kind.
@@ -85,7 +83,18 @@ class EventRuns:
                 moved = found.moved(record, own.system, k, float(offset))
                 outcome = _outcome(other, own, moved.trajectory(contacts), moved.legs or [])
                 slopes[:, k] += weight * quantities.read(outcome)
-        return q, slopes, found.doubts
+        margin = _margin(record.legs or [], found, times, changes.scales)
+        return Slopes(q, slopes, found.doubts, margin)
+
+
+def _margin(legs: Sequence[Leg], found: Tangents, times: Floats, scales: Floats) -> float:
+    """Change of the parameters at which an impact passes one of some times."""
+    margin = float("inf")
+    for leg, (late, _, _) in zip(legs, found.events, strict=True):
+        moved = float(np.abs(late * scales).max(initial=0.0))
+        if leg.event.strikes and moved > 0.0:
+            margin = min(margin, float(np.abs(times - leg.event.time).min()) / moved)
+    return margin
 
 
 def _alike(scene: Scene, model: VibroModel) -> VibroModel:

@@ -1,7 +1,8 @@
 """The gradient of an objective, checked where it is taken."""
 
 import time
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -31,16 +32,24 @@ class TaylorCheck:
         steps: h, in sizes of the parameters.
         remainders: As many.
         rate: Least order at which they fall; None if they are rounding only.
+        margin: Change of the parameters, in their sizes, at which an impact passes a time that is
+            looked at. The objective has a kink there, and remainders fall with the first order.
     """
 
     steps: tuple[float, ...]
     remainders: tuple[float, ...]
     rate: float | None
+    margin: float = float("inf")
+
+    @property
+    def kinked(self) -> bool:
+        """Whether an impact is on a time that is looked at, so that both sides have a slope."""
+        return self.margin < _SHORTEST
 
     @property
     def passed(self) -> bool:
         """Whether the gradient is right as far as this tells."""
-        return self.rate is None or self.rate >= GOOD_RATE
+        return self.rate is None or self.rate >= GOOD_RATE or self.kinked
 
 
 @dataclass(frozen=True)
@@ -99,6 +108,7 @@ def check_as_dict(check: TaylorCheck, doubts: tuple[str, ...] | list[str]) -> di
         "taylor_rate": check.rate,
         "taylor_steps": list(check.steps),
         "taylor_remainders": list(check.remainders),
+        "margin": check.margin if np.isfinite(check.margin) else None,
         "passed": check.passed and not doubts,
         "doubts": list(doubts),
     }
@@ -122,14 +132,15 @@ def gradient(scene: Scene | str | Path) -> Gradient:
     varied = Varied.of(scene)
     start = varied.start
     begun = time.perf_counter()
-    q, jacobian, doubts = varied.jacobian(start)
+    q, jacobian, doubts, margin = varied.jacobian(start)
     took = time.perf_counter() - begun
-    varied.check_moves(jacobian)
+    varied.check_moves(q, jacobian)
     begun = time.perf_counter()
     varied.numbers(start)
     plain = time.perf_counter() - begun
     slope = varied.quantities.slope(q) @ jacobian
-    check = taylor_check(varied, start, q, slope, scene.objective.seed if scene.objective else 0)
+    seed = scene.objective.seed if scene.objective else 0
+    check = replace(taylor_check(varied, start, q, slope, seed), margin=margin)
     names = [parameter.name for parameter in varied.parameters]
     measures = {
         measure.name: {
@@ -170,10 +181,13 @@ def taylor_check(varied: Varied, at: Floats, q: Floats, slope: Floats, seed: int
     first = varied.quantities.objective(q)
     way = np.random.default_rng(seed).standard_normal(len(at))
     way *= varied.scales / np.linalg.norm(way)
-    limits = np.array([parameter.limits for parameter in varied.parameters]).T
-    for k in range(len(at)):  # inwards, where a bound is near
-        if not limits[0, k] <= at[k] + _LONGEST * way[k] <= limits[1, k]:
-            way[k] = -way[k]
+    for k in range(len(at)):  # inwards, where there are no scenes beyond
+        beside = at.copy()
+        beside[k] += _LONGEST * way[k]
+        with suppress(SceneError):
+            varied.at(beside)
+            continue
+        way[k] = -way[k]
     tried: list[TaylorCheck] = []
     longest = _LONGEST
     while longest >= _SHORTEST:
@@ -202,10 +216,10 @@ def _remainders(
 
 
 def _objective(varied: Varied, at: Floats, change: Floats) -> float:
-    """J at a place beside; on the other side if there is no such scene.
+    """J at a place beside.
 
     Raises:
-        SceneError: There is none on either side.
+        SceneError: There is no run.
     """
     try:
         return varied.quantities.objective(varied.numbers(at + change))

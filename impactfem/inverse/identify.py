@@ -1,7 +1,7 @@
 """Parameters from measurements, by nonlinear least squares with gradients of ours."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -141,7 +141,7 @@ class _Search:
 
     def residuals(self, values: Floats) -> Floats:
         try:
-            q, jacobian, _ = self.varied.jacobian(values)
+            q, jacobian, _, _ = self.varied.jacobian(values)
         except (SceneError, ConvergenceError) as error:
             if not self.tried:
                 raise
@@ -162,7 +162,7 @@ class _Search:
         return found
 
     def jacobian(self, values: Floats) -> Floats:
-        return self._slopes(self.varied.jacobian(values)[1])
+        return self._slopes(self.varied.jacobian(values).jacobian)
 
     def _slopes(self, jacobian: Floats) -> Floats:
         quantities = self.varied.quantities
@@ -193,7 +193,7 @@ def identify(scene: Scene | str | Path) -> Identified:
         scene = Scene.from_toml(scene)
     varied = Varied.of(scene)
     search = _Search(varied)
-    varied.check_moves(varied.jacobian(varied.start)[1])
+    varied.check_moves(*varied.jacobian(varied.start)[:2])
     low, high = np.array([parameter.limits for parameter in varied.parameters]).T
     objective = scene.objective
     tolerance = 1e-8 if objective is None else objective.tolerance
@@ -203,13 +203,14 @@ def identify(scene: Scene | str | Path) -> Identified:
         x_scale=varied.scales, ftol=tolerance, xtol=tolerance, gtol=1e-12,
         max_nfev=100 if objective is None else objective.max_iterations,
     )  # fmt: skip
-    q, _, doubts = varied.jacobian(found.x)
-    doubts = list(doubts)
+    q, jacobian, told, margin = varied.jacobian(found.x)
+    doubts = list(told)
     slopes, residuals = search.jacobian(found.x), found.fun
     held = [bool(side) for side in found.active_mask]
     sigmas, correlation, spread, probability = _spread(varied, slopes, residuals, held, doubts)
-    slope = varied.quantities.slope(q) @ varied.jacobian(found.x)[1]
-    check = taylor_check(varied, found.x, q, slope, 0 if objective is None else objective.seed)
+    seed = 0 if objective is None else objective.seed
+    check = taylor_check(varied, found.x, q, varied.quantities.slope(q) @ jacobian, seed)
+    check = replace(check, margin=margin)
     verified, planned = varied.verified(found.x)
     first, last = search.tried[0].objective, float(found.cost)
     if planned.method == varied.chosen.method and abs(verified - last) > 1e-6 * max(first, last):

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,23 @@ Floats = NDArray[np.float64]
 CENTRAL = (np.array([1.0, -1.0]), np.array([0.5, -0.5]))
 FORWARD = (np.array([0.0, 1.0, 2.0]), np.array([-1.5, 2.0, -0.5]))
 """Offsets and weights of differences of second order, in steps."""
+
+
+class Slopes(NamedTuple):
+    """The numbers of a run and their derivatives.
+
+    Attributes:
+        numbers: q, (n,).
+        jacobian: dq/dp, (n, P).
+        doubts: Why there may be no derivatives here, in words.
+        margin: Change of the parameters, as a share of their sizes, at which an impact passes a
+            time that is looked at: there derivatives jump.
+    """
+
+    numbers: Floats
+    jacobian: Floats
+    doubts: list[str]
+    margin: float = float("inf")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from impactfem.inverse.bars import BarRuns
 from impactfem.inverse.events import EventRuns
 from impactfem.inverse.outcomes import Outcome
 from impactfem.inverse.quantities import Quantities
-from impactfem.inverse.steps import Changes
+from impactfem.inverse.steps import Changes, Slopes
 from impactfem.planning import Plan, plan
 from impactfem.scene import Parameter, Scene
 from impactfem.scene.schema import KeyedError
@@ -28,16 +28,15 @@ class Runs(Protocol):
         """A run, known at some times."""
         ...
 
-    def jacobian(
-        self, changes: Changes, quantities: Quantities
-    ) -> tuple[Floats, Floats, list[str]]:
-        """The numbers of a run (n,), their derivatives (n, P), and doubts about these in words."""
+    def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:
+        """The numbers of a run and their derivatives."""
         ...
 
 
 RUNS: Mapping[str, Any] = {"event_driven": EventRuns, "exact": BarRuns}
 """What has derivatives, by method."""
 
+_STILL = 1e-9  # share of what is looked at that a parameter has to move
 _REMEDIES = {
     "vibro": 'solve.method = "event_driven", which has',
     "bar": 'solve.method = "exact", which has',
@@ -65,7 +64,7 @@ class Varied:
     runs: Runs
     forward: int = 0
     sloped: int = 0
-    _last: tuple[bytes, tuple[Floats, Floats, list[str]]] | None = field(default=None)
+    _last: tuple[bytes, Slopes] | None = field(default=None)
 
     @classmethod
     def of(cls, scene: Scene) -> "Varied":
@@ -120,8 +119,8 @@ class Varied:
         scene = self.at(values)
         return self.quantities.read(self.runs.outcome(scene, self.quantities.times))
 
-    def jacobian(self, values: Floats) -> tuple[Floats, Floats, list[str]]:
-        """The numbers (n,), their derivatives by the parameters (n, P), and doubts in words."""
+    def jacobian(self, values: Floats) -> Slopes:
+        """The numbers and their derivatives by the parameters."""
         key = np.asarray(values, dtype=float).tobytes()
         if self._last is None or self._last[0] != key:
             self.forward += 1
@@ -139,14 +138,15 @@ class Varied:
         other.runs = RUNS[other.chosen.method](other.chosen)
         return other.quantities.objective(other.numbers(values)), other.chosen
 
-    def check_moves(self, jacobian: Floats) -> None:
-        """Refuse parameters that move nothing that is looked at.
+    def check_moves(self, q: Floats, jacobian: Floats) -> None:
+        """Refuse parameters that move nothing that is looked at, but for rounding.
 
         Raises:
             KeyedError: naming one.
         """
+        moved = np.abs(jacobian * self.scales).max(axis=0)
         for k, parameter in enumerate(self.parameters):
-            if not jacobian[:, k].any():
+            if moved[k] <= _STILL * (np.abs(q).max() + moved.max()):
                 text = f" = {show(parameter.path or parameter.name)} moves nothing that is wanted: "
                 raise KeyedError(
                     f"parameter[{k}]", "key" if parameter.path else "name",

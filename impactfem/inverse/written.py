@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from impactfem.errors import OutputError
-from impactfem.inverse.gradient import Gradient
+from impactfem.inverse.gradient import Gradient, TaylorCheck
 from impactfem.inverse.identify import Identified
 from impactfem.inverse.varied import Varied
 from impactfem.report.page import elements, page
@@ -24,7 +24,7 @@ def gradient_rows(found: Gradient) -> Rows:
     """A gradient as rows of a table."""
     rows = [("objective", f"{found.objective:.10g}")]
     rows += [(f"d/d{name}", f"{value:.10g}") for name, value in found.gradient.items()]
-    rows.append(("check", _check(found.check.rate, passed=found.check.passed)))
+    rows.append(("check", _check(found.check)))
     rows += [("doubt", doubt) for doubt in found.doubts]
     cost = f"{found.seconds_gradient:.3g} s with derivatives, {found.seconds_forward:.3g} s without"
     return [*rows, ("method", found.method), ("cost", f"{cost}; {found.forward_runs} more runs")]
@@ -47,15 +47,18 @@ def identified_rows(found: Identified) -> Rows:
     chance = found.chi2_probability
     told += "" if chance is None else f" (chance of misfits as large: {chance:.2g})"
     rows.append(("sigma of data", told))
-    rows.append(("check", _check(found.check.rate, passed=found.check.passed)))
+    rows.append(("check", _check(found.check)))
     rows += [("doubt", doubt) for doubt in found.doubts]
     cost = f"{found.gradient_runs} runs with derivatives, {found.forward_runs} without"
     return [*rows, ("method", found.method), ("cost", f"{cost}, {found.seconds:.3g} s")]
 
 
-def _check(rate: float | None, *, passed: bool) -> str:
+def _check(check: TaylorCheck) -> str:
+    rate = check.rate
     what = "rounding only" if rate is None else f"of order {rate:.3f} (2 is right)"
-    return f"Taylor remainders {what}{'' if passed else ': the gradient is WRONG'}"
+    if check.kinked:
+        what += ": an impact is on a time that is looked at, where the objective has a kink"
+    return f"Taylor remainders {what}{'' if check.passed else ': the gradient is WRONG'}"
 
 
 def gradient_table(found: Gradient) -> str:

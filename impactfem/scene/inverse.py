@@ -55,19 +55,10 @@ class Parameter:
         if self.bounds is not None and not self.bounds[0] < self.bounds[1]:
             text = f" = {show(list(self.bounds))}: give the smaller number first."
             raise KeyedError(self.heading, "bounds", text)
-        self.check_bounds(self.heading)
-
-    def check_bounds(self, where: str) -> None:
-        """Refuse a start that the bounds exclude.
-
-        Raises:
-            KeyedError: naming the key.
-        """
-        if self.start is None or self.bounds is None:
-            return
-        if not self.bounds[0] <= self.start <= self.bounds[1]:
-            text = f" = {show(list(self.bounds))} excludes the start {self.start:g}: widen them."
-            raise KeyedError(where, "bounds", text)
+        low, high = self.limits
+        if self.start is not None and not low <= self.start <= high:
+            text = f" = {show([low, high])} excludes the start {self.start:g}: widen them."
+            raise KeyedError(self.heading, "bounds", text)
 
     @property
     def limits(self) -> tuple[float, float]:

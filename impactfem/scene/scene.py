@@ -45,7 +45,7 @@ from impactfem.scene.tables import (
     read_objects,
 )
 from impactfem.scene.toml import parse_assignment, read_toml, write_table
-from impactfem.scene.values import NotAllowedError, is_number, show
+from impactfem.scene.values import NotAllowedError, is_number, number, show
 
 _RARE = ("parameter", "measure", "objective")
 """Tables that a scene file has only where they say something."""
@@ -123,8 +123,10 @@ class Scene(Content):
                 if parameter.start is not None and parameter.start != value:
                     text = f" = {parameter.start:g}, but {parameter.path} = {value:g}: remove one."
                     raise KeyedError(where, "start", text)
-                parameter = replace(parameter, start=value)  # noqa: PLW2901  # checked anew
-                parameter.check_bounds(where)
+                try:
+                    parameter = replace(parameter, start=value)  # noqa: PLW2901  # checked anew
+                except KeyedError as error:
+                    raise error.moved(where) from None
             found.append(parameter)
         object.__setattr__(self, "parameters", tuple(found))
 
@@ -301,7 +303,7 @@ def _started(values: dict[str, Any], parameters: Sequence[Parameter]) -> dict[st
     Raises:
         KeyedError: naming the key.
     """
-    found: dict[str, Any] = own(values, 8)  # the caller keeps his
+    found = {name: own(value) for name, value in values.items()}  # the caller keeps his
     for index, parameter in enumerate(parameters):
         if parameter.path is None:
             continue
@@ -328,10 +330,10 @@ def _number_at(data: dict[str, Any], path: str, where: str) -> float:
         value = looked_up(data, path)
     except NotAllowedError as error:
         raise KeyedError(where, "key", f" = {show(path)}: {error}.") from None
-    if not is_number(value) or isinstance(value, bool):
+    if not is_number(value):
         text = f" = {show(path)} is {show(value)} in the scene: give the path of a number."
         raise KeyedError(where, "key", text)
-    return float(value)
+    return number(value)
 
 
 def _absolute(path: str | os.PathLike[str]) -> Path:

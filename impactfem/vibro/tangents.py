@@ -127,7 +127,7 @@ class _Bundle:
         flights = tuple(Flights(s, duration) for s in linear) if exact else None
         return cls(systems, np.concatenate([one.offsets for one in each]), of, weights, flights)
 
-    def derivative(self, values: Sequence[Floats] | Floats) -> Floats:
+    def derivative(self, values: Sequence[Floats | float] | Floats) -> Floats:
         """Derivatives (..., P) of values at the neighbours (k, ...)."""
         given = np.asarray(values, dtype=float)
         found = np.zeros((int(self.of[-1]) + 1, *given.shape[1:]))
@@ -162,13 +162,12 @@ class _Run:
     ) -> None:
         self.system, self.record, self.bundle, self.duration = system, record, bundle, duration
         count, rows = int(bundle.of[-1]) + 1, len(record.times)
-        self.found = Tangents(*(
-            np.zeros((rows, *size, count))
-            for size in (
-                (system.coordinates,), (system.dofs,), (system.num_constraints,),
-                (system.num_constraints,), (),
-            )
-        ))  # fmt: skip
+        contacts = system.num_constraints
+        self.found = Tangents(
+            np.zeros((rows, system.coordinates, count)), np.zeros((rows, system.dofs, count)),
+            np.zeros((rows, contacts, count)), np.zeros((rows, contacts, count)),
+            np.zeros((rows, count)),
+        )  # fmt: skip
         self.kicks = system.kicks(duration)
         self.step = duration
 
@@ -309,7 +308,7 @@ class _Run:
         if rate == 0.0:
             self._doubt(t, "a force falls to 0 and no further")
             return np.zeros(u.shape[1])
-        return -bundle.derivative(own) / rate
+        return np.asarray(-bundle.derivative(own) / rate)
 
     def _kicked(self, event: Event) -> Floats:
         """That of a motion that changes its velocity at once."""

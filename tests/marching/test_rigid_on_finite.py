@@ -104,9 +104,9 @@ def test_in_space(name):
     assert np.ptp(kept) < (1e-7 if name == "cylinder" else 1e-9) * kept[0]
     for axis in "xyz":
         assert np.ptp(history[f"momentum.{axis}"].values) < 1e-12
-    # Contact places move in a step: what goes through is a part of its way.
-    # Elements are larger than what strikes them: on the mesh of another Gmsh the rim of the cylinder
-    # lies 1.3 mm deep between their nodes, which the run has to tell.
+    # Contact places move in a step: what goes through is a part of its way. Elements are larger
+    # than what strikes them: on the mesh of another Gmsh the rim of the cylinder lies 1.3 mm deep
+    # between their nodes, which the run has to tell.
     way = FAST * np.diff(history["time"].values).max()
     poked = any(finding["code"] == "penetration" for finding in told)
     assert history["gap"].values.min() > -0.2 * way or (name == "cylinder" and poked)
