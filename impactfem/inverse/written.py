@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from impactfem.errors import OutputError
-from impactfem.inverse.gradient import Gradient, TaylorCheck
-from impactfem.inverse.identify import Identified
+from impactfem.inverse.gradients import Gradient, TaylorCheck
+from impactfem.inverse.identification import Identified
 from impactfem.inverse.varied import Varied
 from impactfem.report.page import elements, page
 from impactfem.report.page.sketch import svg
@@ -140,7 +140,7 @@ def identified_picture(found: Identified) -> Sheet:
     for place, index in enumerate(wanted):
         axes = sheet.add_subplot(len(wanted), 1, place + 1)
         data, own = quantities.data[index], quantities.slices[index]
-        times, values = data.times, data.values
+        times, values = data.times, np.asarray(data.values, dtype=float)
         for q, label, colour in curves:
             axes.plot(times, q[own], color=colour, label=label, marker="_" * (len(times) == 1))
         if data.sigma is None:

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2, t
 
 from impactfem.errors import ConvergenceError, SceneError
-from impactfem.inverse.gradient import TaylorCheck, check_as_dict, taylor_check
+from impactfem.inverse.gradients import TaylorCheck, check_as_dict, taylor_check
 from impactfem.inverse.varied import Varied
 from impactfem.scene import Scene
 
@@ -137,7 +137,7 @@ class _Search:
         self.misfits = varied.quantities.misfits
         self.tried: list[Iteration] = []
         self.failures: list[str] = []
-        self.size = 0.0
+        self.count, self.size = 0, 0.0
 
     def residuals(self, values: Floats) -> Floats:
         try:
