@@ -13,6 +13,7 @@ from impactfem.inverse.events import EventRuns
 from impactfem.inverse.outcomes import Outcome
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
+from impactfem.methods import METHODS
 from impactfem.planning import Plan, plan
 from impactfem.scene import Parameter, Scene
 from impactfem.scene.schema import KeyedError
@@ -37,10 +38,6 @@ RUNS: Mapping[str, Any] = {"event_driven": EventRuns, "exact": BarRuns}
 """What has derivatives, by method."""
 
 _STILL = 1e-9  # share of what is looked at that a parameter has to move
-_REMEDIES = {
-    "vibro": 'solve.method = "event_driven", which has',
-    "bar": 'solve.method = "exact", which has',
-}
 
 
 @dataclass
@@ -78,12 +75,11 @@ class Varied:
         quantities = Quantities.of(scene)
         chosen = plan(scene)
         if chosen.method not in RUNS:
-            remedy = _REMEDIES.get(
-                scene.solver, "points, one rod, one rigid body, or a bar, which have"
-            )
+            known = [n for n in RUNS if METHODS[n].bodies & scene.kinds]
+            remedy = " or ".join(f"solve.method = {show(n)}" for n in known)
             raise SceneError(
-                f"solve.method = {show(chosen.method)} has no derivatives that are right; use "
-                f"{remedy}"
+                f"solve.method = {show(chosen.method)} has no derivatives that are right: use "
+                f"{remedy or 'points, one rod, one rigid body or one bar'}, which have"
             )
         return cls(scene, scene.parameters, quantities, chosen, RUNS[chosen.method](chosen))
 

@@ -115,7 +115,7 @@ class Measure:
         return self.data is not None or self.value is not None
 
 
-@table("term = { ... } in minimise")
+@table("minimise = [{ ... }]")
 @dataclass(frozen=True, kw_only=True)
 class Term:
     """A part of an objective.

@@ -296,6 +296,7 @@ def _rank(heading: str) -> int:
     inline = (
         "supports", "tractions", "pressures", "outline", "shape", "refine", "springs",
         "orientation", "rotation", "joints", "place", "soft", "orthotropic", "layers",
+        "minimise",
     )  # fmt: skip
     others = (
         "[[obstacle]]", "[[contact]]", "[[joint]]", "[[probe]]", "[[parameter]]", "[[measure]]",

@@ -28,6 +28,9 @@ TABLES = {
     "[[contact]]": language.Contact,
     "[[joint]]": language.Joint,
     "[[probe]]": language.Probe,
+    "[[parameter]]": language.Parameter,
+    "[[measure]]": language.Measure,
+    "[objective]": language.Objective,
     "[solve]": Solve,
     "[output]": Output,
     "supports = [{ ... }]": Support,
@@ -56,6 +59,7 @@ TABLES = {
     "soft = { ... }": language.Soft,
     "orthotropic = { e1 = ... }": language.Orthotropic,
     "layers = [{ thickness = ... }]": language.Layer,
+    "minimise = [{ ... }]": language.Term,
 }
 
 
