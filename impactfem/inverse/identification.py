@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2, t
 
 from impactfem.errors import ConvergenceError, SceneError
+from impactfem.inverse.data import Data
 from impactfem.inverse.gradients import TaylorCheck, check_as_dict, taylor_check
 from impactfem.inverse.varied import Varied
 from impactfem.scene import Scene
@@ -61,6 +62,23 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class Fit:
+    """A measure at its times: measured, and in the runs of the search.
+
+    Attributes:
+        of: What it is of.
+        data: What was measured.
+        start: At the start, (times,).
+        answer: At the answer, (times,).
+    """
+
+    of: str
+    data: Data
+    start: Floats
+    answer: Floats
+
+
+@dataclass(frozen=True)
 class Identified:
     """What was identified.
 
@@ -73,6 +91,7 @@ class Identified:
         chi2_probability: Of misfits as large as these, if the standard deviations given are right;
             None if none were.
         iterations: The search.
+        fits: Measures whose misfits became least.
         check: Taylor remainders of the gradient at the answer.
         doubts: Why the answer or its intervals may be wrong, in words.
         forward_runs: Runs without derivatives.
@@ -89,6 +108,7 @@ class Identified:
     sigma_of_data: float | str
     chi2_probability: float | None
     iterations: tuple[Iteration, ...]
+    fits: tuple[Fit, ...]
     check: TaylorCheck
     doubts: tuple[str, ...]
     forward_runs: int
@@ -193,14 +213,14 @@ def identify(scene: Scene | str | Path) -> Identified:
         scene = Scene.from_toml(scene)
     varied = Varied.of(scene)
     search = _Search(varied)
-    varied.check_moves(*varied.jacobian(varied.start)[:2])
+    at_start, jacobian, _, _ = varied.jacobian(varied.start)
+    varied.check_moves(at_start, jacobian)
     low, high = np.array([parameter.limits for parameter in varied.parameters]).T
     objective = scene.objective
     tolerance = 1e-8 if objective is None else objective.tolerance
     found = least_squares(
         search.residuals, varied.start, search.jacobian,
-        bounds=(np.where(low <= -1e300, -np.inf, low), np.where(high >= 1e300, np.inf, high)),
-        x_scale=varied.scales, ftol=tolerance, xtol=tolerance, gtol=1e-12,
+        bounds=(low, high), x_scale=varied.scales, ftol=tolerance, xtol=tolerance, gtol=1e-12,
         max_nfev=100 if objective is None else objective.max_iterations,
     )  # fmt: skip
     q, jacobian, told, margin = varied.jacobian(found.x)
@@ -238,6 +258,10 @@ def identify(scene: Scene | str | Path) -> Identified:
         sigma_of_data=spread,
         chi2_probability=probability,
         iterations=tuple(search.tried),
+        fits=tuple(
+            Fit(scene.measures[i].of, varied.quantities.data[i], at_start[own], q[own])
+            for i, own in ((i, varied.quantities.slices[i]) for i, _ in search.misfits)
+        ),
         check=check,
         doubts=tuple(doubts),
         forward_runs=varied.forward - varied.sloped,

@@ -46,7 +46,6 @@ class Varied:
 
     Attributes:
         scene: As given.
-        parameters: What varies.
         quantities: The numbers of its runs.
         chosen: The plan of the start, which all runs keep.
         runs: Who runs it.
@@ -55,7 +54,6 @@ class Varied:
     """
 
     scene: Scene
-    parameters: tuple[Parameter, ...]
     quantities: Quantities
     chosen: Plan[Any]
     runs: Runs
@@ -81,7 +79,12 @@ class Varied:
                 f"solve.method = {show(chosen.method)} has no derivatives that are right: use "
                 f"{remedy or 'points, one rod, one rigid body or one bar'}, which have"
             )
-        return cls(scene, scene.parameters, quantities, chosen, RUNS[chosen.method](chosen))
+        return cls(scene, quantities, chosen, RUNS[chosen.method](chosen))
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What varies."""
+        return self.scene.parameters
 
     @property
     def start(self) -> Floats:

@@ -11,7 +11,6 @@ import numpy as np
 from impactfem.errors import OutputError
 from impactfem.inverse.gradients import Gradient, TaylorCheck
 from impactfem.inverse.identification import Identified
-from impactfem.inverse.varied import Varied
 from impactfem.report.page import elements, page
 from impactfem.report.page.sketch import svg
 from impactfem.report.sheet import Sheet, write_png
@@ -20,14 +19,15 @@ from impactfem.report.table import table
 Rows = list[tuple[str, str]]
 
 
-def gradient_rows(found: Gradient) -> Rows:
-    """A gradient as rows of a table."""
+def gradient_table(found: Gradient) -> str:
+    """A gradient for a terminal."""
     rows = [("objective", f"{found.objective:.10g}")]
     rows += [(f"d/d{name}", f"{value:.10g}") for name, value in found.gradient.items()]
     rows.append(("check", _check(found.check)))
     rows += [("doubt", doubt) for doubt in found.doubts]
     cost = f"{found.seconds_gradient:.3g} s with derivatives, {found.seconds_forward:.3g} s without"
-    return [*rows, ("method", found.method), ("cost", f"{cost}; {found.forward_runs} more runs")]
+    rows += [("method", found.method), ("cost", f"{cost}; {found.forward_runs} more runs")]
+    return table(rows)
 
 
 def identified_rows(found: Identified) -> Rows:
@@ -59,11 +59,6 @@ def _check(check: TaylorCheck) -> str:
     if check.kinked:
         what += ": an impact is on a time that is looked at, where the objective has a kink"
     return f"Taylor remainders {what}{'' if check.passed else ': the gradient is WRONG'}"
-
-
-def gradient_table(found: Gradient) -> str:
-    """A gradient for a terminal."""
-    return table(gradient_rows(found))
 
 
 def identified_table(found: Identified) -> str:
@@ -126,32 +121,23 @@ def write_identified(found: Identified, folder: Path, run: dict[str, Any]) -> No
 
 
 def identified_picture(found: Identified) -> Sheet:
-    """Measurements, the model at the start and at the answer, and the misfits over sigma."""
-    varied = Varied.of(found.scene)
-    answer = np.array([each.value for each in found.parameters.values()])
-    start = np.array([each.start for each in found.parameters.values()])
-    curves = [
-        (varied.numbers(start), "start", "0.6"),
-        (varied.numbers(answer), "answer", "tab:blue"),
-    ]
-    quantities = varied.quantities
-    wanted = [index for index, _ in quantities.misfits]
-    sheet = Sheet(7.0, 2.6 * len(wanted) + 0.4)
-    for place, index in enumerate(wanted):
-        axes = sheet.add_subplot(len(wanted), 1, place + 1)
-        data, own = quantities.data[index], quantities.slices[index]
-        times, values = data.times, np.asarray(data.values, dtype=float)
-        for q, label, colour in curves:
-            axes.plot(times, q[own], color=colour, label=label, marker="_" * (len(times) == 1))
-        if data.sigma is None:
+    """Measurements, and the model at the start and at the answer."""
+    sheet = Sheet(7.0, 2.6 * len(found.fits) + 0.4)
+    for place, fit in enumerate(found.fits):
+        axes = sheet.add_subplot(len(found.fits), 1, place + 1)
+        times, values = fit.data.times, np.asarray(fit.data.values, dtype=float)
+        curves = (fit.start, "start", "0.6"), (fit.answer, "answer", "tab:blue")
+        for curve, label, colour in curves:
+            axes.plot(times, curve, color=colour, label=label, marker="_" * (len(times) == 1))
+        if fit.data.sigma is None:
             axes.plot(times, values, ".", color="tab:red", markersize=3, label="measured")
         else:
             axes.errorbar(
-                times, values, data.sigma, fmt=".", color="tab:red", markersize=3, elinewidth=0.5,
-                label="measured",
+                times, values, fit.data.sigma, fmt=".", color="tab:red", markersize=3,
+                elinewidth=0.5, label="measured",
             )  # fmt: skip
         axes.set_xlabel("time [s]")
-        axes.set_ylabel(quantities.scene.measures[index].of)
+        axes.set_ylabel(fit.of)
         axes.legend(fontsize=8)
     return sheet
 

@@ -1,5 +1,6 @@
 """What may vary, what was measured and what is wanted: gradients and identification."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -15,8 +16,6 @@ MAX_MEASURES = 1000
 TERMS = ("value", "misfit", "speed", "terminal_energy", "vibration_energy")
 VARIABLES = ("t", "x", "y", "z", "vx", "vy", "vz")
 """Names that formulas have already."""
-
-_LARGEST = 1e300
 
 
 @table("[[parameter]]")
@@ -62,8 +61,8 @@ class Parameter:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Bounds; huge numbers where there are none."""
-        low, high = self.bounds or (-_LARGEST, _LARGEST)
+        """Bounds; infinite where there are none."""
+        low, high = self.bounds or (-math.inf, math.inf)
         return low, high
 
 

@@ -261,6 +261,11 @@ class _Run:
     def _event(self, before: Leg | None, leg: Leg, u: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Derivatives of u and v just after an event, from those just before at the same time."""
         event, bundle, system = leg.event, self.bundle, self.system
+        if any(not strike.known for strike in event.strikes):
+            raise ConvergenceError(
+                f"gradient: impacts by turns at t = {event.time:.6g} s have no derivative that is "
+                'known; use impact_law = "simultaneous"'
+            )
         late = np.zeros(u.shape[1])
         rates = np.zeros_like(event.position), np.zeros_like(event.velocity)
         if before is not None:
@@ -276,11 +281,6 @@ class _Run:
         self.found.rubbed[row] += bundle.derivative([hit[2] for hit in hits])
         for change in bundle.derivative([hit[3] for hit in hits]):
             self.found.impacts.append(np.concatenate([late[None], change]))
-        if any(not strike.known for strike in event.strikes):
-            raise ConvergenceError(
-                f"gradient: impacts by turns at t = {event.time:.6g} s have no derivative that is "
-                'known; use impact_law = "simultaneous"'
-            )
         self.found.events.append((late, u, v))
         rates = _rates(_motion(system, leg), event.time, leg.position, leg.velocity)
         return u - np.outer(rates[0], late), v - np.outer(rates[1], late)
