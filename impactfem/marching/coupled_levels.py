@@ -41,21 +41,22 @@ class CoupledLevels(LevelMarch):
         Raises:
             ConvergenceError: It was not found, or cells turn inside out.
         """
-        interior, gaps, held = self.interior, self._gaps, self._held
-        place, last = interior.surface_displacement, self._acting
+        interior, gaps = self.interior, self._gaps
+        place = interior.surface_displacement
         count, dim = place.shape
         none, nowhere = np.zeros(count, dtype=bool), np.zeros_like(place)
-        self._needed = np.zeros(len(held))
-        force, before = np.zeros_like(last.force), np.inf
+        self._needed = np.zeros(len(self._held))
+        force, before = np.zeros_like(self._acting.force), np.inf
         slow = SLOW[dim] + interior.lag
         for iterate in range(1, MOST + 1):
             if iterate == 1:  # the guess is of third order: who meets whom is found by it
                 base, (gap, _) = place, gaps.at(place, place, place, time)
+                held, last = self._handed(), gaps.handed(self._acting.vectors)
                 rows = np.flatnonzero(~np.isnan(held) & (gap < 0.5 * FAR))
                 shift = gaps.shift(time) - gaps.shift(start)
             directions = self._directed(gaps.normals_at(place, time))
             if iterate == 1:
-                force[rows] = turned(directions, last.vectors)[rows]
+                force[rows] = turned(directions, last)[rows]
             interior.move_surface(place)
             right = interior.unbalanced() - gaps.spread(in_space(directions, force))
             size = float(np.linalg.norm(right))
@@ -63,12 +64,15 @@ class CoupledLevels(LevelMarch):
             if self._stale or (iterate > 1 and not falls):
                 interior.renew()
                 self._stale = False
-            free = place - interior.relaxed(right, none, nowhere)
-            if len(rows):
+            if not len(rows):
+                free = place - interior.relaxed(right, none, nowhere)
+            else:
+                free = place - interior.answer(right)
                 way = turned(directions, gaps.relative(free - begin) - shift)
                 way[:, 0] = gap - held
                 way[:, 0] += turned(directions, gaps.relative(free - base))[:, 0]
-                force, moved = self._obeying(rows, way, directions, force, first=iterate == 1)
+                pressed = rows[:0] if iterate > 1 else np.flatnonzero(force[rows, 0] > 0.0)
+                force, moved = self._obeying(rows, way, directions, force, pressed)
                 free = free + moved
             place, before = free, size
             if iterate >= USUAL[dim] and falls:
@@ -82,12 +86,21 @@ class CoupledLevels(LevelMarch):
         self._put_forces(directions, force)
         return iterate
 
+    def _handed(self) -> Floats:
+        """Where gaps are held, by which carry them now: nodes slide from obstacle to obstacle."""
+        if self._gaps.shares_nodes:
+            known = ~np.isnan(self._held)
+            count = self._gaps.handed(known.astype(np.float64))
+            total = self._gaps.handed(np.where(known, self._held, 0.0))
+            self._held = np.where(count > 0.0, total / np.maximum(count, 1.0), np.nan)
+        return self._held
+
     def _put_forces(self, directions: Floats, force: Floats) -> None:
         self._force = force[:, 0]
         self._acting = LevelForces.of(self._gaps, directions, force)
 
     def _obeying(
-        self, rows: Integers, way: Floats, directions: Floats, force: Floats, *, first: bool
+        self, rows: Integers, way: Floats, directions: Floats, force: Floats, pressed: Integers
     ) -> tuple[Floats, Floats]:
         """Forces in some gaps for which the linearised law holds, and how nodes move by the change.
 
@@ -96,7 +109,7 @@ class CoupledLevels(LevelMarch):
             way: Above these, and increments, if the forces stay [m], (gaps, ways).
             directions: (gaps, ways, dim).
             force: Forces that stay [N], (gaps, ways).
-            first: Whether to find what would hold nodes still that were pressed at the last level.
+            pressed: Of these those for which to find what would hold nodes still.
 
         Returns:
             All forces [N], (gaps, ways), and displacements [m], (nodes, dim).
@@ -111,8 +124,7 @@ class CoupledLevels(LevelMarch):
         own = force[rows]
         matrix = 0.5 * (matrix + matrix.T)
         offset = way[rows] - (matrix @ own.ravel()).reshape(own.shape)
-        if first:
-            pressed = self._acting.force[rows, 0] > 0.0
+        if len(pressed):
             inner = matrix[::ways, ::ways][np.ix_(pressed, pressed)]
             still = np.linalg.lstsq(inner, -offset[pressed, 0], rcond=_REGULAR)[0]
             self._needed[rows[pressed]] = still

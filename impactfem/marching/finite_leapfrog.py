@@ -220,6 +220,10 @@ class FiniteLeapfrog(FiniteBody):
         """How contact nodes move by forces [m], (count, dim); see `SurfaceLayer.solve`."""
         return self._layer.solve(right, held, normals, _SHARE[self._system.dim])
 
+    def answer(self, right: Floats) -> Floats:
+        """The same without any held, as exactly as `answers` [m], (count, dim)."""
+        return self._layer.answer(right)
+
     def answers(self, nodes: Integers) -> Floats:
         """How contact nodes move by unit forces on some of them [m/N], (some, dim, count, dim)."""
         return self._layer.answers(nodes)

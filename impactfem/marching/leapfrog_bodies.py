@@ -58,6 +58,9 @@ class LevelStepper(Stepper, Protocol):
     def relaxed(self, right: Floats, held: Booleans, normals: Floats) -> Floats:
         """How contact nodes move by forces [m], (count, dim)."""
 
+    def answer(self, right: Floats) -> Floats:
+        """The same without any held, as exactly as `answers` [m], (count, dim)."""
+
     def answers(self, nodes: Integers) -> Floats:
         """How contact nodes move by unit forces on some of them [m/N], (some, dim, count, dim)."""
 
@@ -127,6 +130,11 @@ class LeapfrogBodies(Bodies[LevelStepper]):
         owns = [self.own(k) for k in range(len(self.parts))]
         each = zip(self.parts, owns, strict=True)
         return np.concatenate([p.relaxed(right[o], held[o], normals[o]) for p, o in each])
+
+    def answer(self, right: Floats) -> Floats:
+        """The same without any held, as exactly as `answers` [m], (count, dim)."""
+        each = enumerate(self.parts)
+        return np.concatenate([part.answer(right[self.own(k)]) for k, part in each])
 
     def answers(self, nodes: Integers) -> Floats:
         """How contact nodes move by unit forces on some of them, 0 of other bodies."""

@@ -65,6 +65,10 @@ class PlateAtRest:
         slopes = self._membrane.slopes(self._vertices.T @ place)
         return slopes, self._membrane.stretched(slopes)
 
+    def steady(self) -> bool:
+        """Nothing to change: plates do not turn."""
+        return False
+
     def tangent(self, place: Floats) -> Callable[[Floats], Floats]:
         """What forces on q do, but for pressures that go by the gap."""
         if self._membrane is None:

@@ -63,6 +63,9 @@ class Resting(Protocol):
         Equal functions for equal tangents: answers that are known are kept.
         """
 
+    def steady(self) -> bool:
+        """From now on answer to rigid motions by mass alone; whether that changes anything."""
+
     def destroy(self) -> None:
         """Free what PETSc holds."""
 

@@ -13,7 +13,9 @@ on along it until a gap closes, or nothing holds them.
 Answers do not know how gaps and normals turn as bodies are squeezed, so that passes overshoot, the
 more the harder bodies press: errors change by -0.9 in a pass at 10 % strain. Where that leads
 nowhere the search begins anew and takes parts of passes that overshoot; if that fails too it takes
-off what acts at the start, and adds it bit by bit.
+off what acts at the start, and adds it bit by bit. Bodies that stand on too little, as a ball on a
+node of its mesh, have tangents that are not positive: they roll to what holds them by answers of
+which the rigid part is that of their mass.
 """
 
 from collections.abc import Callable, Sequence
@@ -101,7 +103,39 @@ class StaticStart:
         try:
             return self._whole(*self._balanced(_SETTLED, _MOST))
         except ConvergenceError as error:
-            return self._whole(*self._grown(error))
+            try:
+                return self._whole(*self._grown(error))
+            except ConvergenceError as failed:
+                # A round body that stands on a node has to roll to a face of its mesh.
+                if not any([body.steady() for body in self._bodies]):  # noqa: C419  (tell all)
+                    raise
+                try:
+                    return self._steadily(error)
+                except (ConvergenceError, SceneError):
+                    raise failed from error
+
+    def _steadily(self, whole: ConvergenceError) -> Rest:
+        """As `find`, by answers that tell rigid motions from those that strain.
+
+        Args:
+            whole: What became of the search by tangents alone.
+
+        Raises:
+            SceneError: See `find`.
+            ConvergenceError: See `find`.
+        """
+        self._begin_anew()
+        self._careful, self._share = False, 1.0
+        try:
+            return self._whole(*self._balanced(_SETTLED, _MOST))
+        except (ConvergenceError, SceneError):
+            return self._whole(*self._grown(whole))
+
+    def _begin_anew(self) -> None:
+        """Go back to where the bodies were, with nothing held."""
+        self._places = [body.start.copy() for body in self._bodies]
+        self._held, self._holding = [[] for _ in self._bodies], {}
+        self._answers = None
 
     def _grown(self, whole: ConvergenceError) -> tuple[Floats, Floats, float, int]:
         """As `_balanced`, with parts of passes, and of the forces that act at the start if need be.
@@ -115,8 +149,8 @@ class StaticStart:
         starts = [body.start for body in self._bodies]
         each = zip(self._bodies, starts, strict=True)
         self._missing = [body.residual(place) for body, place in each]
-        self._places, self._held = [place.copy() for place in starts], [[] for _ in starts]
-        self._holding, self._answers, self._careful = {}, None, True
+        self._begin_anew()
+        self._careful, self._share = True, 1.0
         gaps = len(self._look()[0])
         kept = self._places, np.zeros(gaps)
         done, part, passes = 0.0, 1.0, 0

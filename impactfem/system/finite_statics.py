@@ -11,7 +11,7 @@ from impactfem.system.drive import Drive
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.finite_strain import FiniteStrain
 from impactfem.system.linear import LinearSolver
-from impactfem.system.rigid_modes import spun
+from impactfem.system.rigid_modes import RigidModes, spun
 from impactfem.system.small_strain import SmallStrain
 from impactfem.system.statics import BodyAtRest
 from impactfem.system.surface import SurfaceNodes
@@ -48,7 +48,7 @@ class FiniteAtRest(BodyAtRest):
             spin: Angular velocity [rad/s] about the centre of mass, (1,) or in space (3,).
         """
         super().__init__(name, system, surface, linear_solver)
-        self._strain, self._spin = strain, spin
+        self._strain, self._spin, self._steady = strain, spin, False
         strain.press(0.0, 0.0)
         self._mass, self._weights = mass, weights.reshape(-1, system.dim)
         drive = Drive(system, None)
@@ -101,7 +101,31 @@ class FiniteAtRest(BodyAtRest):
             solver.solve(source, image)
             return np.array(image.getArray())
 
-        return answer
+        return self._steadied(answer, place) if self._steady else answer
+
+    def steady(self) -> bool:
+        """Take what stresses do to rigid motions out of the answers; whether there are any."""
+        self._steady = bool(self.modes.count)
+        return self._steady
+
+    def _steadied(
+        self, answer: Callable[[Floats], Floats], place: Floats
+    ) -> Callable[[Floats], Floats]:
+        """Answers of which the rigid part is that of the mass that holds the body (collective).
+
+        Weight above what bears it makes a tangent negative along a turn, which gaps would stop.
+        """
+        modes = RigidModes.of(self._system, place)
+        images = np.array([answer(modes.forces(way)) for way in np.eye(modes.count)])
+        moved = np.array([modes.moved(image) for image in images])
+
+        def steadied(forces: Floats) -> Floats:
+            along = modes.along(forces)
+            found = answer(forces - modes.forces(along))
+            held = np.linalg.solve(moved.T, modes.moved(found))
+            return found - held @ images + (along / self._shift) @ modes.fields
+
+        return steadied
 
     def _drop(self) -> None:
         if self._solver is not None:

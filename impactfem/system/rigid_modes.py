@@ -38,10 +38,17 @@ class RigidModes:
     dim: int
 
     @classmethod
-    def of(cls, system: ElasticSystem) -> "RigidModes":
-        """Find those of a body; an axisymmetric one moves along its axis only (collective)."""
+    def of(cls, system: ElasticSystem, place: Floats | None = None) -> "RigidModes":
+        """Find those of a body; an axisymmetric one moves along its axis only (collective).
+
+        Args:
+            system: The body.
+            place: Displacement of the owned dofs [m] with which it moves on; None: undeformed.
+        """
         comm, size = system.comm, system.nodes.size
         arms = (system.positions - system.center_of_mass) / size
+        if place is not None:
+            arms = arms + place.reshape(arms.shape) / size
         axes = range(1, 2) if system.axisymmetric else range(system.dim)
         motions = [np.tile(np.eye(system.dim)[axis], len(arms)) for axis in axes]
         if not system.axisymmetric:

@@ -52,6 +52,10 @@ class BodyAtRest:
         """Forces on the owned dofs by those on the contact nodes (count, dim)."""
         return self._surface.pulled(forces, self._system.constrained)
 
+    def steady(self) -> bool:
+        """Nothing to change: linear bodies bear no stress that turns with them."""
+        return False
+
     @cached_property
     def _shift(self) -> float:
         """Stiffness by mass that holds a free body [1/s^2]."""

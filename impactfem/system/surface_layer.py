@@ -119,18 +119,34 @@ class SurfaceLayer:
         dim, size = self._dim, self.count * self._dim
         free = self._free[:, :dim].ravel()
         fresh = [node for node in nodes.tolist() if node not in self._known]
-        if fresh and self._factors is None:
+        for node in fresh:  # each by itself: the same to the last bit in any order
+            unit = np.zeros((size, dim))
+            unit[node * dim + np.arange(dim), np.arange(dim)] = free[node * dim : (node + 1) * dim]
+            moved = self._factored().solve(unit)
+            self._known[node] = np.ascontiguousarray(moved.T).reshape(dim, self.count, dim)
+        found = [self._known[node] for node in nodes.tolist()]
+        return np.array(found).reshape(len(nodes), dim, self.count, dim)
+
+    def _factored(self) -> Any:
+        if self._factors is None:
+            dim, size = self._dim, self.count * self._dim
+            free = self._free[:, :dim].ravel()
             blocks = np.ascontiguousarray(self._blocks[:, :dim, :dim])
             tangent = bsr_matrix((blocks, self._columns, self._starts), shape=(size, size))
             held = diags(free)
             self._factors = splu((held @ tangent @ held + diags(1.0 - free)).tocsc(), **CHOLESKY)
-        for node in fresh:  # each by itself: the same to the last bit in any order
-            unit = np.zeros((size, dim))
-            unit[node * dim + np.arange(dim), np.arange(dim)] = free[node * dim : (node + 1) * dim]
-            moved = self._factors.solve(unit)
-            self._known[node] = np.ascontiguousarray(moved.T).reshape(dim, self.count, dim)
-        found = [self._known[node] for node in nodes.tolist()]
-        return np.array(found).reshape(len(nodes), dim, self.count, dim)
+        return self._factors
+
+    def answer(self, right: Floats) -> Floats:
+        """How the nodes move by forces (count, dim), by the factors that `answers` takes.
+
+        Cells that are pressed from several sides, as in a corner, may be stable only with what
+        presses them: their tangents alone are not positive, and conjugate gradients break off.
+        """
+        if not self.count:
+            return right
+        forces = self._free[:, : self._dim] * right
+        return np.asarray(self._factored().solve(forces.ravel()).reshape(forces.shape))
 
     def solve(self, right: Floats, held: Booleans, normals: Floats, share: float) -> Floats:
         """How the nodes move by forces, along what is free, (count, dim).

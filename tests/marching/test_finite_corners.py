@@ -56,6 +56,64 @@ def test_a_block_bounces_out_of_a_corner(obstacles):
             assert 10.0 * (h[f"b.v{axis}"][-1] - before) == pytest.approx(impulse, rel=1e-9)
 
 
+def thrown(speed, method="explicit", friction=0.0, degrees=0.0, scale=1.0):
+    """A square of E = .743, rho = 1 into a corner that may be turned; speeds across its sides."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    turn = np.array([[c, -s], [s, c]])
+    center = scale * turn @ [0.52, 0.53]
+    shape = {
+        "kind": "block", "size": [scale, scale], "corner": (center - 0.5 * scale).tolist(),
+        "angle": np.radians(degrees),
+    }  # fmt: skip
+    body = {
+        "mesh_size": 0.1 * scale, "shape": shape, "density": 1.0, "youngs_modulus": 0.743,
+        "velocity": (turn @ [-speed, -speed]).tolist(),
+    }  # fmt: skip
+    sides = [FLOOR | {"normal": turn[:, 1].tolist()}, WALL | {"normal": turn[:, 0].tolist()}]
+    contact = [{"between": ["b", o["name"]], "friction_coefficient": friction} for o in sides]
+    h = solved(
+        sides, 1.5 * scale, body, contact=contact, solve={"estimate": False, "method": method}
+    )
+    dt = np.diff(h["time"])
+    left = turn.T @ [h["b.vx"][-1], h["b.vy"][-1]]
+    pushed = [float(h[f"force.b.{o['name']}"][1:] @ dt) / scale**2 for o in sides]
+    return h, left, pushed
+
+
+@pytest.mark.parametrize(
+    ("speed", "friction", "degrees", "scale"),
+    [(0.1, 0.0, 0.0, 1.0), (0.1, 0.3, 30.0, 1.0), (0.25, 0.0, 0.0, 1e-3)],
+)
+def test_explicit_steps_bounce_out_of_a_corner(speed, friction, degrees, scale):
+    """With a gap to the nearest side only none was found for the surface once both touched."""
+    h, left, pushed = thrown(speed, "explicit", friction, degrees, scale)
+    exact = thrown(speed, "conserving", friction, degrees, scale)
+    energy = h["total_energy"] - h["friction_work"]
+    assert energy.max() <= (1.0 + 1e-4) * energy[0]
+    assert energy[-1] >= 0.995 * energy[0]
+    assert h["gap"].min() >= -2.0 * speed * np.diff(h["time"]).max()
+    np.testing.assert_allclose(left, exact[1], atol=0.03 * speed)
+    np.testing.assert_allclose(pushed, exact[2], rtol=0.025)
+
+
+def test_explicit_steps_know_no_seam():
+    """A block slides from one plate to a flush one: what holds it is handed on."""
+    body = {
+        "velocity": [3.0, 0.0], "shape": BLOCK["shape"] | {"corner": [-0.12, 0.0]},
+        "mesh_size": 0.025,
+    }  # fmt: skip
+    one = {"name": "one", "kind": "box", "center": [-0.5, -0.5], "size": [1.0, 1.0]}
+    two = {"name": "two", "kind": "box", "center": [0.5, -0.5], "size": [1.0, 1.0]}
+    rough = [{"between": ["b", name], "friction_coefficient": 0.3} for name in ("one", "two")]
+    more = {"gravity": [0.0, -9.81], "solve": {"method": "explicit", "estimate": False}}
+    wide = solved([one | {"size": [9.0, 1.0]}], 0.02, body, contact=rough[:1], **more)
+    parts = solved([one, two], 0.02, body, contact=rough, **more)
+    assert parts["force.b.two"].max() > 10.0
+    for name in ("b.x", "b.y", "friction_work", "contact_force", "total_energy"):
+        scale = np.abs(wide[name]).max()
+        np.testing.assert_allclose(parts[name], wide[name], rtol=0.0, atol=1e-9 * scale)
+
+
 def test_a_block_at_rest_in_a_corner_presses_on_both():
     flush = {"shape": BLOCK["shape"] | {"corner": [0.0, 0.0]}, "mesh_size": 0.025}
     h = solved([FLOOR, WALL], 0.004, flush, start="static", gravity=[-5.0, -9.0])

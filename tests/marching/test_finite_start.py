@@ -67,6 +67,26 @@ def test_a_disc_that_turns_keeps_its_stretch():
     assert column(result, "body.angle")[-1] > 1.0
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("radius", "size", "modulus"), [(0.05, 0.02, 1e6), (5e-5, 2e-5, 1e5)])
+def test_a_ball_on_a_node_rolls_to_a_face(radius, size, modulus):
+    """Its weight makes tangents negative along turns: no contact forces were found."""
+    pull = 9.81 * 0.05 / radius
+    body = {
+        "model": "3d", "mesh_size": size, "density": 1000.0, "youngs_modulus": modulus,
+        "shape": {"kind": "sphere", "radius": radius, "center": [0.0, 0.0, radius]},
+    }  # fmt: skip
+    floor = FLOOR | {"point": [0.0, 0.0, 0.0], "normal": [0.0, 0.0, 1.0]}
+    result = impactfem.solve(scene(body, (0.0, 0.0, -pull), floor, 0.04 * radius))
+    weight = result.summary["bodies"]["body"]["mass"] * pull
+    np.testing.assert_allclose(column(result, "contact_force"), weight, rtol=1e-6)
+    np.testing.assert_allclose(column(result, "gap"), 0.0, atol=1e-9 * radius)
+    assert column(result, "active")[0] >= 3
+    kinetic, elastic = column(result, "kinetic_energy"), column(result, "elastic_energy")
+    assert kinetic.max() <= 1e-9 * elastic[0]
+    assert result.summary["verdict"]["level"] != "do not trust"
+
+
 def test_what_nothing_holds_is_named():
     slope = FLOOR | {"normal": [np.sin(0.3), np.cos(0.3)]}
     with pytest.raises(SceneError, match=r"nothing holds body body against its translation along"):
