@@ -15,9 +15,12 @@ V(g_a) - V(g_b), so that energy is conserved exactly, and every larger theta dis
 
 In flight and in lasting contact theta = 1/2. With D = 0 and theta = 1/2 this is the contact rule of
 the space-time Petrov-Galerkin form and of Newmark's scheme.
+
+Gaps that do not answer to each other's forces are problems of their own, each with its theta: what
+happens elsewhere in a scene changes nothing. V is their sum, so that each keeps its energy.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -30,6 +33,7 @@ from impactfem.contact.springs import ContactSprings
 from impactfem.errors import ConvergenceError
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 Rule = Literal["conserving", "dissipative", "middle"]
 """theta as above, the larger of it and 1/2, or always 1/2."""
@@ -52,7 +56,7 @@ class LayerContact:
         force: Lambda, force of the layer [N], shape (pairs,), >= 0.
         multiplier: lambda_b at the end of the layer [N], shape (pairs,), >= 0.
         gap: True gap at the end [m], shape (pairs,), >= 0 to rounding.
-        theta: Weight of lambda_b.
+        theta: Weight of lambda_b; of gaps in groups of their own that furthest from 1/2.
         iterations: Linear systems solved.
     """
 
@@ -87,6 +91,70 @@ def solve_layer(
     Raises:
         ConvergenceError: The active set or theta was not found.
     """
+    # Without a theta to find they change each other by rounding only.
+    groups = () if rule == "middle" else uncoupled(response, compliance)
+    if not groups:
+        return _solve_group(free, response, compliance, before, rule, solver, springs)
+    found = [
+        _solve_group(
+            free[rows], response[np.ix_(rows, rows)], compliance[np.ix_(rows, rows)],
+            (before[0][rows], before[1][rows]), rule, solver,
+            None if springs is None else springs.some(rows),
+        )
+        for rows in groups
+    ]  # fmt: skip
+    return LayerContact(
+        scattered(groups, [each.force for each in found]),
+        scattered(groups, [each.multiplier for each in found]),
+        scattered(groups, [each.gap for each in found]),
+        max((each.theta for each in found), key=lambda theta: abs(theta - 0.5)),
+        sum(each.iterations for each in found),
+    )
+
+
+def uncoupled(*matrices: Floats) -> Sequence[Integers]:
+    """Groups of rows that have no entries with each other in any of some matrices.
+
+    Args:
+        matrices: Symmetric, of one shape (rows, rows).
+
+    Returns:
+        Rows of each group; nothing where there is a single one.
+    """
+    count = len(matrices[0])
+    if count < 2 or any(matrix[0].all() for matrix in matrices):  # by far the most
+        return ()
+    beside = np.logical_or.reduce([matrix != 0.0 for matrix in matrices])
+    groups, left = [], np.ones(count, dtype=bool)
+    while left.any():
+        reached = np.zeros(count, dtype=bool)
+        front = np.flatnonzero(left)[:1]
+        while len(front):
+            reached[front] = True
+            front = np.flatnonzero(beside[front].any(axis=0) & ~reached)
+        groups.append(np.flatnonzero(reached))
+        left &= ~reached
+    return groups if len(groups) > 1 else ()
+
+
+def scattered(groups: Sequence[Integers], values: Sequence[Floats]) -> Floats:
+    """Values of the rows of groups, of each row at its place."""
+    found = np.zeros((sum(map(len, groups)), *values[0].shape[1:]))
+    for rows, own in zip(groups, values, strict=True):
+        found[rows] = own
+    return found
+
+
+def _solve_group(
+    free: Floats,
+    response: Floats,
+    compliance: Floats,
+    before: tuple[Floats, Floats],
+    rule: Rule,
+    solver: Solver,
+    springs: ContactSprings | None,
+) -> LayerContact:
+    """The same of gaps that answer to each other."""
     old, gap_a = before
     total = 0
     start = old > 0.0

@@ -68,6 +68,7 @@ the velocity at its end. With T = theta t the matrix of (lambda_b, t) is theta C
 With mu = 0 all this is the frictionless law, and its solver is called.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -77,8 +78,10 @@ from impactfem.contact.complementarity import (
     Halfway,
     Rule,
     _fixed_point,
+    scattered,
     solve_by_active_set,
     solve_layer,
+    uncoupled,
 )
 from impactfem.contact.friction_many import Accuracy
 from impactfem.contact.friction_newton import ConeProblem
@@ -105,7 +108,7 @@ class FrictionContact:
         work: Frictional work of each pair in the layer [J], shape (pairs,). It is <= 0 to rounding
             unless the law measures slip otherwise than energy does: at velocity level and with
             ``held`` places, in layers where a slip turns or ends.
-        theta: Weight of f_b.
+        theta: Weight of f_b; of pairs in groups of their own that furthest from 1/2.
         iterations: Linear systems solved.
     """
 
@@ -168,12 +171,73 @@ def solve_friction_layer(
         ConvergenceError: Stick and slip or theta were not found.
     """
     old, place_a = before
-    law = moments or (None, None)
     if rule == "middle" and friction.any():
         stuck = place_a[:, 1:] if held is None else held
         rest = stuck, tolerance, max_iterations
+        law = moments or (None, None)
         return _with_mass(free, answers, before, friction, *rest, law, near, accuracy)
     response, compliance = full(answers), full(static)
+    # Without a theta to find they change each other by rounding only.
+    groups = () if rule == "middle" else _groups(response, compliance, old.shape[1], moments)
+    if not groups:
+        rest = friction, rule, tolerance, max_iterations
+        return _solve_group(free, response, compliance, before, *rest, held, moments, springs)
+    found = []
+    for rows in groups:
+        wide = (old.shape[1] * rows[:, None] + np.arange(old.shape[1])).ravel()
+        law = None
+        if moments is not None:
+            law = np.searchsorted(rows, moments[0][rows]), moments[1][rows]
+        found.append(
+            _solve_group(
+                free[rows], response[np.ix_(wide, wide)], compliance[np.ix_(wide, wide)],
+                (old[rows], place_a[rows]), friction[rows], rule, tolerance, max_iterations,
+                None if held is None else held[rows], law,
+                None if springs is None else (springs[0].some(rows), springs[1][rows]),
+            )
+        )  # fmt: skip
+    return FrictionContact(
+        scattered(groups, [each.force for each in found]),
+        scattered(groups, [each.multiplier for each in found]),
+        scattered(groups, [each.place for each in found]),
+        scattered(groups, [each.work for each in found]),
+        max((each.theta for each in found), key=lambda theta: abs(theta - 0.5)),
+        sum(each.iterations for each in found),
+    )
+
+
+def _groups(
+    response: Floats, compliance: Floats, dim: int, moments: tuple[Integers, Floats] | None
+) -> Sequence[Integers]:
+    """Pairs that do not answer to each other, nor bound each other's moments."""
+    pairs = len(response) // dim
+    if pairs < 2 or response[0].all():  # by far the most
+        return ()
+    links = np.zeros((pairs, pairs))
+    for matrix in response, compliance:
+        links += np.abs(matrix).reshape(pairs, dim, pairs, dim).max(axis=(1, 3)) > 0.0
+    if moments is not None:
+        own = np.arange(pairs)
+        links[own, moments[0]] = links[moments[0], own] = 1.0
+    return uncoupled(links)
+
+
+def _solve_group(
+    free: Floats,
+    response: Floats,
+    compliance: Floats,
+    before: tuple[Floats, Floats],
+    friction: Floats,
+    rule: Rule,
+    tolerance: float,
+    max_iterations: int,
+    held: Floats | None,
+    moments: tuple[Integers, Floats] | None,
+    springs: tuple[ContactSprings, Booleans] | None,
+) -> FrictionContact:
+    """The same of pairs that answer to each other, but for friction on nodes with mass."""
+    old, place_a = before
+    law = moments or (None, None)
     if not friction.any():
         limits = tolerance, max_iterations
         return _without_friction(free, response, compliance, before, rule, *limits, springs)

@@ -15,13 +15,14 @@ from impactfem.planning.estimates import choose_estimate
 from impactfem.planning.plans import Plan
 from impactfem.planning.solid_costs import count_layers
 from impactfem.planning.solid_plan import MarchNumbers, few_in_words, joined_in_words, law_in_words
+from impactfem.planning.struck_plates import falling, struck_findings
 from impactfem.planning.time_data import Datum, data_findings, parts_following, time_data
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
 from impactfem.scene.apartness import Apartness
 from impactfem.scene.joints import Joint
 from impactfem.scene.laws import side_of
-from impactfem.scene.pairing import law_of, named_body_pairs
+from impactfem.scene.pairing import named_body_pairs
 from impactfem.sizing import check_memory
 
 if TYPE_CHECKING:
@@ -40,7 +41,6 @@ _PER_RADIAN = 20.0  # steps of a radian of the fastest vibration
 _OF_TRANSIT, _MOST_OF_TRANSIT = 200, 5000  # steps of a wave through a bar that are chosen
 _OF_DENT = 100
 """Steps in a contact with a stiffness: forces to 4e-4."""
-_DENTED = 3.0  # Zener's number beyond which balls stay on large plates, dents or not
 _BRAKED, _RESOLVED = 0.05, 0.25  # steps by the time in which a bar brakes a body: chosen, told
 _MOST = 10_000_000
 _SECONDS, _BODY_SECONDS = 6e-4, 1.2e-5  # of a layer, up to 1e-3 with friction; of a body in it
@@ -127,7 +127,7 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
             *bar_findings(model.few, dt),
             *data_findings(data, dt, layers),
             *joint_findings(model),
-            *dent_findings(model),
+            *struck_findings(model),
             *(found for body in meshed for found in mass_damping_findings(body, dt)),
             *(found for each in model.few for found in contact_damping_findings(each)),
         ),
@@ -222,45 +222,10 @@ def _misplaced(tips: "Tips", joints: Sequence[Joint]) -> list[Finding]:
     return found
 
 
-def dent_findings(model: "SolidsModel") -> list[Finding]:
-    """Balls that plates are too stiff for, whose dents are left out."""
-    scene, found = model.scene, []
-    if all(math.isinf(few.give(1.0, 1.0, 1.0)) for few in model.few):
-        return []  # no plates among them
-    known = {name: (few, k) for few in model.few for k, name in enumerate(few.names)}
-    fall = _falling(scene)
-    for _, *sides in named_body_pairs(scene):
-        names = [name for name, _ in sides if name in known]
-        for struck, ball in (names, names[::-1]) if len(names) == 2 else ():
-            (plate, at), (other, k) = known[struck], known[ball]
-            speed = fall + float(np.linalg.norm(plate.speeds[at] - other.speeds[k]))
-            radius = float(other.radius[other.nodes_of(k)].max())
-            give = plate.give(other.masses[k], radius, speed)
-            if 0.0 < give < _DENTED and not _sprung(scene, struck, ball):
-                text = f"{ball} would dent {struck} about as much as that gives way (Zener's "
-                text += f"number {give:.2g}), which is left out: forces and times of their "
-                text += "contact belong to the mesh, and the rebound is too slow"
-                remedy = "give [[contact]] stiffness: by Hertz 4/3 E* sqrt(radius) with "
-                remedy += "stiffness_exponent = 1.5, where 1/E* is the sum of (1 - nu^2)/E of both"
-                found.append(warning("impact_law", text, struck, remedy))
-    return found
-
-
 def few_step(few: Sequence["FewBodies"]) -> float:
     """Step that follows what vibrates in the bodies [s]; infinite if nothing does."""
     rates = (bodies.rate() for bodies in few)
     return min((1.0 / (_PER_RADIAN * rate) for rate in rates if rate > 0.0), default=float("inf"))
-
-
-def _sprung(scene: Scene, one: str, other: str) -> bool:
-    """Whether the contact of two bodies has a stiffness."""
-    law = law_of(scene, one, other)
-    return law is not None and law.stiffness is not None
-
-
-def _falling(scene: Scene) -> float:
-    """Speed that gravity may give within the run [m/s]."""
-    return scene.duration * float(np.abs(scene.vector_gravity.values).max(initial=0.0))
 
 
 def dent_times(scene: Scene, few: Sequence["FewBodies"]) -> list[float]:
@@ -269,7 +234,7 @@ def dent_times(scene: Scene, few: Sequence["FewBodies"]) -> list[float]:
     From m d'' = -K d^p with the speed v: T = 2 (d / v) sqrt(pi) G(1 + 1/(p+1)) / G(1/2 + 1/(p+1))
     with the Gamma function G and the largest indentation d = ((p + 1) m v^2 / (2 K))^(1/(p+1)).
     """
-    fall = _falling(scene)
+    fall = falling(scene)
     known = {
         name: (bodies.masses[k], bodies.speeds[k])
         for bodies in few
@@ -312,7 +277,7 @@ def few_findings(model: "SolidsModel", reasons: dict[str, str]) -> list[Finding]
     )
     from impactfem.models.ball_contacts import point_loads  # noqa: PLC0415  (loads SciPy)
 
-    found = law_findings(model.scene) + joint_findings(model) + dent_findings(model)
+    found = law_findings(model.scene) + joint_findings(model) + struck_findings(model)
     apart = Apartness.of(model.scene)
     for name, solid in sorted(set(point_loads(model))):
         if not apart.meet(name, solid):

@@ -27,6 +27,8 @@ class Effort:
         measured: Codes of findings that the run has looked for; its plan's are then settled.
         force_window: Time [s] over which the largest force is told as a mean; 0 where the forces
             of single rows are right.
+        least_window: Part of it [s] that is not shortened for short contacts, as impacts on meshes
+            of plates are that belong to one.
         iterates: Gap [m] and contact force [N] (of bars' solvers lambda L / c^2 [m]) after each
             linear solve of an active set that has all layers at once; empty if they are many.
         bodies: Mass, inertia, rotation and strains of bodies, as ``summary.json`` has them.
@@ -41,6 +43,7 @@ class Effort:
     findings: tuple[Finding, ...] = ()
     measured: tuple[str, ...] = ()
     force_window: float = 0.0
+    least_window: float = 0.0
     bodies: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     iterates: tuple[tuple[Floats, Floats], ...] = ()
 

@@ -87,7 +87,11 @@ def spells_of(force: Floats) -> NDArray[np.int64]:
 
 
 def largest_force(
-    times: Floats, force: Floats, intervals: Sequence[Sequence[float]], window: float
+    times: Floats,
+    force: Floats,
+    intervals: Sequence[Sequence[float]],
+    window: float,
+    least: float = 0.0,
 ) -> dict[str, float]:
     """The largest force of a run, as its mean over a window, and of a single row.
 
@@ -97,15 +101,16 @@ def largest_force(
         intervals: Of contact [s].
         window: At most so long [s]; not longer than a part of the longest contact, but at least
             some steps. 0 where rows are right by themselves.
+        least: At least so long [s], however short contacts are.
 
     Returns:
         ``max_force`` [N], ``max_force_raw`` [N] and ``force_window`` [s].
     """
     raw = float(force.max())
-    if window > 0.0 and len(times) > 1 and np.isfinite(force).all():
+    if max(window, least) > 0.0 and len(times) > 1 and np.isfinite(force).all():
         longest = max((end - begin for begin, end in intervals), default=0.0)
         steps = _STEPS * float(np.diff(times).max())
-        window = min(max(steps, min(window, _PART * longest)), float(times[-1] - times[0]))
+        window = min(max(steps, least, min(window, _PART * longest)), float(times[-1] - times[0]))
         impulse = np.append(0.0, np.cumsum(force[1:] * np.diff(times)))
         # The mean is linear between positions of the window at which an end meets a level.
         begin = np.clip(np.append(times, times - window), times[0], times[-1] - window)
@@ -118,13 +123,18 @@ def largest_force(
     return {"max_force": raw, "max_force_raw": raw, "force_window": 0.0}
 
 
-def peak_findings(contact: Mapping[str, Any]) -> tuple[Finding, ...]:
-    """What the largest force of a single row says of the mesh."""
+def peak_findings(contact: Mapping[str, Any], least: float = 0.0) -> tuple[Finding, ...]:
+    """What the largest force of a single row says of the mesh.
+
+    Args:
+        contact: With ``max_force``, ``max_force_raw`` and ``force_window``.
+        least: See `largest_force`: means over so much are right, whatever rows are.
+    """
     mean, raw = contact["max_force"], contact["max_force_raw"]
     if mean is None or raw is None or mean <= 0.0 or raw / mean - 1.0 <= PEAK_LIMITS[0]:
         return ()
     over = raw / mean - 1.0
-    rings = over > PEAK_LIMITS[1]
+    rings = over > PEAK_LIMITS[1] and not least
     text = (
         f"the largest force of a step, {raw:.6g} N, exceeds the largest mean over "
         f"{contact['force_window']:.3g} s, {mean:.6g} N, by {percent(over)}: "

@@ -17,6 +17,7 @@ from impactfem.marching.time_loop import TimeLoop
 from impactfem.models.solids import SolidsModel
 from impactfem.planning.model_limits import CODES as MODEL_CODES
 from impactfem.planning.model_limits import measured_findings
+from impactfem.planning.struck_plates import ringing
 from impactfem.planning.time_data import DATA_CODES, data_findings, time_data
 from impactfem.result.bar_motion import Effort
 from impactfem.result.history import LOST, BodyMotion, Columns, make_history
@@ -237,6 +238,7 @@ def _effort(
         force_window=mesh_window(
             [part.solid for part in parts], [part.degree for part in parts], size
         ),
+        least_window=ringing(model),
         bodies=figures
         | {
             name: few_figures(few, body, bodies[name].turn)

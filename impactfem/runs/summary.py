@@ -97,7 +97,13 @@ def summarise(scene: Scene, chosen: Plan[Any], run: Run) -> dict[str, Any]:
         },
         "contact": {
             "intervals": intervals,
-            **largest_force(t, force, strongest_spells(history, intervals), effort.force_window),
+            **largest_force(
+                t,
+                force,
+                strongest_spells(history, intervals),
+                effort.force_window,
+                effort.least_window,
+            ),
             **struck,
             "impulse": float(np.sum(pushing[1:] * np.diff(t))),
             "max_penetration": _cleared(
@@ -111,7 +117,7 @@ def summarise(scene: Scene, chosen: Plan[Any], run: Run) -> dict[str, Any]:
         "plan": chosen.as_dict(),
     }
     plain: dict[str, Any] = _plain(summary)
-    findings = [*effort.findings, *peak_findings(plain["contact"])]
+    findings = [*effort.findings, *peak_findings(plain["contact"], effort.least_window)]
     found = judge(scene, history, plain, chosen.findings, findings, effort.measured)
     plain |= _plain(found)
     plain["contact"] |= run.contact

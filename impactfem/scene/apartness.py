@@ -32,7 +32,7 @@ class Apartness:
     @classmethod
     def of(cls, scene: "Scene") -> "Apartness":
         """Of a scene: what strikes another body passes on at most twice its speed."""
-        flights = {body.name: body.flight for body in scene.bodies}
+        flights = {body.name: body.swing for body in scene.bodies}
         known = {name: flight for name, flight in flights.items() if flight is not None}
         moved = any(obstacle.moves for obstacle in scene.rigid_obstacles)
         if len(known) < len(flights) or moved or scene.joints or scene.starts_at_rest:

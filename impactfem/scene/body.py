@@ -171,6 +171,11 @@ class BodyKind:
         """How it flies; None if that is not certain."""
         return None
 
+    @property
+    def swing(self) -> Flight | None:
+        """As `flight`, of what may be held: then its places stay about where they are."""
+        return self.flight
+
     def centre_velocity(self) -> Floats | None:
         """Velocity at t = 0 [m/s], (dim,); None if it differs from place to place."""
         return None

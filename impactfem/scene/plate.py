@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from impactfem.scene.body import BodyKind, Floats, Solver
+from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import InlineTable, ListOf, NumberOrList, Vector
 from impactfem.scene.kinds import Choice, FilePath, FormulaOf, Name, Real
@@ -363,6 +364,23 @@ class Plate(BodyKind):
         cosine, sine = math.cos(self.angle), math.sin(self.angle)
         axes = np.array([cosine * x + sine * y, cosine * y - sine * x, normal])
         return np.asarray(self.center, dtype=np.float64), axes + 0.0
+
+    @property
+    def swing(self) -> Flight | None:
+        """Its start; None if pressures or a displacement move it, or its outline is not known."""
+        moved = not (self.displacement.is_constant and float(self.displacement()) == 0.0)
+        if self.outline is None or moved or self.pressures or not self.velocity.is_constant:
+            return None
+        outline = self.outline
+        corners = outline.corners if isinstance(outline, PolygonOutline) else [outline.place]
+        half = float(np.linalg.norm(corners, axis=1).max()) + 0.5 * self.depth
+        velocity = float(self.velocity()) * self.frame[1][2]
+        return Flight((half,) * 3, tuple(self.center), tuple(velocity.tolist()))
+
+    @property
+    def flight(self) -> Flight | None:
+        """How it flies; None if it is held or damped, or its `swing` is not known."""
+        return None if self.supports or self.rayleigh_mass else self.swing
 
     def centre_velocity(self) -> Floats | None:
         """Velocity at t = 0 [m/s], (3,); None if it varies, or edges are held."""

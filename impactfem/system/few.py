@@ -104,10 +104,6 @@ class FewBodies:
         """Force by the velocity that it gives at once [kg/s]; 0 without waves."""
         return 0.0
 
-    def give(self, mass: float, radius: float, speed: float) -> float:  # noqa: ARG002  (of plates)
-        """How far it gives way to a ball [kg, m, m/s] beside the dent that is left out."""
-        return float("inf")
-
     @property
     def massless(self) -> bool:
         """Whether what touches has no mass: then the law of contact acts on places, not speeds."""

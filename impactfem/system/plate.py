@@ -121,14 +121,50 @@ class PlateSystem(FewBodies):
         return np.asarray((self.basis @ q)[::DOFS])
 
     def give(self, mass: float, radius: float, speed: float) -> float:
-        """Zener's number of a rigid ball on a plate without end (see `FewBodies.give`).
+        """How far it gives way to a rigid ball [kg, m, m/s] by its dent: Zener's number.
 
         Source: C. Zener, Phys. Rev. 59 (1941) 669-673, whose lambda this is.
         """
         section = self.plate.section
         dent = 4.0 / 3.0 * section.hardness * math.sqrt(radius)
-        wave = 8.0 * math.sqrt(section.rigidity * section.mass)
-        return float((dent**2 * speed * mass**3) ** 0.2 / wave)
+        return float((dent**2 * speed * mass**3) ** 0.2 / self.impedance_at_point)
+
+    @property
+    def impedance_at_point(self) -> float:
+        """Force on a single place by its speed, without end: 8 sqrt(D rho t) [kg/s]."""
+        return 8.0 * math.sqrt(self.plate.section.rigidity * self.plate.section.mass)
+
+    def weighing(self, mass: float) -> float:
+        """Radius of a disc of it that has a mass [m]."""
+        return math.sqrt(mass / (math.pi * self.plate.section.mass))
+
+    def crossing(self, width: float) -> float:
+        """Time in which bending waves as long as a way [m] cross it, about [s]."""
+        return width**2 * math.sqrt(self.plate.section.mass / self.plate.section.rigidity)
+
+    def crossed(self, time: float) -> float:
+        """Way that they cross in a time, [s] to [m]."""
+        return math.sqrt(time / self.crossing(1.0))
+
+    def is_taut(self, width: float) -> bool:
+        """Whether tension at rest, not bending, carries waves as long as a width [m]."""
+        section = self.plate.section
+        return self.plate.residual_stress * section.thickness * width**2 > section.rigidity
+
+    def width_at(self, place: Floats, way: Floats) -> float:
+        """Of the largest element at the vertex nearest to where a line meets the plate [m].
+
+        Args:
+            place: On the line [m], (3,).
+            way: Its direction, (3,); along the plate, or none: the normal instead.
+        """
+        center, axes = self.plate.frame
+        (x, y, z), (a, b, c) = axes @ (place - center), axes @ way
+        if z * c < 0.0:
+            x, y = x - z * a / c, y - z * b / c
+        nearest = np.linalg.norm(self.mesh.points - np.array([x, y]), axis=1).argmin()
+        areas = self.mesh.areas[(self.mesh.cells == nearest).any(axis=1)]
+        return math.sqrt(2.0 * float(areas.max()))
 
     def elastic(self, q: Floats) -> float:
         """Energy of bending, shear, springs, and of the middle that stretches [J]."""

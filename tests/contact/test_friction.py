@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.linalg import block_diag
 from scipy.optimize import brentq, minimize
 
 from impactfem.contact import friction as friction_module
@@ -243,6 +244,26 @@ def _layer(seed, pairs, dim, mu, rule):
     new = found.multiplier
     stored = 0.5 * ((new * _times(compliance, new)).sum() - (old * _times(compliance, old)).sum())
     return found, place, float((found.force * change).sum() + stored)
+
+
+@settings(max_examples=50, deadline=None)
+@given(_SEEDS, st.integers(1, 4), st.integers(1, 4), _DIMS, st.sampled_from([0.0, 0.4]))
+def test_what_strikes_elsewhere_changes_nothing(seed, pairs, more, dim, mu):
+    rng = np.random.default_rng(seed)
+    parts = [(_spd(rng, count * dim), _spd(rng, count * dim)) for count in (pairs, more)]
+    states = [_state(rng, count, dim, mu) for count in (pairs, more)]
+    free = [place - _times(part[1], old) + rng.standard_normal(old.shape)
+            for part, (old, place) in zip(parts, states, strict=True)]  # fmt: skip
+    both = solve_friction_layer(
+        np.concatenate(free), *(block_diag(*each) for each in zip(*parts, strict=True)),
+        tuple(np.concatenate(each) for each in zip(*states, strict=True)),
+        np.full(pairs + more, mu), "conserving", 1e-15,
+    )  # fmt: skip
+    alone = solve_friction_layer(
+        free[0], *parts[0], states[0], np.full(pairs, mu), "conserving", 1e-15
+    )
+    for name in ("force", "multiplier", "place", "work"):
+        assert (getattr(both, name)[:pairs] == getattr(alone, name)).all()
 
 
 @settings(max_examples=150, deadline=None)

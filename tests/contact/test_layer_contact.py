@@ -12,6 +12,7 @@ from impactfem.contact.complementarity import (
     solve_by_active_set,
     solve_layer,
     solve_layer_at_speed,
+    uncoupled,
 )
 from impactfem.contact.snes_vi import solve_by_snes_vi
 from impactfem.errors import ConvergenceError
@@ -73,6 +74,50 @@ def test_middle_rule_can_give_energy():
         _layer(seed, 3, "middle") for seed in range(60)
     )]  # fmt: skip
     assert max(gains) > 1e-3
+
+
+def _beside(one, two, order):
+    """Two symmetric matrices as one without entries between them, its rows in an order."""
+    both = np.zeros((len(one) + len(two),) * 2)
+    both[: len(one), : len(one)], both[len(one) :, len(one) :] = one, two
+    return both[np.ix_(order, order)]
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.integers(0, 2**32), st.integers(1, 6), st.integers(1, 6),
+    st.sampled_from(["conserving", "dissipative", "middle"]),
+)  # fmt: skip
+def test_what_strikes_elsewhere_changes_nothing(seed, size, more, rule):
+    rng = np.random.default_rng(seed)
+    order = rng.permutation(size + more)
+    parts = [[_spd(rng, count), _spd(rng, count)] for count in (size, more)]
+    states = []
+    for (_, compliance), count in zip(parts, (size, more), strict=True):
+        gap = rng.standard_normal(count)
+        _, old = _potential(gap, compliance)
+        states.append(
+            (gap + rng.standard_normal(count), old, np.maximum(gap + compliance @ old, 0))
+        )
+    free, old, gap = (np.concatenate(each)[order] for each in zip(*states, strict=True))
+    response, compliance = (_beside(*each, order) for each in zip(*parts, strict=True))
+    solver = solve_by_active_set(_TOLERANCE, 200)
+    both = solve_layer(free, response, compliance, (old, gap), rule, solver)
+    mine = np.argsort(order)[:size]
+    alone = solve_layer(states[0][0], *parts[0], states[0][1:], rule, solver)
+    for name in ("force", "multiplier", "gap"):
+        expected = getattr(alone, name)
+        scale = 1.0 + np.abs(expected).max()
+        assert getattr(both, name)[mine] == pytest.approx(expected, abs=1e-9 * scale)
+
+
+def test_rows_are_grouped_by_what_links_them():
+    one, two = np.eye(5), np.eye(5)
+    assert [rows.tolist() for rows in uncoupled(one, two)] == [[0], [1], [2], [3], [4]]
+    one[0, 3] = one[3, 0] = two[3, 4] = two[4, 3] = -1.0
+    assert [rows.tolist() for rows in uncoupled(one, two)] == [[0, 3, 4], [1], [2]]
+    assert not uncoupled(one, np.ones((5, 5)))
+    assert not uncoupled(np.eye(1))
 
 
 def test_flight_and_lasting_contact_have_theta_one_half():
