@@ -173,19 +173,19 @@ def solve_friction_layer(
     old, place_a = before
     if rule == "middle" and friction.any():
         stuck = place_a[:, 1:] if held is None else held
-        rest = stuck, tolerance, max_iterations
-        law = moments or (None, None)
-        return _with_mass(free, answers, before, friction, *rest, law, near, accuracy)
+        limits = stuck, tolerance, max_iterations
+        spinning = moments or (None, None)
+        return _with_mass(free, answers, before, friction, *limits, spinning, near, accuracy)
     response, compliance = full(answers), full(static)
     # Without a theta to find they change each other by rounding only.
     groups = () if rule == "middle" else _groups(response, compliance, old.shape[1], moments)
     if not groups:
-        rest = friction, rule, tolerance, max_iterations
-        return _solve_group(free, response, compliance, before, *rest, held, moments, springs)
+        whole = friction, rule, tolerance, max_iterations
+        return _solve_group(free, response, compliance, before, *whole, held, moments, springs)
     found = []
     for rows in groups:
         wide = (old.shape[1] * rows[:, None] + np.arange(old.shape[1])).ravel()
-        law = None
+        law: tuple[Integers, Floats] | None = None
         if moments is not None:
             law = np.searchsorted(rows, moments[0][rows]), moments[1][rows]
         found.append(

@@ -136,7 +136,7 @@ def _rise(strike: _Strike, law: "Contact") -> float:
     power, stiffness = law.stiffness_exponent, law.stiffness or 0.0
     dent = (0.5 * (power + 1.0) * strike.mass * strike.speed**2 / stiffness) ** (1 / (power + 1))
     held = (strike.few.impedance_at_point * strike.speed / stiffness) ** (1.0 / power)
-    return 1.0 / (strike.speed / (_OF_DENT * dent) + strike.speed / (_OF_WAVES * held))
+    return float(1.0 / (strike.speed / (_OF_DENT * dent) + strike.speed / (_OF_WAVES * held)))
 
 
 def ringing(model: "SolidsModel") -> float:

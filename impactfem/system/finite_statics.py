@@ -123,7 +123,8 @@ class FiniteAtRest(BodyAtRest):
             along = modes.along(forces)
             found = answer(forces - modes.forces(along))
             held = np.linalg.solve(moved.T, modes.moved(found))
-            return found - held @ images + (along / self._shift) @ modes.fields
+            right: Floats = found - held @ images + (along / self._shift) @ modes.fields
+            return right
 
         return steadied
 
