@@ -1,8 +1,8 @@
 """Scenes made from shipped ones and starters by seeded mutations, each run in a child with limits.
 
-As a script: `mutated_scenes.py FOLDER FIRST LAST` prints a line of JSON for each seed: the scene,
-what was changed, the exit codes of `plan` and `run`, and what is wrong; its exit status is 1 if
-something is.
+As a script: `mutated_scenes.py FOLDER FIRST LAST SECONDS` prints a line of JSON for each seed: the
+scene, what was changed, the exit codes of `plan` and `run`, and what is wrong; its exit status is 1
+if something is. After so many seconds it begins no other, and tells how many were tried.
 """
 
 import contextlib
@@ -14,6 +14,7 @@ import random
 import resource
 import signal
 import sys
+import time
 import tomllib
 import traceback
 from pathlib import Path
@@ -23,7 +24,7 @@ from impactfem.scene.toml import write_value
 from impactfem.shipped import shipped_scenes
 from impactfem.starting import starters
 
-SECONDS, MEMORY, WRITTEN = 20, 6 << 30, 50 << 20  # limits of one scene
+SECONDS, MEMORY, WRITTEN = 60, 6 << 30, 50 << 20  # limits of one scene
 CHEAP = 0.1  # seconds that the plan may foresee: of longer runs the beginning
 HEAVY = {
     "linkage",
@@ -176,12 +177,15 @@ def tried(seed, folder):
 
 
 if __name__ == "__main__":
-    where, first, last = Path(sys.argv[1]).resolve(), int(sys.argv[2]), int(sys.argv[3])
+    where, (first, last, seconds) = Path(sys.argv[1]).resolve(), map(int, sys.argv[2:])
     warmed(where / "warm")
-    bad = 0
+    bad, count, until = 0, 0, time.monotonic() + seconds
     for number in range(first, last):
         found = tried(number, where / str(number))
         print(json.dumps(found), flush=True)
-        bad += bool(found["wrong"])
-    print(f"{last - first - bad} of {last - first} scenes ended with a word", file=sys.stderr)
+        bad, count = bad + bool(found["wrong"]), count + 1
+        if time.monotonic() > until:
+            break
+    told = f"{count - bad} of {count} scenes ended with a word, {last - first - count} not tried"
+    print(told, file=sys.stderr)
     sys.exit(bool(bad))
