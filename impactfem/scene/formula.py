@@ -62,6 +62,11 @@ class Formula:
         object.__setattr__(self, "_tree", tree)
 
     @property
+    def tree(self) -> Node:
+        """What is evaluated; see `impactfem.scene.grammar.Node`."""
+        return self._tree
+
+    @property
     def is_constant(self) -> bool:
         """Whether the value depends on no variable."""
         return isinstance(self._tree, float)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from impactfem.scene.breaks import find_breaks
 from impactfem.scene.formula import Formula
 from impactfem.scene.ranges import range_on
+from impactfem.scene.scalar_formula import scalar
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -101,17 +102,18 @@ class StepMean:
 
     def __init__(self, formula: Formula) -> None:
         self._formula, self._used = formula, formula.used - {"t"}
+        self._value = scalar(formula)
         self._varies = "t" in formula.used
         self._at = (np.nan, np.nan)
         self._times = self._weights = np.zeros(0)
 
     def __call__(self, start: float, end: float, **state: float) -> float:
         """Mean from one time to another [s]; ``state`` may have more than the formula uses."""
-        formula, own = self._formula, {name: state[name] for name in self._used}
         if not self._varies:
-            return float(formula(**own))
+            return self._value(state)
         if not end > start:
-            return float(formula(t=start, **own))
+            return self._value({"t": start, **state})
+        formula, own = self._formula, {name: state[name] for name in self._used}
         if (start, end) != self._at:
             # A product with a state that is 0 just now would hide when it changes.
             still = {name: np.full(1, value or _NEAR_ZERO) for name, value in own.items()}

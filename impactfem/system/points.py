@@ -273,7 +273,7 @@ class _Loads:
         total = np.concatenate([p.mass * pull for p in self._points])
         for index, (point, means) in enumerate(zip(self._points, self._means, strict=True)):
             own = slice(index * dim, (index + 1) * dim)
-            state = dict(zip(point.state, (*u[own], *v[own]), strict=True))
+            state = dict(zip(point.state, u[own].tolist() + v[own].tolist(), strict=True))
             for axis, mean in enumerate(means):
                 total[index * dim + axis] += mean(start, end, **state)
         return total
