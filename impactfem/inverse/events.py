@@ -18,11 +18,12 @@ from impactfem.result.trajectory import Trajectory
 from impactfem.runs.line_probes import vibro_probes
 from impactfem.runs.vibro import settings_of, vibro_history
 from impactfem.scene import Scene
+from impactfem.vibro.bundles import Neighbours
 from impactfem.vibro.event_contacts import Contacts
 from impactfem.vibro.event_driven import EventSettings, follow
 from impactfem.vibro.event_legs import Leg
 from impactfem.vibro.event_record import Record
-from impactfem.vibro.tangents import Neighbours, Tangents, tangents
+from impactfem.vibro.tangents import Tangents, tangents
 
 Floats = NDArray[np.float64]
 

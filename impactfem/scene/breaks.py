@@ -36,6 +36,11 @@ class Break:
     before: float
     after: float
 
+    @classmethod
+    def at(cls, time: float) -> "Break":
+        """A change whose time is a number: what follows holds from there on [s]."""
+        return cls(float(np.nextafter(time, -np.inf)), time)
+
 
 @dataclass(frozen=True)
 class Kick:

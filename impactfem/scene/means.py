@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impactfem.scene.breaks import find_breaks
+from impactfem.scene.breaks import Break, find_breaks
 from impactfem.scene.formula import Formula
 from impactfem.scene.ranges import range_on
 from impactfem.scene.scalar_formula import scalar
@@ -155,10 +155,11 @@ def within(formula: Formula, levels: Floats, **others: float) -> Within:
     return Within(of, times, weights, values, float(unsure / largest) if largest else 0.0)
 
 
-def stops_of(formula: Formula, end: float) -> list[float]:
-    """Times up to an end [s] at which an integrator with its own steps should stop, ascending.
+def stops_of(formula: Formula, end: float) -> list[Break]:
+    """Where an integrator with its own steps should stop, up to an end [s].
 
-    Where a formula in t jumps or has a kink, and where it begins or ends to change much faster.
+    At jumps and kinks of a formula in t; and, as breaks of no width, where it begins or ends to
+    change much faster.
     """
     if "t" not in formula.used:
         return []
@@ -171,7 +172,7 @@ def stops_of(formula: Formula, end: float) -> list[float]:
     of, low, width = parts.of[order], parts.low[order], parts.width[order]
     ratio = width[1:] / width[:-1]
     graded = (of[1:] == of[:-1]) & ((ratio > _GRADED) | (ratio < 1.0 / _GRADED))
-    return sorted({*(at.after for at in breaks), *low[1:][graded].tolist()})
+    return [*breaks, *(Break(time, time) for time in low[1:][graded].tolist())]
 
 
 def _resolved(formula: Formula, start: Floats, end: Floats, still: Mapping[str, Floats]) -> _Parts:

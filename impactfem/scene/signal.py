@@ -115,11 +115,11 @@ class Signal:
             for at in sorted(breaks, key=lambda at: at.before)
         ]
 
-    def stops(self, end: float) -> list[float]:
-        """Times up to an end [s] at which an integrator with its own steps should stop."""
+    def stops(self, end: float) -> list[Break]:
+        """Where an integrator with its own steps should stop, up to an end [s]."""
         jumps = self.rest.times[1:] if isinstance(self.rest, PiecewiseConstant) else ()
         found = [stop for _, formula in self.formulas for stop in stops_of(formula, end)]
-        return sorted({*found, *(time for time in jumps if time < end)})
+        return [*found, *(Break.at(time) for time in jumps if time < end)]
 
     def plus(self, other: "Signal") -> "Signal":
         """The sum of two signals."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impactfem.errors import SceneError
-from impactfem.scene.breaks import Kick
+from impactfem.scene.breaks import Break, Kick
 from impactfem.scene.signal import Signal
 from impactfem.system.derivatives import Derivative, MatrixRate, differentiate, slope
 from impactfem.system.generalized_input import (
@@ -184,10 +184,11 @@ class GeneralizedSystem:
         ]
         return sorted(found, key=lambda kick: kick.at.before)
 
-    def stops(self, end: float) -> list[float]:
-        """Times up to an end [s] at which forces and motions change, ascending, as far as known."""
+    def stops(self, end: float) -> list[Break]:
+        """Where forces and motions change, up to an end [s], in the order of time, if known."""
         found = {t for s in (*self.motion, *getattr(self, "load", ())) for t in s.stops(end)}
-        return sorted(found.union(getattr(self._force, "stops", lambda _: ())(end)))
+        every = found.union(getattr(self._force, "stops", lambda _: ())(end))
+        return sorted(every, key=lambda at: (at.before, at.after))
 
     def gradient(self, u: Floats) -> Floats:
         """Derivatives d phi / d u, shape (J, coordinates)."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from impactfem.errors import SceneError
 from impactfem.scene import PiecewiseConstant, PiecewiseVector, Point, Scene, Spring
 from impactfem.scene.affine import affine_parts
+from impactfem.scene.breaks import Break
 from impactfem.scene.means import StepMean, stops_of
 from impactfem.scene.points import COORDINATES
 from impactfem.scene.signal import Signal
@@ -160,8 +161,8 @@ class _Forces:
     def __call__(self, t: float, u: Floats, v: Floats) -> Floats:
         return self.mean(t, t, u, v)
 
-    def stops(self, end: float) -> list[float]:
-        """Times up to an end [s] at which they change."""
+    def stops(self, end: float) -> list[Break]:
+        """Where they change, up to an end [s]."""
         return self.loads.stops(end)
 
     def mean(self, start: float, end: float, u: Floats, v: Floats) -> Floats:
@@ -251,15 +252,15 @@ class _Loads:
         constant = all(signal.is_constant for signal in self.signals)
         self.is_conservative = self.is_affine and symmetric and constant
 
-    def stops(self, end: float) -> list[float]:
-        """Times up to an end [s] at which forces change, as the states at the start have them."""
-        found = set(self._gravity.times[1:])
+    def stops(self, end: float) -> list[Break]:
+        """Where forces change, up to an end [s], as the states at the start have them."""
+        found = [Break.at(time) for time in self._gravity.times[1:] if time < end]
         for point in self._points:
             still = point.position, point.velocity or (0.0,) * point.dim
             known = dict(zip(point.state, (*still[0], *still[1]), strict=True))
             for formula in point.force or ():
-                found.update(stops_of(formula.fixed(**known), end))
-        return sorted(time for time in found if time < end)
+                found += stops_of(formula.fixed(**known), end)
+        return found
 
     def potential(self, u: Floats) -> float:
         """Potential energy [J] of conservative loads."""

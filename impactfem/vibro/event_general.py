@@ -46,18 +46,24 @@ def fly_general(
     Raises:
         ConvergenceError: The integrator failed, or events do not move on.
     """
-    t, row, rubbed, passed = 0.0, 0, 0.0, 0
+    t, row, rubbed, passed, jumped = 0.0, 0, 0.0, 0, 0
     u, v = closed_rows(system, u, v)
     stalled = 0
     kicks, stops = deque(system.kicks(duration)), deque(system.stops(duration))
     released, watched = None, -1
     step: float | None = None
     while True:
-        earlier, kick = None, -1
+        earlier, kick, jump = None, -1, -1
         while kicks and kicks[0].at.before <= t:
             at, kick = kicks.popleft().at, passed
             passed += 1
             earlier = system.motion_rate(at.before) if earlier is None else earlier
+            t = max(t, at.after)
+        while stops and stops[0].before <= t:
+            at = stops.popleft()
+            if at.before < at.after:
+                jump = jumped
+                jumped += 1
             t = max(t, at.after)
         near = record.near(t, u, v)
         if watched >= 0:
@@ -72,7 +78,7 @@ def fly_general(
         before = u, v
         u, v, impacts, impulses = contacts.settle(t, u, v, near, begin, released, earlier)
         u, v = closed_rows(system, u, v)
-        record.depart(t, before, (u, v), row, contacts, contacts.strikes, watched, kick)
+        record.depart(t, before, (u, v), row, contacts, contacts.strikes, watched, kick, jump)
         record.add(impacts, impulses, row)
         record.rubbed[min(row, len(record.rubbed) - 1)] += contacts.work - rubbed
         rubbed = contacts.work
@@ -80,10 +86,9 @@ def fly_general(
             record.fill(row, u, v)
             return
         motion = contacts.motion(tolerances[0])
-        while stops and stops[0] <= t:
-            stops.popleft()
         start = t
-        stop = min(kicks[0].at.before if kicks else duration, stops[0] if stops else duration)
+        ahead = kicks[0].at.before if kicks else duration, stops[0].before if stops else duration
+        stop = min(duration, *ahead)
         t, y, row, watched, step = _flight(
             motion, t, np.concatenate([u, v, np.zeros(motion.integrals)]), stop, contacts,
             record, row, tolerances, step,

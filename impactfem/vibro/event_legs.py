@@ -5,6 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.scene.breaks import Break
+from impactfem.system.generalized import GeneralizedSystem
+
 Floats = NDArray[np.float64]
 Mode = int | None
 """Of a contact: direction of what slides, 1 or -1; 0: it sticks; None: it opens."""
@@ -35,6 +38,8 @@ class Event:
         cause: Constraint that closed; -2 - place of what fell below 0 in `Motion.guards`; -1 for
             none, as at the start and the end.
         kick: Where a motion changed its velocity, its place in `GeneralizedSystem.kicks`; else -1.
+        stop: Where a force or motion changed at once, its place among the `jumps` of the system;
+            else -1.
         strikes: Impacts, in their order.
         position, velocity: Just before, (coordinates,), (d,).
         row: The output row that follows.
@@ -43,10 +48,16 @@ class Event:
     time: float
     cause: int
     kick: int
+    stop: int
     strikes: tuple[Strike, ...]
     position: Floats
     velocity: Floats
     row: int
+
+
+def jumps(system: GeneralizedSystem, end: float) -> list[Break]:
+    """Where forces and motions of a system change at once, up to an end [s]."""
+    return [at for at in system.stops(end) if at.before < at.after]
 
 
 @dataclass(frozen=True)

@@ -81,10 +81,11 @@ class Record:
     def depart(
         self, t: float, before: tuple[Floats, Floats], after: tuple[Floats, Floats], row: int,
         contacts: Contacts, strikes: tuple[Strike, ...], cause: int = -1, kick: int = -1,
+        stop: int = -1,
     ) -> None:  # fmt: skip
         """Keep an event at t, u and v before and after it, and the flight that begins there."""
         if self.legs is not None:
-            event = Event(t, cause, kick, strikes, *before, row)
+            event = Event(t, cause, kick, stop, strikes, *before, row)
             self.legs.append(Leg(event, *after, contacts.closed, contacts.modes))
 
     def add(self, impacts: list[Row], impulses: Floats, row: int) -> None:

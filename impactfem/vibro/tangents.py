@@ -1,18 +1,16 @@
-"""How motions from event to event change with parameters: bundles of flights, saltation at events.
+"""How motions from event to event change with parameters: saltation at events.
 
 The motion of each parameter value takes the same events in the same order, at other times. Between
-events a bundle of neighbours, one or two for each parameter, flies with the same steps of one
-integrator: differences of neighbours then are smooth, and exact but for the square of their
-distance (internal numerical differentiation: Bock, Numerical treatment of inverse problems in
-chemical reaction kinetics, 1981). At an event with g = 0 and the rates F- before and F+ after it,
-the derivative S of the state becomes
+events neighbours fly (see `impactfem.vibro.bundles`). At an event with g = 0 and the rates F-
+before and F+ after it, the derivative S of the state becomes
 
     dt = -(g_y S + g_p) / (g_t + g_y F-),
     S+ = R_y (S + F- dt) + R_p + R_t dt - F+ dt,
 
-with the impact map R, whose active contacts, and what sticks and slides, stay as they were. Source:
-Aizerman and Gantmacher, On the stability of periodic motions (1958); Kong, Payne, Zhu, Johnson,
-Saltation matrices: the essential tool for linearizing hybrid systems (2023).
+with the impact map R, whose active contacts, and what sticks and slides, stay as they were. Where a
+load jumps, dt is that of the jump. Source: Aizerman and Gantmacher, On the stability of periodic
+motions (1958); Kong, Payne, Zhu, Johnson, Saltation matrices: the essential tool for linearizing
+hybrid systems (2023).
 """
 
 from collections.abc import Sequence
@@ -21,44 +19,23 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
 from impactfem.errors import ConvergenceError
-from impactfem.system.generalized import GeneralizedSystem, LinearSystem
+from impactfem.system.generalized import GeneralizedSystem
 from impactfem.system.joined import Room
-from impactfem.vibro.event_legs import Event, Leg
+from impactfem.vibro.bundles import Bundle, Neighbours, Span, motion_of
+from impactfem.vibro.event_legs import Event, Leg, jumps
 from impactfem.vibro.event_motion import Motion
 from impactfem.vibro.event_record import Record
-from impactfem.vibro.event_rubbing import RubbingMotion
-from impactfem.vibro.flight_kernels import refresh, taylor
-from impactfem.vibro.flights import Flights
 
 Floats = NDArray[np.float64]
-State = tuple[Floats, Floats, Floats]
-"""u, v and the integrals of the forces of closed contacts, and of the power of friction."""
 
-_RTOL = 1e-12  # of flights in bundles
 _ALONG = 1e-6  # of a flight, over which guards are differentiated along it
 _APART = 1e-6  # share of its change by which the times of contacts that close together may differ
 _GRAZES = 1e-9  # share of the speeds at which what closes counts as touching only
 _DEPENDENT = 1e-12
-
-
-@dataclass(frozen=True)
-class Neighbours:
-    """Systems beside that of the run, along one parameter.
-
-    Attributes:
-        systems: The systems, (k,).
-        starts: Their u and v at t = 0.
-        offsets: Of the parameter, (k,).
-        weights: A derivative is the sum of these times values at the systems, (k,).
-    """
-
-    systems: tuple[GeneralizedSystem, ...]
-    starts: tuple[tuple[Floats, Floats], ...]
-    offsets: Floats
-    weights: Floats
+_ROUNDINGS = 4.0
+_SHORT = 10.0  # times as long as the change of a jump's time a flight has to be
 
 
 @dataclass
@@ -107,38 +84,6 @@ class Tangents:
         return other
 
 
-@dataclass(frozen=True)
-class _Bundle:
-    """All neighbours of a run in one list."""
-
-    systems: tuple[GeneralizedSystem, ...]
-    offsets: Floats
-    of: NDArray[np.int64]
-    weights: Floats
-    flights: tuple[Flights, ...] | None
-
-    @classmethod
-    def of_all(cls, each: Sequence[Neighbours], duration: float) -> "_Bundle":
-        systems = tuple(s for one in each for s in one.systems)
-        of = np.repeat(np.arange(len(each)), [len(one.systems) for one in each])
-        weights = np.concatenate([one.weights for one in each])
-        linear = [s for s in systems if isinstance(s, LinearSystem) and s.is_exact]
-        exact = len(linear) == len(systems) and not any(s.static_friction.any() for s in systems)
-        flights = tuple(Flights(s, duration) for s in linear) if exact else None
-        return cls(systems, np.concatenate([one.offsets for one in each]), of, weights, flights)
-
-    def derivative(self, values: Sequence[Floats | float] | Floats) -> Floats:
-        """Derivatives (..., P) of values at the neighbours (k, ...)."""
-        given = np.asarray(values, dtype=float)
-        found = np.zeros((int(self.of[-1]) + 1, *given.shape[1:]))
-        np.add.at(found, self.of, self.weights.reshape(-1, *[1] * (given.ndim - 1)) * given)
-        return np.moveaxis(found, 0, -1)
-
-    def beside(self, value: Floats, change: Floats) -> Floats:
-        """Values at the neighbours (k, n), of one (n,) that changes by (n, P)."""
-        return np.asarray(value + self.offsets[:, None] * change.T[self.of])
-
-
 def tangents(
     system: GeneralizedSystem, record: Record, neighbours: Sequence[Neighbours], duration: float
 ) -> Tangents:
@@ -153,22 +98,23 @@ def tangents(
     Raises:
         ConvergenceError: Impacts by turns have no derivative that is known, or a flight failed.
     """
-    return _Run(system, record, _Bundle.of_all(neighbours, duration), duration).done(neighbours)
+    return _Run(system, record, Bundle.of_all(neighbours, duration), duration).done(neighbours)
 
 
 class _Run:
     def __init__(
-        self, system: GeneralizedSystem, record: Record, bundle: _Bundle, duration: float
+        self, system: GeneralizedSystem, record: Record, bundle: Bundle, duration: float
     ) -> None:
         self.system, self.record, self.bundle, self.duration = system, record, bundle, duration
-        count, rows = int(bundle.of[-1]) + 1, len(record.times)
+        count, rows = bundle.count, len(record.times)
         contacts = system.num_constraints
         self.found = Tangents(
             np.zeros((rows, system.coordinates, count)), np.zeros((rows, system.dofs, count)),
             np.zeros((rows, contacts, count)), np.zeros((rows, contacts, count)),
             np.zeros((rows, count)),
         )  # fmt: skip
-        self.kicks = system.kicks(duration)
+        self.kicks, self.jumps = system.kicks(duration), jumps(system, duration)
+        self.beside = [jumps(each, duration) for each in bundle.systems]
         self.step = duration
 
     def done(self, neighbours: Sequence[Neighbours]) -> Tangents:
@@ -189,74 +135,63 @@ class _Run:
     def _flight(self, leg: Leg, until: Event, u: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Derivatives of u and v at the end of a flight, from those at its start."""
         found, rows = self.found, range(leg.event.row, until.row)
-        times = self.record.times[rows.start : rows.stop]
-        at = self.bundle.beside(leg.position, u), self.bundle.beside(leg.velocity, v)
-        fly = self._exactly if self.bundle.flights else self._together
-        states = fly(leg, leg.event.time, at, np.append(times, until.time))
+        span, motion = self._span(leg.event, until), motion_of(self.system, leg)
         held: Floats | float = 0.0
-        row = 0
-        for row, state in zip([*rows, until.row], states, strict=True):
+        if span.early.any():
+            first, late = _rates(motion, span.start, leg.position, leg.velocity), span.early
+            first = np.outer(first, self.bundle.derivative(late))
+            u, v = u + first[: len(u)], v + first[len(u) : len(u) + len(v)]
+            held = -first[len(u) + len(v) :]
+        at = self.bundle.beside(leg.position, u), self.bundle.beside(leg.velocity, v)
+        times = np.append(self.record.times[rows.start : rows.stop], span.end)
+        states, self.step = self.bundle.flown(leg, span, at, times, self.step)
+        for row, t, state in zip([*rows, until.row], times, states, strict=True):
+            last = row == until.row
             u, v, pushed = (self.bundle.derivative(part) for part in state)
-            if row != until.row:
+            if span.stretched:
+                y = (until.position, until.velocity) if last else self._known(row)
+                late = self.bundle.derivative(span.later(t))
+                back = np.split(np.outer(_rates(motion, t, *y), late), [len(u), len(u) + len(v)])
+                u, v, pushed = u - back[0], v - back[1], pushed - back[2]
+            if not last:
                 found.position[row], found.velocity[row] = u, v
             self._push(row, leg.closed, pushed - held)
             held = pushed
         return u, v
+
+    def _known(self, row: int) -> tuple[Floats, Floats]:
+        return self.record.position[row], self.record.velocity[row]
+
+    def _span(self, event: Event, until: Event) -> Span:
+        """When a flight takes place: neighbours' own times where loads jump at its ends."""
+        none = np.zeros(len(self.bundle.systems))
+        start, end = event.time, self._before(until)
+        early, late = self._changed(event, "after"), self._changed(until, "before")
+        if _SHORT * max(np.abs(early).max(), np.abs(late).max()) > end - start:
+            early = late = none
+        return Span(start, end, early, late)
+
+    def _changed(self, event: Event, side: str) -> Floats:
+        """How much later the times before or after a jump of a load are beside the run [s], (k,).
+
+        Roundings to that side: a stage of the integrator across the jump would be an error.
+        """
+        if event.stop < 0 or any(len(each) != len(self.jumps) for each in self.beside):
+            return np.zeros(len(self.bundle.systems))
+        own = getattr(self.jumps[event.stop], side)
+        times = np.array([getattr(each[event.stop], side) for each in self.beside])
+        away = _ROUNDINGS * np.spacing(own)
+        return times - own + (away if side == "after" else -away)
+
+    def _before(self, event: Event) -> float:
+        """The time just before an event [s]."""
+        return self.jumps[event.stop].before if event.stop >= 0 else event.time
 
     def _push(self, row: int, closed: tuple[int, ...], pushed: Floats) -> None:
         """Add derivatives of integrals of forces, and of the work of friction behind them."""
         row = min(row, len(self.record.times) - 1)
         self.found.lasting[row, list(closed)] += pushed[: len(closed)]
         self.found.rubbed[row] += pushed[len(closed) :].sum(axis=0)
-
-    def _exactly(
-        self, leg: Leg, start: float, at: tuple[Floats, Floats], times: Floats
-    ) -> list[State]:
-        """States (k, ...) of exact flights at some times."""
-        flown = [
-            _series(flights, leg.closed, start, u, v, times)
-            for flights, u, v in zip(self.bundle.flights or (), *at, strict=True)
-        ]
-        each = [zip(*at_time, strict=True) for at_time in zip(*flown, strict=True)]
-        return [(np.stack(u), np.stack(v), np.stack(pushed)) for u, v, pushed in each]
-
-    def _together(
-        self, leg: Leg, start: float, at: tuple[Floats, Floats], times: Floats
-    ) -> list[State]:
-        """States (k, ...) of flights with the same steps of the integrator at some times."""
-        motions = [_motion(system, leg) for system in self.bundle.systems]
-        (n, d), extra, count = (part.shape[1] for part in at), motions[0].integrals, len(motions)
-        first = np.concatenate([*at, np.zeros((count, extra))], axis=1)
-        span = float(times[-1]) - start
-
-        def rates(t: float, y: Floats) -> Floats:
-            each = zip(motions, y.reshape(count, -1), strict=True)
-            return np.concatenate([motion(t, own) for motion, own in each])
-
-        now = rates(start, first.ravel()).reshape(count, -1)
-        speed = np.abs(at[1]).max() + span * np.abs(now[:, n : n + d]).max()
-        length = np.abs(at[0]).max() + span * speed
-        sizes = np.repeat([length, speed, max(1e-300, speed)], [n, d, extra])
-        small = np.tile(np.maximum(1e-2 * _RTOL * sizes, 1e-300), count)
-        ends, end = [first] * int((times <= start).sum()), float(times[-1])
-        if len(ends) < len(times):
-            solver = DOP853(
-                rates, start, first.ravel(), end, rtol=_RTOL, atol=small,
-                first_step=min(self.step, span),
-            )  # fmt: skip
-            while solver.status == "running":
-                solver.step()
-                passed = times[len(ends) :][times[len(ends) :] <= solver.t]
-                if len(passed):
-                    dense = solver.dense_output()
-                    ends += [dense(time).reshape(count, -1) for time in passed]
-            if solver.status == "failed" or not np.isfinite(solver.y).all():
-                raise ConvergenceError(
-                    f"gradient: the flight from t = {start:.6g} s could not be followed beside "
-                    "the run; check the forces for a singularity"
-                )
-            self.step = float(solver.step_size or span)
-        return [(y[:, :n], y[:, n : n + d], y[:, n + d :]) for y in ends]
 
     def _event(self, before: Leg | None, leg: Leg, u: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Derivatives of u and v just after an event, from those just before at the same time."""
@@ -266,12 +201,14 @@ class _Run:
                 f"gradient: impacts by turns at t = {event.time:.6g} s have no derivative that is "
                 'known; use impact_law = "simultaneous"'
             )
-        late = np.zeros(u.shape[1])
-        rates = np.zeros_like(event.position), np.zeros_like(event.velocity)
+        late, n, d = np.zeros(u.shape[1]), len(u), len(v)
+        rates = np.zeros(n + d)
         if before is not None:
-            rates = _rates(_motion(system, before), event.time, event.position, event.velocity)
-            late = self._late(before, event, u, v, rates)
-        u, v = u + np.outer(rates[0], late), v + np.outer(rates[1], late)
+            motion = motion_of(system, before)
+            rates = _rates(motion, self._before(event), event.position, event.velocity)
+            late = self._late(before, event, u, v, (rates[:n], rates[n : n + d]))
+            self._push(event.row, before.closed, np.outer(rates[n + d :], late))
+        u, v = u + np.outer(rates[:n], late), v + np.outer(rates[n : n + d], late)
         near = bundle.beside(event.position, u), bundle.beside(event.velocity, v)
         when = event.time + bundle.offsets * late[bundle.of]
         hits = [_struck(*each, leg) for each in zip(bundle.systems, when, *near, strict=True)]
@@ -282,8 +219,9 @@ class _Run:
         for change in bundle.derivative([hit[3] for hit in hits]):
             self.found.impacts.append(np.concatenate([late[None], change]))
         self.found.events.append((late, u, v))
-        rates = _rates(_motion(system, leg), event.time, leg.position, leg.velocity)
-        return u - np.outer(rates[0], late), v - np.outer(rates[1], late)
+        rates = _rates(motion_of(system, leg), event.time, leg.position, leg.velocity)
+        self._push(event.row, leg.closed, -np.outer(rates[n + d :], late))
+        return u - np.outer(rates[:n], late), v - np.outer(rates[n : n + d], late)
 
     def _late(
         self, before: Leg, event: Event, u: Floats, v: Floats, rates: tuple[Floats, Floats]
@@ -294,13 +232,13 @@ class _Run:
         if event.cause >= 0:
             return self._closing(before, event, u)
         if event.cause == -1:
-            return np.zeros(u.shape[1])
+            return self._jumped(event)
         bundle, t, y = self.bundle, event.time, (event.position, event.velocity)
         place = -2 - event.cause
         near = zip(bundle.systems, bundle.beside(y[0], u), bundle.beside(y[1], v), strict=True)
-        own = [_motion(system, before).guards(t, a, b)[place] for system, a, b in near]
+        own = [motion_of(system, before).guards(t, a, b)[place] for system, a, b in near]
         h = _ALONG * max(t - before.event.time, 1e-6 * self.duration)
-        motion = _motion(self.system, before)
+        motion = motion_of(self.system, before)
         along = [
             motion.guards(t + s, y[0] + s * rates[0], y[1] + s * rates[1])[place] for s in (-h, h)
         ]
@@ -310,12 +248,18 @@ class _Run:
             return np.zeros(u.shape[1])
         return np.asarray(-bundle.derivative(own) / rate)
 
+    def _jumped(self, event: Event) -> Floats:
+        """That of a load that jumps, 0 where nothing does."""
+        if event.stop >= 0 and any(len(each) != len(self.jumps) for each in self.beside):
+            self._doubt(event.time, "jumps of loads come and go with the parameter")
+        return self.bundle.derivative(self._changed(event, "after"))
+
     def _kicked(self, event: Event) -> Floats:
         """That of a motion that changes its velocity at once."""
         kicks = [system.kicks(self.duration) for system in self.bundle.systems]
         if any(len(each) != len(self.kicks) for each in kicks):
             self._doubt(event.time, "kicks of motions come and go with the parameter")
-            return np.zeros(int(self.bundle.of[-1]) + 1)
+            return np.zeros(self.bundle.count)
         times = np.array([each[event.kick].at.after for each in kicks])
         return self.bundle.derivative(times - self.kicks[event.kick].at.after)
 
@@ -340,39 +284,9 @@ class _Run:
         self.found.doubts.append(f"at t = {t:.6g} s {why}")
 
 
-def _motion(system: GeneralizedSystem, leg: Leg) -> Motion:
-    """Equations of motion of a flight."""
-    if leg.modes or system.static_friction.any():
-        return RubbingMotion(system, leg.closed, _RTOL, leg.modes)
-    return Motion(system, leg.closed, _RTOL)
-
-
-def _rates(motion: Motion, t: float, u: Floats, v: Floats) -> tuple[Floats, Floats]:
-    return motion.system.coordinate_rates(u, v), motion.forces(t, u, v)[0]
-
-
-def _series(
-    flights: Flights, closed: tuple[int, ...], start: float, u: Floats, v: Floats, times: Floats
-) -> list[State]:
-    """States of one exact flight at some times."""
-    flight, d = flights.flight(closed), flights.dofs
-    z, new = np.zeros(flights.size), np.empty(2 * d)
-    z[:d], z[d : 2 * d] = u, v
-    terms = np.arange(1, len(flight.powers) + 1)
-    pushed, t, found = np.zeros(len(closed)), start, []
-    refresh(z, 2 * d, t, flights.waves)
-    for time in times:
-        while time - t > flight.step:
-            pushed = pushed + flight.step * (1.0 / terms) @ (flight.forces @ z)
-            taylor(flight.powers, z, 1.0, 2 * d, new)
-            z[: 2 * d] = new
-            t += flight.step
-            refresh(z, 2 * d, t, flights.waves)
-        s = (time - t) / flight.step
-        taylor(flight.powers, z, s, 2 * d, new)
-        more = flight.step * (s**terms / terms) @ (flight.forces @ z)
-        found.append((new[:d].copy(), new[d:].copy(), pushed + more))
-    return found
+def _rates(motion: Motion, t: float, u: Floats, v: Floats) -> Floats:
+    """Rates of u, v, the integrals of contact forces and of the power of friction."""
+    return motion(t, np.concatenate([u, v, np.zeros(motion.integrals)]))
 
 
 def _struck(

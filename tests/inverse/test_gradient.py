@@ -8,6 +8,7 @@ import pytest
 import impactfem
 from impactfem import Scene, SceneError
 from impactfem.cli import main
+from impactfem.inverse.varied import Varied
 from impactfem.vibro import tangents
 
 G = 9.81
@@ -56,6 +57,43 @@ def test_a_ball_at_rest_says_since_when():
     rest = np.sqrt(2.0 / G) * 1.8 / 0.2
     assert found.objective == pytest.approx(6.0 - rest, rel=1e-6)
     assert found.gradient["h0"] == pytest.approx(-0.5 * rest, rel=1e-5)
+
+
+@pytest.mark.parametrize("force", [None, ["0", "-1e-9*vy"]])
+def test_the_impulse_of_what_stays_on_the_floor(force):
+    """m (v + g t) in all, of which what is hit falls as what is pressed grows."""
+    measures = [{"name": "p", "of": "impulse.ball.floor"}]
+    parameters = [{"name": "v", "key": "body.ball.velocity.1"}, H0]
+    objective = {"minimise": [{"term": "value", "of": "p"}, {"term": "speed", "body": "ball"}]}
+    point = {"velocity": [0.0, -1.0], "position": [0.0, 1.0]} | ({"force": force} if force else {})
+    data = ball(*asked(parameters, measures, objective), **point)
+    data["contact"][0]["restitution"] = 0.0
+    data["body"][0]["mass"] = 2.0
+    varied = Varied.of(Scene.from_dict(data))
+    q, jacobian, *_ = varied.jacobian(varied.start)
+    assert q[0] == pytest.approx(2.0 * (1.0 + G * 0.9), rel=1e-8)
+    assert jacobian[0] == pytest.approx([-2.0, 0.0], abs=1e-7)
+
+
+def test_when_a_load_jumps():
+    """From x'' = 1 + t up to a, then -1, against a closed form, with an impact behind it."""
+    body = {"kind": "point", "name": "ball", "mass": 1.0, "position": [0.0],
+            "force": ["where(t < a, 1 + t, -1)"]}  # fmt: skip
+    data = ball(*asked([{"name": "a", "start": 0.5}], [{"name": "height", "of": "ball.x"}]))
+    data |= {"duration": 2.5, "body": [body], "gravity": [0.0]}
+    data["obstacle"][0] |= {"point": [0.3], "normal": [-1.0]}
+
+    def place(a, t=2.5, wall=0.3):
+        speed, at = a + a**2 / 2, a**2 / 2 + a**3 / 6  # at the jump
+        hit = a + speed - np.sqrt(speed**2 - 2.0 * (wall - at))
+        left = -0.8 * (speed - (hit - a))
+        return wall + left * (t - hit) - 0.5 * (t - hit) ** 2
+
+    found = impactfem.gradient(Scene.from_dict(data))
+    assert found.objective == pytest.approx(place(0.5), rel=1e-9)
+    far, near = ((place(0.5 + h) - place(0.5 - h)) / (2.0 * h) for h in (1e-4, 5e-5))
+    assert found.gradient["a"] == pytest.approx((4.0 * near - far) / 3.0, rel=1e-9)
+    assert found.trusted
 
 
 def test_all_terms_by_the_mass():

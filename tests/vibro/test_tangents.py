@@ -7,7 +7,8 @@ import impactfem
 from impactfem import ConvergenceError
 from impactfem.vibro import tangents as module
 from impactfem.vibro.event_driven import EventSettings, follow
-from impactfem.vibro.tangents import Neighbours, tangents
+from impactfem.vibro.bundles import Neighbours
+from impactfem.vibro.tangents import tangents
 
 G = 9.81
 
