@@ -6,8 +6,8 @@ import pytest
 import impactfem
 from impactfem import ConvergenceError
 from impactfem.vibro import tangents as module
-from impactfem.vibro.event_driven import EventSettings, follow
 from impactfem.vibro.bundles import Neighbours
+from impactfem.vibro.event_driven import EventSettings, follow
 from impactfem.vibro.tangents import tangents
 
 G = 9.81
