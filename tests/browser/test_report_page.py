@@ -116,7 +116,7 @@ def check_console(browser):
     assert errors == []
 
 
-def wait(browser, condition, seconds=20.0):
+def wait(browser, condition, seconds=90.0):
     end = time.monotonic() + seconds
     while not browser.execute_script(condition):
         assert time.monotonic() < end, condition

@@ -54,7 +54,7 @@ class Done:
     err: str
 
 
-def finish(process, timeout=120):
+def finish(process, timeout=480):
     try:
         out, err = process.communicate(timeout=timeout)
     except subprocess.TimeoutExpired:
@@ -63,7 +63,7 @@ def finish(process, timeout=120):
     return Done(process.returncode, out, err and said(err))
 
 
-def launch(folder, count, *arguments, timeout=120):
+def launch(folder, count, *arguments, timeout=480):
     """Run Python on several ranks."""
     words, needed = ranks(count)
     process = subprocess.Popen(

@@ -484,7 +484,7 @@ def test_a_rank_that_fails_alone_ends_all(work, error):
         "from impactfem.cli import main\n"
         "sys.exit(main(['run', 'bar_impact', '--set', 'solve.window=all']))\n"
     )
-    done = launch(work, 2, "fail.py", timeout=40)
+    done = launch(work, 2, "fail.py", timeout=240)
     assert done.code != 0
     assert "only here" in done.err
 

@@ -122,6 +122,6 @@ def test_two_ranks_give_the_same(command, work):
 @pytest.mark.slow
 def test_mistake_on_two_ranks_is_said_once(work):
     done = launch(work, 2, "-m", "impactfem", "run", "oscillator", "--set", "body.mass.mass=-1",
-                  timeout=60)  # fmt: skip
+                  timeout=240)  # fmt: skip
     assert done.code == BAD_INPUT
     assert done.err.count("body[0].mass = -1") == 1

@@ -160,7 +160,7 @@ def test_a_signal_to_ranks_ends_all(work, number):
         "sys.exit(main(['run', 'bar_impact', '--set', 'solve.elements=10', '--out', 'o']))\n"
     )
     before = contents(work)
-    done = launch(work, 2, "run.py", timeout=40)
+    done = launch(work, 2, "run.py", timeout=240)
     assert done.code != 0
     assert done.err.count(f"interrupted by {number.name}; nothing was written") == 1
     assert "Traceback" not in done.err

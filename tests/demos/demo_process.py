@@ -14,7 +14,7 @@ from processes import environment
 def run(*command):
     """What a command prints, in a process of its own; it must end well."""
     return subprocess.run(
-        command, capture_output=True, text=True, check=True, timeout=300, env=environment()
+        command, capture_output=True, text=True, check=True, timeout=900, env=environment()
     ).stdout
 
 

@@ -28,7 +28,7 @@ LIKE_THEIR_ARGUMENT = {
 def start(*arguments, **settings):
     env = environment(PYTHONPATH=str(PROJECT / "src"), MPLBACKEND="Agg")
     return subprocess.run(
-        [sys.executable, "-P", *map(str, arguments)], capture_output=True, text=True, timeout=300,
+        [sys.executable, "-P", *map(str, arguments)], capture_output=True, text=True, timeout=900,
         env=env, check=False, **settings,
     )  # fmt: skip
 

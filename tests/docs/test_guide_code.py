@@ -65,7 +65,7 @@ def environment(folder):
 def execute(text, folder):
     """What a block of shell commands prints; every command must end well."""
     done = subprocess.run(
-        ["sh", "-e", "-c", text], cwd=folder, env=environment(folder), timeout=200,
+        ["sh", "-e", "-c", text], cwd=folder, env=environment(folder), timeout=900,
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, f"{text}\n{done.stdout}\n{done.stderr}"

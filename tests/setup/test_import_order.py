@@ -48,6 +48,6 @@ with h5py.File(sys.argv[1] + "/mesh.h5") as file:
 def test_any_order_of_imports(tmp_path, first):
     done = subprocess.run(
         [sys.executable, "-c", first + SOLVE, str(tmp_path / "o")],
-        capture_output=True, text=True, timeout=120, check=False,
+        capture_output=True, text=True, timeout=480, check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (0, "")

@@ -35,7 +35,7 @@ except signals.InterruptedRunError as error:
 def test_no_signal_is_lost_and_no_half_made_object_speaks(program):
     start = "import signal, time\nfrom impactfem import signals\nsignals.listen()\n"
     done = subprocess.run(
-        [sys.executable, "-c", start + program], capture_output=True, text=True, timeout=30,
+        [sys.executable, "-c", start + program], capture_output=True, text=True, timeout=240,
         check=False,
     )  # fmt: skip
     assert (done.stdout, done.stderr) == (f"interrupted by {int(signal.SIGINT)}\n", "")
@@ -47,7 +47,7 @@ def test_other_faults_of_finalizers_are_told():
         "class Bar:\n    def __del__(self):\n        raise ValueError('lost')\nBar()\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=240, check=False
     )
     assert "ValueError: lost" in done.stderr
 
@@ -66,7 +66,7 @@ def ended(program, *signals, gap=0.05):
     for number in signals:
         time.sleep(gap)
         process.send_signal(number)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=240)
     return process.returncode, out + err
 
 

@@ -38,7 +38,7 @@ def memory(folder, then):
     """Memory [MiB] of a process that opens a result, and after it has looked at it."""
     done = subprocess.run(
         [sys.executable, "-c", READ.format(then=then), str(folder)],
-        env=environment(), check=True, capture_output=True, text=True, timeout=60,
+        env=environment(), check=True, capture_output=True, text=True, timeout=240,
     )  # fmt: skip
     return [float(word) for word in done.stdout.split()]
 

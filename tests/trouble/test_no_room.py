@@ -120,7 +120,7 @@ def test_a_folder_without_permission(tmp_path):
         command = other + command
     env = {"MPLCONFIGDIR": os.devnull, "HOME": "/"}
     with started("/", *command, env=env) as process:
-        out, err = (text.decode() for text in process.communicate(timeout=60))
+        out, err = (text.decode() for text in process.communicate(timeout=240))
     said((process.returncode, out, err), "closed/o: cannot be written", "Permission denied")
     assert contents(closed) == {}
 
@@ -170,6 +170,6 @@ def test_a_folder_that_goes_while_a_solid_moves(tmp_path):
         os.kill(process.pid, signal.SIGSTOP)
         shutil.rmtree(tmp_path / "o")
         os.kill(process.pid, signal.SIGCONT)
-        out, err = (text.decode() for text in process.communicate(timeout=60))
+        out, err = (text.decode() for text in process.communicate(timeout=240))
     said((process.returncode, out, err), "o/", "cannot be written", "No such file or directory")
     assert set(contents(tmp_path)) == {"scene.toml"}

@@ -74,11 +74,11 @@ def test_one_rank_fails(tmp_path, scene, action):
     code, message = ACTIONS[action]
     (tmp_path / "scene.toml").write_text(SCENES[scene], encoding="utf-8")
     (tmp_path / "run.py").write_text(SCRIPT.format(action=code))
-    done, err = launched(tmp_path, 2, "run.py", timeout=60)
+    done, err = launched(tmp_path, 2, "run.py", timeout=240)
     ended = time.time()
     assert done != 0
     failed = float(err.partition("failed at ")[2].split()[0])
-    assert ended - failed < 30  # seconds it takes on an idle machine: less than 7
+    assert ended - failed < 120  # seconds it takes on an idle machine: less than 7
     assert err.count(message) == 1
     assert err.count("Traceback") <= (action == "defect")
     left = set(contents(tmp_path)) - {"scene.toml", "run.py"}

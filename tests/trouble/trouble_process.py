@@ -35,7 +35,7 @@ def started(folder, *command, env=None, **options):
         process.communicate()
 
 
-def run(folder, *arguments, timeout=60, **options):
+def run(folder, *arguments, timeout=240, **options):
     """Run the command line, or a script; returns code, standard output and error."""
     words = arguments if str(arguments[0]).endswith(".py") else ("-m", "impactfem", *arguments)
     with started(folder, sys.executable, *words, **options) as process:
@@ -46,7 +46,7 @@ def run(folder, *arguments, timeout=60, **options):
         return process.returncode, out.decode("utf-8", "replace"), told
 
 
-def launched(folder, count, *words, timeout=60):
+def launched(folder, count, *words, timeout=240):
     """Run Python on several ranks; returns code, standard error, and the seconds it took."""
     start, needed = ranks(count)
     with started(folder, *start, *words, env=needed) as process:
@@ -54,7 +54,7 @@ def launched(folder, count, *words, timeout=60):
         return process.returncode, err.decode("utf-8", "replace")
 
 
-def until(condition, seconds=30.0):
+def until(condition, seconds=120.0):
     """Wait for something; whether it came."""
     limit = time.monotonic() + seconds
     while not condition():
