@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     )
     from impactfem.exact import ExactBar, ExactBarRow, RowBar
     from impactfem.facade import Result
-    from impactfem.inverse import Gradient, Identified, gradient, identify
+    from impactfem.inverse import Gradient, Identified, Optimised, gradient, identify, optimise
     from impactfem.planning import Plan, plan
     from impactfem.result.compare import Comparison, compare
     from impactfem.result.trajectory import Trajectory
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         Block,
         Capsule,
         Contact,
+        Control,
         Cylinder,
         Disc,
         DiscOutline,
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
         Hull,
         Joint,
         Layer,
+        Limit,
         Measure,
         Mechanism,
         Objective,
@@ -102,6 +104,7 @@ _HOMES = {
     "Capsule": "impactfem.scene",
     "Comparison": "impactfem.result.compare",
     "Contact": "impactfem.scene",
+    "Control": "impactfem.scene",
     "ConvergenceError": "impactfem.errors",
     "Cylinder": "impactfem.scene",
     "Disc": "impactfem.scene",
@@ -120,12 +123,14 @@ _HOMES = {
     "ImpactWarning": "impactfem.errors",
     "Joint": "impactfem.scene",
     "Layer": "impactfem.scene",
+    "Limit": "impactfem.scene",
     "LinearSystem": "impactfem.system.generalized",
     "Measure": "impactfem.scene",
     "Mechanism": "impactfem.scene",
     "MeshError": "impactfem.errors",
     "MissingDependencyError": "impactfem.errors",
     "Objective": "impactfem.scene",
+    "Optimised": "impactfem.inverse",
     "Orthotropic": "impactfem.scene",
     "Output": "impactfem.scene",
     "OutputError": "impactfem.errors",
@@ -171,6 +176,7 @@ _HOMES = {
     "identify": "impactfem.inverse",
     "integrate": "impactfem.vibro.integrating",
     "integrate_ensemble": "impactfem.vibro.ensemble",
+    "optimise": "impactfem.inverse",
     "plan": "impactfem.planning",
     "solve": "impactfem.solving",
     "solve_ensemble": "impactfem.runs.ensemble",
@@ -186,6 +192,7 @@ __all__ = [
     "Capsule",
     "Comparison",
     "Contact",
+    "Control",
     "ConvergenceError",
     "Cylinder",
     "Disc",
@@ -204,12 +211,14 @@ __all__ = [
     "ImpactWarning",
     "Joint",
     "Layer",
+    "Limit",
     "LinearSystem",
     "Measure",
     "Mechanism",
     "MeshError",
     "MissingDependencyError",
     "Objective",
+    "Optimised",
     "Orthotropic",
     "Output",
     "OutputError",
@@ -256,6 +265,7 @@ __all__ = [
     "identify",
     "integrate",
     "integrate_ensemble",
+    "optimise",
     "plan",
     "solve",
     "solve_ensemble",

@@ -205,12 +205,7 @@ def _parser() -> argparse.ArgumentParser:
         "--out", metavar="DIR", type=_folder,
         help="folder of kinematics.json and kinematics.png (default results/NAME_kinematics)",
     )  # fmt: skip
-    for action, what in (
-        (commands.gradient, "gradient.json (default results/NAME_gradient)"),
-        (commands.identify, "answer, search and report (default results/NAME_identified)"),
-    ):
-        sub = command(action, scene=None)
-        sub.add_argument("--out", metavar="DIR", type=_folder, help=f"folder of {what}")
+    _add_searches(command)
     command(commands.methods)
     command(commands.scenes)
     schema = command(commands.schema)
@@ -255,6 +250,22 @@ def _parser() -> argparse.ArgumentParser:
     bench.add_argument("--out", metavar="DIR", type=_folder, help="folder for tables and pictures")
     command(commands.doctor)
     return parser
+
+
+def _add_searches(command: Callable[..., argparse.ArgumentParser]) -> None:
+    """Commands of what varies in a scene."""
+    for action, what in (
+        (commands.gradient, "gradient.json (default results/NAME_gradient)"),
+        (commands.identify, "answer, search and report (default results/NAME_identified)"),
+        (commands.optimise, "answer, search and report (default results/NAME_optimised)"),
+    ):
+        sub = command(action, scene=None)
+        sub.add_argument("--out", metavar="DIR", type=_folder, help=f"folder of {what}")
+        if action is not commands.gradient:
+            sub.add_argument(
+                "--restart", metavar="DIR", type=_folder,
+                help="go on with the interrupted search in DIR, to the same answer bit by bit",
+            )  # fmt: skip
 
 
 def _announce(text: str) -> None:

@@ -2,7 +2,7 @@
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -253,21 +253,38 @@ def identify(given: argparse.Namespace) -> int:
     """Find the parameters with which a scene is nearest to what was measured."""
     from impactfem.inverse import identify as identified  # noqa: PLC0415
     from impactfem.inverse.written import identified_table, write_identified  # noqa: PLC0415
+
+    return _searched(given, "identified", identified, identified_table, write_identified)
+
+
+def optimise(given: argparse.Namespace) -> int:
+    """Find the parameters and controls with which the objective of a scene becomes least."""
+    from impactfem.inverse import optimise as optimised  # noqa: PLC0415
+    from impactfem.inverse.written import optimised_table, write_optimised  # noqa: PLC0415
+
+    return _searched(given, "optimised", optimised, optimised_table, write_optimised)
+
+
+def _searched(
+    given: argparse.Namespace, what: str, search: Callable[..., Any],
+    shown: Callable[[Any], str], write: Callable[[Any, Path, dict[str, Any]], None],
+) -> int:  # fmt: skip
+    """Search, write what was found, and run the answer with a plan of its own."""
     from impactfem.log import Progress  # noqa: PLC0415
     from impactfem.provenance import run_record, shell_command  # noqa: PLC0415
     from impactfem.solving import solve  # noqa: PLC0415
 
     path, scene = _read(given)
-    folder = given.out or Path("results") / f"{_name(path)}_identified"
-    found = identified(scene)
-    words = ["impactfem", "identify", given.scene]
+    folder = given.out or given.restart or Path("results") / f"{_name(path)}_{what}"
+    found = search(scene, folder=folder, restart=given.restart)
+    words = ["impactfem", given.action.__name__, given.scene]
     words += [word for text in given.settings for word in ("--set", text)]
     record = run_record(shell_command(words))
-    on_root(lambda: write_identified(found, folder, record))
+    on_root(lambda: write(found, folder, record))
     verified = solve(found.scene)
     on_root(lambda: verified.write_data(folder / "verified"))
     on_root(lambda: _add_pictures(verified, folder / "verified", Progress(enabled=False)))
-    say(f"{identified_table(found)}\n\nAnswer, search and report: {folder}")
+    say(f"{shown(found)}\n\nAnswer, search and report: {folder}")
     trusted = found.trusted and verified.summary["verdict"]["level"] != "do_not_trust"
     return _trusted(trusted, "this answer", folder, found.doubts)
 

@@ -60,13 +60,14 @@ class BarRuns:
         Each side has differences over a step and its half, extrapolated; where they disagree, the
         derivative is the mean of both sides, and a doubt says so.
         """
-        q = quantities.read(self.outcome(changes.scene, quantities.times))
+        scene = changes.scene
+        q = quantities.read(self.outcome(scene, quantities.times), scene)
         slopes, doubts = np.zeros((len(q), len(changes.values))), []
 
         def numbers(k: int, offset: float) -> Floats | None:
             try:
                 scene = changes.moved(k, offset)
-                return quantities.read(self.outcome(scene, quantities.times))
+                return quantities.read(self.outcome(scene, quantities.times), scene)
             except SceneError:
                 return None
 

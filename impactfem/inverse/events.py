@@ -45,7 +45,7 @@ class EventRuns:
     def _followed(self, scene: Scene, model: VibroModel, times: Floats) -> tuple[Record, Contacts]:
         return follow(
             model.system, model.position, model.velocity, scene.duration,
-            self._settings(scene, times), [],
+            self._settings(scene, times), [], _edges(scene),
         )  # fmt: skip
 
     def outcome(self, scene: Scene, times: Floats) -> Outcome:
@@ -64,7 +64,8 @@ class EventRuns:
         scene, times = changes.scene, quantities.times
         model = vibro_model(scene)
         record, contacts = self._followed(scene, model, times)
-        q = quantities.read(_outcome(scene, model, record.trajectory(contacts), record.legs or []))
+        outcome = _outcome(scene, model, record.trajectory(contacts), record.legs or [])
+        q = quantities.read(outcome, scene)
         count = len(changes.values)
         scenes: list[tuple[list[tuple[Scene, VibroModel]], Floats, Floats]] = [
             changes.neighbours(k, _STEP, lambda other: (other, _alike(other, model)))
@@ -77,15 +78,20 @@ class EventRuns:
             )
             for made, offsets, weights in scenes
         ]  # fmt: skip
-        found = tangents(model.system, record, neighbours, scene.duration)
+        found = tangents(model.system, record, neighbours, scene.duration, _edges(scene))
         slopes = np.zeros((len(q), count))
         for k, (made, offsets, weights) in enumerate(scenes):
             for (other, own), offset, weight in zip(made, offsets, weights, strict=True):
                 moved = found.moved(record, own.system, k, float(offset))
                 outcome = _outcome(other, own, moved.trajectory(contacts), moved.legs or [])
-                slopes[:, k] += weight * quantities.read(outcome)
+                slopes[:, k] += weight * quantities.read(outcome, other)
         margin = _margin(record.legs or [], found, times, changes.scales)
         return Slopes(q, slopes, found.doubts, margin)
+
+
+def _edges(scene: Scene) -> list[float]:
+    """Where pieces of controls begin and end [s], though their values may be the same."""
+    return [float(time) for each in scene.controls for time in each.times(scene.duration)]
 
 
 def _margin(legs: Sequence[Leg], found: Tangents, times: Floats, scales: Floats) -> float:

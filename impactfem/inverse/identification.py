@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import chi2, t
 
-from impactfem.errors import ConvergenceError, SceneError
 from impactfem.inverse.data import Data
 from impactfem.inverse.gradients import TaylorCheck, check_as_dict, taylor_check
+from impactfem.inverse.search import Iteration, Search, begun
 from impactfem.inverse.varied import Varied
 from impactfem.scene import Scene
 
@@ -21,27 +21,6 @@ Floats = NDArray[np.float64]
 _FAILED = 1e6  # times the first misfit: what a run that fails counts as, so that its step is undone
 _UNLIKELY = 1e-3  # probability below which misfits do not fit their standard deviations
 _FLAT = 1e-12  # least share of a singular value of a direction that the data determine
-
-
-@dataclass(frozen=True)
-class Iteration:
-    """One evaluation of the search.
-
-    Attributes:
-        objective: J.
-        gradient_norm: Of J by parameters in their sizes.
-        step: Change of the parameters since the one before, in their sizes.
-        seconds: Since the beginning [s].
-        forward_runs: Since the beginning.
-        parameters: (P,).
-    """
-
-    objective: float
-    gradient_norm: float
-    step: float
-    seconds: float
-    forward_runs: int
-    parameters: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -149,43 +128,29 @@ class Identified:
         }
 
 
-class _Search:
-    """Residuals and their derivatives, and what was tried."""
+class _Residuals:
+    """Residuals and their derivatives."""
 
-    def __init__(self, varied: Varied) -> None:
-        self.varied, self.begun = varied, time.perf_counter()
-        self.misfits = varied.quantities.misfits
-        self.tried: list[Iteration] = []
-        self.failures: list[str] = []
+    def __init__(self, search: Search) -> None:
+        self.search, self.misfits = search, search.varied.quantities.misfits
         self.count, self.size = 0, 0.0
 
-    def residuals(self, values: Floats) -> Floats:
-        try:
-            q, jacobian, _, _ = self.varied.jacobian(values)
-        except (SceneError, ConvergenceError) as error:
-            if not self.tried:
-                raise
-            self.failures.append(str(error))
+    def values(self, values: Floats) -> Floats:
+        told = self.search.run(values)
+        if told is None:
             return np.full(self.count, _FAILED * self.size / np.sqrt(self.count))
-        found = self._weighted([self.varied.quantities.residuals(i, q) for i, _ in self.misfits])
+        quantities = self.search.varied.quantities
+        found = self._weighted([quantities.residuals(i, told.numbers) for i, _ in self.misfits])
         self.count, self.size = len(found), max(self.size, float(np.linalg.norm(found)))
-        slope = self._slopes(jacobian).T @ found * self.varied.scales
-        before = self.tried[-1].parameters if self.tried else tuple(values)
-        change = (values - np.array(before)) / self.varied.scales
-        self.tried.append(
-            Iteration(
-                0.5 * float(found @ found), float(np.linalg.norm(slope)),
-                float(np.linalg.norm(change)), time.perf_counter() - self.begun,
-                self.varied.forward, tuple(map(float, values)),
-            )
-        )  # fmt: skip
+        slope = self._slopes(told.jacobian).T @ found
+        self.search.note(values, 0.5 * float(found @ found), slope)
         return found
 
     def jacobian(self, values: Floats) -> Floats:
-        return self._slopes(self.varied.jacobian(values).jacobian)
+        return self._slopes(self.search.varied.jacobian(values).jacobian)
 
     def _slopes(self, jacobian: Floats) -> Floats:
-        quantities = self.varied.quantities
+        quantities = self.search.varied.quantities
         return self._weighted([
             jacobian[quantities.slices[i]] / quantities.sigma(i)[:, None] for i, _ in self.misfits
         ])  # fmt: skip
@@ -194,7 +159,9 @@ class _Search:
         return np.concatenate([w * part for (_, w), part in zip(self.misfits, each, strict=True)])
 
 
-def identify(scene: Scene | str | Path) -> Identified:
+def identify(
+    scene: Scene | str | Path, *, folder: Path | None = None, restart: Path | None = None
+) -> Identified:
     """Find the parameters with which a scene is nearest to what was measured.
 
     The sum of ((measure - data) / sigma)^2 / 2 becomes least, by SciPy's trust region reflective
@@ -204,30 +171,32 @@ def identify(scene: Scene | str | Path) -> Identified:
 
     Args:
         scene: A scene with parameters and measures with data; or its file.
+        folder: Where evaluations are kept, so that the search can go on after an interruption.
+        restart: Folder of a search to go on with.
 
     Raises:
         SceneError: The scene cannot work, or its method has no right derivatives.
         ConvergenceError: The run at the start failed, or has no derivative.
+        FolderError: There is no search to go on with, or it is of another scene.
     """
-    if not isinstance(scene, Scene):
-        scene = Scene.from_toml(scene)
-    varied = Varied.of(scene)
-    search = _Search(varied)
+    search = begun(scene, folder, restart)
+    varied, residuals = search.varied, _Residuals(search)
+    scene = varied.scene
     at_start, jacobian, _, _ = varied.jacobian(varied.start)
     varied.check_moves(at_start, jacobian)
-    low, high = np.array([parameter.limits for parameter in varied.parameters]).T
+    low, high = varied.limits
     objective = scene.objective
     tolerance = 1e-8 if objective is None else objective.tolerance
     found = least_squares(
-        search.residuals, varied.start, search.jacobian,
+        residuals.values, varied.start, residuals.jacobian,
         bounds=(low, high), x_scale=varied.scales, ftol=tolerance, xtol=tolerance, gtol=1e-12,
         max_nfev=100 if objective is None else objective.max_iterations,
     )  # fmt: skip
     q, jacobian, told, margin = varied.jacobian(found.x)
     doubts = list(told)
-    slopes, residuals = search.jacobian(found.x), found.fun
+    slopes, left = residuals.jacobian(found.x), found.fun
     held = [bool(side) for side in found.active_mask]
-    sigmas, correlation, spread, probability = _spread(varied, slopes, residuals, held, doubts)
+    sigmas, correlation, spread, probability = _spread(varied, slopes, left, held, doubts)
     seed = 0 if objective is None else objective.seed
     check = taylor_check(varied, found.x, q, varied.quantities.slope(q) @ jacobian, seed)
     check = replace(check, margin=margin)
@@ -240,11 +209,9 @@ def identify(scene: Scene | str | Path) -> Identified:
         )
     if search.failures and not found.success:
         doubts.append(f"{len(search.failures)} runs failed, the last one: {search.failures[-1]}")
-    width = (
-        1.96 if spread == "given" else float(t.ppf(0.975, max(1, len(residuals) - len(slopes.T))))
-    )
+    width = 1.96 if spread == "given" else float(t.ppf(0.975, max(1, len(left) - len(slopes.T))))
     parameters = {}
-    for k, parameter in enumerate(varied.parameters):
+    for k, parameter in enumerate(varied.unknowns):
         value, sigma = float(found.x[k]), sigmas[k]
         around = None if sigma is None else (value - width * sigma, value + width * sigma)
         parameters[parameter.name] = Estimate(value, float(varied.start[k]), sigma, around)
@@ -260,7 +227,7 @@ def identify(scene: Scene | str | Path) -> Identified:
         iterations=tuple(search.tried),
         fits=tuple(
             Fit(scene.measures[i].of, varied.quantities.data[i], at_start[own], q[own])
-            for i, own in ((i, varied.quantities.slices[i]) for i, _ in search.misfits)
+            for i, own in ((i, varied.quantities.slices[i]) for i, _ in residuals.misfits)
         ),
         check=check,
         doubts=tuple(doubts),
@@ -293,7 +260,7 @@ def _spread(
         return none, None, "given" if known else float("nan"), None
     _, sizes, right = np.linalg.svd(scaled[:, free], full_matrices=False)
     if len(residuals) < len(free) or not sizes[-1] > _FLAT * sizes[0]:
-        weak = varied.parameters[free[int(np.abs(right[-1]).argmax())]].name
+        weak = varied.unknowns[free[int(np.abs(right[-1]).argmax())]].name
         doubts.append(f"the data do not determine all parameters: {weak} may change for nothing")
         return none, None, "given" if known else float("nan"), None
     inverse = (right.T / sizes**2) @ right

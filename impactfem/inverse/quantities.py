@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from impactfem.errors import SceneError
 from impactfem.inverse.data import Data, data_of
 from impactfem.inverse.outcomes import Outcome
-from impactfem.scene import Scene, Term
+from impactfem.scene import Limit, Scene, Term
 from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
@@ -27,11 +27,13 @@ class Quantities:
         scene: The scene.
         data: Of each measure, in the order of the scene.
         terms: Of the objective.
+        limits: Terms that stay within limits.
     """
 
     scene: Scene
     data: tuple[Data, ...]
     terms: tuple[Term, ...]
+    limits: tuple[Limit, ...] = ()
 
     @classmethod
     def of(cls, scene: Scene) -> "Quantities":
@@ -51,14 +53,19 @@ class Quantities:
                 "[[measure]], whose misfit then becomes least"
             )
         data = tuple(data_of(scene, index) for index in range(len(scene.measures)))
-        return cls(scene, data, terms)
+        return cls(scene, data, terms, scene.objective.constraints if scene.objective else ())
 
     @property
     def times(self) -> Floats:
         """Times at which a run has to be known, with its start and end [s]."""
         own = [each.times for each in self.data]
-        own += [np.array([self._at(term)]) for term in self.terms]
+        own += [np.array([self._at(term)]) for term in self._all]
         return np.unique(np.concatenate([[0.0, self.scene.duration], *own]))
+
+    @property
+    def _all(self) -> tuple[Term, ...]:
+        """Terms of the objective, then those that stay within limits."""
+        return (*self.terms, *(limit.limited for limit in self.limits))
 
     def _at(self, term: Term) -> float:
         return self.scene.duration if term.at is None else term.at
@@ -68,14 +75,18 @@ class Quantities:
         """Where the numbers of each measure end; those of terms follow."""
         return np.cumsum([len(each.times) for each in self.data]).tolist()
 
-    def read(self, outcome: Outcome) -> Floats:
+    def read(self, outcome: Outcome, scene: Scene) -> Floats:
         """The numbers of a run, (n,): of all measures at their times, then of all terms.
+
+        Args:
+            outcome: Of the run.
+            scene: With the parameters of that run.
 
         Raises:
             SceneError: A measure is of nothing that the run has.
         """
         found = [self._measured(index, outcome, data.times) for index, data in enumerate(self.data)]
-        return np.concatenate([*found, [self._term(term, outcome) for term in self.terms]])
+        return np.concatenate([*found, [self._term(term, outcome, scene) for term in self._all]])
 
     def _measured(self, index: int, outcome: Outcome, times: Floats) -> Floats:
         measure = self.scene.measures[index]
@@ -103,8 +114,13 @@ class Quantities:
             raise KeyedError(where, "unit", text)
         return values[_rows(outcome.times, times)]
 
-    def _term(self, term: Term, outcome: Outcome) -> float:
+    def _term(self, term: Term, outcome: Outcome, scene: Scene) -> float:
         """Number of a term that is of no measure; else 0."""
+        if term.term == "effort":
+            (control,) = (each for each in scene.controls if each.name == term.of)
+            return control.effort(scene.duration)
+        if term.term == "mass":
+            return outcome.masses[str(term.body)]
         if term.of is not None:
             return 0.0
         row = _rows(outcome.times, np.array([self._at(term)]))[0]
@@ -132,10 +148,16 @@ class Quantities:
             found += term.weight * self._part(k, term, q)[1]
         return found
 
+    def limited(self, q: Floats) -> tuple[Floats, Floats]:
+        """What stays within limits (m,), and its derivatives by q (m, n)."""
+        first = len(self.terms)
+        each = [self._part(first + k, one.limited, q) for k, one in enumerate(self.limits)]
+        return np.array([value for value, _ in each]), np.array([slope for _, slope in each])
+
     def _part(self, k: int, term: Term, q: Floats) -> tuple[float, Floats]:
         """A term without its weight, and its derivatives by q (n,)."""
         slope = np.zeros(len(q))
-        if term.of is None:
+        if term.term not in {"value", "misfit"}:
             place = self._first_term + k
             slope[place] = 1.0
             return float(q[place]), slope

@@ -48,11 +48,6 @@ class Changes:
     values: Floats
     scales: Floats
 
-    @classmethod
-    def of(cls, at: Callable[[Floats], Scene], values: Floats, scales: Floats) -> "Changes":
-        """Those at some values."""
-        return cls(at, values, np.maximum(np.abs(values), 1e-2 * scales))
-
     @property
     def scene(self) -> Scene:
         """The scene itself."""

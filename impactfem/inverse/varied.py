@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -9,17 +10,63 @@ from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
 from impactfem.inverse.bars import BarRuns
+from impactfem.inverse.evaluations import Evaluations
 from impactfem.inverse.events import EventRuns
 from impactfem.inverse.outcomes import Outcome
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
 from impactfem.methods import METHODS
 from impactfem.planning import Plan, plan
-from impactfem.scene import Parameter, Scene
+from impactfem.scene import Scene
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A number that varies: a parameter, or a value of a control.
+
+    Attributes:
+        name: As it is shown.
+        start: As the scene has it.
+        limits: Least and largest value; infinite where there are none.
+        size: In which its changes are counted.
+        least: Smallest size that it takes where it is near 0.
+        where: The table that says it, and its key that does, for messages.
+    """
+
+    name: str
+    start: float
+    limits: tuple[float, float]
+    size: float
+    least: float
+    where: tuple[str, str]
+
+
+def unknowns(scene: Scene) -> tuple[Unknown, ...]:
+    """What varies in a scene: its parameters, then the values of its controls."""
+    found = []
+    for k, each in enumerate(scene.parameters):
+        start, where = float(each.start or 0.0), (f"parameter[{k}]", "key" if each.path else "name")
+        size = max(abs(start), 1e-2 * _width(each.limits)) or 1.0
+        found.append(Unknown(each.name, start, each.limits, size, 1e-2 * size, where))
+    for k, control in enumerate(scene.controls):
+        largest = max(map(abs, control.values))
+        size, where = max(largest, 0.5 * _width(control.limits)) or 1.0, (f"control[{k}]", "name")
+        found += [
+            Unknown(
+                f"{control.name}.{i}", value, control.limits, size, size, (f"control[{k}]", "name")
+            )
+            for i, value in enumerate(control.values)
+        ]
+    return tuple(found)
+
+
+def _width(limits: tuple[float, float]) -> float:
+    """Of limits, 0 where there are none."""
+    return limits[1] - limits[0] if np.isfinite(limits).all() else 0.0
 
 
 class Runs(Protocol):
@@ -51,6 +98,7 @@ class Varied:
         runs: Who runs it.
         forward: How many runs there were, those beside them for derivatives not counted.
         sloped: How many of them told derivatives.
+        kept: Evaluations that a search can go on from; None if they are not kept.
     """
 
     scene: Scene
@@ -59,6 +107,7 @@ class Varied:
     runs: Runs
     forward: int = 0
     sloped: int = 0
+    kept: Evaluations | None = None
     _last: tuple[bytes, Slopes] | None = field(default=None)
 
     @classmethod
@@ -68,8 +117,11 @@ class Varied:
         Raises:
             SceneError: Nothing varies, nothing is wanted, or the method has no right derivatives.
         """
-        if not scene.parameters:
-            raise SceneError("parameter: nothing may vary; give a [[parameter]] with name and key")
+        if not (scene.parameters or scene.controls):
+            raise SceneError(
+                "parameter: nothing may vary; give a [[parameter]] with name and key, or a "
+                "[[control]]"
+            )
         quantities = Quantities.of(scene)
         chosen = plan(scene)
         if chosen.method not in RUNS:
@@ -81,57 +133,66 @@ class Varied:
             )
         return cls(scene, quantities, chosen, RUNS[chosen.method](chosen))
 
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
+    @cached_property
+    def unknowns(self) -> tuple[Unknown, ...]:
         """What varies."""
-        return self.scene.parameters
+        return unknowns(self.scene)
 
     @property
     def start(self) -> Floats:
-        """The parameters as the scene has them, (P,)."""
-        return np.array([parameter.start for parameter in self.parameters], dtype=float)
+        """The unknowns as the scene has them, (P,)."""
+        return np.array([each.start for each in self.unknowns], dtype=float)
+
+    @property
+    def limits(self) -> Floats:
+        """Least and largest values of the unknowns, (2, P)."""
+        return np.array([each.limits for each in self.unknowns], dtype=float).T
 
     @property
     def scales(self) -> Floats:
-        """Sizes of the parameters: of their starts, else of their bounds, (P,)."""
-        found = np.abs(self.start)
-        for k, parameter in enumerate(self.parameters):
-            if parameter.bounds is not None:
-                found[k] = max(found[k], 1e-2 * (parameter.bounds[1] - parameter.bounds[0]))
-        return np.where(found > 0.0, found, 1.0)
+        """Sizes of the unknowns, (P,)."""
+        return np.array([each.size for each in self.unknowns])
 
     def at(self, values: Floats) -> Scene:
-        """The scene with other parameters.
+        """The scene with other values of what varies.
 
         Raises:
             SceneError: It cannot be with these; the message names them.
         """
-        settings = {
-            f"parameter.{parameter.name}.start": float(value)
-            for parameter, value in zip(self.parameters, values, strict=True)
-        }
-        return self.scene.with_settings(settings)
+        left, known = values.tolist(), {}
+        for parameter in self.scene.parameters:
+            known[f"parameter.{parameter.name}.start"] = left.pop(0)
+        for control in self.scene.controls:
+            own, left = left[: control.count], left[control.count :]
+            known[f"control.{control.name}.start"] = own
+        return self.scene.with_settings(known)
 
     def numbers(self, values: Floats) -> Floats:
         """The numbers of the run with some parameters, (n,)."""
         self.forward += 1
         scene = self.at(values)
-        return self.quantities.read(self.runs.outcome(scene, self.quantities.times))
+        return self.quantities.read(self.runs.outcome(scene, self.quantities.times), scene)
 
     def jacobian(self, values: Floats) -> Slopes:
         """The numbers and their derivatives by the parameters."""
-        key = np.asarray(values, dtype=float).tobytes()
+        at = np.asarray(values, dtype=float)
+        key = at.tobytes()
         if self._last is None or self._last[0] != key:
-            self.forward += 1
-            self.sloped += 1
-            changes = Changes.of(self.at, np.asarray(values, dtype=float), self.scales)
-            self._last = key, self.runs.jacobian(changes, self.quantities)
+            found = None if self.kept is None else self.kept.find(at)
+            if found is None:
+                self.forward += 1
+                self.sloped += 1
+                sizes = np.maximum(np.abs(at), [each.least for each in self.unknowns])
+                found = self.runs.jacobian(Changes(self.at, at, sizes), self.quantities)
+                if self.kept is not None:
+                    self.kept.add(at, found)
+            self._last = key, found
         return self._last[1]
 
     def verified(self, values: Floats) -> tuple[float, Plan[Any]]:
         """The objective with a plan of its own, and that plan."""
         scene = self.at(values)
-        other = replace(self, scene=scene, chosen=plan(scene), _last=None)
+        other = replace(self, scene=scene, chosen=plan(scene), kept=None, _last=None)
         if other.chosen.method not in RUNS:
             return float("nan"), other.chosen
         other.runs = RUNS[other.chosen.method](other.chosen)
@@ -144,10 +205,9 @@ class Varied:
             KeyedError: naming one.
         """
         moved = np.abs(jacobian * self.scales).max(axis=0)
-        for k, parameter in enumerate(self.parameters):
-            if moved[k] <= _STILL * (np.abs(q).max() + moved.max()):
-                text = f" = {show(parameter.path or parameter.name)} moves nothing that is wanted: "
-                raise KeyedError(
-                    f"parameter[{k}]", "key" if parameter.path else "name",
-                    f"{text}remove it, or measure what it moves.",
-                )  # fmt: skip
+        least = _STILL * (np.abs(q).max() + moved.max())
+        moving = {each.where for k, each in enumerate(self.unknowns) if moved[k] > least}
+        for each in self.unknowns:
+            if each.where not in moving:
+                text = f" = {show(each.name)} moves nothing that is wanted: remove it, or measure "
+                raise KeyedError(*each.where, f"{text}what it moves.")

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,16 @@ import numpy as np
 from impactfem.errors import OutputError
 from impactfem.inverse.gradients import Gradient, TaylorCheck
 from impactfem.inverse.identification import Identified
+from impactfem.inverse.optimisation import Optimised
 from impactfem.report.page import elements, page
 from impactfem.report.page.sketch import svg
 from impactfem.report.sheet import Sheet, write_png
 from impactfem.report.table import table
 
 Rows = list[tuple[str, str]]
+
+_MOST = 20  # unknowns in a table
+_LOG = 100.0  # times the least objective, from which on a picture has powers of ten
 
 
 def gradient_table(found: Gradient) -> str:
@@ -56,7 +61,9 @@ def identified_rows(found: Identified) -> Rows:
 def _check(check: TaylorCheck) -> str:
     rate = check.rate
     what = "rounding only" if rate is None else f"of order {rate:.3f} (2 is right)"
-    if check.kinked:
+    if check.sided:
+        what += " on one side: the objective has a kink here"
+    elif check.kinked:
         what += ": an impact is on a time that is looked at, where the objective has a kink"
     return f"Taylor remainders {what}{'' if check.passed else ': the gradient is WRONG'}"
 
@@ -75,6 +82,32 @@ def write_gradient(found: Gradient, folder: Path) -> None:
     _write(folder, {"gradient.json": _json(found.as_dict())})
 
 
+def optimised_rows(found: Optimised) -> Rows:
+    """What was optimised as rows of a table; of many unknowns the first and the last."""
+    rows = [("status", found.status)]
+    shown = list(found.parameters.items())
+    for name, each in shown if len(shown) <= _MOST else shown[: _MOST // 2]:
+        rows.append((name, f"{each['value']:.10g} (began at {each['start']:g})"))
+    if len(shown) > _MOST:
+        rows.append(("...", f"{len(shown) - _MOST // 2} more, in optimum.toml"))
+    costs = found.objective
+    told = f"{costs['initial']:.8g} at first, {costs['final']:.8g} at the end, "
+    rows.append(("objective", f"{told}{costs['verified']:.8g} with a plan of its own"))
+    rows += [("within limits", f"{value:.8g}") for value in found.constraints]
+    rows.append(("gradient left", f"{found.kkt_residual:.3g}"))
+    rows.append(("check", _check(found.check)))
+    rows += [("doubt", doubt) for doubt in found.doubts]
+    cost = f"{found.gradient_runs} runs with derivatives, {found.forward_runs} without"
+    cost += f", {found.resumed} from before" if found.resumed else ""
+    rows.append(("method", f"{found.method}, searched by {found.solver}"))
+    return [*rows, ("cost", f"{cost}, {found.seconds:.3g} s")]
+
+
+def optimised_table(found: Optimised) -> str:
+    """What was optimised for a terminal."""
+    return table(optimised_rows(found))
+
+
 def write_identified(found: Identified, folder: Path, run: dict[str, Any]) -> None:
     """Write the answer as a scene, the search, the summary, a picture and a page.
 
@@ -86,6 +119,40 @@ def write_identified(found: Identified, folder: Path, run: dict[str, Any]) -> No
     Raises:
         OutputError: They cannot be written.
     """
+    title, picture = f"Identified: {found.scene.title}", identified_picture(found)
+    _write(folder, _answer(found, title, identified_rows(found), picture, folder, run))
+    write_png(picture, folder / "identified.png")
+
+
+def write_optimised(found: Optimised, folder: Path, run: dict[str, Any]) -> None:
+    """Write the answer as a scene, its controls, the search, the summary, a picture and a page.
+
+    Args:
+        found: What was optimised.
+        folder: Where.
+        run: Date, versions, machine and command.
+
+    Raises:
+        OutputError: They cannot be written.
+    """
+    title, picture = f"Optimised: {found.scene.title}", optimised_picture(found)
+    texts = _answer(found, title, optimised_rows(found), picture, folder, run)
+    if found.scene.controls:
+        duration = found.scene.duration
+        times = np.unique(np.concatenate([c.times(duration) for c in found.scene.controls]))
+        columns = [times, *(c.at(times, duration) for c in found.scene.controls)]
+        lines = [",".join(["time", *(c.name for c in found.scene.controls)])]
+        lines += [",".join(f"{x:.17g}" for x in row) for row in zip(*columns, strict=True)]
+        texts["control.csv"] = "\n".join(lines) + "\n"
+    _write(folder, texts)
+    write_png(picture, folder / "optimised.png")
+
+
+def _answer(
+    found: Identified | Optimised, title: str, rows: Rows, picture: Sheet, folder: Path,
+    run: dict[str, Any],
+) -> dict[str, str]:  # fmt: skip
+    """Texts by the name of their file: the scene, the search, the summary and the page."""
     lines = io.StringIO()
     writer = csv.writer(lines, lineterminator="\n")
     head = ["iteration", "objective", "gradient_norm", "step", "seconds", "forward_runs"]
@@ -94,30 +161,53 @@ def write_identified(found: Identified, folder: Path, run: dict[str, Any]) -> No
         numbers = (each.objective, each.gradient_norm, each.step, each.seconds)
         shown = [f"{number:.17g}" for number in (*numbers, *each.parameters)]
         writer.writerow([str(k), *shown[:4], str(each.forward_runs), *shown[4:]])
-    picture = identified_picture(found)
-    rows = identified_rows(found)
-    title = f"Identified: {found.scene.title}"
     search = [
         (str(k), f"{i.objective:.8g}", f"{i.gradient_norm:.3g}", f"{i.step:.3g}")
         for k, i in enumerate(found.iterations)
     ]
     parts = [
         elements.section("answer", "Answer", elements.table(rows)),
-        elements.section("picture", "Measured and modelled", svg(picture, title)),
+        elements.section("picture", "At the start and at the answer", svg(picture, title)),
         elements.section(
             "search", "Search",
             elements.table(search, ("evaluation", "objective", "gradient", "step")),
         ),
         elements.section("run", "Where it comes from", elements.code(str(run.get("command")))),
     ]  # fmt: skip
-    texts = {
+    return {
         "optimum.toml": found.scene.to_toml(folder),
         "iterations.csv": lines.getvalue(),
         "summary.json": _json({**found.as_dict(), "run": run}),
         "report.html": page.shell(title, str(run.get("date")), parts),
     }
-    _write(folder, texts)
-    write_png(picture, folder / "identified.png")
+
+
+def optimised_picture(found: Optimised) -> Sheet:
+    """The objective along the search, and each control at the start and at the answer."""
+    controls, duration = found.scene.controls, found.scene.duration
+    sheet = Sheet(7.0, 2.6 * (1 + len(controls)) + 0.4)
+    axes = sheet.add_subplot(1 + len(controls), 1, 1)
+    values = np.array([each.objective for each in found.iterations])
+    axes.plot(np.minimum.accumulate(values), color="tab:blue", label="best so far")
+    axes.plot(values, ".", color="0.5", markersize=4, label="tried")
+    if (values > 0.0).all() and values.max() > _LOG * values.min():
+        axes.set_yscale("log")
+    axes.set_xlabel("evaluation")
+    axes.set_ylabel("objective")
+    axes.legend(fontsize=8)
+    for place, control in enumerate(controls):
+        axes = sheet.add_subplot(1 + len(controls), 1, 2 + place)
+        own = [
+            each for name, each in found.parameters.items() if name.startswith(f"{control.name}.")
+        ]
+        first = replace(control, start=tuple(each["start"] for each in own))
+        times = np.linspace(0.0, duration, 2001)
+        for one, label, colour in ((first, "start", "0.6"), (control, "answer", "tab:blue")):
+            axes.plot(times, one.at(times, duration), color=colour, label=label)
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel(control.name)
+        axes.legend(fontsize=8)
+    return sheet
 
 
 def identified_picture(found: Identified) -> Sheet:

@@ -5,8 +5,9 @@ from impactfem.scene.beams import Beam, Rod
 from impactfem.scene.bodies import Bar
 from impactfem.scene.boundary import Pressure, Support, Traction
 from impactfem.scene.contacts import Contact
+from impactfem.scene.control import Control
 from impactfem.scene.formula import Formula
-from impactfem.scene.inverse import Measure, Objective, Parameter, Term
+from impactfem.scene.inverse import Limit, Measure, Objective, Parameter, Term
 from impactfem.scene.joints import Joint, Soft
 from impactfem.scene.loads import PiecewiseConstant, PiecewiseVector
 from impactfem.scene.mechanism import JointStart, Mechanism, Place
@@ -49,6 +50,7 @@ __all__ = [
     "Block",
     "Capsule",
     "Contact",
+    "Control",
     "Cylinder",
     "Disc",
     "DiscOutline",
@@ -60,6 +62,7 @@ __all__ = [
     "Joint",
     "JointStart",
     "Layer",
+    "Limit",
     "Measure",
     "Mechanism",
     "Objective",

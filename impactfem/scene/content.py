@@ -12,6 +12,7 @@ from impactfem.scene.beams import Beam, Rod
 from impactfem.scene.bodies import Bar
 from impactfem.scene.body import Solver
 from impactfem.scene.contacts import Contact
+from impactfem.scene.control import MAX_CONTROLS, Control
 from impactfem.scene.inverse import MAX_MEASURES, MAX_PARAMETERS, Measure, Objective, Parameter
 from impactfem.scene.joints import Joint
 from impactfem.scene.kinds import Choice, Line, Real
@@ -90,6 +91,12 @@ class Content:
         ObjectsKind((Parameter,), "[[parameter]]", MAX_PARAMETERS, 0),
         "numbers that may vary",
         name="parameter",
+        default=(),
+    )
+    controls: tuple[Control, ...] = key(
+        ObjectsKind((Control,), "[[control]]", MAX_CONTROLS, 0),
+        "histories in pieces that may vary",
+        name="control",
         default=(),
     )
     measures: tuple[Measure, ...] = key(

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from impactfem.scene.grammar import NUMPY_FUNCTIONS, OPERATORS, FormulaError, Node, Parser
+from impactfem.scene.scalar_formula import scalar
 from impactfem.scene.values import NotAllowedError, is_number, number, show
 
 
@@ -24,7 +26,7 @@ class Formula:
     Attributes:
         text: the formula; a number given instead is turned into its text.
         variables: names that may occur in it.
-        named: names of numbers in it, as of parameters of a scene, and their values.
+        named: names in it that a scene gives, as of parameters and controls, and their nodes.
 
     Raises:
         SceneError: the text is not an allowed formula, or a constant part of it is not finite
@@ -33,7 +35,7 @@ class Formula:
 
     text: str
     variables: tuple[str, ...] = ("x",)
-    named: tuple[tuple[str, float], ...] = field(init=False, repr=False)
+    named: tuple[tuple[str, Node], ...] = field(init=False, repr=False)
     _tree: Node = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -50,21 +52,18 @@ class Formula:
         names = tuple(self.variables)
         parser = Parser(text, names)
         tree = parser.parse()
-        self._store(text, names, tree, tuple(sorted(parser.used.items())))
+        self._store(
+            text, names, tree, tuple((name, parser.used[name]) for name in sorted(parser.used))
+        )
 
     def _store(
         self, text: str, variables: tuple[str, ...], tree: Node,
-        named: tuple[tuple[str, float], ...] = (),
+        named: tuple[tuple[str, Node], ...] = (),
     ) -> None:  # fmt: skip
         object.__setattr__(self, "text", text)
         object.__setattr__(self, "named", named)
         object.__setattr__(self, "variables", variables)
         object.__setattr__(self, "_tree", tree)
-
-    @property
-    def tree(self) -> Node:
-        """What is evaluated; see `impactfem.scene.grammar.Node`."""
-        return self._tree
 
     @property
     def is_constant(self) -> bool:
@@ -148,6 +147,18 @@ class Formula:
         with np.errstate(all="ignore"):
             result = self.apply(NUMPY_FUNCTIONS, **arrays)
         return np.array(np.broadcast_to(np.asarray(result, dtype=float), shape))[()]
+
+    @cached_property
+    def number(self) -> Callable[[Mapping[str, float]], float]:
+        """The formula as a function of single numbers by name, far faster than arrays of one.
+
+        Its values are those of the formula but for rounding; inf or nan where these are.
+        """
+        return scalar(self._tree, lambda values: float(self(**values)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The state without functions, which cannot be sent to other processes."""
+        return {name: value for name, value in self.__dict__.items() if name != "number"}
 
     def apply(
         self, functions: Mapping[str, Callable[..., Any]], /, **values: Any

@@ -80,12 +80,12 @@ _REFUSALS: Mapping[type, str] = {
 type Node = float | tuple[Any, ...]
 
 
-_NAMED: ContextVar[Mapping[str, float]] = ContextVar("named numbers of formulas")
+_NAMED: ContextVar[Mapping[str, Node]] = ContextVar("what formulas know by name")
 
 
 @contextmanager
-def naming(numbers: Mapping[str, float]) -> Iterator[None]:
-    """Let formulas that are read meanwhile use numbers by name."""
+def naming(numbers: Mapping[str, Node]) -> Iterator[None]:
+    """Let formulas that are read meanwhile use numbers, and nodes in t, by name."""
     token = _NAMED.set(numbers)
     try:
         yield
@@ -112,8 +112,8 @@ class Parser:
         self.text = text
         self.variables = variables
         self.named = _NAMED.get({})
-        self.used: dict[str, float] = {}
-        """Numbers that the formula uses by name."""
+        self.used: dict[str, Node] = {}
+        """What the formula uses by name."""
 
     def parse(self) -> Node:
         """Return the tree of the text, with its constant parts evaluated."""
@@ -183,8 +183,10 @@ class Parser:
         if name in CONSTANTS:
             return CONSTANTS[name]
         if name in self.named:
-            self.used[name] = self.named[name]
-            return self.named[name]
+            node = self.used[name] = self.named[name]
+            if not isinstance(node, float) and "t" not in self.variables:
+                self._fail(f"{name!r} changes in time, and this does not; use it where t is known")
+            return node
         if name in FUNCTIONS:
             self._fail(f"the function {name!r} needs its argument in parentheses")
         self._unknown(name)

@@ -13,7 +13,8 @@ from impactfem.scene.values import show
 
 MAX_PARAMETERS = 1000
 MAX_MEASURES = 1000
-TERMS = ("value", "misfit", "speed", "terminal_energy", "vibration_energy")
+TERMS = ("value", "misfit", "speed", "terminal_energy", "vibration_energy", "effort", "mass")
+SOLVERS = ("lbfgs", "trust_constr", "tao")
 VARIABLES = ("t", "x", "y", "z", "vx", "vy", "vz")
 """Names that formulas have already."""
 
@@ -128,16 +129,19 @@ class Term:
     term: str = key(
         Choice(TERMS),
         "value of a measure; misfit of one, the sum of ((measure - data)/sigma)^2 / 2; speed of a "
-        "body's centre; mechanical energy at the end; energy less that of centres of mass",
+        "body's centre; mechanical energy at the end; energy less that of centres of mass; "
+        "integral of the square of a control; mass of a body",
     )
-    of: str | None = key(Name(), "name of a measure (value, misfit)", default=None, absent="none")
-    body: str | None = key(Name(), "name of a body (speed)", default=None, absent="none")
+    of: str | None = key(
+        Name(), "name of a measure (value, misfit) or control (effort)", default=None, absent="none"
+    )
+    body: str | None = key(Name(), "name of a body (speed, mass)", default=None, absent="none")
     at: float | None = key(Real(at_least=0), "time", unit="s", default=None, absent="the end")
     weight: float = key(Real(), "factor of the term", default=1.0)
 
     def __post_init__(self) -> None:
         check_fields(self, self.heading)
-        wanted = {"value": "of", "misfit": "of", "speed": "body"}.get(self.term)
+        wanted = _NEEDED.get(self.term)
         for name in ("of", "body"):
             given = getattr(self, name)
             if (given is None) != (wanted != name):
@@ -147,9 +151,56 @@ class Term:
                     else f" = {show(given)} is not known of {self.term}: remove it."
                 )
                 raise KeyedError("", name, text)
-        if self.at is not None and self.term in {"value", "misfit", "terminal_energy"}:
+        if self.at is not None and self.term not in {"speed", "vibration_energy"}:
             text = f" = {self.at:g}: {self.term} has its own time, remove it."
             raise KeyedError("", "at", text)
+
+
+_NEEDED = {
+    "value": "of", "misfit": "of", "effort": "of", "speed": "body", "mass": "body",
+}  # fmt: skip
+"""Keys of terms besides their time."""
+
+
+@table("constraints = [{ ... }]")
+@dataclass(frozen=True, kw_only=True)
+class Limit:
+    """A term that has to stay within limits.
+
+    Raises:
+        SceneError: a value is missing or not allowed, or two contradict each other.
+    """
+
+    heading: ClassVar[str] = "constraint"
+
+    term: str = key(Choice(TERMS), "as in minimise")
+    of: str | None = key(Name(), "as in minimise", default=None, absent="none")
+    body: str | None = key(Name(), "as in minimise", default=None, absent="none")
+    at: float | None = key(Real(at_least=0), "time", unit="s", default=None, absent="the end")
+    least: float | None = key(Real(), "least value", name="min", default=None, absent="none")
+    most: float | None = key(Real(), "largest value", name="max", default=None, absent="none")
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.heading)
+        self.limited  # noqa: B018  # checks the other keys
+        if self.least is None and self.most is None:
+            raise KeyedError("", "max", " is missing: give min, max or both.")
+        low, high = self.limits
+        if low > high:
+            raise KeyedError("", "min", f" = {low:g} is above max = {high:g}: exchange them.")
+
+    @property
+    def limited(self) -> Term:
+        """What stays within limits."""
+        return Term(term=self.term, of=self.of, body=self.body, at=self.at)
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Least and largest value."""
+        return (
+            -math.inf if self.least is None else self.least,
+            math.inf if self.most is None else self.most,
+        )
 
 
 @table("[objective]")
@@ -166,6 +217,14 @@ class Objective:
     minimise: tuple[Term, ...] = key(
         ListOf(InlineTable((Term,)), at_least=1), "terms of what becomes least"
     )
+    constraints: tuple[Limit, ...] = key(
+        ListOf(InlineTable((Limit,))), "terms that stay within limits (optimise)", default=()
+    )
+    solver: str | None = key(
+        Choice(SOLVERS),
+        "how optimise searches: L-BFGS-B or trust-constr of SciPy, BLMVM of PETSc's TAO",
+        default=None, absent="lbfgs; trust_constr with constraints",
+    )  # fmt: skip
     max_iterations: int = key(Integer(1, 100_000), "largest number of iterations", default=100)
     tolerance: float = key(
         Real(above=0, below=1), "relative change of parameters and objective at the end",
@@ -180,39 +239,57 @@ class Objective:
 
 
 def check_asked(scene: Any) -> None:
-    """Refuse parameters, measures and terms that contradict each other or the scene.
+    """Refuse parameters, controls, measures and terms that contradict each other or the scene.
 
     Raises:
         KeyedError: naming the key.
     """
-    for heading, entries in (("parameter", scene.parameters), ("measure", scene.measures)):
-        taken: dict[str, int] = {}
-        for index, entry in enumerate(entries):
-            if entry.name in taken:
-                text = f" = {show(entry.name)} is the name of {heading}[{taken[entry.name]}] too: "
-                raise KeyedError(f"{heading}[{index}]", "name", f"{text}give another.")
-            taken[entry.name] = index
+    _check_names({"parameter": scene.parameters, "control": scene.controls})
+    _check_names({"measure": scene.measures})
     for index, measure in enumerate(scene.measures):
         _check_time(f"measure[{index}]", measure.at, scene.duration)
+    for index, control in enumerate(scene.controls):
+        for name, time in (("from", control.begin), ("until", control.end)):
+            _check_time(f"control[{index}]", time, scene.duration, name)
+    if scene.objective is not None:
+        for index, term in enumerate(scene.objective.minimise):
+            _check_term(f"objective.minimise[{index}]", term, scene)
+        for index, limit in enumerate(scene.objective.constraints):
+            _check_term(f"objective.constraints[{index}]", limit.limited, scene)
+
+
+def _check_names(groups: Mapping[str, Sequence[Any]]) -> None:
+    """Refuse names that are given twice."""
+    taken: dict[str, str] = {}
+    for heading, entries in groups.items():
+        for index, entry in enumerate(entries):
+            where = f"{heading}[{index}]"
+            if entry.name in taken:
+                text = (
+                    f" = {show(entry.name)} is the name of {taken[entry.name]} too: give another."
+                )
+                raise KeyedError(where, "name", text)
+            taken[entry.name] = where
+
+
+def _check_term(where: str, term: Term, scene: Any) -> None:
+    _check_time(where, term.at, scene.duration)
     known = {measure.name: measure for measure in scene.measures}
-    bodies = [body.name for body in scene.bodies]
-    for index, term in enumerate(scene.objective.minimise if scene.objective else ()):
-        where = f"objective.minimise[{index}]"
-        _check_time(where, term.at, scene.duration)
-        for name, there in (("of", list(known)), ("body", bodies)):
-            given = getattr(term, name)
-            if given is not None and given not in there:
-                text = f" = {show(given)} is none of {', '.join(there) or 'those, there are none'}"
-                raise KeyedError(where, name, f"{text}: correct it.")
-        if term.term == "misfit" and not known[str(term.of)].is_measured:
-            text = f" = {show(term.of)} has neither data nor value to differ from: give one."
-            raise KeyedError(where, "of", text)
+    of = [control.name for control in scene.controls] if term.term == "effort" else list(known)
+    for name, there in (("of", of), ("body", [body.name for body in scene.bodies])):
+        given = getattr(term, name)
+        if given is not None and given not in there:
+            text = f" = {show(given)} is none of {', '.join(there) or 'those, there are none'}"
+            raise KeyedError(where, name, f"{text}: correct it.")
+    if term.term == "misfit" and not known[str(term.of)].is_measured:
+        text = f" = {show(term.of)} has neither data nor value to differ from: give one."
+        raise KeyedError(where, "of", text)
 
 
-def _check_time(where: str, at: float | None, duration: float) -> None:
+def _check_time(where: str, at: float | None, duration: float, name: str = "at") -> None:
     if at is not None and at > duration:
         text = f" = {at:g} s is after the end at {duration:g} s: give a time up to it."
-        raise KeyedError(where, "at", text)
+        raise KeyedError(where, name, text)
 
 
 def named_numbers(parameters: Sequence[Parameter]) -> Mapping[str, float]:

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from impactfem.scene.breaks import Break, find_breaks
 from impactfem.scene.formula import Formula
 from impactfem.scene.ranges import range_on
-from impactfem.scene.scalar_formula import scalar
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -102,7 +101,7 @@ class StepMean:
 
     def __init__(self, formula: Formula) -> None:
         self._formula, self._used = formula, formula.used - {"t"}
-        self._value = scalar(formula)
+        self._value = formula.number
         self._varies = "t" in formula.used
         self._at = (np.nan, np.nan)
         self._times = self._weights = np.zeros(0)

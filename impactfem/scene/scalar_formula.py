@@ -7,7 +7,6 @@ import math
 import operator
 from collections.abc import Callable, Mapping
 
-from impactfem.scene.formula import Formula
 from impactfem.scene.grammar import OPERATORS, Node
 
 Values = Mapping[str, float]
@@ -41,19 +40,21 @@ _TWO = {
 }  # fmt: skip
 
 
-def scalar(formula: Formula) -> Scalar:
+def scalar(tree: Node, otherwise: Scalar) -> Scalar:
     """A formula as a function of single numbers by name.
 
-    Its values are those of the formula but for rounding; inf or nan where these are.
+    Args:
+        tree: Its tree.
+        otherwise: What is asked where Python has no finite number.
     """
-    inner = _made(formula.tree)
+    inner = _made(tree)
 
     def value(values: Values) -> float:
         try:
             found = inner(values)
         except (ArithmeticError, ValueError):
             found = math.nan
-        return found if math.isfinite(found) else float(formula(**values))
+        return found if math.isfinite(found) else otherwise(values)
 
     return value
 

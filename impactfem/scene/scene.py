@@ -10,6 +10,7 @@ from impactfem.errors import SceneError
 from impactfem.scene.card import scene_card
 from impactfem.scene.contacts import Contact
 from impactfem.scene.content import BODIES, MAX_CONTACTS, MAX_JOINTS, Body, Content, Obstacle
+from impactfem.scene.control import MAX_CONTROLS, Control, acted, named_histories
 from impactfem.scene.crosschecks import check_scene
 from impactfem.scene.grammar import naming
 from impactfem.scene.inline import plain
@@ -47,7 +48,7 @@ from impactfem.scene.tables import (
 from impactfem.scene.toml import parse_assignment, read_toml, write_table
 from impactfem.scene.values import NotAllowedError, is_number, number, show
 
-_RARE = ("parameter", "measure", "objective")
+_RARE = ("parameter", "control", "measure", "objective")
 """Tables that a scene file has only where they say something."""
 
 
@@ -82,6 +83,7 @@ class Scene(Content):
             gravity: float | Sequence[Any] | PiecewiseConstant | PiecewiseVector = 0.0,
             start: str = "given",
             parameters: Sequence[Parameter] = (),
+            controls: Sequence[Control] = (),
             measures: Sequence[Measure] = (),
             objective: Objective | None = None,
             solve: Solve = ...,
@@ -174,7 +176,7 @@ class Scene(Content):
 
         Args:
             data: keys ``title, duration, gravity, start, body, obstacle, contact, joint, probe,
-                parameter, measure, objective, solve, output``.
+                parameter, control, measure, objective, solve, output``.
             base: folder where relative mesh paths start.
 
         Raises:
@@ -190,7 +192,15 @@ class Scene(Content):
                 values["parameter"], "parameter", Parameter, MAX_PARAMETERS, 0
             )
             values = _started(values, parameters)
-        with naming(named_numbers(parameters)):
+        controls: Sequence[Control] = ()
+        if "control" in values:
+            controls = read_objects(values["control"], "control", Control, MAX_CONTROLS, 0)
+            values = {name: own(value) for name, value in values.items()}  # the caller keeps his
+            values["control"] = list(controls := acted(values, controls))
+        known = {
+            **named_numbers(parameters), **named_histories(controls, values.get("duration"))
+        }  # fmt: skip
+        with naming(known):
             return cls(**{fields[k]: v for k, v in cls._read(values).items()}, folder=folder)
 
     @classmethod
@@ -220,7 +230,7 @@ class Scene(Content):
         data = plain(self)
         for name in ("body", "obstacle"):
             data[name] = [{"kind": entry.kind, **plain(entry)} for entry in data[name]]
-        for name in ("contact", "joint", "probe", "parameter", "measure"):
+        for name in ("contact", "joint", "probe", "parameter", "control", "measure"):
             data[name] = [plain(entry) for entry in data[name]]
             if name in _RARE and not data[name]:
                 del data[name]
@@ -250,6 +260,7 @@ class Scene(Content):
         contacts, joints = data.pop("contact"), data.pop("joint")
         probes, objective = data.pop("probe"), data.pop("objective", None)
         parameters, measures = data.pop("parameter", []), data.pop("measure", [])
+        controls = data.pop("control", [])
         solve, output = data.pop("solve"), data.pop("output")
         parts: list[tuple[str, type[DataclassLike], dict[str, Any]]] = [
             ("", type(self), data),
@@ -259,6 +270,7 @@ class Scene(Content):
             *(("[[joint]]", Joint, entry) for entry in joints),
             *(("[[probe]]", Probe, entry) for entry in probes),
             *(("[[parameter]]", Parameter, entry) for entry in parameters),
+            *(("[[control]]", Control, entry) for entry in controls),
             *(("[[measure]]", Measure, entry) for entry in measures),
             *([] if objective is None else [("[objective]", Objective, objective)]),
             ("[solve]", Solve, solve),

@@ -296,11 +296,11 @@ def _rank(heading: str) -> int:
     inline = (
         "supports", "tractions", "pressures", "outline", "shape", "refine", "springs",
         "orientation", "rotation", "joints", "place", "soft", "orthotropic", "layers",
-        "minimise",
+        "minimise", "constraints",
     )  # fmt: skip
     others = (
-        "[[obstacle]]", "[[contact]]", "[[joint]]", "[[probe]]", "[[parameter]]", "[[measure]]",
-        "[objective]", "[solve]", "[output]",
+        "[[obstacle]]", "[[contact]]", "[[joint]]", "[[probe]]", "[[parameter]]", "[[control]]",
+        "[[measure]]", "[objective]", "[solve]", "[output]",
     )  # fmt: skip
     order = (TOP, *bodies, *others, *inline)
     return next((i for i, start in enumerate(order) if heading.startswith(start)), len(order))

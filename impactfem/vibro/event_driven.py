@@ -6,6 +6,7 @@ speed.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -139,8 +140,12 @@ def follow(
     duration: float,
     settings: EventSettings,
     legs: list[Leg] | None = None,
+    more: Sequence[float] = (),
 ) -> tuple[Record, Contacts]:
-    """As `integrate_events`: what the run leaves; its flights are kept in ``legs``, if given."""
+    """As `integrate_events`: what the run leaves; its flights are kept in ``legs``, if given.
+
+    Flights of the integrator stop at ``more`` times [s], where loads may change.
+    """
     u = np.atleast_1d(np.array(position, dtype=float))
     v = np.atleast_1d(np.array(velocity, dtype=float))
     if not 0.0 < duration < math.inf:
@@ -158,5 +163,6 @@ def follow(
     if isinstance(system, LinearSystem) and exact:
         fly_linear(system, u, v, duration, contacts, record)
     else:
-        fly_general(system, u, v, duration, contacts, record, (settings.rtol, settings.atol))
+        tolerances = settings.rtol, settings.atol
+        fly_general(system, u, v, duration, contacts, record, tolerances, more)
     return record, contacts

@@ -6,7 +6,7 @@ bracket in which the event is located to rounding.
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -20,6 +20,7 @@ from impactfem.system.joined import Forced
 from impactfem.system.joined import closed as closed_rows
 from impactfem.vibro.event_choice import Onset
 from impactfem.vibro.event_contacts import Contacts
+from impactfem.vibro.event_legs import stops
 from impactfem.vibro.event_looks import Look, Looking
 from impactfem.vibro.event_motion import Motion
 from impactfem.vibro.event_record import Record, gap_rounding
@@ -39,9 +40,9 @@ _MAX_STALL = 1000
 
 def fly_general(
     system: GeneralizedSystem, u: Floats, v: Floats, duration: float, contacts: Contacts,
-    record: Record, tolerances: tuple[float, float],
+    record: Record, tolerances: tuple[float, float], more: Sequence[float] = (),
 ) -> None:  # fmt: skip
-    """Follow a system by the library integrator; fills the record.
+    """Follow a system by the library integrator, which stops at ``more`` times; fills the record.
 
     Raises:
         ConvergenceError: The integrator failed, or events do not move on.
@@ -49,7 +50,7 @@ def fly_general(
     t, row, rubbed, passed, jumped = 0.0, 0, 0.0, 0, 0
     u, v = closed_rows(system, u, v)
     stalled = 0
-    kicks, stops = deque(system.kicks(duration)), deque(system.stops(duration))
+    kicks, left = deque(system.kicks(duration)), deque(stops(system, duration, more))
     released, watched = None, -1
     step: float | None = None
     while True:
@@ -59,8 +60,8 @@ def fly_general(
             passed += 1
             earlier = system.motion_rate(at.before) if earlier is None else earlier
             t = max(t, at.after)
-        while stops and stops[0].before <= t:
-            at = stops.popleft()
+        while left and left[0].before <= t:
+            at = left.popleft()
             if at.before < at.after:
                 jump = jumped
                 jumped += 1
@@ -87,7 +88,7 @@ def fly_general(
             return
         motion = contacts.motion(tolerances[0])
         start = t
-        ahead = kicks[0].at.before if kicks else duration, stops[0].before if stops else duration
+        ahead = kicks[0].at.before if kicks else duration, left[0].before if left else duration
         stop = min(duration, *ahead)
         t, y, row, watched, step = _flight(
             motion, t, np.concatenate([u, v, np.zeros(motion.integrals)]), stop, contacts,

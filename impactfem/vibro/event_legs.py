@@ -1,5 +1,6 @@
 """What a motion from event to event was, event by event: what tangents go along."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,8 @@ from impactfem.scene.breaks import Break
 from impactfem.system.generalized import GeneralizedSystem
 
 Floats = NDArray[np.float64]
+
+_SAME = 1e-13  # share of the duration within which changes are one
 Mode = int | None
 """Of a contact: direction of what slides, 1 or -1; 0: it sticks; None: it opens."""
 
@@ -55,9 +58,26 @@ class Event:
     row: int
 
 
-def jumps(system: GeneralizedSystem, end: float) -> list[Break]:
-    """Where forces and motions of a system change at once, up to an end [s]."""
-    return [at for at in system.stops(end) if at.before < at.after]
+def stops(system: GeneralizedSystem, end: float, more: Sequence[float] = ()) -> list[Break]:
+    """Where flights stop besides events, up to an end [s], in the order of time.
+
+    Args:
+        system: The system, whose forces and motions change there.
+        end: [s].
+        more: Times at which they may change, though they do not as the system is [s].
+    """
+    found: list[Break] = []
+    every = [*system.stops(end), *(Break.at(time) for time in more if 0.0 < time < end)]
+    for at in sorted(every, key=lambda at: (at.before, at.after)):
+        if found and at.before - found[-1].after <= _SAME * end:
+            at = Break(found[-1].before, max(found.pop().after, at.after))  # noqa: PLW2901
+        found.append(at)
+    return found
+
+
+def jumps(system: GeneralizedSystem, end: float, more: Sequence[float] = ()) -> list[Break]:
+    """Where forces and motions change at once, or may; see `stops`."""
+    return [at for at in stops(system, end, more) if at.before < at.after]
 
 
 @dataclass(frozen=True)

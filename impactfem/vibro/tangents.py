@@ -85,8 +85,9 @@ class Tangents:
 
 
 def tangents(
-    system: GeneralizedSystem, record: Record, neighbours: Sequence[Neighbours], duration: float
-) -> Tangents:
+    system: GeneralizedSystem, record: Record, neighbours: Sequence[Neighbours], duration: float,
+    more: Sequence[float] = (),
+) -> Tangents:  # fmt: skip
     """Derivatives of a run by parameters.
 
     Args:
@@ -94,17 +95,20 @@ def tangents(
         record: What the run left, with its flights.
         neighbours: Systems beside it, of each parameter.
         duration: End of the run [s].
+        more: Times at which the run stopped besides [s].
 
     Raises:
         ConvergenceError: Impacts by turns have no derivative that is known, or a flight failed.
     """
-    return _Run(system, record, Bundle.of_all(neighbours, duration), duration).done(neighbours)
+    run = _Run(system, record, Bundle.of_all(neighbours, duration), duration, more)
+    return run.done(neighbours)
 
 
 class _Run:
     def __init__(
-        self, system: GeneralizedSystem, record: Record, bundle: Bundle, duration: float
-    ) -> None:
+        self, system: GeneralizedSystem, record: Record, bundle: Bundle, duration: float,
+        more: Sequence[float],
+    ) -> None:  # fmt: skip
         self.system, self.record, self.bundle, self.duration = system, record, bundle, duration
         count, rows = bundle.count, len(record.times)
         contacts = system.num_constraints
@@ -113,8 +117,8 @@ class _Run:
             np.zeros((rows, contacts, count)), np.zeros((rows, contacts, count)),
             np.zeros((rows, count)),
         )  # fmt: skip
-        self.kicks, self.jumps = system.kicks(duration), jumps(system, duration)
-        self.beside = [jumps(each, duration) for each in bundle.systems]
+        self.kicks, self.jumps = system.kicks(duration), jumps(system, duration, more)
+        self.beside = [jumps(each, duration, more) for each in bundle.systems]
         self.step = duration
 
     def done(self, neighbours: Sequence[Neighbours]) -> Tangents:

@@ -29,6 +29,7 @@ TABLES = {
     "[[joint]]": language.Joint,
     "[[probe]]": language.Probe,
     "[[parameter]]": language.Parameter,
+    "[[control]]": language.Control,
     "[[measure]]": language.Measure,
     "[objective]": language.Objective,
     "[solve]": Solve,
@@ -60,7 +61,16 @@ TABLES = {
     "orthotropic = { e1 = ... }": language.Orthotropic,
     "layers = [{ thickness = ... }]": language.Layer,
     "minimise = [{ ... }]": language.Term,
+    "constraints = [{ ... }]": language.Limit,
 }
+
+
+OTHERWISE = {
+    (language.Parameter, "path"): "key", (language.Control, "begin"): "from",
+    (language.Control, "end"): "until", (language.Limit, "least"): "min",
+    (language.Limit, "most"): "max",
+}  # fmt: skip
+"""Keys whose field has another name."""
 
 
 def test_every_table_and_key_is_described():
@@ -77,6 +87,7 @@ def test_every_table_and_key_is_described():
         "joint",
         "probe",
         "parameter",
+        "control",
         "measure",
         "objective",
         "solve",
@@ -84,7 +95,7 @@ def test_every_table_and_key_is_described():
     ]
     for heading, cls in TABLES.items():
         names = (field.name for field in fields(cls) if field.name not in {"kind", "folder"})
-        expected = ["key" if name == "path" else name for name in names]
+        expected = [OTHERWISE.get((cls, name), name) for name in names]
         assert [key for key in tables[heading] if key != "kind"] == expected
     assert tables['[[body]] with kind = "bar"'][0] == "kind"
 

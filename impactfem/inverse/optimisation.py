@@ -1,0 +1,339 @@
+"""Parameters and controls with which an objective becomes least, by gradients of ours."""
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import Bounds, NonlinearConstraint, lsq_linear, minimize
+
+from impactfem.errors import SceneError
+from impactfem.inverse.gradients import TaylorCheck, check_as_dict, taylor_check
+from impactfem.inverse.search import Iteration, Search, begun
+from impactfem.inverse.varied import Varied
+from impactfem.scene import Scene
+
+Floats = NDArray[np.float64]
+
+_FAILED = 1e6  # times the largest objective so far: what a run that fails counts as
+_AGREES = 1e-6  # share of J by which a plan of the answer's own may tell another
+_STATIONARY = 1e-4  # of the first gradient, below which the last one counts as none
+_KEPT = 1e-6  # share of a limit by which it may be passed
+
+
+@dataclass(frozen=True)
+class Optimised:
+    """What was optimised.
+
+    Attributes:
+        status: "converged", "not_converged".
+        parameters: Of each unknown its value and its start, by name.
+        objective: J at the start and the end, and with a plan of its own.
+        terms: Each term at the end, with its weight.
+        constraints: What stays within limits, at the end.
+        gradient: dJ/dp at the end, by name.
+        multipliers: Of the limits of terms.
+        kkt_residual: Largest entry of the gradient of the Lagrangian that bounds do not hold, by
+            parameters in their sizes [J].
+        iterations: The search.
+        check: Taylor remainders of the gradient at the answer.
+        doubts: Why the answer may be wrong, in words.
+        forward_runs: Runs without derivatives.
+        gradient_runs: Runs with them.
+        resumed: Runs taken from a search before.
+        seconds: Of all [s].
+        method, solver: Of runs, and of the search.
+        scene: The scene with the answer.
+    """
+
+    status: str
+    parameters: dict[str, dict[str, float]]
+    objective: dict[str, float]
+    terms: tuple[float, ...]
+    constraints: tuple[float, ...]
+    gradient: dict[str, float]
+    multipliers: tuple[float, ...]
+    kkt_residual: float
+    iterations: tuple[Iteration, ...]
+    check: TaylorCheck
+    doubts: tuple[str, ...]
+    forward_runs: int
+    gradient_runs: int
+    resumed: int
+    seconds: float
+    method: str
+    solver: str
+    scene: Scene
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the search converged and nothing speaks against its answer."""
+        return self.status == "converged" and self.check.passed and not self.doubts
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain data of ``summary.json``."""
+        return {
+            "status": self.status,
+            "objective": self.objective,
+            "terms": list(self.terms),
+            "constraints": list(self.constraints),
+            "parameters": self.parameters,
+            "gradient": self.gradient,
+            "multipliers": list(self.multipliers),
+            "kkt_residual": self.kkt_residual,
+            "check": check_as_dict(self.check, self.doubts),
+            "method": self.method,
+            "solver": self.solver,
+            "cost": {
+                "forward_runs": self.forward_runs,
+                "gradient_runs": self.gradient_runs,
+                "resumed_runs": self.resumed,
+                "seconds": self.seconds,
+            },
+        }
+
+
+def optimise(
+    scene: Scene | str | Path, *, folder: Path | None = None, restart: Path | None = None
+) -> Optimised:
+    """Find the parameters and controls of a scene with which its objective becomes least.
+
+    Terms with limits (``constraints``) are kept within them. The plan of the start holds for the
+    whole search; the answer is run once more with a plan of its own. What is found is a local
+    minimum: begin elsewhere to look for others.
+
+    Args:
+        scene: A scene with parameters or controls, and an objective; or its file.
+        folder: Where evaluations are kept, so that the search can go on after an interruption.
+        restart: Folder of a search to go on with.
+
+    Raises:
+        SceneError: The scene cannot work, or its method has no right derivatives.
+        ConvergenceError: The run at the start failed, or has no derivative.
+        FolderError: There is no search to go on with, or it is of another scene.
+    """
+    search = begun(scene, folder, restart)
+    varied = search.varied
+    told = varied.jacobian(varied.start)
+    varied.check_moves(told.numbers, told.jacobian)
+    wanted = varied.scene.objective
+    solver = _solver(varied)
+    problem = _Problem(search)
+    best, success, message = _SOLVERS[solver](problem)
+    told = varied.jacobian(best)
+    doubts = list(told.doubts)
+    q, slope = told.numbers, varied.quantities.slope(told.numbers) @ told.jacobian
+    seed = 0 if wanted is None else wanted.seed
+    check = replace(taylor_check(varied, best, q, slope, seed), margin=told.margin)
+    limited, kkt, multipliers = _stationarity(varied, best, q, told.jacobian, slope)
+    verified, planned = varied.verified(best)
+    first, last = search.tried[0], varied.quantities.objective(q)
+    size = max(abs(first.objective), abs(last), 1e-300)
+    if planned.method == varied.chosen.method and abs(verified - last) > _AGREES * size:
+        doubts.append(
+            f"with a plan of its own the answer has the objective {verified:.6g}, in the search "
+            f"{last:.6g}"
+        )
+    doubts += _passed(varied, limited)
+    if search.failures and not success:
+        doubts.append(f"{len(search.failures)} runs failed, the last one: {search.failures[-1]}")
+    if not success:
+        doubts.append(f"the search ended without success: {message}")
+    elif kkt > _STATIONARY * max(first.gradient_norm, size):
+        doubts.append(
+            f"the search ended, but the objective still falls: its gradient is {kkt:.3g}, "
+            f"{first.gradient_norm:.3g} at the start; at a kink of it there is no smaller one"
+        )
+    names = [each.name for each in varied.unknowns]
+    return Optimised(
+        status="converged" if success else "not_converged",
+        parameters={
+            name: {"value": float(value), "start": float(start)}
+            for name, value, start in zip(names, best, varied.start, strict=True)
+        },
+        objective={"initial": first.objective, "final": last, "verified": verified},
+        terms=tuple(varied.quantities.parts(q)),
+        constraints=tuple(limited.tolist()),
+        gradient=dict(zip(names, slope.tolist(), strict=True)),
+        multipliers=tuple(multipliers.tolist()),
+        kkt_residual=kkt,
+        iterations=tuple(search.tried),
+        check=check,
+        doubts=tuple(doubts),
+        forward_runs=varied.forward - varied.sloped,
+        gradient_runs=varied.sloped,
+        resumed=0 if varied.kept is None else varied.kept.taken,
+        seconds=time.perf_counter() - search.begun,
+        method=varied.chosen.method,
+        solver=solver,
+        scene=varied.at(best),
+    )
+
+
+def _solver(varied: Varied) -> str:
+    """The solver that is asked for, or that fits.
+
+    Raises:
+        SceneError: It knows no constraints.
+    """
+    wanted, limited = varied.scene.objective, bool(varied.quantities.limits)
+    given = None if wanted is None else wanted.solver
+    if given is None:
+        return "trust_constr" if limited else "lbfgs"
+    if limited and given != "trust_constr":
+        raise SceneError(
+            f'objective.solver = "{given}" knows no constraints: give "trust_constr", or leave it '
+            "out"
+        )
+    return given
+
+
+class _Problem:
+    """An objective of unknowns s in their sizes, from the start on: p = start + sizes s."""
+
+    def __init__(self, search: Search) -> None:
+        self.search, self.varied = search, search.varied
+        wanted = self.varied.scene.objective
+        self.most = 100 if wanted is None else wanted.max_iterations
+        self.tolerance = 1e-8 if wanted is None else wanted.tolerance
+        self.bounds = (self.varied.limits - self.varied.start) / self.varied.scales
+        self.best: tuple[float, Floats] = (np.inf, self.varied.start)
+
+    def place(self, s: Floats) -> Floats:
+        """P of s, within its bounds in spite of rounding."""
+        low, high = self.varied.limits
+        return np.clip(self.varied.start + self.varied.scales * s, low, high)
+
+    def value(self, s: Floats) -> tuple[float, Floats]:
+        """J and its derivatives; where there is no run, so much that the step is taken back."""
+        values, quantities = self.place(s), self.varied.quantities
+        told = self.search.run(values)
+        if told is None:
+            most = max(abs(each.objective) for each in self.search.tried)
+            return _FAILED * max(most, 1.0), np.zeros(len(s))
+        found = quantities.objective(told.numbers)
+        slope = quantities.slope(told.numbers) @ told.jacobian
+        self.search.note(values, found, slope)
+        if found < self.best[0]:
+            self.best = found, values
+        return found, slope * self.varied.scales
+
+    def limited(self, s: Floats) -> Floats:
+        """What stays within limits (m,)."""
+        return self.varied.quantities.limited(self.varied.jacobian(self.place(s)).numbers)[0]
+
+    def limited_slope(self, s: Floats) -> Floats:
+        """Its derivatives by s, (m, P)."""
+        told = self.varied.jacobian(self.place(s))
+        slopes = self.varied.quantities.limited(told.numbers)[1]
+        return np.asarray(slopes @ told.jacobian * self.varied.scales)
+
+
+type _Found = tuple[Floats, bool, str]
+"""The best parameters, whether the search succeeded, what it said."""
+
+
+def _by_lbfgs(problem: _Problem) -> _Found:
+    options = {"maxiter": problem.most, "ftol": 1e-3 * problem.tolerance**2, "gtol": 1e-12}
+    found = minimize(
+        problem.value, np.zeros(len(problem.varied.start)), jac=True, method="L-BFGS-B",
+        bounds=Bounds(*problem.bounds), options=options,
+    )  # fmt: skip
+    # A line search that finds nothing less has come as near as rounding lets it.
+    done = found.success or "ABNORMAL" in str(found.message)
+    return problem.best[1], bool(done), str(found.message)
+
+
+def _by_trust_constr(problem: _Problem) -> _Found:
+    limits = problem.varied.quantities.limits
+    low, high = np.array([each.limits for each in limits], dtype=float).reshape(-1, 2).T
+    held = [NonlinearConstraint(problem.limited, low, high, jac=problem.limited_slope)]
+    options = {"maxiter": problem.most, "xtol": problem.tolerance, "gtol": problem.tolerance}
+    with warnings.catch_warnings():
+        # SciPy says so of linear terms, whose second derivatives are 0 as it takes them to be.
+        warnings.filterwarnings("ignore", message="delta_grad == 0.0")
+        found = minimize(
+            problem.value, np.zeros(len(problem.varied.start)), jac=True, method="trust-constr",
+            bounds=Bounds(*problem.bounds), constraints=held if limits else [], options=options,
+        )  # fmt: skip
+    return problem.place(found.x), found.status in {1, 2}, str(found.message)
+
+
+def _by_tao(problem: _Problem) -> _Found:
+    from petsc4py import PETSc  # noqa: PLC0415  (heavy; each rank solves the same problem)
+
+    size = len(problem.varied.start)
+    x, gradient = (PETSc.Vec().createSeq(size, comm=PETSc.COMM_SELF) for _ in range(2))
+    low, high = x.duplicate(), x.duplicate()
+    for bound, values in zip((low, high), problem.bounds, strict=True):
+        bound.setArray(np.clip(values, -1e20, 1e20))
+
+    def both(_: Any, at: Any, slope: Any) -> float:
+        value, found = problem.value(at.getArray(readonly=True).copy())
+        slope.setArray(found)
+        return value
+
+    tao = PETSc.TAO().create(PETSc.COMM_SELF)
+    tao.setType("blmvm")
+    tao.setObjectiveGradient(both, gradient)
+    tao.setVariableBounds(low, high)
+    tao.setTolerances(gatol=1e-14, grtol=problem.tolerance, gttol=problem.tolerance)
+    tao.setMaximumIterations(problem.most)
+    tao.solve(x)
+    reason = int(tao.getConvergedReason())
+    for each in (tao, x, gradient, low, high):
+        each.destroy()
+    # As above: no smaller value along the line.
+    done = reason > 0 or reason == PETSc.TAO.Reason.DIVERGED_LS_FAILURE
+    return problem.best[1], done, f"TAO's reason {reason}"
+
+
+_SOLVERS: dict[str, Callable[[_Problem], _Found]] = {
+    "lbfgs": _by_lbfgs, "trust_constr": _by_trust_constr, "tao": _by_tao,
+}  # fmt: skip
+
+
+def _stationarity(
+    varied: Varied, at: Floats, q: Floats, jacobian: Floats, slope: Floats
+) -> tuple[Floats, float, Floats]:
+    """Limited terms, what is left of the Lagrangian's gradient, and multipliers of the limits.
+
+    Multipliers are those with which least is left, of the sign that their limit asks for.
+    """
+    limited, slopes = varied.quantities.limited(q)
+    scaled, count = slope * varied.scales, len(varied.quantities.limits)
+    low, high = varied.limits
+    near = 1e-8 * varied.scales
+    free = ~((at <= low + near) & (scaled > 0.0)) & ~((at >= high - near) & (scaled < 0.0))
+    multipliers = np.zeros(count)
+    if not count:
+        return limited, float(np.abs(scaled[free]).max(initial=0.0)), multipliers
+    rows = slopes @ jacobian * varied.scales
+    limits = np.array([each.limits for each in varied.quantities.limits])
+    room = _KEPT * (1.0 + np.abs(limited))
+    at_most, at_least = limited >= limits[:, 1] - room, limited <= limits[:, 0] + room
+    # L = J + sum of multipliers times terms: >= 0 at an upper limit, <= 0 at a lower one.
+    bounds = np.where(at_least, -np.inf, 0.0), np.where(at_most, np.inf, 0.0)
+    held = at_most | at_least
+    inside = ~((at <= low + near) | (at >= high - near))
+    if held.any() and inside.any():
+        own = bounds[0][held], bounds[1][held]
+        multipliers[held] = lsq_linear(rows[held][:, inside].T, -scaled[inside], own).x
+    total = scaled + multipliers @ rows
+    free = ~((at <= low + near) & (total > 0.0)) & ~((at >= high - near) & (total < 0.0))
+    return limited, float(np.abs(total[free]).max(initial=0.0)), multipliers
+
+
+def _passed(varied: Varied, limited: Floats) -> list[str]:
+    """Limits that the answer passes, in words."""
+    found = []
+    for value, limit in zip(limited.tolist(), varied.quantities.limits, strict=True):
+        low, high = limit.limits
+        beyond = max(low - value, value - high)
+        if beyond > _KEPT * max(1.0, abs(value)):
+            found.append(f"{limit.term} = {value:.6g} passes its limits {low:g} and {high:g}")
+    return found

@@ -1,0 +1,190 @@
+"""Controls: histories in pieces that formulas use by name, and that an optimisation finds."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from impactfem.scene.grammar import CONSTANTS, FUNCTIONS, Node
+from impactfem.scene.inline import NumberOrList, Vector
+from impactfem.scene.kinds import Choice, Integer, Line, Name, Real
+from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.tables import assign, looked_up
+from impactfem.scene.values import NotAllowedError, is_number, show
+
+Floats = NDArray[np.float64]
+
+MAX_CONTROLS = 100
+MAX_PIECES = 10_000
+KINDS = ("constant", "linear")
+_AXES = "xyz"
+
+
+@table("[[control]]")
+@dataclass(frozen=True, kw_only=True)
+class Control:
+    """A history in equal pieces of time, 0 before and after.
+
+    Raises:
+        SceneError: a value is missing or not allowed, or two contradict each other.
+    """
+
+    heading: ClassVar[str] = "control"
+
+    name: str = key(Name(), "name of the control; formulas in t may use it")
+    acts: str | None = key(
+        Line(), "path of a formula in t that it is added to, as body.ball.force.0", default=None,
+        absent="its name stands in formulas",
+    )  # fmt: skip
+    kind: str = key(
+        Choice(KINDS), "whether a piece has one value, or goes from one value to the next",
+        default=KINDS[0],
+    )  # fmt: skip
+    pieces: int = key(Integer(1, MAX_PIECES), "how many pieces")
+    begin: float = key(
+        Real(at_least=0), "where the first piece begins", name="from", unit="s", default=0.0
+    )
+    end: float | None = key(
+        Real(above=0), "where the last piece ends", name="until", unit="s", default=None,
+        absent="the duration",
+    )  # fmt: skip
+    start: Sequence[float] = key(
+        NumberOrList(Real(), MAX_PIECES + 1),
+        "values to begin with, and those of plain runs: one for all, or one of each piece (of each "
+        "end of a piece where they are linear)",
+        default=(0.0,),
+    )  # fmt: skip
+    bounds: Sequence[float] | None = key(
+        Vector((2,)), "least and largest value", default=None, absent="none"
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, self.heading)
+        if self.name in {"t", *CONSTANTS, *FUNCTIONS} or "-" in self.name:
+            text = f" = {show(self.name)} cannot stand in a formula: give another name."
+            raise KeyedError(self.heading, "name", text)
+        if self.end is not None and not self.end > self.begin:
+            text = f" = {self.end:g} s is not after from = {self.begin:g} s: give a later time."
+            raise KeyedError(self.heading, "until", text)
+        if len(self.start) not in {1, self.count}:
+            text = f" has {len(self.start)} values: give one, or {self.count}."
+            raise KeyedError(self.heading, "start", text)
+        low, high = self.limits
+        if not low < high:
+            text = f" = {show([low, high])}: give the smaller number first."
+            raise KeyedError(self.heading, "bounds", text)
+        if not all(low <= value <= high for value in self.start):
+            text = f" = {show([low, high])} excludes a start: widen them."
+            raise KeyedError(self.heading, "bounds", text)
+
+    @property
+    def count(self) -> int:
+        """How many values it has."""
+        return self.pieces + (self.kind == KINDS[1])
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Its values as the scene has them."""
+        return tuple(self.start) if len(self.start) > 1 else tuple(self.start) * self.count
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Bounds; infinite where there are none."""
+        low, high = self.bounds or (-math.inf, math.inf)
+        return low, high
+
+    def times(self, duration: float) -> Floats:
+        """Ends of its pieces in a run that lasts so long [s], (pieces + 1,)."""
+        return np.linspace(self.begin, duration if self.end is None else self.end, self.pieces + 1)
+
+    def tree(self, duration: float) -> Node:
+        """The control as a node of formulas in t: comparisons that halve the pieces."""
+        times, time = self.times(duration).tolist(), ("variable", "t")
+
+        def before(at: float, one: Node, other: Node) -> Node:
+            return ("call", "where", (("call", "lt", (time, at)), one, other))
+
+        def halved(first: int, last: int) -> Node:
+            if last - first == 1:
+                return self._piece(first, times)
+            middle = (first + last) // 2
+            return before(times[middle], halved(first, middle), halved(middle, last))
+
+        return before(times[0], 0.0, before(times[-1], halved(0, self.pieces), 0.0))
+
+    def _piece(self, index: int, times: Sequence[float]) -> Node:
+        value = self.values[index]
+        if self.kind == KINDS[0]:
+            return value
+        rise = (self.values[index + 1] - value) / (times[index + 1] - times[index])
+        since = ("chain", ("variable", "t"), (("Sub", times[index]),))
+        return ("chain", value, (("Add", ("chain", rise, (("Mult", since),))),))
+
+    def at(self, t: ArrayLike, duration: float) -> Floats:
+        """Its values at some times [s], of the piece that begins there."""
+        times, values = self.times(duration), np.array(self.values)
+        if self.kind == KINDS[1]:
+            return np.asarray(np.interp(t, times, values, left=0.0, right=0.0))
+        place = np.searchsorted(times, t, side="right") - 1
+        inside = (place >= 0) & (place < self.pieces)
+        return np.where(inside, values[np.clip(place, 0, self.pieces - 1)], 0.0)
+
+    def effort(self, duration: float) -> float:
+        """Integral of its square over time."""
+        lengths, values = np.diff(self.times(duration)), np.array(self.values)
+        if self.kind == KINDS[0]:
+            return float(lengths @ values**2)
+        a, b = values[:-1], values[1:]
+        return float(lengths @ (a * a + a * b + b * b) / 3.0)
+
+
+def acted(data: dict[str, Any], controls: Sequence[Control]) -> tuple[Control, ...]:
+    """Put controls into the formulas that they act on.
+
+    Args:
+        data: Plain tables of the scene; changed.
+        controls: Read from it.
+
+    Returns:
+        The controls, which then stand in formulas by name.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    found = []
+    for index, control in enumerate(controls):
+        if control.acts is None:
+            found.append(control)
+            continue
+        head, _, last = control.acts.rpartition(".")
+        path = f"{head}.{_AXES.index(last)}" if last in _AXES and last else control.acts
+        try:
+            present = _present(data, path)
+            text = control.name if present in (0, "0") else f"({present}) + {control.name}"
+            assign(data, path, text)
+        except NotAllowedError as error:
+            text = f" = {show(control.acts)}: {error}. What it acts on has to stand there, as 0."
+            raise KeyedError(f"control[{index}]", "acts", text) from None
+        found.append(replace(control, acts=None))
+    return tuple(found)
+
+
+def _present(data: dict[str, Any], path: str) -> object:
+    """The number or formula at a path.
+
+    Raises:
+        NotAllowedError: There is none.
+    """
+    found = looked_up(data, path)
+    if not is_number(found) and not isinstance(found, str):
+        raise NotAllowedError(f"it is {show(found)}; give the path of a formula in t")
+    return found
+
+
+def named_histories(controls: Sequence[Control], duration: object) -> Mapping[str, Node]:
+    """Histories that formulas know by name."""
+    known = float(duration) if is_number(duration) and float(duration) > 0.0 else 1.0
+    return {control.name: control.tree(known) for control in controls}
