@@ -161,7 +161,7 @@ class Quantities:
             place = self._first_term + k
             slope[place] = 1.0
             return float(q[place]), slope
-        index = self.index(term.of)
+        index = self.index(str(term.of))
         own = self.slices[index]
         if term.term == "value":
             slope[own.start] = 1.0

@@ -13,7 +13,7 @@ from impactfem.scene.inline import NumberOrList, Vector
 from impactfem.scene.kinds import Choice, Integer, Line, Name, Real
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.tables import assign, looked_up
-from impactfem.scene.values import NotAllowedError, is_number, show
+from impactfem.scene.values import NotAllowedError, is_number, number, show
 
 Floats = NDArray[np.float64]
 
@@ -125,10 +125,10 @@ class Control:
 
     def at(self, t: ArrayLike, duration: float) -> Floats:
         """Its values at some times [s], of the piece that begins there."""
-        times, values = self.times(duration), np.array(self.values)
+        times, values, now = self.times(duration), np.array(self.values), np.asarray(t, dtype=float)
         if self.kind == KINDS[1]:
-            return np.asarray(np.interp(t, times, values, left=0.0, right=0.0))
-        place = np.searchsorted(times, t, side="right") - 1
+            return np.asarray(np.interp(now, times, values, left=0.0, right=0.0))
+        place = np.searchsorted(times, now, side="right") - 1
         inside = (place >= 0) & (place < self.pieces)
         return np.where(inside, values[np.clip(place, 0, self.pieces - 1)], 0.0)
 
@@ -186,5 +186,5 @@ def _present(data: dict[str, Any], path: str) -> object:
 
 def named_histories(controls: Sequence[Control], duration: object) -> Mapping[str, Node]:
     """Histories that formulas know by name."""
-    known = float(duration) if is_number(duration) and float(duration) > 0.0 else 1.0
+    known = number(duration) if is_number(duration) else 1.0
     return {control.name: control.tree(known) for control in controls}

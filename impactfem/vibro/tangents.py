@@ -185,7 +185,7 @@ class _Run:
         own = getattr(self.jumps[event.stop], side)
         times = np.array([getattr(each[event.stop], side) for each in self.beside])
         away = _ROUNDINGS * np.spacing(own)
-        return times - own + (away if side == "after" else -away)
+        return np.asarray(times - own + (away if side == "after" else -away))
 
     def _before(self, event: Event) -> float:
         """The time just before an event [s]."""
