@@ -46,7 +46,7 @@ class Optimised:
         gradient_runs: Runs with them.
         resumed: Runs taken from a search before.
         seconds: Of all [s].
-        method, solver: Of runs, and of the search.
+        method, searched_by: Of runs, and of the search.
         scene: The scene with the answer.
     """
 
@@ -66,7 +66,7 @@ class Optimised:
     resumed: int
     seconds: float
     method: str
-    solver: str
+    searched_by: str
     scene: Scene
 
     @property
@@ -87,7 +87,7 @@ class Optimised:
             "kkt_residual": self.kkt_residual,
             "check": check_as_dict(self.check, self.doubts),
             "method": self.method,
-            "solver": self.solver,
+            "solver": self.searched_by,
             "cost": {
                 "forward_runs": self.forward_runs,
                 "gradient_runs": self.gradient_runs,
@@ -169,7 +169,7 @@ def optimise(
         resumed=0 if varied.kept is None else varied.kept.taken,
         seconds=time.perf_counter() - search.begun,
         method=varied.chosen.method,
-        solver=solver,
+        searched_by=solver,
         scene=varied.at(best),
     )
 
@@ -181,7 +181,7 @@ def _solver(varied: Varied) -> str:
         SceneError: It knows no constraints.
     """
     wanted, limited = varied.scene.objective, bool(varied.quantities.limits)
-    given = None if wanted is None else wanted.solver
+    given = None if wanted is None else wanted.searched_by
     if given is None:
         return "trust_constr" if limited else "lbfgs"
     if limited and given != "trust_constr":

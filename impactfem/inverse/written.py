@@ -99,7 +99,7 @@ def optimised_rows(found: Optimised) -> Rows:
     rows += [("doubt", doubt) for doubt in found.doubts]
     cost = f"{found.gradient_runs} runs with derivatives, {found.forward_runs} without"
     cost += f", {found.resumed} from before" if found.resumed else ""
-    rows.append(("method", f"{found.method}, searched by {found.solver}"))
+    rows.append(("method", f"{found.method}, searched by {found.searched_by}"))
     return [*rows, ("cost", f"{cost}, {found.seconds:.3g} s")]
 
 

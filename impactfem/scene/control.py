@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 MAX_CONTROLS = 100
 MAX_PIECES = 10_000
-KINDS = ("constant", "linear")
+COURSES = ("constant", "linear")
 _AXES = "xyz"
 
 
@@ -39,9 +39,9 @@ class Control:
         Line(), "path of a formula in t that it is added to, as body.ball.force.0", default=None,
         absent="its name stands in formulas",
     )  # fmt: skip
-    kind: str = key(
-        Choice(KINDS), "whether a piece has one value, or goes from one value to the next",
-        default=KINDS[0],
+    course: str = key(
+        Choice(COURSES), "whether a piece has one value, or goes from one value to the next",
+        name="kind", default=COURSES[0],
     )  # fmt: skip
     pieces: int = key(Integer(1, MAX_PIECES), "how many pieces")
     begin: float = key(
@@ -81,9 +81,14 @@ class Control:
             raise KeyedError(self.heading, "bounds", text)
 
     @property
+    def is_linear(self) -> bool:
+        """Whether a piece goes from one value to the next."""
+        return self.course == COURSES[1]
+
+    @property
     def count(self) -> int:
         """How many values it has."""
-        return self.pieces + (self.kind == KINDS[1])
+        return self.pieces + (self.is_linear)
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -117,7 +122,7 @@ class Control:
 
     def _piece(self, index: int, times: Sequence[float]) -> Node:
         value = self.values[index]
-        if self.kind == KINDS[0]:
+        if not self.is_linear:
             return value
         rise = (self.values[index + 1] - value) / (times[index + 1] - times[index])
         since = ("chain", ("variable", "t"), (("Sub", times[index]),))
@@ -126,7 +131,7 @@ class Control:
     def at(self, t: ArrayLike, duration: float) -> Floats:
         """Its values at some times [s], of the piece that begins there."""
         times, values, now = self.times(duration), np.array(self.values), np.asarray(t, dtype=float)
-        if self.kind == KINDS[1]:
+        if self.is_linear:
             return np.asarray(np.interp(now, times, values, left=0.0, right=0.0))
         place = np.searchsorted(times, now, side="right") - 1
         inside = (place >= 0) & (place < self.pieces)
@@ -135,7 +140,7 @@ class Control:
     def effort(self, duration: float) -> float:
         """Integral of its square over time."""
         lengths, values = np.diff(self.times(duration)), np.array(self.values)
-        if self.kind == KINDS[0]:
+        if not self.is_linear:
             return float(lengths @ values**2)
         a, b = values[:-1], values[1:]
         return float(lengths @ (a * a + a * b + b * b) / 3.0)

@@ -220,10 +220,10 @@ class Objective:
     constraints: tuple[Limit, ...] = key(
         ListOf(InlineTable((Limit,))), "terms that stay within limits (optimise)", default=()
     )
-    solver: str | None = key(
+    searched_by: str | None = key(
         Choice(SOLVERS),
         "how optimise searches: L-BFGS-B or trust-constr of SciPy, BLMVM of PETSc's TAO",
-        default=None, absent="lbfgs; trust_constr with constraints",
+        name="solver", default=None, absent="lbfgs; trust_constr with constraints",
     )  # fmt: skip
     max_iterations: int = key(Integer(1, 100_000), "largest number of iterations", default=100)
     tolerance: float = key(
