@@ -22,6 +22,7 @@ Floats = NDArray[np.float64]
 _FAILED = 1e6  # times the largest objective so far: what a run that fails counts as
 _AGREES = 1e-6  # share of J by which a plan of the answer's own may tell another
 _STATIONARY = 1e-4  # of the first gradient, below which the last one counts as none
+_NO_LESS = -6  # TAO_DIVERGED_LS_FAILURE
 _KEPT = 1e-6  # share of a limit by which it may be passed
 
 
@@ -280,16 +281,16 @@ def _by_tao(problem: _Problem) -> _Found:
     tao = PETSc.TAO().create(PETSc.COMM_SELF)
     tao.setType("blmvm")
     tao.setObjectiveGradient(both, gradient)
-    tao.setVariableBounds(low, high)
+    tao.setVariableBounds((low, high))
     tao.setTolerances(gatol=1e-14, grtol=problem.tolerance, gttol=problem.tolerance)
     tao.setMaximumIterations(problem.most)
     tao.solve(x)
-    reason = int(tao.getConvergedReason())
+    reason: Any = tao.getConvergedReason()
     for each in (tao, x, gradient, low, high):
         each.destroy()
     # As above: no smaller value along the line.
-    done = reason > 0 or reason == PETSc.TAO.Reason.DIVERGED_LS_FAILURE
-    return problem.best[1], done, f"TAO's reason {reason}"
+    done = reason > 0 or reason == _NO_LESS
+    return problem.best[1], bool(done), f"TAO's reason {reason}"
 
 
 _SOLVERS: dict[str, Callable[[_Problem], _Found]] = {

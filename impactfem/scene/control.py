@@ -191,5 +191,8 @@ def _present(data: dict[str, Any], path: str) -> object:
 
 def named_histories(controls: Sequence[Control], duration: object) -> Mapping[str, Node]:
     """Histories that formulas know by name."""
-    known = number(duration) if is_number(duration) else 1.0
+    try:
+        known = number(duration) if controls else 1.0
+    except NotAllowedError:  # which is told where the scene is checked
+        known = 1.0
     return {control.name: control.tree(known) for control in controls}

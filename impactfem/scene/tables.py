@@ -199,6 +199,8 @@ def _home(data: dict[str, Any], path: str) -> tuple[Any, Any]:
     if isinstance(place, list):
         example = ".".join([*parts[:-1], str(place[0].get("name", 0)), parts[-1]])
         raise NotAllowedError(f"say which one is meant, such as {example}")
+    if not isinstance(place, dict):
+        raise NotAllowedError(f"there is no table but {show(place)}")
     return place, last
 
 
