@@ -48,10 +48,13 @@ class Evaluations:
 
         def begin() -> None:
             folder.mkdir(parents=True, exist_ok=True)
-            with self._path.open("wb") as file:
+            # Replaced as a whole, for interruptions and for other ranks that still read it.
+            beside = self._path.with_suffix(".new")
+            with beside.open("wb") as file:
                 np.save(file, np.array(key))
                 for values, slopes in self._known.items():
                     _write(file, np.frombuffer(values), slopes)
+            beside.replace(self._path)
 
         self._on_root(begin)
 

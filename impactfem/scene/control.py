@@ -8,8 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from impactfem.scene.grammar import CONSTANTS, FUNCTIONS, Node
+from impactfem.scene.grammar import Node
 from impactfem.scene.inline import NumberOrList, Vector
+from impactfem.scene.inverse import check_formula_name
 from impactfem.scene.kinds import Choice, Integer, Line, Name, Real
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.tables import assign, looked_up
@@ -63,9 +64,7 @@ class Control:
 
     def __post_init__(self) -> None:
         check_fields(self, self.heading)
-        if self.name in {"t", *CONSTANTS, *FUNCTIONS} or "-" in self.name:
-            text = f" = {show(self.name)} cannot stand in a formula: give another name."
-            raise KeyedError(self.heading, "name", text)
+        check_formula_name(self.heading, self.name, "give another name")
         if self.end is not None and not self.end > self.begin:
             text = f" = {self.end:g} s is not after from = {self.begin:g} s: give a later time."
             raise KeyedError(self.heading, "until", text)

@@ -19,6 +19,17 @@ VARIABLES = ("t", "x", "y", "z", "vx", "vy", "vz")
 """Names that formulas have already."""
 
 
+def check_formula_name(heading: str, name: str, remedy: str) -> None:
+    """Refuse a name that means something else in formulas, or cannot stand there.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    if name in {*VARIABLES, *CONSTANTS, *FUNCTIONS} or "-" in name:
+        text = f" = {show(name)} cannot stand in a formula: {remedy}."
+        raise KeyedError(heading, "name", text)
+
+
 @table("[[parameter]]")
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
@@ -46,9 +57,7 @@ class Parameter:
     def __post_init__(self) -> None:
         check_fields(self, self.heading)
         if self.path is None:
-            if self.name in {*VARIABLES, *CONSTANTS, *FUNCTIONS} or "-" in self.name:
-                text = f" = {show(self.name)} cannot stand in a formula: give another name, or key."
-                raise KeyedError(self.heading, "name", text)
+            check_formula_name(self.heading, self.name, "give another name, or key")
             if self.start is None:
                 text = " is missing: no key tells a value, give a number."
                 raise KeyedError(self.heading, "start", text)
