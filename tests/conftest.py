@@ -1,4 +1,4 @@
-"""Slow tests run as long as the time lasts, where one is given (`TEST_MINUTES` of `.ci/test`)."""
+"""Tests run as long as the time lasts, where one is given (`.ci/test`): slow ones to the first limit, all to the second."""
 
 import os
 import time
@@ -10,7 +10,8 @@ SLOW = Path(__file__).with_name("verification")
 
 
 def pytest_runtest_setup(item):
-    until = os.environ.get("TEST_DEADLINE")
     slow = item.get_closest_marker("slow") or SLOW in item.path.parents
-    if until and slow and time.time() > float(until):
-        pytest.skip("the time is up (TEST_MINUTES)")
+    for limit, meant in (("TEST_DEADLINE", slow), ("TEST_END", True)):
+        until = os.environ.get(limit)
+        if until and meant and time.time() > float(until):
+            pytest.skip(f"the time is up ({limit})")
