@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from impactfem.errors import SceneError
 from impactfem.exact import initial
+from impactfem.exact.drive import EndDrive
 from impactfem.exact.pieces import Array, Load, integrate
 from impactfem.exact.waves import SNAP, follow, intervals
 
@@ -24,7 +25,7 @@ class ExactBar:
     """Motion of a bar u_tt = c^2 u_xx - p(t) that may touch a rigid wall with its end x = 0.
 
     0 <= u(t, 0), lambda = c^2 u_x(t, 0) <= 0, u lambda = 0; the end x = L is free (u_x = 0) or
-    clamped (u = u(0, L)). The solution is exact up to rounding for u(0, x) continuous and
+    clamped (u = u(0, L)), or driven (see `impactfem.exact.drive`). The solution is exact up to rounding for u(0, x) continuous and
     quadratic and u_t(0, x) linear on each piece; see `impactfem.exact.waves` for the method.
     On a characteristic that carries a jump, velocity and strain have the value of one side.
 
@@ -44,6 +45,7 @@ class ExactBar:
     """
 
     __slots__ = (
+        "_drive",
         "_load",
         "_wave",
         "contacts",
@@ -72,6 +74,7 @@ class ExactBar:
         gravity_times: ArrayLike = (0.0,),
         gravity_values: ArrayLike = (0.0,),
         far_end: FarEnd = "free",
+        drive: EndDrive | None = None,
         resolution: int = 2048,
     ) -> None:
         """Solve for all times at once.
@@ -87,8 +90,9 @@ class ExactBar:
             gravity_times: (m,) times from which the values hold, the first 0 [s].
             gravity_values: (m,) acceleration p towards the wall [m/s^2], of any sign.
             far_end: "free" or "clamped".
+            drive: what drives the far end; None: nothing.
             resolution: breakpoints of the wave kept from one return from the far end to the next
-                (never fewer than four times the pieces); irregular bouncing asks for ever more.
+                (never fewer than four times the pieces, and what the drive has); irregular bouncing asks for ever more.
 
         Raises:
             SceneError: the data contradict each other or start inside the wall, or the motion
@@ -101,7 +105,9 @@ class ExactBar:
         self.wave_speed = initial.positive("wave_speed", wave_speed)
         self.duration = initial.positive("duration", duration)
         self.transit_time = self.length / self.wave_speed
-        self.sampled, self.sampling_error = False, 0.0
+        self.sampled = drive is not None and drive.error > 0.0
+        self.sampling_error = 0.0 if drive is None else drive.error
+        self._drive = drive
         self._load = Load.from_steps(*initial.steps(gravity_times, gravity_values))
         x, u, v = initial.pieces(self.length, nodes, displacement, velocity)
         self.pieces = len(x) - 1
@@ -119,7 +125,10 @@ class ExactBar:
             gap=max(gap, 0.0),
             duration=self.duration + self.transit_time,
             clamped=clamped,
-            resolution=max(resolution, 4 * self.pieces),
+            resolution=max(
+                resolution, 4 * self.pieces + (0 if drive is None else len(drive.values))
+            ),
+            drive=drive,
         )
         self.exact_until = min(exact_until, self.duration)
         self.events = np.array([t for t, _ in events if t <= self.duration], dtype=np.float64)
@@ -137,6 +146,7 @@ class ExactBar:
         gravity_times: ArrayLike = (0.0,),
         gravity_values: ArrayLike = (0.0,),
         far_end: FarEnd = "free",
+        drive: EndDrive | None = None,
         pieces: int = 256,
         tolerance: float = 1e-11,
         resolution: int = 2048,
@@ -178,9 +188,11 @@ class ExactBar:
             gravity_times=gravity_times,
             gravity_values=gravity_values,
             far_end=far_end,
+            drive=drive,
             resolution=resolution,
         )
-        bar.sampled, bar.sampling_error = start.middle is not None, start.error
+        bar.sampled = bar.sampled or start.middle is not None
+        bar.sampling_error += start.error
         return bar
 
     def displacement(self, t: ArrayLike, x: ArrayLike) -> Array:
@@ -247,10 +259,37 @@ class ExactBar:
         return self.wave_speed * -float(np.minimum(first, last).min(initial=0.0))
 
     @property
+    def drive_pieces(self) -> int:
+        """Pieces of what drives the far end."""
+        return 0 if self._drive is None else len(self._drive.values)
+
+    @property
     def load_switches(self) -> Array:
         """Times in (0, T) at which gravity changes [s]."""
         times = self._load.times
         return times[(times > 0.0) & (times < self.duration)]
+
+    def end_work(self, times: ArrayLike) -> Array:
+        """Work over rho A of what drives the far end, from 0 to increasing times (m,) [m^3/s^2].
+
+        The integral of c^2 u_x u_t at x = L; both are linear between the breakpoints of all waves.
+        """
+        t = self._inside(times, 0.0)[0]
+        if self._drive is None:
+            return np.zeros(t.shape)
+        reach, load, start = self.transit_time, self._load.times[1:], self._wave.start
+        breaks = [start - reach, start + reach, self._drive.times, load, load - reach, load + reach]
+        edges = np.unique(np.concatenate([[0.0], t, *breaks]))
+        edges = edges[(edges >= 0.0) & (edges <= t.max(initial=0.0))]
+        width, middle = np.diff(edges), 0.5 * (edges[1:] + edges[:-1])
+        shift = width / np.sqrt(12.0)
+        power = np.zeros(len(width))
+        for x in (middle - shift, middle + shift):
+            v, s = self._waves(x, np.array(reach))
+            power += 0.5 * width * v * s
+        done = self.wave_speed * np.concatenate([[0.0], np.cumsum(power)])
+        found: Array = done[np.searchsorted(edges, t)]
+        return found
 
     def fields(self, times: ArrayLike, places: ArrayLike) -> tuple[Array, Array]:
         """Displacement and velocity [m, m/s] at times (m,) and places (n,), each (m, n).

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
+from impactfem.exact.drive import EndDrive
 from impactfem.exact.pieces import Array, Line, Load
 
 _EPS = float(np.finfo(float).eps)
@@ -158,8 +159,9 @@ class Wall:
 
 
 def follow(
-    leaving: Line, load: Load, *, gap: float, duration: float, clamped: bool, resolution: int
-) -> tuple[Wave, list[tuple[float, bool]], float]:
+    leaving: Line, load: Load, *, gap: float, duration: float, clamped: bool, resolution: int,
+    drive: EndDrive | None = None,
+) -> tuple[Wave, list[tuple[float, bool]], float]:  # fmt: skip
     """Follow the wave at the wall until `duration`.
 
     Costs about 10 microseconds per window of length 2 l and 2 microseconds per breakpoint. A window
@@ -175,6 +177,7 @@ def follow(
         duration: end time [s].
         clamped: whether the far end is held.
         resolution: largest number of breakpoints kept from window to window.
+        drive: of the far end; None: nothing drives it.
 
     Returns:
         The wave, the events as pairs (time [s], whether contact begins), and the time up to
@@ -196,7 +199,7 @@ def follow(
         line = leaving.merge(_VALUE * wall.speed)
         if len(line.left) > resolution:
             line, exact_until = line.coarsen(resolution), min(exact_until, k * length)
-        rows = wall.cross(k * length, _arrive(line, load, k, sign))
+        rows = wall.cross(k * length, _arrive(line, load, k, sign, drive))
         kept.add(k * length, rows)
         leaving = Line(
             [row[0] for row in rows] + [length],
@@ -240,30 +243,33 @@ class _Kept:
         return Wave(start, value, slope, np.array(self.contact), np.array(self.gap), impulse)
 
 
-def _arrive(leaving: Line, load: Load, k: int, sign: float) -> Line:
+def _arrive(leaving: Line, load: Load, k: int, sign: float, drive: EndDrive | None) -> Line:
     """The wave that arrives in window k from the one that left in window k - 1."""
     length = leaving.border[-1]
     begin, half = k * length, 0.5 * length
     # Counted from the window's begin: differences of large times would cost digits.
     near = load.around(begin - length, begin + length, begin)
+    driven = None if drive is None else drive.around(begin - half, begin + half, begin - half)
+    shifts = (0.0, length) if sign > 0 else (0.0, half, length)
+    cuts = [near.times[1:] + x for x in shifts] if len(near.times) > 1 else []
+    cuts += [] if driven is None else [driven.times]
+    if cuts:
+        leaving = leaving.split(np.concatenate(cuts), SNAP * length)
+    now = np.array(leaving.border)
     if len(near.times) == 1:
-        drop = near.values[0] * length if sign > 0 else 0.0
-        low = high = [float(drop)] * len(leaving.left)
+        drops = np.full(len(now), near.values[0] * length if sign > 0 else 0.0)
+    elif sign > 0:
+        drops = near.moments(now - length, np.array(length))[0]
     else:
-        shifts = (0.0, length) if sign > 0 else (0.0, half, length)
-        cuts = np.concatenate([near.times[1:] + x for x in shifts])
-        leaving = leaving.split(cuts, SNAP * length)
-        now = np.array(leaving.border)
-        if sign > 0:
-            drops = near.moments(now - length, np.array(length))[0]
-        else:
-            drops = near.moments(now - half, np.array(half))[0]
-            drops = drops - near.moments(now - length, np.array(half))[0]
-        low, high = drops[:-1].tolist(), drops[1:].tolist()
+        drops = near.moments(now - half, np.array(half))[0]
+        drops = drops - near.moments(now - length, np.array(half))[0]
+    low, high = drops[:-1], drops[1:]
+    if driven is not None:
+        low, high = np.stack([low, high]) - 2.0 * driven.ends(now).T
     return Line(
         leaving.border,
-        [sign * w - p for w, p in zip(leaving.left, low, strict=True)],
-        [sign * w - p for w, p in zip(leaving.right, high, strict=True)],
+        [sign * w - p for w, p in zip(leaving.left, low.tolist(), strict=True)],
+        [sign * w - p for w, p in zip(leaving.right, high.tolist(), strict=True)],
     )
 
 

@@ -1,5 +1,6 @@
 """Bars by characteristics: outcomes, and their derivatives by differences on both sides."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from impactfem.sizing import DEFAULT_ELEMENTS
 Floats = NDArray[np.float64]
 
 _STEP = 1e-4  # share of a parameter, the longer of two differences
+_FEW = 4  # unknowns whose neighbours are compared one by one
 _KINK = 1e-6  # share by which slopes on both sides may differ before both are told
 
 
@@ -52,41 +54,114 @@ class BarRuns:
             {pair: float(sum(end - start for start, end in exact.contacts))},
             {bar.name: speed},
             {bar.name: section * bar.length},
+            0.0 if motion.end_work is None else section * motion.end_work,
         )
 
     def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:
-        """Numbers of a run and their derivatives.
+        """Numbers of a run and their derivatives, by differences over neighbours."""
+        found = differences(changes, reader(self.outcome, changes, quantities))
+        if found.sides is not None:
+            below, above = found.sides
+            n, k = np.unravel_index(np.abs(above - below).argmax(), above.shape)
+            found.doubts.append(
+                f"parameter[{k}]: slopes differ on both sides, {below[n, k]:.6g} below and "
+                f"{above[n, k]:.6g} above; their mean is given"
+            )
+        return found
 
-        Each side has differences over a step and its half, extrapolated; where they disagree, the
-        derivative is the mean of both sides, and a doubt says so.
+    def reference(self) -> None:
+        """They have no error but rounding."""
+
+
+def reader(
+    outcome: Callable[[Scene, Floats], Outcome], changes: Changes, quantities: Quantities
+) -> Callable[[Floats], Floats]:
+    """What reads the numbers of runs from values of the unknowns."""
+
+    def read(values: Floats) -> Floats:
+        scene = changes.at(values)
+        return quantities.read(outcome(scene, quantities.times), scene)
+
+    return read
+
+
+def differences(changes: Changes, read: Callable[[Floats], Floats]) -> Slopes:
+    """Numbers of a run and their derivatives, by differences over neighbours on both sides.
+
+    Of many unknowns both sides are compared along one direction in which all of them change, and
+    one by one only where they disagree.
+
+    Args:
+        changes: The place, and the sizes of steps.
+        read: Numbers of the run at some values.
+    """
+    beside = _Beside(changes, read)
+    count = len(changes.values)
+    if count > _FEW:
+        way = np.random.default_rng(0).standard_normal(count) * changes.scales
+        both = beside.sides(way / np.sqrt(count))
+        slopes = None if len(both) < 2 or _apart(both) else beside.central()
+        if slopes is not None:
+            return Slopes(beside.numbers, slopes, [])
+    below, above = np.zeros((2, len(beside.numbers), count))
+    kinked = False
+    for k, size in enumerate(changes.scales):
+        sides = beside.sides(size * np.eye(count)[k])
+        if not sides:
+            raise SceneError(f"parameter[{k}]: there are no scenes beside its value")
+        above[:, k], below[:, k] = sides[0] / size, sides[-1] / size
+        kinked |= len(sides) == 2 and _apart(sides)
+    mean = 0.5 * (above + below)
+    if not kinked:
+        return Slopes(beside.numbers, mean, [])
+    return Slopes(beside.numbers, mean, [], 0.0, (below, above))
+
+
+class _Beside:
+    """Numbers of neighbours of a run, and differences over them.
+
+    Attributes:
+        numbers: Of the run itself.
+    """
+
+    def __init__(self, changes: Changes, read: Callable[[Floats], Floats]) -> None:
+        self._changes, self._read = changes, read
+        self.numbers = read(changes.values)
+
+    def _at(self, change: Floats) -> Floats | None:
+        """Numbers of a neighbour; None where there is none."""
+        try:
+            return self._read(self._changes.values + change)
+        except SceneError:
+            return None
+
+    def sides(self, way: Floats) -> list[Floats]:
+        """Derivatives along a direction on each of its sides where there are neighbours.
+
+        Differences over a step and its half, extrapolated.
         """
-        scene = changes.scene
-        q = quantities.read(self.outcome(scene, quantities.times), scene)
-        slopes, doubts = np.zeros((len(q), len(changes.values))), []
+        found = []
+        for sign in (1.0, -1.0):
+            h = sign * _STEP
+            far, near = self._at(h * way), self._at(0.5 * h * way)
+            if far is not None and near is not None:
+                found.append((4.0 * near - far - 3.0 * self.numbers) / h)
+        return found
 
-        def numbers(k: int, offset: float) -> Floats | None:
-            try:
-                scene = changes.moved(k, offset)
-                return quantities.read(self.outcome(scene, quantities.times), scene)
-            except SceneError:
+    def central(self) -> Floats | None:
+        """Derivatives (n, P) by one neighbour on each side; None where one is missing."""
+        slopes = np.zeros((len(self.numbers), len(self._changes.values)))
+        for k, size in enumerate(self._changes.scales):
+            way = np.zeros(slopes.shape[1])
+            way[k] = _STEP * size
+            far, near = self._at(way), self._at(-way)
+            if far is None or near is None:
                 return None
+            slopes[:, k] = (far - near) / (2.0 * way[k])
+        return slopes
 
-        for k, size in enumerate(changes.scales):
-            sides = []
-            for sign in (1.0, -1.0):
-                h = sign * _STEP * size
-                far, near = numbers(k, h), numbers(k, 0.5 * h)
-                if far is not None and near is not None:
-                    sides.append((4.0 * near - far - 3.0 * q) / h)
-            if not sides:
-                raise SceneError(f"parameter[{k}]: there are no scenes beside its value")
-            slopes[:, k] = np.mean(sides, axis=0)
-            if len(sides) == 2:
-                apart, most = np.abs(sides[0] - sides[1]), np.abs(sides).max()
-                if apart.max() > _KINK * most:
-                    place = int(apart.argmax())
-                    doubts.append(
-                        f"parameter[{k}]: slopes differ on both sides, {sides[1][place]:.6g} below "
-                        f"and {sides[0][place]:.6g} above; their mean is given"
-                    )
-        return Slopes(q, slopes, doubts)
+
+def _apart(sides: list[Floats]) -> bool:
+    """Whether derivatives on both sides disagree."""
+    one, other = sides
+    return bool(np.abs(one - other).max() > _KINK * np.abs(sides).max())

@@ -90,10 +90,12 @@ class Evaluations:
     def _take(self, file: IO[bytes]) -> None:
         while True:
             try:
-                values, numbers, jacobian, doubts, margin = (np.load(file) for _ in range(5))
+                values, numbers, jacobian, doubts, margin, sides = (np.load(file) for _ in range(6))
             except (ValueError, EOFError):  # the end, or what an interruption left half written
                 return
-            slopes = Slopes(numbers, jacobian, [str(each) for each in doubts], float(margin))
+            told = [str(each) for each in doubts]
+            both = (sides[0], sides[1]) if len(sides) else None
+            slopes = Slopes(numbers, jacobian, told, float(margin), both)
             self._known[values.tobytes()] = slopes
 
     def _on_root(self, act: Callable[[], None]) -> None:
@@ -108,5 +110,6 @@ class Evaluations:
 
 def _write(file: IO[bytes], values: Floats, slopes: Slopes) -> None:
     doubts = np.array(slopes.doubts, dtype=str)
-    for each in (values, slopes.numbers, slopes.jacobian, doubts, np.array(slopes.margin)):
+    sides = np.array(slopes.sides or ())
+    for each in (values, slopes.numbers, slopes.jacobian, doubts, np.array(slopes.margin), sides):
         np.save(file, each)

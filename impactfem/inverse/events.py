@@ -88,6 +88,9 @@ class EventRuns:
         margin = _margin(record.legs or [], found, times, changes.scales)
         return Slopes(q, slopes, found.doubts, margin)
 
+    def reference(self) -> None:
+        """They have no error but that of their integrator."""
+
 
 def _edges(scene: Scene) -> list[float]:
     """Where pieces of controls begin and end [s], though their values may be the same."""

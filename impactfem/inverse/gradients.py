@@ -1,6 +1,7 @@
 """The gradient of an objective, checked where it is taken."""
 
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -69,6 +70,10 @@ class Gradient:
         gradient_runs: Runs with them.
         seconds_forward: Time of one run without them, the mean of those of the check [s].
         seconds_gradient: Time of the one with them [s].
+        sides: dJ/dp below and above each parameter, by its name, where they differ; the gradient
+            is then their mean. None: it is one.
+        error: Of each derivative against that of the exact solution, by the name of the parameter;
+            None: there is no mesh.
     """
 
     objective: float
@@ -81,6 +86,8 @@ class Gradient:
     gradient_runs: int
     seconds_forward: float
     seconds_gradient: float
+    sides: dict[str, tuple[float, float]] | None = None
+    error: dict[str, float] | None = None
 
     @property
     def trusted(self) -> bool:
@@ -93,7 +100,9 @@ class Gradient:
             "objective": self.objective,
             "gradient": self.gradient,
             "measures": self.measures,
-            "check": check_as_dict(self.check, self.doubts),
+            "error": self.error,
+            "check": check_as_dict(self.check, self.doubts)
+            | {"one_sided": None if self.sides is None else self.sides},
             "method": self.method,
             "cost": {
                 "forward_runs": self.forward_runs,
@@ -110,8 +119,8 @@ def check_as_dict(check: TaylorCheck, doubts: tuple[str, ...] | list[str]) -> di
         "taylor_rate": check.rate,
         "taylor_steps": list(check.steps),
         "taylor_remainders": list(check.remainders),
-        "one_sided": check.sided,
-        "margin": check.margin if np.isfinite(check.margin) else None,
+        "on_one_side": check.sided,
+        "strict_complementarity": check.margin if np.isfinite(check.margin) else None,
         "passed": check.passed and not doubts,
         "doubts": list(doubts),
     }
@@ -135,17 +144,22 @@ def gradient(scene: Scene | str | Path) -> Gradient:
     varied = Varied.of(scene)
     start = varied.start
     begun = time.perf_counter()
-    q, jacobian, doubts, margin = varied.jacobian(start)
+    told = varied.jacobian(start)
+    q, jacobian, doubts = told.numbers, told.jacobian, list(told.doubts)
     took = time.perf_counter() - begun
     varied.check_moves(q, jacobian)
     slope = varied.quantities.slope(q) @ jacobian
     seed = scene.objective.seed if scene.objective else 0
     begun, before = time.perf_counter(), varied.forward
-    check = replace(taylor_check(varied, start, q, slope, seed), margin=margin)
+    check = replace(taylor_check(varied, start, q, slope, seed), margin=told.margin)
     plain = (time.perf_counter() - begun) / (varied.forward - before)
     if check.sided:
         doubts.append("the objective has a kink here: this is its gradient on one side")
     names = [each.name for each in varied.unknowns]
+    sides = None
+    if told.sides is not None:
+        below, above = (varied.quantities.slope(q) @ side for side in told.sides)
+        sides = dict(zip(names, zip(below.tolist(), above.tolist(), strict=True), strict=True))
     measures = {
         measure.name: {
             "values": q[own].tolist(),
@@ -167,7 +181,19 @@ def gradient(scene: Scene | str | Path) -> Gradient:
         gradient_runs=varied.sloped,
         seconds_forward=plain,
         seconds_gradient=took,
+        sides=sides,
+        error=_error(varied, names, slope),
     )
+
+
+def _error(varied: Varied, names: Sequence[str], slope: Floats) -> dict[str, float] | None:
+    """How far each derivative is from that of the exact solution; None where it has no mesh."""
+    reference = varied.runs.reference()
+    if reference is None:
+        return None
+    told = replace(varied, runs=reference, kept=None, _last=None).jacobian(varied.start)
+    other = varied.quantities.slope(told.numbers) @ told.jacobian
+    return dict(zip(names, np.abs(other - slope).tolist(), strict=True))
 
 
 def taylor_check(varied: Varied, at: Floats, q: Floats, slope: Floats, seed: int) -> TaylorCheck:

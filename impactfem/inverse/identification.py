@@ -182,7 +182,7 @@ def identify(
     search = begun(scene, folder, restart)
     varied, residuals = search.varied, _Residuals(search)
     scene = varied.scene
-    at_start, jacobian, _, _ = varied.jacobian(varied.start)
+    at_start, jacobian = varied.jacobian(varied.start)[:2]
     varied.check_moves(at_start, jacobian)
     low, high = varied.limits
     objective = scene.objective
@@ -192,7 +192,7 @@ def identify(
         bounds=(low, high), x_scale=varied.scales, ftol=tolerance, xtol=tolerance, gtol=1e-12,
         max_nfev=100 if objective is None else objective.max_iterations,
     )  # fmt: skip
-    q, jacobian, told, margin = varied.jacobian(found.x)
+    q, jacobian, told, margin, _ = varied.jacobian(found.x)
     doubts = list(told)
     slopes, left = residuals.jacobian(found.x), found.fun
     held = [bool(side) for side in found.active_mask]

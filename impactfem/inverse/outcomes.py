@@ -22,6 +22,7 @@ class Outcome:
         rebound: Speed of each body's centre of mass just after its last contact [m/s]; NaN if
             there was none.
         masses: Of the bodies [kg].
+        driven: Work of what drives ends, which potential energies count [J], (rows,) or 0.
     """
 
     history: Table
@@ -29,6 +30,7 @@ class Outcome:
     duration: Mapping[str, float]
     rebound: Mapping[str, float]
     masses: Mapping[str, float]
+    driven: Floats | float = 0.0
 
     @property
     def times(self) -> Floats:

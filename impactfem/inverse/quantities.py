@@ -128,6 +128,8 @@ class Quantities:
             return float(np.linalg.norm(_velocity(outcome, str(term.body), row)))
         columns = [outcome.history.get(f"{name}_energy") for name in _ENERGIES[term.term]]
         energy = sum(float(column.values[row]) for column in columns if column is not None)
+        if term.term == "terminal_energy":
+            energy += float(np.broadcast_to(outcome.driven, outcome.times.shape)[row])
         if term.term == "vibration_energy":
             for name, mass in outcome.masses.items():
                 energy -= 0.5 * mass * float(np.square(_velocity(outcome, name, row)).sum())

@@ -26,12 +26,15 @@ class Slopes(NamedTuple):
         doubts: Why there may be no derivatives here, in words.
         margin: Change of the parameters, as a share of their sizes, at which an impact passes a
             time that is looked at: there derivatives jump.
+        sides: Derivatives below and above the parameters, (n, P) each, where they differ; the
+            jacobian is then their mean.
     """
 
     numbers: Floats
     jacobian: Floats
     doubts: list[str]
     margin: float = float("inf")
+    sides: tuple[Floats, Floats] | None = None
 
 
 @dataclass(frozen=True)

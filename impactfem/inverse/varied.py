@@ -12,6 +12,7 @@ from impactfem.errors import SceneError
 from impactfem.inverse.bars import BarRuns
 from impactfem.inverse.evaluations import Evaluations
 from impactfem.inverse.events import EventRuns
+from impactfem.inverse.layered_bars import LayeredBars
 from impactfem.inverse.outcomes import Outcome
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
@@ -80,8 +81,14 @@ class Runs(Protocol):
         """The numbers of a run and their derivatives."""
         ...
 
+    def reference(self) -> "Runs | None":
+        """Runs without the error that a mesh makes; None: there is no mesh."""
+        ...
 
-RUNS: Mapping[str, Any] = {"event_driven": EventRuns, "exact": BarRuns}
+
+RUNS: Mapping[str, Any] = {
+    "event_driven": EventRuns, "exact": BarRuns, "galerkin": LayeredBars, "monolithic": LayeredBars,
+}  # fmt: skip
 """What has derivatives, by method."""
 
 _STILL = 1e-9  # share of what is looked at that a parameter has to move
@@ -124,8 +131,11 @@ class Varied:
             )
         quantities = Quantities.of(scene)
         chosen = plan(scene)
+        known = [n for n in RUNS if METHODS[n].bodies & scene.kinds]
+        exact = [name for name in known if METHODS[name].exact]
+        if scene.solve.method is None and exact and chosen.method not in exact:
+            chosen = plan(scene.with_settings({"solve.method": exact[0]}))
         if chosen.method not in RUNS:
-            known = [n for n in RUNS if METHODS[n].bodies & scene.kinds]
             remedy = " or ".join(f"solve.method = {show(n)}" for n in known)
             raise SceneError(
                 f"solve.method = {show(chosen.method)} has no derivatives that are right: use "

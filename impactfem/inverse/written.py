@@ -27,7 +27,14 @@ _LOG = 100.0  # times the least objective, from which on a picture has powers of
 def gradient_table(found: Gradient) -> str:
     """A gradient for a terminal."""
     rows = [("objective", f"{found.objective:.10g}")]
-    rows += [(f"d/d{name}", f"{value:.10g}") for name, value in found.gradient.items()]
+    for name, value in found.gradient.items():
+        told = f"{value:.10g}"
+        if found.sides is not None:
+            below, above = found.sides[name]
+            told += f", {below:.10g} below and {above:.10g} above"
+        if found.error is not None:
+            told += f" ({found.error[name]:.2g} from that of the exact solution)"
+        rows.append((f"d/d{name}", told))
     rows.append(("check", _check(found.check)))
     rows += [("doubt", doubt) for doubt in found.doubts]
     cost = f"{found.seconds_gradient:.3g} s with derivatives, {found.seconds_forward:.3g} s without"

@@ -49,9 +49,9 @@ def substitute(inverse, lower, x):
 
 @compiled
 def two_step(
-    mass, stiffness, dt, clamped, velocity, loads,
+    mass, stiffness, dt, clamped, velocity, loads, pushes, ways,
     now, step, push, first, last, marks,
-    kept, displacement, rate, gap, multiplier, kinetic, elastic, mean,
+    kept, displacement, rate, gap, far, multiplier, kinetic, elastic, mean,
 ):  # fmt: skip
     """March the layers first ... last - 1 of the Petrov-Galerkin recursion.
 
@@ -69,6 +69,8 @@ def two_step(
         clamped: Whether the last node is held.
         velocity: Initial velocity [m/s]; used if first = 0.
         loads: Gravity of each row [m/s^2].
+        pushes: Force on the last node in each row [m^2/s^2].
+        ways: Of the last node in each layer, where it is held [m].
         now: u^first, shape (nodes,); becomes u^last.
         step: u^first - u^{first-1}; becomes that of the last layer. Summing steps keeps rounding
             errors to one per layer, where 2 u^m - u^{m-1} would let them grow with its square.
@@ -77,8 +79,8 @@ def two_step(
         marks: Set of each layer of this call, (last - first,).
         kept: Levels at which fields are stored, increasing.
         displacement, rate: Fields at those levels, filled.
-        gap, multiplier, kinetic, elastic, mean: Filled rows first + 1 ... last (multiplier: from
-            first on).
+        gap, far, multiplier, kinetic, elastic, mean: Filled rows first + 1 ... last (multiplier:
+            from first on); far: of the last two nodes.
 
     Returns:
         lambda of the last layer.
@@ -96,6 +98,8 @@ def two_step(
         for j in range(n):
             ahead = stiffness[j] * (now[j + 1] - now[j]) if j < n - 1 else 0.0
             change = half * dt * dt * ((ahead - pull) / mass[j] - loads[m])
+            if j == n - 1:
+                change += half * dt * dt * pushes[m] / mass[j]
             if m == 0:
                 change += dt * velocity[j]
             old[j] = step[j]
@@ -110,7 +114,7 @@ def two_step(
             push = free / response
             step[0] = -now[0]
         if clamped:
-            step[n - 1] = 0.0
+            step[n - 1] = ways[m]
         # E = v (M - dt^2 K / 4) v / 2 + w K w / 2, v and w of the layer.
         moving = 0.0
         strained = 0.0
@@ -136,6 +140,7 @@ def two_step(
         for j in range(n):
             now[j] += step[j]
         gap[m + 1] = now[0]
+        far[m + 1, 0], far[m + 1, 1] = now[n - 2], now[n - 1]
         if slot < len(kept) and kept[slot] == m + 1:
             for j in range(n):
                 displacement[slot, j] = now[j]

@@ -13,6 +13,7 @@ from impactfem.marching.chain import Chain
 from impactfem.marching.waves import Waves
 from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
 from impactfem.scene import Bar, PiecewiseConstant
+from impactfem.system.ends import end_pushes, end_ways, end_work
 from impactfem.system.fronts import wave_energies
 
 Floats = NDArray[np.float64]
@@ -52,6 +53,8 @@ class Marching:
         tolerance: Relative rounding level of the merit.
         max_iterations: Limit of active-set iterations of a window.
         every: Keep the fields of every so many levels.
+        marks: Sets of the layers, where they are known (`kernels.DECIDE`: they are not), (layers,);
+            None: all are found, window by window. For galerkin.
     """
 
     dt: float
@@ -61,6 +64,7 @@ class Marching:
     tolerance: float = 1e-13
     max_iterations: int = 200
     every: int = 1
+    marks: NDArray[np.int8] | None = None
 
 
 class _Record:
@@ -72,6 +76,7 @@ class _Record:
         self.displacement = np.empty((len(self.kept), nodes))
         self.rate = np.empty((len(self.kept), nodes))
         self.gap = np.empty(levels)
+        self.far = np.empty((levels, 2))
         self.multiplier = np.empty(numbers.layers)
         self.kinetic = np.empty(levels)
         self.elastic = np.empty(levels)
@@ -79,7 +84,7 @@ class _Record:
         self.momentum = np.empty(levels)
         mass, u, v = chain.mass, chain.displacement, chain.velocity
         self.displacement[0], self.rate[0] = u, v
-        self.gap[0] = u[0]
+        self.gap[0], self.far[0] = u[0], u[-2:]
         self.kinetic[0] = 0.5 * mass @ v**2
         self.elastic[0] = 0.5 * chain.stiffness @ np.diff(u) ** 2
         self.mean[0] = mass @ u / mass.sum()
@@ -107,14 +112,16 @@ def march(
     record = _Record(chain, numbers)
     scale = _scale(chain, gravity, bar.transit_time)
     tolerance = numbers.tolerance * scale
+    driven = np.zeros_like(times)
     if scheme.kernel == "two_step":
-        effort, potential = _two_step(chain, numbers, means, tolerance, record, bar)
+        effort, potential, driven = _two_step(chain, numbers, means, tolerance, record, bar)
         waves = wave_energies(bar, positions, times, record.gap, record.multiplier, gravity)
         if waves is not None:
-            record.kinetic, record.elastic, potential = waves[0], waves[1], waves[2] / bar.length
+            record.kinetic, record.elastic, driven = waves[0], waves[1], waves[3]
+            potential = (waves[2] + driven) / bar.length
     else:
         if scheme.kernel == "conserving":
-            effort = _waves(bar, gravity, positions, numbers, means, record)
+            effort, driven = _waves(bar, gravity, positions, numbers, means, record)
         else:
             effort = _one_step(chain, numbers, means, tolerance, record)
         # Work of gravity: load of the layer times its path, as the schemes have it.
@@ -131,10 +138,11 @@ def march(
         active=record.multiplier < 0.0,
         kinetic=record.kinetic,
         elastic=record.elastic,
-        potential=bar.length * potential,
+        potential=bar.length * potential - driven,
         mean_displacement=record.mean,
         mean_velocity=record.momentum,
         effort=effort,
+        end_work=driven,
     )
 
 
@@ -167,46 +175,51 @@ def _one_step(
 def _waves(
     bar: Bar, gravity: PiecewiseConstant, positions: Floats, numbers: Marching, means: Floats,
     record: _Record,
-) -> Effort:  # fmt: skip
-    """The scheme that follows waves, in layers of at most a transit."""
+) -> tuple[Effort, Floats]:  # fmt: skip
+    """The scheme that follows waves, in layers of at most a transit; and the work at its end."""
     parts = max(1, math.ceil(numbers.dt / bar.transit_time - 1e-9))
     layers, c = parts * numbers.layers, bar.wave_speed
     if parts > 1 and not gravity.is_constant:  # one load in all parts, as the energy counts it
         gravity = PiecewiseConstant(tuple(numbers.dt * np.arange(numbers.layers)), tuple(means))
     waves = Waves.of_bar(bar, gravity, numbers.dt / parts, layers)
     wave_kernels.conserving(
-        *vars(waves).values(), positions / c, layers, parts,
+        *waves.arguments, positions / c, layers, parts,
         record.gap, record.multiplier, record.kinetic, record.elastic, record.mean,
         record.momentum, record.kept, record.displacement, record.rate,
     )  # fmt: skip
     record.multiplier *= c
     record.kinetic *= c
     record.elastic *= c
-    return Effort(2 * layers, 1, (), True, "closed form in each layer")
+    work = np.zeros(numbers.layers + 1)
+    if bar.is_driven:
+        work = c * waves.end_work(numbers.dt * np.arange(numbers.layers + 1))
+    return Effort(2 * layers, 1, (), True, "closed form in each layer"), work
 
 
 def _two_step(
     chain: Chain, numbers: Marching, means: Floats, tolerance: float, record: _Record, bar: Bar,
-) -> tuple[Effort, Floats]:  # fmt: skip
-    """The Petrov-Galerkin recursion, window by window."""
+) -> tuple[Effort, Floats, Floats]:  # fmt: skip
+    """The Petrov-Galerkin recursion, window by window; potential of gravity, work at the end."""
     # A test function of row m spans the two layers beside it.
     loads = np.concatenate([means[:1], 0.5 * (means[1:] + means[:-1])])
+    times = numbers.dt * np.arange(numbers.layers + 1)
+    pushes, ways = end_pushes(bar, times), end_ways(bar, times)
     state = _State(chain.displacement.copy(), np.zeros_like(chain.displacement), 0.0)
 
     def sweep(start: "_State", first: int, marks: NDArray[np.int8]) -> "_State":
         end = start.copy()
         end.push = kernels.two_step(
             chain.mass, chain.stiffness, numbers.dt, chain.clamped, chain.velocity,
-            loads, end.now, end.step, end.push, first, first + len(marks), marks,
-            record.kept, record.displacement, record.rate, record.gap, record.multiplier,
-            record.kinetic, record.elastic, record.mean,
+            loads, pushes, ways, end.now, end.step, end.push, first, first + len(marks), marks,
+            record.kept, record.displacement, record.rate, record.gap, record.far,
+            record.multiplier, record.kinetic, record.elastic, record.mean,
         )  # fmt: skip
         return end
 
     worst: ActiveSetResult | None = None
-    if numbers.window == 1:
-        marks = np.full(numbers.layers, kernels.DECIDE, dtype=np.int8)
-        sweep(state, 0, marks)
+    if numbers.window == 1 or numbers.marks is not None:
+        decided = np.full(numbers.layers, kernels.DECIDE, dtype=np.int8)
+        sweep(state, 0, decided if numbers.marks is None else numbers.marks)
     else:
         # The multiplier in metres, so that gamma is dimensionless.
         metres = bar.length / bar.wave_speed**2
@@ -220,10 +233,12 @@ def _two_step(
                 break
     # Beyond the stability limit numbers overflow; what is not finite is reported by the caller.
     with np.errstate(over="ignore", invalid="ignore"):
-        potential = _close(record, numbers.dt, means, loads)
+        potential, driven = _close(record, numbers.dt, means, loads), np.zeros_like(times)
+        if bar.is_driven:
+            driven = end_work(bar, times, chain.positions, record.far, loads)
     unknowns = len(chain.positions) * numbers.layers
     if worst is None:
-        return Effort(unknowns, 1, (), True, "decided in each layer"), potential
+        return Effort(unknowns, 1, (), True, "decided in each layer"), potential, driven
     return (
         Effort(
             unknowns,
@@ -234,6 +249,7 @@ def _two_step(
             iterates=worst.iterates,
         ),
         potential,
+        driven,
     )
 
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from impactfem.exact import initial
 from impactfem.exact.pieces import Line
 from impactfem.scene import Bar, PiecewiseConstant
+from impactfem.system.ends import end_means
 
 Floats = NDArray[np.float64]
 
@@ -34,7 +36,13 @@ class Delay:
 
 @dataclass(frozen=True)
 class Waves:
-    """Arguments of `impactfem.marching.wave_kernels.conserving`, named as there."""
+    """Arguments of `impactfem.marching.wave_kernels.conserving`, named as there, and two more.
+
+    Attributes:
+        given: What a driven far end gives to the wave that arrives at the near end (half of what it
+            adds), at both ends of each piece of each layer [m/s], shape of `drops`.
+        felt: Gravity on the way to the far end that this wave has had [m/s], likewise.
+    """
 
     mean: Floats
     rise: Floats
@@ -47,6 +55,13 @@ class Waves:
     dt: float
     transit: float
     sign: float
+    given: Floats
+    felt: Floats
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """Those of the kernel."""
+        return tuple(vars(self).values())[:-2]
 
     @classmethod
     def of_bar(cls, bar: Bar, gravity: PiecewiseConstant, dt: float, layers: int) -> "Waves":
@@ -65,9 +80,10 @@ class Waves:
         late = breaks[:-1] < twice.share  # arrives from one layer earlier
         mean, rise = np.zeros((2, past + layers))
         mean[:past], rise[:past] = lines(left_before(bar, past), dt, past, twice.share)
-        # Rows repeat once gravity has been constant for two transits.
+        # Rows repeat once gravity has been constant for two transits, if nothing else changes.
         settled = past + math.ceil(gravity.times[-1] / dt) + 1
-        all_layers = np.arange(min(layers + once.layers, settled) + 1)
+        rows = layers + once.layers
+        all_layers = np.arange((rows if bar.is_driven else min(rows, settled)) + 1)
         edges = dt * np.arange(-past, len(all_layers) + 1)
         impulse = gravity.integral(np.maximum(edges[:-1], 0.0), np.maximum(edges[1:], 0.0))
 
@@ -84,11 +100,61 @@ class Waves:
             return found
 
         drops = since(twice) - 2.0 * since(once) if clamped else -since(twice)
+        given = felt = np.zeros_like(drops)
+        if bar.is_driven:
+            left = dt * (all_layers[:, None] + breaks) - bar.transit_time  # the far end
+            given, felt = _lines_of_end(bar, np.maximum(left, 0.0)), since(twice) - since(once)
         return cls(
             mean, rise, past, breaks, twice.layers + late.astype(np.int64),
-            np.where(late, 1.0, 0.0) - twice.share, drops, impulse[past:] / dt, dt,
-            bar.transit_time, -1.0 if clamped else 1.0,
+            np.where(late, 1.0, 0.0) - twice.share, drops + 2.0 * given, impulse[past:] / dt, dt,
+            bar.transit_time, -1.0 if clamped else 1.0, given, felt,
         )  # fmt: skip
+
+    def end_work(self, times: Floats) -> Floats:
+        """Work of what drives the far end over rho A c, up to some times [m^2/s^2 s], (times,).
+
+        The integral of f (f + sign q), q the wave that comes to the far end: lines, all of them.
+
+        Args:
+            times: Borders of layers [s].
+        """
+        layers, pieces = self.given.shape[:2]
+        cell = np.arange(layers)[:, None] - self.cells + self.past
+        shift = 2.0 * self.extra - 1.0
+        mean, rise = self.mean[cell], self.rise[cell]
+        q = np.stack(
+            [mean + (shift + 2.0 * at) * rise for at in (self.breaks[:-1], self.breaks[1:])],
+            axis=-1,
+        )
+        f = self.given
+        own = f + self.sign * (q - self.felt)
+        # The integral of the product of two lines.
+        crossed = f[..., 0] * own[..., 1] + f[..., 1] * own[..., 0]
+        power = (2.0 * (f * own).sum(axis=-1) + crossed) / 6.0
+        width = self.dt * np.diff(self.breaks)
+        done = np.concatenate([[0.0], np.cumsum(width * power)])
+        ends = self.dt * (np.arange(layers)[:, None] + self.breaks[:-1]).ravel() - self.transit
+        found: Floats = np.interp(times, np.append(ends, ends[-1] + width[pieces - 1]), done)
+        return found
+
+
+def _lines_of_end(bar: Bar, borders: Floats) -> Floats:
+    """A line for what a far end gives (`Bar.end_speed`), in pieces between times of each layer.
+
+    Each has the means of both its halves.
+
+    Args:
+        bar: The bar.
+        borders: [s], (layers, pieces + 1).
+
+    Returns:
+        Its values at both ends of each piece [m/s], (layers, pieces, 2).
+    """
+    low, width = borders[:, :-1], np.diff(borders, axis=1)
+    times = np.stack([low, low + 0.5 * width, low + width], axis=-1)
+    halves = end_means(bar, times.reshape(-1, 3)).reshape(*low.shape, 2)
+    mean, half = halves.mean(axis=-1), halves[..., 1] - halves[..., 0]
+    return np.where(width[..., None] > 0.0, np.stack([mean - half, mean + half], axis=-1), 0.0)
 
 
 def left_before(bar: Bar, cells: int) -> Line:

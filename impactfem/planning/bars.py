@@ -120,7 +120,8 @@ def plan_bar(scene: Scene) -> Plan[BarNumbers]:
     grown = rounding_findings(predicted or 0.0, "will grow") if by_rounding else ()
     return Plan(
         method=name,
-        model=f"elastic bar in 1D, far end {bar.far_end}, rigid wall at its near end",
+        model=f"elastic bar in 1D, far end {'driven' if bar.is_driven else bar.far_end}, rigid wall "
+        "at its near end",
         numbers=BarNumbers(
             elements=grid.elements,
             layers=grid.layers,

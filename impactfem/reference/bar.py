@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBar
+from impactfem.exact.drive import EndDrive
 from impactfem.result.table import Series, Table
 from impactfem.scene import Bar, PiecewiseConstant, Scene
 
@@ -20,6 +21,7 @@ Floats = NDArray[np.float64]
 MAX_TRANSITS = 1e6
 """Longest duration in transits of a wave through the bar."""
 
+_TOLERANCE = 1e-11  # share of a transit's way that the pieces of a driven end may leave
 _SAMPLES = 1001  # times of exact curves besides their jumps
 _JUMPS = 2000  # jumps that a picture shows
 
@@ -59,6 +61,15 @@ def in_units(
 ) -> ExactBar:  # fmt: skip
     """The exact solution with lengths multiplied by `metre` and times by `second`."""
     speed = metre / second
+    drive = None
+    if bar.is_driven:
+        drive = EndDrive.sampled(
+            lambda t: speed * bar.end_speed(t / second),
+            [(second * at.before, second * at.after) for at in bar.end_cuts(duration)],
+            duration=second * duration,
+            transit=second * bar.transit_time,
+            tolerance=settings.get("tolerance", _TOLERANCE),
+        )
     return ExactBar.from_functions(
         length=metre * bar.length,
         wave_speed=speed * bar.wave_speed,
@@ -68,6 +79,7 @@ def in_units(
         gravity_times=second * np.array(gravity.times),
         gravity_values=speed / second * np.array(gravity.values),
         far_end="clamped" if bar.far_end == "clamped" else "free",
+        drive=drive,
         **settings,
     )
 
@@ -131,6 +143,7 @@ def measure(motion: "BarMotion", exact: ExactBar) -> Errors:
     how = "exact solution by characteristics"
     if exact.sampled:
         how += f", initial state in {exact.pieces} pieces"
+        how += f", drive of the far end in {exact.drive_pieces}" if exact.drive_pieces else ""
     if exact.exact_until < t[-1]:
         how += f", exact until {exact.exact_until:.6g} s, then its smallest waves are merged"
     return Errors(
@@ -182,7 +195,7 @@ def exact_motion(
     mean = moment / bar.length
     kept = kept_levels(len(times) - 1, every)
     displacement, velocity = exact.fields(times[kept], positions)
-    multiplier = exact.mean_multiplier(times)
+    multiplier, driven = exact.mean_multiplier(times), exact.end_work(times)
     return BarMotion(
         times=times,
         positions=positions,
@@ -194,10 +207,11 @@ def exact_motion(
         active=multiplier < 0.0,
         kinetic=kinetic,
         elastic=elastic,
-        potential=bar.length * _potential(exact, gravity, times, mean),
+        potential=bar.length * _potential(exact, gravity, times, mean) - driven,
         mean_displacement=mean,
         mean_velocity=momentum / bar.length,
         effort=Effort(message="closed form"),
+        end_work=driven,
     )
 
 

@@ -67,10 +67,12 @@ class BarMotion:
         active: Layers in which contact is active, shape (layers,).
         kinetic: Kinetic energy of each layer [m^3/s^2], shape (layers + 1,).
         elastic: Elastic energy of each layer [m^3/s^2], shape (layers + 1,).
-        potential: p(0) u(0) L minus the work of gravity [m^3/s^2], shape (layers + 1,).
+        potential: p(0) u(0) L minus the work of loads [m^3/s^2], shape (layers + 1,).
         mean_displacement: Displacement of the centre of mass at t_m [m], shape (layers + 1,).
         mean_velocity: Velocity of the centre of mass in each layer [m/s], shape (layers + 1,).
         effort: How the method got there.
+        end_work: Work of what drives the far end, which the potential counts [m^3/s^2], shape
+            (layers + 1,); None: nothing drives it.
     """
 
     times: Floats
@@ -87,6 +89,7 @@ class BarMotion:
     mean_displacement: Floats
     mean_velocity: Floats
     effort: Effort = field(default_factory=Effort)
+    end_work: Floats | None = None
 
     @property
     def is_finite(self) -> bool:

@@ -35,6 +35,11 @@ def check_bar_row(scene: Content) -> None:
         )
         raise KeyedError("contact[0]", "", text)
     bars = scene.bars
+    for index, bar in enumerate(bars):
+        try:
+            bar.check_alone()
+        except KeyedError as error:
+            raise error.moved(f"body[{index}]") from None
     for index, (before, bar) in enumerate(pairwise(bars), start=1):
         if before.far_end == "clamped":
             text = ' = "clamped" holds a bar in the middle of the row: only the last one may be '

@@ -4,14 +4,17 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, override
 
 import numpy as np
 
+from impactfem.scene.breaks import Break, find_breaks
 from impactfem.scene.body import BodyKind, Floats, Solver
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import Vector
+from impactfem.scene.jets import motion_at
 from impactfem.scene.kinds import Choice, FormulaOf, Name, Real
+from impactfem.scene.means import cuts_of
 from impactfem.scene.probes import STRAINS
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
@@ -68,6 +71,16 @@ class Bar(BodyKind):
     displacement: Formula = key(  # noqa: RUF009  # a field
         FormulaOf(("x",)), "displacement at t = 0, added to the gap", unit="m", default=0.0
     )
+    far_end_force: Formula = key(  # noqa: RUF009  # a field
+        FormulaOf(("t",)), "force on the far end along the axis, away from the wall", unit="N",
+        default=0.0,
+    )  # fmt: skip
+    far_end_displacement: Formula = key(  # noqa: RUF009  # a field
+        FormulaOf(("t",)),
+        "motion that the far end is given along the axis, from its place at t = 0; holds it",
+        unit="m",
+        default=0.0,
+    )
     point: Sequence[float] | None = key(
         Vector((2, 3)),
         "beside bodies in the plane or in space: where the near end is without displacement",
@@ -96,12 +109,15 @@ class Bar(BodyKind):
             gap: float = 0.0,
             velocity: float | str | Formula = 0.0,
             displacement: float | str | Formula = 0.0,
+            far_end_force: float | str | Formula = 0.0,
+            far_end_displacement: float | str | Formula = 0.0,
             point: Sequence[float] | None = None,
             axis: Sequence[float] | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
         check_fields(self, self.kind)
+        self._check_far_end()
         self._check_place()
         self._check_scales()
         x = np.linspace(0.0, self.length, SAMPLES + 1)
@@ -128,6 +144,22 @@ class Bar(BodyKind):
         axis = np.asarray(self.axis, dtype=np.float64)
         return np.asarray(self.point, dtype=np.float64), axis / np.linalg.norm(axis)
 
+    def check_alone(self) -> None:
+        """Refuse what only a bar alone before a wall has.
+
+        Raises:
+            KeyedError: Its far end is driven.
+        """
+        for name in ("far_end_force", "far_end_displacement"):
+            if getattr(self, name).plain != 0.0:
+                why = "drives a bar that is alone before a wall, here are other bodies: remove it."
+                raise self._fail(name, why)
+
+    @override
+    def check_beside(self, bodies: Sequence[BodyKind]) -> None:
+        if len(bodies) > 1:
+            self.check_alone()
+
     def centre_velocity(self) -> Floats | None:
         """Velocity at t = 0 [m/s], (dim,); None if it varies along the bar."""
         if not self.velocity.is_constant:
@@ -152,6 +184,32 @@ class Bar(BodyKind):
         return self.length / self.wave_speed
 
     @property
+    def is_driven(self) -> bool:
+        """Whether a force or a motion drives the far end."""
+        return any(each.plain != 0.0 for each in (self.far_end_force, self.far_end_displacement))
+
+    def end_speed(self, t: Floats) -> Floats:
+        """What the far end gives to waves, F / (rho A c) or its own speed, at some times [m/s]."""
+        if self.far_end == "clamped":
+            return np.asarray(motion_at(self.far_end_displacement, t).rate) + np.zeros_like(t)
+        impedance = self.density * self.area * self.wave_speed
+        return np.asarray(self.far_end_force(t=t) / impedance) + np.zeros_like(t)
+
+    @property
+    def _drive(self) -> Formula:
+        held = self.far_end == "clamped"
+        return self.far_end_displacement if held else self.far_end_force
+
+    def end_breaks(self, end: float) -> list[Break]:
+        """Where that jumps or bends, up to a time [s], in order."""
+        return [at for at in find_breaks(self._drive, end) if 0.0 < at.after < end]
+
+    def end_cuts(self, end: float) -> list[Break]:
+        """Where it has to be cut so that samples miss nothing, up to a time [s], in order."""
+        inside = (at for at in cuts_of(self._drive, end) if 0.0 < at.after < end)
+        return sorted(inside, key=lambda at: at.after)
+
+    @property
     def mass(self) -> float:
         """Mass rho A L [kg]."""
         return self.density * self.area * self.length
@@ -169,6 +227,14 @@ class Bar(BodyKind):
     def _fail(self, name: str, text: str) -> KeyedError:
         value = getattr(self, name)
         return KeyedError(self.kind, name, f" = {show(value)} {text}")
+
+    def _check_far_end(self) -> None:
+        """A motion holds the far end; refuse a force on an end that is held."""
+        if self.far_end_displacement.plain != 0.0:
+            object.__setattr__(self, "far_end", "clamped")
+        if self.far_end == "clamped" and self.far_end_force.plain != 0.0:
+            why = "acts on a far end that is held: remove it, or far_end and far_end_displacement."
+            raise self._fail("far_end_force", why)
 
     def _check_place(self) -> None:
         """Refuse a place in space that is half given, or given twice."""

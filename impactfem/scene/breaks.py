@@ -56,9 +56,13 @@ class Kick:
 def find_breaks(formula: Formula, end: float) -> tuple[Break, ...]:
     """Breaks of a formula in t, 0 <= t <= end [s], in the order of time; kinks are among them.
 
-    Intervals that may hold one are halved until they are as short as rounding allows.
+    Intervals that may hold one are halved until they are as short as rounding allows. They begin
+    as those between the numbers with which time is compared, which most breaks are.
     """
-    low, high = np.zeros(1), np.full(1, end)
+    told = np.array([time for time in formula.compared("t") if 0.0 <= time <= end])
+    beside = np.concatenate([np.nextafter(told, 0.0), np.nextafter(told, end)])
+    edges = np.unique(np.concatenate([[0.0], beside, [end]]))
+    low, high = edges[:-1], edges[1:]
     found: list[tuple[Floats, Floats]] = []
     while len(low):
         rough = rough_on(formula, low, high)

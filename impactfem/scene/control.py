@@ -13,7 +13,7 @@ from impactfem.scene.inline import NumberOrList, Vector
 from impactfem.scene.inverse import check_formula_name
 from impactfem.scene.kinds import Choice, Integer, Line, Name, Real
 from impactfem.scene.schema import KeyedError, check_fields, key, table
-from impactfem.scene.tables import assign, looked_up
+from impactfem.scene.tables import assign, is_missing, looked_up
 from impactfem.scene.values import NotAllowedError, is_number, number, show
 
 Floats = NDArray[np.float64]
@@ -177,11 +177,13 @@ def acted(data: dict[str, Any], controls: Sequence[Control]) -> tuple[Control, .
 
 
 def _present(data: dict[str, Any], path: str) -> object:
-    """The number or formula at a path.
+    """The number or formula at a path; 0 where a body has none of this key.
 
     Raises:
         NotAllowedError: There is none.
     """
+    if path.startswith("body.") and path.count(".") == 2 and is_missing(data, path):
+        return 0
     found = looked_up(data, path)
     if not is_number(found) and not isinstance(found, str):
         raise NotAllowedError(f"it is {show(found)}; give the path of a formula in t")

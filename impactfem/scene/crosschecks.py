@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from impactfem.methods import METHODS
 from impactfem.scene.bar_row_checks import check_bar_row, check_walls
 from impactfem.scene.body import Solver
@@ -32,6 +34,7 @@ _BAR_ONLY: Mapping[str, str] = {
 }
 _SOLID_ONLY = ("normals", "linear_solver", "estimate")
 _ELASTIC_ONLY = ("courant", "active_set", "gamma", "max_iterations")
+_SAMPLES = 1001  # times at which a load is looked at
 _VIBRO_ONLY = ("impact_law", "stick_speed")
 
 _RUBBING = ("friction of bodies without waves", ("friction_residual",))
@@ -196,6 +199,18 @@ def _check_bar(scene: Content, gravity: object) -> None:
     if scene.output.checkpoint:
         text = f" = {scene.output.checkpoint}: bars are not checkpointed; remove it."
         raise KeyedError("output", "checkpoint", text)
+    (bar,) = scene.bars
+    moved, begins = bar.far_end_displacement, bar.displacement.plain == 0.0
+    check_motion("body[0]", "far_end_displacement", [moved], scene.duration, from_zero=begins)
+    pushed = bar.far_end_force
+    times = np.linspace(0.0, scene.duration, _SAMPLES)
+    bad = np.flatnonzero(~np.isfinite(pushed(t=times)))
+    if bad.size:
+        text = f" = {show(pushed.text)} has no finite value at t = {times[bad[0]]:.6g}: give one "
+        raise KeyedError("body[0]", "far_end_force", f"{text}for 0 <= t <= {scene.duration:g}.")
+    if bar.is_driven and scene.solve.method == "newmark":
+        text = ' = "newmark" knows no drive of the far end: give "exact", "galerkin" or another.'
+        raise KeyedError("solve", "method", text)
 
 
 def _check_settings(scene: Content) -> None:

@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from impactfem.scene.grammar import NUMPY_FUNCTIONS, OPERATORS, FormulaError, Node, Parser
+from impactfem.scene.grammar import (
+    COMPARISONS,
+    NUMPY_FUNCTIONS,
+    OPERATORS,
+    FormulaError,
+    Node,
+    Parser,
+)
 from impactfem.scene.scalar_formula import scalar
 from impactfem.scene.values import NotAllowedError, is_number, number, show
 
@@ -87,6 +94,27 @@ class Formula:
             return frozenset()
 
         return walk(self._tree)
+
+    def compared(self, variable: str) -> list[float]:
+        """Numbers with which it compares a variable, as in ``where(t < 2, a, b)``, in order."""
+        found, known = set(), ("variable", variable)
+
+        def walk(node: Node) -> None:
+            match node:
+                case ("negative", operand):
+                    walk(operand)
+                case ("chain", first, steps):
+                    walk(first)
+                    for _, operand in steps:
+                        walk(operand)
+                case ("call", name, args):
+                    if name in COMPARISONS.values() and known in args:
+                        found.update(each for each in args if isinstance(each, float))
+                    for each in args:
+                        walk(each)
+
+        walk(self._tree)
+        return sorted(found)
 
     @property
     def plain(self) -> float | str:

@@ -5,7 +5,7 @@ and where the formula may take values that no sample saw (interval arithmetic te
 that is far shorter than a step has its whole impulse, wherever it lies.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -162,16 +162,34 @@ def stops_of(formula: Formula, end: float) -> list[Break]:
     """
     if "t" not in formula.used:
         return []
+    breaks, of, low, width = _smooth(formula, end)
+    ratio = width[1:] / width[:-1]
+    graded = (of[1:] == of[:-1]) & ((ratio > _GRADED) | (ratio < 1.0 / _GRADED))
+    return [*breaks, *(Break(time, time) for time in low[1:][graded].tolist())]
+
+
+def cuts_of(formula: Formula, end: float) -> list[Break]:
+    """Where a formula in t has to be cut so that a few samples of each part miss nothing.
+
+    At jumps and kinks up to an end [s]; and, as breaks of no width, between parts on which Gauss's
+    rules agree.
+    """
+    if "t" not in formula.used:
+        return []
+    breaks, of, low, _ = _smooth(formula, end)
+    inner = low[1:][of[1:] == of[:-1]]
+    return [*breaks, *(Break(time, time) for time in inner.tolist())]
+
+
+def _smooth(formula: Formula, end: float) -> tuple[Sequence[Break], Integers, Floats, Floats]:
+    """Breaks of a formula in t, and its parts between them in order: between which, low, width."""
     breaks, room = find_breaks(formula, end), _BESIDE * end
     starts = np.array([0.0, *(at.after + room for at in breaks)])
     ends = np.array([*(at.before - room for at in breaks), end])
     apart = ends > starts
     parts = _resolved(formula, starts[apart], ends[apart], {})
     order = np.lexsort((parts.low, parts.of))
-    of, low, width = parts.of[order], parts.low[order], parts.width[order]
-    ratio = width[1:] / width[:-1]
-    graded = (of[1:] == of[:-1]) & ((ratio > _GRADED) | (ratio < 1.0 / _GRADED))
-    return [*breaks, *(Break(time, time) for time in low[1:][graded].tolist())]
+    return breaks, parts.of[order], parts.low[order], parts.width[order]
 
 
 def _resolved(formula: Formula, start: Floats, end: Floats, still: Mapping[str, Floats]) -> _Parts:

@@ -172,6 +172,16 @@ def looked_up(data: dict[str, Any], path: str) -> object:
     return place[name]
 
 
+def is_missing(data: dict[str, Any], path: str) -> bool:
+    """Whether the table of a path is there, and what the path ends with is not.
+
+    Raises:
+        NotAllowedError: there is no such table.
+    """
+    place, name = _home(data, path)
+    return isinstance(place, dict) and name not in place
+
+
 def _home(data: dict[str, Any], path: str) -> tuple[Any, Any]:
     """Return the table or list of numbers in which a path ends, and the key or index in it."""
     parts = [part.strip() for part in path.replace("[", ".").replace("]", "").split(".")]
@@ -179,7 +189,9 @@ def _home(data: dict[str, Any], path: str) -> tuple[Any, Any]:
     for part in parts[:-1]:
         if isinstance(place, list):
             found = {str(index): entry for index, entry in enumerate(place)}
-            found |= {str(e["name"]): e for e in place if isinstance(e, dict) and "name" in e}
+            tables = [entry for entry in place if isinstance(entry, dict)]
+            found |= {str(e["kind"]): e for e in tables if "kind" in e and "name" not in e}
+            found |= {str(e["name"]): e for e in tables if "name" in e}
             if part not in found:
                 raise NotAllowedError(f"there is no {show(part)}; write {' or '.join(found)}")
             place = found[part]
@@ -190,6 +202,8 @@ def _home(data: dict[str, Any], path: str) -> tuple[Any, Any]:
                 f"there is no table {show(part)}; the tables are {', '.join(_of_tables(data))}"
             )
     last = parts[-1]
+    if place == []:
+        raise NotAllowedError(f"there is nothing in {'.'.join(parts[:-1])}")
     if isinstance(place, list) and not isinstance(place[0], dict):
         if not (last.isdigit() and int(last) < len(place)):
             raise NotAllowedError(

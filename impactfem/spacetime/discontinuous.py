@@ -169,8 +169,10 @@ class _Run:
 
     @property
     def _switches(self) -> Floats:
-        """Dimensionless times at which gravity changes."""
-        return np.array(self.gravity.times[1:]) / self.bar.transit_time
+        """Dimensionless times at which gravity, or what drives the far end, changes."""
+        transit = self.bar.transit_time
+        stops = [stop.after for stop in self.bar.end_breaks(self.duration * transit)]
+        return np.union1d(self.gravity.times[1:], stops) / transit
 
     def _fitted(self, elements: int) -> BarWaves:
         """A problem on a mesh that is fitted to the events of its motion."""

@@ -73,14 +73,18 @@ def fit(
         ConvergenceError: New events keep appearing.
     """
     switches = np.array(gravity.times[1:]) / bar.transit_time
+    stops = [stop.after / bar.transit_time for stop in bar.end_breaks(duration * bar.transit_time)]
     given = initial_fronts(bar, switches)
+    given += [Front(0.0, 1.0, -1)] if bar.is_driven and bar.far_end == "free" else []
+    given += [Front(stop, 1.0, -1) for stop in stops]
     events: list[Event] = []
     places, fits = list(expected), 0
     for size in sizes[-1:] if places else sizes:
         slack, last, repeats = _STILL, -1, 0
         for _ in range(int(duration) + _SPARE_FITS):
             fronts = distinct(given + [Front(time, 0.0) for time in places])
-            mesh = triangulate(comm, duration, size, fitted_lines(fronts, switches, duration))
+            lines = fitted_lines(fronts, np.union1d(switches, stops), duration)
+            mesh = triangulate(comm, duration, size, lines)
             problem = solve(mesh)
             fits += 1
             events = wall_events(problem, switches)

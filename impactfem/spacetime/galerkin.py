@@ -18,10 +18,12 @@ from impactfem.scene import Bar, PiecewiseConstant
 from impactfem.spacetime.layers import lumped_mass, motion_of_layers
 from impactfem.spacetime.numbering import Numbering, number
 from impactfem.spacetime.system import CoupledSystem, Equations, assemble, paired_load
+from impactfem.system.ends import end_means
 
 Floats = NDArray[np.float64]
 
 _INWARDS = 1e-12
+_NEAR = 1e-9  # dimensionless distance within which a node lies on a side
 
 
 @dataclass(frozen=True)
@@ -104,13 +106,29 @@ def _equations(space: SpaceTimeMesh, bar: Bar, gravity: PiecewiseConstant) -> Eq
     )
     x = bar.length * numbering.points[numbering.fixed, 1]
     given = bar.initial_displacement(x=x) + np.zeros_like(x)
+    far = _sorted_end(numbering.points)
+    if bar.far_end == "clamped":
+        held, times_of = np.isin(numbering.fixed, far), bar.transit_time * numbering.points[:, 0]
+        given[held] += bar.far_end_displacement(t=times_of[numbering.fixed[held]])
     equations = assemble(mesh.comm, forms, entity_maps, numbering, given, (nodes, multipliers))
+    load = equations.load.copy()
+    if bar.is_driven and bar.far_end != "clamped":  # half of each interval to both of its nodes
+        dt = np.diff(numbering.points[far, 0])
+        levels = bar.transit_time * numbering.points[far, 0]
+        half = 0.5 * bar.transit_time * dt * end_means(bar, levels)
+        load[far[:-1]] += half
+        load[far[1:]] += half
     times, positions = space.layout.times, space.layout.nodes
     if numbering.grid is None or times is None or positions is None:
-        return equations
-    load = equations.load.copy()
+        return replace(equations, load=load)
     load[numbering.grid[:-1]] -= _row_loads(times, positions, gravity, bar.transit_time)
     return replace(equations, load=load)
+
+
+def _sorted_end(points: Floats) -> NDArray[np.int64]:
+    """Nodes at x = L in the order of time."""
+    far = np.flatnonzero(points[:, 1] > 1.0 - _NEAR)
+    return far[np.argsort(points[far, 0])]
 
 
 def _row_loads(

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
 from impactfem.scene import Bar, PiecewiseConstant
+from impactfem.system.ends import end_work
 from impactfem.system.fronts import wave_energies
 
 Floats = NDArray[np.float64]
@@ -120,10 +121,16 @@ def motion_of_layers(
     elastic = np.concatenate([[elastic_0], elastic])
     mean = displacement @ mass / bar.length
     potential = bar.length * gravity_potential(times, mean, gravity)
+    driven = np.zeros_like(times)
+    if bar.is_driven:
+        loads = layer_loads(times, gravity)
+        driven = end_work(bar, times, positions, displacement[:, -2:], loads)
     gap = displacement[:, 0]
     found = wave_energies(bar, positions, times, gap, multiplier, gravity) if waves else None
     if found is not None:
-        kinetic, elastic, potential = found
+        kinetic, elastic, potential, driven = found
+    else:
+        potential = potential - driven
     dt = np.diff(times)
     rates = np.diff(displacement, axis=0) / dt[:, None]
     kept = kept_levels(len(dt), every)
@@ -144,4 +151,5 @@ def motion_of_layers(
         mean_displacement=mean,
         mean_velocity=np.concatenate([[velocity_0], np.diff(mean) / dt]),
         effort=effort,
+        end_work=driven,
     )

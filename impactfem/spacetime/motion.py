@@ -40,6 +40,7 @@ def motion_of_waves(
     mean = np.concatenate([[mean_start], problem.gaps + slices.mean_stretch])
     load = gravity.integral(times[:-1], times[1:]) / np.diff(times)
     work = np.concatenate([[0.0], np.cumsum(load * np.diff(mean))])
+    driven = problem.end_work(times / transit) if bar.is_driven else np.zeros_like(times)
     rate = length / transit**2  # [m^2] per rho A and dimensionless x -> [m^3/s^2]
     return BarMotion(
         times=times,
@@ -54,10 +55,11 @@ def motion_of_waves(
         active=problem.active.copy(),
         kinetic=np.concatenate([[kinetic], rate * slices.kinetic]),
         elastic=np.concatenate([[elastic], rate * slices.elastic]),
-        potential=length * (float(gravity(0.0)) * mean_start + work),
+        potential=length * (float(gravity(0.0)) * mean_start + work) - rate * driven,
         mean_displacement=mean,
         mean_velocity=np.concatenate([[velocity], slices.mean_velocity / transit]),
         effort=effort,
+        end_work=rate * driven,
     )
 
 

@@ -32,6 +32,7 @@ class BarWaves:
         far: Edges at x = L.
         gap: u(0, 0) [m].
         reflection: 1 for a free far end, -1 for a clamped one.
+        driven: What a driven far end adds to r at the Gauss points of its edges [m].
         scale: Size of the waves to which tolerances are relative [m].
         gaps: Gap at the end of each wall edge [m].
         multiplier: Mean of S = u_x on each wall edge, dimensionless x [m].
@@ -46,6 +47,7 @@ class BarWaves:
     far: Edges
     gap: float
     reflection: float
+    driven: Floats
     scale: float
     gaps: Floats
     multiplier: Floats
@@ -60,14 +62,16 @@ class BarWaves:
         space, arriving, leaving = wave_equations(mesh, degree, bar, gravity)
         wall = space.edges(1, 0.0, degree + 1)
         edges = len(wall.cells)
+        far, transit = space.edges(1, 1.0, degree + 1), bar.transit_time
         return cls(
             field=space,
             arriving=arriving,
             leaving=leaving,
             wall=wall,
-            far=space.edges(1, 1.0, degree + 1),
+            far=far,
             gap=max(float(bar.initial_displacement(x=0.0)), 0.0),
             reflection=-1.0 if bar.far_end == "clamped" else 1.0,
+            driven=2.0 * transit * bar.end_speed(transit * far.places),
             scale=displacement_scale(bar, gravity),
             gaps=np.empty(edges),
             multiplier=np.zeros(edges),
@@ -96,7 +100,7 @@ class BarWaves:
             self.arriving.sweep(horizon, small)
             self._reflect(marks, tolerance, small)
             self.leaving.sweep(horizon, small)
-            back = self.reflection * self.far.trace(self.leaving.values)
+            back = self.returned
             changed = self.arriving.feed(self.far, back, small) & (self.far.begin < horizon)
             if changed.any():
                 horizon = max(horizon, float(self.far.begin[np.argmax(changed)]) + _AHEAD)
@@ -109,6 +113,11 @@ class BarWaves:
             f"the waves on {len(self.field.first)} triangles do not settle within {limit} "
             "reflections; use more elements along the bar"
         )
+
+    @property
+    def returned(self) -> Floats:
+        """What comes back from the far end, at the Gauss points of its edges [m]."""
+        return self.reflection * self.far.trace(self.leaving.values) + self.driven
 
     def _reflect(self, marks: NDArray[np.int8], tolerance: float, small: float) -> None:
         """Decide contact from the arriving wave and let its reflection enter at the wall.
@@ -130,19 +139,18 @@ class BarWaves:
     def gap_at(self, times: Floats) -> Floats:
         """Gap at any dimensionless times [m]: the integral of V* along the wall."""
         wall = self.wall
-        edge = np.clip(np.searchsorted(wall.begin, times, side="right") - 1, 0, len(wall.cells) - 1)
+        edge, share = wall.located(times)
         start = np.concatenate([[self.gap], self.gaps[:-1]])[edge]
-        share = (times - wall.begin[edge]) / wall.widths[edge]
-        nodes = np.polynomial.legendre.leggauss(wall.places.shape[1])[0]
-        inverse = np.linalg.inv(np.polynomial.legendre.legvander(nodes, len(nodes) - 1))
-        waves = wall.trace(self.arriving.values)[edge] @ inverse.T
-        legendre = np.polynomial.legendre.legvander(2.0 * share - 1.0, len(nodes))
-        # The integral of P_n from -1 on is (P_{n+1} - P_{n-1}) / (2 n + 1), that of P_0 is 1 + s.
-        flight = waves[:, 0] * (1.0 + legendre[:, 1])
-        for n in range(1, len(nodes)):
-            flight += waves[:, n] * (legendre[:, n + 1] - legendre[:, n - 1]) / (2 * n + 1)
-        flight = start + 0.5 * wall.widths[edge] * flight
+        flight = start + wall.partial(wall.trace(self.arriving.values), edge, share)
         return np.asarray(np.where(self.active[edge], start * (1.0 - share), flight))
+
+    def end_work(self, times: Floats) -> Floats:
+        """Integral of V S along the far end up to dimensionless times [m^2]."""
+        far, arrived = self.far, self.far.trace(self.leaving.values)
+        power = 0.25 * (self.returned**2 - arrived**2)
+        done = np.concatenate([[0.0], np.cumsum(np.sum(far.weights * power, axis=1))])
+        edge, share = far.located(times)
+        return done[edge] + far.partial(power, edge, share)
 
     def decide(self, tolerance: float) -> ActiveSetResult:
         """Decide contact edge by edge as the waves arrive: nothing is left to iterate."""

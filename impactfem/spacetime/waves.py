@@ -111,6 +111,29 @@ class Edges:
         """Length of each edge."""
         return self.end - self.begin
 
+    def located(self, places: Floats) -> tuple[Indices, Floats]:
+        """Edge of each place along the side, and the share of it before the place."""
+        edge = np.searchsorted(self.begin, places, side="right") - 1
+        edge = np.clip(edge, 0, len(self.cells) - 1)
+        return edge, (places - self.begin[edge]) / self.widths[edge]
+
+    def partial(self, values: Floats, edge: Indices, share: Floats) -> Floats:
+        """Integrals over the first shares of some edges of polynomials given at the Gauss points.
+
+        Args:
+            values: (edges, points).
+            edge, share: As `located` gives them, (n,).
+        """
+        nodes = np.polynomial.legendre.leggauss(self.places.shape[1])[0]
+        inverse = np.linalg.inv(np.polynomial.legendre.legvander(nodes, len(nodes) - 1))
+        waves = values[edge] @ inverse.T
+        legendre = np.polynomial.legendre.legvander(2.0 * share - 1.0, len(nodes))
+        # The integral of P_n from -1 on is (P_{n+1} - P_{n-1}) / (2 n + 1), that of P_0 is 1 + s.
+        found = waves[:, 0] * (1.0 + legendre[:, 1])
+        for n in range(1, len(nodes)):
+            found += waves[:, n] * (legendre[:, n + 1] - legendre[:, n - 1]) / (2 * n + 1)
+        return np.asarray(0.5 * self.widths[edge] * found)
+
     def trace(self, wave: Floats) -> Floats:
         """Values of a wave at the Gauss points, shape (edges, points)."""
         return np.asarray(np.einsum("epd,ed->ep", self.basis, wave[self.cells]))

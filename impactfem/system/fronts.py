@@ -7,6 +7,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from impactfem.scene import Bar, PiecewiseConstant
+from impactfem.system.ends import end_means
 
 Floats = NDArray[np.float64]
 
@@ -18,14 +19,16 @@ def wave_energies(
     bar: Bar, positions: Floats, times: Floats, gap: Floats, multiplier: Floats,
     gravity: PiecewiseConstant,
 ) -> Floats | None:  # fmt: skip
-    """Kinetic, elastic and potential energy over rho A at the levels [m^3/s^2], (3, layers + 1).
+    """Energies over rho A at the levels [m^3/s^2]: kinetic, elastic, potential; (4, layers + 1).
+
+    The last row is the work of what drives the far end, which the potential counts.
 
     At courant 1 values at nodes are those of two waves with one mean in each element and layer.
     Energies of nodal values smear a front over two elements and lack h (r_1 - r_2)^2 / 16 of it (at
     the impact of K1 rho h v0^2 / 4); those of the waves do not. What leaves the wall in a layer
     follows from the way of the node and the multiplier, v - s = du_0 / dt - lambda / c; it runs
     through the bar with -p on its way and is back after 2 L/c. The only work besides that of
-    gravity is lambda du_0 <= 0, at impacts inside layers: these energies never grow.
+    gravity and of a driven end is lambda du_0 <= 0, at impacts inside layers: these energies never grow.
 
     Args:
         bar: The bar.
@@ -56,8 +59,14 @@ def wave_energies(
     before = np.concatenate([sign * (v + s), (v - s)[::-1]])
     out = np.concatenate([before, np.diff(gap) / dt - multiplier / c]) + crossing
     back = out if sign > 0 else np.append(2.0 * crossing[n:], np.zeros(n)) - out
-    levels = len(times)
-    found, speed = np.empty((3, levels)), np.empty(levels)
+    levels, work = len(times), np.zeros(len(load))
+    if bar.is_driven:
+        given = end_means(bar, times)
+        arrived = out[n : n + len(given)] - crossing[2 * n :]
+        back = back.copy()
+        back[n : n + len(given)] += 2.0 * given
+        work = c * dt * given * (given + sign * arrived)
+    found, speed = np.zeros((4, levels)), np.empty(levels)
     leaving = sliding_window_view(out, n)[n:, ::-1]
     coming = sliding_window_view(back, n)
     for first in range(0, levels, _ROWS):
@@ -70,6 +79,8 @@ def wave_energies(
     start = float(gravity(0.0)) * np.mean(0.5 * (u[1:] + u[:-1]))
     path = 0.5 * (speed[1:] + speed[:-1])
     found[2] = bar.length * (start + np.concatenate([[0.0], np.cumsum(load * path)]))
+    found[3, 1:] = np.cumsum(work)
+    found[2] -= found[3]
     return found
 
 

@@ -51,6 +51,9 @@ class Barrier:
             return np.full(2, np.nan)
         return self.load - [10.0 * x + 500.0 * x**3, np.log1p(y) / (1.0 + y)]
 
+    def steady(self):
+        return False
+
     def tangent(self, place):
         x, y = place
         stiff = np.array([10.0 + 1500.0 * x**2, max((1.0 - np.log1p(y)) / (1.0 + y) ** 2, 0.1)])

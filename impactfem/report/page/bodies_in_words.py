@@ -49,7 +49,11 @@ def _bar(scene: Scene, bar: Any) -> str:
     text += _flight_in_row(bar, speed) if len(scene.bars) > 1 else _flight(bar, speed)
     if start is None:
         text += f" It starts strained, with the displacement {formula(bar.displacement)} m."
-    if bar.far_end == "clamped":
+    if bar.far_end_displacement.plain != 0.0:
+        text += f" Its far end is moved by {formula(bar.far_end_displacement)} m."
+    elif bar.far_end_force.plain != 0.0:
+        text += f" On its far end acts the force {formula(bar.far_end_force)} N along the axis."
+    elif bar.far_end == "clamped":
         text += " Its far end is held."
     elif len(scene.bars) < 2:
         text += " Its far end is free."

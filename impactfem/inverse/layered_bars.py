@@ -1,0 +1,139 @@
+"""Bars by space-time layers, with derivatives along the pieces on which active sets stay.
+
+A step of a parameter changes the equations and not the sets: what is found is the derivative of the
+discrete solution with its active set, by differences of solutions with that set. Where a pair is
+neither pressed nor apart (gamma lambda + u = 0, which is usual: plans put impacts on layers) the
+set belongs to one side, and each side decides that pair itself.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.errors import SceneError
+from impactfem.inverse.bars import BarRuns, differences
+from impactfem.inverse.outcomes import Outcome
+from impactfem.inverse.quantities import Quantities
+from impactfem.inverse.steps import Changes, Slopes
+from impactfem.planning import BarNumbers, Plan
+from impactfem.result.bar_motion import BarMotion
+from impactfem.result.bar_row_motion import RowMotion, row_history
+from impactfem.result.table import Series, Table
+from impactfem.runs.line_probes import bar_probes
+from impactfem.scene import Scene
+
+Floats = NDArray[np.float64]
+Marks = NDArray[np.int8]
+
+_WEAK = 1e-9  # share of the largest merit below which a pair is neither pressed nor apart
+
+
+@dataclass(frozen=True)
+class LayeredBars:
+    """Runs of galerkin's equations as planned, whoever solves them: elements and courant stay."""
+
+    chosen: Plan[BarNumbers]
+
+    def __post_init__(self) -> None:
+        if self.chosen.numbers.elements is None:
+            raise SceneError(
+                "solve.mesh: derivatives need layers of equal height; remove it, or take "
+                'solve.method = "exact"'
+            )
+
+    def reference(self) -> BarRuns:
+        """Exact runs of the same bar."""
+        return BarRuns(self.chosen)
+
+    def _dt(self, scene: Scene) -> float:
+        numbers = self.chosen.numbers
+        return (numbers.courant or 1.0) * scene.bar.transit_time / (numbers.elements or 1)
+
+    def _layers(self, scene: Scene) -> int:
+        """So many that neighbours, whose layers are a little lower, last as long."""
+        return math.ceil(scene.duration / self._dt(scene) - 1e-9) + 1
+
+    def _march(self, scene: Scene, marks: Marks | None) -> BarMotion:
+        from impactfem.marching.march import SCHEMES, Marching, march  # noqa: PLC0415  (Numba)
+
+        numbers, bar = self.chosen.numbers, scene.bar
+        layers = self._layers(scene) if marks is None else len(marks)
+        marching = Marching(
+            self._dt(scene), layers, gamma=numbers.gamma, tolerance=numbers.tolerance, marks=marks
+        )
+        positions = np.linspace(0.0, bar.length, (numbers.elements or 1) + 1)
+        return march(bar, scene.axial_gravity, positions, SCHEMES["galerkin"], marching)
+
+    def outcome(self, scene: Scene, times: Floats, marks: Marks | None = None) -> Outcome:
+        """A run, known at some times: columns are linear between levels.
+
+        Args:
+            scene: The scene.
+            times: [s].
+            marks: Sets of the layers; None: they are found.
+        """
+        bar, motion = scene.bar, self._march(scene, marks)
+        (wall,) = scene.obstacles
+        row = RowMotion.of_one(motion, bar, wall.name)
+        history = row_history(row, scene.bars, bar_probes(scene, row))
+        levels = motion.times
+
+        def at(values: Floats) -> Floats:
+            return np.asarray(np.interp(times, levels, values))
+
+        told = Table.over_time(
+            times,
+            {
+                name: Series(column.dims, at(np.asarray(column.values, float)), column.attrs)
+                for name, column in history.items()
+                if name != "time" and column.values.ndim == 1
+            },
+        )
+        pairs = (n.removeprefix("force.") for n, _ in told.items() if n.startswith("force."))
+        (pair,) = pairs
+        pushed = np.concatenate([[0.0], np.cumsum(row.force[:, 0] * np.diff(levels))])
+        section = bar.density * bar.area
+        driven = np.zeros_like(levels) if motion.end_work is None else section * motion.end_work
+        return Outcome(
+            told,
+            {pair: at(pushed)},
+            {},
+            {bar.name: _rebound(motion)},
+            {bar.name: section * bar.length},
+            at(driven),
+        )
+
+    def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:
+        """Numbers of a run and their derivatives, with the active set of the run."""
+        scene = changes.scene
+        motion = self._march(scene, None)
+        marks = self._marks(scene, motion)
+
+        def read(values: Floats) -> Floats:
+            other = changes.at(values)
+            return quantities.read(self.outcome(other, quantities.times, marks), other)
+
+        return differences(changes, read)
+
+    def _marks(self, scene: Scene, motion: BarMotion) -> Marks:
+        """Sets of the layers of a run; those of pairs that are on no side are left open."""
+        from impactfem.marching.kernels import DECIDE  # noqa: PLC0415  (loads Numba)
+
+        bar = scene.bar
+        metres = bar.length / bar.wave_speed**2
+        merit = self.chosen.numbers.gamma * metres * motion.multiplier + motion.gap[1:]
+        weak = np.abs(merit) <= _WEAK * np.abs(merit).max(initial=0.0)
+        return np.where(weak, DECIDE, motion.active).astype(np.int8)
+
+
+def _rebound(motion: BarMotion) -> float:
+    """Speed of the centre in the second layer after the last contact; NaN if there was none.
+
+    The layer of a release still has half of the force of the one before.
+    """
+    touching = np.flatnonzero(motion.active)
+    if not touching.size:
+        return float("nan")
+    return abs(float(motion.mean_velocity[min(touching[-1] + 3, len(motion.times) - 1)]))
