@@ -1,4 +1,7 @@
-"""Tests run as long as the time lasts, where one is given (`.ci/test`): slow ones to the first limit, all to the second."""
+"""Tests run as long as the time lasts, where one is given (`.ci/test`).
+
+Slow ones run to the first limit, all to the second.
+"""
 
 import os
 import time

@@ -25,9 +25,10 @@ class ExactBar:
     """Motion of a bar u_tt = c^2 u_xx - p(t) that may touch a rigid wall with its end x = 0.
 
     0 <= u(t, 0), lambda = c^2 u_x(t, 0) <= 0, u lambda = 0; the end x = L is free (u_x = 0) or
-    clamped (u = u(0, L)), or driven (see `impactfem.exact.drive`). The solution is exact up to rounding for u(0, x) continuous and
-    quadratic and u_t(0, x) linear on each piece; see `impactfem.exact.waves` for the method.
-    On a characteristic that carries a jump, velocity and strain have the value of one side.
+    clamped (u = u(0, L)), or driven (see `impactfem.exact.drive`). The solution is exact up to
+    rounding for u(0, x) continuous and quadratic and u_t(0, x) linear on each piece; see
+    `impactfem.exact.waves` for the method. On a characteristic that carries a jump, velocity and
+    strain have the value of one side.
 
     Attributes:
         length, wave_speed, duration: L [m], c [m/s], T [s].
@@ -92,7 +93,8 @@ class ExactBar:
             far_end: "free" or "clamped".
             drive: what drives the far end; None: nothing.
             resolution: breakpoints of the wave kept from one return from the far end to the next
-                (never fewer than four times the pieces, and what the drive has); irregular bouncing asks for ever more.
+                (never fewer than four times the pieces, and what the drive has); irregular bouncing
+                asks for ever more.
 
         Raises:
             SceneError: the data contradict each other or start inside the wall, or the motion
@@ -167,6 +169,7 @@ class ExactBar:
             gravity_times: as in the class.
             gravity_values: as in the class.
             far_end: "free" or "clamped".
+            drive: what drives the far end; None: nothing.
             pieces: number of equal pieces to begin with, for data that are not affine.
             tolerance: error of displacements that the pieces may leave, relative to the largest.
             resolution: as in the class.

@@ -1,7 +1,8 @@
 """What drives the far end of an exact bar: a force on it, or a motion that it is given.
 
 A wave q = u_t - c u_x that runs to the free end of a bar with the force F comes back as
-r = u_t + c u_x = q + 2 f, f = F / (rho A c); to an end that moves with U(t) as r = -q + 2 f, f = U'.
+r = u_t + c u_x = q + 2 f, f = F / (rho A c); from an end that moves with U(t) as r = -q + 2 f,
+f = U'.
 """
 
 from collections.abc import Callable, Sequence

@@ -99,18 +99,18 @@ def differences(changes: Changes, read: Callable[[Floats], Floats]) -> Slopes:
     count = len(changes.values)
     if count > _FEW:
         way = np.random.default_rng(0).standard_normal(count) * changes.scales
-        both = beside.sides(way / np.sqrt(count))
-        slopes = None if len(both) < 2 or _apart(both) else beside.central()
+        both, size = beside.sides(way / np.sqrt(count))
+        slopes = None if len(both) < 2 or _apart(both, size) else beside.central()
         if slopes is not None:
             return Slopes(beside.numbers, slopes, [])
     below, above = np.zeros((2, len(beside.numbers), count))
     kinked = False
     for k, size in enumerate(changes.scales):
-        sides = beside.sides(size * np.eye(count)[k])
+        sides, moved = beside.sides(size * np.eye(count)[k])
         if not sides:
             raise SceneError(f"parameter[{k}]: there are no scenes beside its value")
         above[:, k], below[:, k] = sides[0] / size, sides[-1] / size
-        kinked |= len(sides) == 2 and _apart(sides)
+        kinked |= len(sides) == 2 and _apart(sides, moved)
     mean = 0.5 * (above + below)
     if not kinked:
         return Slopes(beside.numbers, mean, [])
@@ -135,18 +135,20 @@ class _Beside:
         except SceneError:
             return None
 
-    def sides(self, way: Floats) -> list[Floats]:
+    def sides(self, way: Floats) -> tuple[list[Floats], float]:
         """Derivatives along a direction on each of its sides where there are neighbours.
 
-        Differences over a step and its half, extrapolated.
+        Differences over a step and its half, extrapolated; and the largest of those over a step,
+        to whose rounding derivatives that vanish are known.
         """
-        found = []
+        found, largest = [], 0.0
         for sign in (1.0, -1.0):
             h = sign * _STEP
             far, near = self._at(h * way), self._at(0.5 * h * way)
             if far is not None and near is not None:
                 found.append((4.0 * near - far - 3.0 * self.numbers) / h)
-        return found
+                largest = max(largest, float(np.abs(far - self.numbers).max() / _STEP))
+        return found, largest
 
     def central(self) -> Floats | None:
         """Derivatives (n, P) by one neighbour on each side; None where one is missing."""
@@ -161,7 +163,7 @@ class _Beside:
         return slopes
 
 
-def _apart(sides: list[Floats]) -> bool:
-    """Whether derivatives on both sides disagree."""
+def _apart(sides: list[Floats], size: float) -> bool:
+    """Whether derivatives on both sides disagree, beyond the rounding of differences of a size."""
     one, other = sides
-    return bool(np.abs(one - other).max() > _KINK * np.abs(sides).max())
+    return bool(np.abs(one - other).max() > _KINK * max(size, np.abs(sides).max()))

@@ -1,6 +1,7 @@
 """Numbers of a scene and their derivatives by its parameters, with the plan of the start kept."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -8,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.errors import SceneError
+from impactfem.errors import ConvergenceError, SceneError
 from impactfem.inverse.bars import BarRuns
 from impactfem.inverse.evaluations import Evaluations
 from impactfem.inverse.events import EventRuns
@@ -91,6 +92,7 @@ RUNS: Mapping[str, Any] = {
 }  # fmt: skip
 """What has derivatives, by method."""
 
+_LARGE = 0.1  # share of its size by which one is changed that has no derivative
 _STILL = 1e-9  # share of what is looked at that a parameter has to move
 
 
@@ -217,7 +219,19 @@ class Varied:
         moved = np.abs(jacobian * self.scales).max(axis=0)
         least = _STILL * (np.abs(q).max() + moved.max())
         moving = {each.where for k, each in enumerate(self.unknowns) if moved[k] > least}
-        for each in self.unknowns:
-            if each.where not in moving:
+        for k, each in enumerate(self.unknowns):
+            if each.where not in moving and not self._moves(k, q):
                 text = f" = {show(each.name)} moves nothing that is wanted: remove it, or measure "
                 raise KeyedError(*each.where, f"{text}what it moves.")
+            moving.add(each.where)
+
+    def _moves(self, k: int, q: Floats) -> bool:
+        """Whether an unknown without derivatives, as at an optimum, moves something in a step."""
+        for sign in (1.0, -1.0):
+            values = self.start
+            values[k] = np.clip(values[k] + sign * _LARGE * self.scales[k], *self.limits[:, k])
+            with suppress(SceneError, ConvergenceError):
+                changed = np.abs(self.numbers(values) - q).max()
+                if changed > _STILL * (np.abs(q).max() + changed):
+                    return True
+        return False

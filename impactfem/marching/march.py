@@ -66,6 +66,11 @@ class Marching:
     every: int = 1
     marks: NDArray[np.int8] | None = None
 
+    @property
+    def times(self) -> Floats:
+        """Levels [s], (layers + 1,)."""
+        return np.asarray(self.dt * np.arange(self.layers + 1, dtype=np.float64))
+
 
 class _Record:
     """Arrays that the kernels fill."""
@@ -107,7 +112,7 @@ def march(
         The motion; time and memory grow linearly with nodes times layers.
     """
     chain = Chain.of_bar(bar, positions)
-    times: Floats = numbers.dt * np.arange(numbers.layers + 1, dtype=np.float64)
+    times = numbers.times
     means = gravity.integral(times[:-1], times[1:]) / numbers.dt
     record = _Record(chain, numbers)
     scale = _scale(chain, gravity, bar.transit_time)
@@ -192,7 +197,7 @@ def _waves(
     record.elastic *= c
     work = np.zeros(numbers.layers + 1)
     if bar.is_driven:
-        work = c * waves.end_work(numbers.dt * np.arange(numbers.layers + 1))
+        work = c * waves.end_work(numbers.times)
     return Effort(2 * layers, 1, (), True, "closed form in each layer"), work
 
 
@@ -202,7 +207,7 @@ def _two_step(
     """The Petrov-Galerkin recursion, window by window; potential of gravity, work at the end."""
     # A test function of row m spans the two layers beside it.
     loads = np.concatenate([means[:1], 0.5 * (means[1:] + means[:-1])])
-    times = numbers.dt * np.arange(numbers.layers + 1)
+    times = numbers.times
     pushes, ways = end_pushes(bar, times), end_ways(bar, times)
     state = _State(chain.displacement.copy(), np.zeros_like(chain.displacement), 0.0)
 

@@ -117,11 +117,11 @@ def plan_bar(scene: Scene) -> Plan[BarNumbers]:
     predicted = predicted_error(scene, exact, name, grid, fitted=fitted)
     own = method.stable == "limited" and on_its_own_mesh(scene, exact) == grid.elements
     by_rounding = predicted is not None and (own or method.exact)
+    end = "driven" if bar.is_driven else bar.far_end
     grown = rounding_findings(predicted or 0.0, "will grow") if by_rounding else ()
     return Plan(
         method=name,
-        model=f"elastic bar in 1D, far end {'driven' if bar.is_driven else bar.far_end}, rigid wall "
-        "at its near end",
+        model=f"elastic bar in 1D, far end {end}, rigid wall at its near end",
         numbers=BarNumbers(
             elements=grid.elements,
             layers=grid.layers,

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, ClassVar, override
 
 import numpy as np
 
-from impactfem.scene.breaks import Break, find_breaks
 from impactfem.scene.body import BodyKind, Floats, Solver
+from impactfem.scene.breaks import Break, find_breaks
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import Vector
 from impactfem.scene.jets import motion_at

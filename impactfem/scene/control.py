@@ -1,7 +1,7 @@
 """Controls: histories in pieces that formulas use by name, and that an optimisation finds."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -145,12 +145,15 @@ class Control:
         return float(lengths @ (a * a + a * b + b * b) / 3.0)
 
 
-def acted(data: dict[str, Any], controls: Sequence[Control]) -> tuple[Control, ...]:
+def acted(
+    data: dict[str, Any], controls: Sequence[Control], keys: Mapping[str, Collection[str]]
+) -> tuple[Control, ...]:
     """Put controls into the formulas that they act on.
 
     Args:
         data: Plain tables of the scene; changed.
         controls: Read from it.
+        keys: That bodies of each kind have, whether they are given or not.
 
     Returns:
         The controls, which then stand in formulas by name.
@@ -166,7 +169,7 @@ def acted(data: dict[str, Any], controls: Sequence[Control]) -> tuple[Control, .
         head, _, last = control.acts.rpartition(".")
         path = f"{head}.{_AXES.index(last)}" if last in _AXES and last else control.acts
         try:
-            present = _present(data, path)
+            present = _present(data, path, keys)
             text = control.name if present in (0, "0") else f"({present}) + {control.name}"
             assign(data, path, text)
         except NotAllowedError as error:
@@ -176,14 +179,17 @@ def acted(data: dict[str, Any], controls: Sequence[Control]) -> tuple[Control, .
     return tuple(found)
 
 
-def _present(data: dict[str, Any], path: str) -> object:
-    """The number or formula at a path; 0 where a body has none of this key.
+def _present(data: dict[str, Any], path: str, keys: Mapping[str, Collection[str]]) -> object:
+    """The number or formula at a path; 0 where a body does not give a key that it has.
 
     Raises:
         NotAllowedError: There is none.
     """
-    if path.startswith("body.") and path.count(".") == 2 and is_missing(data, path):
-        return 0
+    head, _, last = path.rpartition(".")
+    if head.startswith("body.") and head.count(".") == 1 and is_missing(data, path):
+        kind = looked_up(data, f"{head}.kind")
+        if last in keys.get(str(kind), ()):
+            return 0
     found = looked_up(data, path)
     if not is_number(found) and not isinstance(found, str):
         raise NotAllowedError(f"it is {show(found)}; give the path of a formula in t")

@@ -97,7 +97,8 @@ class Formula:
 
     def compared(self, variable: str) -> list[float]:
         """Numbers with which it compares a variable, as in ``where(t < 2, a, b)``, in order."""
-        found, known = set(), ("variable", variable)
+        known = ("variable", variable)
+        found: set[float] = set()
 
         def walk(node: Node) -> None:
             match node:

@@ -196,7 +196,7 @@ class Scene(Content):
         if "control" in values:
             controls = read_objects(values["control"], "control", Control, MAX_CONTROLS, 0)
             values = {name: own(value) for name, value in values.items()}  # the caller keeps his
-            values["control"] = list(controls := acted(values, controls))
+            values["control"] = list(controls := acted(values, controls, _keys_of_bodies()))
         known = {
             **named_numbers(parameters), **named_histories(controls, values.get("duration"))
         }  # fmt: skip
@@ -330,6 +330,11 @@ def _started(values: dict[str, Any], parameters: Sequence[Parameter]) -> dict[st
                 raise KeyedError(f"parameter[{index}]", "key", text) from None
     found["parameter"] = list(parameters)
     return found
+
+
+def _keys_of_bodies() -> dict[str, set[str]]:
+    """Keys that bodies of each kind have."""
+    return {kind: {each.name for each in keys_of(cls).values()} for kind, cls in BODIES.items()}
 
 
 def _number_at(data: dict[str, Any], path: str, where: str) -> float:

@@ -189,9 +189,9 @@ def _home(data: dict[str, Any], path: str) -> tuple[Any, Any]:
     for part in parts[:-1]:
         if isinstance(place, list):
             found = {str(index): entry for index, entry in enumerate(place)}
-            tables = [entry for entry in place if isinstance(entry, dict)]
-            found |= {str(e["kind"]): e for e in tables if "kind" in e and "name" not in e}
-            found |= {str(e["name"]): e for e in tables if "name" in e}
+            entries = [entry for entry in place if isinstance(entry, dict)]
+            found |= {str(e["kind"]): e for e in entries if "kind" in e and "name" not in e}
+            found |= {str(e["name"]): e for e in entries if "name" in e}
             if part not in found:
                 raise NotAllowedError(f"there is no {show(part)}; write {' or '.join(found)}")
             place = found[part]

@@ -122,7 +122,8 @@ class Edges:
 
         Args:
             values: (edges, points).
-            edge, share: As `located` gives them, (n,).
+            edge: As `located` gives it, (n,).
+            share: Likewise.
         """
         nodes = np.polynomial.legendre.leggauss(self.places.shape[1])[0]
         inverse = np.linalg.inv(np.polynomial.legendre.legvander(nodes, len(nodes) - 1))

@@ -28,7 +28,8 @@ def wave_energies(
     the impact of K1 rho h v0^2 / 4); those of the waves do not. What leaves the wall in a layer
     follows from the way of the node and the multiplier, v - s = du_0 / dt - lambda / c; it runs
     through the bar with -p on its way and is back after 2 L/c. The only work besides that of
-    gravity and of a driven end is lambda du_0 <= 0, at impacts inside layers: these energies never grow.
+    gravity and of a driven end is lambda du_0 <= 0, at impacts inside layers: these energies never
+    grow.
 
     Args:
         bar: The bar.

@@ -36,7 +36,7 @@ def run(data, **settings):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_pushed_end_moves_the_bar_as_waves_say(method):
-    # A force that begins at .5 s: the near end knows it 1 s later, and then moves with 2 F/(rho A c).
+    # A force from .5 s on: the near end knows it 1 s later, and then moves with 2 F/(rho A c).
     result = run(scene(far_end_force="where(t < 0.5, 0, 0.8)"), **METHODS[method])
     history, t = result.history, np.asarray(result.history["time"])
     speed = 0.8 / IMPEDANCE
@@ -51,7 +51,7 @@ def test_a_pushed_end_moves_the_bar_as_waves_say(method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_moved_end_takes_the_bar_along(method):
-    # U = .3 t^2: the near end moves with 2 U(t - L/c) as long as no wave is back for the second time.
+    # U = .3 t^2: the near end moves with 2 U(t - L/c) until a wave comes for the second time.
     data = scene(duration=2.5, gap=0.5, far_end_displacement="0.3*t*t")
     result = run(data, **METHODS[method])
     t = np.asarray(result.history["time"])
