@@ -103,7 +103,7 @@ class Waves:
         given = felt = np.zeros_like(drops)
         if bar.is_driven:
             left = dt * (all_layers[:, None] + breaks) - bar.transit_time  # the far end
-            given, felt = _lines_of_end(bar, np.maximum(left, 0.0)), since(twice) - since(once)
+            given, felt = _lines_of_end(bar, left), since(twice) - since(once)
         return cls(
             mean, rise, past, breaks, twice.layers + late.astype(np.int64),
             np.where(late, 1.0, 0.0) - twice.share, drops + 2.0 * given, impulse[past:] / dt, dt,
@@ -141,7 +141,7 @@ class Waves:
 def _lines_of_end(bar: Bar, borders: Floats) -> Floats:
     """A line for what a far end gives (`Bar.end_speed`), in pieces between times of each layer.
 
-    Each has the means of both its halves.
+    Each has the means of both its halves; before t = 0 nothing is given.
 
     Args:
         bar: The bar.
@@ -151,10 +151,11 @@ def _lines_of_end(bar: Bar, borders: Floats) -> Floats:
         Its values at both ends of each piece [m/s], (layers, pieces, 2).
     """
     low, width = borders[:, :-1], np.diff(borders, axis=1)
-    times = np.stack([low, low + 0.5 * width, low + width], axis=-1)
+    times = np.maximum(np.stack([low, low + 0.5 * width, low + width], axis=-1), 0.0)
     halves = end_means(bar, times.reshape(-1, 3)).reshape(*low.shape, 2)
+    halves *= np.diff(times) / (0.5 * width[..., None])
     mean, half = halves.mean(axis=-1), halves[..., 1] - halves[..., 0]
-    return np.where(width[..., None] > 0.0, np.stack([mean - half, mean + half], axis=-1), 0.0)
+    return np.stack([mean - half, mean + half], axis=-1)
 
 
 def left_before(bar: Bar, cells: int) -> Line:

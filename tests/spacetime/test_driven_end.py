@@ -130,3 +130,22 @@ def test_only_a_bar_alone_is_driven():
     data = scene(far_end_force=1.0) | {"solve": {"method": "newmark"}}
     with pytest.raises(SceneError, match="newmark"):
         Scene.from_dict(data)
+
+
+@pytest.mark.parametrize("method", ["exact", "conserving", "galerkin"])
+def test_units_do_not_matter(method):
+    found = []
+    for m, s, kg in ((1.0, 1.0, 1.0), (1e3, 1e3, 1e-3), (1e-3, 1.0, 1e3)):
+        force, late, slow = 2e4 * kg * m / s**2, 5e-5 * s, 1e-4 * s
+        text = f"where(t < {late!r}, -{force!r}, {0.3 * force!r}*sin(t/{slow!r}))"
+        result = run({
+            "title": "units", "duration": 4e-4 * s, "gravity": 981.0 * m / s**2,
+            "body": [{"kind": "bar", "length": 0.5 * m, "density": 7850.0 * kg / m**3,
+                      "youngs_modulus": 210e9 * kg / (m * s**2), "area": 1e-4 * m**2,
+                      "gap": 1e-5 * m, "velocity": -m / s, "far_end_force": text}],
+            "obstacle": [{"kind": "wall"}],
+            "output": {"report": False, "pictures": False, "fields": []},
+        }, method=method)  # fmt: skip
+        impulse = result.summary["contact"]["impulse"] * s / (kg * m)
+        found.append((impulse, result.summary["error"]["displacement_max"]))
+    np.testing.assert_allclose(found, np.tile(found[0], (3, 1)), rtol=1e-9, atol=1e-11)
