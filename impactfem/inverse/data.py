@@ -6,8 +6,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.errors import OutputError
+from impactfem.result.record import Record
 from impactfem.scene import Scene
 from impactfem.scene.inverse import Measure
+from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError
 from impactfem.scene.values import show
 
@@ -37,13 +40,14 @@ def data_of(scene: Scene, index: int) -> Data:
     Raises:
         SceneError: The file cannot be read, or does not fit the run; the message names the key.
     """
-    measure = scene.measures[index]
+    measure, where = scene.measures[index], f"measure[{index}]"
+    if measure.result is not None:
+        return _of_run(scene, measure, where)
     if measure.data is None:
         at = np.array([scene.duration if measure.at is None else measure.at])
         values = None if measure.value is None else np.array([measure.value])
         return Data(at, values, None if measure.sigma is None else np.full(1, measure.sigma))
     path = Path(scene.folder or "", measure.data)
-    where = f"measure[{index}]"
     table = _table(path, where, measure)
     times, values = table[:, 0], table[:, 1]
     if (wrong := (times < 0.0) | (times > scene.duration * (1.0 + 1e-12))).any():
@@ -57,6 +61,30 @@ def data_of(scene: Scene, index: int) -> Data:
         raise KeyedError(where, "data", text)
     order = np.argsort(times, kind="stable")
     return Data(times[order], values[order], None if sigma is None else sigma[order])
+
+
+def _of_run(scene: Scene, measure: Measure, where: str) -> Data:
+    """The history of another run, as long as both last."""
+
+    def refuse(why: str) -> KeyedError:
+        return KeyedError(where, "result", f" = {show(measure.result)}: {why}.")
+
+    try:
+        history = Record.load(Path(scene.folder or "", str(measure.result))).rows
+    except OutputError as error:
+        raise refuse(str(error)) from None
+    columns = [name for name, column in history.items() if column.values.ndim == 1]
+    if measure.of not in columns:
+        near = nearest(measure.of, columns)
+        meant = f"; did you mean {show(near)}?" if near else ""
+        raise refuse(f"its history has no {show(measure.of)}{meant}")
+    unit = history[measure.of].attrs.get("units")
+    if measure.unit is not None and measure.unit != unit:
+        raise refuse(f"there {measure.of} is in {unit}, not in unit = {show(measure.unit)}")
+    times, values = (np.asarray(history[name].values, float) for name in ("time", measure.of))
+    both = times <= scene.duration * (1.0 + 1e-12)
+    sigma = None if measure.sigma is None else np.full(np.count_nonzero(both), measure.sigma)
+    return Data(np.minimum(times[both], scene.duration), values[both], sigma)
 
 
 def _table(path: Path, where: str, measure: Measure) -> Floats:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from impactfem.scene.grammar import CONSTANTS, FUNCTIONS
 from impactfem.scene.inline import InlineTable, ListOf, Vector
-from impactfem.scene.kinds import Choice, FilePath, Integer, Line, Name, Real
+from impactfem.scene.kinds import Choice, FilePath, FolderPath, Integer, Line, Name, Real
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
 
@@ -96,6 +96,10 @@ class Measure:
         FilePath(endings=(".csv", ".txt")),
         "what was measured: columns time, value and perhaps sigma", default=None, absent="none",
     )  # fmt: skip
+    result: str | None = key(
+        FolderPath(), "result folder of another run, whose history of the same column is the data",
+        default=None, absent="none",
+    )  # fmt: skip
     value: float | None = key(
         Real(), "what was measured, as one number", default=None, absent="none"
     )
@@ -113,15 +117,20 @@ class Measure:
 
     def __post_init__(self) -> None:
         check_fields(self, self.heading)
-        if self.data is not None and (self.value is not None or self.at is not None):
-            other = "value" if self.value is not None else "at"
-            text = f" = {show(self.data)} has times and values of its own: remove {other}."
-            raise KeyedError(self.heading, "data", text)
+        own = "data" if self.data is not None else "result"
+        known = [
+            name for name in ("data", "result", "value", "at") if getattr(self, name) is not None
+        ]
+        if len(known) > 1 and own in known:
+            other = next(name for name in known if name != own)
+            shown = show(getattr(self, own))
+            text = f" = {shown} has times and values of its own: remove {other}."
+            raise KeyedError(self.heading, own, text)
 
     @property
     def is_measured(self) -> bool:
         """Whether there are data."""
-        return self.data is not None or self.value is not None
+        return any(each is not None for each in (self.data, self.result, self.value))
 
 
 @table("minimise = [{ ... }]")

@@ -157,6 +157,22 @@ class FilePath(Line):
 
 
 @dataclass(frozen=True)
+class FolderPath(Line):
+    """The path of a folder."""
+
+    max_length: int = 1000
+
+    @property
+    @override
+    def allowed(self) -> str:
+        return "the path of a folder, absolute or relative to the scene file"
+
+    @override
+    def read(self, value: object) -> str:
+        return super().read(str(value) if isinstance(value, PurePath) else value)
+
+
+@dataclass(frozen=True)
 class Switch(Kind):
     """true or false."""
 

@@ -245,12 +245,12 @@ class Scene(Content):
 
         Args:
             folder: where the file will lie, if not beside the one that was read. A relative path
-                of a mesh or mechanism is rewritten to resolve from there: still relative if it
-                lies in that folder, absolute otherwise.
+                of a mesh, mechanism or data is rewritten to resolve from there: still relative if
+                it lies in that folder, absolute otherwise.
         """
         data = self.to_dict()
-        for home in (*data["body"], *data["obstacle"], data["solve"]):
-            for name in ("mesh", "file"):
+        for home in (*data["body"], *data["obstacle"], *data.get("measure", []), data["solve"]):
+            for name in ("mesh", "file", "data", "result"):
                 given = home.get(name)
                 if folder is not None and given and not Path(given).is_absolute():
                     there, target = _absolute(Path(self.folder or "", given)), _absolute(folder)

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -144,3 +145,34 @@ def test_bad_data_are_named(tmp_path, text, words):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(SceneError, match=r"measure\[0\]\.data.*no such file"):
         impactfem.identify(scene(tmp_path))
+
+
+def test_another_run_is_data(tmp_path):
+    data = {
+        "title": "ball", "duration": 1.5, "gravity": [0.0, -9.81],
+        "body": [{"kind": "point", "name": "ball", "mass": 1.0, "position": [0.0, 1.0]}],
+        "obstacle": [{"kind": "half_space", "name": "floor", "point": [0.0, 0.0],
+                      "normal": [0.0, 1.0]}],
+        "contact": [{"between": ["ball", "floor"], "restitution": 0.8}],
+        "output": {"report": False, "pictures": False, "fields": []},
+    }  # fmt: skip
+    impactfem.solve(Scene.from_dict(data)).save(tmp_path / "before")
+    data["contact"][0]["restitution"] = 0.75
+    data["parameter"] = [{"name": "e", "key": "contact.0.restitution", "bounds": [0.5, 1.0]}]
+    data["measure"] = [{"name": "y", "of": "ball.y", "result": "before"}]
+    scene = Scene.from_dict(data, tmp_path)
+    found = impactfem.identify(scene)
+    assert found.parameters["e"].value == pytest.approx(0.8, abs=1e-9)
+    # A scene that is written elsewhere finds its data.
+    there = tmp_path / "other" / "scene.toml"
+    there.parent.mkdir()
+    there.write_text(scene.to_toml(there.parent))
+    assert Path(Scene.from_toml(there).measures[0].result) == (tmp_path / "before").resolve()
+    wrong = ("ball.u", "before", "its history has no .ball.u."), ("ball.y", "after", "no complete")
+    for of, result, words in wrong:
+        data["measure"] = [{"name": "y", "of": of, "result": result}]
+        with pytest.raises(SceneError, match=rf"measure\[0\].result = .*{words}"):
+            impactfem.identify(Scene.from_dict(data, tmp_path))
+    data["measure"][0]["value"] = 1.0
+    with pytest.raises(SceneError, match="remove value"):
+        Scene.from_dict(data, tmp_path)
