@@ -1,0 +1,30 @@
+"""Demos of identification and optimisation find what they say."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import impactfem
+
+DEMOS = Path(__file__).resolve().parents[2] / "demos"
+
+
+@pytest.mark.slow
+def test_drag_and_restitution_of_the_thrown_ball():
+    found = impactfem.identify(DEMOS / "thrown_ball" / "scene.toml")
+    assert found.trusted
+    for name, true in (("c", 0.0015), ("e", 0.75)):
+        each = found.parameters[name]
+        assert abs(each.value - true) < 3.0 * each.sigma
+    c, e = found.parameters["c"], found.parameters["e"]
+    assert (c.value, e.value) == (pytest.approx(0.00143, rel=2e-3), pytest.approx(0.7478, rel=1e-4))
+
+
+def test_the_bar_is_caught():
+    found = impactfem.optimise(DEMOS / "caught_bar" / "scene.toml")
+    pieces = [each["value"] for each in found.parameters.values()]
+    np.testing.assert_allclose(pieces, np.repeat([0.25, -0.25], 4), atol=1e-8)
+    assert found.objective["initial"] == pytest.approx(0.125, abs=1e-12)
+    assert abs(found.objective["final"]) < 1e-16
+    assert found.trusted
