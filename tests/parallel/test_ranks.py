@@ -44,6 +44,29 @@ def test_clamped_bar_agrees_on_several_ranks():
     agree("pdas", gap=0.0, far_end="clamped", displacement="0.3*(2 - x)*(1 + 0.2*sin(3*x))")
 
 
+@pytest.mark.parallel([2, 4])
+def test_driven_bar_agrees_on_several_ranks():
+    agree("pdas", gap=0.55, velocity=-0.5, far_end_force="where(t < 1.3, 0.3*sin(4*t), -0.2)")
+
+
+@pytest.mark.parallel([2])
+def test_gradients_agree_on_two_ranks():
+    from impactfem.fem import MPI
+
+    scene = impactfem.Scene.from_dict({
+        "title": "slopes", "duration": 2.5,
+        "body": [{"kind": "bar", "length": 1.0, "density": 1.0, "youngs_modulus": 1.0,
+                  "gap": 0.25, "velocity": -0.5}],
+        "obstacle": [{"kind": "wall"}],
+        "control": [{"name": "push", "acts": "body.bar.far_end_force", "pieces": 2, "from": 0.5}],
+        "objective": {"minimise": [{"term": "terminal_energy"}]},
+        "solve": {"method": "monolithic", "elements": 20},
+    })  # fmt: skip
+    found = list(impactfem.gradient(scene).gradient.values())
+    assert found == pytest.approx([-0.5, 0.5], abs=1e-8)
+    assert MPI.COMM_WORLD.allgather(found) == [found, found]
+
+
 @pytest.mark.parallel([2])
 def test_variational_inequality_agrees_on_two_ranks():
     agree("snes_vi", gap=0.55, velocity=-0.5)
