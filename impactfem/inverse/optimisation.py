@@ -20,6 +20,7 @@ from impactfem.scene import Scene
 Floats = NDArray[np.float64]
 
 _FAILED = 1e6  # times the largest objective so far: what a run that fails counts as
+_FLAT = 1e-2  # times the tolerance: share of the first gradient that may be left
 _AGREES = 1e-6  # share of J by which a plan of the answer's own may tell another
 _STATIONARY = 1e-4  # of the first gradient, below which the last one counts as none
 _NO_LESS = -6  # TAO_DIVERGED_LS_FAILURE
@@ -239,9 +240,16 @@ type _Found = tuple[Floats, bool, str]
 
 
 def _by_lbfgs(problem: _Problem) -> _Found:
-    options = {"maxiter": problem.most, "ftol": 1e-3 * problem.tolerance**2, "gtol": 1e-12}
+    start = np.zeros(len(problem.varied.start))
+    told = problem.varied.jacobian(problem.place(start))
+    slope = problem.varied.quantities.slope(told.numbers) @ told.jacobian
+    steepest = float(np.abs(slope * problem.varied.scales).max())
+    options = {
+        "maxiter": problem.most, "ftol": 1e-3 * problem.tolerance**2,
+        "gtol": _FLAT * problem.tolerance * steepest,
+    }  # fmt: skip
     found = minimize(
-        problem.value, np.zeros(len(problem.varied.start)), jac=True, method="L-BFGS-B",
+        problem.value, start, jac=True, method="L-BFGS-B",
         bounds=Bounds(*problem.bounds), options=options,
     )  # fmt: skip
     # A line search that finds nothing less has come as near as rounding lets it.
