@@ -232,3 +232,31 @@ def test_a_restitution_of_1_has_a_derivative_from_below():
     found = impactfem.gradient(Scene.from_dict(scene))
     fall = np.sqrt(2.0 / G)
     assert found.gradient["e"] == pytest.approx(G * fall * (0.9 - fall), rel=1e-7)
+
+
+def test_a_rod_that_clatters_against_differences():
+    # Seven impacts of both ends; runs of their own, central differences over two steps.
+    names = {"h": "center.1", "a": "inclination", "v": "velocity.0"}
+    scene = Scene.from_dict({
+        "title": "rod", "duration": 0.8, "gravity": [0.0, -G],
+        "body": [{"kind": "rod", "name": "rod", "mass": 1.0, "length": 0.6,
+                  "center": [0.0, 0.8], "inclination": 0.6, "velocity": [0.5, 0.0]}],
+        "obstacle": [{"kind": "half_space", "name": "floor", "point": [0.0, 0.0],
+                      "normal": [0.0, 1.0]}],
+        "contact": [{"between": ["rod", "floor"], "restitution": 0.5}],
+        "parameter": [{"name": n, "key": f"body.rod.{k}"} for n, k in names.items()] + [E],
+        "measure": [{"name": k, "of": f"rod.{k}"} for k in ("x", "y", "angle")],
+        "objective": {"minimise": [{"term": "value", "of": k} for k in ("x", "y", "angle")]},
+        "solve": {"method": "event_driven"}, "output": {"report": False, "pictures": False},
+    })  # fmt: skip
+    assert len(impactfem.solve(scene).impacts.time) == 7
+    varied = Varied.of(scene)
+    found = varied.jacobian(varied.start)
+    assert not found.doubts
+    for k, way in enumerate(np.eye(4)):
+        near, far = (
+            (varied.numbers(varied.start + h * way) - varied.numbers(varied.start - h * way))
+            / (2.0 * h)
+            for h in (5e-4, 1e-3)
+        )
+        np.testing.assert_allclose(found.jacobian[:, k], (4.0 * near - far) / 3.0, atol=1e-8)

@@ -221,3 +221,52 @@ def test_a_wrong_saltation_is_wrong(monkeypatch):
     monkeypatch.setattr(module._Run, "_late", lambda self, *_: np.zeros(len(self.bundle.of) // 2))
     found = slopes(ball, {"h0": 1.0, "e": 0.8, "g": G, "m": 2.0}, 0.9)[2]
     assert found[0, 0] == pytest.approx(1.0)
+
+
+def arm(first=1.2, second=0.4, length=1.0, e=0.6):
+    """Two rods without mass, a mass 1 at the end of each, that swing against a wall."""
+    turn = length * length
+
+    def mass(u):
+        c = np.cos(u[0] - u[1])
+        return turn * np.array([[2.0, c], [c, 1.0]])
+
+    def force(_, u, v):
+        s = np.sin(u[0] - u[1])
+        weight = G * length * np.array([2.0 * np.sin(u[0]), np.sin(u[1])])
+        return turn * s * np.array([-(v[1] ** 2), v[0] ** 2]) - weight
+
+    system = impactfem.GeneralizedSystem(
+        mass=mass, force=force, dofs=2, restitution=e,
+        constraints=lambda u: [length * (np.sin(u[0]) + np.sin(u[1])) + 0.1],
+    )  # fmt: skip
+    return system, [first, second], [0.0, 0.0]
+
+
+def by_differences(make, values, duration, step):
+    """The same derivatives by runs of their own: central differences, extrapolated."""
+    given = EventSettings(rows=4, rtol=1e-12, atol=1e-14)
+
+    def end(**changed):
+        system, u, v = make(**values | changed)
+        record, _ = follow(system, u, v, duration, given, [])
+        return np.concatenate([record.position[-1], record.velocity[-1]])
+
+    found = []
+    for name, value in values.items():
+        near, far = (
+            (end(**{name: value + h}) - end(**{name: value - h})) / (2.0 * h)
+            for h in (0.5 * step, step)
+        )
+        found.append((4.0 * near - far) / 3.0)
+    return np.transpose(found)
+
+
+def test_a_double_pendulum_that_strikes_a_wall():
+    values = {"first": 1.2, "second": 0.4, "length": 1.0, "e": 0.6}
+    record, _ = follow(*arm(**values), 4.0, EventSettings(rows=4, rtol=1e-12, atol=1e-14), [])
+    assert sum(bool(leg.event.strikes) for leg in record.legs) == 3
+    *_, dq, dv, _ = slopes(arm, values, 4.0)
+    wanted = by_differences(arm, values, 4.0, 2e-4)
+    largest = np.abs(wanted).max()
+    np.testing.assert_allclose(np.vstack([dq, dv]), wanted, rtol=0.0, atol=1e-8 * largest)
