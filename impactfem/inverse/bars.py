@@ -55,6 +55,7 @@ class BarRuns:
             {bar.name: speed},
             {bar.name: section * bar.length},
             0.0 if motion.end_work is None else section * motion.end_work,
+            {pair: section * exact.largest_force},
         )
 
     def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:

@@ -103,6 +103,7 @@ class LayeredBars:
             {bar.name: _rebound(motion)},
             {bar.name: section * bar.length},
             at(driven),
+            {pair: float(row.force.max(initial=0.0))},
         )
 
     def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:

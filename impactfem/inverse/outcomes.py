@@ -1,7 +1,7 @@
 """What a run offers to measures, whatever solved it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ class Outcome:
         rebound: Speed of each body's centre of mass just after its last contact [m/s]; NaN if
             there was none.
         masses: Of the bodies [kg].
+        peak: Largest force of each pair, where impacts take time [N].
         driven: Work of what drives ends, which potential energies count [J], (rows,) or 0.
     """
 
@@ -31,6 +32,7 @@ class Outcome:
     rebound: Mapping[str, float]
     masses: Mapping[str, float]
     driven: Floats | float = 0.0
+    peak: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def times(self) -> Floats:

@@ -123,6 +123,12 @@ class Quantities:
             return outcome.masses[str(term.body)]
         if term.of is not None:
             return 0.0
+        if term.term == "peak_force":
+            if term.pair not in outcome.peak:
+                known = ", ".join(outcome.peak) or "none: impacts take no time in this run"
+                text = f"objective: peak_force of pair = {show(term.pair)}: there is {known}"
+                raise SceneError(f"{text}; give a pair of a bar")
+            return outcome.peak[term.pair]
         row = _rows(outcome.times, np.array([self._at(term)]))[0]
         if term.term == "speed":
             return float(np.linalg.norm(_velocity(outcome, str(term.body), row)))

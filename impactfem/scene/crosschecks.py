@@ -208,8 +208,9 @@ def _check_bar(scene: Content, gravity: object) -> None:
     if bad.size:
         text = f" = {show(pushed.text)} has no finite value at t = {times[bad[0]]:.6g}: give one "
         raise KeyedError("body[0]", "far_end_force", f"{text}for 0 <= t <= {scene.duration:g}.")
-    if bar.is_driven and scene.solve.method == "newmark":
-        text = ' = "newmark" knows no drive of the far end: give "exact", "galerkin" or another.'
+    method = scene.solve.method
+    if bar.is_driven and method is not None and not METHODS[method].plannable:  # negative controls
+        text = f" = {show(method)} knows no drive of the far end: give another, as exact."
         raise KeyedError("solve", "method", text)
 
 

@@ -166,3 +166,22 @@ def test_a_misspelt_place_to_act_on_is_refused():
     data["control"] = [{"name": "pull", "acts": "body.bars.far_end_force", "pieces": 2}]
     with pytest.raises(SceneError, match=r'no "bars"; write 0 or bar'):
         Scene.from_dict(data)
+
+
+@pytest.mark.parametrize("method", ["exact", "galerkin"])
+def test_the_largest_force_follows_the_speed(method):
+    # rho A c v0, of a bar of two times the section.
+    data = catch(0.0, method=method).to_dict()
+    data["body"][0] |= {"area": 2.0, "gap": 0.3, "far_end_force": 0.0}
+    data["control"] = []
+    data["parameter"] = [{"name": "v", "key": "body.bar.velocity"}]
+    data["objective"] = {"minimise": [{"term": "peak_force", "pair": "bar.wall"}]}
+    found = impactfem.gradient(Scene.from_dict(data))
+    assert found.objective == pytest.approx(1.0, rel=1e-9)
+    assert found.gradient["v"] == pytest.approx(-2.0, rel=1e-7)
+    data["objective"]["minimise"][0]["pair"] = "bar.floor"
+    with pytest.raises(SceneError, match=r'pair = "bar.floor": there is bar.wall'):
+        impactfem.gradient(Scene.from_dict(data))
+    data["objective"]["minimise"][0].pop("pair")
+    with pytest.raises(SceneError, match="pair is missing"):
+        Scene.from_dict(data)
