@@ -21,6 +21,8 @@ Floats = NDArray[np.float64]
 
 _FAILED = 1e6  # times the largest objective so far: what a run that fails counts as
 _FLAT = 1e-2  # times the tolerance: share of the first gradient that may be left
+_BARRIER = 1e-10  # parameter of trust-constr's barrier with which limits are met
+_BARRIERS = ("initial_barrier_parameter", "initial_barrier_tolerance", "barrier_tol")
 _AGREES = 1e-6  # share of J by which a plan of the answer's own may tell another
 _STATIONARY = 1e-4  # of the first gradient, below which the last one counts as none
 _NO_LESS = -6  # TAO_DIVERGED_LS_FAILURE
@@ -262,13 +264,20 @@ def _by_trust_constr(problem: _Problem) -> _Found:
     low, high = np.array([each.limits for each in limits], dtype=float).reshape(-1, 2).T
     held = [NonlinearConstraint(problem.limited, low, high, jac=problem.limited_slope)]
     options = {"maxiter": problem.most, "xtol": problem.tolerance, "gtol": problem.tolerance}
+    start = np.zeros(len(problem.varied.start))
     with warnings.catch_warnings():
         # SciPy says so of linear terms, whose second derivatives are 0 as it takes them to be.
         warnings.filterwarnings("ignore", message="delta_grad == 0.0")
-        found = minimize(
-            problem.value, np.zeros(len(problem.varied.start)), jac=True, method="trust-constr",
-            bounds=Bounds(*problem.bounds), constraints=held if limits else [], options=options,
-        )  # fmt: skip
+        # It may end with a barrier that keeps it off its limits: then once more, nearly without.
+        for barrier in ({}, dict.fromkeys(_BARRIERS, _BARRIER)):
+            found = minimize(
+                problem.value, start, jac=True, method="trust-constr",
+                bounds=Bounds(*problem.bounds), constraints=held if limits else [],
+                options=options | barrier,
+            )  # fmt: skip
+            start = found.x
+            if found.status not in {1, 2} or getattr(found, "barrier_parameter", 0.0) <= _BARRIER:
+                break
     return problem.place(found.x), found.status in {1, 2}, str(found.message)
 
 

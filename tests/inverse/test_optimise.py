@@ -224,3 +224,23 @@ def test_solvers_that_know_no_constraints_are_refused():
     data["objective"]["solver"] = "tao"
     with pytest.raises(SceneError, match="knows no constraints"):
         impactfem.optimise(Scene.from_dict(data))
+
+
+def test_least_sum_of_places_on_a_circle_of_speeds():
+    """An SQP with a closed answer: min x + y where |v| <= sqrt(2), x = v after 1 s."""
+    found = impactfem.optimise(Scene.from_dict({
+        "title": "circle", "duration": 1.0,
+        "body": [{"kind": "point", "name": "p", "mass": 1.0, "position": [0.0, 0.0],
+                  "velocity": [0.3, -0.2]}],
+        "obstacle": [{"kind": "half_space", "name": "far", "point": [9.0, 0.0],
+                      "normal": [-1.0, 0.0]}],
+        "parameter": [{"name": n, "key": f"body.p.velocity.{k}"} for k, n in enumerate("ab")],
+        "measure": [{"name": n, "of": f"p.{n}"} for n in "xy"],
+        "objective": {"minimise": [{"term": "value", "of": n} for n in "xy"],
+                      "constraints": [{"term": "speed", "body": "p", "max": 2**0.5}]},
+        "output": PLAIN,
+    }))  # fmt: skip
+    assert found.status == "converged"
+    assert [found.parameters[n]["value"] for n in "ab"] == pytest.approx([-1.0, -1.0], abs=1e-5)
+    assert found.objective["final"] == pytest.approx(-2.0, abs=1e-7)
+    assert found.multipliers == pytest.approx((2**0.5,), abs=1e-4)  # 1 + multiplier v / |v| = 0
