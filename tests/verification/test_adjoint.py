@@ -1,4 +1,4 @@
-"""The adjoint of the founding scheme, by its assembled system, gives the gradients of the sweeps."""
+"""The adjoint of the founding scheme, by its assembled system, is the gradient by sweeps."""
 
 import numpy as np
 import pytest
