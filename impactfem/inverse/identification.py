@@ -7,18 +7,17 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 from scipy.stats import chi2, t
 
 from impactfem.inverse.data import Data
 from impactfem.inverse.gradients import TaylorCheck, check_as_dict, taylor_check
-from impactfem.inverse.search import Iteration, Search, begun
+from impactfem.inverse.residuals import Residuals
+from impactfem.inverse.search import Iteration, begun
 from impactfem.inverse.varied import Varied
 from impactfem.scene import Scene
 
 Floats = NDArray[np.float64]
 
-_FAILED = 1e6  # times the first misfit: what a run that fails counts as, so that its step is undone
 _UNLIKELY = 1e-3  # probability below which misfits do not fit their standard deviations
 _FLAT = 1e-12  # least share of a singular value of a direction that the data determine
 
@@ -128,37 +127,6 @@ class Identified:
         }
 
 
-class _Residuals:
-    """Residuals and their derivatives."""
-
-    def __init__(self, search: Search) -> None:
-        self.search, self.misfits = search, search.varied.quantities.misfits
-        self.count, self.size = 0, 0.0
-
-    def values(self, values: Floats) -> Floats:
-        told = self.search.run(values)
-        if told is None:
-            return np.full(self.count, _FAILED * self.size / np.sqrt(self.count))
-        quantities = self.search.varied.quantities
-        found = self._weighted([quantities.residuals(i, told.numbers) for i, _ in self.misfits])
-        self.count, self.size = len(found), max(self.size, float(np.linalg.norm(found)))
-        slope = self._slopes(told.jacobian).T @ found
-        self.search.note(values, 0.5 * float(found @ found), slope)
-        return found
-
-    def jacobian(self, values: Floats) -> Floats:
-        return self._slopes(self.search.varied.jacobian(values).jacobian)
-
-    def _slopes(self, jacobian: Floats) -> Floats:
-        quantities = self.search.varied.quantities
-        return self._weighted([
-            jacobian[quantities.slices[i]] / quantities.sigma(i)[:, None] for i, _ in self.misfits
-        ])  # fmt: skip
-
-    def _weighted(self, each: list[Floats]) -> Floats:
-        return np.concatenate([w * part for (_, w), part in zip(self.misfits, each, strict=True)])
-
-
 def identify(
     scene: Scene | str | Path, *, folder: Path | None = None, restart: Path | None = None
 ) -> Identified:
@@ -180,17 +148,15 @@ def identify(
         FolderError: There is no search to go on with, or it is of another scene.
     """
     search = begun(scene, folder, restart)
-    varied, residuals = search.varied, _Residuals(search)
+    varied, residuals = search.varied, Residuals(search)
     scene = varied.scene
     at_start, jacobian = varied.jacobian(varied.start)[:2]
     varied.check_moves(at_start, jacobian)
-    low, high = varied.limits
     objective = scene.objective
     tolerance = 1e-8 if objective is None else objective.tolerance
-    found = least_squares(
-        residuals.values, varied.start, residuals.jacobian,
-        bounds=(low, high), x_scale=varied.scales, ftol=tolerance, xtol=tolerance, gtol=1e-12,
-        max_nfev=100 if objective is None else objective.max_iterations,
+    found = residuals.fitted(
+        tolerance, 100 if objective is None else objective.max_iterations,
+        None if objective is None else objective.searched_by,
     )  # fmt: skip
     q, jacobian, told, margin, _ = varied.jacobian(found.x)
     doubts = list(told)

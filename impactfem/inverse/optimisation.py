@@ -13,6 +13,7 @@ from scipy.optimize import Bounds, NonlinearConstraint, lsq_linear, minimize
 
 from impactfem.errors import SceneError
 from impactfem.inverse.gradients import TaylorCheck, check_as_dict, taylor_check
+from impactfem.inverse.residuals import Residuals
 from impactfem.inverse.search import Iteration, Search, begun
 from impactfem.inverse.varied import Varied
 from impactfem.scene import Scene
@@ -310,8 +311,16 @@ def _by_tao(problem: _Problem) -> _Found:
     return problem.best[1], bool(done), f"TAO's reason {reason}"
 
 
+def _by_squares(problem: _Problem) -> _Found:
+    wanted = problem.varied.scene.objective
+    solver = None if wanted is None else wanted.searched_by
+    found = Residuals(problem.search).fitted(problem.tolerance, problem.most, solver)
+    return np.asarray(found.x), bool(found.success), str(found.message)
+
+
 _SOLVERS: dict[str, Callable[[_Problem], _Found]] = {
     "lbfgs": _by_lbfgs, "trust_constr": _by_trust_constr, "tao": _by_tao,
+    "least_squares": _by_squares, "gauss_newton": _by_squares,
 }  # fmt: skip
 
 

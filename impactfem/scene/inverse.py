@@ -17,7 +17,7 @@ TERMS = (
     "value", "misfit", "speed", "terminal_energy", "vibration_energy", "effort", "mass",
     "peak_force",
 )  # fmt: skip
-SOLVERS = ("lbfgs", "trust_constr", "tao")
+SOLVERS = ("lbfgs", "trust_constr", "tao", "least_squares", "gauss_newton")
 VARIABLES = ("t", "x", "y", "z", "vx", "vy", "vz")
 """Names that formulas have already."""
 
@@ -248,7 +248,8 @@ class Objective:
     )
     searched_by: str | None = key(
         Choice(SOLVERS),
-        "how optimise searches: L-BFGS-B or trust-constr of SciPy, BLMVM of PETSc's TAO",
+        "how optimise searches: L-BFGS-B or trust-constr of SciPy, BLMVM of PETSc's TAO; of "
+        "misfits also SciPy's trust region reflective method, which identify takes, or Gauss-Newton",
         name="solver", default=None, absent="lbfgs; trust_constr with constraints",
     )  # fmt: skip
     max_iterations: int = key(Integer(1, 100_000), "largest number of iterations", default=100)

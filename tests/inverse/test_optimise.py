@@ -244,3 +244,36 @@ def test_least_sum_of_places_on_a_circle_of_speeds():
     assert [found.parameters[n]["value"] for n in "ab"] == pytest.approx([-1.0, -1.0], abs=1e-5)
     assert found.objective["final"] == pytest.approx(-2.0, abs=1e-7)
     assert found.multipliers == pytest.approx((2**0.5,), abs=1e-4)  # 1 + multiplier v / |v| = 0
+
+
+@pytest.mark.parametrize("solver", ["least_squares", "gauss_newton", "lbfgs"])
+def test_misfits_become_least_by_each_solver(solver):
+    # Where a thrown point is at .3 and .6 s, by its speed and the force that brakes it.
+    times = np.array([0.3, 0.6])
+    places = 2.0 * times - 0.5 * 0.7 * times**2
+    data = {
+        "title": "braked", "duration": 1.0,
+        "body": [{"kind": "point", "name": "p", "mass": 1.0, "position": [0.0],
+                  "velocity": [1.5], "force": ["-f"]}],
+        "obstacle": [{"kind": "half_space", "name": "far", "point": [9.0], "normal": [-1.0]}],
+        "parameter": [{"name": "f", "start": 0.2, "bounds": [0.0, 5.0]},
+                      {"name": "v", "key": "body.p.velocity.0"}],
+        "measure": [{"name": f"at{k}", "of": "p.x", "at": t, "value": x}
+                    for k, (t, x) in enumerate(zip(times.tolist(), places.tolist(), strict=True))],
+        "objective": {"minimise": [{"term": "misfit", "of": f"at{k}"} for k in (0, 1)],
+                      "solver": solver},
+        "output": PLAIN,
+    }  # fmt: skip
+    found = impactfem.optimise(Scene.from_dict(data))
+    assert found.status == "converged"
+    rough = 1e-4 if solver == "lbfgs" else 1e-8
+    assert found.parameters["f"]["value"] == pytest.approx(0.7, rel=rough)
+    assert found.parameters["v"]["value"] == pytest.approx(2.0, rel=rough)
+    if solver == "gauss_newton":  # the places are linear in both
+        assert found.gradient_runs <= 4
+        same = impactfem.identify(Scene.from_dict(data))
+        assert same.parameters["f"].value == pytest.approx(0.7, rel=1e-8)
+    if solver != "lbfgs":
+        data["objective"]["minimise"] = [{"term": "speed", "body": "p"}]
+        with pytest.raises(SceneError, match="misfits with positive weights"):
+            impactfem.optimise(Scene.from_dict(data))
