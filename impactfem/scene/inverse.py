@@ -249,7 +249,7 @@ class Objective:
     searched_by: str | None = key(
         Choice(SOLVERS),
         "how optimise searches: L-BFGS-B or trust-constr of SciPy, BLMVM of PETSc's TAO; of "
-        "misfits also SciPy's trust region reflective method, as identify takes it, or Gauss-Newton",
+        "misfits also SciPy's trust region reflective method, as in identify, or Gauss-Newton",
         name="solver", default=None, absent="lbfgs; trust_constr with constraints",
     )  # fmt: skip
     max_iterations: int = key(Integer(1, 100_000), "largest number of iterations", default=100)
