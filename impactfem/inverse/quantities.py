@@ -124,7 +124,7 @@ class Quantities:
         if term.of is not None:
             return 0.0
         if term.term == "peak_force":
-            if term.pair not in outcome.peak:
+            if term.pair is None or term.pair not in outcome.peak:
                 known = ", ".join(outcome.peak) or "none: impacts take no time in this run"
                 text = f"objective: peak_force of pair = {show(term.pair)}: there is {known}"
                 raise SceneError(f"{text}; give a pair of a bar")
