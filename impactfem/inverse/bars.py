@@ -65,7 +65,7 @@ class BarRuns:
             below, above = found.sides
             n, k = np.unravel_index(np.abs(above - below).argmax(), above.shape)
             found.doubts.append(
-                f"parameter[{k}]: slopes differ on both sides, {below[n, k]:.6g} below and "
+                f"{changes.names[k]}: slopes differ on both sides, {below[n, k]:.6g} below and "
                 f"{above[n, k]:.6g} above; their mean is given"
             )
         return found
@@ -109,7 +109,8 @@ def differences(changes: Changes, read: Callable[[Floats], Floats]) -> Slopes:
     for k, size in enumerate(changes.scales):
         sides, moved = beside.sides(size * np.eye(count)[k])
         if not sides:
-            raise SceneError(f"parameter[{k}]: there are no scenes beside its value")
+            why = f"{changes.names[k]}: there is no scene beside its value, so no derivative: "
+            raise SceneError(f"{why}{beside.refused}")
         above[:, k], below[:, k] = sides[0] / size, sides[-1] / size
         kinked |= len(sides) == 2 and _apart(sides, moved)
     mean = 0.5 * (above + below)
@@ -123,17 +124,19 @@ class _Beside:
 
     Attributes:
         numbers: Of the run itself.
+        refused: Why the last neighbour that is none cannot be.
     """
 
     def __init__(self, changes: Changes, read: Callable[[Floats], Floats]) -> None:
         self._changes, self._read = changes, read
-        self.numbers = read(changes.values)
+        self.numbers, self.refused = read(changes.values), ""
 
     def _at(self, change: Floats) -> Floats | None:
         """Numbers of a neighbour; None where there is none."""
         try:
             return self._read(self._changes.values + change)
-        except SceneError:
+        except SceneError as error:
+            self.refused = str(error)
             return None
 
     def sides(self, way: Floats) -> tuple[list[Floats], float]:

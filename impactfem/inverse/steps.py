@@ -45,11 +45,13 @@ class Changes:
         at: Makes the scene of parameter values.
         values: The parameters (P,).
         scales: Their sizes (P,).
+        names: As they are shown.
     """
 
     at: Callable[[Floats], Scene]
     values: Floats
     scales: Floats
+    names: tuple[str, ...]
 
     @property
     def scene(self) -> Scene:

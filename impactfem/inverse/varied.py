@@ -195,7 +195,8 @@ class Varied:
                 self.forward += 1
                 self.sloped += 1
                 sizes = np.maximum(np.abs(at), [each.least for each in self.unknowns])
-                found = self.runs.jacobian(Changes(self.at, at, sizes), self.quantities)
+                names = tuple(each.name for each in self.unknowns)
+                found = self.runs.jacobian(Changes(self.at, at, sizes, names), self.quantities)
                 if self.kept is not None:
                     self.kept.add(at, found)
             self._last = key, found

@@ -117,7 +117,10 @@ class Control:
             middle = (first + last) // 2
             return before(times[middle], halved(first, middle), halved(middle, last))
 
-        return before(times[0], 0.0, before(times[-1], halved(0, self.pieces), 0.0))
+        found = halved(0, self.pieces)
+        if times[-1] < duration:  # what holds until the end does not jump there
+            found = before(times[-1], found, 0.0)
+        return before(times[0], 0.0, found) if times[0] > 0.0 else found
 
     def _piece(self, index: int, times: Sequence[float]) -> Node:
         value = self.values[index]
