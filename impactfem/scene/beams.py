@@ -58,6 +58,7 @@ class Rod(Slender):
 
     kind: ClassVar[str] = "rod"
     dim: ClassVar[int] = 2
+    may_meet_nothing: ClassVar[bool] = True
     meets_edges: ClassVar[bool] = True
     dents: ClassVar[bool] = True
     round_ends: ClassVar[bool] = True
