@@ -4,6 +4,7 @@ import copy
 
 import pytest
 
+import impactfem
 from impactfem.errors import SceneError
 from impactfem.planning import plan
 from impactfem.scene import Contact, HalfSpace, Point, Scene, Spring
@@ -173,3 +174,11 @@ def test_without_a_law_nothing_rebounds_and_the_plan_says_so():
     chosen = plan(Scene.from_dict(made(contact=[])))
     assert any("restitution: 0 is taken" in warning for warning in chosen.warnings)
     assert chosen.contact_pairs == 2
+
+
+def test_a_rod_flies_without_an_obstacle():
+    rod = ROD | {"velocity": [0.5, 1.0], "angular_velocity": 3.0, "inclination": 0.6}
+    data = {"title": "rod", "duration": 1.0, "gravity": [0.0, -9.81], "body": [rod | {"name": "r"}]}
+    history = impactfem.solve(Scene.from_dict(data)).history
+    end = {name: float(history[f"r.{name}"][-1]) for name in ("x", "y", "angle")}
+    assert end == pytest.approx({"x": 0.5, "y": 0.5 + 1.0 - 4.905, "angle": 3.6}, abs=1e-10)
