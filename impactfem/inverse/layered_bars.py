@@ -8,12 +8,13 @@ set belongs to one side, and each side decides that pair itself.
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
-from impactfem.inverse.bars import BarRuns, differences
+from impactfem.inverse.bars import BarRuns, differences, reader
 from impactfem.inverse.outcomes import Outcome
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
@@ -109,14 +110,8 @@ class LayeredBars:
     def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:
         """Numbers of a run and their derivatives, with the active set of the run."""
         scene = changes.scene
-        motion = self._march(scene, None)
-        marks = self._marks(scene, motion)
-
-        def read(values: Floats) -> Floats:
-            other = changes.at(values)
-            return quantities.read(self.outcome(other, quantities.times, marks), other)
-
-        return differences(changes, read)
+        marks = self._marks(scene, self._march(scene, None))
+        return differences(changes, reader(partial(self.outcome, marks=marks), changes, quantities))
 
     def _marks(self, scene: Scene, motion: BarMotion) -> Marks:
         """Sets of the layers of a run; those of pairs that are on no side are left open."""

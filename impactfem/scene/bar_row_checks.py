@@ -1,6 +1,5 @@
 """Checks of a row of bars: order, overlap, ends, and settings that a row does not know."""
 
-from collections.abc import Sequence
 from itertools import pairwise
 
 from impactfem.scene.bodies import Bar
@@ -36,7 +35,6 @@ def check_bar_row(scene: Content) -> None:
         )
         raise KeyedError("contact[0]", "", text)
     bars = scene.bars
-    _check_ends(bars)
     for index, (before, bar) in enumerate(pairwise(bars), start=1):
         if before.far_end == "clamped":
             text = ' = "clamped" holds a bar in the middle of the row: only the last one may be '
@@ -61,14 +59,6 @@ def check_bar_row(scene: Content) -> None:
     if scene.output.checkpoint:
         text = f" = {scene.output.checkpoint}: bars are not checkpointed; remove it."
         raise KeyedError("output", "checkpoint", text)
-
-
-def _check_ends(bars: Sequence[Bar]) -> None:
-    for index, bar in enumerate(bars):
-        try:
-            bar.check_alone()
-        except KeyedError as error:
-            raise error.moved(f"body[{index}]") from None
 
 
 def check_walls(scene: Content) -> None:

@@ -144,21 +144,12 @@ class Bar(BodyKind):
         axis = np.asarray(self.axis, dtype=np.float64)
         return np.asarray(self.point, dtype=np.float64), axis / np.linalg.norm(axis)
 
-    def check_alone(self) -> None:
-        """Refuse what only a bar alone before a wall has.
-
-        Raises:
-            KeyedError: Its far end is driven.
-        """
-        for name in ("far_end_force", "far_end_displacement"):
-            if getattr(self, name).plain != 0.0:
-                why = "drives a bar that is alone before a wall, here are other bodies: remove it."
-                raise self._fail(name, why)
-
     @override
     def check_beside(self, bodies: Sequence[BodyKind]) -> None:
-        if len(bodies) > 1:
-            self.check_alone()
+        for name in ("far_end_force", "far_end_displacement"):
+            if len(bodies) > 1 and getattr(self, name).plain != 0.0:
+                why = "drives a bar that is alone before a wall, here are other bodies: remove it."
+                raise self._fail(name, why)
 
     def centre_velocity(self) -> Floats | None:
         """Velocity at t = 0 [m/s], (dim,); None if it varies along the bar."""

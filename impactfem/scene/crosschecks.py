@@ -72,6 +72,7 @@ def check_scene(scene: Content, gravity: object) -> None:
     check_springs(scene)
     _check_counts(scene)
     if len(scene.bars) > 1:
+        _check_bodies(scene)
         check_bar_row(scene)
     elif scene.bars:
         _check_bar(scene, gravity)

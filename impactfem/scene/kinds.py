@@ -132,31 +132,6 @@ class Line(Kind):
 
 
 @dataclass(frozen=True)
-class FilePath(Line):
-    """The path of a file with one of several endings."""
-
-    max_length: int = 1000
-    endings: tuple[str, ...] = ()
-
-    @property
-    @override
-    def allowed(self) -> str:
-        return f"the path of a {self._endings} file, absolute or relative to the scene file"
-
-    @override
-    def read(self, value: object) -> str:
-        path = super().read(str(value) if isinstance(value, PurePath) else value)
-        if not path.lower().endswith(self.endings):
-            raise NotAllowedError(f"its name does not end in {self._endings}")
-        return path
-
-    @property
-    def _endings(self) -> str:
-        *first, last = self.endings
-        return f"{', '.join(first)} or {last}"
-
-
-@dataclass(frozen=True)
 class FolderPath(Line):
     """The path of a folder."""
 
@@ -170,6 +145,30 @@ class FolderPath(Line):
     @override
     def read(self, value: object) -> str:
         return super().read(str(value) if isinstance(value, PurePath) else value)
+
+
+@dataclass(frozen=True)
+class FilePath(FolderPath):
+    """The path of a file with one of several endings."""
+
+    endings: tuple[str, ...] = ()
+
+    @property
+    @override
+    def allowed(self) -> str:
+        return f"the path of a {self._endings} file, absolute or relative to the scene file"
+
+    @override
+    def read(self, value: object) -> str:
+        path = super().read(value)
+        if not path.lower().endswith(self.endings):
+            raise NotAllowedError(f"its name does not end in {self._endings}")
+        return path
+
+    @property
+    def _endings(self) -> str:
+        *first, last = self.endings
+        return f"{', '.join(first)} or {last}"
 
 
 @dataclass(frozen=True)

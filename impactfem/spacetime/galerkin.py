@@ -23,7 +23,6 @@ from impactfem.system.ends import end_means
 Floats = NDArray[np.float64]
 
 _INWARDS = 1e-12
-_NEAR = 1e-9  # dimensionless distance within which a node lies on a side
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,7 @@ def _equations(space: SpaceTimeMesh, bar: Bar, gravity: PiecewiseConstant) -> Eq
     )
     x = bar.length * numbering.points[numbering.fixed, 1]
     given = bar.initial_displacement(x=x) + np.zeros_like(x)
-    far = _sorted_end(numbering.points)
+    far = numbering.far
     if bar.far_end == "clamped":
         held, times_of = np.isin(numbering.fixed, far), bar.transit_time * numbering.points[:, 0]
         given[held] += bar.far_end_displacement(t=times_of[numbering.fixed[held]])
@@ -123,12 +122,6 @@ def _equations(space: SpaceTimeMesh, bar: Bar, gravity: PiecewiseConstant) -> Eq
         return replace(equations, load=load)
     load[numbering.grid[:-1]] -= _row_loads(times, positions, gravity, bar.transit_time)
     return replace(equations, load=load)
-
-
-def _sorted_end(points: Floats) -> NDArray[np.int64]:
-    """Nodes at x = L in the order of time."""
-    far = np.flatnonzero(points[:, 1] > 1.0 - _NEAR)
-    return far[np.argsort(points[far, 0])]
 
 
 def _row_loads(

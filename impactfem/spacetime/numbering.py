@@ -27,6 +27,7 @@ class Numbering:
         row: Slot of each node's test equation; -1 where the test function vanishes, (nodes,).
         fixed: Nodes whose displacement is given, shape (fixed,).
         wall: Nodes at x = 0 in the order of time, shape (pairs + 1,).
+        far: Nodes at x = L in the order of time.
         multipliers: Global multiplier of each wall interval in the order of time, (pairs,).
         grid: Nodes by layer and position, shape (layers + 1, elements + 1); None without layers.
     """
@@ -35,6 +36,7 @@ class Numbering:
     row: Indices
     fixed: Indices
     wall: Indices
+    far: Indices
     multipliers: Indices
     grid: Indices | None
 
@@ -57,7 +59,7 @@ def number(space: SpaceTimeMesh, nodes: Any, multipliers: Any, *, clamped: bool)
     t, x = points[:, 0], points[:, 1]
     end = t.max()
     wall = _sorted(x < _NEAR, t)
-    far = np.flatnonzero(x > 1.0 - _NEAR)
+    far = _sorted(x > 1.0 - _NEAR, t)
     start, stop = _sorted(t < _NEAR * end, x), _sorted(t > end * (1.0 - _NEAR), x)
     grid = _grid(space, points)
     row = np.arange(len(points))
@@ -72,7 +74,7 @@ def number(space: SpaceTimeMesh, nodes: Any, multipliers: Any, *, clamped: bool)
         fixed = np.union1d(start, far)
     else:
         fixed = start
-    return Numbering(points, row, fixed, wall, np.argsort(middles), grid)
+    return Numbering(points, row, fixed, wall, far, np.argsort(middles), grid)
 
 
 def _sorted(chosen: NDArray[np.bool_], key: NDArray[np.float64]) -> Indices:
