@@ -54,7 +54,7 @@ class BarRuns:
             {pair: float(sum(end - start for start, end in exact.contacts))},
             {bar.name: speed},
             {bar.name: section * bar.length},
-            0.0 if motion.end_work is None else section * motion.end_work,
+            section * motion.end_work,
             {pair: section * exact.largest_force},
         )
 

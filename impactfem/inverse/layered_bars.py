@@ -96,14 +96,13 @@ class LayeredBars:
         (pair,) = pairs
         pushed = np.concatenate([[0.0], np.cumsum(row.force[:, 0] * np.diff(levels))])
         section = bar.density * bar.area
-        driven = np.zeros_like(levels) if motion.end_work is None else section * motion.end_work
         return Outcome(
             told,
             {pair: at(pushed)},
             {},
             {bar.name: _rebound(motion)},
             {bar.name: section * bar.length},
-            at(driven),
+            section * at(motion.end_work),
             {pair: float(row.force.max(initial=0.0))},
         )
 

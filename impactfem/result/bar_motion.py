@@ -70,9 +70,9 @@ class BarMotion:
         potential: p(0) u(0) L minus the work of loads [m^3/s^2], shape (layers + 1,).
         mean_displacement: Displacement of the centre of mass at t_m [m], shape (layers + 1,).
         mean_velocity: Velocity of the centre of mass in each layer [m/s], shape (layers + 1,).
-        effort: How the method got there.
         end_work: Work of what drives the far end, which the potential counts [m^3/s^2], shape
-            (layers + 1,); None: nothing drives it.
+            (layers + 1,).
+        effort: How the method got there.
     """
 
     times: Floats
@@ -88,8 +88,8 @@ class BarMotion:
     potential: Floats
     mean_displacement: Floats
     mean_velocity: Floats
+    end_work: Floats
     effort: Effort = field(default_factory=Effort)
-    end_work: Floats | None = None
 
     @property
     def is_finite(self) -> bool:

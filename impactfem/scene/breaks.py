@@ -85,6 +85,27 @@ def find_breaks(formula: Formula, end: float) -> tuple[Break, ...]:
     return tuple(breaks)
 
 
+def finite_values(where: str, name: str, formula: Formula, end: float) -> Floats:
+    """Samples of a formula in t up to an end [s].
+
+    Args:
+        where: Table of the formula, for messages.
+        name: Its key.
+        formula: In t.
+        end: Duration [s].
+
+    Raises:
+        KeyedError: One of them is not finite.
+    """
+    times = np.linspace(0.0, end, _SAMPLES)
+    values: Floats = formula(t=times) + np.zeros_like(times)
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        text = f" = {show(formula.text)} has no finite value at t = {times[bad[0]]:.6g}: give one "
+        raise KeyedError(where, name, f"{text}for 0 <= t <= {end:g}.")
+    return values
+
+
 def check_motion(
     where: str, name: str, formulas: Sequence[Formula | None], end: float, unit: str = "m",
     *, from_zero: bool = False,
@@ -102,15 +123,12 @@ def check_motion(
     Raises:
         KeyedError: Naming the key, the value, the time and the remedy.
     """
-    times = np.linspace(0.0, end, _SAMPLES)
     for formula in formulas:
         if formula is None:
             continue
-        values = formula(t=times)
-        bad = np.flatnonzero(~np.isfinite(values))
-        why = f"has no finite value at t = {times[bad[0]]:.6g}" if bad.size else ""
-        remedy = f"give one for 0 <= t <= {end:g}"
-        if not why and from_zero and values[0] != 0.0:
+        values = finite_values(where, name, formula, end)
+        why = remedy = ""
+        if from_zero and values[0] != 0.0:
             why = f"jumps from 0 to {values[0]:.6g} {unit} at t = 0 s, at an infinite speed"
             begun = formula.text if formula.is_constant else f"({formula.text})"
             remedy = f"let it move in a finite time, as by {begun}*min(1, t/{0.01 * end:g}), or "

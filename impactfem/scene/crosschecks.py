@@ -2,12 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from impactfem.methods import METHODS
 from impactfem.scene.bar_row_checks import check_bar_row, check_walls
 from impactfem.scene.body import Solver
-from impactfem.scene.breaks import check_motion
+from impactfem.scene.breaks import check_motion, finite_values
 from impactfem.scene.column_names import check_column_names
 from impactfem.scene.content import BODIES, Content
 from impactfem.scene.finite_checks import check_finite
@@ -34,7 +32,6 @@ _BAR_ONLY: Mapping[str, str] = {
 }
 _SOLID_ONLY = ("normals", "linear_solver", "estimate")
 _ELASTIC_ONLY = ("courant", "active_set", "gamma", "max_iterations")
-_SAMPLES = 1001  # times at which a load is looked at
 _VIBRO_ONLY = ("impact_law", "stick_speed")
 
 _RUBBING = ("friction of bodies without waves", ("friction_residual",))
@@ -203,12 +200,7 @@ def _check_bar(scene: Content, gravity: object) -> None:
     (bar,) = scene.bars
     moved, begins = bar.far_end_displacement, bar.displacement.plain == 0.0
     check_motion("body[0]", "far_end_displacement", [moved], scene.duration, from_zero=begins)
-    pushed = bar.far_end_force
-    times = np.linspace(0.0, scene.duration, _SAMPLES)
-    bad = np.flatnonzero(~np.isfinite(pushed(t=times)))
-    if bad.size:
-        text = f" = {show(pushed.text)} has no finite value at t = {times[bad[0]]:.6g}: give one "
-        raise KeyedError("body[0]", "far_end_force", f"{text}for 0 <= t <= {scene.duration:g}.")
+    finite_values("body[0]", "far_end_force", bar.far_end_force, scene.duration)
     method = scene.solve.method
     if bar.is_driven and method is not None and not METHODS[method].plannable:  # negative controls
         text = f" = {show(method)} knows no drive of the far end: give another, as exact."
