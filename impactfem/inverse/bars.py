@@ -1,7 +1,8 @@
 """Bars by characteristics: outcomes, and their derivatives by differences on both sides."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +11,11 @@ from impactfem.errors import SceneError
 from impactfem.inverse.outcomes import Outcome
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
-from impactfem.planning import BarNumbers, Plan
+from impactfem.planning import BarNumbers, Plan, RowNumbers
 from impactfem.reference.bar import exact_bar, exact_motion
-from impactfem.result.bar_row_motion import RowMotion, row_history
+from impactfem.reference.bar_row import exact_row
+from impactfem.result.bar_row_motion import RowMotion, pair_names, row_history
+from impactfem.runs.bar_rows import exact_row_motion
 from impactfem.runs.line_probes import bar_probes
 from impactfem.scene import Scene
 from impactfem.sizing import DEFAULT_ELEMENTS
@@ -24,38 +27,50 @@ _FEW = 4  # unknowns whose neighbours are compared one by one
 _KINK = 1e-6  # share by which slopes on both sides may differ before both are told
 
 
+class _Followed(NamedTuple):
+    """An exact motion of bars as outcomes see it.
+
+    Attributes:
+        row: The motion at the times that are asked for.
+        contacts: Intervals of contact of each pair [s].
+        pushed: Impulse of each pair up to each time [N s], (times, pairs).
+        largest: Largest force of each pair [N].
+        speed: Velocity of the centre of a bar at a time [m/s].
+        driven: Work of what drives ends [J], (times,) or 0.
+    """
+
+    row: RowMotion
+    contacts: Sequence[Sequence[tuple[float, float]]]
+    pushed: Floats
+    largest: Sequence[float]
+    speed: Callable[[int, float], float]
+    driven: Floats | float
+
+
 @dataclass(frozen=True)
 class BarRuns:
-    """Exact runs as planned."""
+    """Exact runs of a bar or of bars in a row, as planned."""
 
-    chosen: Plan[BarNumbers]
+    chosen: Plan[BarNumbers] | Plan[RowNumbers]
 
     def outcome(self, scene: Scene, times: Floats) -> Outcome:
         """A run, known at some times."""
-        bar, exact = scene.bar, exact_bar(scene)
-        positions = np.linspace(0.0, bar.length, (self.chosen.elements or DEFAULT_ELEMENTS) + 1)
-        motion = exact_motion(exact, bar, scene.axial_gravity, times, positions, 1)
-        (wall,) = scene.obstacles
-        row = RowMotion.of_one(motion, bar, wall.name)
-        history = row_history(row, scene.bars, bar_probes(scene, row))
-        (pair,) = (
-            name.removeprefix("force.") for name, _ in history.items() if name.startswith("force.")
-        )
-        section = bar.density * bar.area
-        pushed = np.array([-section * float(exact.force_integral(0.0, t)) for t in times])
-        ends = [end for _, end in exact.contacts if end < scene.duration]
-        speed = float("nan")
-        if exact.contacts:
-            at = np.array([0.0, ends[-1] if ends else scene.duration])
-            speed = abs(float(exact.mean_velocity(at)[-1]))
+        numbers = self.chosen.numbers
+        if isinstance(numbers, RowNumbers):
+            found = _row(scene, times, numbers.elements)
+        else:
+            found = _one(scene, times, numbers.elements or DEFAULT_ELEMENTS)
+        history = row_history(found.row, scene.bars, bar_probes(scene, found.row))
+        pairs = pair_names(found.row.labels, scene.bars)
+        lasting = [sum(end - start for start, end in spells) for spells in found.contacts]
         return Outcome(
             history,
-            {pair: pushed},
-            {pair: float(sum(end - start for start, end in exact.contacts))},
-            {bar.name: speed},
-            {bar.name: section * bar.length},
-            section * motion.end_work,
-            {pair: section * exact.largest_force},
+            dict(zip(pairs, found.pushed.T, strict=True)),
+            dict(zip(pairs, map(float, lasting), strict=True)),
+            {bar.name: _rebound(scene, found, k) for k, bar in enumerate(scene.bars)},
+            {bar.name: bar.mass for bar in scene.bars},
+            found.driven,
+            dict(zip(pairs, found.largest, strict=True)),
         )
 
     def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:
@@ -72,6 +87,46 @@ class BarRuns:
 
     def reference(self) -> None:
         """They have no error but rounding."""
+
+
+def _one(scene: Scene, times: Floats, elements: int) -> _Followed:
+    """A bar before a wall."""
+    bar, exact = scene.bar, exact_bar(scene)
+    positions = np.linspace(0.0, bar.length, elements + 1)
+    motion = exact_motion(exact, bar, scene.axial_gravity, times, positions, 1)
+    (wall,) = scene.obstacles
+    section = bar.density * bar.area
+    pushed = [-section * float(exact.force_integral(0.0, t)) for t in times]
+    return _Followed(
+        RowMotion.of_one(motion, bar, wall.name), [exact.contacts], np.array(pushed)[:, None],
+        [section * exact.largest_force],
+        lambda _, t: float(exact.mean_velocity(np.array([0.0, t]))[-1]),
+        section * motion.end_work,
+    )  # fmt: skip
+
+
+def _row(scene: Scene, times: Floats, elements: Sequence[int]) -> _Followed:
+    """Bars in a row."""
+    exact = exact_row(scene)
+    pairs = range(len(exact.contacts))
+    return _Followed(
+        exact_row_motion(scene, exact, times, elements, 1), exact.contacts,
+        np.stack([exact.impulse(j, times) for j in pairs], axis=1),
+        [exact.largest_force(j) for j in pairs],
+        lambda k, t: float(exact.mean_velocity(k, t)),
+        0.0,
+    )  # fmt: skip
+
+
+def _rebound(scene: Scene, found: _Followed, k: int) -> float:
+    """Speed of a bar's centre where its last contact ends, or the run; NaN if there was none."""
+    before = k - 1 if len(found.contacts) < len(scene.bars) else k  # pair at its near end
+    spells = [found.contacts[j] for j in (before, before + 1) if 0 <= j < len(found.contacts)]
+    ends = [end for each in spells for _, end in each]
+    if not ends:
+        return float("nan")
+    over = [end for end in ends if end < scene.duration]
+    return abs(found.speed(k, max(over, default=scene.duration)))
 
 
 def reader(

@@ -38,6 +38,11 @@ class LayeredBars:
     chosen: Plan[BarNumbers]
 
     def __post_init__(self) -> None:
+        if not isinstance(self.chosen.numbers, BarNumbers):
+            raise SceneError(
+                f'solve.method = "{self.chosen.method}": bars in a row have derivatives by their '
+                'exact solution; take solve.method = "exact"'
+            )
         if self.chosen.numbers.elements is None:
             raise SceneError(
                 "solve.mesh: derivatives need layers of equal height; remove it, or take "

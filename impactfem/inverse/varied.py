@@ -92,6 +92,21 @@ RUNS: Mapping[str, Any] = {
 }  # fmt: skip
 """What has derivatives, by method."""
 
+
+def _known(scene: Scene) -> list[str]:
+    """Methods with derivatives that know the bodies of a scene."""
+    return [name for name in RUNS if METHODS[name].bodies & scene.kinds]
+
+
+def _planned(scene: Scene) -> Plan[Any]:
+    """The plan of a scene: exact where there is such a method and none is asked for."""
+    chosen = plan(scene)
+    exact = [name for name in _known(scene) if METHODS[name].exact]
+    if scene.solve.method is None and exact and chosen.method not in exact:
+        return plan(scene.with_settings({"solve.method": exact[0]}))
+    return chosen
+
+
 _LARGE = 0.1  # share of its size by which one is changed that has no derivative
 _STILL = 1e-9  # share of what is looked at that a parameter has to move
 
@@ -132,13 +147,9 @@ class Varied:
                 "[[control]]"
             )
         quantities = Quantities.of(scene)
-        chosen = plan(scene)
-        known = [n for n in RUNS if METHODS[n].bodies & scene.kinds]
-        exact = [name for name in known if METHODS[name].exact]
-        if scene.solve.method is None and exact and chosen.method not in exact:
-            chosen = plan(scene.with_settings({"solve.method": exact[0]}))
+        chosen = _planned(scene)
         if chosen.method not in RUNS:
-            remedy = " or ".join(f"solve.method = {show(n)}" for n in known)
+            remedy = " or ".join(f"solve.method = {show(n)}" for n in _known(scene))
             raise SceneError(
                 f"solve.method = {show(chosen.method)} has no derivatives that are right: use "
                 f"{remedy or 'points, one rod, one rigid body or one bar'}, which have"
@@ -205,7 +216,7 @@ class Varied:
     def verified(self, values: Floats) -> tuple[float, Plan[Any]]:
         """The objective with a plan of its own, and that plan."""
         scene = self.at(values)
-        other = replace(self, scene=scene, chosen=plan(scene), kept=None, _last=None)
+        other = replace(self, scene=scene, chosen=_planned(scene), kept=None, _last=None)
         if other.chosen.method not in RUNS:
             return float("nan"), other.chosen
         other.runs = RUNS[other.chosen.method](other.chosen)

@@ -48,7 +48,9 @@ def _solve(scene: Scene, plan: Plan[RowNumbers], progress: Progress) -> RowMotio
     if METHODS[plan.method].exact:
         progress.step("following the characteristics")
         end = max(scene.duration, numbers.layers * numbers.dt)
-        return exact_row_motion(scene, exact_row(scene, end), numbers)
+        times = numbers.dt * np.arange(numbers.layers + 1, dtype=np.float64)
+        stride = scene.output.stride
+        return exact_row_motion(scene, exact_row(scene, end), times, numbers.elements, stride)
     progress.step("loading the time loops (compiled at their first use)")
     from impactfem.marching.bar_row import march_row  # noqa: PLC0415  (loads Numba)
 
@@ -81,14 +83,14 @@ def _as_used(scene: Scene, plan: Plan[RowNumbers]) -> Scene:
     return replace(scene, solve=settings)
 
 
-def exact_row_motion(scene: Scene, exact: ExactBarRow, numbers: RowNumbers) -> RowMotion:
-    """The exact motion at the planned levels and nodes; forces are means over layers."""
-    times = numbers.dt * np.arange(numbers.layers + 1, dtype=np.float64)
-    kept = kept_levels(numbers.layers, scene.output.stride)
+def exact_row_motion(
+    scene: Scene, exact: ExactBarRow, times: Floats, elements: Sequence[int], every: int
+) -> RowMotion:
+    """The exact motion at given times and nodes; forces are means over the layers between."""
+    kept = kept_levels(len(times) - 1, every)
     count, pairs = len(scene.bars), len(exact.contacts)
     positions = tuple(
-        np.linspace(0.0, bar.length, n + 1)
-        for bar, n in zip(scene.bars, numbers.elements, strict=True)
+        np.linspace(0.0, bar.length, n + 1) for bar, n in zip(scene.bars, elements, strict=True)
     )
     kinetic, elastic = exact.energy(times)
     t = times[kept, None]
