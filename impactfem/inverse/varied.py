@@ -99,11 +99,19 @@ def _known(scene: Scene) -> list[str]:
 
 
 def _planned(scene: Scene) -> Plan[Any]:
-    """The plan of a scene: exact where there is such a method and none is asked for."""
-    chosen = plan(scene)
-    exact = [name for name in _known(scene) if METHODS[name].exact]
-    if scene.solve.method is None and exact and chosen.method not in exact:
-        return plan(scene.with_settings({"solve.method": exact[0]}))
+    """The plan of a scene; where no method is asked for, by an exact one, or one with derivatives.
+
+    Raises:
+        SceneError: There is none.
+    """
+    chosen, known = plan(scene), _known(scene)
+    fitting = [name for name in known if METHODS[name].exact] or known
+    if scene.solve.method is None and fitting and chosen.method not in fitting:
+        try:
+            return plan(scene.with_settings({"solve.method": fitting[0]}))
+        except SceneError as error:
+            text = f"{chosen.method}, which the plan takes, has no derivatives that are right; "
+            raise SceneError(f"{text}{fitting[0]} has, but {error}") from None
     return chosen
 
 
