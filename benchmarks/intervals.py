@@ -73,11 +73,13 @@ def block() -> Problem:
     scene = {
         "duration": 1.0, "gravity": [0.0, -G],
         "body": [{"kind": "rigid", "name": "block", "density": 500.0,
-                  "shape": {"kind": "block", "size": [0.4, 0.1], "corner": [-0.2, 0.0]}, "velocity": [1.5, 0.0]}],
+                  "shape": {"kind": "block", "size": [0.4, 0.1], "corner": [-0.2, 0.0]},
+                  "velocity": [1.5, 0.0]}],
         "obstacle": [{"kind": "half_space", "name": "floor", "point": [0.0, 0.0],
                       "normal": [0.0, 1.0]}],
         "contact": [{"between": ["block", "floor"], "friction_coefficient": 0.35}],
-        "parameter": [{"name": "mu", "key": "contact.0.friction_coefficient", "bounds": [0.05, 1.0]},
+        "parameter": [{"name": "mu", "key": "contact.0.friction_coefficient",
+                       "bounds": [0.05, 1.0]},
                       {"name": "v", "key": "body.block.velocity.0", "bounds": [0.5, 5.0]}],
         "measure": [{"name": "places", "of": "block.x"}],
     }  # fmt: skip
@@ -168,7 +170,9 @@ def measured(problem: Problem, seeds: int) -> list[list[Any]]:
             sigma = np.array([p.sigma for p in each])
             sigmas.append(sigma)
             wrong.append(error / sigma)
-            held.append([p.interval95[0] <= t <= p.interval95[1] for p, t in zip(each, truth)])
+            held.append(
+                [p.interval95[0] <= t <= p.interval95[1] for p, t in zip(each, truth, strict=True)]
+            )
             # With half the sigma the answer is the same, its intervals half as wide.
             short.append(np.abs(error) <= 0.5 * 1.96 * sigma)
             if seed % 10 == 0:

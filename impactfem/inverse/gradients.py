@@ -65,6 +65,7 @@ class Gradient:
         measures: Of each measure its values and their derivatives by the name of the parameter.
         check: Taylor remainders.
         doubts: Why there may be no gradient here, in words.
+        notes: What makes the search difficult, in words.
         method: The method of all runs.
         forward_runs: Runs without derivatives.
         gradient_runs: Runs with them.
@@ -88,6 +89,7 @@ class Gradient:
     seconds_gradient: float
     sides: dict[str, tuple[float, float]] | None = None
     error: dict[str, float] | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def trusted(self) -> bool:
@@ -101,6 +103,7 @@ class Gradient:
             "gradient": self.gradient,
             "measures": self.measures,
             "error": self.error,
+            "notes": list(self.notes),
             "check": check_as_dict(self.check, self.doubts)
             | {"one_sided": None if self.sides is None else self.sides},
             "method": self.method,
@@ -183,6 +186,7 @@ def gradient(scene: Scene | str | Path) -> Gradient:
         seconds_gradient=took,
         sides=sides,
         error=_error(varied, names, slope),
+        notes=varied.quantities.notes,
     )
 
 

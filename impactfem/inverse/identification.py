@@ -72,6 +72,7 @@ class Identified:
         fits: Measures whose misfits became least.
         check: Taylor remainders of the gradient at the answer.
         doubts: Why the answer or its intervals may be wrong, in words.
+        notes: What makes the search difficult, in words.
         forward_runs: Runs without derivatives.
         gradient_runs: Runs with them.
         seconds: Of all [s].
@@ -94,6 +95,7 @@ class Identified:
     seconds: float
     method: str
     scene: Scene
+    notes: tuple[str, ...] = ()
 
     @property
     def trusted(self) -> bool:
@@ -117,6 +119,7 @@ class Identified:
             "correlation": None if self.correlation is None else self.correlation.tolist(),
             "sigma_of_data": self.sigma_of_data,
             "chi2_probability": self.chi2_probability,
+            "notes": list(self.notes),
             "check": check_as_dict(self.check, self.doubts),
             "method": self.method,
             "cost": {
@@ -197,6 +200,7 @@ def identify(
         ),
         check=check,
         doubts=tuple(doubts),
+        notes=varied.quantities.notes,
         forward_runs=varied.forward - varied.sloped,
         gradient_runs=varied.sloped,
         seconds=time.perf_counter() - search.begun,

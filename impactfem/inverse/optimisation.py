@@ -47,6 +47,7 @@ class Optimised:
         iterations: The search.
         check: Taylor remainders of the gradient at the answer.
         doubts: Why the answer may be wrong, in words.
+        notes: What makes the search difficult, in words.
         forward_runs: Runs without derivatives.
         gradient_runs: Runs with them.
         resumed: Runs taken from a search before.
@@ -73,6 +74,7 @@ class Optimised:
     method: str
     searched_by: str
     scene: Scene
+    notes: tuple[str, ...] = ()
 
     @property
     def trusted(self) -> bool:
@@ -90,6 +92,7 @@ class Optimised:
             "gradient": self.gradient,
             "multipliers": list(self.multipliers),
             "kkt_residual": self.kkt_residual,
+            "notes": list(self.notes),
             "check": check_as_dict(self.check, self.doubts),
             "method": self.method,
             "solver": self.searched_by,
@@ -169,6 +172,7 @@ def optimise(
         iterations=tuple(search.tried),
         check=check,
         doubts=tuple(doubts),
+        notes=varied.quantities.notes,
         forward_runs=varied.forward - varied.sloped,
         gradient_runs=varied.sloped,
         resumed=0 if varied.kept is None else varied.kept.taken,

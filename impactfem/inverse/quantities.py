@@ -205,6 +205,26 @@ class Quantities:
         return self.ends[-1] if self.data else 0
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What makes a search difficult, in words, with the remedy."""
+        found = []
+        for term in self.terms:
+            if term.term != "misfit":
+                continue
+            index = self.index(str(term.of))
+            of, times = self.scene.measures[index].of, self.data[index].times
+            if of.partition(".")[0] not in _FORCES or len(times) < _HISTORY:
+                continue
+            if self.scene.contacts and all(law.stiffness for law in self.scene.contacts):
+                continue  # such forces begin and end at 0
+            found.append(
+                f"{of} jumps where contacts begin and end: its misfit has a V at the answer and "
+                "minima beside it unless these times are right from the start; impulse.PAIR and "
+                "duration.PAIR are smooth"
+            )
+        return tuple(found)
+
+    @property
     def misfits(self) -> Sequence[tuple[int, float]]:
         """Measures whose misfits are wanted, and the roots of their weights.
 
@@ -223,6 +243,8 @@ class Quantities:
         return found
 
 
+_FORCES = ("force", "contact_force")
+_HISTORY = 2  # values of a history
 _ENERGIES = {
     "terminal_energy": ("kinetic", "elastic", "potential"),
     "vibration_energy": ("kinetic", "elastic"),

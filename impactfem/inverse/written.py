@@ -36,7 +36,7 @@ def gradient_table(found: Gradient) -> str:
             told += f" ({found.error[name]:.2g} from that of the exact solution)"
         rows.append((f"d/d{name}", told))
     rows.append(("check", _check(found.check)))
-    rows += [("doubt", doubt) for doubt in found.doubts]
+    rows += _words(found)
     cost = f"{found.seconds_gradient:.3g} s with derivatives, {found.seconds_forward:.3g} s without"
     rows += [("method", found.method), ("cost", f"{cost}; {found.forward_runs} more runs")]
     return table(rows)
@@ -60,9 +60,15 @@ def identified_rows(found: Identified) -> Rows:
     told += "" if chance is None else f" (chance of misfits as large: {chance:.2g})"
     rows.append(("sigma of data", told))
     rows.append(("check", _check(found.check)))
-    rows += [("doubt", doubt) for doubt in found.doubts]
+    rows += _words(found)
     cost = f"{found.gradient_runs} runs with derivatives, {found.forward_runs} without"
     return [*rows, ("method", found.method), ("cost", f"{cost}, {found.seconds:.3g} s")]
+
+
+def _words(found: Gradient | Identified | Optimised) -> Rows:
+    """What speaks against an answer, and what makes its search difficult."""
+    doubts = [("doubt", doubt) for doubt in found.doubts]
+    return [*doubts, *(("note", note) for note in found.notes)]
 
 
 def _check(check: TaylorCheck) -> str:
@@ -103,7 +109,7 @@ def optimised_rows(found: Optimised) -> Rows:
     rows += [("within limits", f"{value:.8g}") for value in found.constraints]
     rows.append(("gradient left", f"{found.kkt_residual:.3g}"))
     rows.append(("check", _check(found.check)))
-    rows += [("doubt", doubt) for doubt in found.doubts]
+    rows += _words(found)
     cost = f"{found.gradient_runs} runs with derivatives, {found.forward_runs} without"
     cost += f", {found.resumed} from before" if found.resumed else ""
     rows.append(("method", f"{found.method}, searched by {found.searched_by}"))

@@ -10,6 +10,7 @@ import pytest
 import impactfem
 from impactfem import Scene, SceneError
 from impactfem.cli import main
+from impactfem.inverse.written import identified_table
 
 G = 9.81
 TIMES = np.linspace(0.05, 1.95, 39)
@@ -176,3 +177,40 @@ def test_another_run_is_data(tmp_path):
     data["measure"][0]["value"] = 1.0
     with pytest.raises(SceneError, match="remove value"):
         Scene.from_dict(data, tmp_path)
+
+
+@pytest.mark.parametrize("of", ["force.bar.wall", "impulse.bar.wall"])
+def test_misfits_of_forces_have_a_note(tmp_path, of):
+    """The misfit of a force that jumps has minima beside the truth; that of an impulse has not."""
+    times = np.arange(0.013, 4.0, 0.05)
+    pushed = 0.5 * np.clip(times - 1.0, 0.0, 2.0)  # a bar of 1 m at .5 m/s, with a gap of .5 m
+    told = (
+        pushed
+        if of.startswith("impulse")
+        else np.diff(pushed, prepend=0.0) / np.diff(times, prepend=0.0)
+    )
+    noise = 0.02 * np.random.default_rng(1).standard_normal(len(times))
+    np.savetxt(tmp_path / "pushed.csv", np.column_stack([times, told + noise]), delimiter=",")
+    asked = Scene.from_dict(
+        {
+            "title": "bar", "duration": 4.0,
+            "body": [{"kind": "bar", "name": "bar", "length": 1.0, "density": 1.0, "area": 1.0,
+                      "youngs_modulus": 1.0, "gap": 0.45, "velocity": "-0.5"}],
+            "obstacle": [{"kind": "wall", "name": "wall"}],
+            "parameter": [{"name": "gap", "key": "body.bar.gap", "bounds": [0.1, 0.9]}],
+            "measure": [{"name": "m", "of": of, "data": "pushed.csv", "sigma": 0.02}],
+            "output": {"report": False, "pictures": False, "fields": []},
+        },
+        base=tmp_path,
+    )  # fmt: skip
+    found = impactfem.identify(asked)
+    near = abs(found.parameters["gap"].value - 0.5) < 4.0 * found.parameters["gap"].sigma
+    if of.startswith("impulse"):
+        assert near
+        assert found.trusted
+        assert not found.notes
+    else:
+        assert not near
+        assert not found.trusted
+        assert any("impulse.PAIR" in note for note in found.notes)
+        assert "impulse.PAIR" in identified_table(found)
