@@ -203,8 +203,9 @@ def _error(varied: Varied, names: Sequence[str], slope: Floats) -> dict[str, flo
 def taylor_check(varied: Varied, at: Floats, q: Floats, slope: Floats, seed: int) -> TaylorCheck:
     """Hold a gradient against runs of their own in a random direction.
 
-    Steps are shortened where the order of events changes within them. Where they fail, the check
-    is made against the direction: at a kink the gradient may hold on one side.
+    Steps are shortened where the order of events changes within them. The check is made along the
+    direction and against it: at a kink, or where something is just touched, a gradient holds on
+    one side.
 
     Args:
         varied: The scene.
@@ -223,13 +224,11 @@ def taylor_check(varied: Varied, at: Floats, q: Floats, slope: Floats, seed: int
             varied.at(beside)
             continue
         way[k] = -way[k]
-    found = _shortened(varied, at, first, slope, way)
-    if found.passed:
-        return found
+    found = [_shortened(varied, at, first, slope, way)]
     with suppress(SceneError):
-        other = _shortened(varied, at, first, slope, -way)
-        return replace(other, sided=True) if other.passed else found
-    return found
+        found.append(_shortened(varied, at, first, slope, -way))
+    passed = [each for each in found if each.passed]
+    return replace((passed or found)[0], sided=0 < len(passed) < len(found))
 
 
 def _shortened(varied: Varied, at: Floats, first: float, slope: Floats, way: Floats) -> TaylorCheck:

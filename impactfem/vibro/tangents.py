@@ -33,6 +33,7 @@ Floats = NDArray[np.float64]
 _ALONG = 1e-6  # of a flight, over which guards are differentiated along it
 _APART = 1e-6  # share of its change by which the times of contacts that close together may differ
 _GRAZES = 1e-9  # share of the speeds at which what closes counts as touching only
+_BARELY = 1e-2  # share of the run by which the time of an event may differ beside it
 _DEPENDENT = 1e-12
 _ROUNDINGS = 4.0
 _SHORT = 10.0  # times as long as the change of a jump's time a flight has to be
@@ -278,6 +279,9 @@ class _Run:
             self._doubt(t, f"constraint {j} is only touched")
             return np.zeros(u.shape[1])
         late = -gap[j] / speeds[j]
+        moved = float(np.abs(bundle.offsets * late[bundle.of]).max())
+        if moved > _BARELY * self.duration:
+            self._doubt(t, f"constraint {j} is hardly touched: a neighbour is {moved:.2g} s off")
         for k in {k for strike in event.strikes for k in strike.rows} - {j, *before.closed}:
             apart = float(np.abs(gap[k] + speeds[k] * late).max())
             if apart > _APART * float(np.abs(gap[k]).max()):

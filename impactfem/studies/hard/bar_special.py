@@ -25,6 +25,7 @@ from impactfem.studies.hard.bars import (
     solved,
 )
 from impactfem.studies.hard.board import Case, Facts
+from impactfem.studies.hard.gradients import on_layers, valley
 from impactfem.studies.hard.meshes import mesh_file, space_time
 from impactfem.studies.hard.rows import Row, load
 
@@ -141,6 +142,9 @@ def _difference(one: Result, other: Result) -> float:
 
 
 CASES: tuple[Case, ...] = load(
-    "bars", (plain, by_default, rounding, impulse, units, graded, gamma, mesh, two_ranks)
-)
+    "bars", (
+        plain, by_default, rounding, impulse, units, graded, gamma, mesh, two_ranks, on_layers,
+        valley,
+    ),
+)  # fmt: skip
 """Hard cases of bars."""

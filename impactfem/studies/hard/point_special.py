@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 from impactfem.methods import METHODS
 from impactfem.studies.hard.board import Case, Facts
+from impactfem.studies.hard.gradients import beside_graze, restitution
 from impactfem.studies.hard.point_facts import facts_of, run, solved
 from impactfem.studies.hard.points import (
     G,
@@ -195,6 +196,9 @@ def several(method: str, row: Row) -> Facts:
 
 CASES: tuple[Case, ...] = load(
     "points",
-    (zeno, bounces, graze, corner, table, bowl, forces, kick, cradle, stack, spring, hop, several),
-)
+    (
+        zeno, bounces, graze, corner, table, bowl, forces, kick, cradle, stack, spring, hop,
+        several, beside_graze, restitution,
+    ),
+)  # fmt: skip
 """Hard cases of points."""
