@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError, SceneError
+from impactfem.inverse.steps import Slopes
 from impactfem.inverse.varied import Varied
 from impactfem.scene import Scene
 
@@ -22,6 +23,7 @@ GOOD_RATE = 1.8
 
 _LONGEST, _SHORTEST, _SHORTER = 1e-3, 1e-6, 10.0  # steps of the check, in sizes of parameters
 _HALVINGS = 3
+_KINK = 1e-6  # share by which slopes on both sides may differ
 _ROUNDING = 1e-11  # share of the objective's size and change that is rounding in a remainder
 
 
@@ -148,7 +150,7 @@ def gradient(scene: Scene | str | Path) -> Gradient:
     start = varied.start
     begun = time.perf_counter()
     told = varied.jacobian(start)
-    q, jacobian, doubts = told.numbers, told.jacobian, list(told.doubts)
+    q, jacobian, doubts = told.numbers, told.jacobian, [*told.doubts, *kinks(varied, told)]
     took = time.perf_counter() - begun
     varied.check_moves(q, jacobian)
     slope = varied.quantities.slope(q) @ jacobian
@@ -161,7 +163,7 @@ def gradient(scene: Scene | str | Path) -> Gradient:
     names = [each.name for each in varied.unknowns]
     sides = None
     if told.sides is not None:
-        below, above = (varied.quantities.slope(q) @ side for side in told.sides)
+        below, above = _beside(varied, told)
         sides = dict(zip(names, zip(below.tolist(), above.tolist(), strict=True), strict=True))
     measures = {
         measure.name: {
@@ -188,6 +190,40 @@ def gradient(scene: Scene | str | Path) -> Gradient:
         error=_error(varied, names, slope),
         notes=varied.quantities.notes,
     )
+
+
+def _beside(varied: Varied, told: Slopes) -> tuple[Floats, Floats]:
+    """Gradients below and above, (P,) each."""
+    slope = varied.quantities.slope(told.numbers)
+    below, above = (slope @ side for side in told.sides or (told.jacobian, told.jacobian))
+    return below, above
+
+
+def kinks(varied: Varied, told: Slopes, *, valley: bool = False) -> list[str]:
+    """Why a gradient is none: kinks that the motion makes.
+
+    Sides that a mesh makes are none: their mean is the derivative without it.
+
+    Args:
+        varied: The scene.
+        told: Of a run.
+        valley: Whether the objective's least value is wanted: where it rises on both sides, a kink
+            speaks for it.
+    """
+    if told.sides is None or varied.runs.reference() is not None:
+        return []
+    below, above = _beside(varied, told) if valley else told.sides
+    below, above = np.atleast_2d(below), np.atleast_2d(above)
+    size = _KINK * np.maximum(np.abs(below), np.abs(above))
+    apart = np.abs(above - below) > size
+    if valley:
+        apart &= (below > size) | (above < -size)
+    if not apart.any():
+        return []
+    n, k = np.unravel_index(np.where(apart, np.abs(above - below), 0.0).argmax(), apart.shape)
+    both = f"{below[n, k]:.6g} below and {above[n, k]:.6g} above"
+    name = varied.unknowns[k].name
+    return [f"{name}: slopes differ on both sides, {both}; their mean is given"]
 
 
 def _error(varied: Varied, names: Sequence[str], slope: Floats) -> dict[str, float] | None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, t
 
 from impactfem.inverse.data import Data
-from impactfem.inverse.gradients import TaylorCheck, check_as_dict, taylor_check
+from impactfem.inverse.gradients import TaylorCheck, check_as_dict, kinks, taylor_check
 from impactfem.inverse.residuals import Residuals
 from impactfem.inverse.search import Iteration, begun
 from impactfem.inverse.varied import Varied
@@ -161,14 +161,15 @@ def identify(
         tolerance, 100 if objective is None else objective.max_iterations,
         None if objective is None else objective.searched_by,
     )  # fmt: skip
-    q, jacobian, told, margin, _ = varied.jacobian(found.x)
-    doubts = list(told)
+    told = varied.jacobian(found.x)
+    q, jacobian = told.numbers, told.jacobian
+    doubts = [*told.doubts, *kinks(varied, told, valley=True)]
     slopes, left = residuals.jacobian(found.x), found.fun
     held = [bool(side) for side in found.active_mask]
     sigmas, correlation, spread, probability = _spread(varied, slopes, left, held, doubts)
     seed = 0 if objective is None else objective.seed
     check = taylor_check(varied, found.x, q, varied.quantities.slope(q) @ jacobian, seed)
-    check = replace(check, margin=margin)
+    check = replace(check, margin=told.margin)
     verified, planned = varied.verified(found.x)
     first, last = search.tried[0].objective, float(found.cost)
     if planned.method == varied.chosen.method and abs(verified - last) > 1e-6 * max(first, last):

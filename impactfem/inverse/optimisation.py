@@ -1,32 +1,25 @@
 """Parameters and controls with which an objective becomes least, by gradients of ours."""
 
 import time
-import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, NonlinearConstraint, lsq_linear, minimize
+from scipy.optimize import lsq_linear
 
 from impactfem.errors import SceneError
-from impactfem.inverse.gradients import TaylorCheck, check_as_dict, taylor_check
-from impactfem.inverse.residuals import Residuals
-from impactfem.inverse.search import Iteration, Search, begun
+from impactfem.inverse.gradients import TaylorCheck, check_as_dict, kinks, taylor_check
+from impactfem.inverse.search import Iteration, begun
+from impactfem.inverse.solvers import CONSTRAINED, SOLVERS, Problem
 from impactfem.inverse.varied import Varied
 from impactfem.scene import Scene
 
 Floats = NDArray[np.float64]
 
-_FAILED = 1e6  # times the largest objective so far: what a run that fails counts as
-_FLAT = 1e-2  # times the tolerance: share of the first gradient that may be left
-_BARRIER = 1e-10  # parameter of trust-constr's barrier with which limits are met
-_BARRIERS = ("initial_barrier_parameter", "initial_barrier_tolerance", "barrier_tol")
 _AGREES = 1e-6  # share of J by which a plan of the answer's own may tell another
 _STATIONARY = 1e-4  # of the first gradient, below which the last one counts as none
-_NO_LESS = -6  # TAO_DIVERGED_LS_FAILURE
 _KEPT = 1e-6  # share of a limit by which it may be passed
 
 
@@ -130,10 +123,10 @@ def optimise(
     varied.check_moves(told.numbers, told.jacobian)
     wanted = varied.scene.objective
     solver = _solver(varied)
-    problem = _Problem(search)
-    best, success, message = _SOLVERS[solver](problem)
+    problem = Problem(search)
+    best, success, message = SOLVERS[solver](problem)
     told = varied.jacobian(best)
-    doubts = list(told.doubts)
+    doubts = [*told.doubts, *kinks(varied, told, valley=True)]
     q, slope = told.numbers, varied.quantities.slope(told.numbers) @ told.jacobian
     seed = 0 if wanted is None else wanted.seed
     check = replace(taylor_check(varied, best, q, slope, seed), margin=told.margin)
@@ -193,139 +186,12 @@ def _solver(varied: Varied) -> str:
     given = None if wanted is None else wanted.searched_by
     if given is None:
         return "trust_constr" if limited else "lbfgs"
-    if limited and given != "trust_constr":
+    if limited and given not in CONSTRAINED:
+        fitting = " or ".join(f'"{name}"' for name in CONSTRAINED)
         raise SceneError(
-            f'objective.solver = "{given}" knows no constraints: give "trust_constr", or leave it '
-            "out"
+            f'objective.solver = "{given}" knows no constraints: give {fitting}, or leave it out'
         )
     return given
-
-
-class _Problem:
-    """An objective of unknowns s in their sizes, from the start on: p = start + sizes s."""
-
-    def __init__(self, search: Search) -> None:
-        self.search, self.varied = search, search.varied
-        wanted = self.varied.scene.objective
-        self.most = 100 if wanted is None else wanted.max_iterations
-        self.tolerance = 1e-8 if wanted is None else wanted.tolerance
-        self.bounds = (self.varied.limits - self.varied.start) / self.varied.scales
-        self.best: tuple[float, Floats] = (np.inf, self.varied.start)
-
-    def place(self, s: Floats) -> Floats:
-        """P of s, within its bounds in spite of rounding."""
-        low, high = self.varied.limits
-        return np.clip(self.varied.start + self.varied.scales * s, low, high)
-
-    def value(self, s: Floats) -> tuple[float, Floats]:
-        """J and its derivatives; where there is no run, so much that the step is taken back."""
-        values, quantities = self.place(s), self.varied.quantities
-        told = self.search.run(values)
-        if told is None:
-            most = max(abs(each.objective) for each in self.search.tried)
-            return _FAILED * max(most, 1.0), np.zeros(len(s))
-        found = quantities.objective(told.numbers)
-        slope = quantities.slope(told.numbers) @ told.jacobian
-        self.search.note(values, found, slope)
-        if found < self.best[0]:
-            self.best = found, values
-        return found, slope * self.varied.scales
-
-    def limited(self, s: Floats) -> Floats:
-        """What stays within limits (m,)."""
-        return self.varied.quantities.limited(self.varied.jacobian(self.place(s)).numbers)[0]
-
-    def limited_slope(self, s: Floats) -> Floats:
-        """Its derivatives by s, (m, P)."""
-        told = self.varied.jacobian(self.place(s))
-        slopes = self.varied.quantities.limited(told.numbers)[1]
-        return np.asarray(slopes @ told.jacobian * self.varied.scales)
-
-
-type _Found = tuple[Floats, bool, str]
-"""The best parameters, whether the search succeeded, what it said."""
-
-
-def _by_lbfgs(problem: _Problem) -> _Found:
-    start = np.zeros(len(problem.varied.start))
-    told = problem.varied.jacobian(problem.place(start))
-    slope = problem.varied.quantities.slope(told.numbers) @ told.jacobian
-    steepest = float(np.abs(slope * problem.varied.scales).max())
-    options = {
-        "maxiter": problem.most, "ftol": 1e-3 * problem.tolerance**2,
-        "gtol": _FLAT * problem.tolerance * steepest,
-    }  # fmt: skip
-    found = minimize(
-        problem.value, start, jac=True, method="L-BFGS-B",
-        bounds=Bounds(*problem.bounds), options=options,
-    )  # fmt: skip
-    # A line search that finds nothing less has come as near as rounding lets it.
-    done = found.success or "ABNORMAL" in str(found.message)
-    return problem.best[1], bool(done), str(found.message)
-
-
-def _by_trust_constr(problem: _Problem) -> _Found:
-    limits = problem.varied.quantities.limits
-    low, high = np.array([each.limits for each in limits], dtype=float).reshape(-1, 2).T
-    held = [NonlinearConstraint(problem.limited, low, high, jac=problem.limited_slope)]
-    options = {"maxiter": problem.most, "xtol": problem.tolerance, "gtol": problem.tolerance}
-    start = np.zeros(len(problem.varied.start))
-    with warnings.catch_warnings():
-        # SciPy says so of linear terms, whose second derivatives are 0 as it takes them to be.
-        warnings.filterwarnings("ignore", message="delta_grad == 0.0")
-        # It may end with a barrier that keeps it off its limits: then once more, nearly without.
-        for barrier in ({}, dict.fromkeys(_BARRIERS, _BARRIER)):
-            found = minimize(
-                problem.value, start, jac=True, method="trust-constr",
-                bounds=Bounds(*problem.bounds), constraints=held if limits else [],
-                options=options | barrier,
-            )  # fmt: skip
-            start = found.x
-            if found.status not in {1, 2} or getattr(found, "barrier_parameter", 0.0) <= _BARRIER:
-                break
-    return problem.place(found.x), found.status in {1, 2}, str(found.message)
-
-
-def _by_tao(problem: _Problem) -> _Found:
-    from petsc4py import PETSc  # noqa: PLC0415  (heavy; each rank solves the same problem)
-
-    size = len(problem.varied.start)
-    x, gradient = (PETSc.Vec().createSeq(size, comm=PETSc.COMM_SELF) for _ in range(2))
-    low, high = x.duplicate(), x.duplicate()
-    for bound, values in zip((low, high), problem.bounds, strict=True):
-        bound.setArray(np.clip(values, -1e20, 1e20))
-
-    def both(_: Any, at: Any, slope: Any) -> float:
-        value, found = problem.value(at.getArray(readonly=True).copy())
-        slope.setArray(found)
-        return value
-
-    tao = PETSc.TAO().create(PETSc.COMM_SELF)
-    tao.setType("blmvm")
-    tao.setObjectiveGradient(both, gradient)
-    tao.setVariableBounds((low, high))
-    tao.setTolerances(gatol=1e-14, grtol=problem.tolerance, gttol=problem.tolerance)
-    tao.setMaximumIterations(problem.most)
-    tao.solve(x)
-    reason: Any = tao.getConvergedReason()
-    for each in (tao, x, gradient, low, high):
-        each.destroy()
-    # As above: no smaller value along the line.
-    done = reason > 0 or reason == _NO_LESS
-    return problem.best[1], bool(done), f"TAO's reason {reason}"
-
-
-def _by_squares(problem: _Problem) -> _Found:
-    wanted = problem.varied.scene.objective
-    solver = None if wanted is None else wanted.searched_by
-    found = Residuals(problem.search).fitted(problem.tolerance, problem.most, solver)
-    return np.asarray(found.x), bool(found.success), str(found.message)
-
-
-_SOLVERS: dict[str, Callable[[_Problem], _Found]] = {
-    "lbfgs": _by_lbfgs, "trust_constr": _by_trust_constr, "tao": _by_tao,
-    "least_squares": _by_squares, "gauss_newton": _by_squares,
-}  # fmt: skip
 
 
 def _stationarity(

@@ -160,7 +160,8 @@ class Quantities:
         """What stays within limits (m,), and its derivatives by q (m, n)."""
         first = len(self.terms)
         each = [self._part(first + k, one.limited, q) for k, one in enumerate(self.limits)]
-        return np.array([value for value, _ in each]), np.array([slope for _, slope in each])
+        slopes = np.array([slope for _, slope in each]).reshape(len(each), len(q))
+        return np.array([value for value, _ in each]), slopes
 
     def _part(self, k: int, term: Term, q: Floats) -> tuple[float, Floats]:
         """A term without its weight, and its derivatives by q (n,)."""

@@ -17,7 +17,9 @@ TERMS = (
     "value", "misfit", "speed", "terminal_energy", "vibration_energy", "effort", "mass",
     "peak_force",
 )  # fmt: skip
-SOLVERS = ("lbfgs", "trust_constr", "tao", "least_squares", "gauss_newton")
+SOLVERS = (
+    "lbfgs", "trust_constr", "slsqp", "ipopt", "tao", "least_squares", "gauss_newton",
+)  # fmt: skip
 VARIABLES = ("t", "x", "y", "z", "vx", "vy", "vz")
 """Names that formulas have already."""
 
@@ -248,7 +250,8 @@ class Objective:
     )
     searched_by: str | None = key(
         Choice(SOLVERS),
-        "how optimise searches: L-BFGS-B or trust-constr of SciPy, BLMVM of PETSc's TAO; of "
+        "how optimise searches: L-BFGS-B, trust-constr or SLSQP of SciPy, Ipopt (extra optimise), "
+        "BLMVM of PETSc's TAO; of "
         "misfits also SciPy's trust region reflective method, as in identify, or Gauss-Newton",
         name="solver", default=None, absent="lbfgs; trust_constr with constraints",
     )  # fmt: skip

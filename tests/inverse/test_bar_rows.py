@@ -48,6 +48,7 @@ def test_the_length_that_leaves_nothing():
     found = impactfem.optimise(striker(0.7))
     assert found.parameters["a"]["value"] == pytest.approx(1.0, abs=1e-6)
     assert found.objective["final"] == pytest.approx(0.0, abs=1e-6)
+    assert found.trusted, found.doubts  # it rises on both sides
 
 
 def test_impulse_and_duration_of_a_row():

@@ -1,6 +1,7 @@
 """Controls and optimisation: against closed forms, restarts, and what is refused or doubted."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -61,8 +62,13 @@ def least_effort(pieces):
     return pieces * (0.5 - middles) / np.square(0.5 - middles).sum()
 
 
-def test_a_block_moved_with_least_effort():
-    found = impactfem.optimise(Scene.from_dict(block()))
+@pytest.mark.parametrize("solver", ["trust_constr", "slsqp", "ipopt"])
+def test_a_block_moved_with_least_effort(solver):
+    if solver == "ipopt":
+        pytest.importorskip("casadi")  # not of Debian
+    data = block()
+    data["objective"]["solver"] = solver
+    found = impactfem.optimise(Scene.from_dict(data))
     values = [each["value"] for each in found.parameters.values()]
     assert values == pytest.approx(least_effort(4), abs=1e-6)
     assert found.objective["final"] == pytest.approx(12.0 / (1.0 - 1.0 / 16.0), rel=1e-9)
@@ -74,9 +80,19 @@ def test_a_block_moved_with_least_effort():
     assert found.trusted
 
 
-@pytest.mark.parametrize("solver", ["lbfgs", "tao"])
+def test_without_casadi_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    data = block()
+    data["objective"]["solver"] = "ipopt"
+    with pytest.raises(SceneError, match=r"ipopt.*impactfem\[optimise\]"):
+        impactfem.optimise(Scene.from_dict(data))
+
+
+@pytest.mark.parametrize("solver", ["lbfgs", "tao", "slsqp", "ipopt"])
 def test_a_bound_that_holds(solver):
     """Of a push with bounds, as far as it can go against its effort: J = 2 f^2 - 4 x(1)."""
+    if solver == "ipopt":
+        pytest.importorskip("casadi")
     data = block(pieces=2, bounds=[-1.0, 0.9])
     data["objective"] = {
         "minimise": [{"term": "effort", "of": "push", "weight": 1.0},
