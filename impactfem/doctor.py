@@ -42,6 +42,9 @@ def examine() -> tuple[list[tuple[str, str]], list[str]]:
     robots = _version("pinocchio")
     needed = "missing; mechanisms need it: pip install impactfem[robots]"
     rows.append(("pinocchio", needed if robots == "missing" else robots))
+    ipopt = _version("casadi")
+    needed = 'missing; objective.solver = "ipopt" needs it: pip install impactfem[optimise]'
+    rows.append(("casadi", needed if ipopt == "missing" else ipopt))
     rows += [("compiler", _compiler(faults)), ("gmsh", _gmsh(faults))]
     rows += [("cache of forms", _forms(faults)), ("cache of loops", _loops())]
     rows += [("report.html", _report(faults)), ("rendering", _rendering())]
