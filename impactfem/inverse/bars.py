@@ -41,7 +41,7 @@ class BarRuns:
         (pair,) = (
             name.removeprefix("force.") for name, _ in history.items() if name.startswith("force.")
         )
-        section = bar.density * bar.area
+        section = bar.section
         pushed = np.array([-section * float(exact.force_integral(0.0, t)) for t in times])
         ends = [end for _, end in exact.contacts if end < scene.duration]
         speed = float("nan")

@@ -95,7 +95,7 @@ class LayeredBars:
         pairs = (n.removeprefix("force.") for n, _ in told.items() if n.startswith("force."))
         (pair,) = pairs
         pushed = np.concatenate([[0.0], np.cumsum(row.force[:, 0] * np.diff(levels))])
-        section = bar.density * bar.area
+        section = bar.section
         return Outcome(
             told,
             {pair: at(pushed)},

@@ -158,6 +158,28 @@ class Formula:
         found._store(text, left, walk(self._tree), self.named)
         return found
 
+    def composed(self, **parts: "Formula") -> "Formula":
+        """Return this formula with formulas for all of its variables, which have the same ones."""
+
+        def walk(node: Node) -> Node:
+            match node:
+                case ("variable", name):
+                    return parts[name]._tree  # noqa: SLF001  (its own class)
+                case ("negative", operand):
+                    return ("negative", walk(operand))
+                case ("chain", first, steps):
+                    return ("chain", walk(first), tuple((op, walk(each)) for op, each in steps))
+                case ("call", name, args):
+                    return ("call", name, tuple(map(walk, args)))
+            return node
+
+        found = object.__new__(Formula)
+        text = ", ".join([self.text, *(f"{name} = {part.text}" for name, part in parts.items())])
+        named = {**dict(self.named), **{k: v for part in parts.values() for k, v in part.named}}
+        variables = next(iter(parts.values())).variables
+        found._store(text, variables, walk(self._tree), tuple(sorted(named.items())))
+        return found
+
     def __call__(self, **values: ArrayLike) -> Any:  # float or array of floats
         """Evaluate with numpy.
 
