@@ -70,7 +70,7 @@ class BarRuns:
             )
         return found
 
-    def reference(self) -> None:
+    def reference(self, scene: Scene) -> None:  # noqa: ARG002  (of layers)
         """They have no error but rounding."""
 
 

@@ -188,7 +188,7 @@ def gradient(scene: Scene | str | Path) -> Gradient:
 
 def _error(varied: Varied, names: Sequence[str], slope: Floats) -> dict[str, float] | None:
     """How far each derivative is from that of the exact solution; None where it has no mesh."""
-    reference = varied.runs.reference()
+    reference = varied.runs.reference(varied.scene)
     if reference is None:
         return None
     told = replace(varied, runs=reference, kept=None, _last=None).jacobian(varied.start)

@@ -7,7 +7,7 @@ set belongs to one side, and each side decides that pair itself.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -44,9 +44,13 @@ class LayeredBars:
                 'solve.method = "exact"'
             )
 
-    def reference(self) -> BarRuns:
-        """Exact runs of the same bar."""
-        return BarRuns(self.chosen)
+    def reference(self, scene: Scene) -> "BarRuns | LayeredBars":
+        """Exact runs of the same bar; where there are none, on elements half as large."""
+        if scene.bar.has_two_waves:
+            return BarRuns(self.chosen)
+        numbers = self.chosen.numbers
+        finer = replace(numbers, elements=2 * (numbers.elements or 1))
+        return LayeredBars(replace(self.chosen, numbers=finer))
 
     def _dt(self, scene: Scene) -> float:
         numbers = self.chosen.numbers

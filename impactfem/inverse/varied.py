@@ -82,8 +82,8 @@ class Runs(Protocol):
         """The numbers of a run and their derivatives."""
         ...
 
-    def reference(self) -> "Runs | None":
-        """Runs without the error that a mesh makes; None: there is no mesh."""
+    def reference(self, scene: Scene) -> "Runs | None":
+        """Runs without the error that a mesh makes, or with less; None: there is no mesh."""
         ...
 
 
@@ -135,6 +135,8 @@ class Varied:
         chosen = plan(scene)
         known = [n for n in RUNS if METHODS[n].bodies & scene.kinds]
         exact = [name for name in known if METHODS[name].exact]
+        if scene.bars and not all(bar.has_two_waves for bar in scene.bars):
+            exact = []
         if scene.solve.method is None and exact and chosen.method not in exact:
             chosen = plan(scene.with_settings({"solve.method": exact[0]}))
         if chosen.method not in RUNS:

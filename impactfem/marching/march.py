@@ -146,7 +146,7 @@ def march(
         mean_displacement=record.mean,
         mean_velocity=record.momentum,
         effort=effort,
-        end_work=driven,
+        end_work=driven + record.work,
     )
 
 

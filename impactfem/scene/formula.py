@@ -15,6 +15,7 @@ from impactfem.scene.grammar import (
     FormulaError,
     Node,
     Parser,
+    variables_of,
 )
 from impactfem.scene.scalar_formula import scalar
 from impactfem.scene.values import NotAllowedError, is_number, number, show
@@ -80,20 +81,7 @@ class Formula:
     @property
     def used(self) -> frozenset[str]:
         """Variables that occur in it."""
-
-        def walk(node: Node) -> frozenset[str]:
-            match node:
-                case ("variable", name):
-                    return frozenset((name,))
-                case ("negative", operand):
-                    return walk(operand)
-                case ("chain", first, steps):
-                    return walk(first).union(*(walk(operand) for _, operand in steps))
-                case ("call", _, args):
-                    return frozenset().union(*map(walk, args))
-            return frozenset()
-
-        return walk(self._tree)
+        return variables_of(self._tree)
 
     def compared(self, variable: str) -> list[float]:
         """Numbers with which it compares a variable, as in ``where(t < 2, a, b)``, in order."""

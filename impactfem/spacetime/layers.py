@@ -116,5 +116,5 @@ def motion_of_layers(
         mean_displacement=mean,
         mean_velocity=np.concatenate([[velocity_0], np.diff(mean) / dt]),
         effort=effort,
-        end_work=driven,
+        end_work=driven + work,
     )
