@@ -15,8 +15,10 @@ from impactfem.methods import METHODS, Method
 from impactfem.scene import Scene
 
 DEFAULT_ELEMENTS = 80
-_ALIGNED = range(40, 161)  # sizes tried to put impacts and releases on layers
-_ON_LAYER = 1e-6  # share of a layer within which an event counts as on it
+ALIGNED = range(40, 161)
+"""Numbers of elements tried to put impacts and releases on layers, or jumps on nodes."""
+ON_LAYER = 1e-6
+"""Share of a layer within which an event counts as on it."""
 _FITTED_CONTACTS = 10  # 50 random scenes with 2 to 10: error at most 8e-12, energy 2e-10
 _FITTED_ELEMENTS = 20  # between the lines the fields are linear: few triangles do
 _STABLE = 1.0 + 1e-9
@@ -50,7 +52,7 @@ def choose_grid(scene: Scene, method: Method, exact: ExactBar, reasons: dict[str
     Raises:
         SceneError: The time step is beyond the method's stability limit.
     """
-    bar, solve = scene.bar, scene.solve
+    solve = scene.solve
     if solve.mesh is not None:
         reasons["elements"] = f"the mesh file {solve.mesh} decides"
         return Grid()
@@ -58,6 +60,16 @@ def choose_grid(scene: Scene, method: Method, exact: ExactBar, reasons: dict[str
     if not method.layered:
         reasons["dt"] = "triangles have no layers"
         return Grid(elements)
+    return layers_of(scene, method, elements, reasons)
+
+
+def layers_of(scene: Scene, method: Method, elements: int, reasons: dict[str, str]) -> Grid:
+    """Choose the time step on so many elements of equal travel times, with the reasons.
+
+    Raises:
+        SceneError: The time step is beyond the method's stability limit.
+    """
+    bar, solve = scene.bar, scene.solve
     h = bar.length / elements
     if solve.dt is not None:
         dt = solve.dt
@@ -113,7 +125,7 @@ def _choose_elements(scene: Scene, method: Method, exact: ExactBar, reasons: dic
     reasons["elements"] = (
         "the least number from 40 on whose layers hold all impacts and releases"
         if aligned is not None
-        else f"the default; no number up to {_ALIGNED[-1]} puts all events on layers"
+        else f"the default; no number up to {ALIGNED[-1]} puts all events on layers"
     )
     return aligned or DEFAULT_ELEMENTS
 
@@ -130,7 +142,7 @@ def on_its_own_mesh(scene: Scene, exact: ExactBar) -> int | None:
         return None
     h = bar.length / elements
     courant = bar.wave_speed * solve.dt / h if solve.dt else solve.courant or 1.0
-    fits = abs(courant - 1.0) <= _ON_LAYER and on_layers(exact, elements)
+    fits = abs(courant - 1.0) <= ON_LAYER and on_layers(exact, elements)
     return elements if fits else None
 
 
@@ -154,12 +166,12 @@ def on_layers(exact: ExactBar, elements: int) -> bool:
     ends = np.array(exact.contacts).ravel()
     events = np.concatenate([ends[ends < exact.duration], exact.load_switches])
     layer = events * elements / exact.transit_time
-    return bool(np.all(np.abs(layer - np.rint(layer)) < _ON_LAYER))
+    return bool(np.all(np.abs(layer - np.rint(layer)) < ON_LAYER))
 
 
 def _aligned_elements(exact: ExactBar) -> int | None:
     """The least size whose layers hold all events; None if there is none."""
-    return next((n for n in _ALIGNED if on_layers(exact, n)), None)
+    return next((n for n in ALIGNED if on_layers(exact, n)), None)
 
 
 def monolithic_cost(unknowns: int, iterations: int) -> tuple[float, float]:

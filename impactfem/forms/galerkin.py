@@ -5,8 +5,12 @@ With t := c t / L, x := x / L, the displacement u in metres and lambda := u_x on
     int_Q (-u_t v_t + u_x v_x + p v) - int_0^1 v0 v|_{t=0} = - int_wall lambda v dt
 
 for all v that vanish at t = T; v0 is the initial velocity times L/c and p the gravity times
-(L/c)^2, both in metres. Source: V. A. Kovtunenko, slides "Analytical and numerical optimization
-methods for solution of non-smooth dynamic impact problems", equation (3) (where u_t = -v0).
+(L/c)^2, both in metres. Of a bar whose properties vary, x is the travel time of waves to a place,
+as a share of that to the other end, L/c; all but lambda is then weighted with the impedance
+rho c A over its mean, constant in each element (`impactfem.scene.profile`).
+
+Source: V. A. Kovtunenko, slides "Analytical and numerical optimization methods for solution of
+non-smooth dynamic impact problems", equation (3) (where u_t = -v0).
 """
 
 from dataclasses import dataclass
@@ -38,6 +42,7 @@ def galerkin_forms(
     multipliers: Any,
     boundary: Any,
     tags: dict[str, int],
+    weights: Any,
     velocity: Formula,
     velocity_scale: float,
     length: float,
@@ -50,6 +55,7 @@ def galerkin_forms(
         multipliers: P0 space on the wall's facets.
         boundary: Measure of the boundary with the facet tags.
         tags: Tag of each boundary name.
+        weights: UFL expression of the impedance of the bar over its mean, constant in cells.
         velocity: Initial velocity [m/s] as a formula in x [m].
         velocity_scale: L/c [s].
         length: L [m]; the formula sees x [m], the mesh x/L.
@@ -60,7 +66,7 @@ def galerkin_forms(
     x = ufl.SpatialCoordinate(displacements.mesh)[1]
     initial = velocity_scale * velocity.apply(UFL_FUNCTIONS, x=length * x)
     return GalerkinForms(
-        stiffness=(-u.dx(0) * v.dx(0) + u.dx(1) * v.dx(1)) * ufl.dx,
+        stiffness=weights * (-u.dx(0) * v.dx(0) + u.dx(1) * v.dx(1)) * ufl.dx,
         coupling=multiplier * v * boundary(tags["wall"]),
         load=-gravity * v * ufl.dx + initial * v * boundary(tags["start"]),
     )

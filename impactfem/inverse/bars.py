@@ -77,7 +77,7 @@ class BarRuns:
         """Numbers of a run and their derivatives, by differences over neighbours."""
         return differences(changes, reader(self.outcome, changes, quantities))
 
-    def reference(self) -> None:
+    def reference(self, scene: Scene) -> None:
         """They have no error but rounding."""
 
 
@@ -87,7 +87,7 @@ def _one(scene: Scene, times: Floats, elements: int) -> _Followed:
     positions = np.linspace(0.0, bar.length, elements + 1)
     motion = exact_motion(exact, bar, scene.axial_gravity, times, positions, 1)
     (wall,) = scene.obstacles
-    section = bar.density * bar.area
+    section = bar.section
     pushed = [-section * float(exact.force_integral(0.0, t)) for t in times]
     return _Followed(
         RowMotion.of_one(motion, bar, wall.name), [exact.contacts], np.array(pushed)[:, None],

@@ -210,7 +210,7 @@ def kinks(varied: Varied, told: Slopes, *, valley: bool = False) -> list[str]:
         valley: Whether the objective's least value is wanted: where it rises on both sides, a kink
             speaks for it.
     """
-    if told.sides is None or varied.runs.reference() is not None:
+    if told.sides is None or varied.runs.reference(varied.scene) is not None:
         return []
     below, above = _beside(varied, told) if valley else told.sides
     below, above = np.atleast_2d(below), np.atleast_2d(above)
@@ -228,7 +228,7 @@ def kinks(varied: Varied, told: Slopes, *, valley: bool = False) -> list[str]:
 
 def _error(varied: Varied, names: Sequence[str], slope: Floats) -> dict[str, float] | None:
     """How far each derivative is from that of the exact solution; None where it has no mesh."""
-    reference = varied.runs.reference()
+    reference = varied.runs.reference(varied.scene)
     if reference is None:
         return None
     told = replace(varied, runs=reference, kept=None, _last=None).jacobian(varied.start)

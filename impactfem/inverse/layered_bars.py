@@ -7,7 +7,7 @@ set belongs to one side, and each side decides that pair itself.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -49,9 +49,13 @@ class LayeredBars:
                 'solve.method = "exact"'
             )
 
-    def reference(self) -> BarRuns:
-        """Exact runs of the same bar."""
-        return BarRuns(self.chosen)
+    def reference(self, scene: Scene) -> "BarRuns | LayeredBars":
+        """Exact runs of the same bar; where there are none, on elements half as large."""
+        if scene.bar.has_two_waves:
+            return BarRuns(self.chosen)
+        numbers = self.chosen.numbers
+        finer = replace(numbers, elements=2 * (numbers.elements or 1))
+        return LayeredBars(replace(self.chosen, numbers=finer))
 
     def _dt(self, scene: Scene) -> float:
         numbers = self.chosen.numbers
@@ -100,7 +104,7 @@ class LayeredBars:
         pairs = (n.removeprefix("force.") for n, _ in told.items() if n.startswith("force."))
         (pair,) = pairs
         pushed = np.concatenate([[0.0], np.cumsum(row.force[:, 0] * np.diff(levels))])
-        section = bar.density * bar.area
+        section = bar.section
         return Outcome(
             told,
             {pair: at(pushed)},

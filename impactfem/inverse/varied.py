@@ -82,8 +82,8 @@ class Runs(Protocol):
         """The numbers of a run and their derivatives."""
         ...
 
-    def reference(self) -> "Runs | None":
-        """Runs without the error that a mesh makes; None: there is no mesh."""
+    def reference(self, scene: Scene) -> "Runs | None":
+        """Runs without the error that a mesh makes, or with less; None: there is no mesh."""
         ...
 
 
@@ -105,7 +105,8 @@ def _planned(scene: Scene) -> Plan[Any]:
         SceneError: There is none.
     """
     chosen, known = plan(scene), _known(scene)
-    fitting = [name for name in known if METHODS[name].exact] or known
+    uniform = all(bar.has_two_waves for bar in scene.bars)
+    fitting = [name for name in known if METHODS[name].exact and uniform] or known
     if scene.solve.method is None and fitting and chosen.method not in fitting:
         try:
             return plan(scene.with_settings({"solve.method": fitting[0]}))

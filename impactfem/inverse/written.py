@@ -150,13 +150,16 @@ def write_optimised(found: Optimised, folder: Path, run: dict[str, Any]) -> None
     """
     title, picture = f"Optimised: {found.scene.title}", optimised_picture(found)
     texts = _answer(found, title, optimised_rows(found), picture, folder, run)
-    if found.scene.controls:
+    for along, head, name in (("t", "time", "control.csv"), ("x", "x", "control_along.csv")):
+        controls = [each for each in found.scene.controls if each.along == along]
+        if not controls:
+            continue
         duration = found.scene.duration
-        times = np.unique(np.concatenate([c.times(duration) for c in found.scene.controls]))
-        columns = [times, *(c.at(times, duration) for c in found.scene.controls)]
-        lines = [",".join(["time", *(c.name for c in found.scene.controls)])]
+        places = np.unique(np.concatenate([c.times(duration) for c in controls]))
+        columns = [places, *(c.at(places, duration) for c in controls)]
+        lines = [",".join([head, *(c.name for c in controls)])]
         lines += [",".join(f"{x:.17g}" for x in row) for row in zip(*columns, strict=True)]
-        texts["control.csv"] = "\n".join(lines) + "\n"
+        texts[name] = "\n".join(lines) + "\n"
     _write(folder, texts)
     write_png(picture, folder / "optimised.png")
 
@@ -214,10 +217,11 @@ def optimised_picture(found: Optimised) -> Sheet:
             each for name, each in found.parameters.items() if name.startswith(f"{control.name}.")
         ]
         first = replace(control, start=tuple(each["start"] for each in own))
-        times = np.linspace(0.0, duration, 2001)
+        along = control.along == "x"
+        times = np.linspace(0.0, control.times(duration)[-1] if along else duration, 2001)
         for one, label, colour in ((first, "start", "0.6"), (control, "answer", "tab:blue")):
             axes.plot(times, one.at(times, duration), color=colour, label=label)
-        axes.set_xlabel("time [s]")
+        axes.set_xlabel("x [m]" if along else "time [s]")
         axes.set_ylabel(control.name)
         axes.legend(fontsize=8)
     return sheet

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.marching.bar_row_kernels import two_step_row
-from impactfem.marching.chain import Chain
 from impactfem.marching.row_wave_kernels import conserving_row
 from impactfem.marching.waves import Delay, left_ends
 from impactfem.result.bar_motion import Effort, kept_levels
 from impactfem.result.bar_row_motion import RowMotion, pair_labels
 from impactfem.scene import Bar
+from impactfem.system.chain import Chain
 from impactfem.system.fronts import row_energies
 
 Floats = NDArray[np.float64]
@@ -96,7 +96,7 @@ def _by_nodes(
     has_wall: bool, reach: Floats, record: _Record,
 ) -> Effort:  # fmt: skip
     """Petrov-Galerkin recursion: exact at the nodes if dt = h / c and events fall on layers."""
-    sections = [bar.density * bar.area for bar in bars]
+    sections = [bar.section for bar in bars]
     mass = np.concatenate([s * chain.mass for s, chain in zip(sections, chains, strict=True)])
     springs = [
         np.append(s * chain.stiffness, 0.0) for s, chain in zip(sections, chains, strict=True)
@@ -140,7 +140,7 @@ def _by_waves(
     conserving_row(
         mean, rise, past, np.array([delay.layers for delay in delays]),
         np.array([delay.share for delay in delays]), np.array([bar.transit_time for bar in bars]),
-        np.array([bar.density * bar.area * bar.wave_speed for bar in bars]),
+        np.array([bar.impedance for bar in bars]),
         has_wall, bars[-1].far_end == "clamped", record.gap[0].copy(),
         record.displacement[0, record.ends[:-1]].copy(), dt, layers,
         np.concatenate([chain.positions for chain in chains]) / np.repeat(speeds, counts),

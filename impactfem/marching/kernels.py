@@ -49,9 +49,9 @@ def substitute(inverse, lower, x):
 
 @compiled
 def two_step(
-    mass, stiffness, dt, clamped, velocity, loads, pushes, ways,
-    now, step, push, first, last, marks,
-    kept, displacement, rate, gap, far, multiplier, kinetic, elastic, mean,
+    mass, stiffness, element_mass, dt, clamped, velocity, loads, forces, pushes, ways,
+    now, step, push, speeds, first, last, marks,
+    kept, displacement, rate, gap, far, multiplier, kinetic, elastic, mean, work,
 ):  # fmt: skip
     """March the layers first ... last - 1 of the Petrov-Galerkin recursion.
 
@@ -64,23 +64,26 @@ def two_step(
     multiplier of the size of rounding does not matter.
 
     Args:
-        mass, stiffness: Of the chain.
+        mass, stiffness, element_mass: Of the chain.
         dt: Time step [s].
         clamped: Whether the last node is held.
         velocity: Initial velocity [m/s]; used if first = 0.
         loads: Gravity of each row [m/s^2].
+        forces: Of the load on each node in each layer [m^2/s^2], as `node_loads` has them.
         pushes: Force on the last node in each row [m^2/s^2].
         ways: Of the last node in each layer, where it is held [m].
         now: u^first, shape (nodes,); becomes u^last.
         step: u^first - u^{first-1}; becomes that of the last layer. Summing steps keeps rounding
             errors to one per layer, where 2 u^m - u^{m-1} would let them grow with its square.
         push: lambda_first.
+        speeds: Velocity of each element at the level ``first`` [m/s]; becomes that at ``last``.
+            Empty: energies are those of layers, else of levels (`impactfem.system.fronts`).
         first, last: Layers.
         marks: Set of each layer of this call, (last - first,).
         kept: Levels at which fields are stored, increasing.
         displacement, rate: Fields at those levels, filled.
-        gap, far, multiplier, kinetic, elastic, mean: Filled rows first + 1 ... last (multiplier:
-            from first on); far: of the last two nodes.
+        gap, far, multiplier, kinetic, elastic, mean, work: Filled rows first + 1 ... last
+            (multiplier: from first on); far: of the last two nodes; work: of the load.
 
     Returns:
         lambda of the last layer.
@@ -89,10 +92,12 @@ def two_step(
     old = np.empty(n)
     total = mass.sum()
     response = 0.5 * dt * dt / mass[0]  # of u_0 to -lambda
+    levels, loaded = len(speeds) > 0, len(forces) > 0
     slot = 0
     while slot < len(kept) and kept[slot] <= first:
         slot += 1
     for m in range(first, last):
+        own, past = min(m, len(forces) - 1), max(min(m, len(forces)) - 1, 0)
         half, ongoing = (0.5, 0.0) if m == 0 else (1.0, 1.0)
         pull = 0.0
         for j in range(n):
@@ -100,6 +105,9 @@ def two_step(
             change = half * dt * dt * ((ahead - pull) / mass[j] - loads[m])
             if j == n - 1:
                 change += half * dt * dt * pushes[m] / mass[j]
+            if loaded:
+                force = 0.5 * (forces[past, j] + forces[own, j])
+                change += half * dt * dt * force / mass[j]
             if m == 0:
                 change += dt * velocity[j]
             old[j] = step[j]
@@ -115,6 +123,14 @@ def two_step(
             step[0] = -now[0]
         if clamped:
             step[n - 1] = ways[m]
+        done = 0.0
+        if loaded:
+            for j in range(n):
+                if levels:
+                    done += forces[own, j] * step[j]
+                else:  # between the middles of layers
+                    done += 0.25 * (forces[past, j] + forces[own, j]) * (step[j] + old[j])
+        work[m + 1] = work[m] + done
         # E = v (M - dt^2 K / 4) v / 2 + w K w / 2, v and w of the layer.
         moving = 0.0
         strained = 0.0
@@ -131,6 +147,13 @@ def two_step(
         moving /= dt * dt
         kinetic[m + 1] = 0.5 * (moving - 0.25 * spread)
         elastic[m + 1] = 0.5 * strained
+        if levels:
+            kinetic[m + 1], elastic[m + 1] = 0.0, 0.0
+            for j in range(n - 1):
+                speeds[j] = (step[j] + step[j + 1]) / dt - speeds[j]
+                d = now[j + 1] + step[j + 1] - now[j] - step[j]
+                kinetic[m + 1] += 0.5 * element_mass[j] * speeds[j] * speeds[j]
+                elastic[m + 1] += 0.5 * stiffness[j] * d * d
         multiplier[m] = push
         mean[m + 1] = moment / total
         # The velocity at a level is the mean of its two layers: stored when the second is known.

@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 
 from impactfem.contact.active_set import ActiveSetResult, primal_dual_active_set
 from impactfem.marching import kernels, negative_control, wave_kernels
-from impactfem.marching.chain import Chain
 from impactfem.marching.waves import Waves
 from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
 from impactfem.scene import Bar, PiecewiseConstant
-from impactfem.system.ends import end_pushes, end_ways, end_work
-from impactfem.system.fronts import wave_energies
+from impactfem.system.chain import Chain
+from impactfem.system.ends import end_pushes, end_ways
+from impactfem.system.fronts import element_speeds, starts_as_waves
+from impactfem.system.sections import node_loads
+from impactfem.system.works import works
 
 Floats = NDArray[np.float64]
 
@@ -86,6 +88,7 @@ class _Record:
         self.kinetic = np.empty(levels)
         self.elastic = np.empty(levels)
         self.mean = np.empty(levels)
+        self.work = np.zeros(levels)
         self.momentum = np.empty(levels)
         mass, u, v = chain.mass, chain.displacement, chain.velocity
         self.displacement[0], self.rate[0] = u, v
@@ -97,21 +100,21 @@ class _Record:
 
 
 def march(
-    bar: Bar, gravity: PiecewiseConstant, positions: Floats, scheme: Scheme, numbers: Marching
+    bar: Bar, gravity: PiecewiseConstant, travel: Floats, scheme: Scheme, numbers: Marching
 ) -> BarMotion:
     """March a bar through its layers.
 
     Args:
         bar: The bar.
         gravity: p(t) [m/s^2].
-        positions: Node positions [m], shape (nodes,).
+        travel: Nodes as in `Bar.places`: of uniform bars their positions [m], shape (nodes,).
         scheme: Time scheme.
         numbers: Steps, window and tolerances.
 
     Returns:
         The motion; time and memory grow linearly with nodes times layers.
     """
-    chain = Chain.of_bar(bar, positions)
+    chain = Chain.of_bar(bar, travel)
     times = numbers.times
     means = gravity.integral(times[:-1], times[1:]) / numbers.dt
     record = _Record(chain, numbers)
@@ -120,21 +123,17 @@ def march(
     driven = np.zeros_like(times)
     if scheme.kernel == "two_step":
         effort, potential, driven = _two_step(chain, numbers, means, tolerance, record, bar)
-        waves = wave_energies(bar, positions, times, record.gap, record.multiplier, gravity)
-        if waves is not None:
-            record.kinetic, record.elastic, driven = waves[0], waves[1], waves[3]
-            potential = (waves[2] + driven) / bar.length
     else:
         if scheme.kernel == "conserving":
-            effort, driven = _waves(bar, gravity, positions, numbers, means, record)
+            effort, driven = _waves(bar, gravity, chain.positions, numbers, means, record)
         else:
             effort = _one_step(chain, numbers, means, tolerance, record)
         # Work of gravity: load of the layer times its path, as the schemes have it.
         work = np.cumsum(means * np.diff(record.mean))
-        potential = means[0] * record.mean[0] + np.concatenate([[0.0], work])
+        potential = bar.length * (means[0] * record.mean[0] + np.concatenate([[0.0], work]))
     return BarMotion(
         times=times,
-        positions=positions,
+        positions=chain.positions,
         kept=record.kept,
         displacement=record.displacement,
         velocity=record.rate,
@@ -143,11 +142,11 @@ def march(
         active=record.multiplier < 0.0,
         kinetic=record.kinetic,
         elastic=record.elastic,
-        potential=bar.length * potential - driven,
+        potential=potential - driven - record.work,
         mean_displacement=record.mean,
         mean_velocity=record.momentum,
         effort=effort,
-        end_work=driven,
+        end_work=driven + record.work,
     )
 
 
@@ -209,15 +208,21 @@ def _two_step(
     loads = np.concatenate([means[:1], 0.5 * (means[1:] + means[:-1])])
     times = numbers.times
     pushes, ways = end_pushes(bar, times), end_ways(bar, times)
-    state = _State(chain.displacement.copy(), np.zeros_like(chain.displacement), 0.0)
+    forces = node_loads(bar, times, chain.travel)
+    levels = starts_as_waves(bar, chain, times)
+    speeds = element_speeds(bar, chain) if levels else np.zeros(0)
+    if levels:
+        record.kinetic[0] = 0.5 * chain.element_mass @ speeds**2
+    state = _State(chain.displacement.copy(), np.zeros_like(chain.displacement), 0.0, speeds.copy())
 
     def sweep(start: "_State", first: int, marks: NDArray[np.int8]) -> "_State":
         end = start.copy()
         end.push = kernels.two_step(
-            chain.mass, chain.stiffness, numbers.dt, chain.clamped, chain.velocity,
-            loads, pushes, ways, end.now, end.step, end.push, first, first + len(marks), marks,
-            record.kept, record.displacement, record.rate, record.gap, record.far,
-            record.multiplier, record.kinetic, record.elastic, record.mean,
+            chain.mass, chain.stiffness, chain.element_mass, numbers.dt, chain.clamped,
+            chain.velocity, loads, forces, pushes, ways, end.now, end.step, end.push, end.speeds,
+            first, first + len(marks), marks, record.kept, record.displacement, record.rate,
+            record.gap, record.far, record.multiplier, record.kinetic, record.elastic, record.mean,
+            record.work,
         )  # fmt: skip
         return end
 
@@ -238,9 +243,10 @@ def _two_step(
                 break
     # Beyond the stability limit numbers overflow; what is not finite is reported by the caller.
     with np.errstate(over="ignore", invalid="ignore"):
-        potential, driven = _close(record, numbers.dt, means, loads), np.zeros_like(times)
-        if bar.is_driven:
-            driven = end_work(bar, times, chain.positions, record.far, loads)
+        record.momentum[1:] = np.diff(record.mean) / numbers.dt
+        potential, driven = works(
+            bar, chain, times, means, record.mean, record.far, forces, levels=levels
+        )
     unknowns = len(chain.positions) * numbers.layers
     if worst is None:
         return Effort(unknowns, 1, (), True, "decided in each layer"), potential, driven
@@ -258,25 +264,17 @@ def _two_step(
     )
 
 
-def _close(record: _Record, dt: float, means: Floats, loads: Floats) -> Floats:
-    """Velocities of the layers, and the potential of gravity in their middles."""
-    record.momentum[1:] = np.diff(record.mean) / dt
-    middle = 0.5 * (record.mean[1:] + record.mean[:-1])
-    path = np.diff(np.concatenate([record.mean[:1], middle]))
-    start = means[0] * record.mean[0]
-    return np.concatenate([[start], start + np.cumsum(loads * path)])
-
-
 @dataclass
 class _State:
-    """Where the recursion stands: the level, the step to it and the last multiplier."""
+    """Where the recursion stands: the level, the step to it, the last multiplier, speeds."""
 
     now: Floats
     step: Floats
     push: float
+    speeds: Floats
 
     def copy(self) -> "_State":
-        return _State(self.now.copy(), self.step.copy(), self.push)
+        return _State(self.now.copy(), self.step.copy(), self.push, self.speeds.copy())
 
 
 def _window(

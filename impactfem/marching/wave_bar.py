@@ -124,8 +124,8 @@ class WaveBar(FewInterior):
 
     def stress(self, body: int) -> Floats:  # noqa: ARG002  (one body)
         """At `nodes` [Pa], tension > 0."""
-        bar = self.bodies.bar
-        return bar.youngs_modulus * np.gradient(self._fields()[0], self.nodes, edge_order=1)
+        modulus = self.bodies.bar.at("youngs_modulus", self.nodes)
+        return modulus * np.gradient(self._fields()[0], self.nodes, edge_order=1)
 
     def _fields(self) -> tuple[Floats, Floats]:
         """Displacement [m] and velocity [m/s] along the bar at `nodes`, (nodes,) each."""

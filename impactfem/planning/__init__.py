@@ -5,9 +5,10 @@ from dataclasses import replace
 from typing import Any
 
 from impactfem.planning.bar_rows import RowNumbers, plan_bar_row
-from impactfem.planning.bars import BarNumbers, plan_bar
+from impactfem.planning.bars import BarNumbers
 from impactfem.planning.doubts import doubts
 from impactfem.planning.drawing import choose_film, drawing_seconds
+from impactfem.planning.layered_bars import plan_one_bar
 from impactfem.planning.plans import Choice, Numbers, Plan
 from impactfem.planning.solid_plan import MarchNumbers
 from impactfem.planning.solids import plan_march
@@ -27,7 +28,7 @@ __all__ = [
 
 
 PLANNERS: Mapping[str, Callable[[Scene], Plan[Any]]] = {
-    "bar": plan_bar,
+    "bar": plan_one_bar,
     "bar_row": plan_bar_row,
     "march": plan_march,
     "vibro": plan_vibro,

@@ -244,12 +244,18 @@ def _findings(name: str, grid: Grid, exact: ExactBar) -> tuple[Finding, ...]:
         return (warning("control_method", text),)
     if method.stable != "limited" or grid.courant is None or grid.elements is None:
         return ()
-    if grid.courant < _NEARLY_ONE:
-        ringing = "the contact force of this method rings (overshoot up to 4 times)"
-        text = f"courant = {grid.courant:g} < 1: {ringing}"
-        return (warning("ringing", text, remedy='method = "conserving" does not'),)
+    if found := ringing(grid, 'method = "conserving" does not'):
+        return found
     if not on_layers(exact, grid.elements):
         text = "an impact, a release or a change of gravity lies between layers: errors of first "
         text += "order in h"
         return (Finding("error_large", "note", text),)
     return ()
+
+
+def ringing(grid: Grid, remedy: str) -> tuple[Finding, ...]:
+    """That contact forces of galerkin ring below courant 1."""
+    if grid.courant is None or grid.courant >= _NEARLY_ONE:
+        return ()
+    text = "the contact force of this method rings (overshoot up to 4 times)"
+    return (warning("ringing", f"courant = {grid.courant:g} < 1: {text}", remedy=remedy),)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from impactfem.exact import ExactBar
 from impactfem.findings import Finding, warning
-from impactfem.scene import Scene
+from impactfem.scene import Bar, Scene
 from impactfem.scene.apartness import Apartness
 from impactfem.scene.pairing import bodies_met, obstacles_of, self_meeting
 
@@ -54,7 +54,7 @@ def doubts(scene: Scene, told: Sequence[Finding] = ()) -> tuple[Finding, ...]:
     """
     if scene.bars:
         return ()
-    found = [doubt for body in scene.bodies for doubt in _units(body)]
+    found = [doubt for body in scene.bodies for doubt in units_of(body)]
     lonely = {finding.subject for finding in told if finding.code == MEETS_NOTHING}
     if not lonely & {body.name for body in scene.bodies} and _meet_nothing(scene):
         first, *others = (body.name for body in scene.bodies)
@@ -67,7 +67,7 @@ def doubts(scene: Scene, told: Sequence[Finding] = ()) -> tuple[Finding, ...]:
 
 def doubts_of_bar(scene: Scene, exact: ExactBar) -> tuple[Finding, ...]:
     """Warnings about a bar that never meets the wall, and about units."""
-    found = list(_units(scene.bar))
+    found = list(units_of(scene.bar))
     if not float(exact.force_integral(0.0, scene.duration)):
         text = f"the bar never presses on the wall within duration = {scene.duration:g} s"
         remedy = "velocities towards the wall are negative, gravity towards it is positive"
@@ -112,11 +112,14 @@ def _meet_nothing(scene: Scene) -> bool:
     return not (scene.contacts or scene.marches) or not _may_touch(scene, paths)
 
 
-def _units(body: Any) -> list[Finding]:
+def units_of(body: Any) -> list[Finding]:
     """A body that moves faster than its waves: its modulus is perhaps in GPa or MPa."""
     if getattr(body, "youngs_modulus", None) is None:
         return []
-    waves = math.sqrt(body.youngs_modulus / body.density)
+    if isinstance(body, Bar):  # in which it may vary
+        waves = body.wave_speed
+    else:
+        waves = math.sqrt(body.youngs_modulus / body.density)
     given = body.velocity or 0.0
     entries = given if isinstance(given, tuple) else (given,)
     zero = {"x": 0.0, "y": 0.0, "z": 0.0}

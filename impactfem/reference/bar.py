@@ -127,7 +127,7 @@ def measure(motion: "BarMotion", exact: ExactBar) -> Errors:
     t, x = motion.times[motion.kept], motion.positions
     reference = exact.fields(t, x)[0]
     weights = trapezoidal(t), trapezoidal(x)
-    size, norm = _largest(reference), _norm(reference, *weights)
+    size, whole = _largest(reference), norm(reference, *weights)
     difference = np.subtract(motion.displacement, reference, out=reference)  # they may be large
     largest = max(_largest(difference), np.abs(motion.gap - exact.gap(motion.times)).max())
     # Split the layers where the exact force jumps or bends: between it is linear.
@@ -149,7 +149,7 @@ def measure(motion: "BarMotion", exact: ExactBar) -> Errors:
     return Errors(
         how,
         relative(largest, size),
-        relative(_norm(difference, *weights), norm),
+        relative(norm(difference, *weights), whole),
         relative(wrong, np.sum(quadrature * np.abs(force))),
         measured=True,
     )
@@ -174,7 +174,7 @@ def _largest(values: Floats) -> float:
     return max(float(values.max()), -float(values.min()))
 
 
-def _norm(values: Floats, rows: Floats, columns: Floats) -> float:
+def norm(values: Floats, rows: Floats, columns: Floats) -> float:
     """Root of the weighted sum of squares of a table."""
     return float(np.sqrt(np.einsum("i,ij,ij,j", rows, values, values, columns)))
 
@@ -217,7 +217,7 @@ def exact_motion(
 
 def contact_figures(exact: ExactBar, bar: Bar) -> dict[str, Any]:
     """Contacts, largest force and impulse of the exact motion, for the summary."""
-    section = bar.density * bar.area
+    section = bar.section
     return {
         "intervals": [list(contact) for contact in exact.contacts],
         "max_force": section * exact.largest_force,
@@ -250,7 +250,7 @@ def exact_curves(exact: ExactBar, bar: Bar, end: float) -> Table:
     """Exact gap and contact force for pictures, with two samples at each jump of the force."""
     jumps = np.asarray(exact.multiplier_breaks)
     times = curve_times(jumps[jumps > 0.0], end)
-    force = -bar.density * bar.area * exact.multiplier(times) + 0.0
+    force = -bar.section * exact.multiplier(times) + 0.0
     told = (("gap", exact.gap(times), "m"), ("contact_force", force, "N"))
     return Table.over_time(
         times,

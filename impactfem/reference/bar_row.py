@@ -60,7 +60,7 @@ def _of_bar(bar: Bar, pieces: int) -> RowBar:
     return RowBar.from_functions(
         length=bar.length,
         wave_speed=bar.wave_speed,
-        impedance=bar.density * bar.area * bar.wave_speed,
+        impedance=bar.impedance,
         place=bar.gap,
         displacement=lambda x: bar.displacement(x=x) + np.zeros_like(x),
         velocity=lambda x: bar.initial_velocity(x=x) + np.zeros_like(x),

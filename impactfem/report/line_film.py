@@ -208,6 +208,7 @@ def _pieces(result: Record, fields: Fields) -> tuple[Nodes, Nodes, Floats, Nodes
         nodes = np.linspace(starts[k], starts[k + 1] - 1, min(counts[k], most + 1)).astype(int)
         near.append(nodes[:-1])
         far.append(nodes[1:])
-        moduli.append(np.full(len(nodes) - 1, bar.youngs_modulus))
+        x = fields.positions[nodes]
+        moduli.append(bar.at("youngs_modulus", 0.5 * (x[1:] + x[:-1])))
     first = np.cumsum([0, *(len(part) for part in near[:-1])])
     return np.concatenate(near), np.concatenate(far), np.concatenate(moduli), first

@@ -70,8 +70,8 @@ class BarMotion:
         potential: p(0) u(0) L minus the work of loads [m^3/s^2], shape (layers + 1,).
         mean_displacement: Displacement of the centre of mass at t_m [m], shape (layers + 1,).
         mean_velocity: Velocity of the centre of mass in each layer [m/s], shape (layers + 1,).
-        end_work: Work of what drives the far end, which the potential counts [m^3/s^2], shape
-            (layers + 1,).
+        end_work: Work of the load along it and of what drives its far end, which the potential
+            counts [m^3/s^2], shape (layers + 1,).
         effort: How the method got there.
     """
 

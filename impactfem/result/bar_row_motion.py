@@ -59,7 +59,7 @@ class RowMotion:
     @classmethod
     def of_one(cls, motion: BarMotion, bar: Bar, wall: str) -> "RowMotion":
         """A bar and its wall as a row of one."""
-        section = bar.density * bar.area
+        section = bar.section
         return cls(
             times=motion.times,
             labels=pair_labels([bar], wall),
@@ -115,7 +115,7 @@ def row_history(
     force = np.vstack([np.zeros((1, len(motion.labels))), motion.force])
     bodies = {
         bar.name: BodyMotion.along_axis(
-            motion.mean_displacement[:, k] + 0.5 * bar.length, motion.mean_velocity[:, k]
+            motion.mean_displacement[:, k] + bar.center, motion.mean_velocity[:, k]
         )
         for k, bar in enumerate(bars)
     }

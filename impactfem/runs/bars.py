@@ -21,6 +21,7 @@ from impactfem.reference.bar import (
 from impactfem.reference.rounding import rounding_of_exact
 from impactfem.result import BarMotion
 from impactfem.result.bar_row_motion import RowMotion
+from impactfem.runs.bar_estimate import estimate_of_bar
 from impactfem.runs.bar_run import Measured, run_of_bars
 from impactfem.runs.forces import bar_window
 from impactfem.runs.line_probes import check_bar_probes, every_level, thinned
@@ -74,9 +75,9 @@ def _layers_of_mesh(scene: Scene, method: str) -> tuple[Floats, float, int]:
         MeshError: The mesh has no layers of equal height, or they are beyond the stability limit.
     """
     from impactfem.fem import MPI  # noqa: PLC0415
-    from impactfem.marching.chain import Chain  # noqa: PLC0415
     from impactfem.marching.march import SCHEMES  # noqa: PLC0415
     from impactfem.mesh.files import read_mesh  # noqa: PLC0415
+    from impactfem.system.chain import Chain  # noqa: PLC0415
 
     bar, path = scene.bar, scene.mesh_path
     if path is None:
@@ -197,6 +198,13 @@ def run(scene: Scene, plan: Plan[BarNumbers], progress: Progress, saved: Checkpo
 
 def _measured(scene: Scene, plan: Plan[BarNumbers], motion: BarMotion) -> Measured:
     bar, end, method = scene.bar, float(motion.times[-1]), METHODS[plan.method]
+    if not bar.has_two_waves:
+        errors = None
+        if motion.is_finite:
+            errors = estimate_of_bar(
+                scene, plan, motion, lambda a, b: _solve_marching(a, b, Progress())
+            )
+        return Measured(errors, None, {}, bar_window(method, motion, bar.wave_speed))
     exact = exact_bar(scene, None if end <= scene.duration * (1.0 + 1e-9) else end)
     errors = None
     if motion.is_finite:

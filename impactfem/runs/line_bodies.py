@@ -55,7 +55,7 @@ def bar_figures(bar: Bar, positions: Floats, displacement: Floats) -> dict[str, 
     """
     u, h = displacement[_some(len(displacement), _BAR_LEVELS)], np.diff(positions)
     largest, exceeded = strains(np.diff(u, axis=1) / h, h)
-    mass = bar.density * bar.area * bar.length
+    mass = bar.mass
     return body_figures(mass, rotation_max=0.0, strain_max=largest, strain_99=exceeded)
 
 

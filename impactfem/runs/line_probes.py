@@ -159,5 +159,6 @@ def _of_bar(probe: Probe, bar: Bar, x: Floats, u: Floats, v: Floats) -> dict[str
         columns["vx"] = (1.0 - share) * v[:, first] + share * v[:, first + 1]
     if "stress" in probe.quantities:
         slopes = [(u[:, k + 1] - u[:, k]) / (x[k + 1] - x[k]) for k in (first, last)]
-        columns["sxx"] = bar.youngs_modulus * 0.5 * (slopes[0] + slopes[1])
+        moduli = bar.at("youngs_modulus", 0.5 * (x[[first, last]] + x[[first + 1, last + 1]]))
+        columns["sxx"] = 0.5 * (moduli[0] * slopes[0] + moduli[1] * slopes[1])
     return columns

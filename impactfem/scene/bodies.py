@@ -4,6 +4,7 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, override
 
 import numpy as np
@@ -13,14 +14,17 @@ from impactfem.scene.breaks import Break, find_breaks
 from impactfem.scene.formula import Formula
 from impactfem.scene.inline import Vector
 from impactfem.scene.jets import motion_at
-from impactfem.scene.kinds import Choice, FormulaOf, Name, Real
+from impactfem.scene.kinds import Choice, FormulaOf, Name, Real, RealOrFormula
 from impactfem.scene.means import cuts_of
 from impactfem.scene.probes import STRAINS
+from impactfem.scene.profile import Profile
 from impactfem.scene.schema import KeyedError, check_fields, key, table
-from impactfem.scene.values import show
+from impactfem.scene.values import LEAST, show
 
 # Divisible by 2 to 10: a formula with a pole at a simple fraction of the length is found out.
 SAMPLES = 5040
+PROPERTIES = ("density", "youngs_modulus", "area")
+"""Keys that may vary along a bar."""
 
 
 @table('[[body]] with kind = "bar"')
@@ -56,9 +60,15 @@ class Bar(BodyKind):
 
     name: str = key(Name(), "name of the bar in histories", default="bar")
     length: float = key(Real(above=0), "length L of the bar", unit="m")
-    density: float = key(Real(above=0), "mass density", unit="kg/m^3")
-    youngs_modulus: float = key(Real(above=0), "Young's modulus", unit="Pa")
-    area: float = key(Real(above=0), "area of the cross-section", unit="m^2", default=1.0)
+    density: float | Formula = key(  # noqa: RUF009  # a field
+        RealOrFormula(("x",)), "mass density", unit="kg/m^3"
+    )
+    youngs_modulus: float | Formula = key(  # noqa: RUF009  # a field
+        RealOrFormula(("x",)), "Young's modulus", unit="Pa"
+    )
+    area: float | Formula = key(  # noqa: RUF009  # a field
+        RealOrFormula(("x",)), "area of the cross-section", unit="m^2", default=1.0
+    )
     far_end: str = key(
         Choice(("free", "clamped")), "whether the end away from the wall is held", default="free"
     )
@@ -73,6 +83,10 @@ class Bar(BodyKind):
     )
     far_end_force: Formula = key(  # noqa: RUF009  # a field
         FormulaOf(("t",)), "force on the far end along the axis, away from the wall", unit="N",
+        default=0.0,
+    )  # fmt: skip
+    load: Formula = key(  # noqa: RUF009  # a field
+        FormulaOf(("t", "x")), "force along the bar per length, away from the wall", unit="N/m",
         default=0.0,
     )  # fmt: skip
     far_end_displacement: Formula = key(  # noqa: RUF009  # a field
@@ -101,15 +115,16 @@ class Bar(BodyKind):
             self,
             *,
             length: float,
-            density: float,
-            youngs_modulus: float,
+            density: float | str | Formula,
+            youngs_modulus: float | str | Formula,
             name: str = "bar",
-            area: float = 1.0,
+            area: float | str | Formula = 1.0,
             far_end: str = "free",
             gap: float = 0.0,
             velocity: float | str | Formula = 0.0,
             displacement: float | str | Formula = 0.0,
             far_end_force: float | str | Formula = 0.0,
+            load: float | str | Formula = 0.0,
             far_end_displacement: float | str | Formula = 0.0,
             point: Sequence[float] | None = None,
             axis: Sequence[float] | None = None,
@@ -119,8 +134,9 @@ class Bar(BodyKind):
         check_fields(self, self.kind)
         self._check_far_end()
         self._check_place()
-        self._check_scales()
         x = np.linspace(0.0, self.length, SAMPLES + 1)
+        self._check_profile(x)
+        self._check_scales(x)
         self._check_finite("velocity", x)
         self._check_finite("displacement", x)
         self._check_near_end()
@@ -146,10 +162,16 @@ class Bar(BodyKind):
 
     @override
     def check_beside(self, bodies: Sequence[BodyKind]) -> None:
-        for name in ("far_end_force", "far_end_displacement"):
-            if len(bodies) > 1 and getattr(self, name).plain != 0.0:
+        if len(bodies) == 1:
+            return
+        for name in ("load", "far_end_force", "far_end_displacement"):
+            if getattr(self, name).plain != 0.0:
                 why = "drives a bar that is alone before a wall, here are other bodies: remove it."
                 raise self._fail(name, why)
+        for name in PROPERTIES:
+            if not self.is_uniform and isinstance(getattr(self, name), Formula):
+                why = "is for a bar that is alone before a wall, here are other bodies: give a "
+                raise self._fail(name, f"{why}number.")
 
     def centre_velocity(self) -> Floats | None:
         """Velocity at t = 0 [m/s], (dim,); None if it varies along the bar."""
@@ -164,10 +186,59 @@ class Bar(BodyKind):
         places: Floats = origin + (x + self.initial_displacement(x=x))[:, None] * axis
         return places
 
+    @cached_property
+    def is_uniform(self) -> bool:
+        """Whether density, modulus and area are the same along the bar."""
+        return all(self._formula(name).is_constant for name in PROPERTIES)
+
     @property
+    def is_loaded(self) -> bool:
+        """Whether a load acts along it."""
+        return self.load.plain != 0.0
+
+    @property
+    def has_two_waves(self) -> bool:
+        """Whether two waves run through it and keep their shapes, so that its motion is known."""
+        return self.is_uniform and not self.is_loaded
+
+    def at(self, name: str, x: Floats) -> Floats:
+        """Density, Young's modulus or area at some places."""
+        return np.asarray(self._formula(name)(x=x))
+
+    def _formula(self, name: str) -> Formula:
+        given = getattr(self, name)
+        return given if isinstance(given, Formula) else Formula(repr(given))
+
+    def _number(self, name: str) -> float:
+        given = getattr(self, name)
+        return float(given(x=0.0)) if isinstance(given, Formula) else given
+
+    @cached_property
+    def profile(self) -> Profile | None:
+        """How mass and travel time are distributed along it; None: evenly."""
+        if self.is_uniform:
+            return None
+        density, modulus, area = map(self._formula, PROPERTIES)
+        return Profile.of(self.length, density, modulus, area)
+
+    def places(self, travel: Floats) -> Floats:
+        """Places in the bar [m] by the travel time to them, as a share of L/c times L [m]."""
+        return travel if self.profile is None else self.profile.places(travel)
+
+    def weights(self, travel: Floats) -> Floats:
+        """Impedance of each element over the mean M c / L, between nodes given as in `places`."""
+        if self.profile is None:
+            return np.ones(len(travel) - 1)
+        return self.profile.weights(travel)
+
+    @cached_property
     def wave_speed(self) -> float:
-        """Speed of elastic waves c = sqrt(E / rho) [m/s]."""
-        return math.sqrt(self.youngs_modulus / self.density)
+        """Speed of elastic waves c = sqrt(E / rho) [m/s]; where it varies, L / transit time."""
+        if self.profile is None:
+            return math.sqrt(self._number("youngs_modulus") / self._number("density"))
+        if "t" not in self.profile.slowness.used:
+            return 1.0 / float(self.profile.slowness())
+        return self.length / self.profile.transit_time
 
     @property
     def transit_time(self) -> float:
@@ -183,8 +254,7 @@ class Bar(BodyKind):
         """What the far end gives to waves, F / (rho A c) or its own speed, at some times [m/s]."""
         if self.far_end == "clamped":
             return np.asarray(motion_at(self.far_end_displacement, t).rate) + np.zeros_like(t)
-        impedance = self.density * self.area * self.wave_speed
-        return np.asarray(self.far_end_force(t=t) / impedance) + np.zeros_like(t)
+        return np.asarray(self.far_end_force(t=t) / self.impedance) + np.zeros_like(t)
 
     @property
     def _drive(self) -> Formula:
@@ -200,10 +270,27 @@ class Bar(BodyKind):
         inside = (at for at in cuts_of(self._drive, end) if 0.0 < at.after < end)
         return sorted(inside, key=lambda at: at.after)
 
+    @cached_property
+    def section(self) -> float:
+        """Mass per length rho A [kg/m], M / L where it varies."""
+        if self.profile is None:
+            return self._number("density") * self._number("area")
+        return self.profile.mass / self.length
+
+    @property
+    def impedance(self) -> float:
+        """Force over speed rho A c of a wave [N s/m], M c / L where it varies."""
+        return self.section * self.wave_speed
+
     @property
     def mass(self) -> float:
         """Mass rho A L [kg]."""
-        return self.density * self.area * self.length
+        return self.section * self.length
+
+    @property
+    def center(self) -> float:
+        """Place of the centre of mass in the bar [m]."""
+        return 0.5 * self.length if self.profile is None else self.profile.center
 
     @property
     def initial_displacement(self) -> Formula:
@@ -239,10 +326,22 @@ class Bar(BodyKind):
         if self.gap:
             raise self._fail("gap", "is the place on the x axis, but point is given: remove gap.")
 
-    def _check_scales(self) -> None:
+    def _check_profile(self, x: Floats) -> None:
+        """Refuse formulas of properties that are not positive somewhere."""
+        for name in PROPERTIES:
+            values = self.at(name, x)
+            bad = np.flatnonzero(~((values >= LEAST) & np.isfinite(values)))
+            if bad.size:
+                place = f"{values[bad[0]]:.6g} at x = {x[bad[0]]:.6g}"
+                text = f"is {place}: give one that is finite and > 0 for 0 <= x <= {self.length:g}."
+                raise self._fail(name, text)
+
+    def _check_scales(self, x: Floats) -> None:
         """Refuse values, each fine alone, whose wave speed or mass overflows."""
-        given = f"density = {self.density}, length = {self.length}"
-        ratio = self.youngs_modulus / self.density
+        given = f"density = {show(self.density)}, length = {self.length}"
+        with np.errstate(over="ignore", under="ignore"):
+            modulus, density = (float(self.at(name, x[0])) for name in PROPERTIES[1::-1])
+            ratio = float(np.float64(modulus) / density)
         spacing = self.length / SAMPLES
         if spacing < sys.float_info.min:
             raise self._fail("length", "is too small to be computed with: give the length in m.")

@@ -27,7 +27,7 @@ _AXES = "xyz"
 @table("[[control]]")
 @dataclass(frozen=True, kw_only=True)
 class Control:
-    """A history in equal pieces of time, 0 before and after.
+    """A history in equal pieces of time, or a course in pieces of x, 0 before and after.
 
     Raises:
         SceneError: a value is missing or not allowed, or two contradict each other.
@@ -44,13 +44,17 @@ class Control:
         Choice(COURSES), "whether a piece has one value, or goes from one value to the next",
         name="kind", default=COURSES[0],
     )  # fmt: skip
+    along: str = key(
+        Choice(("t", "x")), "whether its pieces follow each other in time, or along a bar",
+        default="t",
+    )  # fmt: skip
     pieces: int = key(Integer(1, MAX_PIECES), "how many pieces")
     begin: float = key(
-        Real(at_least=0), "where the first piece begins", name="from", unit="s", default=0.0
+        Real(at_least=0), "where the first piece begins", name="from", unit="s or m", default=0.0
     )
     end: float | None = key(
-        Real(above=0), "where the last piece ends", name="until", unit="s", default=None,
-        absent="the duration",
+        Real(above=0), "where the last piece ends; along x it has to be given", name="until",
+        unit="s or m", default=None, absent="the duration",
     )  # fmt: skip
     start: Sequence[float] = key(
         NumberOrList(Real(), MAX_PIECES + 1),
@@ -68,6 +72,8 @@ class Control:
         if self.end is not None and not self.end > self.begin:
             text = f" = {self.end:g} s is not after from = {self.begin:g} s: give a later time."
             raise KeyedError(self.heading, "until", text)
+        if self.along == "x" and self.end is None:
+            raise KeyedError(self.heading, "until", " is missing: give a place, as the length.")
         if len(self.start) not in {1, self.count}:
             text = f" has {len(self.start)} values: give one, or {self.count}."
             raise KeyedError(self.heading, "start", text)
@@ -101,15 +107,15 @@ class Control:
         return low, high
 
     def times(self, duration: float) -> Floats:
-        """Ends of its pieces in a run that lasts so long [s], (pieces + 1,)."""
+        """Ends of its pieces in a run that lasts so long [s], [m] along x; (pieces + 1,)."""
         return np.linspace(self.begin, duration if self.end is None else self.end, self.pieces + 1)
 
     def tree(self, duration: float) -> Node:
-        """The control as a node of formulas in t: comparisons that halve the pieces."""
-        times, time = self.times(duration).tolist(), ("variable", "t")
+        """The control as a node of formulas in t or x: comparisons that halve the pieces."""
+        times, time = self.times(duration).tolist(), ("variable", self.along)
 
-        def before(at: float, one: Node, other: Node) -> Node:
-            return ("call", "where", (("call", "lt", (time, at)), one, other))
+        def before(at: float, one: Node, other: Node, how: str = "lt") -> Node:
+            return ("call", "where", (("call", how, (time, at)), one, other))
 
         def halved(first: int, last: int) -> Node:
             if last - first == 1:
@@ -118,7 +124,9 @@ class Control:
             return before(times[middle], halved(first, middle), halved(middle, last))
 
         found = halved(0, self.pieces)
-        if times[-1] < duration:  # what holds until the end does not jump there
+        if self.along == "x":  # the end of a bar is part of its last piece
+            found = before(times[-1], found, 0.0, "le")
+        elif times[-1] < duration:  # what holds until the end does not jump there
             found = before(times[-1], found, 0.0)
         return before(times[0], 0.0, found) if times[0] > 0.0 else found
 
@@ -127,7 +135,7 @@ class Control:
         if not self.is_linear:
             return value
         rise = (self.values[index + 1] - value) / (times[index + 1] - times[index])
-        since = ("chain", ("variable", "t"), (("Sub", times[index]),))
+        since = ("chain", ("variable", self.along), (("Sub", times[index]),))
         return ("chain", value, (("Add", ("chain", rise, (("Mult", since),))),))
 
     def at(self, t: ArrayLike, duration: float) -> Floats:
@@ -200,7 +208,7 @@ def _present(data: dict[str, Any], path: str, keys: Mapping[str, Collection[str]
 
 
 def named_histories(controls: Sequence[Control], duration: object) -> Mapping[str, Node]:
-    """Histories that formulas know by name."""
+    """Histories and courses that formulas know by name."""
     try:
         known = number(duration) if controls else 1.0
     except NotAllowedError:  # which is told where the scene is checked

@@ -3,9 +3,10 @@
 from collections.abc import Mapping, Sequence
 
 from impactfem.methods import METHODS
+from impactfem.scene.bar_checks import check_drive
 from impactfem.scene.bar_row_checks import check_bar_row, check_walls
 from impactfem.scene.body import Solver
-from impactfem.scene.breaks import check_motion, finite_values
+from impactfem.scene.breaks import check_motion
 from impactfem.scene.column_names import check_column_names
 from impactfem.scene.content import BODIES, Content
 from impactfem.scene.finite_checks import check_finite
@@ -197,14 +198,7 @@ def _check_bar(scene: Content, gravity: object) -> None:
     if scene.output.checkpoint:
         text = f" = {scene.output.checkpoint}: bars are not checkpointed; remove it."
         raise KeyedError("output", "checkpoint", text)
-    (bar,) = scene.bars
-    moved, begins = bar.far_end_displacement, bar.displacement.plain == 0.0
-    check_motion("body[0]", "far_end_displacement", [moved], scene.duration, from_zero=begins)
-    finite_values("body[0]", "far_end_force", bar.far_end_force, scene.duration)
-    method = scene.solve.method
-    if bar.is_driven and method is not None and not METHODS[method].plannable:  # negative controls
-        text = f" = {show(method)} knows no drive of the far end: give another, as exact."
-        raise KeyedError("solve", "method", text)
+    check_drive(scene)
 
 
 def _check_settings(scene: Content) -> None:

@@ -15,6 +15,7 @@ from impactfem.scene.grammar import (
     FormulaError,
     Node,
     Parser,
+    variables_of,
 )
 from impactfem.scene.scalar_formula import scalar
 from impactfem.scene.values import NotAllowedError, is_number, number, show
@@ -80,20 +81,7 @@ class Formula:
     @property
     def used(self) -> frozenset[str]:
         """Variables that occur in it."""
-
-        def walk(node: Node) -> frozenset[str]:
-            match node:
-                case ("variable", name):
-                    return frozenset((name,))
-                case ("negative", operand):
-                    return walk(operand)
-                case ("chain", first, steps):
-                    return walk(first).union(*(walk(operand) for _, operand in steps))
-                case ("call", _, args):
-                    return frozenset().union(*map(walk, args))
-            return frozenset()
-
-        return walk(self._tree)
+        return variables_of(self._tree)
 
     def compared(self, variable: str) -> list[float]:
         """Numbers with which it compares a variable, as in ``where(t < 2, a, b)``, in order."""
@@ -156,6 +144,28 @@ class Formula:
         text = ", ".join([self.text, *(f"{name} = {value!r}" for name, value in numbers.items())])
         left = tuple(v for v in self.variables if v not in numbers)
         found._store(text, left, walk(self._tree), self.named)
+        return found
+
+    def composed(self, **parts: "Formula") -> "Formula":
+        """Return this formula with formulas for all of its variables, which have the same ones."""
+
+        def walk(node: Node) -> Node:
+            match node:
+                case ("variable", name):
+                    return parts[name]._tree  # noqa: SLF001  (its own class)
+                case ("negative", operand):
+                    return ("negative", walk(operand))
+                case ("chain", first, steps):
+                    return ("chain", walk(first), tuple((op, walk(each)) for op, each in steps))
+                case ("call", name, args):
+                    return ("call", name, tuple(map(walk, args)))
+            return node
+
+        found = object.__new__(Formula)
+        text = ", ".join([self.text, *(f"{name} = {part.text}" for name, part in parts.items())])
+        named = {**dict(self.named), **{k: v for part in parts.values() for k, v in part.named}}
+        variables = next(iter(parts.values())).variables
+        found._store(text, variables, walk(self._tree), tuple(sorted(named.items())))
         return found
 
     def __call__(self, **values: ArrayLike) -> Any:  # float or array of floats

@@ -93,6 +93,20 @@ def naming(numbers: Mapping[str, Node]) -> Iterator[None]:
         _NAMED.reset(token)
 
 
+def variables_of(node: Node) -> frozenset[str]:
+    """Variables that occur in a node."""
+    match node:
+        case ("variable", name):
+            return frozenset((name,))
+        case ("negative", operand):
+            return variables_of(operand)
+        case ("chain", first, steps):
+            return variables_of(first).union(*(variables_of(operand) for _, operand in steps))
+        case ("call", _, args):
+            return frozenset().union(*map(variables_of, args))
+    return frozenset()
+
+
 class FormulaError(SceneError):
     """A text is not an allowed formula; `why` is the reason without the text."""
 
@@ -184,8 +198,8 @@ class Parser:
             return CONSTANTS[name]
         if name in self.named:
             node = self.used[name] = self.named[name]
-            if not isinstance(node, float) and "t" not in self.variables:
-                self._fail(f"{name!r} changes in time, and this does not; use it where t is known")
+            for own in variables_of(node) - {*self.variables}:
+                self._fail(f"{name!r} changes with {own}, and this does not; use it where it does")
             return node
         if name in FUNCTIONS:
             self._fail(f"the function {name!r} needs its argument in parentheses")

@@ -279,6 +279,8 @@ def check_asked(scene: Any) -> None:
     for index, measure in enumerate(scene.measures):
         _check_time(f"measure[{index}]", measure.at, scene.duration)
     for index, control in enumerate(scene.controls):
+        if control.along == "x":
+            continue
         for name, time in (("from", control.begin), ("until", control.end)):
             _check_time(f"control[{index}]", time, scene.duration, name)
     if scene.objective is not None:

@@ -311,6 +311,26 @@ class FormulaOf(Kind):
         return value.plain
 
 
+@dataclass(frozen=True)
+class RealOrFormula(FormulaOf):
+    """A positive number, or a formula of some variables, which stays one."""
+
+    @property
+    @override
+    def allowed(self) -> str:
+        return f"a number > 0, or a formula in {', '.join(self.variables)}"
+
+    @override
+    def read(self, value: object) -> float | Formula:  # type: ignore[override]  # wider
+        if isinstance(value, str | Formula):
+            return super().read(value)
+        return Real(above=0).read(value)
+
+    @override
+    def write(self, value: float | Formula) -> float | str:
+        return value.plain if isinstance(value, Formula) else value
+
+
 def one_of(value: object, words: tuple[str, ...]) -> str:
     """Return a text that is one of several words.
 

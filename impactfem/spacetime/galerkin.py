@@ -14,11 +14,13 @@ from impactfem.forms.galerkin import galerkin_forms
 from impactfem.log import Progress
 from impactfem.mesh.spacetime import SpaceTimeMesh
 from impactfem.result.bar_motion import BarMotion, Effort
-from impactfem.scene import Bar, PiecewiseConstant
-from impactfem.spacetime.layers import lumped_mass, motion_of_layers
+from impactfem.scene import Bar, Formula, PiecewiseConstant
+from impactfem.spacetime.layers import motion_of_layers
 from impactfem.spacetime.numbering import Numbering, number
 from impactfem.spacetime.system import CoupledSystem, Equations, assemble, paired_load
+from impactfem.system.chain import Chain
 from impactfem.system.ends import end_means
+from impactfem.system.sections import node_loads, weighted_velocity
 
 Floats = NDArray[np.float64]
 
@@ -98,12 +100,13 @@ def _equations(space: SpaceTimeMesh, bar: Bar, gravity: PiecewiseConstant) -> Eq
         multipliers,
         ufl.Measure("ds", domain=mesh, subdomain_data=space.facet_tags),
         space.layout.tags,
-        velocity=bar.initial_velocity,
+        weights=_cell_weights(space, bar),
+        velocity=bar.initial_velocity if numbering.grid is None else Formula("0"),
         velocity_scale=bar.transit_time,
         length=bar.length,
         gravity=_cell_means(mesh, gravity, bar.transit_time, layered=numbering.grid is not None),
     )
-    x = bar.length * numbering.points[numbering.fixed, 1]
+    x = bar.places(bar.length * numbering.points[numbering.fixed, 1])
     given = bar.initial_displacement(x=x) + np.zeros_like(x)
     far = numbering.far
     if bar.far_end == "clamped":
@@ -120,23 +123,46 @@ def _equations(space: SpaceTimeMesh, bar: Bar, gravity: PiecewiseConstant) -> Eq
     times, positions = space.layout.times, space.layout.nodes
     if numbering.grid is None or times is None or positions is None:
         return replace(equations, load=load)
-    load[numbering.grid[:-1]] -= _row_loads(times, positions, gravity, bar.transit_time)
+    load[numbering.grid[:-1]] += _row_loads(bar, gravity, times, bar.length * positions)
     return replace(equations, load=load)
 
 
-def _row_loads(
-    times: Floats, positions: Floats, gravity: PiecewiseConstant, transit_time: float
-) -> Floats:
-    """Loads p (L/c)^2 of the test nodes before t = T on layers, shape (layers, elements + 1).
+def _row_loads(bar: Bar, gravity: PiecewiseConstant, times: Floats, travel: Floats) -> Floats:
+    """Loads [m] of the test nodes before t = T on layers, shape (layers, elements + 1).
 
-    Trapezoidal rule in x, exact means in time. The P1 hats of right triangles would give a node at
-    the wall 1/3 of one layer and 2/3 of the other, and at t = 0 a third too much or too little.
+    Those of gravity and of a load along the bar by the trapezoidal rule in x, exact means in time.
+    The P1 hats of right triangles would give a node at the wall 1/3 of one layer and 2/3 of the
+    other, and at t = 0 a third too much or too little. At t = 0 the initial velocity.
+
+    Args:
+        bar: The bar.
+        gravity: p(t) [m/s^2].
+        times: Dimensionless levels, (layers + 1,).
+        travel: Nodes as in `Bar.places`.
     """
-    dt = np.diff(times)
-    means = gravity.integral(transit_time * times[:-1], transit_time * times[1:]) / dt
-    half = 0.5 * transit_time * dt * means
-    rows = half + np.concatenate([[0.0], half[:-1]])
-    return np.outer(rows, lumped_mass(positions))
+    chain, transit, levels = Chain.of_bar(bar, travel), bar.transit_time, bar.transit_time * times
+    dt = np.diff(levels)
+    half = -0.5 * np.outer(gravity.integral(levels[:-1], levels[1:]), chain.mass)
+    if bar.is_loaded:
+        half += 0.5 * dt[:, None] * node_loads(bar, levels, travel)
+    found: Floats = (
+        transit / bar.length * (half + np.concatenate([np.zeros_like(half[:1]), half[:-1]]))
+    )
+    found[0] += transit / bar.length * weighted_velocity(bar, travel)
+    return found
+
+
+def _cell_weights(space: SpaceTimeMesh, bar: Bar) -> Any:
+    """Impedance of each cell over the mean, as a P0 function."""
+    mesh = space.mesh
+    found = dolfinx_fem.Function(dolfinx_fem.functionspace(mesh, ("DG", 0)))
+    found.x.array[:] = 1.0
+    if space.layout.nodes is not None:
+        nodes = space.layout.nodes
+        middles = mesh.geometry.x[fem.cell_nodes(mesh)][:, :, 1].mean(axis=1)
+        weights = bar.weights(bar.length * nodes)
+        found.x.array[:] = weights[np.searchsorted(nodes, middles) - 1]
+    return found
 
 
 def _cell_means(
@@ -158,7 +184,7 @@ def _cell_means(
 
 def _displacement_scale(bar: Bar, gravity: PiecewiseConstant, numbering: Numbering) -> float:
     """Largest displacement that gap, initial state and gravity suggest within a transit [m]."""
-    x = bar.length * np.unique(numbering.points[numbering.fixed, 1])
+    x = bar.places(bar.length * np.unique(numbering.points[numbering.fixed, 1]))
     transit = bar.transit_time
     return float(
         max(
@@ -260,7 +286,7 @@ def _motion(
         bar,
         problem.gravity,
         bar.transit_time * times,
-        bar.length * positions,
+        Chain.of_bar(bar, bar.length * positions),
         displacement,
         multiplier * bar.wave_speed**2 / bar.length,
         active,

@@ -7,6 +7,7 @@ from impactfem.scene import Bar, PiecewiseConstant
 from impactfem.spacetime.layers import initial_energies
 from impactfem.spacetime.reflections import BarWaves
 from impactfem.spacetime.slices import slice_states
+from impactfem.system.chain import Chain
 
 _SAMPLES = 4096  # pieces on which the energies of the initial state are integrated
 
@@ -73,6 +74,6 @@ def _start(bar: Bar) -> tuple[float, float, float, float]:
         x = np.linspace(0.0, bar.length, pieces + 1)
         u = bar.initial_displacement(x=x) + np.zeros_like(x)
         mean = float(np.trapezoid(u, x)) / bar.length
-        values.append(np.array([*initial_energies(bar, x), mean]))
+        values.append(np.array([*initial_energies(bar, Chain.of_bar(bar, x)), mean]))
     kinetic, elastic, velocity, mean = (4.0 * values[1] - values[0]) / 3.0
     return float(kinetic), float(elastic), float(velocity), float(mean)

@@ -5,6 +5,8 @@ from numpy.typing import NDArray
 
 from impactfem.scene import Bar
 from impactfem.scene.means import mean_of
+from impactfem.system.chain import Chain
+from impactfem.system.fronts import speeds_at_levels
 
 Floats = NDArray[np.float64]
 
@@ -23,7 +25,7 @@ def end_means(bar: Bar, times: Floats) -> Floats:
         dt = np.diff(times)
         return np.divide(end_ways(bar, times), dt, out=np.zeros_like(dt), where=dt > 0.0)
     force = mean_of(bar.far_end_force, times[..., :-1], times[..., 1:])
-    return np.asarray(force / (bar.density * bar.area * bar.wave_speed))
+    return np.asarray(force / bar.impedance)
 
 
 def end_ways(bar: Bar, times: Floats) -> Floats:
@@ -42,7 +44,9 @@ def end_pushes(bar: Bar, times: Floats) -> Floats:
     return np.concatenate([means[:1], 0.5 * (means[1:] + means[:-1])])
 
 
-def end_work(bar: Bar, times: Floats, positions: Floats, far: Floats, loads: Floats) -> Floats:
+def end_work(
+    bar: Bar, chain: Chain, times: Floats, far: Floats, loads: Floats, forces: Floats
+) -> Floats:
     """Work of what drives the far end, up to the middle of each layer [m^3/s^2], (layers + 1,).
 
     The force of each row over the path between the middles of its layers; where a motion is given
@@ -51,21 +55,48 @@ def end_work(bar: Bar, times: Floats, positions: Floats, far: Floats, loads: Flo
     Args:
         bar: The bar.
         times: Levels [s], (layers + 1,).
-        positions: Nodes [m].
+        chain: Its elements.
         far: Displacement of the last two nodes [m], (layers + 1, 2).
         loads: Gravity of each row [m/s^2], (layers,).
+        forces: Of the load on the last node in each row [m^2/s^2], (layers,).
     """
-    dt, h = np.diff(times), positions[-1] - positions[-2]
+    dt = np.diff(times)
     end = far[:, 1]
     if bar.far_end == "clamped":
         speed = np.diff(end) / dt
         # A row spans half of both layers beside it; the first one half a layer, from rest.
         wide = 0.5 * (dt + np.concatenate([[0.0], dt[:-1]]))
         change = np.diff(np.concatenate([[0.0], speed])) / wide
-        pull = bar.wave_speed**2 / h * (end - far[:, 0])[:-1]
-        force = 0.5 * h * (change + loads) + pull
+        pull = chain.stiffness[-1] * (end - far[:, 0])[:-1]
+        force = chain.mass[-1] * (change + loads) + pull - forces
     else:
         force = end_pushes(bar, times)
     middle = 0.5 * (end[1:] + end[:-1])
     path = np.diff(np.concatenate([end[:1], middle]))
     return np.concatenate([[0.0], np.cumsum(force * path)])
+
+
+def end_work_at_levels(
+    bar: Bar, chain: Chain, times: Floats, far: Floats, pulls: Floats, start: float
+) -> Floats:
+    """As `end_work`, up to the levels, of bars that start as waves (`system.fronts`).
+
+    Args:
+        bar: The bar.
+        chain: Its elements.
+        times: Levels [s], (layers + 1,).
+        far: Displacement of the last two nodes [m], (layers + 1, 2).
+        pulls: Gravity less the load on the last element in each layer [m/s^2], (layers,).
+        start: Its velocity at t = 0 [m/s].
+    """
+    dt, way = np.diff(times), np.diff(far[:, 1])
+    if bar.far_end == "clamped":
+        rates = np.diff(far, axis=0) / dt[:, None]
+        speed = speeds_at_levels(np.asarray(start), rates.sum(axis=1))[:-1]
+        # What arrives in a layer has had gravity on its way for half of it.
+        impedance = 2.0 * chain.mass[-1] / dt
+        pull = chain.stiffness[-1] * np.diff(far, axis=1)[:-1, 0]
+        force = impedance * (rates[:, 1] - speed + 0.5 * dt * pulls) + pull
+    else:
+        force = bar.wave_speed * end_means(bar, times)
+    return np.concatenate([[0.0], np.cumsum(force * way)])

@@ -259,7 +259,7 @@ class ElasticBar(FewBodies):
     @property
     def impedance(self) -> float:
         """Z = rho A c [kg/s]."""
-        return self.bar.density * self.bar.area * self.bar.wave_speed
+        return self.bar.impedance
 
     @property
     def facing(self) -> Floats:

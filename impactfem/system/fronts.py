@@ -6,8 +6,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from impactfem.scene import Bar, PiecewiseConstant
-from impactfem.system.ends import end_means
+from impactfem.scene import Bar
+from impactfem.system.chain import Chain
 
 Floats = NDArray[np.float64]
 
@@ -15,74 +15,41 @@ _EVEN = 1e-9  # share of an element by which steps and elements may differ
 _ROWS = 4096  # levels whose cells are looked at together
 
 
-def wave_energies(
-    bar: Bar, positions: Floats, times: Floats, gap: Floats, multiplier: Floats,
-    gravity: PiecewiseConstant,
-) -> Floats | None:  # fmt: skip
-    """Energies over rho A at the levels [m^3/s^2]: kinetic, elastic, potential; (4, layers + 1).
+def starts_as_waves(bar: Bar, chain: Chain, times: Floats) -> bool:
+    """Whether nodal values are those of two waves with one mean in each element and layer.
 
-    The last row is the work of what drives the far end, which the potential counts.
+    That is where elements and layers are equal, with c dt = h, and the bar starts with one velocity
+    (others are weighted with hat functions, which is no such wave).
+    """
+    h, dt = np.diff(chain.travel), np.diff(times)
+    step = bar.wave_speed * dt[0]
+    off = max(np.abs(h - step).max(), bar.wave_speed * np.abs(dt - dt[0]).max())
+    return bool(off <= _EVEN * step and np.ptp(element_speeds(bar, chain)) == 0.0)
 
-    At courant 1 values at nodes are those of two waves with one mean in each element and layer.
+
+def element_speeds(bar: Bar, chain: Chain) -> Floats:
+    """Velocity of each element at t = 0, in its middle [m/s], (elements,)."""
+    middles = bar.places(0.5 * (chain.travel[1:] + chain.travel[:-1]))
+    return np.asarray(bar.initial_velocity(x=middles) + np.zeros(len(middles)))
+
+
+def speeds_at_levels(start: Floats, sums: Floats) -> Floats:
+    """Velocities of elements at the levels [m/s], (layers + 1, ...), of bars that start as waves.
+
     Energies of nodal values smear a front over two elements and lack h (r_1 - r_2)^2 / 16 of it (at
-    the impact of K1 rho h v0^2 / 4); those of the waves do not. What leaves the wall in a layer
-    follows from the way of the node and the multiplier, v - s = du_0 / dt - lambda / c; it runs
-    through the bar with -p on its way and is back after 2 L/c. The only work besides that of
-    gravity and of a driven end is lambda du_0 <= 0, at impacts inside layers: these energies never
-    grow.
+    the impact of K1 rho h v0^2 / 4); those of the waves do not. What leaves a node in a layer is
+    twice its velocity less what arrives, whatever its impedances: so r + q of an element, twice
+    its velocity at a level, are twice those of its nodes in the layer less what they were at the
+    level before; gravity and loads on the way cancel. The only work besides theirs and that of a
+    driven end is lambda du_0 <= 0, at impacts inside layers: these energies never grow.
 
     Args:
-        bar: The bar.
-        positions: Nodes [m], (n + 1,).
-        times: Levels [s], (layers + 1,).
-        gap: u_0 at the levels [m], (layers + 1,).
-        multiplier: lambda of the layers [m^2/s^2], (layers,).
-        gravity: p(t) [m/s^2].
-
-    Returns:
-        None unless layers and elements are equal, with c dt = h, and the bar starts with one
-        velocity (others are weighted with hat functions, which is no such wave).
+        start: At t = 0, (...).
+        sums: Of the velocities of both nodes in each layer, (layers, ...).
     """
-    c, n, dt = bar.wave_speed, len(positions) - 1, times[1] - times[0]
-    h = np.diff(positions)
-    off = max(np.abs(h - c * dt).max(), c * np.abs(np.diff(times) - dt).max())
-    v = bar.initial_velocity(x=0.5 * (positions[1:] + positions[:-1])) + np.zeros(n)
-    if off > _EVEN * c * dt or np.ptp(v) > 0.0:
-        return None
-    u = bar.initial_displacement(x=positions) + np.zeros_like(positions)
-    s = c * np.diff(u) / h
-    load = gravity.integral(times[:-1], times[1:])
-    felt = np.concatenate([[0.0], np.cumsum(load)])
-    crossing = np.concatenate([np.zeros(2 * n), 0.5 * (felt[1:] + felt[:-1])])
-    sign = -1.0 if bar.far_end == "clamped" else 1.0
-    # What left the wall, the oldest first, as if gravity had not acted since t = 0: that of before
-    # is at t = 0 on its way back, or still on its way.
-    before = np.concatenate([sign * (v + s), (v - s)[::-1]])
-    out = np.concatenate([before, np.diff(gap) / dt - multiplier / c]) + crossing
-    back = out if sign > 0 else np.append(2.0 * crossing[n:], np.zeros(n)) - out
-    levels, work = len(times), np.zeros(len(load))
-    if bar.is_driven:
-        given = end_means(bar, times)
-        arrived = out[n : n + len(given)] - crossing[2 * n :]
-        back = back.copy()
-        back[n : n + len(given)] += 2.0 * given
-        work = c * dt * given * (given + sign * arrived)
-    found, speed = np.zeros((4, levels)), np.empty(levels)
-    leaving = sliding_window_view(out, n)[n:, ::-1]
-    coming = sliding_window_view(back, n)
-    for first in range(0, levels, _ROWS):
-        rows = slice(first, min(first + _ROWS, levels))
-        a, b = leaving[rows], coming[rows]
-        moving = 0.5 * (a + b) - felt[rows, None]
-        found[0, rows] = 0.5 * h[0] * np.einsum("ij,ij->i", moving, moving)
-        found[1, rows] = 0.125 * h[0] * np.einsum("ij,ij->i", b - a, b - a)
-        speed[rows] = moving.mean(axis=1)
-    start = float(gravity(0.0)) * np.mean(0.5 * (u[1:] + u[:-1]))
-    path = 0.5 * (speed[1:] + speed[:-1])
-    found[2] = bar.length * (start + np.concatenate([[0.0], np.cumsum(load * path)]))
-    found[3, 1:] = np.cumsum(work)
-    found[2] -= found[3]
-    return found
+    signs = np.where(np.arange(len(sums) + 1) % 2, -1.0, 1.0)[(...,) + (None,) * (sums.ndim - 1)]
+    found: Floats = np.cumsum(signs * np.concatenate([start[None], sums]), axis=0)
+    return signs * found
 
 
 def row_energies(
@@ -90,8 +57,8 @@ def row_energies(
 ) -> Floats | None:
     """Kinetic and elastic energy of bars in a row at the levels [J], shape (2, layers + 1, bars).
 
-    As `wave_energies`: at an end with the force F, v - s and v + s differ by 2 F / (rho A c), and
-    what left one end in a layer is at the other one after L/c.
+    As `speeds_at_levels`, for the same reason: at an end with the force F, v - s and v + s differ
+    by 2 F / (rho A c), and what left one end in a layer is at the other one after L/c.
 
     Args:
         bars: In the order of the axis.
@@ -111,7 +78,7 @@ def row_energies(
         if abs(h - c * dt) > _EVEN * h or np.ptp(v) > 0.0:
             return None
         s = c * np.diff(bar.initial_displacement(x=x) + np.zeros(n + 1)) / h
-        section = bar.density * bar.area
+        section = bar.section
         sign = -1.0 if bar.far_end == "clamped" else 1.0
         # What left the near and the far end, the oldest first.
         out, back = np.empty((2, n + len(near)))

@@ -231,7 +231,7 @@ def test_a_control_stands_only_where_there_is_time():
     for name in ("mass", "position", "force"):
         del data["body"][0][name]
     data["body"][0]["velocity"] = "push"
-    with pytest.raises(SceneError, match="changes in time, and this does not"):
+    with pytest.raises(SceneError, match="changes with t, and this does not"):
         Scene.from_dict(data)
 
 

@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import impactfem
-from impactfem.marching.chain import Chain
 from impactfem.marching.march import SCHEMES, Marching, march
 from impactfem.mesh.spacetime import layered_mesh
 from impactfem.reference.bar import exact_bar
 from impactfem.result.bar_motion import BarMotion
 from impactfem.spacetime.galerkin import GalerkinSettings, solve_galerkin
+from impactfem.system.chain import Chain
 
 STILL = impactfem.PiecewiseConstant((0.0,), (0.0,))
 

@@ -57,11 +57,19 @@ def _bar(scene: Scene, bar: Any) -> str:
         text += " Its far end is held."
     elif len(scene.bars) < 2:
         text += " Its far end is free."
+    if bar.is_loaded:
+        text += f" Along it acts the load {formula(bar.load)} N/m."
     return (
-        f"{text} Young's modulus {quantity(bar.youngs_modulus, 'Pa')}, density "
-        f"{quantity(bar.density, 'kg/m³')}, section {quantity(bar.area, 'm²')}; so waves run at "
-        f"{quantity(bar.wave_speed, 'm/s')} and its mass is {quantity(bar.mass, 'kg')}."
+        f"{text} Young's modulus {_property(bar, 'youngs_modulus', 'Pa')}, density "
+        f"{_property(bar, 'density', 'kg/m³')}, section {_property(bar, 'area', 'm²')}; so waves "
+        f"run at {quantity(bar.wave_speed, 'm/s')}{' in the mean' * (not bar.is_uniform)} and its "
+        f"mass is {quantity(bar.mass, 'kg')}."
     )
+
+
+def _property(bar: Any, name: str, unit: str) -> str:
+    given = getattr(bar, name)
+    return quantity(given, unit) if isinstance(given, float) else f"{formula(given)} {unit}"
 
 
 def _flight(bar: Any, speed: float | None) -> str:

@@ -52,8 +52,8 @@ def units(method: str, row: Row) -> Facts:
 
 def graded(method: str, row: Row) -> Facts:
     """Elements that grow 1000-fold away from the wall, and towards it; the computed stable step."""
-    from impactfem.marching.chain import Chain  # noqa: PLC0415  (loads Numba)
     from impactfem.marching.march import SCHEMES, Marching, march  # noqa: PLC0415
+    from impactfem.system.chain import Chain  # noqa: PLC0415  (loads Numba)
 
     scene, scheme = row.scene(), SCHEMES[method]
     bar, still = scene.bar, PiecewiseConstant()

@@ -1,4 +1,4 @@
-"""A bar as a chain of masses and springs: what the time loops see."""
+"""A bar as a chain of masses and springs: what the time loops and the space-time form see."""
 
 from dataclasses import dataclass
 
@@ -7,11 +7,9 @@ from numpy.typing import NDArray
 from scipy.linalg import eigvalsh_tridiagonal
 
 from impactfem.scene import Bar
+from impactfem.system.sections import weighted_velocity
 
 Floats = NDArray[np.float64]
-
-
-_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
 @dataclass(frozen=True)
@@ -19,9 +17,11 @@ class Chain:
     """Linear elements with lumped mass, per rho A; node 0 may touch the wall.
 
     Attributes:
-        positions: [m], shape (nodes,).
+        positions: In the bar [m], shape (nodes,).
+        travel: Travel times to them as shares of L/c, times L [m], shape (nodes,).
+        element_mass: Mass of each element over rho A [m], shape (nodes - 1,).
         mass: Mass of each node [m], shape (nodes,).
-        stiffness: c^2 / h of each element [m/s^2], shape (nodes - 1,).
+        stiffness: c^2 / h of each element, times its weight [m/s^2], shape (nodes - 1,).
         displacement: u at t = 0 [m], shape (nodes,).
         velocity: u_t at t = 0 weighted with each node's hat function [m/s], shape (nodes,); it has
             the momentum of the bar.
@@ -29,6 +29,8 @@ class Chain:
     """
 
     positions: Floats
+    travel: Floats
+    element_mass: Floats
     mass: Floats
     stiffness: Floats
     displacement: Floats
@@ -36,17 +38,20 @@ class Chain:
     clamped: bool
 
     @classmethod
-    def of_bar(cls, bar: Bar, positions: Floats) -> "Chain":
-        """Divide a bar at the given positions."""
-        h = np.diff(positions)
-        mass = 0.5 * (np.append(h, 0.0) + np.insert(h, 0, 0.0))
-        velocity = _weighted_velocity(bar, positions) / mass
+    def of_bar(cls, bar: Bar, travel: Floats) -> "Chain":
+        """Divide a bar at nodes that waves have these travel times to (`Bar.places`)."""
+        h, weights, positions = np.diff(travel), bar.weights(travel), bar.places(travel)
+        own = h * weights
+        mass = 0.5 * (np.append(own, 0.0) + np.insert(own, 0, 0.0))
+        velocity = weighted_velocity(bar, travel) / mass
         if bar.far_end == "clamped":
             velocity[-1] = 0.0
         return cls(
             positions,
+            travel,
+            own,
             mass,
-            bar.wave_speed**2 / h,
+            bar.wave_speed**2 / h * weights,
             bar.initial_displacement(x=positions) + np.zeros_like(positions),
             velocity,
             bar.far_end == "clamped",
@@ -61,15 +66,3 @@ class Chain:
         last = len(self.mass) - 1
         values = eigvalsh_tridiagonal(diagonal, beside, select="i", select_range=(last, last))
         return float(np.sqrt(values[0]))
-
-
-def _weighted_velocity(bar: Bar, positions: Floats) -> Floats:
-    """Integral of u_t(0, x) times each hat function, as in the weak form [m^2/s]."""
-    left, h = positions[:-1, None], np.diff(positions)[:, None]
-    share = 0.5 * (1.0 + _POINTS)
-    velocity = bar.initial_velocity(x=left + h * share) + np.zeros((len(h), len(share)))
-    weights = 0.5 * h * _WEIGHTS * velocity
-    integrals = np.zeros(len(positions))
-    integrals[:-1] += weights @ (1.0 - share)
-    integrals[1:] += weights @ share
-    return integrals

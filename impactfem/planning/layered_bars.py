@@ -1,0 +1,88 @@
+"""The plan of a bar that is not uniform or has a load along it, and of any single bar."""
+
+from typing import Any
+
+import numpy as np
+
+from impactfem.methods import METHODS
+from impactfem.planning.bar_costs import cost_of_bar
+from impactfem.planning.bars import BarNumbers, plan_bar, ringing
+from impactfem.planning.doubts import units_of
+from impactfem.planning.plans import Plan
+from impactfem.scene import Bar, Scene
+from impactfem.sizing import ALIGNED, DEFAULT_ELEMENTS, ON_LAYER, layers_of
+
+_ITERATES = 20  # linear solves to expect of a loop over all layers
+_WITH_FINER = (
+    5.0  # times as long as the run: one on half of its elements and layers tells its error
+)
+
+
+def plan_one_bar(scene: Scene) -> Plan[BarNumbers]:
+    """Choose method and numbers for the bar of a scene.
+
+    Raises:
+        SceneError: The settings cannot work, or need more memory than the machine has.
+    """
+    return plan_bar(scene) if scene.bar.has_two_waves else _plan_layers(scene)
+
+
+def _plan_layers(scene: Scene) -> Plan[BarNumbers]:
+    bar, solve = scene.bar, scene.solve
+    what = "whose section or material varies" if not bar.is_uniform else "with a load along it"
+    reasons = {
+        "model": f"one bar {what}, which moves along its axis; one contact point, frictionless",
+        "method": "as asked",
+    }
+    if solve.method is None:
+        reasons["method"] = (
+            "elements of equal travel times and courant 1: waves run from node to node and are "
+            "reflected there, exact where properties are constant in elements and events on layers"
+        )
+    name = solve.method or ("monolithic" if solve.active_set == "snes_vi" else "galerkin")
+    method = METHODS[name]
+    grid = layers_of(scene, method, _elements(bar, solve.elements, reasons), reasons)
+    window = "all" if method.assembled else solve.window or 1
+    iterations = 1 if window == 1 else _ITERATES
+    cost = cost_of_bar(scene, method, grid, 1, iterations)
+    end = "driven" if bar.is_driven else bar.far_end
+    return Plan(
+        method=name,
+        model=f"elastic bar in 1D, far end {end}, rigid wall at its near end",
+        numbers=BarNumbers(
+            elements=grid.elements,
+            layers=grid.layers,
+            dt=grid.dt,
+            courant=grid.courant,
+            window=window,
+            degree=None,
+            fitted=None,
+            active_set=solve.active_set or "pdas",
+            gamma=solve.gamma or 1.0,
+            tolerance=solve.tolerance or method.tolerance,
+            max_iterations=solve.max_iterations or 3 * iterations * (grid.elements or 0) + 50,
+            contact_pairs=cost.contact_pairs,
+            unknowns=cost.unknowns,
+        ),
+        memory_mib=cost.memory_mib,
+        seconds=_WITH_FINER * (cost.seconds or 0.0),
+        reasons=reasons,
+        findings=(*ringing(grid, "use courant = 1"), *units_of(bar)),
+    )
+
+
+def _elements(bar: Bar, asked: int | None, reasons: dict[str, Any]) -> int:
+    """As asked, else the least number that has a node wherever impedances jump."""
+    if asked is not None:
+        reasons["elements"] = "as asked"
+        return asked
+    jumps = np.zeros(0) if bar.profile is None else bar.profile.jumps()
+    if not jumps.size:
+        reasons["elements"] = "the default"
+        return DEFAULT_ELEMENTS
+    for count in ALIGNED:
+        if np.abs(count * jumps - np.round(count * jumps)).max() <= ON_LAYER:
+            reasons["elements"] = "the least number from 40 on with a node at each jump"
+            return count
+    reasons["elements"] = f"the default; none up to {ALIGNED[-1]} has a node at each jump"
+    return DEFAULT_ELEMENTS
