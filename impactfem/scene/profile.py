@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from impactfem.scene.breaks import find_breaks
 from impactfem.scene.formula import Formula
-from impactfem.scene.means import mean_of
 
 Floats = NDArray[np.float64]
 
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+_SHARES = 0.5 * (1.0 + _POINTS)
 _PARTS = 256  # of the table that is inverted
 _NEWTON = 20  # steps at most: speeds that are constant in a part need one
 
@@ -38,6 +39,7 @@ class Profile:
         slowness: sqrt(rho / E) [s/m], likewise.
         edges: Borders of parts in which the slowness is smooth [m].
         times: Travel times to them [s].
+        breaks: Where density, modulus or area jump or bend, both sides of each [m].
         length: L [m].
         mass: Of the bar [kg].
         center: Its centre of mass [m].
@@ -47,6 +49,7 @@ class Profile:
     slowness: Formula
     edges: Floats
     times: Floats
+    breaks: Floats
     length: float
     mass: float
     center: float
@@ -58,13 +61,14 @@ class Profile:
         mass_rate = _along("density*area", known)
         slowness = _along("sqrt(density/modulus)", known)
         moment = _along("density*area*x", known | {"x": Formula("x")})
-        cuts = [at.after for at in find_breaks(slowness, length)]
-        edges = np.unique([*np.linspace(0.0, length, _PARTS + 1), *np.clip(cuts, 0.0, length)])
-        low, high, widths = edges[:-1], edges[1:], np.diff(edges)
-        times = np.concatenate([[0.0], np.cumsum(mean_of(slowness, low, high) * widths)])
-        mass = float(mean_of(mass_rate, low, high) @ widths)
-        center = float(mean_of(moment, low, high) @ widths) / mass
-        return cls(mass_rate, slowness, edges, times, length, mass, center)
+        found = {at for f in (mass_rate, slowness) for at in find_breaks(f, length)}
+        breaks = np.array(sorted({*(at.before for at in found), *(at.after for at in found)}))
+        breaks = breaks[(breaks > 0.0) & (breaks < length)]
+        edges = np.union1d(np.linspace(0.0, length, _PARTS + 1), breaks)
+        times = np.concatenate([[0.0], np.cumsum(_integrals(slowness, edges, breaks))])
+        mass = float(_integrals(mass_rate, edges, breaks).sum())
+        center = float(_integrals(moment, edges, breaks).sum()) / mass
+        return cls(mass_rate, slowness, edges, times, breaks, length, mass, center)
 
     @property
     def transit_time(self) -> float:
@@ -74,8 +78,7 @@ class Profile:
     def travel(self, x: Floats) -> Floats:
         """Travel time to places, as a share of the transit time times the length [m]."""
         part = np.clip(np.searchsorted(self.edges, x, side="right") - 1, 0, len(self.times) - 2)
-        first = self.edges[part]
-        times = self.times[part] + mean_of(self.slowness, first, x) * (x - first)
+        times = self.times[part] + self._since(self.edges[part], x)
         return np.asarray(self.length / self.transit_time * times)
 
     def places(self, travel: Floats) -> Floats:
@@ -88,7 +91,7 @@ class Profile:
         share = (times - self.times[part]) / (self.times[part + 1] - self.times[part])
         x = low + share * (high - low)
         for _ in range(_NEWTON):
-            off = self.times[part] + mean_of(self.slowness, low, x) * (x - low) - times
+            off = self.times[part] + self._since(low, x) - times
             x = np.clip(x - off / self.slowness(t=x), low, high)
             if np.abs(off).max() <= 4e-16 * self.transit_time:
                 break
@@ -102,14 +105,24 @@ class Profile:
             travel: Nodes, (elements + 1,).
         """
         x = self.places(travel)
-        mass = mean_of(self.mass_rate, x[:-1], x[1:]) * np.diff(x)
+        mass = _integrals(self.mass_rate, x, self.breaks)
         return np.asarray(mass / mass.sum() * self.length / np.diff(travel))
 
     def jumps(self) -> Floats:
         """Shares of the transit time at which the impedance jumps or bends."""
-        breaks = [
-            *find_breaks(self.mass_rate, self.length),
-            *find_breaks(self.slowness, self.length),
-        ]
-        inside = [at.after for at in breaks if at.before > 0.0 and at.after < self.length]
-        return np.unique(self.travel(np.array(inside)) / self.length) if inside else np.zeros(0)
+        return np.asarray(self.travel(self.breaks) / self.length)
+
+    def _since(self, low: Floats, x: Floats) -> Floats:
+        """Travel times from one place to another in the same part."""
+        values = self.slowness(t=low[:, None] + (x - low)[:, None] * _SHARES)
+        values = values + np.zeros((len(x), len(_SHARES)))
+        return np.asarray((x - low) * (values @ (0.5 * _WEIGHTS)))
+
+
+def _integrals(formula: Formula, x: Floats, breaks: Floats) -> Floats:
+    """Integrals between places in order, cut at breaks, (places - 1,)."""
+    grid = np.union1d(x, breaks[(breaks > x[0]) & (breaks < x[-1])])
+    low, width = grid[:-1], np.diff(grid)
+    values = formula(t=low[:, None] + width[:, None] * _SHARES)
+    parts = width * ((values + np.zeros((len(low), len(_SHARES)))) @ (0.5 * _WEIGHTS))
+    return np.bincount(np.searchsorted(x, low, side="right") - 1, parts, len(x) - 1)
