@@ -193,6 +193,11 @@ class Parser:
 
     def _name(self, name: str) -> Node:  # noqa: RET503  # _unknown raises
         if name in self.variables:
+            if name in self.named:
+                self._fail(
+                    f"{name!r} is a variable here, and the name of a parameter or control; give "
+                    "that one another name"
+                )
             return ("variable", name)
         if name in CONSTANTS:
             return CONSTANTS[name]

@@ -260,3 +260,15 @@ def test_a_rod_that_clatters_against_differences():
             for h in (5e-4, 1e-3)
         )
         np.testing.assert_allclose(found.jacobian[:, k], (4.0 * near - far) / 3.0, atol=1e-8)
+
+
+def test_a_parameter_hides_no_variable_of_a_formula():
+    """Which of both was meant would be a guess: a motor's q is its joint's coordinate."""
+    shape = {"kind": "block", "size": [1.0, 0.1], "corner": [0.0, 0.0]}
+    arm = {"kind": "rigid", "name": "arm", "density": 1000.0, "shape": shape}
+    joint = {"kind": "revolute", "between": ["ground", "arm"], "point": [0.0, 0.05]}
+    with pytest.raises(SceneError, match=r"joint\[0\].motor.*'q' is a variable here.*another"):
+        Scene.from_dict({
+            "title": "arm", "duration": 1.0, "gravity": [0.0, -G], "body": [arm],
+            "joint": [joint | {"motor": "-3*q"}], "parameter": [{"name": "q", "start": 1.0}],
+        })  # fmt: skip
