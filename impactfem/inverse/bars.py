@@ -70,7 +70,7 @@ class BarRuns:
             )
         return found
 
-    def reference(self, scene: Scene) -> None:  # noqa: ARG002  (of layers)
+    def reference(self, scene: Scene) -> None:
         """They have no error but rounding."""
 
 

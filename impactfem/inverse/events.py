@@ -88,13 +88,14 @@ class EventRuns:
         margin = _margin(record.legs or [], found, times, changes.scales)
         return Slopes(q, slopes, found.doubts, margin)
 
-    def reference(self, scene: Scene) -> None:  # noqa: ARG002  (of layers)
+    def reference(self, scene: Scene) -> None:
         """They have no error but that of their integrator."""
 
 
 def _edges(scene: Scene) -> list[float]:
     """Where pieces of controls begin and end [s], though their values may be the same."""
-    return [float(time) for each in scene.controls if each.along == "t" for time in each.times(scene.duration)]
+    timed = (each for each in scene.controls if each.along == "t")
+    return [float(time) for each in timed for time in each.times(scene.duration)]
 
 
 def _margin(legs: Sequence[Leg], found: Tangents, times: Floats, scales: Floats) -> float:
