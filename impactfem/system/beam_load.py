@@ -6,7 +6,7 @@ Gauss's rule in each element: F = sum_g w_g p(t, x_g, N_g q) N_g.
 """
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +79,7 @@ class BeamLoad:
             if end > start:
                 load = mean_of(self.formula, start, end, x=self.places, u=bent)
             else:
-                known = {"t": start, "x": self.places, "u": bent}
+                known: dict[str, Any] = {"t": start, "x": self.places, "u": bent}
                 load = self.formula(**{name: known[name] for name in self.formula.used})
         return np.broadcast_to(load, bent.shape)
 
