@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.system.beam_load import BeamForces
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 
 Floats = NDArray[np.float64]
@@ -28,6 +29,8 @@ def tangent(
     """
     if isinstance(system, LinearSystem):
         return system.stiffness, system.damping
+    if isinstance(system.applied, BeamForces):
+        return system.applied.tangent
     return (
         _falling(lambda x: system.force(around[0], x, v, around[1]), q),
         _falling(lambda x: system.force(around[0], q, x, around[1]), v),

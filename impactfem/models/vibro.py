@@ -160,9 +160,11 @@ def _of_rod(scene: Scene, rod: Rod) -> VibroModel:
 def _of_beam(scene: Scene, beam: Beam) -> VibroModel:
     planes, restitution, names = _planes(scene)
     free = free_beam(beam)
-    nodes = len(free.matrices.nodes) if beam.touches_along else 2
+    nodes = len(free.touching)
     system = free.system(planes, _gravity(scene), np.repeat(restitution, nodes).tolist())
-    places = ("first end", "last end") if nodes == 2 else [f"node {k}" for k in range(nodes)]
+    last = len(free.matrices.nodes) - 1
+    ends = {} if beam.touches_along else {0: "first end", last: "last end"}
+    places = [ends.get(k, f"node {k}") for k in free.touching.tolist()]
     labels = [f"{beam.name} {place} on {name}" for name in names for place in places]
     position, velocity = free.start
     _refuse_overlap(system, position, labels, free.points(position))
@@ -173,15 +175,15 @@ def _of_beam(scene: Scene, beam: Beam) -> VibroModel:
         place, speed = _in_space(rigid[:, :2] + center), _in_space(rates[:, :2])
         return {beam.name: BodyMotion(place, speed, rigid[:, 2:] + beam.inclination, rates[:, 2:])}
 
-    def elastic(u: Floats) -> float:
-        return 0.5 * float(u @ (free.matrices.stiffness @ u))
-
     theory = {"euler_bernoulli": "Euler-Bernoulli", "timoshenko": "Timoshenko"}[beam.theory]
-    words = f"a free {theory} beam of {beam.elements} elements in the plane, small displacements, "
-    words += f"{_count(len(labels), 'constraint')}, linear free motion"
+    held, linear = "held" if beam.supports else "free", isinstance(system, LinearSystem)
+    words = (
+        f"a {held} {theory} beam of {beam.elements} elements in the plane, small displacements, "
+    )
+    words += f"{_count(len(labels), 'constraint')}, {'' if linear else 'non'}linear free motion"
     return VibroModel(
         system, position, velocity, tuple(labels), *_pairs(scene, nodes), (beam.mass,), bodies,
-        elastic, True, words,
+        free.elastic, linear, words,
         (Shape.line(beam.name, free.points(position), 0.5 * beam.height),), free.points, free,
         inertia=_about_z(float(free.rigid_mass[2, 2])),
     )  # fmt: skip

@@ -70,7 +70,7 @@ def beam_figures(free: "FreeBeam", position: Floats, turned: float) -> dict[str,
         turned: Largest rotation of the rigid part [rad].
     """
     matrices, beam = free.matrices, free.beam
-    u = position[_some(len(position), _BEAM_LEVELS)]
+    u = free.spread(position[_some(len(position), _BEAM_LEVELS)])
     stretch, bend = matrices.strains(u)
     z = beam.height * (np.arange(_FIBRES) / (_FIBRES - 1) - 0.5)
     fibres = stretch[:, :, None] - z * bend[:, :, None]

@@ -11,11 +11,15 @@ import numpy as np
 from impactfem.scene.beam_supports import BeamSupport, check_supports, first_root
 from impactfem.scene.body import JOINED, BodyKind, Floats, Solver
 from impactfem.scene.flight import Flight
+from impactfem.scene.formula import Formula
 from impactfem.scene.inline import InlineTable, ListOf, NumberOrVector, Vector
-from impactfem.scene.kinds import Choice, Integer, Name, Real
+from impactfem.scene.kinds import Choice, FormulaOf, Integer, Name, Real
 from impactfem.scene.obstacles.base import unit_vector
 from impactfem.scene.schema import KeyedError, check_fields, key, table
 from impactfem.scene.values import show
+
+if TYPE_CHECKING:
+    from impactfem.scene.boundary import FormulaLike
 
 THEORIES = ("euler_bernoulli", "timoshenko")
 CONTACTS = ("ends", "along")
@@ -173,6 +177,12 @@ class Beam(Slender):
         default=None,
         absent="0",
     )
+    load: Formula | None = key(  # noqa: RUF009  # a field
+        FormulaOf(("t", "x", "u")),
+        "across the axis, in the plane, positive along the axis turned by 90 degrees (up, of a "
+        "beam along x); x from the first end, u the deflection there, of the same sign",
+        unit="N/m", default=None, absent="none",
+    )  # fmt: skip
 
     if TYPE_CHECKING:
 
@@ -198,6 +208,7 @@ class Beam(Slender):
             contact: str | None = None,
             damping_ratio: float | None = None,
             rayleigh: Sequence[float] | None = None,
+            load: FormulaLike | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -228,6 +239,11 @@ class Beam(Slender):
     def solvers(self) -> tuple[Solver, Solver]:  # type: ignore[override]
         """Methods of few degrees of freedom take free beams in the plane."""
         return ("march", "march") if self.in_space or self.supports else ("vibro", "vibro")
+
+    @property
+    def has_coordinates(self) -> bool:  # type: ignore[override]
+        """Methods of few degrees of freedom take beams that are held in the plane if asked for."""
+        return bool(self.supports) and not self.in_space
 
     @property
     def meets_edges(self) -> bool:  # type: ignore[override]
@@ -297,8 +313,8 @@ class Beam(Slender):
 
     @property
     def flight(self) -> Flight | None:
-        """How it flies; None if damping brakes its fall, or an end is held."""
-        if self.rayleigh_damping[0] or self.supports:
+        """How it flies; None if damping brakes its fall, a load acts, or an end is held."""
+        if self.rayleigh_damping[0] or self.supports or self.load is not None:
             return None
         return Flight((self.length / 2,) * self.dim, self.center, tuple(self.rates[: self.dim]))
 
@@ -345,6 +361,9 @@ class Beam(Slender):
                 other = "axis and width_axis" if dim == 3 else "inclination"
                 text = f" = {show(getattr(self, name))} does not fit a center of {dim} entries: "
                 raise KeyedError(self.kind, name, f"{text}give {other} there.")
+        if self.load is not None and dim == 3:
+            text = f" = {show(self.load.text)}: it acts in the plane of a beam, of which there are "
+            raise KeyedError(self.kind, "load", f"{text}two in space; give a center of 2 entries.")
         if self.velocity is not None and len(self.velocity) != dim:
             text = f" = {show(list(self.velocity))} has {len(self.velocity)} entries, center has "
             raise KeyedError(self.kind, "velocity", f"{text}{dim}: give {dim}.")

@@ -74,12 +74,13 @@ def _check_in_coordinates(scene: Content) -> None:
         text = f" = {show(method)} takes one {kinds} body without joints: {remedy}."
         raise KeyedError("solve", "method", text)
     for body in scene.bodies:
-        _check_shape(cast("RigidBody", body), why)
+        if body.kind == "rigid":
+            _check_shape(cast("RigidBody", body), why)
     for index, obstacle in enumerate(scene.obstacles):
         if not (obstacle.is_flat and obstacle.is_smooth) or obstacle.moves or obstacle.rotation:
             text = f" = {show(obstacle.name)}: {why} among half-spaces at rest: {remedy}."
             raise KeyedError(f"obstacle[{index}]", "name", text)
-    rubs = METHODS[method].rubs and scene.dim == 2
+    rubs = METHODS[method].rubs and scene.dim == 2 and scene.kinds == {"rigid"}
     for law, index in zip(scene.laws.each, scene.laws.origin, strict=True):
         _check_law(law, f"contact[{index}]", why, rubs=rubs)
 

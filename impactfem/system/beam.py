@@ -18,8 +18,10 @@ from scipy.linalg import eigh
 from impactfem.errors import SceneError
 from impactfem.scene.beams import Beam
 from impactfem.scene.obstacles import HalfSpace
+from impactfem.system.beam_load import BeamForces, BeamLoad
 from impactfem.system.beam_matrices import BeamMatrices, beam_matrices
-from impactfem.system.generalized import LinearSystem
+from impactfem.system.beam_parts import BeamParts, beam_parts
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.system.rod import planes
 
 Floats = NDArray[np.float64]
@@ -36,6 +38,29 @@ class FreeBeam:
 
     beam: Beam
     matrices: BeamMatrices
+
+    @cached_property
+    def parts(self) -> BeamParts:
+        """It as its ends are held."""
+        return beam_parts(self.beam)
+
+    @cached_property
+    def kept(self) -> NDArray[np.int64]:
+        """Coordinates that are not held, among all."""
+        return self.parts.kept if self.beam.supports else np.arange(len(self.matrices.mass))
+
+    def spread(self, field: Floats) -> Floats:
+        """All coordinates (..., d) of those that are not held: 0 where they are."""
+        if not self.beam.supports:
+            return field
+        found = np.zeros((*field.shape[:-1], len(self.matrices.mass)), dtype=field.dtype)
+        found[..., self.kept] = field
+        return found
+
+    def elastic(self, u: Floats) -> float:
+        """Energy of it and its springs [J]."""
+        stiffness = self.parts.stiffness if self.beam.supports else self.matrices.stiffness
+        return 0.5 * float(u @ (stiffness @ u))
 
     @property
     def axes(self) -> tuple[Floats, Floats]:
@@ -71,10 +96,16 @@ class FreeBeam:
             Shape (..., 3).
         """
         projection = np.linalg.solve(self.rigid_mass, self.rigid_modes.T @ self.matrices.mass)
-        return np.asarray(field @ projection.T)
+        return np.asarray(self.spread(field) @ projection.T)
 
     def angle(self, positions: Floats) -> float:
-        """Largest change of the rigid angle in a motion, which the model neglects [rad]."""
+        """Largest change of the rigid angle in a motion, which the model neglects [rad].
+
+        Where ends are held, that of the steepest section.
+        """
+        if self.beam.supports:
+            slopes = self.spread(np.atleast_2d(positions))[:, self.matrices.rotations]
+            return float(np.abs(slopes).max())
         return float(np.abs(self.rigid_part(np.atleast_2d(positions))[:, 2]).max())
 
     def frequencies(self, count: int) -> Floats:
@@ -97,48 +128,69 @@ class FreeBeam:
         """Places of the nodes of the axis [m], shape (..., n + 1, 2), of coordinates (..., d)."""
         along, across = self.axes
         first = 3 * np.arange(len(self.matrices.nodes))
-        a, w = displacement[..., first, None], displacement[..., first + 1, None]
+        moved = self.spread(displacement)
+        a, w = moved[..., first, None], moved[..., first + 1, None]
         offset = (self.matrices.nodes[:, None] + a) * along + w * across
         return np.asarray(self.beam.center, dtype=float) + offset
 
     @property
     def start(self) -> tuple[Floats, Floats]:
-        """Displacement (zero) and velocity (rigid) of the coordinates at t = 0, each (d,)."""
-        return np.zeros(len(self.rigid_modes)), self.rigid_modes @ self.beam.rates
+        """Displacement (zero) and velocity of the coordinates at t = 0, each (d,).
+
+        The velocity is rigid but where ends are held.
+        """
+        return np.zeros(len(self.kept)), (self.rigid_modes @ self.beam.rates)[self.kept]
+
+    @property
+    def touching(self) -> NDArray[np.int64]:
+        """Nodes that may touch half-spaces."""
+        if self.beam.supports:
+            return np.flatnonzero(self.parts.touching)
+        last = len(self.matrices.nodes) - 1
+        return np.arange(last + 1) if self.beam.touches_along else np.array([0, last])
 
     def system(
         self,
         half_spaces: HalfSpace | Sequence[HalfSpace],
         gravity: Sequence[float] = (0.0, 0.0),
         restitution: float | Sequence[float] = 0.0,
-    ) -> LinearSystem:
-        """Let the beam meet half-spaces; see `beam_system`."""
+    ) -> GeneralizedSystem:
+        """Let the beam meet half-spaces: linear, unless its load is none that stays."""
         normals, levels = planes(half_spaces)
         pull = np.asarray(gravity, dtype=float)
         if pull.shape != (2,) or not np.isfinite(pull).all():
             raise SceneError(f"beam: gravity = {gravity} is not allowed: give two numbers")
-        nodes, size = self.matrices.nodes, len(self.matrices.mass)
-        touching = np.arange(len(nodes)) if self.beam.touches_along else [0, len(nodes) - 1]
+        size, kept, own = len(self.matrices.mass), self.kept, self.matrices
         along, across = self.axes
-        places = self.points(np.zeros(size))
+        places = self.points(np.zeros(len(kept)))
         rows, offsets = [], []
         for normal, level in zip(normals, levels, strict=True):
-            for k in touching:
+            for k in self.touching:
                 row = np.zeros(size)
                 row[3 * k], row[3 * k + 1] = normal @ along, normal @ across
-                rows.append(row)
+                rows.append(row[kept])
                 offsets.append(normal @ places[k] - level)
-        weight = self.matrices.mass @ self.rigid_modes[:, :2] @ pull
-        return LinearSystem(
-            mass=self.matrices.mass,
-            stiffness=self.matrices.stiffness,
-            damping=self.damping,
-            load=weight.tolist(),
-            normals=rows,
-            offsets=offsets,
-            restitution=restitution,
-            names=self._names(size),
-        )
+        steady = (own.mass @ self.rigid_modes[:, :2] @ pull)[kept]
+        mass, stiffness, damping = own.mass, own.stiffness, self.damping
+        if self.beam.supports:
+            mass, stiffness = self.parts.mass, self.parts.stiffness
+            damping = self.parts.damping
+        load = BeamLoad.of(self.beam, own, kept)
+        if load is not None and load.is_dead:
+            steady = steady + load.mean(0.0, 0.0, np.zeros(len(kept)))
+        names = [self._names(size)[k] for k in kept]
+        jacobian, offset = np.array(rows).reshape(-1, len(kept)), np.array(offsets)
+        if load is None or load.is_dead:
+            return LinearSystem(
+                mass=mass, stiffness=stiffness, damping=damping, load=steady.tolist(),
+                normals=jacobian, offsets=offset, restitution=restitution, names=names,
+            )  # fmt: skip
+        return GeneralizedSystem(
+            mass=mass, force=BeamForces(load, stiffness, damping, steady),
+            constraints=lambda u: jacobian @ u + offset, jacobian=lambda _: jacobian,
+            restitution=restitution, names=names,
+            potential=lambda _, u: float(0.5 * u @ (stiffness @ u) - steady @ u),
+        )  # fmt: skip
 
     def _names(self, size: int) -> tuple[str, ...]:
         words = ("axial", "deflection", "rotation")

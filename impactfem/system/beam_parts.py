@@ -95,6 +95,15 @@ class BeamParts:
             found[at, :, self.starts[k] + 3 * at + 1] = frame[1 + k]
         return found.reshape(count * dim, -1)[:, self.kept]
 
+    @property
+    def touching(self) -> NDArray[np.bool_]:
+        """Which nodes meet obstacles: not where it is held, (nodes,)."""
+        count = len(self.nodes)
+        found = np.full(count, self.beam.touches_along)
+        found[[0, -1]] = True
+        found &= np.abs(self.jacobian).reshape(count, -1).max(axis=1) > 0.0
+        return found
+
     def _nodal(self, q: Floats) -> Floats:
         """Axial displacement, deflection and slope of the nodes in each bending, (k, nodes, 3)."""
         values, size = self._spread(q), 3 * len(self.nodes)

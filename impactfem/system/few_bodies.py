@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.scene import Bar, Beam, Mechanism, Plate, Point, RigidBody, Rod, Scene, SpringNet
+from impactfem.system.beam_load import BeamForces, BeamLoad
 from impactfem.system.beam_parts import beam_parts
 from impactfem.system.few import ElasticBar, FewBodies, Lumped, rigid_in_plane
 from impactfem.system.frequency import highest_frequency
-from impactfem.system.generalized import LinearSystem
+from impactfem.system.generalized import GeneralizedSystem, LinearSystem
 from impactfem.system.mechanism import mechanism_system
 from impactfem.system.net import net_system
 from impactfem.system.plate_making import plate_system
@@ -106,14 +107,15 @@ def _of_rod(rod: Rod) -> Lumped:
 def _of_beam(beam: Beam) -> Lumped:
     parts, dim = beam_parts(beam), beam.dim
     count, size = len(parts.nodes), len(parts.mass)
-    system = LinearSystem(
+    load = BeamLoad.of(beam, parts.bending[0], parts.kept)
+    system: GeneralizedSystem = LinearSystem(
         mass=parts.mass, stiffness=parts.stiffness, damping=parts.damping,
         normals=np.zeros((0, size)), offsets=np.zeros(0),
     )  # fmt: skip
-    touching = np.full(count, beam.touches_along)
-    touching[[0, -1]] = True
+    if load is not None:
+        forces = BeamForces(load, parts.stiffness, parts.damping, np.zeros(size))
+        system = GeneralizedSystem(mass=parts.mass, force=forces)
     weights, velocity = parts.momenta[:, :dim], parts.velocity
-    touching &= np.abs(parts.jacobian).reshape(count, -1).max(axis=1) > 0.0  # not where it is held
 
     def section(_: int, place: Floats) -> tuple[Floats, Floats]:
         s = float((place[:dim] - beam.center) @ beam.along)
@@ -142,11 +144,11 @@ def _of_beam(beam: Beam) -> Lumped:
         turning=False,
         radius=np.full(count, 0.5 * beam.height),
         shell=np.zeros(count),
-        touching=touching,
+        touching=parts.touching,
         body=np.zeros(count, dtype=np.int64),
         lines=np.stack([np.arange(count - 1), np.arange(1, count)], axis=1),
         elastic=parts.elastic,
-        load=None,
+        load=None if load is None else load.mean,
         words=f"a {held} beam of {beam.elements} elements",
         beam=parts,
         section=section,

@@ -123,6 +123,11 @@ class GeneralizedSystem:
         self.potential = potential
 
     @property
+    def applied(self) -> Force:
+        """The forces as they were given."""
+        return self._force
+
+    @property
     def num_constraints(self) -> int:
         """Number J of constraints."""
         return len(self.restitution)
