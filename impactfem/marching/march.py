@@ -13,7 +13,7 @@ from impactfem.marching.waves import Waves
 from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
 from impactfem.scene import Bar, PiecewiseConstant
 from impactfem.system.chain import Chain
-from impactfem.system.ends import end_pushes, end_ways
+from impactfem.system.ends import displacement_scale, end_pushes, end_ways
 from impactfem.system.fronts import element_speeds, starts_as_waves
 from impactfem.system.sections import node_loads
 from impactfem.system.works import works
@@ -118,7 +118,7 @@ def march(
     times = numbers.times
     means = gravity.integral(times[:-1], times[1:]) / numbers.dt
     record = _Record(chain, numbers)
-    scale = _scale(chain, gravity, bar.transit_time)
+    scale = displacement_scale(bar, gravity, travel, times)
     tolerance = numbers.tolerance * scale
     driven = np.zeros_like(times)
     if scheme.kernel == "two_step":
@@ -147,18 +147,6 @@ def march(
         mean_velocity=record.momentum,
         effort=effort,
         end_work=driven + record.work,
-    )
-
-
-def _scale(chain: Chain, gravity: PiecewiseConstant, transit: float) -> float:
-    """Largest displacement that the data suggest within a transit [m]."""
-    return float(
-        max(
-            np.abs(chain.displacement).max(),
-            np.abs(chain.velocity).max() * transit,
-            max(abs(value) for value in gravity.values) * transit**2,
-            np.finfo(float).tiny,
-        )
     )
 
 

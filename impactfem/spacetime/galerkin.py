@@ -16,10 +16,10 @@ from impactfem.mesh.spacetime import SpaceTimeMesh
 from impactfem.result.bar_motion import BarMotion, Effort
 from impactfem.scene import Bar, Formula, PiecewiseConstant
 from impactfem.spacetime.layers import motion_of_layers
-from impactfem.spacetime.numbering import Numbering, number
+from impactfem.spacetime.numbering import number
 from impactfem.spacetime.system import CoupledSystem, Equations, assemble, paired_load
 from impactfem.system.chain import Chain
-from impactfem.system.ends import end_means
+from impactfem.system.ends import displacement_scale, end_means
 from impactfem.system.sections import node_loads, weighted_velocity
 
 Floats = NDArray[np.float64]
@@ -82,7 +82,10 @@ def solve_galerkin(
         ConvergenceError: A linear system could not be solved.
     """
     equations = _equations(space, bar, gravity)
-    scale = _displacement_scale(bar, gravity, equations.numbering)
+    numbering = equations.numbering
+    travel = bar.length * numbering.points[numbering.fixed, 1]
+    times = bar.transit_time * numbering.points[numbering.far, 0]
+    scale = displacement_scale(bar, gravity, travel, times)
     problem = _Problem(space, bar, gravity, equations, scale, every)
     solve = _by_snes_vi if settings.active_set == "snes_vi" else _by_active_set
     return solve(problem, settings, progress or Progress())
@@ -180,20 +183,6 @@ def _cell_means(
     values = transit_time**2 * gravity.integral(first, last) / (last - first)
     means.x.array[:] = values  # one dof per cell, numbered as the cells
     return means
-
-
-def _displacement_scale(bar: Bar, gravity: PiecewiseConstant, numbering: Numbering) -> float:
-    """Largest displacement that gap, initial state and gravity suggest within a transit [m]."""
-    x = bar.places(bar.length * np.unique(numbering.points[numbering.fixed, 1]))
-    transit = bar.transit_time
-    return float(
-        max(
-            np.abs(bar.initial_displacement(x=x)).max(),
-            np.abs(bar.initial_velocity(x=x)).max() * transit,
-            max(abs(value) for value in gravity.values) * transit**2,
-            np.finfo(float).tiny,
-        )
-    )
 
 
 def _by_active_set(problem: _Problem, settings: GalerkinSettings, progress: Progress) -> BarMotion:

@@ -11,6 +11,7 @@ from impactfem.mesh.unstructured import Triangulation
 from impactfem.scene import Bar, PiecewiseConstant
 from impactfem.spacetime import sweep
 from impactfem.spacetime.waves import Edges, Field, Wave, wave_equations
+from impactfem.system.ends import displacement_scale
 
 Floats = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -72,7 +73,12 @@ class BarWaves:
             gap=max(float(bar.initial_displacement(x=0.0)), 0.0),
             reflection=-1.0 if bar.far_end == "clamped" else 1.0,
             driven=2.0 * transit * bar.end_speed(transit * far.places),
-            scale=displacement_scale(bar, gravity),
+            scale=displacement_scale(
+                bar,
+                gravity,
+                np.linspace(0.0, bar.length, 101),
+                transit * np.concatenate([[0.0], far.places.ravel(), [space.duration]]),
+            ),
             gaps=np.empty(edges),
             multiplier=np.zeros(edges),
             active=np.zeros(edges, dtype=bool),
@@ -172,18 +178,3 @@ class BarWaves:
             solve, len(self.active), gamma=gamma, tolerance=tolerance,
             max_iterations=max_iterations,
         )  # fmt: skip
-
-
-def displacement_scale(bar: Bar, gravity: PiecewiseConstant) -> float:
-    """Largest change of displacement within a transit that the data suggest [m]."""
-    x = np.linspace(0.0, bar.length, 101)
-    u = bar.initial_displacement(x=x) + np.zeros_like(x)
-    v = bar.initial_velocity(x=x) + np.zeros_like(x)
-    return float(
-        max(
-            np.abs(u).max(),
-            np.abs(v).max() * bar.transit_time,
-            max(abs(value) for value in gravity.values) * bar.transit_time**2,
-            np.finfo(float).tiny,
-        )
-    )

@@ -3,12 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.scene import Bar
+from impactfem.scene import Bar, PiecewiseConstant
 from impactfem.scene.means import mean_of
 from impactfem.system.chain import Chain
 from impactfem.system.fronts import speeds_at_levels
+from impactfem.system.sections import node_loads
 
 Floats = NDArray[np.float64]
+
+_PLACES = 33  # at which a load is looked at for its size
 
 
 def end_means(bar: Bar, times: Floats) -> Floats:
@@ -100,3 +103,34 @@ def end_work_at_levels(
     else:
         force = bar.wave_speed * end_means(bar, times)
     return np.concatenate([[0.0], np.cumsum(force * way)])
+
+
+def displacement_scale(
+    bar: Bar, gravity: PiecewiseConstant, travel: Floats, times: Floats
+) -> float:
+    """Largest displacement that the data suggest within a transit [m]; tolerances are shares of it.
+
+    Args:
+        bar: The bar; its gap, its initial state, its load and what drives its far end count.
+        gravity: p(t) [m/s^2].
+        travel: Where the initial state is looked at, as in `Bar.places` [m].
+        times: Levels, from 0 on [s], (layers + 1,); loads are looked at in the means between them.
+    """
+    transit, dt, places = bar.transit_time, np.diff(times), bar.places(travel)
+    given = [
+        bar.initial_displacement(x=places),
+        bar.initial_velocity(x=places) * transit,
+        np.array(gravity.values) * transit**2,
+        np.finfo(float).tiny,
+    ]
+    steps = []  # what each layer adds to the way in a transit
+    if bar.is_driven:
+        steps.append(end_means(bar, times) * dt)
+    if bar.is_loaded:
+        forces = node_loads(bar, times, np.linspace(0.0, bar.length, _PLACES))
+        steps.append(np.abs(forces).sum(axis=1) / bar.length * dt * transit)
+    starts = np.unique(times // transit, return_index=True)[1]
+    for step in steps:
+        way = np.concatenate([[0.0], np.cumsum(step)])
+        given += [step, np.maximum.reduceat(way, starts) - np.minimum.reduceat(way, starts)]
+    return max(float(np.abs(each).max()) for each in given)

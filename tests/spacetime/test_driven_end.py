@@ -6,6 +6,8 @@ import pytest
 import impactfem
 from impactfem import Scene, SceneError
 from impactfem.reference.bar import exact_bar
+from impactfem.scene import Bar, PiecewiseConstant
+from impactfem.system.ends import displacement_scale
 
 LENGTH, DENSITY, MODULUS, AREA = 2.0, 3.0, 12.0, 0.5  # waves run at 2 m/s, L/c = 1 s
 IMPEDANCE = AREA * (DENSITY * MODULUS) ** 0.5
@@ -149,3 +151,29 @@ def test_units_do_not_matter(method):
         impulse = result.summary["contact"]["impulse"] * s / (kg * m)
         found.append((impulse, result.summary["error"]["displacement_max"]))
     np.testing.assert_allclose(found, np.tile(found[0], (3, 1)), rtol=1e-9, atol=1e-11)
+
+
+@pytest.mark.parametrize("given", [{"far_end_force": "0.8*sin(3*t)"}, {"load": "-0.3*sin(3*t)"}])
+def test_what_only_loads_set_in_motion_settles(given):
+    # Without gap, velocity and gravity the tolerance was 0: "SNES reason -5", right to rounding.
+    result = run(
+        scene(duration=2.0, gap=0.0, **given),
+        method="monolithic", elements=8, active_set="snes_vi",
+    )  # fmt: skip
+    assert result.summary["status"] == "completed"
+
+
+def test_the_scale_of_a_drive_is_its_way_within_a_transit():
+    t = np.linspace(0.0, 6.0, 601)
+    still = PiecewiseConstant((0.0,), (0.0,))
+    bar = {"length": LENGTH, "density": DENSITY, "youngs_modulus": MODULUS, "area": AREA}
+
+    def scale(**drive):
+        return displacement_scale(Bar(**bar, **drive), still, np.array([0.0, LENGTH]), t)
+
+    assert scale(far_end_displacement="0.01*min(1, t/0.2)") == pytest.approx(0.01)
+    push = scale(far_end_force="where(t < 2.5, 0, where(t < 2.51, 7, 0))")  # .01 s of 1 s
+    assert push == pytest.approx(0.07 / IMPEDANCE)
+    # A transit is 1 s, of 100 layers; the last one before the next transit is not counted.
+    assert scale(far_end_force="7") == pytest.approx(7.0 / IMPEDANCE, rel=0.011)
+    assert scale(load="3") == pytest.approx(3.0 / (DENSITY * AREA), rel=0.011)
