@@ -28,3 +28,14 @@ def test_the_bar_is_caught():
     assert found.objective["initial"] == pytest.approx(0.125, abs=1e-12)
     assert abs(found.objective["final"]) < 1e-16
     assert found.trusted
+
+
+@pytest.mark.slow
+def test_the_front_of_the_heavy_tail():
+    found = impactfem.optimise(DEMOS / "heavy_tail" / "scene.toml")
+    assert found.objective["initial"] == pytest.approx(0.0464285714, abs=1e-9)
+    assert found.objective["final"] < 1e-11
+    parts = np.array([each["value"] for each in found.parameters.values()]).reshape(4, 5)
+    assert np.ptp(parts, axis=1).max() < 1e-3  # four parts, each as long as the tail
+    assert found.constraints[0] <= 1.4 + 1e-8
+    assert found.trusted
