@@ -1,6 +1,9 @@
 """Checks of a single bar before a wall: its drive, and settings that its waves allow."""
 
+import numpy as np
+
 from impactfem.methods import METHODS
+from impactfem.scene.bodies import SAMPLES, Bar
 from impactfem.scene.breaks import check_motion, finite_values
 from impactfem.scene.content import Content
 from impactfem.scene.schema import KeyedError
@@ -13,6 +16,20 @@ _PLACES = 5
 _FOR_WAVES = ("mesh", "accuracy", "degree", "fitted")
 
 
+def _check_along(bar: Bar, end: float) -> None:
+    """Refuse loads with poles along the bar.
+
+    Raises:
+        KeyedError: naming the key.
+    """
+    x = np.linspace(0.0, bar.length, SAMPLES + 1)
+    for t in (0.0, 0.5 * end, end):
+        bad = np.flatnonzero(~np.isfinite(bar.load(t=t, x=x) + np.zeros_like(x)))
+        if bad.size:
+            text = f" = {show(bar.load.text)} has no finite value at x = {x[bad[0]]:.6g} m, t = "
+            raise KeyedError("body[0]", "load", f"{text}{t:.6g} s: give one along all of the bar.")
+
+
 def check_drive(scene: Content) -> None:
     """Refuse loads and motions of a bar that jump or are not finite, or that a method misses.
 
@@ -23,9 +40,11 @@ def check_drive(scene: Content) -> None:
     moved, begins = bar.far_end_displacement, bar.displacement.plain == 0.0
     check_motion("body[0]", "far_end_displacement", [moved], scene.duration, from_zero=begins)
     finite_values("body[0]", "far_end_force", bar.far_end_force, scene.duration)
-    for k in range(_PLACES + 1):
-        at = bar.load.fixed(x=bar.length * k / _PLACES) if bar.is_loaded else bar.load
-        finite_values("body[0]", "load", at, scene.duration)
+    if bar.is_loaded:
+        for k in range(_PLACES + 1):
+            at = bar.load.fixed(x=bar.length * k / _PLACES)
+            finite_values("body[0]", "load", at, scene.duration)
+        _check_along(bar, scene.duration)
     method = scene.solve.method
     if bar.is_driven and method is not None and not METHODS[method].plannable:  # negative controls
         text = f" = {show(method)} knows no drive of the far end: give another, as exact."

@@ -80,9 +80,10 @@ def _check_in_coordinates(scene: Content) -> None:
         if not (obstacle.is_flat and obstacle.is_smooth) or obstacle.moves or obstacle.rotation:
             text = f" = {show(obstacle.name)}: {why} among half-spaces at rest: {remedy}."
             raise KeyedError(f"obstacle[{index}]", "name", text)
-    rubs = METHODS[method].rubs and scene.dim == 2 and scene.kinds == {"rigid"}
+    rigid = scene.kinds == {"rigid"}
+    rubs = METHODS[method].rubs and scene.dim == 2 and rigid
     for law, index in zip(scene.laws.each, scene.laws.origin, strict=True):
-        _check_law(law, f"contact[{index}]", why, rubs=rubs)
+        _check_law(law, f"contact[{index}]", why, rubs=rubs, rigid=rigid)
 
 
 def _check_shape(body: "RigidBody", why: str) -> None:
@@ -95,14 +96,17 @@ def _check_shape(body: "RigidBody", why: str) -> None:
         raise KeyedError(body.kind, "shape.kind", text)
 
 
-def _check_law(law: Contact, where: str, why: str, *, rubs: bool) -> None:
+def _check_law(law: Contact, where: str, why: str, *, rubs: bool, rigid: bool) -> None:
     """Refuse laws of contact that a body in coordinates does not know."""
     remedy = _REMEDY
     known = {"friction_coefficient", "static_friction_coefficient", "tangential_restitution"}
     for name in (*_OTHERS, *sorted(known)):
         if getattr(law, name) and not (rubs and name in known):
-            text = f" = {show(getattr(law, name))}: {why} without it"
-            able = f"event_driven in the plane does, or {remedy}" if name in known else remedy
+            text, knows = (
+                f" = {show(getattr(law, name))}: {why} without it",
+                rigid and name in known,
+            )
+            able = f"event_driven in the plane does, or {remedy}" if knows else remedy
             raise KeyedError(where, name, f"{text}; {able}.")
     if law.by_impulses:
         text = f" = {show(law.restitution_law)}: {why} with Newton's: {remedy}."

@@ -125,6 +125,7 @@ def test_elements_have_equal_travel_times_and_their_mass():
         ({"area": "1 + x"}, {"method": "exact"}, "solve.method"),
         ({"load": "t*x"}, {"method": "conserving"}, "solve.method"),
         ({"load": "1/(t - 1.5)"}, {}, "load"),
+        ({"load": "1/(x - 0.25)"}, {}, "load"),
         ({"area": "1 + x"}, {"accuracy": 1e-3}, "solve.accuracy"),
     ],
 )
