@@ -31,6 +31,7 @@ from impactfem.scene.kinds import (
     Line,
     Name,
     Real,
+    RealOrFormula,
     SideName,
     Switch,
 )
@@ -198,6 +199,11 @@ def _(kind: Choices, _found: dict[str, Schema]) -> Schema:
 @_schema.register
 def _(_kind: FormulaOf, _found: dict[str, Schema]) -> Schema:
     return {"anyOf": [_NUMBER, _formula()]}
+
+
+@_schema.register
+def _(_kind: RealOrFormula, _found: dict[str, Schema]) -> Schema:
+    return {"anyOf": [_NUMBER | {"exclusiveMinimum": 0}, _formula()]}
 
 
 def _formula() -> Schema:

@@ -108,12 +108,14 @@ def _of_beam(beam: Beam) -> Lumped:
     parts, dim = beam_parts(beam), beam.dim
     count, size = len(parts.nodes), len(parts.mass)
     load = BeamLoad.of(beam, parts.bending[0], parts.kept)
+    none = np.zeros(size)
+    dead = none if load is None or not load.is_dead else load.mean(0.0, 0.0, none)
     system: GeneralizedSystem = LinearSystem(
-        mass=parts.mass, stiffness=parts.stiffness, damping=parts.damping,
+        mass=parts.mass, stiffness=parts.stiffness, damping=parts.damping, load=dead.tolist(),
         normals=np.zeros((0, size)), offsets=np.zeros(0),
     )  # fmt: skip
-    if load is not None:
-        forces = BeamForces(load, parts.stiffness, parts.damping, np.zeros(size))
+    if load is not None and not load.is_dead:
+        forces = BeamForces(load, parts.stiffness, parts.damping, none)
         system = GeneralizedSystem(mass=parts.mass, force=forces)
     weights, velocity = parts.momenta[:, :dim], parts.velocity
 
