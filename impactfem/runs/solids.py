@@ -220,7 +220,8 @@ def _march(
     positions = np.concatenate([none, *(part.system.positions for part in model.parts)])
     watch = Watch(model, max(1, march.layers // 50), axes, all_held=gaps.shares_nodes)
     observers: list[Callable[[Level], None]] = [watch, limits, *looking]
-    keep = bool(scene.output.fields)
+    shows = bool(model.parts) or any(np.size(body.shape.cells) for body in others)
+    keep = shows and bool(scene.output.fields)  # links without shapes have nothing to show
     place, passing = _spool_place(comm, checkpoints or restart, keep=keep)
     kept = None
     if restart is not None:

@@ -10,6 +10,7 @@ pytest.importorskip("pinocchio")
 
 import impactfem
 from impactfem import Scene
+from impactfem.report.figures import draw_all
 
 G = 9.81
 POINT = '<inertial><origin xyz="{at}"/><mass value="{mass}"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial>'  # noqa: E501
@@ -267,6 +268,14 @@ def test_a_tree_from_mjcf_with_a_ball_joint_falls_and_tumbles(tmp_path):
     assert falls == pytest.approx(-5.0 * found["time"], abs=1e-12)
     assert np.ptp(found["momentum.x"]) < 1e-12
     assert np.ptp(found["arm.hinge.v"]) > 1.0
+
+
+def test_links_without_shapes_have_motions_and_no_pictures_of_shapes(tmp_path):
+    """Pictures of no cells failed: "not drawn: body.png (ValueError: zero-size array ..."."""
+    made = scene(tmp_path, DOUBLE, 0.04, 1e-2, joints={"top": {"position": 1.0}})
+    result = impactfem.solve(made.with_settings({"output.fields": ["vtkhdf"]}))
+    assert result.fields is None
+    assert "motion" in draw_all(result)
 
 
 def striking(folder: Path) -> Scene:
