@@ -3,7 +3,7 @@
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,12 +157,14 @@ def _speeds(model: VibroModel, u: Floats, v: Floats) -> Floats:
 
 
 def _episode(scene: Scene, model: VibroModel, motion: Trajectory) -> dict[str, Any]:
-    """Apparent restitution and micro-impacts of a beam that falls without gravity."""
+    """Apparent restitution and micro-impacts of a beam that falls freely without gravity."""
     touched = bool((motion.impulse > 0.0).any())
-    still = isinstance(model.system, LinearSystem) and not any(scene.vector_gravity.values[0])
-    if model.beam is None or not still or not touched:
+    if model.beam is None or not isinstance(model.system, LinearSystem) or not touched:
         return {}
-    found = contact_episode(model.beam, cast("LinearSystem", model.system), motion)
+    beam = model.beam.beam
+    if beam.supports or beam.load is not None or any(scene.vector_gravity.values[0]):
+        return {}
+    found = contact_episode(model.beam, model.system, motion)
     return {"episode": asdict(found) | {"is_over": found.is_over}}
 
 

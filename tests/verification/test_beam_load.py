@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+import impactfem
 from impactfem.errors import SceneError
-from impactfem.scene import Beam
+from impactfem.scene import Beam, Scene
 from impactfem.scene.obstacles import HalfSpace
 from impactfem.system.beam import free_beam
 from impactfem.system.few_bodies import _of_beam
@@ -49,3 +50,41 @@ def test_a_load_that_has_no_finite_value_is_refused():
     )
     with pytest.raises(SceneError, match=r"beam.load = .* no finite value at x = .*obstacle"):
         infinite.force(0.0, bent, bent)
+
+
+def flight(load, solve=None, **beam):
+    body = {
+        "kind": "beam",
+        "name": "strip",
+        "length": 1.0,
+        "height": 0.01,
+        "width": 0.1,
+        "density": 1000.0,
+        "youngs_modulus": 1e9,
+        "center": [0.5, 0.0],
+        "load": load,
+    }
+    floor = {"kind": "half_space", "name": "floor", "point": [0.0, -0.005], "normal": [0.0, 1.0]}
+    return impactfem.solve(Scene.from_dict({
+        "title": "strip", "duration": 0.2, "body": [body | beam],
+        "obstacle": [floor] if solve else [], "solve": solve or {},
+        "output": {"report": False, "pictures": False, "fields": []},
+    }))  # fmt: skip
+
+
+@pytest.mark.parametrize(("load", "speed"), [("-10", -2.0), ("-10 - u", -10.0 * np.sin(0.2))])
+def test_a_free_beam_follows_its_load(load, speed):
+    """It weighs 1 kg: v = -q t, and -q sin(t) where the load is a spring too."""
+    result = flight(load)
+    assert result.summary["verdict"]["level"] == "trust"
+    assert float(result.history["strip.vy"][-1]) == pytest.approx(speed, rel=1e-5)
+    # The load's work is told: what is left of the energy is rounding.
+    assert abs(result.summary["energy"]["final"]) < 1e-10
+
+
+def test_a_held_beam_strikes_by_events():
+    held = [{"end": "first", "kind": "clamped"}]
+    result = flight("-1", {"method": "event_driven"}, supports=held, elements=3)
+    assert result.summary["contact"]["intervals"]
+    codes = [finding["code"] for finding in result.summary["verdict"]["findings"]]
+    assert codes == ["setting"]  # no [[contact]] gives a restitution
