@@ -71,6 +71,10 @@ class BarRuns:
             {bar.name: bar.mass for bar in scene.bars},
             found.driven,
             dict(zip(pairs, found.largest, strict=True)),
+            {
+                pair: float(spells[0][0]) if spells else float("nan")
+                for pair, spells in zip(pairs, found.contacts, strict=True)
+            },
         )
 
     def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:

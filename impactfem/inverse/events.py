@@ -130,7 +130,7 @@ def _alike(scene: Scene, model: VibroModel) -> VibroModel:
 
 def _outcome(scene: Scene, model: VibroModel, motion: Trajectory, legs: Sequence[Leg]) -> Outcome:
     history = vibro_history(motion, model, vibro_probes(scene, model)(motion))
-    impulse, duration = {}, {}
+    impulse, duration, touched = {}, {}, {}
     for k, name in enumerate(model.pairs):
         own = model.pair_of == k
         impulse[name] = np.cumsum(motion.impulse[:, own].sum(axis=1))
@@ -140,11 +140,18 @@ def _outcome(scene: Scene, model: VibroModel, motion: Trajectory, legs: Sequence
             for leg, until in pairwise(legs)
             if touching & set(leg.closed)
         )
+        touches = (leg.event.time for leg in legs if touching & _touched(leg))
+        touched[name] = next(touches, float("nan"))
     names = list(model.bodies(motion.position[:1], motion.velocity[:1]))
     return Outcome(
         history, impulse, duration, _rebounds(model, legs, names),
-        dict(zip(names, model.masses, strict=True)),
+        dict(zip(names, model.masses, strict=True)), touched=touched,
     )  # fmt: skip
+
+
+def _touched(leg: Leg) -> set[int]:
+    """Constraints that an event strikes, or that are closed after it."""
+    return {*leg.closed, *(row for strike in leg.event.strikes for row in strike.rows)}
 
 
 def _rebounds(model: VibroModel, legs: Sequence[Leg], names: Sequence[str]) -> dict[str, float]:

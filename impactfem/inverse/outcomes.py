@@ -23,6 +23,7 @@ class Outcome:
             there was none.
         masses: Of the bodies [kg].
         peak: Largest force of each pair, where impacts take time [N].
+        touched: When each pair first touches [s]; NaN if it does not.
         driven: Work of what drives ends, which potential energies count [J], (rows,) or 0.
     """
 
@@ -33,6 +34,7 @@ class Outcome:
     masses: Mapping[str, float]
     driven: Floats | float = 0.0
     peak: Mapping[str, float] = field(default_factory=dict)
+    touched: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def times(self) -> Floats:

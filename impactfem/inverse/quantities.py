@@ -123,12 +123,8 @@ class Quantities:
             return outcome.masses[str(term.body)]
         if term.of is not None:
             return 0.0
-        if term.term == "peak_force":
-            if term.pair is None or term.pair not in outcome.peak:
-                known = ", ".join(outcome.peak) or "none: impacts take no time in this run"
-                text = f"objective: peak_force of pair = {show(term.pair)}: there is {known}"
-                raise SceneError(f"{text}; give a pair of a bar")
-            return outcome.peak[term.pair]
+        if term.term in {"peak_force", "time"}:
+            return _of_pair(term, outcome)
         row = _rows(outcome.times, np.array([self._at(term)]))[0]
         if term.term == "speed":
             return float(np.linalg.norm(_velocity(outcome, str(term.body), row)))
@@ -242,6 +238,26 @@ class Quantities:
                 )  # fmt: skip
             found.append((self.index(str(term.of)), float(np.sqrt(term.weight))))
         return found
+
+
+def _of_pair(term: Term, outcome: Outcome) -> float:
+    """Largest force of the pair of a term [N], or when it first touches [s].
+
+    Raises:
+        SceneError: There is no such pair, or it does not touch.
+    """
+    key, found, none, remedy = {
+        "peak_force": ("pair", outcome.peak, "impacts take no time in this run", "of a bar"),
+        "time": ("until", outcome.touched, "layers know it to their height", "of an exact run"),
+    }[term.term]
+    name = str(getattr(term, key))
+    where = f"objective: {term.term} of {key} = {show(name)}"
+    if name not in found:
+        known = ", ".join(found) or f"none: {none}"
+        raise SceneError(f"{where}: there is {known}; give a pair {remedy}")
+    if np.isnan(found[name]):
+        raise SceneError(f"{where} does not touch in this run; start elsewhere, or run longer")
+    return found[name]
 
 
 _FORCES = ("force", "contact_force")

@@ -15,7 +15,7 @@ MAX_PARAMETERS = 1000
 MAX_MEASURES = 1000
 TERMS = (
     "value", "misfit", "speed", "terminal_energy", "vibration_energy", "effort", "mass",
-    "peak_force",
+    "peak_force", "time",
 )  # fmt: skip
 SOLVERS = (
     "lbfgs", "trust_constr", "slsqp", "ipopt", "tao", "least_squares", "gauss_newton",
@@ -153,7 +153,8 @@ class Term:
         Choice(TERMS),
         "value of a measure; misfit of one, the sum of ((measure - data)/sigma)^2 / 2; speed of a "
         "body's centre; mechanical energy at the end; energy less that of centres of mass; "
-        "integral of the square of a control; mass of a body; largest force of a pair of bars",
+        "integral of the square of a control; mass of a body; largest force of a pair of bars; "
+        "time until a pair first touches",
     )
     of: str | None = key(
         Name(), "name of a measure (value, misfit) or control (effort)", default=None, absent="none"
@@ -162,13 +163,16 @@ class Term:
     pair: str | None = key(
         Line(), "name of a pair as in columns, bar.wall (peak_force)", default=None, absent="none"
     )
+    until: str | None = key(
+        Line(), "name of a pair as in columns, ball.floor (time)", default=None, absent="none"
+    )
     at: float | None = key(Real(at_least=0), "time", unit="s", default=None, absent="the end")
     weight: float = key(Real(), "factor of the term", default=1.0)
 
     def __post_init__(self) -> None:
         check_fields(self, self.heading)
         wanted = _NEEDED.get(self.term)
-        for name in ("of", "body", "pair"):
+        for name in ("of", "body", "pair", "until"):
             given = getattr(self, name)
             if (given is None) != (wanted != name):
                 text = (
@@ -184,7 +188,7 @@ class Term:
 
 _NEEDED = {
     "value": "of", "misfit": "of", "effort": "of", "speed": "body", "mass": "body",
-    "peak_force": "pair",
+    "peak_force": "pair", "time": "until",
 }  # fmt: skip
 """Keys of terms besides their time."""
 
@@ -204,6 +208,7 @@ class Limit:
     of: str | None = key(Name(), "as in minimise", default=None, absent="none")
     body: str | None = key(Name(), "as in minimise", default=None, absent="none")
     pair: str | None = key(Line(), "as in minimise", default=None, absent="none")
+    until: str | None = key(Line(), "as in minimise", default=None, absent="none")
     at: float | None = key(Real(at_least=0), "time", unit="s", default=None, absent="the end")
     least: float | None = key(Real(), "least value", name="min", default=None, absent="none")
     most: float | None = key(Real(), "largest value", name="max", default=None, absent="none")
@@ -220,7 +225,9 @@ class Limit:
     @property
     def limited(self) -> Term:
         """What stays within limits."""
-        return Term(term=self.term, of=self.of, body=self.body, pair=self.pair, at=self.at)
+        return Term(
+            term=self.term, of=self.of, body=self.body, pair=self.pair, until=self.until, at=self.at
+        )
 
     @property
     def limits(self) -> tuple[float, float]:

@@ -272,3 +272,37 @@ def test_a_parameter_hides_no_variable_of_a_formula():
             "title": "arm", "duration": 1.0, "gravity": [0.0, -G], "body": [arm],
             "joint": [joint | {"motor": "-3*q"}], "parameter": [{"name": "q", "start": 1.0}],
         })  # fmt: skip
+
+
+def test_the_time_of_a_first_touch_has_a_derivative():
+    """sqrt(2 h/g) of a ball, H / v of a bar; what does not touch is named."""
+    first = {"minimise": [{"term": "time", "until": "ball.floor"}]}
+    found = impactfem.gradient(Scene.from_dict(ball(*asked([H0], [], first))))
+    fall = np.sqrt(2.0 / G)
+    assert found.objective == pytest.approx(fall, rel=1e-10)
+    assert found.gradient["h0"] == pytest.approx(0.5 * fall, rel=1e-8)
+    with pytest.raises(SceneError, match=r'"ball.floor" does not touch'):
+        impactfem.gradient(Scene.from_dict(ball(*asked([H0], [], first), duration=0.3)))
+    wrong = {"minimise": [{"term": "time", "until": "ball.wall"}]}
+    with pytest.raises(SceneError, match=r'until = "ball.wall": there is ball.floor'):
+        impactfem.gradient(Scene.from_dict(ball(*asked([H0], [], wrong))))
+    bar = {"kind": "bar", "name": "bar", "length": 1.0, "density": 1.0, "youngs_modulus": 1.0,
+           "gap": 0.5, "velocity": -0.4}  # fmt: skip
+    found = impactfem.gradient(Scene.from_dict({
+        "title": "bar", "duration": 3.0, "body": [bar], "obstacle": [{"kind": "wall"}],
+        "parameter": [{"name": "H", "key": "body.bar.gap"}],
+        "objective": {"minimise": [{"term": "time", "until": "bar.wall"}]},
+    }))  # fmt: skip
+    assert (found.objective, found.gradient["H"]) == pytest.approx((1.25, 2.5), rel=1e-8)
+
+
+def test_the_least_time_in_which_a_switch_closes():
+    """The largest push all the way (bang, without a need to stop)."""
+    scene = ball(*asked([], [], {"minimise": [{"term": "time", "until": "ball.floor"}]}))
+    scene["control"] = [{"name": "push", "acts": "body.ball.force.1", "pieces": 3,
+                         "bounds": [-20.0, 20.0]}]  # fmt: skip
+    scene["body"][0]["force"] = ["0", "0"]
+    found = impactfem.optimise(Scene.from_dict(scene))
+    falls = np.sqrt(2.0 / (G + 10.0))  # 20 N on 2 kg
+    assert found.objective["final"] == pytest.approx(falls, rel=1e-8)
+    assert found.trusted
