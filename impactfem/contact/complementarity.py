@@ -211,13 +211,22 @@ def _fixed_point(
     new: Floats,
     gap: Floats,
 ) -> tuple[float, Floats, Floats]:
-    """Find theta in [0, 1] without excess, by secants kept inside a bracket."""
+    """Find theta in [0, 1] without excess, by secants kept inside a bracket.
+
+    Where there is more than one answer, as with much friction, the excess may jump past 0: of both
+    sides of the jump that is taken which gives no energy.
+    """
     low, high = 0.0, 1.0  # the wanted theta lies in [0, 1]: the excess is >= 0 at 0, <= 0 at 1
     more, exact = excess(theta, new, gap)
     following = theta + more
+    taking = theta, new, gap  # the last that gives no energy
     for _ in range(_MAX_THETA):
-        if exact or more == 0.0 or high - low <= _NARROW:
+        if more <= 0.0:
+            taking = theta, new, gap
+        if exact or more == 0.0:
             return theta, new, gap
+        if high - low <= _NARROW:
+            return taking if taking[0] == high else (theta, new, gap)
         low, high = (theta, high) if more > 0.0 else (low, theta)
         if not low < following < high:
             following = 0.5 * (low + high)
