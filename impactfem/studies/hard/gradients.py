@@ -7,6 +7,7 @@ import numpy as np
 
 from impactfem.errors import ImpactError, SceneError
 from impactfem.inverse import Gradient, gradient, identify
+from impactfem.methods import METHODS
 from impactfem.scene import Scene
 from impactfem.studies.hard.board import Facts
 from impactfem.studies.hard.rows import Row
@@ -18,12 +19,11 @@ _BAR = {
 }  # fmt: skip
 
 
-def _asked(title: str, method: str, row: Row, **tables: Any) -> Scene:
-    """A scene of which something is asked, with a method and its step."""
-    solve: dict[str, Any] = {"method": method}
-    if method in {"moreau_jean", "paoli_schatzman"}:
-        solve["dt"] = row.sizes.dt
-    return Scene.from_dict({"title": title, "solve": solve, "output": _QUIET} | tables)
+def _asked(title: str, method: str, **tables: Any) -> Scene:
+    """A scene of which something is asked, with a method."""
+    return Scene.from_dict(
+        {"title": title, "solve": {"method": method}, "output": _QUIET} | tables
+    )  # fmt: skip
 
 
 def beside_graze(method: str, row: Row) -> Facts:
@@ -38,7 +38,7 @@ def beside_graze(method: str, row: Row) -> Facts:
     end, depth = 5.0, row.given["deep"]
     wall = 1.0 - depth
     spring = _asked(
-        "graze", method, row,
+        "graze", method,
         duration=end,
         body=[{"kind": "point", "name": "mass", "mass": 1.0, "position": [1.0], "force": ["-x"]}],
         obstacle=[{"kind": "half_space", "name": "wall", "point": [-wall], "normal": [1.0]}],
@@ -65,11 +65,11 @@ def _untold(scene: Scene) -> float:
         return 0.0
 
 
-def restitution(method: str, row: Row) -> Facts:
+def restitution(method: str, row: Row) -> Facts:  # noqa: ARG001  (of all cases)
     """The height of a ball after its impact by that from which it fell, .98785200."""
     g, e, end = 9.81, 0.8, 0.9
     ball = _asked(
-        "ball", method, row,
+        "ball", method,
         duration=end, gravity=[0.0, -g],
         body=[{"kind": "point", "name": "ball", "mass": 2.0, "position": [0.0, 1.0]}],
         obstacle=[{"kind": "half_space", "name": "floor", "point": [0.0, 0.0],
@@ -89,13 +89,13 @@ def _founding(method: str, row: Row, of: str, values: Any, gap: float) -> Scene:
     """The founding bar with a history that its gap is to follow, (times, values)."""
     elements = int(row.given["elements"])
     scene = _asked(
-        "founding bar", method, row,
+        "founding bar", method,
         duration=4.0, body=[_BAR | {"gap": gap}], obstacle=[{"kind": "wall", "name": "wall"}],
         parameter=[{"name": "H", "key": "body.bar.gap", "bounds": [0.1, 1.0]}],
         measure=[{"name": f"m{k}", "of": of, "at": float(t), "value": float(v), "sigma": 0.02}
                  for k, (t, v) in enumerate(values)],
     )  # fmt: skip
-    return scene if method == "exact" else scene.with_settings({"solve.elements": elements})
+    return scene if METHODS[method].exact else scene.with_settings({"solve.elements": elements})
 
 
 def on_layers(method: str, row: Row) -> Facts:
@@ -107,7 +107,7 @@ def on_layers(method: str, row: Row) -> Facts:
     pushed = np.clip(0.5 * (times - 1.0), 0.0, 1.0)
     scene = _founding(method, row, "impulse.bar.wall", zip(times, pushed, strict=True), 0.6)
     found: Gradient = gradient(scene)
-    sides = found.sides is not None or method == "exact"
+    sides = found.sides is not None or METHODS[method].exact
     slope = 2.0 * found.gradient["H"] * times[0] * 0.02**2  # of squares, not halves of them
     return {"slope": abs(slope / 0.38 - 1.0), "untold": float(not sides)}
 
