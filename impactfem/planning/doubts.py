@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from impactfem.exact import ExactBar
 from impactfem.findings import Finding, warning
-from impactfem.scene import Bar, Scene
+from impactfem.scene import Scene
 from impactfem.scene.apartness import Apartness
 from impactfem.scene.pairing import bodies_met, obstacles_of, self_meeting
 
@@ -116,9 +116,8 @@ def units_of(body: Any) -> list[Finding]:
     """A body that moves faster than its waves: its modulus is perhaps in GPa or MPa."""
     if getattr(body, "youngs_modulus", None) is None:
         return []
-    if isinstance(body, Bar):  # in which it may vary
-        waves = body.wave_speed
-    else:
+    waves = getattr(body, "wave_speed", None)  # of bars, along which it may vary
+    if waves is None:
         waves = math.sqrt(body.youngs_modulus / body.density)
     given = body.velocity or 0.0
     entries = given if isinstance(given, tuple) else (given,)
