@@ -74,13 +74,13 @@ def _check_in_coordinates(scene: Content) -> None:
         text = f" = {show(method)} takes one {kinds} body without joints: {remedy}."
         raise KeyedError("solve", "method", text)
     for body in scene.bodies:
-        if body.kind == "rigid":
+        if not body.in_elements:
             _check_shape(cast("RigidBody", body), why)
     for index, obstacle in enumerate(scene.obstacles):
         if not (obstacle.is_flat and obstacle.is_smooth) or obstacle.moves or obstacle.rotation:
             text = f" = {show(obstacle.name)}: {why} among half-spaces at rest: {remedy}."
             raise KeyedError(f"obstacle[{index}]", "name", text)
-    rigid = scene.kinds == {"rigid"}
+    rigid = not any(body.in_elements for body in scene.bodies)
     rubs = METHODS[method].rubs and scene.dim == 2 and rigid
     for law, index in zip(scene.laws.each, scene.laws.origin, strict=True):
         _check_law(law, f"contact[{index}]", why, rubs=rubs, rigid=rigid)
@@ -102,10 +102,8 @@ def _check_law(law: Contact, where: str, why: str, *, rubs: bool, rigid: bool) -
     known = {"friction_coefficient", "static_friction_coefficient", "tangential_restitution"}
     for name in (*_OTHERS, *sorted(known)):
         if getattr(law, name) and not (rubs and name in known):
-            text, knows = (
-                f" = {show(getattr(law, name))}: {why} without it",
-                rigid and name in known,
-            )
+            text = f" = {show(getattr(law, name))}: {why} without it"
+            knows = rigid and name in known
             able = f"event_driven in the plane does, or {remedy}" if knows else remedy
             raise KeyedError(where, name, f"{text}; {able}.")
     if law.by_impulses:
