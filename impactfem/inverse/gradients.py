@@ -24,6 +24,7 @@ GOOD_RATE = 1.8
 _LONGEST, _SHORTEST, _SHORTER = 1e-3, 1e-6, 10.0  # steps of the check, in sizes of parameters
 _HALVINGS = 3
 _KINK = 1e-6  # share by which slopes on both sides may differ
+_VALLEY = 0.05  # share of the larger slope that the other may fall still: searches end beside kinks
 _ROUNDING = 1e-11  # share of the objective's size and change that is rounding in a remainder
 
 
@@ -217,7 +218,7 @@ def kinks(varied: Varied, told: Slopes, *, valley: bool = False) -> list[str]:
     size = _KINK * np.maximum(np.abs(below), np.abs(above))
     apart = np.abs(above - below) > size
     if valley:
-        apart &= (below > size) | (above < -size)
+        apart &= (below > _VALLEY / _KINK * size) | (above < -_VALLEY / _KINK * size)
     if not apart.any():
         return []
     n, k = np.unravel_index(np.where(apart, np.abs(above - below), 0.0).argmax(), apart.shape)
