@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigvalsh_tridiagonal
 
 from impactfem.scene import Bar
 from impactfem.system.sections import weighted_velocity
@@ -60,6 +59,8 @@ class Chain:
     @property
     def highest_frequency(self) -> float:
         """Largest eigenfrequency of M^-1 K with both ends free [rad/s]."""
+        from scipy.linalg import eigvalsh_tridiagonal  # noqa: PLC0415  (a run needs it rarely)
+
         k = self.stiffness
         diagonal = (np.append(k, 0.0) + np.insert(k, 0, 0.0)) / self.mass
         beside = -k / np.sqrt(self.mass[1:] * self.mass[:-1])
