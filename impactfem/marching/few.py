@@ -32,7 +32,7 @@ Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
 _MOST_ITERATIONS = 50
-_ROUNDING = 1e-9  # the same, below which changes that fall no further are rounding
+_ROUNDING = 1e-11  # the same, below which changes that fall no further are rounding
 _SETTLED = 1e-13  # change of velocities, as a share of the largest
 _NEAR = 1e-9  # share of a body's size by which a probe may lie off its axis
 
