@@ -32,7 +32,7 @@ Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
 _MOST_ITERATIONS = 50
-_ROUNDING = 1e-11  # the same, below which changes that fall no further are rounding
+_EPS, _TINY = 4.0 * float(np.finfo(float).eps), float(np.finfo(float).tiny)
 _SETTLED = 1e-13  # change of velocities, as a share of the largest
 _NEAR = 1e-9  # share of a body's size by which a probe may lie off its axis
 
@@ -202,6 +202,9 @@ class FewMidpoint(FewInterior):
         stiffness, damping = tangent(self._system, (time, self._span), self._q, self._v)
         half = 0.5 * self._span
         self._inverse = np.linalg.inv(self._mass + half * damping + half**2 * stiffness)
+        # Forces of stiff bodies are small differences of large products, known to their rounding.
+        forces = self._span * np.abs(stiffness) @ np.abs(self._q)
+        self._noise = _EPS * float((np.abs(self._inverse) @ forces).max(initial=0.0)) + _TINY
         self._renew_answer()
 
     def _renew_answer(self) -> None:
@@ -305,7 +308,7 @@ class FewMidpoint(FewInterior):
 
     def _settle(self, guess: Floats) -> Floats:
         """Velocities at the end of the layer, by Newton's method with the tangent of its start."""
-        ahead, before = guess, float("inf")
+        ahead = guess
         for _ in range(_MOST_ITERATIONS):
             mean = 0.5 * (self._v + ahead)
             force = self._force(self._middle(ahead), mean) + self._weight
@@ -317,12 +320,8 @@ class FewMidpoint(FewInterior):
                 return ahead
             if not np.isfinite(ahead).all():
                 break
-            left, size = float(np.abs(change).max()), float(np.abs(ahead).max())
-            if left <= _SETTLED * size + np.finfo(float).tiny:
+            if np.abs(change).max() <= _SETTLED * np.abs(ahead).max() + self._noise:
                 return ahead
-            if left <= _ROUNDING * size and left > 0.5 * before:
-                return ahead  # rounding of forces, which stiff bodies have large ones of
-            before = left
         raise ConvergenceError(
             f"the forces on {', '.join(self.bodies.names)} did not settle at t = {self._time:.6g} "
             "s; use a smaller solve.dt"
