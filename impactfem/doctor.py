@@ -17,6 +17,10 @@ import impactfem
 from impactfem.result.grids import drawing_fault
 
 _LIBRARIES = ("numpy", "scipy", "numba", "xarray", "h5py", "matplotlib", "plotly", "tqdm")
+_EXTRAS = (
+    ("pinocchio", "mechanisms need", "robots"),
+    ("casadi", 'objective.solver = "ipopt" needs', "optimise"),
+)
 _WITHOUT = "missing; bars with method exact, bars in a row, points, rods and beams need none"
 _PACKAGES = ("mumps", "superlu_dist", "hypre", "ptscotch", "slepc")
 _PAGE = Path(__file__).parent / "report" / "page"
@@ -39,12 +43,10 @@ def examine() -> tuple[list[tuple[str, str]], list[str]]:
         if found.startswith(("missing", "broken")):
             faults.append(f"{name} is {found}: pip install --force-reinstall {name}")
     rows += _finite_elements(faults)
-    robots = _version("pinocchio")
-    needed = "missing; mechanisms need it: pip install impactfem[robots]"
-    rows.append(("pinocchio", needed if robots == "missing" else robots))
-    ipopt = _version("casadi")
-    needed = 'missing; objective.solver = "ipopt" needs it: pip install impactfem[optimise]'
-    rows.append(("casadi", needed if ipopt == "missing" else ipopt))
+    for name, needs, extra in _EXTRAS:
+        found = _version(name)
+        needed = f"missing; {needs} it: pip install impactfem[{extra}]"
+        rows.append((name, needed if found == "missing" else found))
     rows += [("compiler", _compiler(faults)), ("gmsh", _gmsh(faults))]
     rows += [("cache of forms", _forms(faults)), ("cache of loops", _loops())]
     rows += [("report.html", _report(faults)), ("rendering", _rendering())]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
 from impactfem.exact import ExactBar
@@ -286,3 +287,8 @@ def check_memory(needed_mib: float, key: str, what: str, remedy: str) -> None:
             f"{key}: {what} need about {needed_mib / 1024:.3g} GiB, this machine has "
             f"{free / 1024:.3g} free; use {remedy}"
         )
+
+
+def off_nodes(places: NDArray[np.float64], elements: int) -> float:
+    """How far places, as shares of the length, lie off nodes [lengths of elements], at most."""
+    return float(np.abs(elements * places - np.round(elements * places)).max(initial=0.0))

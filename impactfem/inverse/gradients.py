@@ -215,10 +215,10 @@ def kinks(varied: Varied, told: Slopes, *, valley: bool = False) -> list[str]:
         return []
     below, above = _beside(varied, told) if valley else told.sides
     below, above = np.atleast_2d(below), np.atleast_2d(above)
-    size = _KINK * np.maximum(np.abs(below), np.abs(above))
-    apart = np.abs(above - below) > size
+    larger = np.maximum(np.abs(below), np.abs(above))
+    apart = np.abs(above - below) > _KINK * larger
     if valley:
-        apart &= (below > _VALLEY / _KINK * size) | (above < -_VALLEY / _KINK * size)
+        apart &= (below > _VALLEY * larger) | (above < -_VALLEY * larger)
     if not apart.any():
         return []
     n, k = np.unravel_index(np.where(apart, np.abs(above - below), 0.0).argmax(), apart.shape)

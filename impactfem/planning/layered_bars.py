@@ -2,20 +2,16 @@
 
 from typing import Any
 
-import numpy as np
-
 from impactfem.methods import METHODS
 from impactfem.planning.bar_costs import cost_of_bar
 from impactfem.planning.bars import BarNumbers, plan_bar, ringing
 from impactfem.planning.doubts import units_of
 from impactfem.planning.plans import Plan
 from impactfem.scene import Bar, Scene
-from impactfem.sizing import ALIGNED, DEFAULT_ELEMENTS, ON_LAYER, layers_of
+from impactfem.sizing import ALIGNED, DEFAULT_ELEMENTS, ON_LAYER, layers_of, off_nodes
 
 _ITERATES = 20  # linear solves to expect of a loop over all layers
-_WITH_FINER = (
-    5.0  # times as long as the run: one on half of its elements and layers tells its error
-)
+_WITH_OTHERS = 5.0  # times as long as the run, with those on more elements that tell its error
 
 
 def plan_one_bar(scene: Scene) -> Plan[BarNumbers]:
@@ -65,7 +61,7 @@ def _plan_layers(scene: Scene) -> Plan[BarNumbers]:
             unknowns=cost.unknowns,
         ),
         memory_mib=cost.memory_mib,
-        seconds=_WITH_FINER * (cost.seconds or 0.0),
+        seconds=_WITH_OTHERS * (cost.seconds or 0.0),
         reasons=reasons,
         findings=(*ringing(grid, "use courant = 1"), *units_of(bar)),
     )
@@ -76,12 +72,12 @@ def _elements(bar: Bar, asked: int | None, reasons: dict[str, Any]) -> int:
     if asked is not None:
         reasons["elements"] = "as asked"
         return asked
-    jumps = np.zeros(0) if bar.profile is None else bar.profile.jumps()
+    jumps = bar.jumps
     if not jumps.size:
         reasons["elements"] = "the default"
         return DEFAULT_ELEMENTS
     for count in ALIGNED:
-        if np.abs(count * jumps - np.round(count * jumps)).max() <= ON_LAYER:
+        if off_nodes(jumps, count) <= ON_LAYER:
             reasons["elements"] = "the least number from 40 on with a node at each jump"
             return count
     reasons["elements"] = f"the default; none up to {ALIGNED[-1]} has a node at each jump"

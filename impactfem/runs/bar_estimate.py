@@ -10,7 +10,7 @@ from impactfem.planning import BarNumbers, Plan
 from impactfem.reference.bar import Errors, norm, relative, trapezoidal
 from impactfem.result import BarMotion
 from impactfem.scene import Scene
-from impactfem.sizing import ON_LAYER
+from impactfem.sizing import ON_LAYER, off_nodes
 
 _SAFETY = 2.0  # errors of first order, as those of events between layers are
 
@@ -40,14 +40,10 @@ def estimate_of_bar(
 
 def _beside(scene: Scene, count: int) -> int:
     """Number of elements with few nodes in common, and nodes at the same jumps of impedance."""
-    profile = scene.bar.profile
-    jumps = np.zeros(0) if profile is None else profile.jumps()
-
-    def off(number: int) -> float:
-        return float(np.abs(number * jumps - np.round(number * jumps)).max(initial=0.0))
-
-    room = max(off(count), ON_LAYER)
-    known = [number for number in range(count + count // 2, 2 * count) if off(number) <= room]
+    jumps = scene.bar.jumps
+    room = max(off_nodes(jumps, count), ON_LAYER)
+    between = range(count + count // 2, 2 * count)
+    known = [number for number in between if off_nodes(jumps, number) <= room]
     known = known or [count + count // 2]
     return min(known, key=lambda number: (math.gcd(number, count) == 1, math.gcd(number, count)))
 

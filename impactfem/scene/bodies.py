@@ -197,6 +197,11 @@ class Bar(BodyKind):
         return self.load.plain != 0.0
 
     @property
+    def jumps(self) -> Floats:
+        """Shares of the transit time at which the impedance jumps or bends."""
+        return np.zeros(0) if self.profile is None else self.profile.jumps()
+
+    @property
     def has_two_waves(self) -> bool:
         """Whether two waves run through it and keep their shapes, so that its motion is known."""
         return self.is_uniform and not self.is_loaded

@@ -127,45 +127,21 @@ class Formula:
 
     def fixed(self, **numbers: float) -> "Formula":
         """Return this formula with numbers for some of its variables."""
-
-        def walk(node: Node) -> Node:
-            match node:
-                case ("variable", name) if name in numbers:
-                    return float(numbers[name])
-                case ("negative", operand):
-                    return ("negative", walk(operand))
-                case ("chain", first, steps):
-                    return ("chain", walk(first), tuple((op, walk(each)) for op, each in steps))
-                case ("call", name, args):
-                    return ("call", name, tuple(map(walk, args)))
-            return node
-
         found = object.__new__(Formula)
         text = ", ".join([self.text, *(f"{name} = {value!r}" for name, value in numbers.items())])
         left = tuple(v for v in self.variables if v not in numbers)
-        found._store(text, left, walk(self._tree), self.named)
+        known = {name: float(value) for name, value in numbers.items()}
+        found._store(text, left, _replaced(self._tree, known), self.named)
         return found
 
     def composed(self, **parts: "Formula") -> "Formula":
         """Return this formula with formulas for all of its variables, which have the same ones."""
-
-        def walk(node: Node) -> Node:
-            match node:
-                case ("variable", name):
-                    return parts[name]._tree  # noqa: SLF001  (its own class)
-                case ("negative", operand):
-                    return ("negative", walk(operand))
-                case ("chain", first, steps):
-                    return ("chain", walk(first), tuple((op, walk(each)) for op, each in steps))
-                case ("call", name, args):
-                    return ("call", name, tuple(map(walk, args)))
-            return node
-
         found = object.__new__(Formula)
         text = ", ".join([self.text, *(f"{name} = {part.text}" for name, part in parts.items())])
         named = {**dict(self.named), **{k: v for part in parts.values() for k, v in part.named}}
         variables = next(iter(parts.values())).variables
-        found._store(text, variables, walk(self._tree), tuple(sorted(named.items())))
+        trees = {name: part._tree for name, part in parts.items()}  # noqa: SLF001  (its own class)
+        found._store(text, variables, _replaced(self._tree, trees), tuple(sorted(named.items())))
         return found
 
     def __call__(self, **values: ArrayLike) -> Any:  # float or array of floats
@@ -236,3 +212,18 @@ class Formula:
             raise TypeError(f"unknown node {node!r}")
 
         return walk(self._tree)
+
+
+def _replaced(node: Node, parts: Mapping[str, Node]) -> Node:
+    """A tree with others in the place of some of its variables."""
+    match node:
+        case ("variable", name):
+            return parts.get(name, node)
+        case ("negative", operand):
+            return ("negative", _replaced(operand, parts))
+        case ("chain", first, steps):
+            replaced = tuple((op, _replaced(each, parts)) for op, each in steps)
+            return ("chain", _replaced(first, parts), replaced)
+        case ("call", name, args):
+            return ("call", name, tuple(_replaced(each, parts) for each in args))
+    return node
