@@ -15,7 +15,7 @@ from impactfem.scene import Bar, PiecewiseConstant
 from impactfem.system.chain import Chain
 from impactfem.system.ends import displacement_scale, end_pushes, end_ways
 from impactfem.system.fronts import element_speeds, starts_as_waves
-from impactfem.system.sections import node_loads
+from impactfem.system.sections import node_loads, row_loads
 from impactfem.system.works import works
 
 Floats = NDArray[np.float64]
@@ -193,7 +193,7 @@ def _two_step(
 ) -> tuple[Effort, Floats, Floats]:  # fmt: skip
     """The Petrov-Galerkin recursion, window by window; potential of gravity, work at the end."""
     # A test function of row m spans the two layers beside it.
-    loads = np.concatenate([means[:1], 0.5 * (means[1:] + means[:-1])])
+    loads = row_loads(means[:, None], len(means))[:, 0]
     times = numbers.times
     pushes, ways = end_pushes(bar, times), end_ways(bar, times)
     forces = node_loads(bar, times, chain.travel)

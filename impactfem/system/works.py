@@ -44,8 +44,7 @@ def works(
             start = element_speeds(bar, chain)[-1]
             driven = end_work_at_levels(bar, chain, times, far, pulls, start)
     else:
-        # A test function of a row spans the two layers beside it (row 0: one).
-        rows = np.concatenate([means[:1], 0.5 * (means[1:] + means[:-1])])
+        rows = row_loads(means[:, None], len(means))[:, 0]
         middle = 0.5 * (mean[1:] + mean[:-1])
         done = rows * np.diff(np.concatenate([mean[:1], middle]))
         if bar.is_driven:
