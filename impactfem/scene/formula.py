@@ -10,14 +10,13 @@ from numpy.typing import ArrayLike
 
 from impactfem.scene.grammar import (
     COMPARISONS,
-    NUMPY_FUNCTIONS,
     OPERATORS,
     FormulaError,
     Node,
     Parser,
     variables_of,
 )
-from impactfem.scene.scalar_formula import scalar
+from impactfem.scene.scalar_formula import arrays, scalar
 from impactfem.scene.values import NotAllowedError, is_number, number, show
 
 
@@ -78,7 +77,7 @@ class Formula:
         """Whether the value depends on no variable."""
         return isinstance(self._tree, float)
 
-    @property
+    @cached_property
     def used(self) -> frozenset[str]:
         """Variables that occur in it."""
         return variables_of(self._tree)
@@ -157,11 +156,18 @@ class Formula:
         Raises:
             SceneError: the value of a variable is missing.
         """
-        arrays = {name: np.asarray(value, dtype=float) for name, value in values.items()}
-        shape = np.broadcast_shapes(*(array.shape for array in arrays.values()))
+        known = {name: np.asarray(value, dtype=float) for name, value in values.items()}
+        for name in self.used.difference(known):
+            raise FormulaError(self.text, f"the variable {name!r} is missing; give it")
+        shape = np.broadcast_shapes(*(array.shape for array in known.values()))
         with np.errstate(all="ignore"):
-            result = self.apply(NUMPY_FUNCTIONS, **arrays)
+            result = self.of_arrays(known)
         return np.array(np.broadcast_to(np.asarray(result, dtype=float), shape))[()]
+
+    @cached_property
+    def of_arrays(self) -> Callable[[Mapping[str, Any]], Any]:
+        """The formula as a function of all its variables' arrays by name, which checks nothing."""
+        return arrays(self._tree)
 
     @cached_property
     def number(self) -> Callable[[Mapping[str, float]], float]:
@@ -173,7 +179,8 @@ class Formula:
 
     def __getstate__(self) -> dict[str, Any]:
         """The state without functions, which cannot be sent to other processes."""
-        return {name: value for name, value in self.__dict__.items() if name != "number"}
+        functions = ("number", "of_arrays")
+        return {name: value for name, value in self.__dict__.items() if name not in functions}
 
     def apply(
         self, functions: Mapping[str, Callable[..., Any]], /, **values: Any

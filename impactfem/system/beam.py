@@ -44,23 +44,20 @@ class FreeBeam:
         """It as its ends are held."""
         return beam_parts(self.beam)
 
-    @cached_property
+    @property
     def kept(self) -> NDArray[np.int64]:
         """Coordinates that are not held, among all."""
-        return self.parts.kept if self.beam.supports else np.arange(len(self.matrices.mass))
+        return self.parts.kept
 
     def spread(self, field: Floats) -> Floats:
         """All coordinates (..., d) of those that are not held: 0 where they are."""
-        if not self.beam.supports:
-            return field
         found = np.zeros((*field.shape[:-1], len(self.matrices.mass)), dtype=field.dtype)
         found[..., self.kept] = field
         return found
 
     def elastic(self, u: Floats) -> float:
         """Energy of it and its springs [J]."""
-        stiffness = self.parts.stiffness if self.beam.supports else self.matrices.stiffness
-        return 0.5 * float(u @ (stiffness @ u))
+        return self.parts.elastic(u)
 
     @property
     def axes(self) -> tuple[Floats, Floats]:
@@ -118,12 +115,6 @@ class FreeBeam:
         )
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)))
 
-    @property
-    def damping(self) -> Floats:
-        """C = alpha M + beta K, shape (d, d)."""
-        alpha, beta = self.beam.rayleigh_damping
-        return alpha * self.matrices.mass + beta * self.matrices.stiffness
-
     def points(self, displacement: Floats) -> Floats:
         """Places of the nodes of the axis [m], shape (..., n + 1, 2), of coordinates (..., d)."""
         along, across = self.axes
@@ -144,10 +135,7 @@ class FreeBeam:
     @property
     def touching(self) -> NDArray[np.int64]:
         """Nodes that may touch half-spaces."""
-        if self.beam.supports:
-            return np.flatnonzero(self.parts.touching)
-        last = len(self.matrices.nodes) - 1
-        return np.arange(last + 1) if self.beam.touches_along else np.array([0, last])
+        return np.flatnonzero(self.parts.touching)
 
     def system(
         self,
@@ -171,10 +159,7 @@ class FreeBeam:
                 rows.append(row[kept])
                 offsets.append(normal @ places[k] - level)
         steady = (own.mass @ self.rigid_modes[:, :2] @ pull)[kept]
-        mass, stiffness, damping = own.mass, own.stiffness, self.damping
-        if self.beam.supports:
-            mass, stiffness = self.parts.mass, self.parts.stiffness
-            damping = self.parts.damping
+        mass, stiffness, damping = self.parts.mass, self.parts.stiffness, self.parts.damping
         load = BeamLoad.of(self.beam, own, kept)
         if load is not None and load.is_dead:
             steady = steady + load.mean(0.0, 0.0, np.zeros(len(kept)))
@@ -187,7 +172,7 @@ class FreeBeam:
             )  # fmt: skip
         return GeneralizedSystem(
             mass=mass, force=BeamForces(load, stiffness, damping, steady),
-            constraints=lambda u: jacobian @ u + offset, jacobian=lambda _: jacobian,
+            constraints=lambda u: jacobian @ u + offset, jacobian=jacobian,
             restitution=restitution, names=names,
             potential=lambda _, u: float(0.5 * u @ (stiffness @ u) - steady @ u),
         )  # fmt: skip

@@ -80,8 +80,8 @@ class BeamLoad:
                 load = mean_of(self.formula, start, end, x=self.places, u=bent)
             else:
                 known: dict[str, Any] = {"t": start, "x": self.places, "u": bent}
-                load = self.formula(**{name: known[name] for name in self.formula.used})
-        return np.broadcast_to(load, bent.shape)
+                load = self.formula.of_arrays(known)
+        return load if np.shape(load) == bent.shape else np.broadcast_to(load, bent.shape)
 
 
 @dataclass(frozen=True)

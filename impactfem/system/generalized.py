@@ -42,8 +42,9 @@ class GeneralizedSystem:
         constraints: phi(u) -> (J,), or J functions phi_j(u) -> number; >= 0 where allowed; None:
             there are none.
         restitution: Newton's e in [0, 1]: a number, or one a constraint.
-        jacobian: d phi / d u as a function u -> (J, d); None for complex steps, or central
-            differences where phi takes no complex numbers.
+        jacobian: d phi / d u as a function u -> (J, d), or (J, d) itself where constraints are
+            flat; None for complex steps, or central differences where phi takes no complex
+            numbers.
         motion: b(t), one `Signal` a constraint that moves it to phi(u) - b(t) >= 0; None for none.
         potential: Potential energy (t, u) -> number [J] for the history; None if unknown.
         dofs: Number d of velocities; needed only if no constant mass matrix tells it.
@@ -74,7 +75,7 @@ class GeneralizedSystem:
         force: Force,
         constraints: Constraints | None = None,
         restitution: float | Sequence[float] = 0.0,
-        jacobian: Callable[[Floats], ArrayLike] | None = None,
+        jacobian: Callable[[Floats], ArrayLike] | ArrayLike | None = None,
         friction: float | Sequence[float] = 0.0,
         static_friction: float | Sequence[float] | None = None,
         tangential_restitution: float | Sequence[float] = 0.0,
@@ -103,7 +104,10 @@ class GeneralizedSystem:
         self._mass_rates = MatrixRate(mass) if callable(mass) else None
         self._force = force
         self.constraint_function = as_function(constraints)
-        self._given_jacobian = jacobian
+        self._given_jacobian = jacobian if callable(jacobian) else None
+        self._rows: Floats | None = None
+        if jacobian is not None and not callable(jacobian):
+            self._rows = np.atleast_2d(np.asarray(jacobian, dtype=float))
         self.names = tuple(names or (f"u[{i}]" for i in range(self.coordinates)))
         count = len(self._constraints_at(np.zeros(self.coordinates)))
         self.restitution: Floats = restitution_of(restitution, count)
@@ -136,6 +140,12 @@ class GeneralizedSystem:
     def constant_mass(self) -> Floats | None:
         """M (d, d) if it does not depend on u, else None."""
         return self._mass
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether only forces change with u: mass and constraints' Jacobian do not."""
+        known = self._mass is not None and self._rows is not None
+        return known and self.rates is None and self.bilateral is None
 
     def mass(self, u: Floats) -> Floats:
         """Mass matrix M(u), shape (d, d)."""
@@ -197,6 +207,8 @@ class GeneralizedSystem:
 
     def gradient(self, u: Floats) -> Floats:
         """Derivatives d phi / d u, shape (J, coordinates)."""
+        if self._rows is not None:
+            return self._rows
         if self._given_jacobian is not None:
             return np.atleast_2d(np.asarray(self._given_jacobian(u), dtype=float))
         return differentiate(self.constraint_function, np.asarray(u, dtype=float))
@@ -256,7 +268,8 @@ class GeneralizedSystem:
 
     def gap_curvature(self, t: float, u: Floats, v: Floats) -> Floats:
         """Part (dJ/dt) v - b''(t) of the second rate of the gaps, shape (J,)."""
-        return self._turning(self.jacobian, u, v) - self.motion_curvature(t)
+        turning = 0.0 if self.is_flat else self._turning(self.jacobian, u, v)
+        return turning - self.motion_curvature(t)
 
     def kinetic_energy(self, u: Floats, v: Floats) -> float:
         """Kinetic energy v . M(u) v / 2 [J]."""
@@ -340,7 +353,7 @@ class LinearSystem(GeneralizedSystem):
             force=self.force,
             constraints=lambda u: self.normals @ u + self.offsets,
             restitution=restitution,
-            jacobian=lambda _: self.normals,
+            jacobian=self.normals,
             friction=friction,
             static_friction=static_friction,
             tangential_restitution=tangential_restitution,
@@ -359,10 +372,6 @@ class LinearSystem(GeneralizedSystem):
         """p(t), or its mean until later: shape (d,) for a number t, (times, d) for an array."""
         times, end = np.asarray(t, dtype=float), t if until is None else until
         return np.stack([signal.mean(times, end) + 0.0 * times for signal in self.load], axis=-1)
-
-    def gap_curvature(self, t: float, u: Floats, v: Floats) -> Floats:  # noqa: ARG002  # flat
-        """-b''(t), shape (J,)."""
-        return -self.motion_curvature(t)
 
     def force(self, t: float, u: Floats, v: Floats, span: float = 0.0) -> Floats:
         """Forces f(t, u, v), shape (d,); their means over a span of time around t."""

@@ -1,6 +1,7 @@
 """Equations of motion between events, with the constraints that are closed."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -40,6 +41,12 @@ class Motion:
     def forces(self, t: float, u: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Acceleration (d,), contact forces (S,) [N]."""
         system, rows = self.system, list(self.closed)
+        if system.is_flat:
+            by_force, by_bend = self._answers
+            found = by_force @ system.force(t, u, v)
+            if system.moves and rows:
+                found = found + by_bend @ system.gap_curvature(t, u, v)[rows]
+            return found[: system.dofs], found[system.dofs :]
         forced = Forced.at(system, t, u, v)
         if not rows:
             return forced.free, np.zeros(0)
@@ -48,6 +55,21 @@ class Motion:
         room, load = forced.room, forced.load[:, None]
         found, pressed = constrained(room.mass, room.rows(normals), load, bend[:, None])
         return forced.full(found[:, 0]), pressed[:, 0]
+
+    @cached_property
+    def _answers(self) -> tuple[Floats, Floats]:
+        """Of a flat system accelerations, then contact forces, by forces and by bends of gaps.
+
+        Each of shape (d + S, d) and (d + S, S).
+        """
+        mass, rows = self.system.mass(np.zeros(self.system.dofs)), list(self.closed)
+        unit, none = np.eye(len(mass)), np.zeros((len(rows), len(mass)))
+        if not rows:
+            return np.linalg.inv(mass), none.T
+        normals = self.system.jacobian(np.zeros(len(mass)))[rows]
+        by_force = constrained(mass, normals, unit, none)
+        by_bend = constrained(mass, normals, none.T, np.eye(len(rows)))
+        return np.concatenate(by_force), np.concatenate(by_bend)
 
     def doubts(self, t: float, u: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Rounding of second rates of the gaps (J,) and of forces (S,), by that of the state."""
@@ -112,7 +134,7 @@ class Motion:
 
     def guards(self, t: float, u: Floats, v: Floats) -> Floats:
         """What must not fall below 0 while these constraints are closed: their forces."""
-        return self.forces(t, u, v)[1]
+        return self.forces(t, u, v)[1] if self.closed else np.zeros(0)
 
     def ended(self, guard: int) -> End:
         """What ends with a guard."""
