@@ -26,7 +26,11 @@ _NO_LESS = -6  # TAO_DIVERGED_LS_FAILURE
 
 
 class Problem:
-    """An objective of unknowns s in their sizes, from the start on: p = start + sizes s."""
+    """An objective of unknowns s in their sizes, from the start on: p = start + sizes s.
+
+    It is told in the size of its first value or slopes: solvers hold numbers beside 1, to which an
+    energy of 1e-12 J would be nothing.
+    """
 
     def __init__(self, search: Search) -> None:
         self.search, self.varied = search, search.varied
@@ -35,6 +39,7 @@ class Problem:
         self.tolerance = 1e-8 if wanted is None else wanted.tolerance
         self.bounds = (self.varied.limits - self.varied.start) / self.varied.scales
         self.best: tuple[float, Floats] = (np.inf, self.varied.start)
+        self.size = 0.0
         self._last: tuple[Floats, tuple[float, Floats]] | None = None
 
     def place(self, s: Floats) -> Floats:
@@ -60,13 +65,15 @@ class Problem:
         told = self.search.run(values)
         if told is None:
             most = max(abs(each.objective) for each in self.search.tried)
-            return _FAILED * max(most, 1.0), np.zeros(len(values))
+            return _FAILED * max(most / (self.size or 1.0), 1.0), np.zeros(len(values))
         found = quantities.objective(told.numbers)
         slope = quantities.slope(told.numbers) @ told.jacobian
         self.search.note(values, found, slope)
         if found < self.best[0]:
             self.best = found, values
-        return found, slope * self.varied.scales
+        scaled = slope * self.varied.scales
+        self.size = self.size or max(abs(found), float(np.abs(scaled).max()))
+        return found / (self.size or 1.0), scaled / (self.size or 1.0)
 
     def limited(self, s: Floats) -> Floats:
         """What stays within limits (m,)."""
@@ -89,9 +96,7 @@ type Found = tuple[Floats, bool, str]
 
 def _by_lbfgs(problem: Problem) -> Found:
     start = np.zeros(len(problem.varied.start))
-    told = problem.varied.jacobian(problem.place(start))
-    slope = problem.varied.quantities.slope(told.numbers) @ told.jacobian
-    steepest = float(np.abs(slope * problem.varied.scales).max())
+    steepest = float(np.abs(problem.value(start)[1]).max())
     options = {
         "maxiter": problem.most, "ftol": 1e-3 * problem.tolerance**2,
         "gtol": _FLAT * problem.tolerance * steepest,
@@ -130,7 +135,6 @@ def _by_slsqp(problem: Problem) -> Found:
     low, high = problem.limits
     start = np.zeros(len(problem.varied.start))
     # One tolerance for the objective and all limits: each in its size.
-    size = _size(problem.value(start)) or _size(problem.value(np.ones_like(start))) or 1.0
     sizes = np.abs(problem.limited_slope(start)).max(axis=1, initial=1e-300)
     equal = low == high
     sides: list[dict[str, Any]] = []
@@ -144,20 +148,11 @@ def _by_slsqp(problem: Problem) -> Found:
             slope = partial(_within_slope, problem, rows, factors)
             sides.append({"type": kind, "fun": within, "jac": slope})
 
-    def scaled(s: Floats) -> tuple[float, Floats]:
-        value, slope = problem.value(s)
-        return value / size, slope / size
-
     found = minimize(
-        scaled, start, jac=True, method="SLSQP", bounds=Bounds(*problem.bounds),
+        problem.value, start, jac=True, method="SLSQP", bounds=Bounds(*problem.bounds),
         constraints=sides, options={"maxiter": problem.most, "ftol": _FLAT * problem.tolerance},
     )  # fmt: skip
     return problem.place(found.x), found.status in {0, _NOTHING_LESS}, str(found.message)
-
-
-def _size(told: tuple[float, Floats]) -> float:
-    """Of an objective, by its value and slopes."""
-    return max(abs(told[0]), float(np.abs(told[1]).max()))
 
 
 def _within(problem: Problem, rows: Marks, factors: Floats, side: Floats, s: Floats) -> Floats:
