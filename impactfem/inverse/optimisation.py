@@ -165,7 +165,7 @@ def optimise(
         iterations=tuple(search.tried),
         check=check,
         doubts=tuple(doubts),
-        notes=varied.quantities.notes,
+        notes=(*varied.quantities.notes, *_plateau(varied, best, q, told.jacobian)),
         forward_runs=varied.forward - varied.sloped,
         gradient_runs=varied.sloped,
         resumed=0 if varied.kept is None else varied.kept.taken,
@@ -223,6 +223,16 @@ def _stationarity(
     total = scaled + multipliers @ rows
     free = ~((at <= low + near) & (total > 0.0)) & ~((at >= high - near) & (total < 0.0))
     return limited, float(np.abs(total[free]).max(initial=0.0)), multipliers
+
+
+def _plateau(varied: Varied, at: Floats, q: Floats, jacobian: Floats) -> list[str]:
+    """A note where a parameter moves nothing that is looked at, as a pulse after the end."""
+    still = [each.name for each in varied.still(at, q, jacobian)]
+    if not still:
+        return []
+    what = f"{still[0]} moves" if len(still) == 1 else f"{' and '.join(still)} move"
+    text = f"at the answer {what} nothing that is looked at: there may be less "
+    return [f"{text}elsewhere; begin there"]
 
 
 def _passed(varied: Varied, limited: Floats) -> list[str]:

@@ -1,6 +1,6 @@
 """Numbers of a scene and their derivatives by its parameters, with the plan of the start kept."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -237,19 +237,24 @@ class Varied:
         Raises:
             KeyedError: naming one.
         """
+        for each in self.still(self.start, q, jacobian):
+            text = f" = {show(each.name)} moves nothing that is wanted: remove it, or measure "
+            raise KeyedError(*each.where, f"{text}what it moves.")
+
+    def still(self, at: Floats, q: Floats, jacobian: Floats) -> Iterator[Unknown]:
+        """Parameters and controls that move nothing of what is looked at, but for rounding."""
         moved = np.abs(jacobian * self.scales).max(axis=0)
         least = _STILL * (np.abs(q).max() + moved.max())
         moving = {each.where for k, each in enumerate(self.unknowns) if moved[k] > least}
         for k, each in enumerate(self.unknowns):
-            if each.where not in moving and not self._moves(k, q):
-                text = f" = {show(each.name)} moves nothing that is wanted: remove it, or measure "
-                raise KeyedError(*each.where, f"{text}what it moves.")
+            if each.where not in moving and not self._moves(k, at, q):
+                yield each
             moving.add(each.where)
 
-    def _moves(self, k: int, q: Floats) -> bool:
+    def _moves(self, k: int, at: Floats, q: Floats) -> bool:
         """Whether an unknown without derivatives, as at an optimum, moves something in a step."""
         for sign in (1.0, -1.0):
-            values = self.start
+            values = at.copy()
             values[k] = np.clip(values[k] + sign * _LARGE * self.scales[k], *self.limits[:, k])
             with suppress(SceneError, ConvergenceError):
                 changed = np.abs(self.numbers(values) - q).max()

@@ -134,6 +134,8 @@ def plan_bar_row(scene: Scene) -> Plan[RowNumbers]:
 
 def _model(bars: Sequence[Bar], *, wall: bool) -> str:
     start = "behind a rigid wall" if wall else "without a wall"
+    if len(bars) == 1:
+        return f"an elastic bar, {start}, far end {bars[0].far_end}"
     return f"{len(bars)} elastic bars in a row, {start}, last far end {bars[-1].far_end}"
 
 

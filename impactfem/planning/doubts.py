@@ -53,7 +53,7 @@ def doubts(scene: Scene, told: Sequence[Finding] = ()) -> tuple[Finding, ...]:
         told: What is known already, which may say more of a body that meets nothing.
     """
     if scene.bars:
-        return ()
+        return _only_fly(scene)
     found = [doubt for body in scene.bodies for doubt in units_of(body)]
     lonely = {finding.subject for finding in told if finding.code == MEETS_NOTHING}
     if not lonely & {body.name for body in scene.bodies} and _meet_nothing(scene):
@@ -63,6 +63,17 @@ def doubts(scene: Scene, told: Sequence[Finding] = ()) -> tuple[Finding, ...]:
         remedy = "check the signs of velocity and gravity, and the duration"
         found.append(warning(MEETS_NOTHING, text, remedy=remedy))
     return tuple(found)
+
+
+def _only_fly(scene: Scene) -> tuple[Finding, ...]:
+    """A warning about a bar without a wall that does not even vibrate."""
+    first, *others = scene.bars
+    still = first.velocity.is_constant and first.displacement.is_constant
+    if scene.obstacles or others or not still:
+        return ()
+    text = f"{first.name} meets nothing, and nothing makes it vibrate: it only flies"
+    remedy = 'add [[obstacle]] with kind = "wall", or a velocity or displacement that varies in x'
+    return (warning(MEETS_NOTHING, text, remedy=remedy),)
 
 
 def doubts_of_bar(scene: Scene, exact: ExactBar) -> tuple[Finding, ...]:

@@ -103,7 +103,7 @@ def _touching(result: Record, fields: Fields, times: Floats, place: Floats) -> l
     """Thick lines while a bar touches what is before it."""
     contact, starts = result.summary["contact"], _bodies(fields)
     offset = 0 if result.scene.obstacles else 1
-    pairs = contact.get("pairs") or [{"intervals": contact["intervals"]}]
+    pairs = contact.get("pairs", [{"intervals": contact["intervals"]}])
     curves: list[Curve] = []
     for pair, found in enumerate(pairs):
         end = place[:, starts[pair + offset]]

@@ -123,7 +123,8 @@ def row_history(
     history = make_history(
         Columns(
             time=motion.times,
-            gap=motion.gap.min(axis=1),
+            # A bar alone has none.
+            gap=motion.gap.min(axis=1) if motion.labels else np.full(len(motion.times), np.nan),
             contact_force=force.sum(axis=1),
             kinetic_energy=motion.kinetic.sum(axis=1),
             elastic_energy=motion.elastic.sum(axis=1),

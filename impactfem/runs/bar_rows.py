@@ -71,7 +71,7 @@ def _measured(scene: Scene, plan: Plan[RowNumbers], motion: RowMotion) -> Measur
             sampling = sampling_of_row(scene, exact)
             errors = sampling if errors is None else errors.plus(sampling)
     names = pair_names(motion.labels, scene.bars)
-    curves = None if exact is None else row_curves(exact, end, names)
+    curves = None if exact is None or not names else row_curves(exact, end, names)
     return Measured(errors, curves, contact_figures(motion, exact if own else None))
 
 
@@ -101,14 +101,19 @@ def exact_row_motion(
         kept=kept,
         displacement=tuple(exact.displacement(k, t, x[None]) for k, x in enumerate(positions)),
         velocity=tuple(exact.velocity(k, t, x[None]) for k, x in enumerate(positions)),
-        gap=np.stack([exact.gap(j, times) for j in range(pairs)], axis=1),
-        force=np.stack([exact.mean_force(j, times) for j in range(pairs)], axis=1),
+        gap=_of_pairs([exact.gap(j, times) for j in range(pairs)], len(times)),
+        force=_of_pairs([exact.mean_force(j, times) for j in range(pairs)], len(times) - 1),
         kinetic=kinetic.T,
         elastic=elastic.T,
         mean_displacement=np.stack([exact.mean_displacement(k, times) for k in range(count)], 1),
         mean_velocity=np.stack([exact.mean_velocity(k, times) for k in range(count)], 1),
         effort=Effort(message="closed form"),
     )
+
+
+def _of_pairs(values: Sequence[Floats], rows: int) -> Floats:
+    """Values of each pair side by side, (rows, pairs); a bar alone has none."""
+    return np.array(values).reshape(len(values), rows).T
 
 
 def _wall(scene: Scene) -> str | None:

@@ -1,4 +1,4 @@
-"""Checks of a row of bars: order, overlap, ends, and settings that a row does not know."""
+"""Checks of a row of bars, or one without a wall: order, overlap, ends, what they do not know."""
 
 from itertools import pairwise
 
@@ -11,6 +11,7 @@ from impactfem.scene.values import show
 
 METHODS_OF_ROWS = ("galerkin", "conserving", "exact")
 
+_FAR_WALL = 'add [[obstacle]] with kind = "wall" out of its reach'
 _ROUNDING = 1e-12  # share of a place by which ends that meet may overlap
 _UNKNOWN = (
     "window", "active_set", "gamma", "tolerance", "max_iterations", "mesh", "accuracy", "degree",
@@ -22,7 +23,7 @@ def check_bar_row(scene: Content) -> None:
     """Refuse a row of bars that overlap, are out of order, or ask for what rows do not know.
 
     Args:
-        scene: Scene with two or more bodies, all of them bars.
+        scene: Scene with two or more bodies, all of them bars, or with one and no wall.
 
     Raises:
         KeyedError: naming the key.
@@ -35,30 +36,39 @@ def check_bar_row(scene: Content) -> None:
         )
         raise KeyedError("contact[0]", "", text)
     bars = scene.bars
+    if len(bars) == 1:
+        try:
+            bars[0].check_plain(f"here is none: {{}}, or {_FAR_WALL}")
+        except KeyedError as error:
+            raise error.moved("body[0]") from None
     for index, (before, bar) in enumerate(pairwise(bars), start=1):
-        if before.far_end == "clamped":
-            text = ' = "clamped" holds a bar in the middle of the row: only the last one may be '
-            raise KeyedError(f"body[{index - 1}]", "far_end", f"{text}clamped, remove it.")
         _check_order(before, bar, index)
     gravity = scene.gravity
     if not isinstance(gravity, PiecewiseConstant) or any(gravity.values):
         shown = show(list(gravity.values) if len(gravity.values) > 1 else gravity.values[0])
-        text = f" = {shown} does not vanish, but bars in a row move without gravity: remove it."
+        alone = f"a bar without a wall moves without gravity: remove it, or {_FAR_WALL}."
+        several = "bars in a row move without gravity: remove it."
+        text = f" = {shown} does not vanish, but {alone if len(bars) == 1 else several}"
         raise KeyedError("", "gravity", text)
-    solve = scene.solve
+    solve, words = scene.solve, words_of(len(bars))
     if solve.method is not None and solve.method not in METHODS_OF_ROWS:
         *others, last = map(show, METHODS_OF_ROWS)
         fitting = f"{', '.join(others)} or {last}"
-        text = f" = {show(solve.method)} does not solve a row of bars: give {fitting}."
+        text = f" = {show(solve.method)} does not solve {words}: give {fitting}."
         raise KeyedError("solve", "method", text)
     for name in _UNKNOWN:
         value = getattr(solve, name)
         if value is not None:
-            text = f" = {show(value)} belongs to a single bar, this is a row of {len(bars)}: "
+            text = f" = {show(value)} belongs to a single bar before a wall, this is {words}: "
             raise KeyedError("solve", name, f"{text}remove it.")
     if scene.output.checkpoint:
         text = f" = {scene.output.checkpoint}: bars are not checkpointed; remove it."
         raise KeyedError("output", "checkpoint", text)
+
+
+def words_of(bars: int) -> str:
+    """What so many bars are."""
+    return "a bar without a wall" if bars == 1 else f"a row of {bars} bars"
 
 
 def check_walls(scene: Content) -> None:
@@ -83,7 +93,10 @@ def _check_obstacles(scene: Content) -> None:
 
 
 def _check_order(before: Bar, bar: Bar, index: int) -> None:
-    """Refuse a bar that begins before the end of its predecessor."""
+    """Refuse a bar that begins before the end of its predecessor, or behind one that is held."""
+    if before.far_end == "clamped":
+        text = ' = "clamped" holds a bar in the middle of the row: only the last one may be '
+        raise KeyedError(f"body[{index - 1}]", "far_end", f"{text}clamped, remove it.")
     end = before.gap + before.length + float(before.displacement(x=before.length))
     start = bar.gap + float(bar.displacement(x=0.0))
     if start < end - _ROUNDING * max(abs(start), abs(end)):

@@ -45,6 +45,7 @@ class Bar(BodyKind):
 
     kind: ClassVar[str] = "bar"
     solvers: ClassVar[tuple[Solver, Solver]] = ("bar", "bar_row")
+    may_meet_nothing: ClassVar[bool] = True
     marches_alone: ClassVar[bool] = False
     round_ends: ClassVar[bool] = False
     dents: ClassVar[bool] = True
@@ -162,16 +163,26 @@ class Bar(BodyKind):
 
     @override
     def check_beside(self, bodies: Sequence[BodyKind]) -> None:
-        if len(bodies) == 1:
-            return
+        if len(bodies) > 1:
+            self.check_plain("here are other bodies: {}")
+
+    def check_plain(self, remedy: str) -> None:
+        """Refuse what only a bar knows that is alone before a wall.
+
+        Args:
+            remedy: What to do, with a place for how to do without.
+
+        Raises:
+            KeyedError: naming the key.
+        """
         for name in ("load", "far_end_force", "far_end_displacement"):
             if getattr(self, name).plain != 0.0:
-                why = "drives a bar that is alone before a wall, here are other bodies: remove it."
-                raise self._fail(name, why)
+                why = "drives a bar that is alone before a wall, " + remedy.format("remove it")
+                raise self._fail(name, f"{why}.")
         for name in PROPERTIES:
             if not self.is_uniform and isinstance(getattr(self, name), Formula):
-                why = "is for a bar that is alone before a wall, here are other bodies: give a "
-                raise self._fail(name, f"{why}number.")
+                why = "is for a bar that is alone before a wall, " + remedy.format("give a number")
+                raise self._fail(name, f"{why}.")
 
     def centre_velocity(self) -> Floats | None:
         """Velocity at t = 0 [m/s], (dim,); None if it varies along the bar."""

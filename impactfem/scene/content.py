@@ -210,7 +210,8 @@ class Content:
         """What solves it: what its bodies say if they are alike and this does, else the march."""
         if self.in_coordinates:
             return "vibro"
-        own = {body.solvers[len(self.bodies) > 1] for body in self.bodies}
+        several = len(self.bodies) > 1 or not self.obstacles
+        own = {body.solvers[several] for body in self.bodies}
         return own.pop() if len(own) == 1 and self.why_marched is None else "march"
 
     @property

@@ -12,8 +12,8 @@ from impactfem.scene.values import NotAllowedError, show, type_in_words
 MAX_OBSTACLES = 100
 MAX_BODIES = 2000
 MODELLED = (
-    f"one bar and one wall, up to {MAX_BODIES} bars in a row, or up to {MAX_BODIES} points, rods, "
-    f"beams and solids and up to {MAX_OBSTACLES} obstacles"
+    f"one bar, before one wall or alone, up to {MAX_BODIES} bars in a row, or up to {MAX_BODIES} "
+    f"points, rods, beams and solids and up to {MAX_OBSTACLES} obstacles"
 )
 """What a scene may hold, in words."""
 

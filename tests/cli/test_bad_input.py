@@ -18,7 +18,10 @@ SCENES = {
     "missing key": (changed("length = 1.0\n", ""), ["body[0].length is missing", "give"]),
     "missing duration": (changed("duration = 5.0\n", ""), ["duration is missing", "give"]),
     "missing body": (HEAD + '\n[[obstacle]]\nkind = "wall"\n', ["body is missing", "[[body]]"]),
-    "missing wall": (SCENE.replace('[[obstacle]]\nkind = "wall"\n', ""), ["obstacle is missing"]),
+    "missing wall": (
+        SCENE.replace('[[obstacle]]\nkind = "wall"\n', "").replace("gap", 'load = "t"\ngap'),
+        ["body[0].load", "alone before a wall", "out of its reach"],
+    ),
     "missing kind": (changed('kind = "bar"\n', ""), ["body[0].kind is missing", '"bar"']),
     "misspelt key": (changed("density", "densty"), ["body[0].densty", 'did you mean "density"']),
     "misspelt table": (changed("[solve]", "[solver]"), ["solver", 'did you mean "solve"']),

@@ -293,3 +293,26 @@ def test_misfits_become_least_by_each_solver(solver):
         data["objective"]["minimise"] = [{"term": "speed", "body": "p"}]
         with pytest.raises(SceneError, match="misfits with positive weights"):
             impactfem.optimise(Scene.from_dict(data))
+
+
+def test_an_objective_of_any_size_and_where_a_parameter_moves_nothing():
+    """The way of a point pushed until off, times 1e-12: the longer the better, up to the end."""
+    data = {
+        "title": "push", "duration": 1.0,
+        "body": [{"kind": "point", "name": "ball", "mass": 1.0, "position": [0.0],
+                  "force": ["where(t < off, 1e-12, -1e-12)"]}],
+        "obstacle": [{"kind": "half_space", "name": "stop", "point": [9.0], "normal": [-1.0]}],
+        "parameter": [{"name": "off", "start": 0.3, "bounds": [0.1, 0.8]}],
+        "measure": [{"name": "way", "of": "ball.x", "value": 0.0}],
+        "objective": {"minimise": [{"term": "value", "of": "way", "weight": -1.0}]},
+        "output": PLAIN,
+    }  # fmt: skip
+    found = impactfem.optimise(Scene.from_dict(data))
+    assert found.parameters["off"]["value"] == pytest.approx(0.8)  # its bound
+    assert found.trusted and not found.notes
+    data["parameter"][0]["bounds"] = [0.1, 9.0]
+    varied = Varied.of(Scene.from_dict(data))
+    for off, still in ((0.3, []), (1.0, []), (3.0, ["off"])):
+        told = varied.jacobian(np.array([off]))
+        found = varied.still(np.array([off]), told.numbers, told.jacobian)
+        assert [each.name for each in found] == still

@@ -62,7 +62,7 @@ CASES = {
     ),
     "method": (
         {"solve": {"method": "dg"}},
-        ['solve.method = "dg"', "row of bars", '"galerkin", "conserving" or "exact"'],
+        ['solve.method = "dg"', "row of 2 bars", '"galerkin", "conserving" or "exact"'],
     ),
     "window": ({"solve": {"window": 5}}, ["solve.window = 5", "single bar", "remove it"]),
     "accuracy": ({"solve": {"accuracy": 0.1}}, ["solve.accuracy = 0.1", "remove it"]),
@@ -86,14 +86,28 @@ def test_mistake_is_explained(changes, parts):
         assert part in message
 
 
-def test_wall_is_optional_for_rows_only():
+def test_a_wall_is_optional():
     scene = Scene.from_dict(data())
     assert scene.solver == "bar_row"
     assert [bar.name for bar in scene.bars] == ["first", "second"]
-    alone = data()
-    alone["body"] = alone["body"][:1]
-    with pytest.raises(SceneError, match="obstacle is missing"):
-        Scene.from_dict(alone)
+    alone = Scene.from_dict(data(body=data()["body"][:1]))
+    assert alone.solver == "bar_row"
+    assert plan(alone).model == "an elastic bar, without a wall, far end free"
+
+
+@pytest.mark.parametrize(
+    ("changes", "key", "value"),
+    [({"gravity": 9.81}, "gravity", "9.81")]
+    + [({"body": {name: "1+x"}}, f"body[0].{name}", "1+x") for name in ("area", "density")]
+    + [({"body": {name: "t"}}, f"body[0].{name}", "t") for name in ("load", "far_end_force")],
+)
+def test_what_only_a_bar_before_a_wall_knows(changes, key, value):
+    """It was dropped without a word where a row of one took it."""
+    lone = {**data()["body"][0], **changes.get("body", {})}
+    with pytest.raises(SceneError) as caught:
+        Scene.from_dict(data(**{**changes, "body": [lone]}))
+    for part in (key, value, "without a wall" if key == "gravity" else "here is none", "out of"):
+        assert part in str(caught.value)
 
 
 def test_neighbours_may_touch_and_files_keep_the_row():

@@ -53,7 +53,10 @@ CASES = {
     "no title": ({"title": ABSENT}, ["title is missing", "give a text"]),
     "no duration": ({"duration": ABSENT}, ["duration is missing", "a number > 0 [s]"]),
     "no body": ({"body": ABSENT}, ["body is missing", "one or more [[body]]"]),
-    "no obstacle": ({"obstacle": ABSENT}, ["obstacle is missing", "[[obstacle]]", '"wall"']),
+    "no obstacle": (
+        {"obstacle": ABSENT, "gravity": 9.81},
+        ["gravity = 9.81", "[[obstacle]]", '"wall"', "out of its reach"],
+    ),
     "no length": ({"body.0.length": ABSENT}, ["body[0].length is missing", "a number > 0 [m]"]),
     "no density": ({"body.0.density": ABSENT}, ["body[0].density is missing", "give a number"]),
     "no modulus": ({"body.0.youngs_modulus": ABSENT}, ["body[0].youngs_modulus", "[Pa]"]),
