@@ -39,3 +39,20 @@ def test_the_front_of_the_heavy_tail():
     assert np.ptp(parts, axis=1).max() < 1e-3  # four parts, each as long as the tail
     assert found.constraints[0] <= 1.4 + 1e-8
     assert found.trusted
+
+
+@pytest.mark.slow
+def test_a_strip_lands_softly(tmp_path):
+    """The demo's search, with one element and a shorter run."""
+    data = impactfem.Scene.from_toml(DEMOS / "soft_landing" / "scene.toml").to_dict()
+    times = 4.5e-6 + 1e-7 * np.arange(25)
+    rest = np.column_stack([times, np.full_like(times, -1e-6)])
+    np.savetxt(tmp_path / "rest.csv", rest, delimiter=",")
+    data["body"][0]["elements"], data["duration"] = 1, 7e-6
+    data["objective"]["tolerance"] = 1e-2
+    data["output"] = {"report": False, "pictures": False, "fields": []}
+    found = impactfem.optimise(impactfem.Scene.from_dict(data, base=tmp_path))
+    assert found.trusted
+    assert found.objective["final"] < 1e-4 * found.objective["initial"]
+    off, on = (each["value"] for each in found.parameters.values())
+    assert (off, on) == (pytest.approx(2.907e-6, rel=5e-3), pytest.approx(3.861e-6, rel=5e-3))

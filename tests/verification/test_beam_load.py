@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import fsolve
 
 import impactfem
 from impactfem.errors import SceneError
@@ -88,3 +89,57 @@ def test_a_held_beam_strikes_by_events():
     assert result.summary["contact"]["intervals"]
     codes = [finding["code"] for finding in result.summary["verdict"]["findings"]]
     assert codes == ["setting"]  # no [[contact]] gives a restitution
+
+
+def cantilever(pull, elements, **more):
+    """With EI = rho A = L = 1 and a gap of 1e-3: EI w'''' = pull / (1 - w)^2 in gaps."""
+    h, d = 0.01, 1e-3
+    return {
+        "kind": "beam", "name": "strip", "length": 1.0, "height": h, "width": 1.0,
+        "density": 1.0 / h, "youngs_modulus": 12.0 / h**3, "elements": elements,
+        "center": [0.5, 0.0], "supports": [{"end": "first", "kind": "clamped"}],
+        "load": f"-{pull * d**3}/({d} + max(u, {-0.9 * d}))**2",
+    } | more  # fmt: skip
+
+
+def largest_pull(elements):
+    """Of equilibria, one for each place of the tip."""
+    data = cantilever(1.0, elements)
+    beam = Beam(**{key: value for key, value in data.items() if key != "kind"})
+    system = free_beam(beam).system(HalfSpace(name="stop", point=[0.0, -1.0], normal=[0.0, 1.0]))
+    still, tip = np.zeros(system.dofs), system.names.index(f"deflection[{elements}]")
+    stiffness, found = free_beam(beam).parts.stiffness, np.zeros(system.dofs + 1)
+    pulls = []
+    for place in np.linspace(0.02e-3, 0.7e-3, 35):
+
+        def left(each, place=place):
+            q, pull = each[:-1], each[-1]
+            load = system.force(0.0, q, still) + stiffness @ q
+            return np.append(q - pull * np.linalg.solve(stiffness, load), -q[tip] - place) * 1e3
+
+        found = fsolve(left, found)
+        pulls.append(found[-1])
+    return max(pulls)
+
+
+def test_pull_in_of_a_cantilever_as_in_the_literature():
+    """1.68: 6 x 0.28 of Osterberg and Senturia, J. Microelectromech. Syst. 6 (1997) 107-118."""
+    assert largest_pull(8) == pytest.approx(largest_pull(4), rel=1e-4)
+    assert largest_pull(4) == pytest.approx(1.68, abs=0.005)
+
+
+@pytest.mark.parametrize(("share", "closes"), [(0.97, False), (1.03, True)])
+def test_a_strip_is_pulled_in(share, closes):
+    """Damped so that it creeps."""
+    strip = cantilever(share * largest_pull(4), 4, rayleigh=[30.0, 0.0])
+    stop = {"kind": "half_space", "name": "stop", "point": [0.0, -0.8e-3], "normal": [0.0, 1.0]}
+    run = impactfem.solve(Scene.from_dict({
+        "title": "pull", "duration": 60.0, "body": [strip], "obstacle": [stop],
+        "solve": {"estimate": False, "dt": 0.05}, "output": {"fields": []},
+        "probe": [{"name": "tip", "body": "strip", "point": [1.0, 0.0]}],
+    }))  # fmt: skip
+    tip = run.history["tip.uy"].values
+    assert (run.history["contact_force"].values.max() > 0.0) == closes
+    if not closes:
+        assert -0.6e-3 < tip[-1] < -0.3e-3
+        assert abs(tip[-1] - tip[-100]) < 1e-6
