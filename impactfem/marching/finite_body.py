@@ -107,15 +107,13 @@ class FiniteBody(ABC):
         momentum = self._times_mass(self.velocity)
         each, weights = momentum.reshape(-1, dim), self._weights.reshape(-1, dim)
         spin, attitude = self._turned(momentum)
-        sums = Sums(
-            0.5 * float(self.velocity @ momentum),
-            elastic,
-            work,
-            self._ones @ each,
-            self._ones @ (weights * self.displacement.reshape(-1, dim)),
-            spin,
-            attitude,
-        )
+        whole = self._ones @ each
+        moment = self._ones @ (weights * self.displacement.reshape(-1, dim))
+        if self._drive.has_moved:
+            whole = self._drive.moments(self.velocity)
+            moment = self._drive.moments(self.displacement)
+        kinetic = 0.5 * float(self.velocity @ momentum)
+        sums = Sums(kinetic, elastic, work, whole, moment, spin, attitude)
         return [sums]
 
     def _turned(self, momentum: Floats) -> tuple[Floats, Floats | None]:

@@ -170,7 +170,8 @@ class Leapfrog:
     def _contact_at(self, time: float) -> Floats:
         if self._statics is None:
             return self._surface.gather(self.displacement)
-        load = self._surface.gather(self._drive.lift(time)) if self._drive.has_moved else None
+        pull = self._drive.pull(time)
+        load = None if pull is None else self._surface.gather(pull)
         found = self._statics.equilibrium(self.displacement, load)
         self._surface.spread(found, self.displacement)
         return found
@@ -276,9 +277,11 @@ class Leapfrog:
             if self._statics is not None:  # K u of massless nodes, in balance with moved supports
                 massless = self._surface.dofs
                 elastic += 0.5 * float(self.displacement[massless] @ self._lift[massless])
+        momentum, moment = self._sums[2 : 2 + 2 * dim].reshape(2, dim).copy()
+        if drive.has_moved:
+            momentum, moment = drive.moments(self._step), drive.moments(self.displacement)
         sums = Sums(
-            self._sums[0] / self.dt**2, elastic, work,
-            self._sums[2 : 2 + dim] / self.dt, self._sums[2 + dim : 2 + 2 * dim].copy(),
+            self._sums[0] / self.dt**2, elastic, work, momentum / self.dt, moment,
             self._sums[2 + 2 * dim :] / self.dt,
         )  # fmt: skip
         return [sums]

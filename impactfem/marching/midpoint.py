@@ -77,7 +77,7 @@ class Midpoint:
         self._spins: Floats | None = None
         self._columns = np.empty((0, len(self.displacement)))  # answers, in the order of asking
         self._gather_columns = True
-        self._loads = np.zeros(0)
+        self._loads, self._begin = np.zeros(0), 0.0
         self._contact = self._contact_at(0.0)
         if statics is not None:
             surface.spread(self._contact, self.displacement)
@@ -108,7 +108,8 @@ class Midpoint:
     def _contact_at(self, time: float) -> Floats:
         if self._statics is None:
             return self._surface.gather(self.displacement)
-        load = self._surface.gather(self._drive.lift(time)) if self._drive.has_moved else None
+        pull = self._drive.pull(time)
+        load = None if pull is None else self._surface.gather(pull)
         return self._statics.equilibrium(self.displacement, load)
 
     def _times_mass(self, values: Floats) -> Floats:
@@ -120,7 +121,7 @@ class Midpoint:
     def predict(self, layer: int) -> Floats:
         """Solve the layer without contact forces."""
         system, drive, dt = self._system, self._drive, self.dt
-        begin, end = layer * dt, (layer + 1) * dt
+        begin, end = self._begin, _ = layer * dt, (layer + 1) * dt
         gravity = self.gravity(layer)
         motion = self._mu * self.displacement + (2.0 / dt) * self.velocity
         carried = np.tile(system.carried(motion), len(motion) // system.dim)
@@ -201,7 +202,7 @@ class Midpoint:
             self._answer_of_contact(answer) if change is None else change
         )
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+    def finish(self, layer: int, static: Floats) -> list[Sums]:
         """End the layer and sum up."""
         system = self._system
         moved = self.displacement - self._before
@@ -218,12 +219,20 @@ class Midpoint:
             step = self.displacement - self._before
             reaction = self._drive.reaction(self.displacement - 0.5 * step)
             work += float(reaction @ step[self._drive.moved])
-        return self._summed(work)
+        return self._summed(work, (layer + 1) * self.dt)
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
         """Velocities of contact nodes at both ends of the layer [m/s] (collective)."""
-        before = self._surface.gather(self.velocity)
+        before = self._surface.gather(self._speeds(self._begin))
         return before, 2.0 / self.dt * way - before
+
+    def _speeds(self, time: float) -> Floats:
+        """Velocities, also of what supports move, whose momentum no scheme keeps [m/s]."""
+        if not self._drive.has_moved:
+            return self.velocity
+        found = self.velocity.copy()
+        found[self._drive.moved] = self._system.supports.motion(time)[1]
+        return found
 
     def roots(self) -> None:
         """Nothing is volatile."""
@@ -236,9 +245,9 @@ class Midpoint:
         """Sums of the initial state."""
         if self._statics is not None:
             self._surface.spread(self._contact + static, self.displacement)
-        return self._summed(0.0)
+        return self._summed(0.0, 0.0)
 
-    def _summed(self, work: float) -> list[Sums]:
+    def _summed(self, work: float, time: float) -> list[Sums]:
         system, dim = self._system, self._system.dim
         carried = system.carried(self.displacement)
         strained = (self.displacement.reshape(-1, dim) - carried).ravel()
@@ -251,13 +260,13 @@ class Midpoint:
             elastic += self._drive.elastic(self.displacement, self.displacement)
         momentum = self._times_mass(self.velocity)
         kinetic = 0.5 * float(self.velocity @ momentum)
-        moments = self._weights * self.displacement
-        sums = Sums(
-            kinetic, elastic, work,
-            momentum.reshape(-1, dim).sum(axis=0), moments.reshape(-1, dim).sum(axis=0),
-            self._turning.rows @ momentum,
-        )  # fmt: skip
-        return [sums]
+        whole = momentum.reshape(-1, dim).sum(axis=0)
+        moment = (self._weights * self.displacement).reshape(-1, dim).sum(axis=0)
+        if self._drive.has_moved:
+            whole = self._drive.moments(self._speeds(time))
+            moment = self._drive.moments(self.displacement)
+        spin = self._turning.rows @ momentum
+        return [Sums(kinetic, elastic, work, whole, moment, spin)]
 
     def placed(self, static: Floats) -> Floats:  # noqa: ARG002  (as the interface has it)
         """Displacement of the owned dofs with massless nodes where they are, as a new array."""

@@ -60,6 +60,25 @@ class Drive:
         image.destroy()
         return found
 
+    def pull(self, time: float) -> Floats | None:
+        """What moves contact nodes without mass in their equilibrium, (owned dofs,); None: nothing.
+
+        Elastic forces of moved supports, and on dofs that these move themselves their place: such
+        rows have 1 on the diagonal.
+        """
+        if not self.has_moved:
+            return None
+        found = self.lift(time)
+        found[self.moved] = self._system.supports.motion(time)[0]
+        return found
+
+    def moments(self, field: Floats) -> Floats:
+        """Mass times a field of the owned dofs, on this rank, (dim,).
+
+        With what supports hold: schemes have no mass there.
+        """
+        return np.asarray(self._system.node_mass @ field.reshape(-1, self._system.dim))
+
     def elastic(self, displacement: Floats, other: Floats) -> float:
         """Elastic energy that moved supports add to u K u / 2 of the free dofs, on this rank [J].
 

@@ -309,7 +309,8 @@ def test_an_objective_of_any_size_and_where_a_parameter_moves_nothing():
     }  # fmt: skip
     found = impactfem.optimise(Scene.from_dict(data))
     assert found.parameters["off"]["value"] == pytest.approx(0.8)  # its bound
-    assert found.trusted and not found.notes
+    assert found.trusted
+    assert not found.notes
     data["parameter"][0]["bounds"] = [0.1, 9.0]
     varied = Varied.of(Scene.from_dict(data))
     for off, still in ((0.3, []), (1.0, []), (3.0, ["off"])):
