@@ -152,7 +152,7 @@ def differences(changes: Changes, read: Callable[[Floats], Floats]) -> Slopes:
     if count > _FEW:
         way = np.random.default_rng(0).standard_normal(count) * changes.scales
         both, size = beside.sides(way / np.sqrt(count))
-        slopes = None if len(both) < 2 or _apart(both, size) else beside.central()
+        slopes = None if len(both) < 2 or apart(both, size) else beside.central()
         if slopes is not None:
             return Slopes(beside.numbers, slopes, [])
     below, above = np.zeros((2, len(beside.numbers), count))
@@ -163,7 +163,7 @@ def differences(changes: Changes, read: Callable[[Floats], Floats]) -> Slopes:
             why = f"{changes.names[k]}: there is no scene beside its value, so no derivative: "
             raise SceneError(f"{why}{beside.refused}")
         above[:, k], below[:, k] = sides[0] / size, sides[-1] / size
-        kinked |= len(sides) == 2 and _apart(sides, moved)
+        kinked |= len(sides) == 2 and apart(sides, moved)
     mean = 0.5 * (above + below)
     if not kinked:
         return Slopes(beside.numbers, mean, [])
@@ -218,7 +218,7 @@ class _Beside:
         return slopes
 
 
-def _apart(sides: list[Floats], size: float) -> bool:
+def apart(sides: Sequence[Floats], size: float = 0.0) -> bool:
     """Whether derivatives on both sides disagree, beyond the rounding of differences of a size."""
     one, other = sides
     return bool(np.abs(one - other).max() > _KINK * max(size, np.abs(sides).max()))

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
-from impactfem.inverse.bars import BarRuns, differences, reader
+from impactfem.inverse.bar_adjoints import Adjoints
+from impactfem.inverse.bars import BarRuns, apart, differences, reader
 from impactfem.inverse.outcomes import Outcome
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
@@ -28,6 +29,7 @@ from impactfem.scene import Scene
 Floats = NDArray[np.float64]
 Marks = NDArray[np.int8]
 
+_MANY = 10  # numbers for each unknown, each a sweep, that still take less than runs beside it
 _WEAK = 1e-9  # share of the largest merit below which a pair is neither pressed nor apart
 
 
@@ -84,7 +86,10 @@ class LayeredBars:
             times: [s].
             marks: Sets of the layers; None: they are found.
         """
-        bar, motion = scene.bar, self._march(scene, marks)
+        return self._told(scene, times, self._march(scene, marks))
+
+    def _told(self, scene: Scene, times: Floats, motion: BarMotion) -> Outcome:
+        bar = scene.bar
         (wall,) = scene.obstacles
         row = RowMotion.of_one(motion, bar, wall.name)
         history = row_history(row, scene.bars, bar_probes(scene, row))
@@ -116,10 +121,33 @@ class LayeredBars:
         )
 
     def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:
-        """Numbers of a run and their derivatives, with the active set of the run."""
+        """Numbers of a run and their derivatives, with the active set of the run.
+
+        By a reversed sweep for each number; by differences where numbers are many more than
+        unknowns, and of unknowns that change the layers.
+        """
         scene = changes.scene
-        marks = self._marks(scene, self._march(scene, None))
-        return differences(changes, reader(partial(self.outcome, marks=marks), changes, quantities))
+        motion = self._march(scene, None)
+        marks = self._marks(scene, motion)
+        read = reader(partial(self.outcome, marks=marks), changes, quantities)
+        outcome = self._told(scene, quantities.times, motion)
+        numbers = quantities.read(outcome, scene)
+        if len(numbers) > _MANY * len(changes.values):
+            return differences(changes, read)
+        travel = np.linspace(0.0, scene.bar.length, len(motion.positions))
+        adjoints = Adjoints(changes, quantities, motion, marks, travel, self._dt)
+        found = adjoints.jacobian(outcome, _rebound_level(motion))
+        if found is None:
+            return differences(changes, read)
+        (below, above), known = found
+        if not known.all():
+            some = changes.some(~known)
+            rest = differences(some, reader(partial(self.outcome, marks=marks), some, quantities))
+            below[:, ~known], above[:, ~known] = rest.sides or (rest.jacobian, rest.jacobian)
+        mean = 0.5 * (below + above)
+        if not apart([below, above]):
+            return Slopes(numbers, mean, [])
+        return Slopes(numbers, mean, [], 0.0, (below, above))
 
     def _marks(self, scene: Scene, motion: BarMotion) -> Marks:
         """Sets of the layers of a run; those of pairs that are on no side are left open."""
@@ -137,7 +165,10 @@ def _rebound(motion: BarMotion) -> float:
 
     The layer of a release still has half of the force of the one before.
     """
+    level = _rebound_level(motion)
+    return abs(float(motion.mean_velocity[level])) if level else float("nan")
+
+
+def _rebound_level(motion: BarMotion) -> int:
     touching = np.flatnonzero(motion.active)
-    if not touching.size:
-        return float("nan")
-    return abs(float(motion.mean_velocity[min(touching[-1] + 3, len(motion.times) - 1)]))
+    return min(int(touching[-1]) + 3, len(motion.times) - 1) if touching.size else 0

@@ -59,15 +59,16 @@ class Quantities:
     def times(self) -> Floats:
         """Times at which a run has to be known, with its start and end [s]."""
         own = [each.times for each in self.data]
-        own += [np.array([self._at(term)]) for term in self._all]
+        own += [np.array([self.at(term)]) for term in self.all_terms]
         return np.unique(np.concatenate([[0.0, self.scene.duration], *own]))
 
     @property
-    def _all(self) -> tuple[Term, ...]:
+    def all_terms(self) -> tuple[Term, ...]:
         """Terms of the objective, then those that stay within limits."""
         return (*self.terms, *(limit.limited for limit in self.limits))
 
-    def _at(self, term: Term) -> float:
+    def at(self, term: Term) -> float:
+        """Time that a term is of [s]."""
         return self.scene.duration if term.at is None else term.at
 
     @property
@@ -86,7 +87,9 @@ class Quantities:
             SceneError: A measure is of nothing that the run has.
         """
         found = [self._measured(index, outcome, data.times) for index, data in enumerate(self.data)]
-        return np.concatenate([*found, [self._term(term, outcome, scene) for term in self._all]])
+        return np.concatenate(
+            [*found, [self._term(term, outcome, scene) for term in self.all_terms]]
+        )
 
     def _measured(self, index: int, outcome: Outcome, times: Floats) -> Floats:
         measure = self.scene.measures[index]
@@ -125,7 +128,7 @@ class Quantities:
             return 0.0
         if term.term in {"peak_force", "time"}:
             return _of_pair(term, outcome)
-        row = _rows(outcome.times, np.array([self._at(term)]))[0]
+        row = _rows(outcome.times, np.array([self.at(term)]))[0]
         if term.term == "speed":
             return float(np.linalg.norm(_velocity(outcome, str(term.body), row)))
         columns = [outcome.history.get(f"{name}_energy") for name in _ENERGIES[term.term]]

@@ -58,6 +58,17 @@ class Changes:
         """The scene itself."""
         return self.at(self.values)
 
+    def some(self, which: NDArray[np.bool_]) -> "Changes":
+        """The same place, of which only some parameters may change, (P,)."""
+
+        def at(values: Floats) -> Scene:
+            changed = self.values.copy()
+            changed[which] = values
+            return self.at(changed)
+
+        names = tuple(name for name, kept in zip(self.names, which, strict=True) if kept)
+        return Changes(at, self.values[which], self.scales[which], names)
+
     def moved(self, k: int, offset: float) -> Scene:
         """The scene with one parameter changed."""
         values = self.values.copy()

@@ -173,6 +173,76 @@ def two_step(
 
 
 @compiled
+def two_step_reversed(
+    mass, stiffness, dt, clamped, forces, pushes, u, multiplier, marks, last, of_u, of_multiplier,
+    of_mass, of_stiffness, of_velocity, of_loads, of_forces, of_pushes, of_ways,
+):  # fmt: skip
+    """Derivatives of a number by what `two_step` is given, from those by what it tells.
+
+    The same order reversed, with its active set: one transposed solve of all its layers.
+
+    Args:
+        mass, stiffness, dt, clamped, forces, pushes: As given to it.
+        u: u^m, (layers + 1, nodes).
+        multiplier: lambda of each layer.
+        marks: Set of each layer, 0 or 1.
+        last: Level after which nothing counts.
+        of_u: Derivative by each u^m, likewise; becomes that by u^0 in its row 0, the others are
+            used up.
+        of_multiplier: Derivative by lambda of each layer; likewise used up.
+        of_mass, of_stiffness, of_velocity, of_loads, of_forces, of_pushes, of_ways: Added to.
+    """
+    n = len(mass)
+    step = np.zeros(n)  # by the step of a layer
+    inner = np.empty(n)
+    response = 0.5 * dt * dt / mass[0]
+    of_response = 0.0
+    loaded = len(forces) > 0
+    for m in range(last - 1, -1, -1):
+        own, past = min(m, len(forces) - 1), max(min(m, len(forces)) - 1, 0)
+        half, ongoing = (0.5, 0.0) if m == 0 else (1.0, 1.0)
+        for j in range(n):
+            step[j] += of_u[m + 1, j]
+            of_u[m, j] += of_u[m + 1, j]
+        if clamped:
+            of_ways[m] += step[n - 1]
+            step[n - 1] = 0.0
+        if marks[m] == 1:
+            of_u[m, 0] -= step[0]
+            step[0] = of_multiplier[m] / response
+            of_u[m, 0] += step[0]
+            of_response -= step[0] * multiplier[m]
+        if m > 0:
+            of_multiplier[m - 1] -= response * step[0]
+            of_response -= multiplier[m - 1] * step[0]
+        pull = 0.0
+        for j in range(n):
+            ahead = stiffness[j] * (u[m, j + 1] - u[m, j]) if j < n - 1 else 0.0
+            force = ahead - pull
+            pull = ahead
+            given = half * dt * dt * step[j]
+            inner[j] = given / mass[j]
+            of_loads[m] -= given
+            if j == n - 1:
+                force += pushes[m]
+                of_pushes[m] += inner[j]
+            if loaded:
+                force += 0.5 * (forces[past, j] + forces[own, j])
+                of_forces[past, j] += 0.5 * inner[j]
+                of_forces[own, j] += 0.5 * inner[j]
+            of_mass[j] -= inner[j] * force / mass[j]
+            if m == 0:
+                of_velocity[j] += dt * step[j]
+            step[j] *= ongoing
+        for j in range(n - 1):
+            turn = inner[j] - inner[j + 1]
+            of_stiffness[j] += turn * (u[m, j + 1] - u[m, j])
+            of_u[m, j + 1] += stiffness[j] * turn
+            of_u[m, j] -= stiffness[j] * turn
+    of_mass[0] -= of_response * response / mass[0]
+
+
+@compiled
 def measure(mass, stiffness, u, v, row, total, gap, kinetic, elastic, mean, momentum):
     """Gap, energies, mean displacement and velocity of a state (u, v), filled into a row."""
     n = len(mass)

@@ -247,6 +247,12 @@ class Bar(BodyKind):
             return np.ones(len(travel) - 1)
         return self.profile.weights(travel)
 
+    def moments(self, travel: Floats) -> Floats:
+        """First moment of the mass of each element about the near end [kg m], as `weights`."""
+        if self.profile is None:
+            return np.asarray(0.5 * self.section * np.diff(travel**2))
+        return self.profile.moments(travel)
+
     @cached_property
     def wave_speed(self) -> float:
         """Speed of elastic waves c = sqrt(E / rho) [m/s]; where it varies, L / transit time."""

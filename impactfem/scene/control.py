@@ -155,6 +155,17 @@ class Control:
         a, b = values[:-1], values[1:]
         return float(lengths @ (a * a + a * b + b * b) / 3.0)
 
+    def effort_slope(self, duration: float) -> Floats:
+        """Derivatives of the effort by the values, (count,)."""
+        lengths, values = np.diff(self.times(duration)), np.array(self.values)
+        if not self.is_linear:
+            return np.asarray(2.0 * lengths * values)
+        a, b = values[:-1], values[1:]
+        return (
+            np.append(lengths * (2.0 * a + b), 0.0) / 3.0
+            + np.insert(lengths * (a + 2.0 * b), 0, 0.0) / 3.0
+        )
+
 
 def acted(
     data: dict[str, Any], controls: Sequence[Control], keys: Mapping[str, Collection[str]]

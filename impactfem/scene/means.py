@@ -84,10 +84,36 @@ def mean_of(
     found = formula(t=low, **still)
     if (moving := np.flatnonzero(high > low)).size:
         found = np.array(found)
-        own = {name: value[moving] for name, value in still.items()}
-        parts = _resolved(formula, low[moving], high[moving], own)
-        found[moving] = np.bincount(parts.of, parts.share * parts.mean, len(moving))
+        of, begin, stop = _cut_at_numbers(formula, low[moving], high[moving])
+        own = {name: value[moving][of] for name, value in still.items()}
+        parts = _resolved(formula, begin, stop, own)
+        share = ((stop - begin) / (high - low)[moving][of])[parts.of] * parts.share
+        found[moving] = np.bincount(of[parts.of], share * parts.mean, len(moving))
     return np.reshape(found, arrays[0].shape)[()]
+
+
+def _cut_at_numbers(formula: Formula, low: Floats, high: Floats) -> tuple[Integers, Floats, Floats]:
+    """Intervals cut at the numbers with which time is compared, which most breaks are.
+
+    Returns:
+        Of each part its interval, where it begins and where it ends, (parts,) each.
+    """
+    told = np.array(formula.compared("t"))
+    first, last = np.searchsorted(told, low, side="right"), np.searchsorted(told, high, side="left")
+    counts = np.maximum(last - first, 0) + 1
+    if not len(told) or counts.sum() > max(_MOST, 4 * len(low)):
+        return np.arange(len(low)), low, high
+    of = np.arange(len(low)).repeat(counts)
+    place = np.arange(len(of)) - (np.cumsum(counts) - counts)[of]
+    at = first[of] + place
+    begin = np.where(place == 0, low[of], told[np.maximum(at - 1, 0)])
+    stop = np.where(place == counts[of] - 1, high[of], told[np.minimum(at, len(told) - 1)])
+    inside = 4.0 * np.spacing(stop)  # at the numbers themselves both branches may hold
+    begin, stop = (
+        np.where(np.isin(edge, told), edge + away * inside, edge)
+        for edge, away in ((begin, 1.0), (stop, -1.0))
+    )
+    return of, begin, np.maximum(stop, begin)
 
 
 class StepMean:

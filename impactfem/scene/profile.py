@@ -37,6 +37,7 @@ class Profile:
     Attributes:
         mass_rate: rho A [kg/m], in the place that formulas call t.
         slowness: sqrt(rho / E) [s/m], likewise.
+        moment_rate: rho A x [kg], likewise.
         edges: Borders of parts in which the slowness is smooth [m].
         times: Travel times to them [s].
         breaks: Where density, modulus or area jump or bend, both sides of each [m].
@@ -47,6 +48,7 @@ class Profile:
 
     mass_rate: Formula
     slowness: Formula
+    moment_rate: Formula
     edges: Floats
     times: Floats
     breaks: Floats
@@ -68,7 +70,7 @@ class Profile:
         times = np.concatenate([[0.0], np.cumsum(_integrals(slowness, edges, breaks))])
         mass = float(_integrals(mass_rate, edges, breaks).sum())
         center = float(_integrals(moment, edges, breaks).sum()) / mass
-        return cls(mass_rate, slowness, edges, times, breaks, length, mass, center)
+        return cls(mass_rate, slowness, moment, edges, times, breaks, length, mass, center)
 
     @property
     def transit_time(self) -> float:
@@ -107,6 +109,10 @@ class Profile:
         x = self.places(travel)
         mass = _integrals(self.mass_rate, x, self.breaks)
         return np.asarray(mass / mass.sum() * self.length / np.diff(travel))
+
+    def moments(self, travel: Floats) -> Floats:
+        """First moment of the mass of each element about the near end [kg m], as `weights`."""
+        return _integrals(self.moment_rate, self.places(travel), self.breaks)
 
     def jumps(self) -> Floats:
         """Shares of the transit time at which the impedance jumps or bends."""

@@ -1,9 +1,11 @@
 """What drives the far end of a bar in layers: forces, ways, and the work of both, over rho A."""
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.scene import Bar, PiecewiseConstant
+from impactfem.scene import Bar, Formula, PiecewiseConstant
 from impactfem.scene.means import mean_of
 from impactfem.system.chain import Chain
 from impactfem.system.fronts import speeds_at_levels
@@ -27,8 +29,15 @@ def end_means(bar: Bar, times: Floats) -> Floats:
     if bar.far_end == "clamped":
         dt = np.diff(times)
         return np.divide(end_ways(bar, times), dt, out=np.zeros_like(dt), where=dt > 0.0)
-    force = mean_of(bar.far_end_force, times[..., :-1], times[..., 1:])
+    force = _means(bar.far_end_force, np.shape(times), np.asarray(times, float).tobytes())
     return np.asarray(force / bar.impedance)
+
+
+@lru_cache(maxsize=4)
+def _means(formula: Formula, shape: tuple[int, ...], levels: bytes) -> Floats:
+    """Means between levels, kept: sizes, loads and works of one run ask for the same."""
+    times = np.frombuffer(levels).reshape(shape)
+    return np.asarray(mean_of(formula, times[..., :-1], times[..., 1:]))
 
 
 def end_ways(bar: Bar, times: Floats) -> Floats:
