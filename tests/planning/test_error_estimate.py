@@ -100,6 +100,14 @@ def test_errors_of_any_usual_order_are_told_within_half_and_ten_times(order):
     assert "from coarser runs" in note["message"]
 
 
+def test_runs_that_agree_by_chance_tell_no_small_error():
+    """In numbers, so that the limits themselves are held, not only that there are some."""
+    found, _ = extrapolated(errors(0.01), errors(1.0, 1.0))
+    assert found.displacement_max == pytest.approx(1.25 * 0.01 / 2.0)
+    slow, _ = extrapolated(errors(0.01), errors(0.0126))
+    assert slow.displacement_max == pytest.approx(1.25 * 0.01 / 0.75)
+
+
 def test_differences_that_do_not_fall_tell_no_error():
     found, note = extrapolated(errors(0.1), errors(0.124))
     assert found is None
