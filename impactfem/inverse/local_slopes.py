@@ -22,6 +22,7 @@ Integers = NDArray[np.int64]
 
 _STEP = 1e-3  # share of an unknown, the longer of two central differences
 _ROUNDING = 1e-13  # of an array, as a share of its largest value
+_STRAIGHT = 1e-11  # likewise: bend within a step that leaves central differences right
 _BESIDE = 1e-8  # share of a piece by which means may see it beside what it borders on
 
 
@@ -70,8 +71,8 @@ def slopes(
 ) -> tuple[csr_array, NDArray[np.bool_]]:
     """Derivatives of all entries of some arrays by all unknowns.
 
-    Central differences: exact of what is a square of the unknowns at most, else extrapolated over
-    two steps, and known to about 1e-11 of their size.
+    Central differences, extrapolated over two steps of what is not straight: right to about 1e-11
+    of their size.
 
     Args:
         changes: The place, and the sizes of steps.
@@ -123,10 +124,9 @@ def _change(
     )
     above, below = at(_STEP), at(-_STEP)
     found = (above - below) / (2.0 * _STEP)
-    room = _ROUNDING * (size + np.abs(above - now) + np.abs(below - now))
-    if (np.abs(above + below - 2.0 * now) > 4.0 * room).any():
+    if (np.abs(above + below - 2.0 * now) > _STRAIGHT * size).any():
         found = (4.0 * (at(0.5 * _STEP) - at(-0.5 * _STEP)) / _STEP - found) / 3.0
-    found[np.abs(above - below) <= room] = 0.0
+    found[np.abs(above - below) <= _ROUNDING * size] = 0.0
     return found
 
 

@@ -8,10 +8,13 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.result.table import Table
 from impactfem.scene import Scene
+
+Floats = NDArray[np.float64]
 
 _AXES = "xyz"
 _EPS = float(np.finfo(np.float64).eps)
@@ -67,6 +70,23 @@ def rounding_share(layers: int) -> float:
     return max(_LEAST, layers * _EPS)
 
 
+def fall_in_step(scene: Scene, times: Floats) -> float:
+    """Way that bodies would fall in a step [m]: what rests at the origin has no other length.
+
+    Args:
+        scene: What was modelled.
+        times: Of the levels [s].
+    """
+    step = float(times[-1] - times[0]) / max(1, len(times) - 1)
+    return _pull(scene) * step**2
+
+
+def _pull(scene: Scene) -> float:
+    """Largest gravity [m/s^2]."""
+    pulls = np.asarray(scene.gravity.values, dtype=np.float64)
+    return float(np.linalg.norm(pulls.reshape(len(pulls), -1), axis=1).max())
+
+
 def rounding_way(scene: Scene, history: Table, layers: int) -> float:
     """Way that rounding of coordinates can make in a run, `rounding_share` of the largest one [m].
 
@@ -79,7 +99,8 @@ def rounding_way(scene: Scene, history: Table, layers: int) -> float:
     places = [history[name].values for name in names if name in history]
     finite = (np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in places)
     sizes = (_size(body, history) or 0.0 for body in scene.bodies)
-    return rounding_share(layers) * float(max(*finite, *sizes, 0.0))
+    falls = fall_in_step(scene, history["time"].values)
+    return rounding_share(layers) * float(max(*finite, *sizes, falls))
 
 
 def rounding_energy(
@@ -98,12 +119,10 @@ def rounding_energy(
     """
     way = rounding_way(scene, history, layers)
     mass = float(sum(body["mass"] for body in bodies.values()))
-    pulls = np.asarray(scene.gravity.values, dtype=np.float64)
-    pull = float(np.linalg.norm(pulls.reshape(len(pulls), -1), axis=1).max())
     force = np.abs(history["contact_force"].values)
     largest = float(force[np.isfinite(force)].max(initial=0.0))
     jump = way / (history["time"].values[-1] or 1.0)
-    return way * (mass * pull + largest) + 0.5 * mass * jump**2
+    return way * (mass * _pull(scene) + largest) + 0.5 * mass * jump**2
 
 
 def _size(body: Any, history: Table) -> float | None:

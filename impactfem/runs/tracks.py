@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from impactfem.reference.bar import Errors
 from impactfem.result.table import Table
-from impactfem.runs.scales import rounding_share
+from impactfem.runs.scales import fall_in_step, rounding_share
 from impactfem.scene import Scene
 
 if TYPE_CHECKING:
@@ -90,6 +90,7 @@ class Track:
         """
         settled = (details or {}).get("start", {}).get("moved", {})
         parts, known = [], bodies or {}
+        fall = fall_in_step(scene, history["time"].values)
         for body in scene.bodies:
             name = body.name
             place, first = (
@@ -99,7 +100,7 @@ class Track:
             moved = np.zeros(3)
             moved[: len(settled.get(name, ()))] = settled.get(name, ())
             turns = turned(history, name, known[name]) if body.turns_far and name in known else []
-            parts.append(_centre(name, place, moved, first[0], turns))
+            parts.append(_centre(name, place, moved, first[0], turns, fall))
         mass = sum(float(body.get("mass") or 0.0) for body in known.values())
         times, force = history["time"].values, history["contact_force"].values
         return cls(times, tuple(parts), force, grounds(scene), mass)
@@ -144,12 +145,16 @@ class Track:
 
 
 def _centre(
-    name: str, place: Floats, moved: Floats, first: Floats, turns: Sequence[Floats] = ()
-) -> Part:
-    """Of a centre of mass [m], (rows, 3), where it moved before, and columns of turns [m]."""
+    name: str, place: Floats, moved: Floats, first: Floats, turns: Sequence[Floats] = (),
+    least: float = 0.0,
+) -> Part:  # fmt: skip
+    """Of a centre of mass [m], (rows, 3), where it moved before, and columns of turns [m].
+
+    Its extent is at least that given.
+    """
     columns = [(place - place[0] + moved).T, *(turn[None] - turn[0] for turn in turns)]
     way = np.concatenate(columns).T
-    extent = float(np.abs(place).max() + np.abs(way).max())
+    extent = max(least, float(np.abs(place).max() + np.abs(way).max()))
     return Part(name, way, np.eye(3, way.shape[1]), first, extent)
 
 

@@ -205,6 +205,12 @@ SCENES = {
     "on a limit": on_a_limit(),
     "linked": linked(),
     "point": points(1, 0.0),
+    # At the origin, where its place is no length.
+    "point on a slope": points(2, 0.0, radius=0.0)
+    | {
+        "gravity": [math.sin(0.3), -math.cos(0.3)],
+        "contact": rubbing(["p0", "floor"]),
+    },
     "pile of points": points(2, 0.5, 1.5, 2.5),
     "pressed by a spring": on_a_spring(0.2),
     "on a spring": on_a_spring(-0.02),
