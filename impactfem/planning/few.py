@@ -45,11 +45,13 @@ _BRAKED, _RESOLVED = 0.05, 0.25  # steps by the time in which a bar brakes a bod
 _MOST = 10_000_000
 _SECONDS, _BODY_SECONDS = 6e-4, 1.2e-5  # of a layer, up to 1e-3 with friction; of a body in it
 _PAIR_SECONDS = 2e-5  # of a gap, before the first layer; measured with 25 to 600 balls
-_GAP_SECONDS, _BALL_SECONDS = 4e-6, 1.5e-4
-"""Of a gap in each layer where edges, faces or axes meet, and of a ball among others.
+_GAP_SECONDS, _BALL_SECONDS, _EDGED_SECONDS = 4e-6, 1.5e-4, 2e-4
+"""Of a gap in each layer where edges, faces or axes meet, of a ball among others, and of n bodies
+that are no balls, by n^(3/2): they are solved together where they touch.
 
 Measured with 100 and 200 boxes, which have eight gaps a pair (5.6e-6 and 3.6e-6: 100 layers of 200
-boxes take 61 s), and with 200 and 300 balls (200 layers of 300 balls take 11 s).
+boxes take 61 s), with 200 and 300 balls (200 layers of 300 balls take 11 s), and with 5, 16, 25 and
+49 boxes that fall on one another (2, 16, 34 and 95 ms a layer, on a machine with other work).
 """
 _BASE_MIB = 240.0  # of the process with DOLFINx
 _PAIR_BYTES = 2500.0  # of a gap between bodies
@@ -80,6 +82,8 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
         )
     each = _SECONDS + _BODY_SECONDS * len(scene.bodies)
     each += _GAP_SECONDS * sum(met.pair.count for met in model.ball_meetings)
+    meeting = {name for met in model.ball_meetings if met.single is None for name in met.names}
+    each += _EDGED_SECONDS * len(meeting) ** 1.5
     each += _BALL_SECONDS * np.unique(model.crowd.pairs).size
     seconds = (each + sum(bodies.seconds for bodies in model.few)) * layers
     start = _PAIR_SECONDS * model.contact_count
