@@ -34,6 +34,7 @@ class Method:
             time step is that of the output.
         rubs: Whether it takes friction of one rigid body in the plane without the march.
         lively: Whether it may gain energy with restitution near 1.
+        spring_walls: Whether it knows the spring of a wall that a bar meets.
         tolerance: Relative rounding level of the active set, if none is given.
         own: Keys of ``[solve]`` that belong to it alone.
         error: For bars, constant and rate of the largest relative displacement error seen for
@@ -55,6 +56,7 @@ class Method:
     locates: bool = False
     rubs: bool = False
     lively: bool = False
+    spring_walls: bool = False
     tolerance: float = 1e-13
     own: tuple[str, ...] = ()
 
@@ -71,6 +73,7 @@ METHODS: Mapping[str, Method] = {
         bodies=BOTH,
         error=(4.0, 1.0),
         windowed=True,
+        spring_walls=True,
     ),
     "conserving": Method(
         "bars: the two waves are carried and reflected in closed form and kept as one straight "
@@ -105,6 +108,7 @@ METHODS: Mapping[str, Method] = {
         stable="limited",
         error=(4.0, 1.0),
         assembled=True,
+        spring_walls=True,
         tolerance=1e-10,
     ),
     "newmark": Method(

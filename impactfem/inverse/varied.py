@@ -105,7 +105,7 @@ def _planned(scene: Scene) -> Plan[Any]:
         SceneError: There is none.
     """
     chosen, known = plan(scene), _known(scene)
-    uniform = all(bar.has_two_waves for bar in scene.bars)
+    uniform = all(bar.has_two_waves for bar in scene.bars) and not scene.gives_way
     fitting = [name for name in known if METHODS[name].exact and uniform] or known
     if scene.solve.method is None and fitting and chosen.method not in fitting:
         try:

@@ -49,7 +49,7 @@ def substitute(inverse, lower, x):
 
 @compiled
 def two_step(
-    mass, stiffness, element_mass, dt, clamped, velocity, loads, forces, pushes, ways,
+    mass, stiffness, element_mass, spring, dt, clamped, velocity, loads, forces, pushes, ways,
     now, step, push, speeds, first, last, marks,
     kept, displacement, rate, gap, far, multiplier, kinetic, elastic, mean, work,
 ):  # fmt: skip
@@ -65,6 +65,8 @@ def two_step(
 
     Args:
         mass, stiffness, element_mass: Of the chain.
+        spring: Stiffness of the wall over rho A [m/s^2], 0 of a rigid one. Contact then is lambda =
+            spring (u^m_0 + u^{m+1}_0) / 2 < 0: the mean over the layer of u - lambda / spring = 0.
         dt: Time step [s].
         clamped: Whether the last node is held.
         velocity: Initial velocity [m/s]; used if first = 0.
@@ -116,9 +118,13 @@ def two_step(
         step[0] -= push * response
         free = now[0] + step[0]
         mark = marks[m - first]
-        active = free < 0.0 if mark == DECIDE else mark == 1
+        reach = free if spring == 0.0 else 0.5 * (now[0] + free)
+        active = reach < 0.0 if mark == DECIDE else mark == 1
         push = 0.0
-        if active:
+        if active and spring > 0.0:
+            push = spring * reach / (1.0 + 0.5 * spring * response)
+            step[0] -= push * response
+        elif active:
             push = free / response
             step[0] = -now[0]
         if clamped:

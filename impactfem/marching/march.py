@@ -16,6 +16,7 @@ from impactfem.system.chain import Chain
 from impactfem.system.ends import displacement_scale, end_pushes, end_ways
 from impactfem.system.fronts import element_speeds, starts_as_waves
 from impactfem.system.sections import node_loads, row_loads
+from impactfem.system.spring_wall import wall_energy, wall_gap
 from impactfem.system.works import works
 
 Floats = NDArray[np.float64]
@@ -206,8 +207,9 @@ def _two_step(
     def sweep(start: "_State", first: int, marks: NDArray[np.int8]) -> "_State":
         end = start.copy()
         end.push = kernels.two_step(
-            chain.mass, chain.stiffness, chain.element_mass, numbers.dt, chain.clamped,
-            chain.velocity, loads, forces, pushes, ways, end.now, end.step, end.push, end.speeds,
+            chain.mass, chain.stiffness, chain.element_mass, bar.wall_spring, numbers.dt,
+            chain.clamped, chain.velocity, loads, forces, pushes, ways,
+            end.now, end.step, end.push, end.speeds,
             first, first + len(marks), marks, record.kept, record.displacement, record.rate,
             record.gap, record.far, record.multiplier, record.kinetic, record.elastic, record.mean,
             record.work,
@@ -223,7 +225,9 @@ def _two_step(
         metres = bar.length / bar.wave_speed**2
         for first in range(0, numbers.layers, numbers.window):
             size = min(numbers.window, numbers.layers - first)
-            result, state = _window(sweep, state, first, size, metres, numbers, tolerance, record)
+            result, state = _window(
+                sweep, state, first, size, metres, numbers, tolerance, record, bar
+            )
             if worst is None or not result.converged or result.iterations > worst.iterations:
                 worst = result
             if not result.converged:
@@ -232,6 +236,7 @@ def _two_step(
     # Beyond the stability limit numbers overflow; what is not finite is reported by the caller.
     with np.errstate(over="ignore", invalid="ignore"):
         record.momentum[1:] = np.diff(record.mean) / numbers.dt
+        record.elastic += wall_energy(bar, record.gap, levels=levels)
         potential, driven = works(
             bar, chain, times, means, record.mean, record.far, forces, levels=levels
         )
@@ -267,16 +272,18 @@ class _State:
 
 def _window(
     sweep: Callable[[_State, int, NDArray[np.int8]], _State], state: _State, first: int,
-    size: int, metres: float, numbers: Marching, tolerance: float, record: _Record,
+    size: int, metres: float, numbers: Marching, tolerance: float, record: _Record, bar: Bar,
 ) -> tuple[ActiveSetResult, _State]:  # fmt: skip
     """Active-set loop over some layers; each linear solve is one sweep."""
     end = state
-    rows, layers = slice(first + 1, first + size + 1), slice(first, first + size)
+    layers = slice(first, first + size)
 
     def solve(active: NDArray[np.bool_]) -> tuple[Floats, Floats]:
         nonlocal end
         end = sweep(state, first, active.astype(np.int8))
-        return record.gap[rows].copy(), metres * record.multiplier[layers]
+        multiplier = record.multiplier[layers]
+        gap = wall_gap(bar, record.gap[first : first + size + 1], multiplier)
+        return gap, metres * multiplier
 
     result = primal_dual_active_set(
         solve,

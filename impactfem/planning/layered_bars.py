@@ -1,16 +1,21 @@
-"""The plan of a bar that is not uniform or has a load along it, and of any single bar."""
+"""The plan of a bar that is not uniform, has a load or a wall that gives way, and of any one."""
 
+import math
 from typing import Any
 
+from impactfem.findings import Finding, warning
 from impactfem.methods import METHODS
 from impactfem.planning.bar_costs import cost_of_bar
 from impactfem.planning.bars import BarNumbers, plan_bar, ringing
 from impactfem.planning.doubts import units_of
 from impactfem.planning.plans import Plan
 from impactfem.scene import Bar, Scene
-from impactfem.sizing import ALIGNED, DEFAULT_ELEMENTS, ON_LAYER, layers_of, off_nodes
+from impactfem.scene.values import LEAST
+from impactfem.sizing import ALIGNED, DEFAULT_ELEMENTS, ON_LAYER, Grid, layers_of, off_nodes
 
 _ITERATES = 20  # linear solves to expect of a loop over all layers
+_PER_RISE = 5.0  # elements in E A / k: forces at the wall to a few per mille of the largest
+_MOST = 1000
 _WITH_OTHERS = 5.0  # times as long as the run, with those on more elements that tell its error
 
 
@@ -25,7 +30,8 @@ def plan_one_bar(scene: Scene) -> Plan[BarNumbers]:
 
 def _plan_layers(scene: Scene) -> Plan[BarNumbers]:
     bar, solve = scene.bar, scene.solve
-    what = "whose section or material varies" if not bar.is_uniform else "with a load along it"
+    what = "with a load along it" if bar.is_loaded else "whose wall gives way"
+    what = what if bar.is_uniform else "whose section or material varies"
     reasons = {
         "model": f"one bar {what}, which moves along its axis; one contact point, frictionless",
         "method": "as asked",
@@ -41,10 +47,11 @@ def _plan_layers(scene: Scene) -> Plan[BarNumbers]:
     window = "all" if method.assembled else solve.window or 1
     iterations = 1 if window == 1 else _ITERATES
     cost = cost_of_bar(scene, method, grid, 1, iterations)
+    wall = "rigid" if bar.wall_stiffness is None else "springy"
     end = "driven" if bar.is_driven else bar.far_end
     return Plan(
         method=name,
-        model=f"elastic bar in 1D, far end {end}, rigid wall at its near end",
+        model=f"elastic bar in 1D, far end {end}, {wall} wall at its near end",
         numbers=BarNumbers(
             elements=grid.elements,
             layers=grid.layers,
@@ -63,8 +70,23 @@ def _plan_layers(scene: Scene) -> Plan[BarNumbers]:
         memory_mib=cost.memory_mib,
         seconds=_WITH_OTHERS * (cost.seconds or 0.0),
         reasons=reasons,
-        findings=(*ringing(grid, "use courant = 1"), *units_of(bar)),
+        findings=(*ringing(grid, "use courant = 1"), *_stiff(bar, grid), *units_of(bar)),
     )
+
+
+def _rises(bar: Bar) -> float:
+    """Times k L / (E A) that a transit has of the one in which the force at a wall rises."""
+    return bar.wall_spring * bar.length / bar.wave_speed**2
+
+
+def _stiff(bar: Bar, grid: Grid) -> tuple[Finding, ...]:
+    """That the force at a wall rises within an element."""
+    per = (grid.elements or 1) / max(_rises(bar), LEAST)
+    if per >= 1.0:
+        return ()
+    text = f"the force at the wall rises to 63 % in {per:.2g} of an element: it rings"
+    remedy = f"use {math.ceil(_PER_RISE * _rises(bar))} elements, or leave the stiffness out"
+    return (warning("contact_unresolved", text, remedy=remedy),)
 
 
 def _elements(bar: Bar, asked: int | None, reasons: dict[str, Any]) -> int:
@@ -74,8 +96,10 @@ def _elements(bar: Bar, asked: int | None, reasons: dict[str, Any]) -> int:
         return asked
     jumps = bar.jumps
     if not jumps.size:
-        reasons["elements"] = "the default"
-        return DEFAULT_ELEMENTS
+        wanted = min(math.ceil(_PER_RISE * _rises(bar)), _MOST)
+        more = "so many that the rise of the force is seen"
+        reasons["elements"] = more if wanted > DEFAULT_ELEMENTS else "the default"
+        return max(DEFAULT_ELEMENTS, wanted)
     for count in ALIGNED:
         if off_nodes(jumps, count) <= ON_LAYER:
             reasons["elements"] = "the least number from 40 on with a node at each jump"

@@ -67,7 +67,8 @@ class RowMotion:
             kept=motion.kept,
             displacement=(motion.displacement,),
             velocity=(motion.velocity,),
-            gap=motion.gap[:, None],
+            # Of a wall that gives way it counts from the end of the spring.
+            gap=(np.maximum(motion.gap, 0.0) if bar.wall_stiffness else motion.gap)[:, None],
             force=(-section * motion.multiplier + 0.0)[:, None],  # no negative zeros
             kinetic=section * motion.kinetic[:, None],
             elastic=section * motion.elastic[:, None],

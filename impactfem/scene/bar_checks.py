@@ -51,7 +51,10 @@ def check_drive(scene: Content) -> None:
         raise KeyedError("solve", "method", text)
     if bar.has_two_waves:
         return
-    why = "waves keep their shape in a uniform bar without a load along it only"
+    why = "waves keep their shape in a uniform bar at a rigid wall, without a load along it, only"
+    if bar.wall_stiffness is not None and scene.solve.active_set == "snes_vi":
+        text = ' = "snes_vi" knows bounds, and the wall gives way: remove it, or stiffness.'
+        raise KeyedError("solve", "active_set", text)
     if method is not None and method not in LAYERED:
         fitting = " or ".join(map(show, LAYERED))
         raise KeyedError("solve", "method", f" = {show(method)}: {why}; give {fitting}.")

@@ -3,7 +3,7 @@
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, override
 
@@ -109,6 +109,8 @@ class Bar(BodyKind):
         default=None,
         absent="the x axis",
     )
+    wall_stiffness: float | None = field(default=None, compare=False, repr=False)
+    """Of the wall that it meets [N/m], which the scene's contact tells; None: it is rigid."""
 
     if TYPE_CHECKING:  # type checkers learn that numbers and texts may be given for formulas
 
@@ -129,6 +131,7 @@ class Bar(BodyKind):
             far_end_displacement: float | str | Formula = 0.0,
             point: Sequence[float] | None = None,
             axis: Sequence[float] | None = None,
+            wall_stiffness: float | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -215,7 +218,12 @@ class Bar(BodyKind):
     @property
     def has_two_waves(self) -> bool:
         """Whether two waves run through it and keep their shapes, so that its motion is known."""
-        return self.is_uniform and not self.is_loaded
+        return self.is_uniform and not self.is_loaded and self.wall_stiffness is None
+
+    @property
+    def wall_spring(self) -> float:
+        """Stiffness of its wall over rho A [m/s^2]; 0 of a rigid one."""
+        return (self.wall_stiffness or 0.0) / self.section
 
     def at(self, name: str, x: Floats) -> Floats:
         """Density, Young's modulus or area at some places."""

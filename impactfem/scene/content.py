@@ -1,7 +1,7 @@
 """What a scene holds, and what follows from it: which bodies there are, and what solves them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -140,16 +140,31 @@ class Content:
         if len(self.bars) > 1:
             names = ", ".join(bar.name for bar in self.bars)
             raise SceneError(f"body: this needs a single bar, the scene has {names}; give one.")
-        return self._first(Bar)
+        return self.bars[0] if self.bars else self._first(Bar)
 
     @cached_property
     def bars(self) -> tuple[Bar, ...]:
         """The bars of the scene in the order of their axis; none if the march takes them.
 
-        It does beside other bodies, and where a contact gives way.
+        It does beside other bodies, and where a contact gives way, unless a method is asked for
+        that knows the spring of a wall: the bar then has its stiffness.
         """
         bars = self._all(Bar)
-        return bars if len(bars) == len(self.bodies) and not self.gives_way else ()
+        if len(bars) != len(self.bodies) or not self.gives_way:
+            return bars if len(bars) == len(self.bodies) else ()
+        wall = self._spring_wall
+        return () if wall is None else (replace(bars[0], wall_stiffness=wall),)
+
+    @cached_property
+    def _spring_wall(self) -> float | None:
+        """Stiffness of the wall of a lone bar [N/m] where the method asked for knows one."""
+        method = METHODS.get(self.solve.method or "")
+        if method is None or not method.spring_walls or len(self.bodies) + len(self.obstacles) > 2:
+            return None
+        ends = {each.name for each in (*self.bodies, *self.obstacles)}
+        laws = [law for law in self.laws.each if set(law.between) == ends]
+        plain = len(laws) == len(self.contacts) == 1 and laws[0].stiffness_exponent == 1.0
+        return laws[0].stiffness if plain and not laws[0].friction_coefficient else None
 
     @property
     def points(self) -> tuple[Point, ...]:
@@ -274,7 +289,8 @@ def why_marched(scene: Content) -> str | None:
         return f"bodies of different kinds ({', '.join(kinds)})"
     if scene.joints:
         return "joints"
-    if not all(body.marches_alone for body in scene.bodies) and not scene.gives_way:
+    given_way = scene.gives_way and not scene.bars
+    if not all(body.marches_alone for body in scene.bodies) and not given_way:
         return None
     if len(scene.bodies) > 1 and not all(body.meets_alike for body in scene.bodies):
         return f"several bodies of kind {kinds[0]}"

@@ -175,7 +175,7 @@ def _check_counts(scene: Content) -> None:
         text = " is missing: there is none (obstacle = []); give one or more [[obstacle]], as "
         text += f"kind = {show(kind)}."
         raise KeyedError("obstacle", "", text)
-    if scene.contacts and scene.bars:
+    if scene.contacts and scene.bars and not scene.gives_way:
         text = (
             f" = {show(scene.contacts[0])} is for points, rods, beams and solids: a bar rebounds "
         )

@@ -45,7 +45,7 @@ def check_springs(scene: Content) -> None:
     Raises:
         KeyedError: naming the key.
     """
-    if not scene.gives_way:
+    if not scene.gives_way or scene.bars:
         return
     method = scene.solve.method
     if method is not None and not METHODS[method].mixes:

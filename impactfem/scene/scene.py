@@ -97,7 +97,7 @@ class Scene(Content):
         if self.folder is not None:  # absolute, so that a later change of folder does no harm
             object.__setattr__(self, "folder", _absolute(self.folder))
         self._open_files()
-        if self.gives_way and not any(body.marches_alone for body in self.bodies):
+        if self.gives_way and not self.bars and not any(body.marches_alone for body in self.bodies):
             self._turn_gravity()
         check_scene(self, gravity)
         self._start_parameters()

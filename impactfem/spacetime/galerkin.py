@@ -21,6 +21,7 @@ from impactfem.spacetime.system import CoupledSystem, Equations, assemble, paire
 from impactfem.system.chain import Chain
 from impactfem.system.ends import displacement_scale, end_means
 from impactfem.system.sections import node_loads, weighted_velocity
+from impactfem.system.spring_wall import wall_gap
 
 Floats = NDArray[np.float64]
 
@@ -116,7 +117,8 @@ def _equations(space: SpaceTimeMesh, bar: Bar, gravity: PiecewiseConstant) -> Eq
         held, times_of = np.isin(numbering.fixed, far), bar.transit_time * numbering.points[:, 0]
         given[held] += bar.far_end_displacement(t=times_of[numbering.fixed[held]])
     equations = assemble(mesh.comm, forms, entity_maps, numbering, given, (nodes, multipliers))
-    load = equations.load.copy()
+    spring = bar.wall_spring * bar.length / bar.wave_speed**2
+    equations, load = replace(equations, spring=spring), equations.load.copy()
     if bar.is_driven and bar.far_end != "clamped":  # half of each interval to both of its nodes
         dt = np.diff(numbering.points[far, 0])
         levels = bar.transit_time * numbering.points[far, 0]
@@ -188,10 +190,16 @@ def _cell_means(
 def _by_active_set(problem: _Problem, settings: GalerkinSettings, progress: Progress) -> BarMotion:
     """Coupled primal-dual system, one active set for the whole interval."""
     equations, pairs = problem.equations, len(problem.equations.numbering.multipliers)
-    system = CoupledSystem(equations)
+    system, bar = CoupledSystem(equations), problem.bar
+    start, metres = float(bar.initial_displacement(x=0.0)), bar.length / bar.wave_speed**2
+
+    def solve(active: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+        u, multiplier = system.solve(active)
+        return wall_gap(bar, np.append(start, u), multiplier / metres), multiplier
+
     try:
         result = primal_dual_active_set(
-            system.solve,
+            solve,
             pairs,
             gamma=settings.gamma,
             tolerance=settings.tolerance * problem.scale,

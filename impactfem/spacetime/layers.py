@@ -8,6 +8,7 @@ from impactfem.scene import Bar, PiecewiseConstant
 from impactfem.system.chain import Chain
 from impactfem.system.fronts import element_speeds, speeds_at_levels, starts_as_waves
 from impactfem.system.sections import node_loads, row_loads
+from impactfem.system.spring_wall import wall_energy
 from impactfem.system.works import works
 
 Floats = NDArray[np.float64]
@@ -94,6 +95,7 @@ def motion_of_layers(
         middles = 0.5 * (displacement[1:] + displacement[:-1])
         paths = np.diff(np.concatenate([displacement[:1], middles]), axis=0)
         pushes = row_loads(forces, len(dt))
+    elastic = elastic + wall_energy(bar, displacement[:, 0], levels=levels)
     work = np.zeros_like(times)
     if bar.is_loaded:
         work[1:] = np.cumsum((pushes * paths).sum(axis=1))

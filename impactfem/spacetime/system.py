@@ -39,6 +39,7 @@ class Equations:
         fixed_values: Displacement of ``numbering.fixed`` [m].
         node_ranges: First node of each rank, and the number of nodes, shape (ranks + 1,).
         multiplier_ranges: The same for the multipliers.
+        spring: Stiffness of the wall, dimensionless k L / (E A); 0 of a rigid one.
     """
 
     comm: Any
@@ -49,6 +50,7 @@ class Equations:
     fixed_values: Floats
     node_ranges: Indices
     multiplier_ranges: Indices
+    spring: float = 0.0
 
     @property
     def num_nodes(self) -> int:
@@ -92,7 +94,8 @@ class CoupledSystem:
     """The linear system in (u, lambda) of one active set, factored by MUMPS.
 
     Rows: the test equations in the slots of the displacements they determine, and for each wall
-    interval T_m either u_m = 0 (active) or lambda_m = 0 (inactive). The pattern does not depend
+    interval T_m either u_m = 0 (active) or lambda_m = 0 (inactive). Of a wall that gives way the
+    mean of u - lambda / spring over T_m vanishes where it is active. The pattern does not depend
     on the set, so the symbolic analysis is done once. Eliminating the wall's rows and recovering
     lambda afterwards by recursion would drop the half force at release, and the sets would never
     settle.
@@ -164,7 +167,17 @@ class CoupledSystem:
         numbering = self._equations.numbering
         constraint = self._multiplier[numbering.multipliers]
         displacement = self._node[numbering.wall[1:]]
-        return np.tile(constraint, 2), np.concatenate([displacement, constraint])
+        before = self._node[numbering.wall[:-1]]
+        columns = [displacement, constraint, before]
+        kinds = 3 if self._equations.spring else 2
+        return np.tile(constraint, kinds), np.concatenate(columns[:kinds])
+
+    def _constraint_values(self, active: NDArray[np.bool_]) -> Floats:
+        """Entries of the constraint rows at these places."""
+        on, off = active.astype(np.float64), (~active).astype(np.float64)
+        if not self._equations.spring:
+            return np.concatenate([on, off])
+        return np.concatenate([0.5 * on, off - on / self._equations.spring, 0.5 * on])
 
     def _fill_load(self) -> None:
         """Set the right-hand side; it does not depend on the active set."""
@@ -209,7 +222,7 @@ class CoupledSystem:
             ConvergenceError: MUMPS could not factor the system.
         """
         rows, columns = self._constraints
-        values = np.concatenate([active, ~active]).astype(np.float64)[: len(rows)]
+        values = self._constraint_values(active)[: len(rows)]
         fem.set_entries(self._matrix, rows, columns, values, add=False)
         while True:
             self._ksp.solve(self._load, self._solution)

@@ -75,7 +75,10 @@ def _property(bar: Any, name: str, unit: str) -> str:
 def _flight(bar: Any, speed: float | None) -> str:
     """How a single bar starts, seen from the wall."""
     gap = float(bar.initial_displacement(x=0.0))
-    away = f"a rigid wall {quantity(gap, 'm')} away" if gap else "a rigid wall it touches"
+    wall = "a rigid wall"
+    if bar.wall_stiffness is not None:
+        wall = f"a wall of {quantity(bar.wall_stiffness, 'N/m')}"
+    away = f"{wall} {quantity(gap, 'm')} away" if gap else f"{wall} it touches"
     if speed is None:
         return f"starts with the velocity {formula(bar.velocity)} m/s before {away}."
     if speed < 0.0:
