@@ -17,6 +17,7 @@ from impactfem.errors import SceneError
 from impactfem.inverse.bar_adjoints import Adjoints
 from impactfem.inverse.bars import BarRuns, apart, differences, reader
 from impactfem.inverse.outcomes import Outcome
+from impactfem.inverse.pulses import force_rise, pressed_time
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
 from impactfem.planning import BarNumbers, Plan
@@ -25,6 +26,7 @@ from impactfem.result.bar_row_motion import RowMotion, row_history
 from impactfem.result.table import Series, Table
 from impactfem.runs.line_probes import bar_probes
 from impactfem.scene import Scene
+from impactfem.system.spring_wall import wall_gap
 
 Floats = NDArray[np.float64]
 Marks = NDArray[np.int8]
@@ -109,15 +111,16 @@ class LayeredBars:
         pairs = (n.removeprefix("force.") for n, _ in told.items() if n.startswith("force."))
         (pair,) = pairs
         pushed = np.concatenate([[0.0], np.cumsum(row.force[:, 0] * np.diff(levels))])
-        section = bar.section
+        section, springy = bar.section, bar.wall_stiffness is not None
         return Outcome(
             told,
             {pair: at(pushed)},
-            {},
+            {pair: pressed_time(levels, motion.gap)} if springy else {},
             {bar.name: _rebound(motion)},
             {bar.name: section * bar.length},
             section * at(motion.end_work),
             {pair: float(row.force.max(initial=0.0))},
+            rise={pair: force_rise(levels, motion.gap, row.force[:, 0])} if springy else {},
         )
 
     def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:
@@ -155,7 +158,8 @@ class LayeredBars:
 
         bar = scene.bar
         metres = bar.length / bar.wave_speed**2
-        merit = self.chosen.numbers.gamma * metres * motion.multiplier + motion.gap[1:]
+        gap = wall_gap(bar, motion.gap, motion.multiplier)
+        merit = self.chosen.numbers.gamma * metres * motion.multiplier + gap
         weak = np.abs(merit) <= _WEAK * np.abs(merit).max(initial=0.0)
         return np.where(weak, DECIDE, motion.active).astype(np.int8)
 

@@ -24,6 +24,7 @@ class Outcome:
         masses: Of the bodies [kg].
         peak: Largest force of each pair, where impacts take time [N].
         touched: When each pair first touches [s]; NaN if it does not.
+        rise: Mean rate of each pair's force up to half of the largest [N/s]; none where it jumps.
         driven: Work of what drives ends, which potential energies count [J], (rows,) or 0.
     """
 
@@ -35,6 +36,7 @@ class Outcome:
     driven: Floats | float = 0.0
     peak: Mapping[str, float] = field(default_factory=dict)
     touched: Mapping[str, float] = field(default_factory=dict)
+    rise: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def times(self) -> Floats:
@@ -49,5 +51,6 @@ class Outcome:
             *columns,
             *(f"impulse.{name}" for name in self.impulse),
             *(f"duration.{name}" for name in self.duration),
+            *(f"force_rise.{name}" for name in self.rise),
             *(f"rebound_speed.{name}" for name in self.rebound),
         ]

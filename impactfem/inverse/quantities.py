@@ -99,6 +99,8 @@ class Quantities:
             values, unit = outcome.impulse[name], "N s"
         elif kind == "duration" and name in outcome.duration:
             values, unit = np.full(len(outcome.times), outcome.duration[name]), "s"
+        elif kind == "force_rise" and name in outcome.impulse:
+            values, unit = np.full(len(outcome.times), _rise(where, measure.of, outcome)), "N/s"
         elif kind == "rebound_speed" and name in outcome.rebound:
             values, unit = np.full(len(outcome.times), outcome.rebound[name]), "m/s"
             if np.isnan(values).any():
@@ -241,6 +243,23 @@ class Quantities:
                 )  # fmt: skip
             found.append((self.index(str(term.of)), float(np.sqrt(term.weight))))
         return found
+
+
+def _rise(where: str, of: str, outcome: Outcome) -> float:
+    """Rate at which the force of a pair rises [N/s].
+
+    Raises:
+        KeyedError: It jumps, or there is none.
+    """
+    found = outcome.rise.get(of.partition(".")[2])
+    if found is None:
+        text = f" = {show(of)}: the force jumps, as what meets is rigid; give stiffness in "
+        text += '[[contact]] of a bar and its wall, and solve.method = "galerkin".'
+        raise KeyedError(where, "of", text)
+    if np.isnan(found):
+        text = f" = {show(of)}: the pair does not touch in this run; start elsewhere"
+        raise KeyedError(where, "of", text)
+    return found
 
 
 def _of_pair(term: Term, outcome: Outcome) -> float:

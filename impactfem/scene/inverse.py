@@ -95,7 +95,8 @@ class Measure:
     name: str = key(Name(), "name of the measure in terms")
     of: str = key(
         Line(),
-        "a column of the history, or impulse.PAIR, duration.PAIR or rebound_speed.BODY",
+        "a column of the history, or impulse.PAIR, duration.PAIR, force_rise.PAIR or "
+        "rebound_speed.BODY",
     )
     data: str | None = key(
         FilePath(endings=(".csv", ".txt")),

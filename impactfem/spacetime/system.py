@@ -77,7 +77,10 @@ def assemble(
     stiffness = kept(fem.compile_form(forms.stiffness))
     coupling = kept(fem.compile_form(forms.coupling, entity_maps))
     load = fem.gather(comm, fem.assemble_vector(fem.compile_form(forms.load)))
-    return Equations(comm, numbering, stiffness, coupling, load, fixed_values, *map(ranges, spaces))
+    of_nodes, of_multipliers = map(ranges, spaces)
+    return Equations(
+        comm, numbering, stiffness, coupling, load, fixed_values, of_nodes, of_multipliers
+    )
 
 
 def paired_load(equations: Equations) -> Floats:
