@@ -127,7 +127,7 @@ class LayeredBars:
         """Numbers of a run and their derivatives, with the active set of the run.
 
         By a reversed sweep for each number; by differences where numbers are many more than
-        unknowns, and of unknowns that change the layers.
+        unknowns, of unknowns that change the layers, and before a wall that gives way.
         """
         scene = changes.scene
         motion = self._march(scene, None)
@@ -135,7 +135,7 @@ class LayeredBars:
         read = reader(partial(self.outcome, marks=marks), changes, quantities)
         outcome = self._told(scene, quantities.times, motion)
         numbers = quantities.read(outcome, scene)
-        if len(numbers) > _MANY * len(changes.values):
+        if len(numbers) > _MANY * len(changes.values) or scene.bar.wall_stiffness is not None:
             return differences(changes, read)
         travel = np.linspace(0.0, scene.bar.length, len(motion.positions))
         adjoints = Adjoints(changes, quantities, motion, marks, travel, self._dt)
