@@ -58,7 +58,7 @@ def main() -> None:
         answers.append((found.objective["final"], answer))
         rows.append([
             str(seed), *(f"{1e6 * each:.3f}" for each in (*start, *answer)), f"{first * 1e6:.3f}",
-            f"{bounce * 1e9:.2f}", f"{found.objective['final']:.4f}", found.status,
+            f"{bounce * 1e9:.2f}", f"{found.objective['final']:.4f}", "trusted" if found.trusted else found.status,
             str(found.gradient_runs), f"{time.perf_counter() - begun:.0f}",
         ])  # fmt: skip
         print(rows[-1], flush=True)
