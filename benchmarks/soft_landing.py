@@ -56,9 +56,10 @@ def main() -> None:
         answer = tuple(each["value"] for each in found.parameters.values())
         first, bounce, *_ = landing(impactfem.solve(scene(*answer)))
         answers.append((found.objective["final"], answer))
+        told = "trusted" if found.trusted else found.status
         rows.append([
             str(seed), *(f"{1e6 * each:.3f}" for each in (*start, *answer)), f"{first * 1e6:.3f}",
-            f"{bounce * 1e9:.2f}", f"{found.objective['final']:.4f}", "trusted" if found.trusted else found.status,
+            f"{bounce * 1e9:.2f}", f"{found.objective['final']:.4f}", told,
             str(found.gradient_runs), f"{time.perf_counter() - begun:.0f}",
         ])  # fmt: skip
         print(rows[-1], flush=True)

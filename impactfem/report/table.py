@@ -62,7 +62,9 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     if "max_impulse" in contact:
         force = f"of lasting contact {force}; of impacts max "
         force += largest(contact, "max_impulse", "N s")
-    force += f", impulse {_number(contact['impulse'])} N s, "
+    acting = [pair for pair in contact.get("pairs") or () if pair["impulse"]]
+    together = f" of {len(acting)} pairs together" if len(acting) > 1 else ""
+    force += f", impulse {_number(contact['impulse'])} N s{together}, "
     force += f"max penetration {_number(contact['max_penetration'])} m"
     first, last = energy["initial"], energy["final"]
     if first and last and abs(last) < _NOTHING * abs(first):
