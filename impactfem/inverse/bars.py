@@ -15,7 +15,7 @@ from impactfem.planning import BarNumbers, Plan, RowNumbers
 from impactfem.reference.bar import exact_bar, exact_motion
 from impactfem.reference.bar_row import exact_row
 from impactfem.result.bar_row_motion import RowMotion, pair_names, row_history
-from impactfem.runs.bar_rows import exact_row_motion
+from impactfem.runs.bar_rows import exact_row_motion, of_pairs
 from impactfem.runs.line_probes import bar_probes
 from impactfem.scene import Scene
 from impactfem.sizing import DEFAULT_ELEMENTS
@@ -107,7 +107,7 @@ def _row(scene: Scene, times: Floats, elements: Sequence[int]) -> _Followed:
     pairs = range(len(exact.contacts))
     return _Followed(
         exact_row_motion(scene, exact, times, elements, 1), exact.contacts,
-        np.stack([exact.impulse(j, times) for j in pairs], axis=1),
+        of_pairs([exact.impulse(j, times) for j in pairs], len(times)),
         [exact.largest_force(j) for j in pairs],
         lambda k, t: float(exact.mean_velocity(k, t)),
         0.0,

@@ -101,8 +101,8 @@ def exact_row_motion(
         kept=kept,
         displacement=tuple(exact.displacement(k, t, x[None]) for k, x in enumerate(positions)),
         velocity=tuple(exact.velocity(k, t, x[None]) for k, x in enumerate(positions)),
-        gap=_of_pairs([exact.gap(j, times) for j in range(pairs)], len(times)),
-        force=_of_pairs([exact.mean_force(j, times) for j in range(pairs)], len(times) - 1),
+        gap=of_pairs([exact.gap(j, times) for j in range(pairs)], len(times)),
+        force=of_pairs([exact.mean_force(j, times) for j in range(pairs)], len(times) - 1),
         kinetic=kinetic.T,
         elastic=elastic.T,
         mean_displacement=np.stack([exact.mean_displacement(k, times) for k in range(count)], 1),
@@ -111,7 +111,7 @@ def exact_row_motion(
     )
 
 
-def _of_pairs(values: Sequence[Floats], rows: int) -> Floats:
+def of_pairs(values: Sequence[Floats], rows: int) -> Floats:
     """Values of each pair side by side, (rows, pairs); a bar alone has none."""
     return np.array(values).reshape(len(values), rows).T
 

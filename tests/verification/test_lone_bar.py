@@ -40,3 +40,19 @@ def test_a_bar_that_only_flies_is_told():
     (finding,) = found.summary["verdict"]["findings"]
     assert (finding["code"], finding["severity"]) == ("meets_nothing", "warning")
     assert float(found.history["bar.x"][-1]) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_slope_of_a_lone_bar():
+    """d/dE of u(0, t) = a cos(pi c t) for E = rho = L = 1: -a sin(pi t) pi t/2."""
+    found = impactfem.gradient(Scene.from_dict({
+        "title": "slope", "duration": 1.5,
+        "body": [{"kind": "bar", "name": "bar", "length": 1.0, "density": 1.0,
+                  "youngs_modulus": 1.0, "displacement": "0.01*cos(pi*x)"}],
+        "probe": [{"name": "near", "body": "bar", "point": [0.0]}],
+        "parameter": [{"name": "E", "key": "body.bar.youngs_modulus", "bounds": [0.5, 2.0]}],
+        "measure": [{"name": "u", "of": "near.ux", "value": 0.0, "at": 0.7123}],
+        "objective": {"minimise": [{"term": "value", "of": "u"}]},
+        "solve": {"method": "exact"}, "output": {"report": False, "pictures": False},
+    }))  # fmt: skip
+    right = -0.01 * np.sin(np.pi * 0.7123) * np.pi * 0.7123 / 2.0
+    assert found.gradient["E"] == pytest.approx(right, rel=3e-3)  # of pieces of the start
