@@ -1,19 +1,21 @@
 """Bars by characteristics: outcomes, and their derivatives by differences on both sides."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
+from impactfem.exact.row_bar import PIECES
 from impactfem.inverse.outcomes import Outcome
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
 from impactfem.planning import BarNumbers, Plan, RowNumbers
 from impactfem.reference.bar import exact_bar, exact_motion
 from impactfem.reference.bar_row import exact_row
+from impactfem.reference.rounding import OTHER_ROW
 from impactfem.result.bar_row_motion import RowMotion, pair_names, row_history
 from impactfem.runs.bar_rows import exact_row_motion, of_pairs
 from impactfem.runs.line_probes import bar_probes
@@ -49,15 +51,22 @@ class _Followed(NamedTuple):
 
 @dataclass(frozen=True)
 class BarRuns:
-    """Exact runs of a bar or of bars in a row, as planned."""
+    """Exact runs of a bar or of bars in a row, as planned.
+
+    Attributes:
+        chosen: The plan.
+        pieces: Into which starts of bars in a row are cut that are no lines: their slopes jump at
+            the ends of pieces, so that derivatives are off by some of a piece.
+    """
 
     chosen: Plan[BarNumbers] | Plan[RowNumbers]
+    pieces: int = PIECES
 
     def outcome(self, scene: Scene, times: Floats) -> Outcome:
         """A run, known at some times."""
         numbers = self.chosen.numbers
         if isinstance(numbers, RowNumbers):
-            found = _row(scene, times, numbers.elements)
+            found = _row(scene, times, numbers.elements, self.pieces)
         else:
             found = _one(scene, times, numbers.elements or DEFAULT_ELEMENTS)
         history = row_history(found.row, scene.bars, bar_probes(scene, found.row))
@@ -79,10 +88,18 @@ class BarRuns:
 
     def jacobian(self, changes: Changes, quantities: Quantities) -> Slopes:
         """Numbers of a run and their derivatives, by differences over neighbours."""
-        return differences(changes, reader(self.outcome, changes, quantities))
+        found = differences(changes, reader(self.outcome, changes, quantities))
+        other = self.reference(changes.scene) if found.sides else None
+        if other is not None:  # what jumps at the end of a piece has no kink where others end
+            sides = differences(changes, reader(other.outcome, changes, quantities)).sides
+            if sides is None:
+                return Slopes(found.numbers, found.jacobian, [], found.margin)
+        return found
 
-    def reference(self, scene: Scene) -> None:
-        """They have no error but rounding."""
+    def reference(self, scene: Scene) -> "BarRuns | None":
+        """The same by other pieces, where a start is cut; else they have no error but rounding."""
+        row = isinstance(self.chosen.numbers, RowNumbers)
+        return replace(self, pieces=OTHER_ROW) if row and exact_row(scene).sampled else None
 
 
 def _one(scene: Scene, times: Floats, elements: int) -> _Followed:
@@ -101,9 +118,9 @@ def _one(scene: Scene, times: Floats, elements: int) -> _Followed:
     )  # fmt: skip
 
 
-def _row(scene: Scene, times: Floats, elements: Sequence[int]) -> _Followed:
-    """Bars in a row."""
-    exact = exact_row(scene)
+def _row(scene: Scene, times: Floats, elements: Sequence[int], cut: int) -> _Followed:
+    """Bars in a row, with starts that are no lines in so many pieces."""
+    exact = exact_row(scene, pieces=cut)
     pairs = range(len(exact.contacts))
     return _Followed(
         exact_row_motion(scene, exact, times, elements, 1), exact.contacts,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from impactfem.errors import ConvergenceError, SceneError
 from impactfem.inverse.steps import Slopes
 from impactfem.inverse.varied import Varied
+from impactfem.methods import METHODS
 from impactfem.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -211,7 +212,8 @@ def kinks(varied: Varied, told: Slopes, *, valley: bool = False) -> list[str]:
         valley: Whether the objective's least value is wanted: where it rises on both sides, a kink
             speaks for it.
     """
-    if told.sides is None or varied.runs.reference(varied.scene) is not None:
+    meshed = not METHODS[varied.chosen.method].exact
+    if told.sides is None or (meshed and varied.runs.reference(varied.scene) is not None):
         return []
     below, above = _beside(varied, told) if valley else told.sides
     below, above = np.atleast_2d(below), np.atleast_2d(above)

@@ -77,7 +77,8 @@ def _check(check: TaylorCheck) -> str:
     if check.sided:
         what += " on one side: the objective has a kink here"
     elif check.kinked:
-        what += ": an impact is on a time that is looked at, where the objective has a kink"
+        what += ": an impact, or the end of a piece of the start, is on a time that is looked at, "
+        what += "where the objective has a kink"
     return f"Taylor remainders {what}{'' if check.passed else ': the gradient is WRONG'}"
 
 

@@ -11,7 +11,8 @@ from impactfem.scene import Scene
 _OTHER_UNITS = 0.7310585786300049, 1.6180339887498949  # metres and seconds of the second solution
 _OTHER_PIECES = {"pieces": 300, "tolerance": 2e-12, "resolution": 4096}
 _TIMES, _PLACES = 500, 41
-_OTHER_ROW = 1009  # pieces: a prime, so that no jump inside a piece is at the same place of both
+OTHER_ROW = 1009
+"""Pieces: a prime, so that no jump inside a piece is at the same place of both."""
 
 
 def rounding_of_exact(scene: Scene) -> Errors:
@@ -46,8 +47,8 @@ def sampling_of_row(scene: Scene, exact: ExactBarRow) -> Errors:
     Of second order in the width of a piece: the difference of both, extrapolated. A jump of
     velocity inside a piece leaves an error of first order, which this exceeds.
     """
-    other = exact_row(scene, exact.duration, _OTHER_ROW)
-    left = 1.0 - (PIECES / _OTHER_ROW) ** 2
+    other = exact_row(scene, exact.duration, OTHER_ROW)
+    left = 1.0 - (PIECES / OTHER_ROW) ** 2
     times = exact.duration * np.linspace(0.0, 1.0, _TIMES + 1)
     t = 0.5 * (times[1:] + times[:-1])[:, None]
     ways, wrong = [], []
@@ -59,7 +60,7 @@ def sampling_of_row(scene: Scene, exact: ExactBarRow) -> Errors:
     force = np.array([exact.mean_force(j, times) for j in range(len(exact.contacts))])
     missed = np.array([other.mean_force(j, times) for j in range(len(exact.contacts))]) - force
     return Errors(
-        f"same characteristics on {_OTHER_ROW} instead of {PIECES} pieces of each bar",
+        f"same characteristics on {OTHER_ROW} instead of {PIECES} pieces of each bar",
         float(np.abs(wrong).max() / (np.abs(ways).max() or 1.0)),
         root_of_squares(np.array(wrong)) / (root_of_squares(np.array(ways)) or 1.0),
         float(np.abs(missed / left).sum() / (np.abs(force).sum() or 1.0)),
