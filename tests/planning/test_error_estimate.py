@@ -240,7 +240,8 @@ def test_turns_count_as_far_as_they_move_the_points_of_a_body():
     still |= {f"a.v{axis}": np.zeros(5) for axis in "xyz"}
     rows = {"time": times, "contact_force": np.zeros(5)} | still
     body = SimpleNamespace(name="a", turns_far=True, supports=())
-    scene = SimpleNamespace(bodies=[body], obstacles=[], joints=(), duration=1.0)
+    gravity = SimpleNamespace(values=[0.0])
+    scene = SimpleNamespace(bodies=[body], obstacles=[], joints=(), duration=1.0, gravity=gravity)
 
     def table(**columns):
         return {name: SimpleNamespace(values=values) for name, values in (rows | columns).items()}
