@@ -70,7 +70,6 @@ class Joining[P: Stepper](Bodies[P]):
         self._terms = joints.values_at(joints.places, joints.turns, np.zeros(len(terms.kinds)))
         self._gradient = joints.gradient
         self._rates = joints.rates_now()
-        self._states = JointStates(joints, self._rates, span)
         self._damping = np.array([joint.damping for joint in joints.joints])
         self._struck = False
         reach = np.abs(joints.places).max() + np.abs(terms.arms).max(initial=0.0)
@@ -79,6 +78,7 @@ class Joining[P: Stepper](Bodies[P]):
         rounds = np.where(np.isin(terms.kinds, (DOT, ANGLE)), 1.0, reach)
         self._rounding = _ROUNDING * reach  # of places [m]
         self._sizes = _ROUNDING * np.bincount(terms.rows, np.abs(terms.shares) * rounds, count)
+        self._states = JointStates(joints, self._rates, span, self._sizes)
         self._reaction: Floats | None = None
         self._middles = joints.turns
         self._ends, self._laws = self._terms, np.zeros((count, 3))

@@ -64,15 +64,16 @@ class JointStates:
         span: Of the step [s].
     """
 
-    def __init__(self, joints: Joints, rates: Floats, span: float) -> None:
+    def __init__(self, joints: Joints, rates: Floats, span: float, sizes: Floats) -> None:
         """Begin at t = 0.
 
         Args:
             joints: The joints.
             rates: Of their rows, (rows,).
             span: Of the first step [s].
+            sizes: Of the rows up to which they are rounding, (rows,).
         """
-        self._joints, self.span = joints, span
+        self._joints, self.span, self._sizes = joints, span, sizes
         self.slides = np.sign(np.where(joints.rubbing < 0, 0.0, rates[joints.rubbing]))
         self.stops = np.zeros(len(joints.joints))
         self.motors = {k: Motor(StepMean(j.motor)) for k, j in enumerate(joints.joints) if j.motor}
@@ -156,7 +157,9 @@ class JointStates:
             if (own := joints.rubbing[k]) >= 0:
                 if not slides and abs(acting[own]) > dt * joint.friction:
                     slides = -np.sign(acting[own])
-                elif slides * rate < 0.0:
+                elif slides * rate < -2.0 * self._sizes[row] / dt:
+                    # Not by rounding: where a layer ends just as it stops, friction that
+                    # holds is at its bound, and neither law would stay.
                     slides = 0.0
             if single and slides != self.slides[k]:
                 self.slides[k] = slides

@@ -251,6 +251,16 @@ def test_joint_friction_stops_and_holds():
         assert pulled["rail.q"].values[-1] == pytest.approx(moved, abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("force", "speed", "steps"), [(1.5, 1.0, 30), (3.0, 0.7, 30), (8.0, 2.0, 60)]
+)
+def test_joint_friction_stops_just_at_the_end_of_a_step(force, speed, steps):
+    stop = speed / force
+    history = slider(friction=force, speed=speed, duration=1.2 * stop, dt=stop / steps)
+    assert history["time"].values[-1] == pytest.approx(1.2 * stop)  # it settled
+    assert history["rail.q"].values[-1] == pytest.approx(0.5 * speed * stop, abs=1e-12)
+
+
 def test_limits_turn_rates_and_hold():
     history = slider(limits=[-0.1, 0.3], restitution=0.5)
     rates = history["rail.v"].values
