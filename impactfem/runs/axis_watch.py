@@ -45,7 +45,7 @@ class AxisWatch:
     Attributes:
         depth: Of each pair of a body and an obstacle [m], or of a rigid body and a solid, by their
             names.
-        speed: Largest of a contact node [m/s].
+        speed: Largest with which contact nodes near each other, or what stands [m/s].
     """
 
     def __init__(
@@ -57,6 +57,9 @@ class AxisWatch:
         several = model.ball_meetings
         self._reach = min([self._reach, *(met.pair.thickness for met in several)])
         self._led = [met.pair for met in several if isinstance(met.pair, Led)]
+        # Solids have steppers of their own, obstacles none.
+        others = {each.name for each in scene.obstacles} | {p.solid.name for p in model.parts}
+        self._among = others.isdisjoint(name for met in several for name in met.names)
         self._places = places
         self._edges = {
             met.names: met.pair
@@ -79,8 +82,8 @@ class AxisWatch:
         """Look at a level if it is its turn."""
         if level.layer % self._every:
             return
-        for stepper in self._steppers:
-            fast = float(np.linalg.norm(stepper.surface_velocity, axis=1).max())
+        if self._steppers:
+            fast = self._fast(np.concatenate([s.surface_velocity for s in self._steppers]))
             self.speed = max(self.speed, fast) if np.isfinite(fast) else self.speed
         for names, edged in self._edges.items():
             depth = -edged.least_between(self._places + level.surface)
@@ -96,6 +99,17 @@ class AxisWatch:
                 pair = name, obstacle.name
                 if np.isfinite(depth) and depth > self.depth.get(pair, 0.0):
                     self.depth[pair] = depth
+
+    def _fast(self, velocities: Floats) -> float:
+        """Speed with which nodes of some velocities (nodes, dim) near each other, or what stands.
+
+        Bodies that meet only each other may all fly along: that brings none nearer to another.
+        """
+        fast = float(np.linalg.norm(velocities, axis=1).max())
+        if not self._among:
+            return fast
+        amid = 0.5 * (velocities.min(axis=0) + velocities.max(axis=0))
+        return min(fast, 2.0 * float(np.linalg.norm(velocities - amid, axis=1).max()))
 
     def _look_between(self, level: Level) -> None:
         """Look for obstacles between nodes of solids, by more than chords of round ones."""

@@ -265,3 +265,19 @@ def test_bodies_that_lie_in_each_other_are_told(shapes, told):
     codes = {finding["code"] for finding in summary["verdict"]["findings"]}
     assert ("penetration" in codes) == told
     assert (summary["details"]["overlap"] > 1e-3) == told
+
+
+def test_steps_are_too_long_for_what_nears_not_for_what_flies_along():
+    def codes(left, right):
+        disc = {"kind": "rigid", "mass": 1.0}
+        round_at = {"kind": "disc", "radius": 0.1}
+        bodies = [
+            disc | {"name": name, "shape": round_at | {"center": [x, 0.0]}, "velocity": [v, -300.0]}
+            for name, x, v in (("a", 0.0, left), ("b", 1.0, right))
+        ]
+        scene = {"title": "two", "duration": 0.5, "body": bodies, "solve": {"dt": 0.025}}
+        verdict = impactfem.solve(impactfem.Scene.from_dict(scene)).summary["verdict"]
+        return {found["code"] for found in verdict["findings"]}
+
+    assert "contact_unresolved" not in codes(501.0, 500.0)
+    assert "contact_unresolved" in codes(510.0, 500.0)
