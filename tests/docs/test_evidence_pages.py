@@ -1,11 +1,13 @@
 """Pages of evidence: figures come from stored results, which say when and where they are from."""
 
+import json
 import math
 import re
 from pathlib import Path
 
 import claims
 import fill_figures
+import intervals
 import pytest
 import reference_tables
 import stored
@@ -57,6 +59,26 @@ def test_figures_are_shown_by_blocks_only():
             text = page.read_text(encoding="utf-8")
             assert not re.search(r"\{include\} .*(benchmarks|evidence)", text), page
             assert len(fill_figures.BLOCK.findall(text)) == text.count(fill_figures.END), page
+
+
+def test_measuring_one_problem_keeps_the_rows_of_others(monkeypatch, tmp_path):
+    def rows(problem, seeds):
+        return [[problem.name, "c", f"{seeds} of {seeds}", *["1"] * 5]]
+
+    def shown(*given):
+        monkeypatch.setattr("sys.argv", ["intervals.py", "--out", str(tmp_path), *given])
+        intervals.main()
+        table = (tmp_path / "intervals.md").read_text(encoding="utf-8").splitlines()
+        return [tuple(row.strip("| ").split(" | ")[:3:2]) for row in table[2:]]
+
+    monkeypatch.setattr(intervals, "measured", rows)
+    names = [problem().name for problem in intervals.PROBLEMS.values()]
+    assert shown() == [(name, "100 of 100") for name in names]
+    assert "note" not in (stamp := json.loads((tmp_path / "intervals.json").read_text()))
+    assert shown("--seeds", "9", "block")[:2] == [(names[0], "100 of 100"), (names[1], "9 of 9")]
+    note = json.loads((tmp_path / "intervals.json").read_text())["note"]
+    assert note.startswith(f"{names[0]}; {names[2]}")
+    assert note.endswith(f"on {stamp['date']}, impactfem {stamp['impactfem']}")
 
 
 def test_the_tables_of_the_vibrating_table_hold_all_that_was_measured():
