@@ -69,7 +69,7 @@ def check_scene(scene: Content, gravity: object) -> None:
     check_itself(scene)
     check_springs(scene)
     _check_counts(scene)
-    if scene.bars and scene.solver == "bar_row":
+    if len(scene.bars) > 1 or (scene.bars and not scene.obstacles):
         _check_bodies(scene)
         check_bar_row(scene)
     elif scene.bars:

@@ -65,6 +65,8 @@ TABLES = {
 }
 
 
+TOLD = {"folder", "wall_stiffness"}
+"""Fields that are no keys: the scene tells them."""
 OTHERWISE = {
     (language.Parameter, "path"): "key", (language.Control, "course"): "kind",
     (language.Objective, "searched_by"): "solver", (language.Control, "begin"): "from",
@@ -95,8 +97,7 @@ def test_every_table_and_key_is_described():
         "output",
     ]
     for heading, cls in TABLES.items():
-        kept = {"kind", "folder", "wall_stiffness"}  # no keys: the scene tells them
-        names = (field.name for field in fields(cls) if field.name not in kept)
+        names = (field.name for field in fields(cls) if field.name not in {"kind", *TOLD})
         expected = [key for name in names if (key := OTHERWISE.get((cls, name), name)) != "kind"]
         assert [key for key in tables[heading] if key != "kind"] == expected
     assert tables['[[body]] with kind = "bar"'][0] == "kind"
@@ -143,4 +144,4 @@ def test_signatures_for_type_checkers_agree_with_the_keys():
             if isinstance(node, ast.FunctionDef) and node.name == "__init__"
         ]
         by_hand = {arg.arg for arg in init.args.kwonlyargs}
-        assert by_hand - {"folder"} == set(keys_of(cls))
+        assert by_hand - TOLD == set(keys_of(cls))
