@@ -1,6 +1,6 @@
 """Numbers of a scene and their derivatives by its parameters, with the plan of the start kept."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,6 +14,7 @@ from impactfem.inverse.bars import BarRuns
 from impactfem.inverse.evaluations import Evaluations
 from impactfem.inverse.events import EventRuns
 from impactfem.inverse.layered_bars import LayeredBars
+from impactfem.inverse.meshed_bars import DiscontinuousBars, MonolithicBars
 from impactfem.inverse.outcomes import Outcome
 from impactfem.inverse.quantities import Quantities
 from impactfem.inverse.steps import Changes, Slopes
@@ -87,10 +88,14 @@ class Runs(Protocol):
         ...
 
 
-RUNS: Mapping[str, Any] = {
-    "event_driven": EventRuns, "exact": BarRuns, "galerkin": LayeredBars, "monolithic": LayeredBars,
-}  # fmt: skip
-"""What has derivatives, by method."""
+RUNS: Mapping[str, Callable[[Plan[Any], Scene], Any]] = {
+    "event_driven": lambda chosen, _: EventRuns(chosen),
+    "exact": lambda chosen, _: BarRuns(chosen),
+    "galerkin": LayeredBars.of,
+    "monolithic": MonolithicBars.of,
+    "dg": DiscontinuousBars.of,
+}
+"""Runs with derivatives of a plan and its scene, by method."""
 
 
 def _known(scene: Scene) -> list[str]:
@@ -163,7 +168,7 @@ class Varied:
                 f"solve.method = {show(chosen.method)} has no derivatives that are right: use "
                 f"{remedy or 'points, one rod, one rigid body or one bar'}, which have"
             )
-        return cls(scene, quantities, chosen, RUNS[chosen.method](chosen))
+        return cls(scene, quantities, chosen, RUNS[chosen.method](chosen, scene))
 
     @cached_property
     def unknowns(self) -> tuple[Unknown, ...]:
@@ -228,7 +233,7 @@ class Varied:
         other = replace(self, scene=scene, chosen=_planned(scene), kept=None, _last=None)
         if other.chosen.method not in RUNS:
             return float("nan"), other.chosen
-        other.runs = RUNS[other.chosen.method](other.chosen)
+        other.runs = RUNS[other.chosen.method](other.chosen, scene)
         return other.quantities.objective(other.numbers(values)), other.chosen
 
     def check_moves(self, q: Floats, jacobian: Floats) -> None:

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,11 @@ from impactfem.runs.run import Checkpointing, Cost, Run
 from impactfem.scene import Scene
 from impactfem.sizing import DEFAULT_ELEMENTS
 
+if TYPE_CHECKING:
+    from impactfem.mesh.spacetime import SpaceTimeMesh
+    from impactfem.spacetime.discontinuous import DiscontinuousSettings
+    from impactfem.spacetime.galerkin import GalerkinSettings
+
 Floats = NDArray[np.float64]
 
 
@@ -49,7 +55,7 @@ def _solve_marching(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) 
 
     bar, scheme = scene.bar, SCHEMES[chosen.method]
     if scene.mesh_path is not None:
-        positions, dt, layers = _layers_of_mesh(scene, chosen.method)
+        positions, dt, layers = layers_of_mesh(scene, chosen.method)
     elif numbers.elements and numbers.layers and numbers.dt:
         positions = np.linspace(0.0, bar.length, numbers.elements + 1)
         dt, layers = numbers.dt, numbers.layers
@@ -68,7 +74,7 @@ def _solve_marching(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) 
     return march(bar, scene.axial_gravity, positions, scheme, marching)
 
 
-def _layers_of_mesh(scene: Scene, method: str) -> tuple[Floats, float, int]:
+def layers_of_mesh(scene: Scene, method: str) -> tuple[Floats, float, int]:
     """Node positions [m], time step [s] and layers of a user's mesh, if a sweep can use it.
 
     Raises:
@@ -104,47 +110,66 @@ def _layers_of_mesh(scene: Scene, method: str) -> tuple[Floats, float, int]:
     return bar.length * nodes, float(steps[0]), len(steps)
 
 
+def monolithic_mesh(scene: Scene) -> "SpaceTimeMesh":
+    """The user's mesh, if the founding method can use it.
+
+    Raises:
+        MeshError: It cannot be read, or solutions on it grow.
+    """
+    from impactfem.fem import MPI  # noqa: PLC0415
+    from impactfem.mesh.files import read_mesh  # noqa: PLC0415
+    from impactfem.spacetime.stability import refuse_growth  # noqa: PLC0415
+
+    bar, path = scene.bar, scene.mesh_path
+    if path is None:
+        raise MeshError("solve.mesh: no mesh file is given")
+    space = read_mesh(MPI.COMM_WORLD, path, bar.length, scene.duration, bar.wave_speed)
+    refuse_growth(space, path)
+    return space
+
+
+def monolithic_settings(chosen: Plan[BarNumbers]) -> "GalerkinSettings":
+    """Numbers of the founding method as planned."""
+    from impactfem.spacetime.galerkin import GalerkinSettings  # noqa: PLC0415
+
+    numbers = chosen.numbers
+    return GalerkinSettings(
+        numbers.active_set, numbers.gamma, numbers.tolerance, numbers.max_iterations
+    )
+
+
 def _solve_monolithic(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> BarMotion:
     # DOLFINx and Gmsh load slowly: only for methods that need them.
     from impactfem.fem import MPI  # noqa: PLC0415
-    from impactfem.mesh.files import read_mesh  # noqa: PLC0415
     from impactfem.mesh.spacetime import layered_mesh  # noqa: PLC0415
-    from impactfem.spacetime.galerkin import GalerkinSettings, solve_galerkin  # noqa: PLC0415
-    from impactfem.spacetime.stability import refuse_growth  # noqa: PLC0415
+    from impactfem.spacetime.galerkin import solve_galerkin  # noqa: PLC0415
 
-    comm = MPI.COMM_WORLD
-    bar, path = scene.bar, scene.mesh_path
-    numbers = chosen.numbers
+    bar, numbers = scene.bar, chosen.numbers
     progress.step("building the space-time mesh")
-    if path is not None:
-        space = read_mesh(comm, path, bar.length, scene.duration, bar.wave_speed)
-        refuse_growth(space, path)
+    if scene.mesh_path is not None:
+        space = monolithic_mesh(scene)
     elif numbers.elements and numbers.layers and numbers.courant:
-        space = layered_mesh(comm, numbers.elements, numbers.layers, numbers.courant)
+        space = layered_mesh(MPI.COMM_WORLD, numbers.elements, numbers.layers, numbers.courant)
     else:
         raise SceneError("solve: the plan has neither elements nor a mesh; give solve.elements")
     progress.step("solving")
-    settings = GalerkinSettings(
-        numbers.active_set, numbers.gamma, numbers.tolerance, numbers.max_iterations
+    return solve_galerkin(
+        space, bar, scene.axial_gravity, monolithic_settings(chosen), progress, scene.output.stride
     )
-    return solve_galerkin(space, bar, scene.axial_gravity, settings, progress, scene.output.stride)
 
 
-def _solve_dg(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> BarMotion:
+def discontinuous_settings(scene: Scene, chosen: Plan[BarNumbers]) -> "DiscontinuousSettings":
+    """Numbers of the discontinuous Galerkin method as planned, and the user's mesh."""
     from impactfem.fem import MPI  # noqa: PLC0415
     from impactfem.mesh.files import read_mesh  # noqa: PLC0415
-    from impactfem.spacetime.discontinuous import (  # noqa: PLC0415
-        DiscontinuousSettings,
-        solve_discontinuous,
-    )
+    from impactfem.spacetime.discontinuous import DiscontinuousSettings  # noqa: PLC0415
 
     bar, path, asked = scene.bar, scene.mesh_path, scene.solve
     numbers = chosen.numbers
-    progress.step("building the space-time mesh")
     mesh = None
     if path is not None:
         mesh = read_mesh(MPI.COMM_WORLD, path, bar.length, scene.duration, bar.wave_speed)
-    settings = DiscontinuousSettings(
+    return DiscontinuousSettings(
         degree=1 if numbers.degree is None else numbers.degree,
         elements=numbers.elements or DEFAULT_ELEMENTS,
         fitted=bool(numbers.fitted),
@@ -157,9 +182,17 @@ def _solve_dg(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> Bar
         max_iterations=numbers.max_iterations,
         every=scene.output.stride,
     )
+
+
+def _solve_dg(scene: Scene, chosen: Plan[BarNumbers], progress: Progress) -> BarMotion:
+    from impactfem.fem import MPI  # noqa: PLC0415
+    from impactfem.spacetime.discontinuous import solve_discontinuous  # noqa: PLC0415
+
+    progress.step("building the space-time mesh")
+    settings = discontinuous_settings(scene, chosen)
     progress.step("solving")
     motion, details = solve_discontinuous(
-        MPI.COMM_WORLD, bar, scene.axial_gravity, scene.duration, settings, progress
+        MPI.COMM_WORLD, scene.bar, scene.axial_gravity, scene.duration, settings, progress
     )
     return replace(motion, effort=replace(motion.effort, details=details))
 

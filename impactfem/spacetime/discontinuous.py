@@ -107,6 +107,31 @@ def solve_discontinuous(
     return motion, figures
 
 
+def switches(bar: Bar, gravity: PiecewiseConstant, duration: float) -> Floats:
+    """Times [s] at which gravity, or what drives the far end, changes: lines of meshes."""
+    return np.union1d(gravity.times[1:], [stop.after for stop in bar.end_breaks(duration)])
+
+
+def first_mesh(
+    comm: Any, bar: Bar, gravity: PiecewiseConstant, duration: float,
+    settings: DiscontinuousSettings,
+) -> Triangulation:  # fmt: skip
+    """The user's mesh, or an unstructured one with the switches as lines.
+
+    Args:
+        comm: MPI communicator; Gmsh runs on its rank 0.
+        bar: The bar.
+        gravity: p(t) [m/s^2].
+        duration: Dimensionless.
+        settings: Mesh or elements.
+    """
+    if settings.mesh is not None:
+        return gathered(settings.mesh)
+    transit = bar.transit_time
+    lines = time_lines(switches(bar, gravity, duration * transit) / transit, duration)
+    return triangulate(comm, duration, 1.0 / settings.elements, lines)
+
+
 @dataclass
 class _Run:
     """What all meshes of one solution have in common.
@@ -152,27 +177,13 @@ class _Run:
                 yield problem
             return
         self.progress.note("space-time mesh")
-        mesh = self._first_mesh()
+        mesh = first_mesh(self.comm, self.bar, self.gravity, self.duration, self.settings)
         while True:
             problem = self.solve(mesh)
             yield problem
             if len(mesh.cells) > MAX_TRIANGLES:
                 return
             mesh = refined(problem)
-
-    def _first_mesh(self) -> Triangulation:
-        """The user's mesh, or an unstructured one with the switches of gravity as lines."""
-        if self.settings.mesh is not None:
-            return gathered(self.settings.mesh)
-        lines = time_lines(self._switches, self.duration)
-        return triangulate(self.comm, self.duration, 1.0 / self.settings.elements, lines)
-
-    @property
-    def _switches(self) -> Floats:
-        """Dimensionless times at which gravity, or what drives the far end, changes."""
-        transit = self.bar.transit_time
-        stops = [stop.after for stop in self.bar.end_breaks(self.duration * transit)]
-        return np.union1d(self.gravity.times[1:], stops) / transit
 
     def _fitted(self, elements: int) -> BarWaves:
         """A problem on a mesh that is fitted to the events of its motion."""

@@ -17,6 +17,7 @@ from impactfem.result.bar_motion import BarMotion, Effort
 from impactfem.scene import Bar, Formula, PiecewiseConstant
 from impactfem.spacetime.layers import motion_of_layers
 from impactfem.spacetime.numbering import number
+from impactfem.spacetime.sweep import DECIDE
 from impactfem.spacetime.system import CoupledSystem, Equations, assemble, paired_load
 from impactfem.system.chain import Chain
 from impactfem.system.ends import displacement_scale, end_means
@@ -64,6 +65,8 @@ def solve_galerkin(
     settings: GalerkinSettings,
     progress: Progress | None = None,
     every: int = 1,
+    *,
+    marks: NDArray[np.int8] | None = None,
 ) -> BarMotion:
     """Solve equation (3) of the slides for a bar that may touch a wall at x = 0.
 
@@ -74,6 +77,8 @@ def solve_galerkin(
         settings: Numbers of the active-set loop.
         progress: Told of every iteration.
         every: Keep the fields of every so many layers.
+        marks: Sets of the wall's intervals, where they are known (1 active, 0 not, `DECIDE`: they
+            are not), (pairs,); None: all are found. By the coupled system.
 
     Returns:
         The motion in SI units; the same on every rank. ``effort.converged`` is False if the
@@ -88,8 +93,9 @@ def solve_galerkin(
     times = bar.transit_time * numbering.points[numbering.far, 0]
     scale = displacement_scale(bar, gravity, travel, times)
     problem = _Problem(space, bar, gravity, equations, scale, every)
-    solve = _by_snes_vi if settings.active_set == "snes_vi" else _by_active_set
-    return solve(problem, settings, progress or Progress())
+    if settings.active_set == "snes_vi" and marks is None:
+        return _by_snes_vi(problem, settings, progress or Progress())
+    return _by_active_set(problem, settings, progress or Progress(), marks)
 
 
 def _equations(space: SpaceTimeMesh, bar: Bar, gravity: PiecewiseConstant) -> Equations:
@@ -187,14 +193,18 @@ def _cell_means(
     return means
 
 
-def _by_active_set(problem: _Problem, settings: GalerkinSettings, progress: Progress) -> BarMotion:
+def _by_active_set(
+    problem: _Problem, settings: GalerkinSettings, progress: Progress,
+    marks: NDArray[np.int8] | None = None,
+) -> BarMotion:  # fmt: skip
     """Coupled primal-dual system, one active set for the whole interval."""
     equations, pairs = problem.equations, len(problem.equations.numbering.multipliers)
     system, bar = CoupledSystem(equations), problem.bar
     start, metres = float(bar.initial_displacement(x=0.0)), bar.length / bar.wave_speed**2
 
     def solve(active: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-        u, multiplier = system.solve(active)
+        known = active if marks is None else np.where(marks == DECIDE, active, marks == 1)
+        u, multiplier = system.solve(known)
         return wall_gap(bar, np.append(start, u), multiplier / metres), multiplier
 
     try:
@@ -206,6 +216,7 @@ def _by_active_set(problem: _Problem, settings: GalerkinSettings, progress: Prog
             max_iterations=settings.max_iterations,
             keep=Effort.KEPT,
             observe=lambda k, changes: progress.note(f"active set {k}: {changes} changes"),
+            start=None if marks is None else marks == 1,
         )
         u, unknowns = system.displacement(), system.num_unknowns
     finally:

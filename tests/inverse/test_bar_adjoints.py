@@ -45,7 +45,7 @@ def differences(asked, ways=None):
     """Central ones over two steps, extrapolated, of runs with the sets of the start; (n, ways)."""
     runs, at, times = asked.runs, asked.start, asked.quantities.times
     scene = asked.at(at)
-    marks = runs._marks(scene, runs._march(scene, None))
+    marks = runs.marks(scene, runs.march(scene, None))
 
     def read(values):
         moved = asked.at(values)
