@@ -127,7 +127,7 @@ def wall(stiffness: float = 4.0, elements: int = 160, rise: float = 0.03) -> Pro
 
     Args:
         stiffness: Of the wall, in E A/L.
-        elements: With which errors of the mesh are some hundredths of sigma.
+        elements: With which errors of the mesh are a twentieth of sigma at most.
         rise: Sigma of the mean rate of the force.
     """
     pair = "bar.wall"
