@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 
 _UNLIKELY = 1e-3  # probability below which misfits do not fit their standard deviations
 _FLAT = 1e-12  # least share of a singular value of a direction that the data determine
+_AGREES = 1e-6  # share of J by which a plan of the answer's own may tell another
+_NOTICED = 0.05  # of a unit of chi^2 / 2, less than which speaks for no other answer: .3 sigma
 
 
 @dataclass(frozen=True)
@@ -172,7 +174,10 @@ def identify(
     check = replace(check, margin=told.margin)
     verified, planned = varied.verified(found.x)
     first, last = search.tried[0].objective, float(found.cost)
-    if planned.method == varied.chosen.method and abs(verified - last) > 1e-6 * max(first, last):
+    # J = chi^2 / 2: a parameter that is off by its standard deviation adds half of a unit.
+    unit = 1.0 if spread == "given" else 2.0 * last / max(1, len(left) - len(slopes.T))
+    least = max(_AGREES * max(first, last), _NOTICED * unit)
+    if planned.method == varied.chosen.method and abs(verified - last) > least:
         doubts.append(
             f"with a plan of its own the answer has the objective {verified:.6g}, in the search "
             f"{last:.6g}"
