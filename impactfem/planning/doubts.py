@@ -54,7 +54,7 @@ def doubts(scene: Scene, told: Sequence[Finding] = ()) -> tuple[Finding, ...]:
     """
     if scene.bars:
         return _only_fly(scene)
-    found = [doubt for body in scene.bodies for doubt in units_of(body)]
+    found = [doubt for body in scene.bodies for doubt in units_of(body, _against(scene))]
     lonely = {finding.subject for finding in told if finding.code == MEETS_NOTHING}
     if not lonely & {body.name for body in scene.bodies} and _meet_nothing(scene):
         first, *others = (body.name for body in scene.bodies)
@@ -123,17 +123,37 @@ def _meet_nothing(scene: Scene) -> bool:
     return not (scene.contacts or scene.marches) or not _may_touch(scene, paths)
 
 
-def units_of(body: Any) -> list[Finding]:
-    """A body that moves faster than its waves: its modulus is perhaps in GPa or MPa."""
+def _speed(body: Any) -> Floats:
+    """Velocity at x = 0 [m/s], (entries,)."""
+    given = body.velocity or 0.0
+    entries = given if isinstance(given, tuple) else (given,)
+    zero = {"x": 0.0, "y": 0.0, "z": 0.0}
+    return np.array([e if isinstance(e, float) else float(e(**zero)) for e in entries])
+
+
+def _against(scene: Scene) -> list[Floats]:
+    """Velocities against which those of bodies count [m/s]: of all that meet only each other."""
+    held = any(getattr(body, "supports", ()) for body in scene.bodies) or scene.joints
+    if scene.obstacles or held or len(scene.bodies) == 1:
+        return []
+    speeds = [_speed(body) for body in scene.bodies if hasattr(body, "velocity")]
+    return speeds if len({len(each) for each in speeds}) == 1 else []
+
+
+def units_of(body: Any, against: Sequence[Floats] = ()) -> list[Finding]:
+    """A body that moves faster than its waves: its modulus is perhaps in GPa or MPa.
+
+    Args:
+        body: The body.
+        against: Velocities against which its own counts [m/s]; none: 0.
+    """
     if getattr(body, "youngs_modulus", None) is None:
         return []
     waves = getattr(body, "wave_speed", None)  # of bars, along which it may vary
     if waves is None:
         waves = math.sqrt(body.youngs_modulus / body.density)
-    given = body.velocity or 0.0
-    entries = given if isinstance(given, tuple) else (given,)
-    zero = {"x": 0.0, "y": 0.0, "z": 0.0}
-    speed = math.hypot(*(e if isinstance(e, float) else float(e(**zero)) for e in entries))
+    own = _speed(body)
+    speed = max(float(np.linalg.norm(own - other)) for other in against or [0.0 * own])
     if not speed > _FAST * waves:
         return []
     text = f"body {body.name} moves {speed / waves:.2g} times as fast as the waves in it: strains "

@@ -133,3 +133,17 @@ def test_nothing_is_doubted_in_shipped_scenes(name):
         assert not doubts(scene)
     elif len(scene.bars) < 2:
         assert not any("wall" in text or "units" in text for text in impactfem.plan(scene).warnings)
+
+
+@pytest.mark.parametrize(("slower", "warned"), [(399.0, False), (0.0, True)])
+def test_what_flies_along_is_not_fast(slower, warned):
+    """Waves run at 100 m/s in both; that they meet at 1 m/s is what counts."""
+    disc = {"kind": "solid", "model": "plane_strain", "density": 100.0, "youngs_modulus": 1e6,
+            "poisson_ratio": 0.0, "mesh_size": 0.5}  # fmt: skip
+    bodies = [
+        disc | {"name": name, "velocity": [speed, 0.0],
+                "shape": {"kind": "disc", "radius": 1.0, "center": [x, 0.0]}}
+        for name, x, speed in (("a", 0.0, 400.0), ("b", 2.1, slower))
+    ]  # fmt: skip
+    scene = Scene.from_dict({"title": "two", "duration": 0.1, "body": bodies})
+    assert any("check the units" in text for text in sentences(doubts(scene))) == warned
