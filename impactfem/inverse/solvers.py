@@ -19,6 +19,7 @@ Marks = NDArray[np.bool_]
 
 _FAILED = 1e6  # times the largest objective so far: what a run that fails counts as
 _FLAT = 1e-2  # times the tolerance: share of the first gradient that may be left
+_RUNS = 2  # times the iterations: evaluations, of which a line along a kink may take twenty
 _BARRIER = 1e-10  # parameter of trust-constr's barrier with which limits are met
 _BARRIERS = ("initial_barrier_parameter", "initial_barrier_tolerance", "barrier_tol")
 _NOTHING_LESS = 8  # of SLSQP: along its line nothing is less, as rounding lets it see
@@ -99,7 +100,7 @@ def _by_lbfgs(problem: Problem) -> Found:
     steepest = float(np.abs(problem.value(start)[1]).max())
     options = {
         "maxiter": problem.most, "ftol": 1e-3 * problem.tolerance**2,
-        "gtol": _FLAT * problem.tolerance * steepest,
+        "gtol": _FLAT * problem.tolerance * steepest, "maxfun": _RUNS * problem.most,
     }  # fmt: skip
     found = minimize(
         problem.value, start, jac=True, method="L-BFGS-B",
