@@ -17,7 +17,6 @@ from impactfem.result.bar_motion import BarMotion, Effort
 from impactfem.scene import Bar, Formula, PiecewiseConstant
 from impactfem.spacetime.layers import motion_of_layers
 from impactfem.spacetime.numbering import number
-from impactfem.spacetime.sweep import DECIDE
 from impactfem.spacetime.system import CoupledSystem, Equations, assemble, paired_load
 from impactfem.system.chain import Chain
 from impactfem.system.ends import displacement_scale, end_means
@@ -77,7 +76,7 @@ def solve_galerkin(
         settings: Numbers of the active-set loop.
         progress: Told of every iteration.
         every: Keep the fields of every so many layers.
-        marks: Sets of the wall's intervals, where they are known (1 active, 0 not, `DECIDE`: they
+        marks: Sets of the wall's intervals, where they are known (1 active, 0 not, negative: they
             are not), (pairs,); None: all are found. By the coupled system.
 
     Returns:
@@ -203,7 +202,7 @@ def _by_active_set(
     start, metres = float(bar.initial_displacement(x=0.0)), bar.length / bar.wave_speed**2
 
     def solve(active: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-        known = active if marks is None else np.where(marks == DECIDE, active, marks == 1)
+        known = active if marks is None else np.where(marks < 0, active, marks == 1)
         u, multiplier = system.solve(known)
         return wall_gap(bar, np.append(start, u), multiplier / metres), multiplier
 
