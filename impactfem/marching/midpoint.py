@@ -121,7 +121,8 @@ class Midpoint:
     def predict(self, layer: int) -> Floats:
         """Solve the layer without contact forces."""
         system, drive, dt = self._system, self._drive, self.dt
-        begin, end = self._begin, _ = layer * dt, (layer + 1) * dt
+        begin, end = layer * dt, (layer + 1) * dt
+        self._begin = begin
         gravity = self.gravity(layer)
         motion = self._mu * self.displacement + (2.0 / dt) * self.velocity
         carried = np.tile(system.carried(motion), len(motion) // system.dim)
