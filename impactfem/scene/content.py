@@ -150,8 +150,10 @@ class Content:
         that knows the spring of a wall: the bar then has its stiffness.
         """
         bars = self._all(Bar)
-        if len(bars) != len(self.bodies) or not self.gives_way:
-            return bars if len(bars) == len(self.bodies) else ()
+        if len(bars) != len(self.bodies):
+            return ()
+        if not self.gives_way:
+            return bars
         wall = self._spring_wall
         return () if wall is None else (replace(bars[0], wall_stiffness=wall),)
 
