@@ -166,7 +166,8 @@ def _method(scene: Scene, model: "SolidsModel") -> tuple[str, dict[str, str]]:
         text = "what the stiffness of contacts takes it gives back, to rounding"
     if scene.iterated:
         text = f"{scene.iterated}: energy is kept to rounding"
-    reason = "as asked" if asked is not None else f"{scene.why_marched}: {text}"
+    chosen = ": ".join(filter(None, (scene.why_marched, text)))
+    reason = "as asked" if asked is not None else chosen
     of_places = light or scene.gives_way or scene.iterated
     return asked or (OF_PLACES if of_places else METHOD), {"method": reason}
 

@@ -86,7 +86,7 @@ class MarchNumbers(Numbers):
             step = f"{self.dt:g} s (courant {self.courant:g})"
         limits = f"tolerance {self.tolerance:g}, at most {self.max_iterations} iterations"
         return [
-            ("mesh size", f"{self.mesh_size:g} m"),
+            *([("mesh size", f"{self.mesh_size:g} m")] if self.mesh_size else []),
             ("layers", found_later if self.layers is None else str(self.layers)),
             ("dt", step),
             ("linear solver", self.linear_solver),

@@ -1,10 +1,10 @@
-// A plate with a hole for Gmsh, lengths in m. Physical names become the names of surfaces.
+// An oval plate with a hole for Gmsh, lengths in m. Physical names become the names of surfaces.
 SetFactory("OpenCASCADE");
-Rectangle(1) = {-0.05, 0.001, 0, 0.1, 0.05};
+Disk(1) = {0, 0.026, 0, 0.05, 0.025};
 Disk(2) = {0, 0.026, 0, 0.012, 0.012};
 BooleanDifference(3) = { Surface{1}; Delete; }{ Surface{2}; Delete; };
 edges() = Boundary{ Surface{3}; };
 Physical Surface("plate") = {3};
-Physical Curve("edge") = {edges(0), edges(1), edges(2), edges(3)};
-Physical Curve("hole") = {edges(4)};
-Mesh.MeshSizeMax = 0.003;
+Physical Curve("edge") = {edges(0)};
+Physical Curve("hole") = {edges(1)};
+Mesh.MeshSizeMax = 0.0018;

@@ -73,6 +73,8 @@ def test_a_starter_runs_as_it_is(kind, command, work):
     assert summary["status"] == "completed"
     if summary["error"] is not None:
         assert summary["error"]["displacement_max"] < 0.05  # of fields: none calls for care
+        assert summary["error"]["force_l1"] < 0.05
+    assert summary["verdict"]["level"] == "trust", summary["verdict"]
     assert "\n# Error of the motion as it stands: " in TEXTS[kind]
     assert summary["contact"]["impulse"] > 0
 
