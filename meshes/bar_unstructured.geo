@@ -1,7 +1,7 @@
 // Space-time mesh of a bar without layers, for docs/scripts/limits.py: the Galerkin method is NOT stable on it.
 // First coordinate t [s], second x [m].
 
-T = 2.0;           // duration [s]
+T = 5.0;           // duration [s], that of demos/bar_impact
 L = 1.0;           // length [m]
 n = 16;            // elements along the bar; start and end are divided alike
 courant = 1.0;     // dt / h on the sides wall and far, for c = 1

@@ -162,7 +162,7 @@ def without_layers() -> Iterator[str]:
         for algorithm, name in names.items():
             errors = []
             for n in sizes:
-                for key, value in (("n", n), ("algorithm", algorithm)):
+                for key, value in (("T", 2.0), ("n", n), ("algorithm", algorithm)):
                     text = re.sub(rf"(?m)^{key} = .*?;", f"{key} = {value};", text)
                 path.write_text(text)
                 errors.append(_standing_wave(read_mesh(MPI.COMM_SELF, path, 1.0, 2.0, 1.0)))
