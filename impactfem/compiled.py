@@ -1,5 +1,6 @@
 """Compilation of the time loops, announced and cached on disk where that is possible."""
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import numba
 from numba.core import event
 
-from impactfem.first_use import compiling
+from impactfem import first_use
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -46,16 +47,26 @@ def cache_folder(function: Callable[..., Any]) -> Path | None:
 
 
 class _Announcer(event.Listener):
-    """Hears of each compilation, not of code that is found in the cache."""
+    """Hears of each compilation, not of code that is found in the cache.
+
+    One begins inside another where a function calls one that is not compiled yet.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._begun: list[float] = []
 
     def on_start(self, event: Any) -> None:
+        self._begun.append(time.perf_counter())
         function = event.data["dispatcher"]
         if function.py_func.__module__.startswith("impactfem."):
             folder = function.stats.cache_path
-            compiling("time loops", _told(Path(folder)) if folder else None)
+            first_use.compiling("time loops", _told(Path(folder)) if folder else None)
 
-    def on_end(self, event: Any) -> None:
-        """Needed by Numba."""
+    def on_end(self, event: Any) -> None:  # noqa: ARG002  (its name is Numba's)
+        begun = self._begun.pop()
+        if not self._begun:
+            first_use.compiled(begun, time.perf_counter())
 
 
 def _told(folder: Path) -> Path:

@@ -1,15 +1,34 @@
-"""Says once in a process that code is compiled, so that the longer first run is explained."""
+"""Compilation of code at its first use: said once in a process, its seconds counted apart."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 _listeners: list[Callable[[str], None]] = []
+_counters: list[Callable[[str], None]] = []
 _said: set[str] = set()
+_spans: list[tuple[float, float]] = []  # begin and length of each compilation [s]
 
 
 def announce_to(say: Callable[[str], None]) -> None:
     """Tell ``say`` from now on what is compiled; before, nobody is told."""
     _listeners[:] = [say]
+
+
+def count_to(show: Callable[[str], None] | None) -> None:
+    """Tell ``show`` from now on how far a compilation has come; None: nobody."""
+    _counters[:] = [show] if show is not None else []
+
+
+def compiled(begin: float, end: float) -> None:
+    """Note that code was compiled between two times of the clock ``perf_counter`` [s]."""
+    _spans.append((begin, end - begin))
+    for show in _counters:
+        show(f"compiling: {len(_spans)} pieces, {sum(span for _, span in _spans):.0f} s")
+
+
+def compiled_since(start: float) -> float:
+    """Seconds that were spent on compilations that began since a time of ``perf_counter`` [s]."""
+    return sum(length for begin, length in _spans if begin >= start)
 
 
 def compiling(what: str, kept: Path | None) -> None:

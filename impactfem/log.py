@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from impactfem.errors import plain
+from impactfem.first_use import count_to
 
 
 @dataclass
@@ -35,9 +36,11 @@ class Progress:
             bar_format="{desc:<40} {bar:20} {elapsed}",
         )
         self._bar = bar
+        count_to(self.note)
         try:
             yield self
         finally:
+            count_to(None)
             bar.close()
             self._bar = None
 

@@ -80,6 +80,9 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     ranks = f"{summary['ranks']} rank{'s' if summary['ranks'] != 1 else ''}"
     if energy.get("driven"):
         energies += " (loads or moving obstacles do work)"
+    took = f"{summary['wall_time']:.2f} s"
+    if compiling := summary.get("compile_time"):
+        took += f" and, this once, {compiling:.1f} s to compile code"
     rows = [
         ("status", summary["status"]),
         ("method", summary["method"]),
@@ -89,7 +92,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("force", force),
         ("energy", energies),
         ("error", _error(summary["error"]) + beyond_model(summary) * bool(summary["error"])),
-        ("cost", f"{summary['wall_time']:.2f} s, {summary['peak_memory_mib']:.0f} MiB on {ranks}"),
+        ("cost", f"{took}, {summary['peak_memory_mib']:.0f} MiB on {ranks}"),
     ]
     for pair in contact.get("pairs", ()):
         text = f"{_intervals(pair['intervals'])}, max {_number(pair['max_force'])} N"

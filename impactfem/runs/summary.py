@@ -72,6 +72,7 @@ def summarise(scene: Scene, chosen: Plan[Any], run: Run) -> dict[str, Any]:
         "num_dofs": effort.num_unknowns,
         "num_steps": len(t) - 1,
         "wall_time": cost.wall_time,
+        "compile_time": cost.compile_time,
         "peak_memory_mib": cost.memory_mib,  # of all ranks together
         "ranks": cost.ranks,
         "active_set": {

@@ -34,8 +34,8 @@ GLOBAL = ("--set", "solve.method=galerkin", "--set", "solve.window=all")  # the 
 FILES = {"scene.toml", "history.csv", "history.nc", "report.html", "summary.json"}
 SUMMARY = {
     "": {
-        "title", "status", "method", "num_dofs", "num_steps", "wall_time", "peak_memory_mib",
-        "active_set", "energy", "contact", "error", "plan",
+        "title", "status", "method", "num_dofs", "num_steps", "wall_time", "compile_time",
+        "peak_memory_mib", "active_set", "energy", "contact", "error", "plan",
     },
     "active_set": {"iterations", "set_changes", "converged"},
     "energy": {"initial", "final", "max_relative_drift"},

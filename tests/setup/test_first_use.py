@@ -42,3 +42,17 @@ def test_what_cannot_be_kept_is_said(told):
     first_use.announce_to(told.append)
     first_use.compiling("loops", None)
     assert "no cache folder can be written: each time" in told[0]
+
+
+def test_seconds_are_counted_from_a_start_on_and_shown(monkeypatch):
+    monkeypatch.setattr(first_use, "_spans", [])
+    shown = []
+    first_use.count_to(shown.append)
+    first_use.compiled(1.0, 3.0)
+    first_use.compiled(5.0, 5.5)
+    first_use.count_to(None)
+    first_use.compiled(7.0, 8.0)
+    assert shown == ["compiling: 1 pieces, 2 s", "compiling: 2 pieces, 2 s"]
+    assert first_use.compiled_since(0.0) == 3.5
+    assert first_use.compiled_since(4.0) == 1.5
+    assert first_use.compiled_since(9.0) == 0.0

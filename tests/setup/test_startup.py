@@ -3,6 +3,7 @@
 import json
 import os
 import subprocess
+import re
 import sys
 
 import pytest
@@ -143,6 +144,11 @@ def test_compilation_is_announced_once(tmp_path):
         assert any((tmp_path / folder).rglob("*"))
     assert first.stderr.count("compiling") == 2
     assert "compiling" not in second.stderr
+    took = [re.search(r"cost +([\d.]+) s(.*)", done.stdout) for done in (first, second)]
+    assert float(re.search(r"([\d.]+) s to compile code", took[0][2])[1]) > 1.0
+    assert "compile" not in took[1][2]
+    # What is compiled is no part of the cost: it took several times as long as the solution.
+    assert float(took[0][1]) < 3.0 * float(took[1][1]) + 0.5
 
 
 @pytest.mark.slow

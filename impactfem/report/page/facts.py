@@ -161,8 +161,10 @@ def cost(result: Record) -> str:
         ("MPI ranks", str(summary["ranks"]), ""),
         ("Contact iterations", str(summary["active_set"]["iterations"]), ""),
     ]
+    if compiling := summary.get("compile_time"):
+        rows.insert(1, ("Compilation of code, this once", span(compiling), ""))
     if dt := summary["details"].get("dt", plan.get("dt")):
-        rows.insert(4, ("Length of a step", span(dt), ""))
+        rows.insert(-2, ("Length of a step", span(dt), ""))
     return section(
         "cost",
         "Cost",
