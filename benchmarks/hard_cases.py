@@ -18,7 +18,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=RESULTS)
     given = parser.parse_args()
-    impactfem.hard_cases(progress=print).save(given.out)
+    impactfem.studies.hard_cases(progress=print).save(given.out)
     write_stamp("hard_cases", folder=given.out)
 
 

@@ -65,12 +65,12 @@ def main() -> None:
         spin = 10.0 * rng.normal(size=(given.members, 3))
         start = {"velocity": velocity, "angular_velocity": spin, "threads": 1}
         few = {name: each if name == "threads" else each[:2] for name, each in start.items()}
-        impactfem.solve_ensemble(scene, **few)  # compiles
+        impactfem.studies.solve_ensemble(scene, **few)  # compiles
         begin = time.process_time()
-        found = impactfem.solve_ensemble(scene, **start)
+        found = impactfem.studies.solve_ensemble(scene, **start)
         ours = 1e6 * (time.process_time() - begin) / steps / given.members
         begin = time.process_time()
-        flies = impactfem.solve_ensemble(dataclasses.replace(scene, duration=0.1), **start)
+        flies = impactfem.studies.solve_ensemble(dataclasses.replace(scene, duration=0.1), **start)
         falls = 1e6 * (time.process_time() - begin) / (0.1 / DT) / given.members
         body = dataclasses.replace(
             scene.bodies[0], velocity=velocity[0].tolist(), angular_velocity=spin[0].tolist()

@@ -54,7 +54,7 @@ def run(problem: Problem, repeats: int) -> Study:
     scene = impactfem.Scene.from_toml(find_scene(problem.scene)).with_settings(
         dict(problem.settings)
     )
-    study = impactfem.work_precision(scene, OURS, problem.sizes, repeats, progress=print)
+    study = impactfem.studies.work_precision(scene, OURS, problem.sizes, repeats, progress=print)
     for method, sizes, times in (
         ("exact", problem.exact, repeats),
         ("dg@degree=1,fitted=true", problem.fitted, 1),
@@ -63,10 +63,10 @@ def run(problem: Problem, repeats: int) -> Study:
     ):
         if sizes:
             study = study.joined(
-                impactfem.work_precision(scene, [method], sizes, times, progress=print)
+                impactfem.studies.work_precision(scene, [method], sizes, times, progress=print)
             )
     return study.joined(
-        impactfem.work_precision(
+        impactfem.studies.work_precision(
             scene, [], problem.baseline_sizes, min(repeats, 3), baselines=BASELINES, progress=print
         )
     )

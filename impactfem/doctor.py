@@ -71,7 +71,7 @@ def _finite_elements(faults: list[str]) -> list[tuple[str, str]]:
     """DOLFINx, MPI and PETSc."""
     try:
         from impactfem.fem import MPI, PETSc, dolfinx_fem  # noqa: F401, PLC0415
-    except impactfem.MissingDependencyError as error:
+    except impactfem.errors.MissingDependencyError as error:
         faults.append(str(error))
         return [("dolfinx", _WITHOUT)]
     mpi = MPI.Get_library_version().split("\n")[0].replace("\t", " ").strip(" \0")
@@ -118,7 +118,7 @@ def _forms(faults: list[str]) -> str:
     """Where compiled forms are kept; without such a folder there are no finite elements."""
     try:
         from impactfem.fem import form_cache  # noqa: PLC0415
-    except impactfem.MissingDependencyError:
+    except impactfem.errors.MissingDependencyError:
         return "none"
     folder = form_cache()
     fault = _cannot_write(folder)

@@ -1,8 +1,22 @@
 """Errors of impactfem: each message names the object, the value and the remedy."""
 
+import traceback
+
 
 class ImpactError(Exception):
     """Base of all errors a user can cause or meet; the command line prints its message only."""
+
+    def _render_traceback_(self) -> list[str]:
+        """What a notebook shows: the kind, the message, and the user's line that met it."""
+        frames = traceback.extract_tb(self.__traceback__)
+        # Constructors of dataclasses have no file: their lines cannot be shown.
+        of_users = [f for f in frames if f.line and not f.filename.startswith(_OURS)]
+        public = next(kind for kind in type(self).__mro__ if kind.__module__ == __name__)
+        lines = [f"{public.__name__}:", plain(str(self))]
+        if of_users:
+            last = of_users[-1]
+            lines.append(f"in line {last.lineno}: {last.line}")
+        return lines
 
 
 class SceneError(ImpactError):
@@ -32,6 +46,8 @@ class FolderError(OutputError):
 class ImpactWarning(UserWarning):
     """A result is correct but must be read with care, as an impact without a unique outcome."""
 
+
+_OURS = __file__.rpartition("errors.py")[0]  # the folder of the package
 
 # Control characters but tab and line break, and those that turn the direction of writing.
 _CONTROLS = {

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation
     from matplotlib.figure import Figure
 
+    from impactfem.result.summary import Summary
+
 
 class Result(Record):
     """What a run answers.
@@ -28,6 +30,9 @@ class Result(Record):
         exact: Exact contact force at the times of the history [N]; None if unknown.
         impacts: Impacts of points, rods and beams one by one; None if the method tells none.
     """
+
+    if TYPE_CHECKING:
+        summary: Summary
 
     def plot(self, folder: str | Path | None = None) -> "dict[str, Figure]":
         """Draw all figures that the result allows.

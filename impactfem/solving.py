@@ -1,7 +1,7 @@
 """From a scene to its result."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from impactfem.errors import SceneError
 from impactfem.facade import Result
@@ -12,6 +12,7 @@ from impactfem.runs import runner
 from impactfem.runs.run import Checkpointing
 from impactfem.runs.summary import summarise
 from impactfem.scene import Scene
+from impactfem.scene.settings import Settings
 
 
 def solve(
@@ -21,7 +22,7 @@ def solve(
     checkpoints: Path | None = None,
     restart: Path | None = None,
     planned: Plan[Any] | None = None,
-    **settings: Any,
+    **settings: Unpack[Settings],
 ) -> Result:
     """Solve a scene.
 

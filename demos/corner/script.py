@@ -25,7 +25,7 @@ offsets = np.linspace(-0.1, 0.1, 41)
 for axes, (name, angle) in zip(figure.subplots(1, 3, sharey=True), corners.items(), strict=True):
     # The floor y = 0 and a side that rises at the angle; the ray comes along 0.6 of the angle.
     sides = [[0.0, 1.0], [math.sin(angle), -math.cos(angle)]]
-    system = impactfem.LinearSystem(
+    system = impactfem.systems.LinearSystem(
         mass=[1.0, 1.0], normals=sides, offsets=[0.0, 0.0], restitution=1.0
     )
     ray = np.array([math.cos(0.6 * angle), math.sin(0.6 * angle)])

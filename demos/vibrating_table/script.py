@@ -26,8 +26,8 @@ for gamma in strengths:
     wanted = 0.5 * GRAVITY * period * (1.0 - RESTITUTION) / (1.0 + RESTITUTION)
     phase = np.arccos(min(1.0, wanted / (amplitude * OMEGA)))
     cosine, sine = amplitude * np.sin(phase), amplitude * np.cos(phase)
-    table = impactfem.Signal(harmonics=((OMEGA, cosine, sine),))
-    system = impactfem.LinearSystem(
+    table = impactfem.bodies.Signal(harmonics=((OMEGA, cosine, sine),))
+    system = impactfem.systems.LinearSystem(
         mass=1.0, load=[-GRAVITY], normals=[[1.0]], offsets=[0.0], restitution=RESTITUTION,
         motion=[table],
     )  # fmt: skip

@@ -184,7 +184,7 @@ class GravityImpact(_ThrownBar):
         if self.impact_speed < least * (1.0 - 8.0 * _EPS):
             raise SceneError(
                 f"impact speed {self.impact_speed} < 2 p L/c = {least}: the end does not leave at "
-                "once and the closed form does not hold; use impactfem.ExactBar"
+                "once and the closed form does not hold; use impactfem.exact.ExactBar"
             )
 
     @property

@@ -3,5 +3,18 @@
 from impactfem.inverse.gradients import Gradient, gradient
 from impactfem.inverse.identification import Identified, identify
 from impactfem.inverse.optimisation import Optimised, optimise
+from impactfem.scene import Control, Measure, Objective, Parameter, Term
 
-__all__ = ["Gradient", "Identified", "Optimised", "gradient", "identify", "optimise"]
+__all__ = [
+    "Control",
+    "Gradient",
+    "Identified",
+    "Measure",
+    "Objective",
+    "Optimised",
+    "Parameter",
+    "Term",
+    "gradient",
+    "identify",
+    "optimise",
+]

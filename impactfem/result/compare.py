@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.cards import card, table
 from impactfem.errors import OutputError
 from impactfem.result.record import Record
 from impactfem.result.table import Table
@@ -14,6 +15,7 @@ from impactfem.scene.column_names import RESERVED
 
 Floats = NDArray[np.float64]
 
+_SHOWN = 12  # columns in a notebook
 _SAME = 1e-12  # share of the duration by which times are the same
 
 
@@ -67,6 +69,20 @@ class Comparison:
     def within(self, tolerance: float) -> bool:
         """Whether both are the same motion up to a relative difference."""
         return self.same_end and self.worst <= tolerance
+
+    def _repr_html_(self) -> str:
+        alone = [*self.only_first, *self.only_second]
+        rows = [("until", f"{self.until:g} s" + ", interpolated" * self.interpolated)]
+        rows += [("in one alone", ", ".join(alone))] if alone else []
+        rows += [] if self.same_end else [("end", "they do not end at the same time")]
+        head = "column", "unit", "apart", "relative", "at [s]"
+        lines = [
+            (c.name, c.unit, f"{c.absolute:.3g}", f"{c.relative:.2g}", f"{c.time:.4g}")
+            for c in self.columns[:_SHOWN]
+        ]
+        more = len(self.columns) - len(lines)
+        lines += [(f"{more} more, closer", "", "", "", "")] if more > 0 else []
+        return card("Two histories side by side", rows, parts=[table(head, lines)])
 
 
 def compare(one: Record | str | Path, other: Record | str | Path) -> Comparison:

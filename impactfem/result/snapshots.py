@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.cards import card
 from impactfem.errors import SceneError
 from impactfem.result.grids import make_grid, nearest_layer
 from impactfem.result.shapes import Layout, Shape
@@ -67,6 +68,21 @@ class Snapshots(ABC):
         Raises:
             SceneError: There is no such body.
         """
+
+    def _repr_html_(self) -> str:
+        layout = self.layout
+        rows = [
+            (
+                "layers",
+                f"{len(self)}, {self.times[0]:g} to {self.times[-1]:g} s" if len(self) else "0",
+            ),
+            ("bodies", ", ".join(layout.names)),
+            ("nodes", str(len(layout.points))),
+            ("fields", ", ".join(self.point_data)),
+        ]
+        return card(
+            "Fields", rows, parts=["<code>.grid(time=...)</code>, <code>.over_time(name)</code>"]
+        )
 
     @property
     def needed_bytes(self) -> int:

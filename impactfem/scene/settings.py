@@ -1,7 +1,7 @@
 """Settings of a scene: how to solve it and which fields to write."""
 
 from dataclasses import dataclass
-from typing import ClassVar, override
+from typing import ClassVar, TypedDict, override
 
 from impactfem.methods import METHODS
 from impactfem.scene.kinds import (
@@ -147,6 +147,30 @@ class Solve:
             if one is not None and two is not None:
                 text = f" = {show(one)} contradicts {other} = {show(two)}: {why}."
                 raise KeyedError("solve", name, text)
+
+
+class Settings(TypedDict, total=False):
+    """Keys of `Solve` as the arguments of `impactfem.solve`, for editors and type checkers."""
+
+    method: str | None
+    elements: int | None
+    courant: float | None
+    dt: float | None
+    window: int | str | None
+    active_set: str | None
+    gamma: float | None
+    tolerance: float | None
+    max_iterations: int | None
+    friction_residual: float | None
+    mesh: str | None
+    accuracy: float | None
+    degree: int | None
+    fitted: bool | None
+    normals: str | None
+    linear_solver: str | None
+    estimate: bool | None
+    impact_law: str | None
+    stick_speed: float | None
 
 
 @table("[output]")

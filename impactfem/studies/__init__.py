@@ -1,1 +1,39 @@
 """Studies over many runs: errors against time, and the board of hard cases."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from impactfem.result.compare import Comparison, compare
+    from impactfem.runs.ensemble import solve_ensemble
+    from impactfem.studies.hard.cases import Board, hard_cases
+    from impactfem.studies.study import Study
+    from impactfem.studies.work_precision import work_precision
+
+__all__ = [
+    "Board",
+    "Comparison",
+    "Study",
+    "compare",
+    "hard_cases",
+    "solve_ensemble",
+    "work_precision",
+]
+
+# Loaded when first used: hard cases and errors of solids need DOLFINx.
+_HOMES = {
+    "Board": "impactfem.studies.hard.cases",
+    "Comparison": "impactfem.result.compare",
+    "Study": "impactfem.studies.study",
+    "compare": "impactfem.result.compare",
+    "hard_cases": "impactfem.studies.hard.cases",
+    "solve_ensemble": "impactfem.runs.ensemble",
+    "work_precision": "impactfem.studies.work_precision",
+}
+
+if not TYPE_CHECKING:  # type checkers shall tell names that do not exist
+
+    def __getattr__(name: str) -> Any:
+        if name not in _HOMES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(import_module(_HOMES[name]), name)

@@ -118,5 +118,5 @@ def test_geo_mesh_gives_what_the_built_mesh_gives():
 
 
 def test_mesh_without_layers_fits_the_scene_and_is_not_trusted():
-    with pytest.raises(impactfem.MeshError, match="unstable on it"):
+    with pytest.raises(impactfem.errors.MeshError, match="unstable on it"):
         solved_on(TOP / "meshes" / "bar_unstructured.geo")

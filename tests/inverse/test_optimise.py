@@ -160,9 +160,9 @@ def test_a_search_goes_on_bit_by_bit(tmp_path, monkeypatch):
     assert again.objective == whole.objective
     assert again.resumed > 0
     assert again.gradient_runs < whole.gradient_runs
-    with pytest.raises(impactfem.OutputError, match="another scene"):
+    with pytest.raises(impactfem.errors.OutputError, match="another scene"):
         impactfem.optimise(scene.with_settings({"duration": 1.1}), restart=tmp_path / "part")
-    with pytest.raises(impactfem.OutputError, match="no search can go on"):
+    with pytest.raises(impactfem.errors.OutputError, match="no search can go on"):
         impactfem.optimise(scene, restart=tmp_path / "none")
 
 

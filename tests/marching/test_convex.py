@@ -5,17 +5,8 @@ import pytest
 from moving_scenes import alone, check_restart
 
 import impactfem
-from impactfem import (
-    Contact,
-    HalfSpace,
-    Output,
-    RigidBody,
-    RigidBox,
-    RigidSphere,
-    Scene,
-    SceneError,
-    Solve,
-)
+from impactfem import Contact, HalfSpace, Output, RigidBody, Scene, SceneError, Solve
+from impactfem.obstacles import RigidBox, RigidSphere
 
 G = 9.81
 

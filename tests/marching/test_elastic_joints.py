@@ -10,7 +10,6 @@ from scipy.special import ellipk
 from impactfem import (
     Beam,
     Contact,
-    Disc,
     HalfSpace,
     Joint,
     Output,
@@ -23,6 +22,7 @@ from impactfem import (
 )
 from impactfem.errors import SceneError
 from impactfem.planning import plan
+from impactfem.shapes import Disc
 from impactfem.system.beam_matrices import beam_matrices
 
 G = 9.81

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 pytest.importorskip("pinocchio")
 
 import impactfem
-from impactfem import ConvergenceError, Scene, SceneError
+from impactfem import Scene, SceneError
+from impactfem.errors import ConvergenceError
 from impactfem.scene.mechanism import Place
 from impactfem.scene.rigid_keys import Orientation
 

@@ -6,21 +6,10 @@ from moving_scenes import alone, differences, stopping
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipk
 
-from impactfem import (
-    Block,
-    Capsule,
-    Contact,
-    Disc,
-    HalfSpace,
-    Joint,
-    Output,
-    RigidBody,
-    Scene,
-    Solve,
-    solve,
-)
+from impactfem import Contact, HalfSpace, Joint, Output, RigidBody, Scene, Solve, solve
 from impactfem.errors import SceneError
 from impactfem.planning import plan
+from impactfem.shapes import Block, Capsule, Disc
 
 FAR = HalfSpace(name="far", point=[-100.0, 0.0], normal=[1.0, 0.0])
 KINDS = {

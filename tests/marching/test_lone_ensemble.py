@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from impactfem import Scene, solve, solve_ensemble
+from impactfem import Scene, solve
 from impactfem.errors import ConvergenceError, ImpactWarning, SceneError
+from impactfem.studies import solve_ensemble
 
 G = 9.81
 SHAPES = {

@@ -268,7 +268,7 @@ def test_a_gap_is_lent_again_only_after_a_layer_in_which_it_was_open():
     far = pairs(places, places).gap
     np.testing.assert_allclose(far, 0.0, atol=1e-15)
     moved = places + np.array([[8.0, 0.0], [0.0, 0.0], [0.0, 0.0]])
-    with pytest.raises(impactfem.ConvergenceError, match="more than there is room"):
+    with pytest.raises(impactfem.errors.ConvergenceError, match="more than there is room"):
         pairs(places[[0, 1, 1]], places)
     met = pairs(moved, moved)  # no other gap is free: it goes to the next pair at once
     assert pairs.held.tolist() == [1]

@@ -13,7 +13,7 @@ from impactfem.result.bar_motion import BarMotion
 from impactfem.spacetime.galerkin import GalerkinSettings, solve_galerkin
 from impactfem.system.chain import Chain
 
-STILL = impactfem.PiecewiseConstant((0.0,), (0.0,))
+STILL = impactfem.bodies.PiecewiseConstant((0.0,), (0.0,))
 
 
 def bar(**keys):
@@ -39,7 +39,9 @@ BODIES = {
 
 @pytest.mark.parametrize("name", BODIES)
 @pytest.mark.parametrize("courant", [1.0, 0.9])
-@pytest.mark.parametrize("gravity", [STILL, impactfem.PiecewiseConstant((0.0, 0.43), (0.3, -0.2))])
+@pytest.mark.parametrize(
+    "gravity", [STILL, impactfem.bodies.PiecewiseConstant((0.0, 0.43), (0.3, -0.2))]
+)
 def test_sweep_equals_the_assembled_system(name, courant, gravity):
     """The block triangular recursion is the Petrov-Galerkin system of the Gmsh mesh."""
     from impactfem.fem import MPI
@@ -59,7 +61,7 @@ def test_sweep_equals_the_assembled_system(name, courant, gravity):
 @pytest.mark.parametrize("window", [3, 40, 200])
 def test_windows_do_not_change_the_answer(window):
     body = bar(gap=0.47, velocity=-0.6)
-    gravity = impactfem.PiecewiseConstant((0.0, 1.1), (0.7, 0.2))
+    gravity = impactfem.bodies.PiecewiseConstant((0.0, 1.1), (0.7, 0.2))
     single = run(body, gravity, "galerkin", 20, 200, 0.8, max_iterations=500)
     windowed = run(body, gravity, "galerkin", 20, 200, 0.8, window=window, max_iterations=500)
     assert windowed.effort.converged
@@ -112,7 +114,7 @@ def test_conserving_method_keeps_energy_over_750_bounces(courant):
 def test_energy_never_grows(method, courant):
     motion = run(
         bar(gap=0.513, velocity=-2.0),
-        impactfem.PiecewiseConstant((0.0,), (1.0,)),
+        impactfem.bodies.PiecewiseConstant((0.0,), (1.0,)),
         method,
         20,
         int(300 / courant),
@@ -130,7 +132,7 @@ def test_energy_never_grows(method, courant):
 )  # fmt: skip
 def test_signorini_conditions_hold_in_every_layer(gap, speed, pull, length, method, courant):
     body = bar(gap=gap, velocity=-speed, length=length)
-    gravity = impactfem.PiecewiseConstant((0.0,), (pull,))
+    gravity = impactfem.bodies.PiecewiseConstant((0.0,), (pull,))
     motion = run(body, gravity, method, 10, 120, courant)
     assert motion.gap.min() >= 0.0
     assert motion.multiplier.max() <= 0.0

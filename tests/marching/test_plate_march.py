@@ -10,7 +10,8 @@ from moving_scenes import alone, check_restart
 from surfaces import write_half_square
 
 import impactfem
-from impactfem import MeshError, SceneError
+from impactfem import SceneError
+from impactfem.errors import MeshError
 
 STEEL = {"density": 7800.0, "youngs_modulus": 2.06e11, "poisson_ratio": 0.3}
 SIDES = ("left", "right", "bottom", "top")
@@ -176,7 +177,7 @@ def test_balls_of_either_kind_in_either_order_strike_alike():
 
 def test_a_rounded_stop_below_is_hit_by_the_bottom():
     """A sphere under the middle, touched at the distance of its radius and half the thickness."""
-    sphere = impactfem.RigidSphere(name="stop", center=(0.0, 0.0, -0.513), radius=0.5)
+    sphere = impactfem.obstacles.RigidSphere(name="stop", center=(0.0, 0.0, -0.513), radius=0.5)
     plate = made(mesh_size=0.08, supports=held("clamped"), velocity="-(1-4*x**2)*(1-4*y**2)")
     result = impactfem.solve(scene_of(plate, obstacles=(sphere,), duration=0.05, dt=5e-4))
     history = result.history

@@ -7,18 +7,10 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 import impactfem
-from impactfem import (
-    Contact,
-    HalfSpace,
-    Hull,
-    Output,
-    RigidBody,
-    RigidSphere,
-    Scene,
-    SceneError,
-    Solve,
-)
+from impactfem import Contact, HalfSpace, Output, RigidBody, Scene, SceneError, Solve
 from impactfem.marching.turn_kernels import turn
+from impactfem.obstacles import RigidSphere
+from impactfem.shapes import Hull
 
 G = 9.81
 SPHERE = {"kind": "sphere", "radius": 0.1, "center": [0.0, 0.1, 0.0]}
@@ -386,7 +378,9 @@ def test_contacts_that_are_not_there_yet_are_refused():
 def test_a_body_that_turns_too_far_in_a_step_is_told():
     cube = {"kind": "block", "size": [0.1, 0.1, 0.1], "corner": [0.0, 0.0, 0.0]}
     top = RigidBody(name="b", shape=cube, mass=1.0, angular_velocity=[0.0, 3e3, 0.0])
-    with pytest.raises(impactfem.ConvergenceError, match="b turns too far in a step at t = "):
+    with pytest.raises(
+        impactfem.errors.ConvergenceError, match="b turns too far in a step at t = "
+    ):
         run(top, 0.1, 1e-3)
 
 

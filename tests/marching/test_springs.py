@@ -23,7 +23,12 @@ def scene_of(*bodies, duration=1.0, **more):
 
 
 def net_of(size=(1.0, 0.3 * ROOT3), **more):
-    given = {"shape": impactfem.Block(size=size), "mesh_size": 0.1, "mass": 2.0, "stiffness": 100.0}
+    given = {
+        "shape": impactfem.shapes.Block(size=size),
+        "mesh_size": 0.1,
+        "mass": 2.0,
+        "stiffness": 100.0,
+    }
     body = impactfem.SpringNet(name="net", **{**given, **more})
     return net_system(scene_of(body), body)
 
@@ -63,7 +68,7 @@ def test_stiffness_by_pattern(pattern, diagonal, c11, c12):
 
 
 def test_turned_pattern_is_stiff_along_its_edges():
-    shape = impactfem.Block(size=(1.0, 0.4), angle=0.25 * math.pi)
+    shape = impactfem.shapes.Block(size=(1.0, 0.4), angle=0.25 * math.pi)
     moduli = net_of(shape=shape, pattern="squares").mesh.moduli() / 100.0
     found = moduli[0, 0, 0, 0], moduli[0, 0, 1, 1]
     assert found == pytest.approx((0.5, 0.5), rel=1e-12)
@@ -139,7 +144,7 @@ def test_free_net_keeps_energy_and_momenta():
 def test_held_net_swings_as_the_chain_of_its_rows():
     """Squares pulled along a row: masses and springs in a chain, summed up by its modes."""
     body = impactfem.SpringNet(
-        name="net", shape=impactfem.Block(size=(1.0, 0.4)), mesh_size=0.1, pattern="squares",
+        name="net", shape=impactfem.shapes.Block(size=(1.0, 0.4)), mesh_size=0.1, pattern="squares",
         mass=2.0, stiffness=100.0, velocity=[1e-6, 0.0],
         supports=[{"surface": "left", "kind": "fixed"}],
     )  # fmt: skip
@@ -170,7 +175,7 @@ def test_held_net_swings_as_the_chain_of_its_rows():
 def test_ball_falls_into_a_net_and_energy_is_accounted_for():
     """A strip held at both ends catches a ball, which touches masses and edges."""
     net = impactfem.SpringNet(
-        name="net", shape=impactfem.Block(size=(1.0, 0.1 * ROOT3)), mesh_size=0.1, mass=0.2,
+        name="net", shape=impactfem.shapes.Block(size=(1.0, 0.1 * ROOT3)), mesh_size=0.1, mass=0.2,
         stiffness=2000.0, radius=0.01,
         supports=[{"surface": "left", "kind": "fixed"}, {"surface": "right", "kind": "fixed"}],
     )  # fmt: skip
@@ -224,7 +229,7 @@ def test_what_cannot_be_is_refused(change, message):
 def test_nets_too_fine_too_coarse_or_held_all_over_are_refused():
     for change, message in (
         ({"mesh_size": 1e-4}, "more than 20000"),
-        ({"shape": impactfem.Disc(radius=0.04)}, "no cell"),
+        ({"shape": impactfem.shapes.Disc(radius=0.04)}, "no cell"),
     ):
         with pytest.raises(SceneError, match=message):
             net_of(**change)
@@ -235,7 +240,7 @@ def test_nets_too_fine_too_coarse_or_held_all_over_are_refused():
 
 def falling(**more):
     net = impactfem.SpringNet(
-        name="net", shape=impactfem.Disc(radius=0.2, center=[0.0, 0.19]), mesh_size=0.1,
+        name="net", shape=impactfem.shapes.Disc(radius=0.2, center=[0.0, 0.19]), mesh_size=0.1,
         mass=0.5, stiffness=500.0, velocity=[0.5, -1.0],
     )  # fmt: skip
     return scene_of(
@@ -264,5 +269,5 @@ def test_net_of_a_mesh_file(tmp_path):
     nodes, cells = len(points), len(net.mesh.cells)
     assert len(net.mesh.edges) == nodes + cells - 1  # Euler's formula
     wrong = impactfem.SpringNet(**given, supports=[{"surface": "head", "kind": "fixed"}])
-    with pytest.raises(impactfem.MeshError, match="head"):
+    with pytest.raises(impactfem.errors.MeshError, match="head"):
         net_system(scene_of(wrong, folder=tmp_path), wrong)

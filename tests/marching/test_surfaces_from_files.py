@@ -9,7 +9,8 @@ from moving_scenes import alone, differences, scene, stopping
 from surfaces import box, ell, sphere, swept, write_stl
 
 import impactfem
-from impactfem import RigidBody, RigidBox, RigidMesh, Scene, SceneError
+from impactfem import RigidBody, Scene, SceneError
+from impactfem.obstacles import RigidBox, RigidMesh
 from impactfem.scene import surface_files
 
 G = 9.81

@@ -7,18 +7,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import impactfem
-from impactfem import (
-    Contact,
-    HalfSpace,
-    Output,
-    Point,
-    RigidBody,
-    RigidCylinder,
-    Rod,
-    Scene,
-    SceneError,
-    Solve,
-)
+from impactfem import Contact, HalfSpace, Output, Point, RigidBody, Rod, Scene, SceneError, Solve
+from impactfem.obstacles import RigidCylinder
 
 G = 9.81
 

@@ -100,7 +100,7 @@ SNAPPED = (
 def test_balances_hold_in_every_layer(motion):
     bar, steps, pulls, elements, courant = motion
     dt = courant * bar.transit_time / elements
-    gravity = impactfem.PiecewiseConstant(steps, pulls)
+    gravity = impactfem.bodies.PiecewiseConstant(steps, pulls)
     layers = min(600, max(1, int(12.0 * bar.transit_time / dt)))
     nodes = np.linspace(0.0, bar.length, elements + 1)
     found = march(bar, gravity, nodes, SCHEMES["conserving"], Marching(dt, layers))

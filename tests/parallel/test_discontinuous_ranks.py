@@ -13,7 +13,7 @@ def agree(**settings):
     bar = impactfem.Bar(
         length=2.0, density=3.0, youngs_modulus=12.0, gap=0.55, velocity="-0.5 + 0.1*x"
     )
-    gravity = impactfem.PiecewiseConstant((0.0, 1.3), (0.1, -0.05))
+    gravity = impactfem.bodies.PiecewiseConstant((0.0, 1.3), (0.1, -0.05))
     answers = []
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
         chosen = dict(settings)

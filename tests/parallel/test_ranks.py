@@ -14,7 +14,7 @@ def histories(method, **bar):
     from impactfem.spacetime.galerkin import GalerkinSettings, solve_galerkin
 
     body = impactfem.Bar(length=2.0, density=3.0, youngs_modulus=12.0, **bar)
-    gravity = impactfem.PiecewiseConstant((0.0, 1.3), (0.1, -0.05))
+    gravity = impactfem.bodies.PiecewiseConstant((0.0, 1.3), (0.1, -0.05))
     answers = []
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
         space = layered_mesh(comm, 20, 100, 1.0)
@@ -103,5 +103,5 @@ def test_a_broken_mesh_is_an_error_on_every_rank(tmp_path):
         solve=impactfem.Solve(method="monolithic", mesh="absent.msh"),
         folder=folder,
     )
-    with pytest.raises(impactfem.MeshError, match=r"absent\.msh"):
+    with pytest.raises(impactfem.errors.MeshError, match=r"absent\.msh"):
         impactfem.solve(scene)

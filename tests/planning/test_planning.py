@@ -82,7 +82,9 @@ def test_cost_with_a_mesh_file(solve, unknowns):
 
 
 def test_a_mesh_file_that_does_not_fit_is_noticed_before_the_run():
-    with pytest.raises(impactfem.MeshError, match="t runs from 0 to 5 s, the scene needs 0 to 4"):
+    with pytest.raises(
+        impactfem.errors.MeshError, match="t runs from 0 to 5 s, the scene needs 0 to 4"
+    ):
         impactfem.plan(scene(duration=4.0, solve={"mesh": MESH}))
 
 

@@ -268,7 +268,7 @@ def test_planned_runs_keep_their_energy_and_tell_their_error():
 
 def test_estimated_error_is_of_the_size_of_that_against_a_finer_mesh():
     estimate = impactfem.solve(solid_scene(mesh_size=0.1)).summary["error"]
-    study = impactfem.work_precision(solid_scene(), ["explicit"], [10], 1)
+    study = impactfem.studies.work_precision(solid_scene(), ["explicit"], [10], 1)
     true = study.rows[0]
     for name in ("displacement_max", "displacement_l2", "force_l1"):
         assert 0.5 <= estimate[name] / getattr(true, name) <= 10.0

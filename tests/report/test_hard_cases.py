@@ -35,7 +35,7 @@ KNOWN = {
 @pytest.fixture(scope="module")
 def board():
     # Points have a module of their own.
-    return impactfem.hard_cases(quick=True, cases=[c for c in CASES if c.body != "point"])
+    return impactfem.studies.hard_cases(quick=True, cases=[c for c in CASES if c.body != "point"])
 
 
 @pytest.mark.slow
@@ -93,7 +93,7 @@ def run_one(facts, *claims, refusals=frozenset()):
         return facts
 
     case = Case("made up", run, lambda _: claims, ("exact",), refusals)
-    return impactfem.hard_cases(cases=[case]).cells[0]
+    return impactfem.studies.hard_cases(cases=[case]).cells[0]
 
 
 def test_a_claim_holds_up_to_its_limit_and_never_for_what_is_not_finite():
@@ -155,13 +155,13 @@ def test_limits_in_words_grow_with_what_a_method_cannot_tell_from_an_instant():
 
 def test_unknown_methods_are_named():
     with pytest.raises(impactfem.SceneError, match="leapfrog"):
-        impactfem.hard_cases(["leapfrog"])
+        impactfem.studies.hard_cases(["leapfrog"])
 
 
 @pytest.mark.slow
 def test_two_ranks_give_the_same_answers():
     ranks = [case for case in CASES if case.name == "1 and 2 ranks"]
-    assert not impactfem.hard_cases(cases=ranks).failures
+    assert not impactfem.studies.hard_cases(cases=ranks).failures
 
 
 def test_a_rough_force_and_a_push_from_nowhere_show():
@@ -183,7 +183,7 @@ def test_cases_that_take_longer_hold_too():
     slow = [case for case in CASES if not case.quick
             and "20000" not in case.name and "ranks" not in case.name]  # fmt: skip
     assert {case.body for case in slow} == {"bar", "solid", "point"}
-    found = impactfem.hard_cases(cases=slow)
+    found = impactfem.studies.hard_cases(cases=slow)
     failures = {(c.case, c.method): c.faults or c.message
                 for c in found.without_controls().failures}  # fmt: skip
     assert failures.keys() <= KNOWN, failures

@@ -26,7 +26,7 @@ KNOWN = {
 
 @pytest.fixture(scope="module")
 def board():
-    return impactfem.hard_cases(cases=CASES, quick=True)
+    return impactfem.studies.hard_cases(cases=CASES, quick=True)
 
 
 def cells(board, **of):

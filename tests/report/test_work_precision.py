@@ -23,7 +23,7 @@ def thrown(gap=0.5 + 2**0.5 / 100):
 @pytest.fixture(scope="module")
 def study():
     methods = ["galerkin", "conserving@courant=0.5", "exact@elements=4"]
-    return impactfem.work_precision(thrown(), methods, [10, 20, 40], 1)
+    return impactfem.studies.work_precision(thrown(), methods, [10, 20, 40], 1)
 
 
 def test_rows_hold_errors_and_costs(study):
@@ -69,7 +69,7 @@ def test_baselines_are_measured_in_the_same_way():
         exact = exact_bar(scene)
         return exact_motion(exact, bar, scene.gravity, times, positions, 1), 0.25
 
-    found = impactfem.work_precision(thrown(), [], [4], 1, baselines={"peer": perfect})
+    found = impactfem.studies.work_precision(thrown(), [], [4], 1, baselines={"peer": perfect})
     (row,) = found.rows
     assert row.seconds == 0.25
     assert row.displacement_max <= 1e-14
@@ -77,7 +77,7 @@ def test_baselines_are_measured_in_the_same_way():
 
 
 def test_methods_that_fail_are_rows_that_say_why():
-    found = impactfem.work_precision(thrown(), ["galerkin@courant=2"], [10], 1)
+    found = impactfem.studies.work_precision(thrown(), ["galerkin@courant=2"], [10], 1)
     (row,) = found.rows
     assert row.status == "failed"
     assert "stability limit" in row.note
@@ -97,7 +97,7 @@ def test_methods_that_fail_are_rows_that_say_why():
 )
 def test_wrong_arguments_are_named(methods, sizes, message):
     with pytest.raises(impactfem.SceneError, match=message):
-        impactfem.work_precision(thrown(), methods, sizes, 1)
+        impactfem.studies.work_precision(thrown(), methods, sizes, 1)
 
 
 def test_commas_between_settings_do_not_split_methods():
@@ -139,5 +139,5 @@ def test_tables_and_picture_are_written(study, tmp_path):
 
 def test_a_folder_that_cannot_be_written_is_named(study, tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(impactfem.OutputError, match="file"):
+    with pytest.raises(impactfem.errors.OutputError, match="file"):
         study.save(tmp_path / "file")

@@ -139,11 +139,11 @@ def test_plans_put_choices_beside_reasons(name):
 
 
 def test_trajectories_studies_and_boards_show_themselves():
-    system = impactfem.LinearSystem(mass=1.0, load=[-9.81], normals=[[1.0]], offsets=[0.0])
+    system = impactfem.systems.LinearSystem(mass=1.0, load=[-9.81], normals=[[1.0]], offsets=[0.0])
     motion = impactfem.integrate(system, 1.0, 0.0, 1.0)
     assert "1001 rows" in Page(motion._repr_html_()).text
     assert "array" not in repr(motion)
-    study = impactfem.work_precision(bar_scene(), ["conserving"], [10], repeats=1)
+    study = impactfem.studies.work_precision(bar_scene(), ["conserving"], [10], repeats=1)
     assert "conserving" in Page(study._repr_html_()).text
     assert "conserving" in repr(study)
     claim = Claim("drift", 1e-9, "<energy>")

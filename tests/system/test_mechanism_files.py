@@ -61,7 +61,7 @@ def test_a_place_out_of_reach_gives_the_nearest_within_limits(tmp_path, method):
     (found,) = kinematics(body)
     assert not found.inverse.solved
     assert found.inverse.residual == pytest.approx(1.0, abs=1e-9)
-    with pytest.raises(impactfem.ConvergenceError, match=r"arm\.place: hand does not reach"):
+    with pytest.raises(impactfem.errors.ConvergenceError, match=r"arm\.place: hand does not reach"):
         impactfem.plan(body)
     held = TWO_R.replace('lower="-2.9" upper="2.9"', 'lower="-1" upper="1"')
     (found,) = kinematics(scene(tmp_path, held, place=place))
@@ -217,5 +217,5 @@ def test_contacts_name_links_with_shapes_that_may_meet(tmp_path):
 
 def test_without_pinocchio_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pinocchio", None)
-    with pytest.raises(impactfem.MissingDependencyError, match=r"impactfem\[robots\]"):
+    with pytest.raises(impactfem.errors.MissingDependencyError, match=r"impactfem\[robots\]"):
         impactfem.plan(scene(tmp_path))

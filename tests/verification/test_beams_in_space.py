@@ -7,7 +7,6 @@ from scipy.linalg import eigh
 
 from impactfem import (
     Beam,
-    Block,
     Contact,
     HalfSpace,
     Joint,
@@ -15,13 +14,13 @@ from impactfem import (
     Plate,
     Point,
     Probe,
-    RectangleOutline,
     Scene,
     Solid,
     Solve,
     solve,
 )
 from impactfem.errors import SceneError
+from impactfem.shapes import Block, RectangleOutline
 from impactfem.system.beam_parts import beam_parts, torsion_constant
 
 STEEL = {"density": 7800.0, "youngs_modulus": 2.1e11}

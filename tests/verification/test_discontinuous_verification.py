@@ -24,8 +24,8 @@ def solve(scene, **settings):
 
 def scene_of(duration, gravity=0.0, **bar):
     body = impactfem.Bar(**{"length": 1.0, "density": 1.0, "youngs_modulus": 1.0, **bar})
-    if not isinstance(gravity, impactfem.PiecewiseConstant):
-        gravity = impactfem.PiecewiseConstant((0.0,), (gravity,))
+    if not isinstance(gravity, impactfem.bodies.PiecewiseConstant):
+        gravity = impactfem.bodies.PiecewiseConstant((0.0,), (gravity,))
     return impactfem.Scene(
         title="test",
         duration=duration,
@@ -90,10 +90,10 @@ FITTED = {
     "K1 off the grid": scene_of(5.0, gap=0.5 + 0.5 * 0.4 / 160, velocity=-0.5),
     "K2": scene_of(4.0, 0.1, gap=0.5, velocity=-0.5),
     "K3": scene_of(
-        4.0, impactfem.PiecewiseConstant((0.0, TAU), (0.1, 0.0)), gap=0.5, velocity=-0.5
+        4.0, impactfem.bodies.PiecewiseConstant((0.0, TAU), (0.1, 0.0)), gap=0.5, velocity=-0.5
     ),
     "load switched in contact": scene_of(
-        6.0, impactfem.PiecewiseConstant((0.0, 1.9), (0.1, -0.2)), gap=0.5, velocity=-0.5
+        6.0, impactfem.bodies.PiecewiseConstant((0.0, 1.9), (0.1, -0.2)), gap=0.5, velocity=-0.5
     ),
     "prestretched rod": scene_of(12.0, far_end="clamped", displacement="(1 - x)/2"),
     "Doyen bounces": scene_of(20.0, 10.0, length=10.0, youngs_modulus=900.0, gap=5.0),

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import impactfem
-from impactfem import Contact, HalfSpace, ImpactWarning, LinearSystem, Point, Scene, Spring
+from impactfem import Contact, HalfSpace, ImpactWarning, Point, Scene
+from impactfem.bodies import Spring
+from impactfem.systems import LinearSystem
 
 STEPPED = ("paoli_schatzman", "moreau_jean")
 G = 9.81
@@ -181,7 +183,7 @@ def test_ball_in_a_bowl_keeps_energy_and_angular_momentum():
     scene = Scene(
         title="billiard", duration=20.0,
         bodies=[Point(name="ball", mass=1.0, position=[0.3, 0.1], velocity=[0.2, 0.9])],
-        obstacles=[impactfem.RigidSphere(name="bowl", center=[0.0, 0.0], radius=1.0,
+        obstacles=[impactfem.obstacles.RigidSphere(name="bowl", center=[0.0, 0.0], radius=1.0,
                                          side="inside")],
         contacts=[Contact(between=["ball", "bowl"], restitution=1.0)],
     )  # fmt: skip

@@ -8,7 +8,8 @@ import pytest
 from scipy.integrate import quad
 
 import impactfem
-from impactfem import ConvergenceError, SceneError
+from impactfem import SceneError
+from impactfem.errors import ConvergenceError
 
 G = 9.81
 
@@ -16,7 +17,7 @@ G = 9.81
 def on_slope(mu, slope, **more):
     """A block of 2 kg; u along and off the slope."""
     down = np.array([np.sin(slope), np.cos(slope)])
-    return impactfem.GeneralizedSystem(
+    return impactfem.systems.GeneralizedSystem(
         mass=[2.0, 2.0], force=lambda *_: -2.0 * G * down, constraints=lambda u: u[1:],
         friction=mu, slip=lambda _: [[1.0, 0.0]],
         potential=lambda _, u: 2.0 * G * float(down @ u), **more,
@@ -25,7 +26,7 @@ def on_slope(mu, slope, **more):
 
 def rolling(mu, share, **more):
     """A ball, disc or hoop of 1 kg and R = .1 m with inertia share R^2: x, y, angle."""
-    return impactfem.GeneralizedSystem(
+    return impactfem.systems.GeneralizedSystem(
         mass=[1.0, 1.0, share * 0.01], force=lambda *_: [0.0, -G, 0.0],
         constraints=lambda u: u[1:2] - 0.1, friction=mu, slip=lambda _: [[1.0, 0.0, 0.1]], **more,
     )  # fmt: skip
@@ -33,7 +34,7 @@ def rolling(mu, share, **more):
 
 def rod(mu, load=G, **more):
     """A rod of 1 kg and 1 m that touches with one end: centre x, y, angle."""
-    return impactfem.GeneralizedSystem(
+    return impactfem.systems.GeneralizedSystem(
         mass=[1.0, 1.0, 1.0 / 12.0], force=lambda *_: [0.0, -load, 0.0],
         constraints=lambda u: u[1:2] - 0.5 * np.sin(u[2:3]), friction=mu,
         slip=lambda u: [[1.0, 0.0, 0.5 * np.sin(u[2])]], **more,
@@ -64,7 +65,7 @@ def on_feet(mu, slope):
         c, s = np.cos(u[2]), np.sin(u[2])
         return c * arms[:, 1] + s * arms[:, 0]
 
-    return impactfem.GeneralizedSystem(
+    return impactfem.systems.GeneralizedSystem(
         mass=[2.0, 2.0, 0.1], friction=mu, slip=lambda u: [[1.0, 0.0, -y] for y in feet(u)],
         force=lambda t, *_: [-2.0 * G * np.sin(slope(t)), -2.0 * G * np.cos(slope(t)), 0.0],
         constraints=lambda u: u[1] + feet(u),
@@ -112,7 +113,7 @@ def test_incline_holds_up_to_the_angle_of_friction(over, slides):
 def test_stick_slip_on_a_belt_has_its_period():
     """Relative to the belt; sticks for 2 D / v, slips for (2 pi - 2 atan(D w / v)) / w."""
     static, kinetic, load, stiffness, speed = 0.6, 0.3, 10.0, 50.0, 0.2
-    belt = impactfem.GeneralizedSystem(
+    belt = impactfem.systems.GeneralizedSystem(
         mass=[1.0, 1.0], force=lambda t, u, _: [-stiffness * (u[0] + speed * t), -load],
         constraints=lambda u: u[1:], friction=kinetic, static_friction=static,
         slip=lambda _: [[1.0, 0.0]],
@@ -212,7 +213,7 @@ def test_rocking_block_has_housners_times_and_amplitudes(first, reach, mass):
             np.cos(u[2]) * arms[0] - np.sin(u[2]) * arms[1]
         )
 
-    block = impactfem.GeneralizedSystem(
+    block = impactfem.systems.GeneralizedSystem(
         mass=mass * np.array([1.0, 1.0, reach**2 / 3.0]), force=lambda *_: [0.0, -mass * G, 0.0],
         constraints=lambda u: u[1] + corners(u)[0], friction=5.0,
         slip=lambda u: [[1.0, 0.0, -y] for y in corners(u)[0]],
@@ -261,7 +262,7 @@ def test_bounces_with_friction_come_to_an_end():
 
 
 def test_what_events_with_friction_refuse():
-    both = impactfem.GeneralizedSystem(
+    both = impactfem.systems.GeneralizedSystem(
         mass=[1.0] * 3, force=lambda *_: [0.0, 0.0, -1.0], constraints=lambda u: u[2:],
         friction=0.1, slip=lambda _: np.eye(3)[None, :2],
     )  # fmt: skip

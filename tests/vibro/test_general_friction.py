@@ -12,7 +12,7 @@ G = 9.81
 def block(mu, dim=2, **more):
     """A point mass on a floor, its last coordinate the height."""
     normals = np.eye(dim)[-1:]
-    return impactfem.GeneralizedSystem(
+    return impactfem.systems.GeneralizedSystem(
         mass=np.full(dim, 2.0),
         force=lambda *_: -2.0 * G * np.eye(dim)[-1],
         constraints=lambda u: u[-1:],
@@ -44,7 +44,7 @@ def test_a_block_stops_where_coulomb_says():
 def test_a_disc_rolls_after_it_has_slid(mu):
     """It rolls from v / (3 mu g) on with 2 v / 3, whatever the friction."""
     radius, speed = 0.2, 3.0
-    disc = impactfem.GeneralizedSystem(
+    disc = impactfem.systems.GeneralizedSystem(
         mass=np.array([1.0, 1.0, 0.5 * radius**2]),
         force=lambda *_: np.array([0.0, -G, 0.0]),
         constraints=lambda u: u[1:2] - radius,
@@ -64,7 +64,7 @@ def test_a_disc_rolls_after_it_has_slid(mu):
 
 def test_a_linear_system_with_friction_is_the_same():
     system, normals = block(0.25)
-    linear = impactfem.LinearSystem(
+    linear = impactfem.systems.LinearSystem(
         mass=np.full(2, 2.0), normals=normals, offsets=[0.0], load=[0.0, -2.0 * G], friction=0.25,
         slip=lambda _: np.eye(2)[:1],
     )  # fmt: skip
@@ -88,10 +88,10 @@ def test_an_aslant_impact_takes_mu_times_the_normal_impulse():
 def test_what_cannot_be_is_refused():
     given = {"mass": [1.0, 1.0], "force": lambda *_: [0.0, -G], "constraints": lambda u: u[1:]}
     with pytest.raises(SceneError, match="friction needs slip"):
-        impactfem.GeneralizedSystem(**given, friction=0.3)
+        impactfem.systems.GeneralizedSystem(**given, friction=0.3)
     with pytest.raises(SceneError, match=r"friction = -1 of constraint 0.*give a number >= 0"):
-        impactfem.GeneralizedSystem(**given, friction=-1.0, slip=lambda _: [[1.0, 0.0]])
-    wrong = impactfem.GeneralizedSystem(**given, friction=0.3, slip=lambda _: [1.0, 0.0])
+        impactfem.systems.GeneralizedSystem(**given, friction=-1.0, slip=lambda _: [[1.0, 0.0]])
+    wrong = impactfem.systems.GeneralizedSystem(**given, friction=0.3, slip=lambda _: [1.0, 0.0])
     with pytest.raises(SceneError, match=r"slip has shape \(2,\); it must be \(1, 2\)"):
         impactfem.integrate(wrong, [0.0, 0.0], [1.0, 0.0], 1.0, method="moreau_jean", dt=0.1)
     system, _ = block(0.3)

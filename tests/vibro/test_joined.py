@@ -36,7 +36,7 @@ def four_bar(angle):
     return np.array([*0.5 * crank, angle, *0.5 * (crank + joint), second, *middle, third])
 
 
-LINKAGE = impactfem.GeneralizedSystem(
+LINKAGE = impactfem.systems.GeneralizedSystem(
     mass=np.concatenate([[1.0, 1.0, length**2 / 12.0] for length in BARS]),
     force=lambda *_: np.zeros(9), bilateral=loop,
 )  # fmt: skip
@@ -58,7 +58,7 @@ def test_rocker_of_a_four_bar_linkage_turns_where_geometry_says(start, reach):
 
 def bob(**more):
     """A pendulum of 1 m as a point on a rod."""
-    return impactfem.GeneralizedSystem(
+    return impactfem.systems.GeneralizedSystem(
         mass=[1.0, 1.0], force=lambda *_: [0.0, -9.81],
         bilateral=lambda u: [np.sqrt(u[0] ** 2 + u[1] ** 2) - 1.0],
         potential=lambda _, u: 9.81 * float(u[1]), **more,
@@ -90,7 +90,7 @@ def top(**more):
     def rates(q, w):
         return 0.5 * np.concatenate([[-q[1:] @ w], q[0] * np.asarray(w) + np.cross(q[1:], w)])
 
-    return impactfem.GeneralizedSystem(
+    return impactfem.systems.GeneralizedSystem(
         mass=inertia, force=lambda _t, _q, w: np.cross(inertia * w, w), rates=rates, coordinates=4,
         **more,
     )  # fmt: skip
@@ -129,4 +129,4 @@ def test_what_cannot_be_is_refused():
     with pytest.raises(SceneError, match=r"entries \[0, 1, 2, 3\] are a unit vector"):
         impactfem.integrate(top(unit_vectors=[range(4)]), [1.1, 0, 0, 0], [0.0] * 3, 1.0)
     with pytest.raises(SceneError, match="rates and coordinates"):
-        impactfem.GeneralizedSystem(mass=1.0, force=lambda *_: [0.0], coordinates=4)
+        impactfem.systems.GeneralizedSystem(mass=1.0, force=lambda *_: [0.0], coordinates=4)

@@ -13,7 +13,7 @@ G = 9.81
 
 def bob(size=1.0, mass=1.0, restitution=0.8, wall=-0.2):
     """A pendulum before a wall, as a point on a rod that is said twice."""
-    return impactfem.GeneralizedSystem(
+    return impactfem.systems.GeneralizedSystem(
         mass=[mass, mass], force=lambda *_: [0.0, -mass * G],
         bilateral=lambda u: np.array([1.0, 2.0]) * (np.sqrt(u[0] ** 2 + u[1] ** 2) - size),
         constraints=lambda u: u[:1] - wall * size, restitution=restitution,
@@ -22,7 +22,7 @@ def bob(size=1.0, mass=1.0, restitution=0.8, wall=-0.2):
 
 def swing(size=1.0, mass=1.0, restitution=0.8, wall=-0.2):
     """The same in its angle."""
-    return impactfem.GeneralizedSystem(
+    return impactfem.systems.GeneralizedSystem(
         mass=mass * size**2, force=lambda _t, u, _v: -mass * G * size * np.sin(u),
         constraints=lambda u: size * (np.sin(u) - wall), restitution=restitution,
     )  # fmt: skip
@@ -88,7 +88,7 @@ def test_four_bar_linkage_between_stops_of_its_rocker():
     """Nine coordinates and ten rows, two of them redundant, against the time of one coordinate."""
     low, high, e = 0.9, 2.3, 0.8
     stops = four_bar(low)[8], four_bar(high)[8]
-    linkage = impactfem.GeneralizedSystem(
+    linkage = impactfem.systems.GeneralizedSystem(
         mass=np.concatenate([[1.0, 1.0, length**2 / 12.0] for length in BARS]),
         force=lambda *_: np.zeros(9), bilateral=loop, restitution=e,
         constraints=lambda u: np.stack([u[8] - stops[0], stops[1] - u[8]]),
@@ -141,7 +141,7 @@ CORNERS = HALF * [[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]
 
 def block(**more):
     """A block above a floor, with its eight corners."""
-    return impactfem.GeneralizedSystem(
+    return impactfem.systems.GeneralizedSystem(
         mass=np.concatenate([[MASS] * 3, INERTIA]), rates=rates, coordinates=7,
         force=lambda _t, _u, v: np.concatenate(
             [[0.0, 0.0, -MASS * G], np.cross(INERTIA * v[3:], v[3:])]
@@ -212,7 +212,7 @@ def test_ball_in_quaternions_slides_then_rolls(method):
     def slip(u):
         return [[[1.0, 0.0, 0.0, *-radius * turned(u[3:])[1]]]]
 
-    ball = impactfem.GeneralizedSystem(
+    ball = impactfem.systems.GeneralizedSystem(
         mass=np.concatenate([[1.0] * 3, inertia]), rates=rates, coordinates=7,
         force=lambda *_: [0.0, 0.0, -G, 0.0, 0.0, 0.0], constraints=lambda u: u[2:3] - radius,
         jacobian=lambda _: np.eye(7)[2:3], friction=mu, slip=slip, unit_vectors=[range(3, 7)],
@@ -233,7 +233,7 @@ def test_two_sledges_on_a_bar_stop_as_one():
     slope, mu = 0.3, 0.5
     down = np.array([np.sin(slope), np.cos(slope)])
     masses = np.array([1.0, 3.0])
-    pair = impactfem.GeneralizedSystem(
+    pair = impactfem.systems.GeneralizedSystem(
         mass=np.repeat(masses, 2), force=lambda *_: -G * np.outer(masses, down).ravel(),
         constraints=lambda u: u[1::2], friction=mu,
         slip=lambda _: [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import impactfem
-from impactfem import ConvergenceError
+from impactfem.errors import ConvergenceError
 from impactfem.vibro import tangents as module
 from impactfem.vibro.bundles import Neighbours
 from impactfem.vibro.event_driven import EventSettings, follow
@@ -35,7 +35,7 @@ def slopes(make, values, duration, rows=4, **settings):
 
 def ball(h0=1.0, e=0.8, g=G, m=2.0):
     """A ball that falls; flown exactly."""
-    system = impactfem.LinearSystem(
+    system = impactfem.systems.LinearSystem(
         mass=m, normals=[[1.0]], offsets=[0.0], load=[-m * g], restitution=e
     )
     return system, [h0], [0.0]
@@ -43,7 +43,7 @@ def ball(h0=1.0, e=0.8, g=G, m=2.0):
 
 def ball_in_general(h0=1.0, e=0.8, g=G, m=2.0):
     """The same by the integrator."""
-    system = impactfem.GeneralizedSystem(
+    system = impactfem.systems.GeneralizedSystem(
         mass=m, force=lambda *_: [-m * g], constraints=lambda u: u, restitution=e
     )
     return system, [h0], [0.0]
@@ -77,7 +77,9 @@ def test_a_bouncing_ball(make, count, t):
 def test_without_gravity_a_wall_turns_the_derivative():
     def make(x0=1.0):
         return (
-            impactfem.LinearSystem(mass=1.0, normals=[[1.0]], offsets=[0.0], restitution=1.0),
+            impactfem.systems.LinearSystem(
+                mass=1.0, normals=[[1.0]], offsets=[0.0], restitution=1.0
+            ),
             [x0],
             [-1.0],
         )
@@ -87,7 +89,7 @@ def test_without_gravity_a_wall_turns_the_derivative():
 
 def test_two_equal_balls_swap_their_motions():
     def make(a=0.0, b=1.0, va=1.5, vb=0.25):
-        system = impactfem.LinearSystem(
+        system = impactfem.systems.LinearSystem(
             mass=[1.0, 1.0], normals=[[-1.0, 1.0]], offsets=[-0.1], restitution=1.0
         )
         return system, [a, b], [va, vb]
@@ -99,7 +101,7 @@ def test_two_equal_balls_swap_their_motions():
 
 def block(v0=2.0, mu=0.3, g=G):
     """A block that slides on a floor."""
-    system = impactfem.GeneralizedSystem(
+    system = impactfem.systems.GeneralizedSystem(
         mass=[1.5, 1.5], force=lambda *_: [0.0, -1.5 * g], constraints=lambda u: u[1:2],
         friction=mu, slip=lambda _: [[1.0, 0.0]],
     )  # fmt: skip
@@ -118,7 +120,7 @@ def test_a_block_that_stops():
 
 def test_a_disc_that_slides_and_then_rolls():
     def make(v0=3.0, mu=0.2, radius=0.1):
-        system = impactfem.GeneralizedSystem(
+        system = impactfem.systems.GeneralizedSystem(
             mass=[1.0, 1.0, 0.5 * radius**2], force=lambda *_: [0.0, -G, 0.0],
             constraints=lambda u: u[1:2] - radius, friction=mu,
             slip=lambda _: [[1.0, 0.0, radius]],
@@ -138,7 +140,7 @@ def test_an_impact_with_friction():
     """A disc thrown at a floor leaves it sliding, or as it rolls."""
 
     def make(u=1.0, w=-2.0, mu=0.1):
-        system = impactfem.GeneralizedSystem(
+        system = impactfem.systems.GeneralizedSystem(
             mass=[1.0, 1.0, 0.005], force=lambda *_: np.zeros(3), restitution=0.5,
             constraints=lambda u: u[1:2] - 0.1, friction=mu, slip=lambda _: [[1.0, 0.0, 0.1]],
         )  # fmt: skip
@@ -159,8 +161,8 @@ def test_a_moving_wall():
     """A ball that a wall b(t) = A sin(w t) strikes: derivatives by the wall's motion too."""
 
     def make(size=0.1, x0=0.5, v0=-1.0):
-        wall = impactfem.Signal(harmonics=((3.0, 0.0, size),))
-        system = impactfem.LinearSystem(
+        wall = impactfem.bodies.Signal(harmonics=((3.0, 0.0, size),))
+        system = impactfem.systems.LinearSystem(
             mass=1.0, normals=[[1.0]], offsets=[0.0], restitution=0.7, motion=[wall]
         )
         return system, [x0], [v0]
@@ -198,7 +200,7 @@ def test_contacts_that_close_together_are_told():
     """A body that two walls stop at once parts them when it is changed: no derivative is sure."""
 
     def make(x=0.5):
-        system = impactfem.LinearSystem(
+        system = impactfem.systems.LinearSystem(
             mass=[1.0, 1.0], normals=[[1.0, 0.0], [0.0, 1.0]], offsets=[0.0, 0.0], restitution=1.0
         )
         return system, [x, 0.5], [-1.0, -1.0]
@@ -208,7 +210,7 @@ def test_contacts_that_close_together_are_told():
 
 def test_impacts_by_turns_are_refused():
     def make(x=0.0):
-        system = impactfem.LinearSystem(
+        system = impactfem.systems.LinearSystem(
             mass=[1.0, 1.0, 1.0], normals=[[-1.0, 1.0, 0.0], [0.0, -1.0, 1.0]],
             offsets=[-0.1, -0.1], restitution=1.0,
         )  # fmt: skip
@@ -238,7 +240,7 @@ def arm(first=1.2, second=0.4, length=1.0, e=0.6):
         weight = G * length * np.array([2.0 * np.sin(u[0]), np.sin(u[1])])
         return turn * s * np.array([-(v[1] ** 2), v[0] ** 2]) - weight
 
-    system = impactfem.GeneralizedSystem(
+    system = impactfem.systems.GeneralizedSystem(
         mass=mass, force=force, dofs=2, restitution=e,
         constraints=lambda u: [length * (np.sin(u[0]) + np.sin(u[1])) + 0.1],
     )  # fmt: skip

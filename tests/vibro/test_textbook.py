@@ -77,7 +77,7 @@ def test_energy_momentum_keeps_energy_and_the_momentum_of_a_cyclic_coordinate():
         s = np.sin(u[1])
         return [s * v[1] * (2.0 * v[0] + v[1]), -s * v[0] ** 2 - 5.0 * np.sin(u[1])]
 
-    arm = impactfem.GeneralizedSystem(
+    arm = impactfem.systems.GeneralizedSystem(
         mass=mass, force=force, dofs=2, potential=lambda _, u: -5.0 * np.cos(u[1])
     )
     motion = impactfem.integrate(
@@ -92,7 +92,7 @@ def test_energy_momentum_keeps_energy_and_the_momentum_of_a_cyclic_coordinate():
 
 
 def ball(restitution):
-    return impactfem.GeneralizedSystem(
+    return impactfem.systems.GeneralizedSystem(
         mass=1.0, force=lambda *_: [-10.0], constraints=lambda u: u, restitution=restitution,
         potential=lambda _, u: 10.0 * float(u[0]),
     )  # fmt: skip
@@ -118,7 +118,7 @@ def test_ball_comes_to_rest_and_stays(name):
 
 
 def test_refusals_name_what_can():
-    rubbing = impactfem.GeneralizedSystem(
+    rubbing = impactfem.systems.GeneralizedSystem(
         mass=[1.0, 1.0], force=lambda *_: [0.0, -1.0], constraints=lambda u: u[1:],
         friction=0.1, slip=lambda _: [[1.0, 0.0]],
     )  # fmt: skip
@@ -126,9 +126,11 @@ def test_refusals_name_what_can():
         impactfem.integrate(rubbing, [0, 0], [1, 0], 1.0, method="rk4", dt=0.1)
     with pytest.raises(impactfem.SceneError, match="textbook scheme"):
         scheme_study(["galerkin"])
-    with pytest.raises(impactfem.ConvergenceError, match="smaller dt"):
+    with pytest.raises(impactfem.errors.ConvergenceError, match="smaller dt"):
         impactfem.integrate(
-            impactfem.LinearSystem(mass=1.0, stiffness=1e6, normals=np.zeros((0, 1)), offsets=[]),
+            impactfem.systems.LinearSystem(
+                mass=1.0, stiffness=1e6, normals=np.zeros((0, 1)), offsets=[]
+            ),
             [1.0], [0.0], 100.0, method="explicit_euler", dt=0.1,
         )  # fmt: skip
 

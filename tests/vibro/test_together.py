@@ -5,7 +5,8 @@ import warnings
 import numpy as np
 import pytest
 
-from impactfem import ImpactWarning, LinearSystem, SceneError, integrate
+from impactfem import ImpactWarning, SceneError, integrate
+from impactfem.systems import LinearSystem
 
 METHODS = {"event_driven": {}, "paoli_schatzman": {"dt": 1e-3}, "moreau_jean": {"dt": 1e-3}}
 

@@ -22,7 +22,7 @@ def hard_cases(
     methods: Sequence[str] | None = None,
     *,
     quick: bool = False,
-    cases: Sequence[Case] = CASES,
+    cases: Sequence[Case] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Board:
     """Run hard cases and say what holds.
@@ -30,7 +30,7 @@ def hard_cases(
     Args:
         methods: Names of methods; all if None.
         quick: Only the cases of the quick part.
-        cases: The cases.
+        cases: The cases; `CASES` if None.
         progress: Told of each cell.
 
     Returns:
@@ -44,7 +44,7 @@ def hard_cases(
             raise SceneError(f'method = "{name}" is unknown; choose from {", ".join(METHODS)}')
     cells: list[Cell] = []
     claims: dict[str, tuple[Claim, ...]] = {}
-    for case in cases:
+    for case in CASES if cases is None else cases:
         if quick and not case.quick:
             continue
         chosen = [m for m in case.methods if m in METHODS and (methods is None or m in methods)]

@@ -150,7 +150,7 @@ def untouched(method: str, row: Row) -> Facts:
 def face(method: str, row: Row) -> Facts:
     """A block's full face strikes a wall: the force is rho c v A until the wave is back."""
     contact = solved(method, row.scene()).summary["contact"]
-    return {"force": abs(contact["max_force"] / (0.1 * 0.2) - 1.0)}
+    return {"force": abs((contact["max_force"] or np.nan) / (0.1 * 0.2) - 1.0)}
 
 
 def told(method: str, row: Row) -> Facts:

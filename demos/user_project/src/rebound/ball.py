@@ -59,9 +59,11 @@ def scene_of(case: Case) -> impactfem.Scene:
     ball = impactfem.Solid(
         name="ball",
         model="axisymmetric",
-        shape=impactfem.Sphere(radius=RADIUS, center=[0.0, RADIUS + GAP]),
+        shape=impactfem.shapes.Sphere(radius=RADIUS, center=[0.0, RADIUS + GAP]),
         mesh_size=4.0 * case.mesh_size,
-        refine=[impactfem.Refinement(point=[0.0, GAP], radius=0.4 * RADIUS, size=case.mesh_size)],
+        refine=[
+            impactfem.bodies.Refinement(point=[0.0, GAP], radius=0.4 * RADIUS, size=case.mesh_size)
+        ],
         density=1200.0,
         youngs_modulus=1e7,
         poisson_ratio=0.4,
@@ -97,7 +99,7 @@ def drop(case: Case) -> tuple[impactfem.Result, Rebound]:
     return result, Rebound(
         case=case,
         restitution=after / case.speed,
-        max_force=float(result.summary["contact"]["max_force"]),
+        max_force=result.summary["contact"]["max_force"] or math.nan,
         contact_time=intervals[-1][1] - intervals[0][0],
         energy_error=float((total - total[0]).max() / total[0]),
     )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 GRAVITY = 9.81  # [m/s^2]
 
 
-def pendulum(length: float, mass: float, restitution: float) -> impactfem.GeneralizedSystem:
+def pendulum(length: float, mass: float, restitution: float) -> impactfem.systems.GeneralizedSystem:
     """The angle u of the thread to the vertical [rad]; the wall is the vertical through the hook.
 
     Args:
@@ -26,7 +26,7 @@ def pendulum(length: float, mass: float, restitution: float) -> impactfem.Genera
         del t
         return float(mass * GRAVITY * length * (1.0 - np.cos(u[0])))
 
-    return impactfem.GeneralizedSystem(
+    return impactfem.systems.GeneralizedSystem(
         mass=mass * length**2,
         force=force,
         constraints=[lambda u: length * np.sin(u[0])],
@@ -38,7 +38,7 @@ def pendulum(length: float, mass: float, restitution: float) -> impactfem.Genera
 
 def swing(
     angle: float, restitution: float, duration: float = 2.0, length: float = 0.5
-) -> impactfem.Trajectory:
+) -> impactfem.systems.Trajectory:
     """Let the ball go at an angle [rad]."""
     return impactfem.integrate(pendulum(length, 0.1, restitution), [angle], [0.0], duration)
 

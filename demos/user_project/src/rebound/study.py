@@ -82,7 +82,7 @@ def run_study(cases: Iterable[Case], say: Callable[[str], None] | None = None) -
     return Table(tuple(rows))
 
 
-def methods_of_a_rod(sizes: list[int]) -> impactfem.Study:
+def methods_of_a_rod(sizes: list[int]) -> impactfem.studies.Study:
     """Errors and cost of two methods for an elastic rod that falls end on, at several sizes."""
     rod = impactfem.Bar(
         name="rod", length=0.5, density=1200.0, youngs_modulus=1e7, gap=0.01, velocity=-1.0
@@ -94,4 +94,4 @@ def methods_of_a_rod(sizes: list[int]) -> impactfem.Study:
         bodies=[rod],
         obstacles=[impactfem.Wall(name="floor")],
     )
-    return impactfem.work_precision(scene, ["galerkin", "conserving"], sizes)
+    return impactfem.studies.work_precision(scene, ["galerkin", "conserving"], sizes)
