@@ -2,6 +2,17 @@
 
 import traceback
 
+__all__ = [
+    "ConvergenceError",
+    "FolderError",
+    "ImpactError",
+    "ImpactWarning",
+    "MeshError",
+    "MissingDependencyError",
+    "OutputError",
+    "SceneError",
+]
+
 
 class ImpactError(Exception):
     """Base of all errors a user can cause or meet; the command line prints its message only."""

@@ -107,8 +107,12 @@ def untyped(function, name):
 
 def test_public_functions_and_methods_say_their_types():
     faults = []
-    for name in impactfem.__all__:
-        value = getattr(impactfem, name)
+    rooms = [
+        value for name in impactfem.__all__ if inspect.ismodule(value := getattr(impactfem, name))
+    ]
+    names = {(room, name) for room in (impactfem, *rooms) for name in room.__all__}
+    public = {name: getattr(room, name) for room, name in names}
+    for name, value in public.items():
         if inspect.isfunction(value):
             faults += untyped(value, name)
         elif inspect.isclass(value) and value.__module__.startswith("impactfem"):
