@@ -202,7 +202,7 @@ def picture(points: list[Point]) -> None:
         panel.grid(alpha=0.3)
     panels[1].set_xlim(1e-2, 1.0)
     panels[0].set_title("height of a ball after an impact, by its first height", fontsize=9)
-    panels[1].set_title("impulse of a bar on its wall, by its gap, off the layers", fontsize=9)
+    panels[1].set_title("impulse of a bar on its wall, by its gap, off the time levels", fontsize=9)
     figure.savefig(IMAGES / "gradients.png", dpi=110)
 
 

@@ -71,11 +71,11 @@ def main() -> None:
             print(*rows[-1], flush=True)
         slope = np.polyfit(*np.log(np.array(points)).T, 1)[0]
         slopes.append(f"{method} {slope:.2f}")
-    head = ["method", "elements", "layers", "nodes", "time [ms]", "ns a node"]
+    head = ["method", "elements", "time steps", "nodes", "time [ms]", "ns a node"]
     head += ["peak of the process [MiB]", "of it the march [MiB]"]
     text = (
         f"{markdown_table(head, rows)}\n\nTime grows with nodes to the power: {', '.join(slopes)}."
-        f" Every 50th layer is kept; medians of 5 runs.\n"
+        f" Every 50th time level is kept; medians of 5 runs.\n"
     )
     given.out.mkdir(parents=True, exist_ok=True)
     (given.out / "large_march.md").write_text(text, encoding="utf-8")

@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except ImpactError as error:
         code, reason = _code(error), str(error)
     except MemoryError as error:
-        code, reason = FAILED, f"not enough memory ({error}); use fewer elements or layers"
+        code, reason = FAILED, f"not enough memory ({error}); use fewer elements or time steps"
     except OSError as error:  # those of scenes, meshes and results are ImpactErrors
         code = FAILED
         reason = f"{error}; check space and permissions, also of the form cache ~/.cache/fenics"

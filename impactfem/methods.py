@@ -63,11 +63,11 @@ class Method:
 
 METHODS: Mapping[str, Method] = {
     "galerkin": Method(
-        "space-time P1 Petrov-Galerkin swept layer by layer or in windows with a primal-dual "
-        "active set; exact at the nodes at courant 1 when impacts fall on layers; first order in h "
-        "off this mesh, where an impact costs energy of order h and a release can give back more "
-        "(up to 0.4 % with 17 elements in 1500 random bars); courant < 1 rings, courant > 1 is "
-        "refused; solids: the same form layer by layer (beta 0, lumped mass) with mass on the "
+        "space-time P1 Petrov-Galerkin swept step by step or in windows with a primal-dual "
+        "active set; exact at the nodes at courant 1 when impacts fall on time levels; first order "
+        "in h off this mesh, where an impact costs energy of order h and a release can give back "
+        "more (up to 0.4 % with 17 elements in 1500 random bars); courant < 1 rings, courant > 1 "
+        "is refused; solids: the same form step by step (beta 0, lumped mass) with mass on the "
         "contact nodes, whose force rings",
         stable="limited",
         bodies=BOTH,
@@ -77,10 +77,10 @@ METHODS: Mapping[str, Method] = {
     ),
     "conserving": Method(
         "bars: the two waves are carried and reflected in closed form and kept as one straight "
-        "line a layer with their mean and mean square: energy and momentum to rounding over any "
-        "horizon at any courant number, first order in h off the layers, exact on them; solids: "
-        "midpoint rule, massless contact nodes and a discrete gradient, energy to rounding with "
-        "fixed normals and pairs that follow",
+        "line a time step with their mean and mean square: energy and momentum to rounding over "
+        "any horizon at any courant number, first order in h off the time levels, exact on them; "
+        "solids: midpoint rule, massless contact nodes and a discrete gradient, energy to rounding "
+        "with fixed normals and pairs that follow",
         finite=True,
         mixes=True,
         bodies=BOTH,

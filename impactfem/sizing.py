@@ -59,7 +59,7 @@ def choose_grid(scene: Scene, method: Method, exact: ExactBar, reasons: dict[str
         return Grid()
     elements = _choose_elements(scene, method, exact, reasons)
     if not method.layered:
-        reasons["dt"] = "triangles have no layers"
+        reasons["dt"] = "triangles have no time steps"
         return Grid(elements)
     return layers_of(scene, method, elements, reasons)
 
@@ -91,7 +91,7 @@ def layers_of(scene: Scene, method: Method, elements: int, reasons: dict[str, st
     layers = max(1, math.ceil(scene.duration / dt - 1e-9))
     if layers * dt > scene.duration * (1 + 1e-9):
         reasons["layers"] = (
-            f"the last layer ends at {layers * dt:g} s, the first end past the duration"
+            f"the last time step ends at {layers * dt:g} s, the first end past the duration"
         )
     return Grid(elements, layers, dt, courant)
 
@@ -105,7 +105,9 @@ def _choose_elements(scene: Scene, method: Method, exact: ExactBar, reasons: dic
     if solve.accuracy is not None and method.layered and not method.exact:
         aligned = _aligned_elements(exact)
         if aligned is not None and method.stable == "limited":
-            reasons["elements"] = f"{aligned}: its layers hold all events, where nodes are exact"
+            reasons["elements"] = (
+                f"{aligned}: its time levels hold all events, where nodes are exact"
+            )
             return aligned
         constant, rate = method.error
         contacts = max(1, len(exact.contacts))
@@ -124,9 +126,9 @@ def _choose_elements(scene: Scene, method: Method, exact: ExactBar, reasons: dic
         reasons["elements"] = "between the lines of a fitted mesh few triangles do"
         return _FITTED_ELEMENTS if fitting_pays(scene, exact) else DEFAULT_ELEMENTS
     reasons["elements"] = (
-        "the least number from 40 on whose layers hold all impacts and releases"
+        "the least number from 40 on whose time levels hold all impacts and releases"
         if aligned is not None
-        else f"the default; no number up to {ALIGNED[-1]} puts all events on layers"
+        else f"the default; no number up to {ALIGNED[-1]} puts all events on time levels"
     )
     return aligned or DEFAULT_ELEMENTS
 
@@ -186,7 +188,7 @@ def monolithic_cost(unknowns: int, iterations: int) -> tuple[float, float]:
         memory,
         "solve.elements",
         f"{unknowns:.3g} space-time unknowns",
-        'method = "galerkin", which solves the same equations layer by layer, or fewer elements',
+        'method = "galerkin", which solves the same equations step by step, or fewer elements',
     )
     return memory, unknowns * (_MONOLITHIC_SECONDS + _MONOLITHIC_PER_ITERATION * iterations)
 
@@ -219,7 +221,7 @@ def marching_cost(grid: Grid, every: int, passes: int) -> tuple[float, float]:
     check_memory(
         memory,
         "solve.elements",
-        f"{kept:.3g} kept layers of {nodes:.3g} nodes, of {layers:.3g} layers,",
+        f"{kept:.3g} kept time levels of {nodes:.3g} nodes, of {layers:.3g} time steps,",
         f"a larger output.every ({every} now), fewer elements, or a shorter duration",
     )
     return memory, _LOADING_SECONDS + nodes * layers * passes * _SWEEP_SECONDS

@@ -1,7 +1,8 @@
 """Draw the contact force of some results against the exact one: plot.py [FOLDER ...] [--out FILE].
 
 Without folders the scene is solved on 10, 20 and 40 elements with the gap 0.5 + 1/60 m, so that the
-impact (t = 1 + 1/30 s) lies a third of a layer beside one and the force has an error to see.
+impact (t = 1 + 1/30 s) lies a third of a time step beside a time level and the force has an error
+to see.
 """
 
 import argparse

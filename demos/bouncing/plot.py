@@ -53,7 +53,7 @@ def main() -> None:
         share.set(xlim=(0.0, scene.duration), ylim=(-0.15, 1.05), xlabel="time [s]",
                   ylabel="share of the energy",
                   title="Energy of the centre of mass (grey: contact)")  # fmt: skip
-        contacts = exact_bar(scene).contacts  # those of the run are rounded to its layers
+        contacts = exact_bar(scene).contacts  # those of the run are rounded to its time steps
         print(f"{scene.title}: {len(contacts)} contacts, the first at "
               f"{', '.join(f'{a:.4g} to {b:.4g}' for a, b in contacts[:4])} s; energy drift "
               f"{run.summary['energy']['max_relative_drift']:.0e}")  # fmt: skip

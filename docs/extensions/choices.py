@@ -68,12 +68,12 @@ def bars() -> str:
     kept = ("conserving", "conserving@courant=0.5", "galerkin", "NumPy leapfrog")
     lines = [
         (
-            "impacts and releases fall on layers (`doyen_bounces`)",
+            "impacts and releases fall on time levels (`doyen_bounces`)",
             "`galerkin`, courant 1",
             [bar_error(one, method) for method in ("galerkin", "conserving", "monolithic")],
         ),
         (
-            "few contacts between layers (`bar_impact_between`)",
+            "few contacts between time levels (`bar_impact_between`)",
             "`dg` with `fitted = true`; `galerkin` where 1e-2 will do",
             [bar_error(few, method) for method in (fitted, "galerkin", "conserving")],
         ),
@@ -83,7 +83,7 @@ def bars() -> str:
             [bar_error(none, method) for method in ("exact", fitted, "galerkin")],
         ),
         (
-            "initial strain, contacts on layers (`prestretched_rod`)",
+            "initial strain, contacts on time levels (`prestretched_rod`)",
             "`galerkin`, courant 1",
             [bar_error(strain, method) for method in ("galerkin", fitted, "conserving")],
         ),
@@ -161,7 +161,7 @@ def bodies() -> str:
         [size, *(f"{ms} ms" for m in ("explicit", "massless") for ms in cells[m, size])]
         for size in sizes
     ]
-    return table(head, lines) + f"\n*Time of a layer. {measured(stamp('bodies'))}*\n"
+    return table(head, lines) + f"\n*Time of a step. {measured(stamp('bodies'))}*\n"
 
 
 def points() -> str:

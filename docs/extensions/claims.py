@@ -191,7 +191,7 @@ def claims() -> list[Claim]:
     gallery, board = "[gallery](generated/gallery/index.md)", "[hard cases](hard_cases.md)"
     speed, solids = "[speed](work_precision.md)", "[solids](solid_benchmarks.md)"
     return [
-        ("Bars follow the exact waves where events fall on layers or meshes are fitted",
+        ("Bars follow the exact waves where events fall on time levels or meshes are fitted",
          _tests("verification/test_bar_verification.py"),
          demos["waves"], gallery),
         ("Energy stays over 750 bounces (`conserving`)", _tests("report/test_hard_cases.py"),

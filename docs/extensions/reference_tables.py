@@ -50,7 +50,7 @@ def finding_codes() -> str:
 
 def history_columns() -> str:
     """Columns of a history, from the module that writes it."""
-    rows = [(code("time"), "s", "end of layer m; row 0 is the initial state")]
+    rows = [(code("time"), "s", "end of time step m; row 0 is the initial state")]
     rows += [(code(name), unit, text) for name, (unit, text) in COLUMNS.items()]
     rows.append((code("angular_momentum"), *ANGULAR))
     rows += [(code(f"NAME.{name}"), *told) for name, told in BODY_COLUMNS.items()]

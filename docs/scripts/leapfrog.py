@@ -1,4 +1,4 @@
-"""The space-time scheme layer by layer, in NumPy only: an independent check of its limits.
+"""The space-time scheme step by step, in NumPy only: an independent check of its limits.
 
 P1 on right triangles is the leapfrog scheme with lumped masses. The contact force lambda_m acts
 during (t_{m-1}, t_m]; the end node at t_m feels half of lambda_m and half of lambda_{m+1}, and

@@ -52,12 +52,13 @@ def order(errors: Sequence[float]) -> list[str]:
 
 
 def between_layers() -> Iterator[str]:
-    """K1 with the gap enlarged by a share of the path of one layer."""
-    yield "## Impact between layers\n"
+    """K1 with the gap enlarged by a fraction of the path of one layer."""
+    yield "## Impact between time levels\n"
     yield (
-        "K1 (`bar_impact`) at courant 1 with gap = 0.5 + s v0 h/c: the impact falls a share s of a "
-        "layer behind a layer. Errors are relative. Overshoot is the largest force over the exact "
-        "0.5 N; the total variation is given in the same unit, that of the exact force is 2.\n"
+        "K1 (`bar_impact`) at courant 1 with gap = 0.5 + s v0 h/c: the impact falls a fraction s "
+        "of a time step behind a time level. Errors are relative. Overshoot is the largest force "
+        "over the exact 0.5 N; the total variation is given in the same unit, that of the "
+        "exact force is 2.\n"
     )
     rows = []
     for share in (0.3, 0.5, 0.7):
@@ -81,10 +82,10 @@ def between_layers() -> Iterator[str]:
 
 
 def small_courant() -> Iterator[str]:
-    """Layer by layer with both set rules, and the product's global loop."""
+    """Step by step with both set rules, and the product's global loop."""
     yield "\n## Courant below 1\n"
     yield (
-        "K1 solved layer by layer (`docs/scripts/leapfrog.py`, NumPy only). Overshoot = largest "
+        "K1 solved step by step (`docs/scripts/leapfrog.py`, NumPy only). Overshoot = largest "
         "force over 0.5 N; force error = integral of |force - exact| over that of the exact force. "
         "Node rule and mean rule: see [method](method.md).\n"
     )
@@ -103,7 +104,7 @@ def small_courant() -> Iterator[str]:
     ]
     yield table(head, rows)
     yield (
-        "\nThe same with `impactfem.solve`: node rule, all layers at once; default limit of "
+        "\nThe same with `impactfem.solve`: node rule, all time slabs at once; default limit of "
         "iterations, and 1000.\n"
     )
     rows = []
@@ -133,8 +134,8 @@ def many_bounces() -> Iterator[str]:
     """The bar of Doyen, Ern and Piperno dropped 5 m; 750 bounces of the exact motion."""
     yield "\n## 750 bounces\n"
     yield (
-        "Bar of Doyen, Ern, Piperno (L = 10, c = 30, gap 5, gravity 10, n = 20) for 2000 s, layer "
-        "by layer: energy over its initial value at some times. Exact: 1 at all times.\n"
+        "Bar of Doyen, Ern, Piperno (L = 10, c = 30, gap 5, gravity 10, n = 20) for 2000 s, step "
+        "by step: energy over its initial value at some times. Exact: 1 at all times.\n"
     )
     bar = PlainBar(10.0, 30.0, 5.0, 0.0, 10.0)
     marks = (10.0, 20.0, 40.0, 80.0, 320.0, 2000.0)
@@ -149,7 +150,7 @@ def many_bounces() -> Iterator[str]:
 
 def without_layers() -> Iterator[str]:
     """A standing wave without contact through the product's mesh reader and solver."""
-    yield "\n## Meshes without layers\n"
+    yield "\n## Meshes without time levels\n"
     yield (
         "Standing wave u = 1 + 0.1 cos(pi x) cos(pi t), T = 2, no contact, on "
         "`meshes/bar_unstructured.geo`: largest error over 0.1. MUMPS solves the linear system.\n"
@@ -168,7 +169,7 @@ def without_layers() -> Iterator[str]:
                 errors.append(_standing_wave(read_mesh(MPI.COMM_SELF, path, 1.0, 2.0, 1.0)))
             rows.append([f"{name} ({algorithm})", *(f"{e:.1e}" for e in errors)])
     layered = [_standing_wave(layered_mesh(MPI.COMM_SELF, n, 2 * n, 1.0)) for n in sizes]
-    rows.append(["layers of right triangles", *(f"{e:.1e}" for e in layered)])
+    rows.append(["time slabs of right triangles", *(f"{e:.1e}" for e in layered)])
     yield table(["Gmsh algorithm", *(f"n = {n}" for n in sizes)], rows)
 
 
@@ -182,7 +183,7 @@ def _standing_wave(space: SpaceTimeMesh) -> float:
 
 def layers_of_a_plane() -> Iterator[str]:
     """Stability limits of structured 2D + time meshes."""
-    yield "\n## Layers in 2D + time\n"
+    yield "\n## Time slabs in 2D + time\n"
     yield (
         "Largest stable c dt/h for u_tt = c^2 (u_xx + u_yy) on squares of side h, P1 or Q1 in "
         "space-time, integrated exactly: by the symbol on the unbounded plane, and by eigenvalues "
@@ -198,7 +199,7 @@ def layers_of_a_plane() -> Iterator[str]:
 def several_impacts() -> Iterator[str]:
     """One active-set loop over several impacts."""
     yield "\n## Several impacts in one active-set loop\n"
-    yield "Courant 1, impacts on layers. Pre-stretched rod (`prestretched_rod`):\n"
+    yield "Courant 1, impacts on time levels. Pre-stretched rod (`prestretched_rod`):\n"
     rows = []
     for n in (10, 20, 40):
         for contacts, duration in ((1, 3.0), (2, 6.0), (4, 12.0)):

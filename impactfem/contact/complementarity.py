@@ -237,7 +237,7 @@ def _fixed_point(
         slope = (more - last_more) / (theta - last) if theta != last else 0.0
         following = theta - more / slope if slope != 0.0 else 0.5 * (low + high)
     raise ConvergenceError(
-        f"contact: the weight theta of a layer was not found (excess {more:.1e} after "
+        f"contact: the weight theta of a time step was not found (excess {more:.1e} after "
         f"{_MAX_THETA} evaluations); use a smaller solve.dt or solve.courant"
     )
 

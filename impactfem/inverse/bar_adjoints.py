@@ -81,7 +81,7 @@ class Adjoints:
     def _given(self, scene: Scene) -> Given:
         dt = self._dt(scene)
         if abs(dt - self._times[1]) > 1e-14 * dt:
-            raise SceneError("other layers")  # of which levels the derivatives are is not kept
+            raise SceneError("other time steps")  # of which levels the derivatives are is not kept
         return Given.of(scene.bar, scene.axial_gravity, self._travel, self._times)
 
     def _arrays(self, scene: Scene) -> Sequence[Local]:

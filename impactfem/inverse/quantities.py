@@ -270,7 +270,7 @@ def _of_pair(term: Term, outcome: Outcome) -> float:
     """
     key, found, none, remedy = {
         "peak_force": ("pair", outcome.peak, "impacts take no time in this run", "of a bar"),
-        "time": ("until", outcome.touched, "layers know it to their height", "of an exact run"),
+        "time": ("until", outcome.touched, "time steps know it to their length", "of an exact run"),
     }[term.term]
     name = str(getattr(term, key))
     where = f"objective: {term.term} of {key} = {show(name)}"

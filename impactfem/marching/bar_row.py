@@ -121,7 +121,7 @@ def _by_nodes(
     )
     if waves is not None:
         record.kinetic[:], record.elastic[:] = waves
-    return Effort(len(mass) * layers, 1, (), True, "decided in each layer and pair")
+    return Effort(len(mass) * layers, 1, (), True, "decided in each time step and pair")
 
 
 def _by_waves(
@@ -147,7 +147,7 @@ def _by_waves(
         record.ends, record.gap, record.force, record.kinetic, record.elastic, record.mean,
         record.momentum, record.kept, record.displacement, record.rate,
     )  # fmt: skip
-    return Effort(4 * len(bars) * layers, 1, (), True, "closed form in each layer and pair")
+    return Effort(4 * len(bars) * layers, 1, (), True, "closed form in each time step and pair")
 
 
 _FILLED = {"galerkin": _by_nodes, "conserving": _by_waves}

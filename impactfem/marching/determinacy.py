@@ -157,7 +157,7 @@ class Determinacy:
             how = f"allows {number} forces" if number else "allows no bounded force"
             text = (
                 f"friction jams {told['pair']} at t = {told['time']:.6g} s (Painleve): it {how}; "
-                f"taken was: {told['taken']}; so in {told['layers']} layers"
+                f"taken was: {told['taken']}; so in {told['layers']} time steps"
             )
             remedy = "use a smaller friction_coefficient, or model the body as elastic"
             found.append(

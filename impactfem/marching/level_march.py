@@ -59,7 +59,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
         most = self.interior.most
         if most <= 1:
             return ()
-        text = f"squeezed cells bear only shorter steps: layers were taken in {most} of them"
+        text = f"squeezed cells bear only shorter steps: time steps were divided into {most}"
         return (Finding("setting", "note", text, value=float(most), limit=1.0),)
 
     def _initial_contact(self, gap: Floats, normals: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002

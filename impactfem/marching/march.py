@@ -162,7 +162,7 @@ def _one_step(
         record.multiplier, record.kinetic, record.elastic, record.mean, record.momentum,
     )  # fmt: skip
     unknowns = len(chain.positions) * numbers.layers
-    return Effort(unknowns, 1, (), True, "decided in each layer")
+    return Effort(unknowns, 1, (), True, "decided in each time step")
 
 
 def _waves(
@@ -186,7 +186,7 @@ def _waves(
     work = np.zeros(numbers.layers + 1)
     if bar.is_driven:
         work = c * waves.end_work(numbers.times)
-    return Effort(2 * layers, 1, (), True, "closed form in each layer"), work
+    return Effort(2 * layers, 1, (), True, "closed form in each time step"), work
 
 
 def _two_step(
@@ -242,7 +242,7 @@ def _two_step(
         )
     unknowns = len(chain.positions) * numbers.layers
     if worst is None:
-        return Effort(unknowns, 1, (), True, "decided in each layer"), potential, driven
+        return Effort(unknowns, 1, (), True, "decided in each time step"), potential, driven
     return (
         Effort(
             unknowns,

@@ -77,7 +77,7 @@ class RubbingMarch(SolidMarch):
         if accuracy.reached <= accuracy.share:
             return super().findings()
         text = f"forces of many contacts with friction were found to {accuracy.reached:.2g} of the "
-        text += f"largest force in a layer, not to {accuracy.share:.2g}"
+        text += f"largest force in a time step, not to {accuracy.share:.2g}"
         remedy = "trust forces to that share, or use a smaller solve.dt"
         value, limit = accuracy.reached, accuracy.share
         return (

@@ -19,7 +19,7 @@ from impactfem.scene import Bar, Scene
 from impactfem.sizing import DEFAULT_ELEMENTS, Grid, marching_cost
 
 _LEAST = 2  # elements of a bar: its end nodes then meet one neighbour each
-_TRIED = range(40, 161)  # sizes tried to put all events on layers
+_TRIED = range(40, 161)  # sizes tried to put all events on time levels
 _MOST = 2000  # elements of the longest bar up to which a match is looked for
 _WHOLE = 1e-9  # share of a number of elements by which it may miss an integer
 _ON_LAYER = 1e-6  # share of a layer within which an event counts as on it
@@ -39,7 +39,7 @@ class RowNumbers(Numbers):
         courant: c dt / h of each bar.
         matched: Whether c dt / h is the same in all bars, so that with courant 1 waves run from
             node to node through all of them.
-        on_layers: Whether all contacts begin and end on layers.
+        on_layers: Whether all contacts begin and end on time levels.
         exact_known: Whether the exact solution can be followed to the end.
         contact_pairs: Complementarity pairs, layers times pairs of neighbours.
         unknowns: Nodes times layers; 0 of the exact solution.
@@ -92,7 +92,7 @@ def plan_bar_row(scene: Scene) -> Plan[RowNumbers]:
     matched = bool(np.ptp(courant) <= _WHOLE * max(courant))
     layers = max(1, math.ceil(scene.duration / dt - 1e-9))
     if layers * dt > scene.duration * (1 + 1e-9):
-        reasons["layers"] = f"the last layer ends at {layers * dt:g} s, past the duration"
+        reasons["layers"] = f"the last time step ends at {layers * dt:g} s, past the duration"
     aligned = _on_layers(exact, dt)
     fitting = matched and aligned and max(courant) >= 1.0 - _WHOLE
     fitting = fitting and _jumps_on_nodes(exact, elements)
@@ -140,7 +140,7 @@ def _model(bars: Sequence[Bar], *, wall: bool) -> str:
 
 
 def _choose_elements(scene: Scene, exact: ExactBarRow | None, reasons: dict[str, str]) -> list[int]:
-    """Elements of each bar so that h / c is the same in all, and events fall on layers."""
+    """Elements of each bar so that h / c is the same in all, and events fall on time levels."""
     transits = [bar.transit_time for bar in scene.bars]
     asked = scene.solve.elements
     if asked is not None:
@@ -154,14 +154,14 @@ def _choose_elements(scene: Scene, exact: ExactBarRow | None, reasons: dict[str,
         if _on_layers(exact, max(transits) / n):
             reasons["elements"] = (
                 f"the least number from {_TRIED[0]} on along the bar with the longest transit time "
-                "that gives all bars the same h / c and puts all events on layers"
+                "that gives all bars the same h / c and puts all events on time levels"
             )
             return found
     for n in range(DEFAULT_ELEMENTS, _MOST + 1):
         if found := _matching(transits, n):
             reasons["elements"] = (
                 "the least number from the default on that gives all bars the same h / c; none up "
-                f"to {_TRIED[-1]} puts all events on layers"
+                f"to {_TRIED[-1]} puts all events on time levels"
             )
             return found
     reasons["elements"] = (
@@ -267,16 +267,16 @@ def _choose_method(
     pieces = "velocity and strain are constant in pieces: the characteristics give the motion to"
     if exact is not None and exact.sampled:
         pieces = "velocity or strain vary along a bar and are sampled: by other pieces that leaves"
-    off = "events fall between layers or the bars have different h / c"
+    off = "events fall between time levels or the bars have different h / c"
     if rounding is not None:
         off = f"from contact to contact the rounding of galerkin might grow to {rounding:.0e}"
-    lines = "one line a layer and end for each wave keeps energy and momentum to rounding"
+    lines = "one line a time step and end for each wave keeps energy and momentum to rounding"
     choices = (
         (scene.solve.method is not None, scene.solve.method or "", "as asked"),
         (
             rounding is not None and rounding <= EXACT,
             "galerkin",
-            "exact at the nodes: the same h / c in all bars, all events on layers",
+            "exact at the nodes: the same h / c in all bars, all events on time levels",
         ),
         (
             exact is not None and followed is not None,
@@ -315,6 +315,6 @@ def _findings(
         text = f"c dt / h is {min(courant):g} in a bar: the forces ring"
         return (warning("ringing", text, remedy='method = "conserving" or "exact" does not'),)
     if rounding is None:
-        text = "an impact or release lies between layers: errors of first order in h"
+        text = "an impact or release lies between time levels: errors of first order in h"
         return (Finding("error_large", "note", text),)
     return rounding_findings(rounding, "may grow") if limited else ()

@@ -163,7 +163,7 @@ def _choose_method(scene: Scene, exact: ExactBar, reasons: dict[str, str]) -> st
             "dg",
             "solve.degree and solve.fitted belong to it",
         ),
-        (solve.mesh is not None, "dg", "works on any triangles; galerkin needs layers"),
+        (solve.mesh is not None, "dg", "works on any triangles; galerkin needs time levels"),
         (
             solve.accuracy is not None,
             "exact",
@@ -176,24 +176,24 @@ def _choose_method(scene: Scene, exact: ExactBar, reasons: dict[str, str]) -> st
             rounding is not None and (rounding <= EXACT or solve.window is not None),
             "galerkin",
             (
-                "exact at the nodes: courant 1, all contacts and changes of gravity on layers; "
-                f"rounding, grown from contact to contact, stays near {rounding or 0.0:.0e}"
+                "exact at the nodes: courant 1, all contacts and changes of gravity on time "
+                f"levels; rounding, grown from contact to contact, stays near {rounding or 0.0:.0e}"
             ),
         ),
         (
             rounding is not None,
             "exact",
             (
-                "all events are on layers, but from contact to contact galerkin's rounding would "
-                f"grow to {rounding or 0.0:.0e}; the characteristics of a homogeneous bar do not "
-                "have that"
+                "all events are on time levels, but from contact to contact galerkin's rounding "
+                f"would grow to {rounding or 0.0:.0e}; the characteristics of a homogeneous bar do "
+                "not have that"
             ),
         ),
         (
             solve.elements is None and not layers_asked,
             "exact",
             (
-                "a homogeneous bar whose events fall between layers or whose initial state is "
+                "a homogeneous bar whose events fall between time levels or whose initial state is "
                 "curved: the characteristics follow its motion to rounding, no mesh does for less"
             ),
         ),
@@ -201,8 +201,8 @@ def _choose_method(scene: Scene, exact: ExactBar, reasons: dict[str, str]) -> st
             True,
             OFF_LAYERS,
             (
-                "elements, courant, dt or window ask for layers, and events fall between them or "
-                "courant is not 1: there galerkin rings or loses energy; this one keeps it to "
+                "elements, courant, dt or window ask for time steps, and events fall inside them "
+                "or courant is not 1: there galerkin rings or loses energy; this one keeps it to "
                 "rounding, with a quarter of the error"
             ),
         ),
@@ -247,7 +247,9 @@ def _findings(name: str, grid: Grid, exact: ExactBar) -> tuple[Finding, ...]:
     if found := ringing(grid, 'method = "conserving" does not'):
         return found
     if not on_layers(exact, grid.elements):
-        text = "an impact, a release or a change of gravity lies between layers: errors of first "
+        text = (
+            "an impact, a release or a change of gravity lies between time levels: errors of first "
+        )
         text += "order in h"
         return (Finding("error_large", "note", text),)
     return ()

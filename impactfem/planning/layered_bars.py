@@ -39,7 +39,8 @@ def _plan_layers(scene: Scene) -> Plan[BarNumbers]:
     if solve.method is None:
         reasons["method"] = (
             "elements of equal travel times and courant 1: waves run from node to node and are "
-            "reflected there, exact where properties are constant in elements and events on layers"
+            "reflected there, exact where properties are constant in elements and events on "
+            "time levels"
         )
     name = solve.method or ("monolithic" if solve.active_set == "snes_vi" else "galerkin")
     method = METHODS[name]

@@ -55,7 +55,7 @@ def _turned(model: "SolidsModel") -> str:
     for part in model.parts:
         for obstacle in part.obstacles:
             if obstacle.rotation:
-                return f"updated in each layer: {obstacle.name} turns, and its normals with it"
+                return f"updated in each time step: {obstacle.name} turns, and its normals with it"
     return ""
 
 
@@ -115,9 +115,9 @@ def _over_curves(model: "SolidsModel") -> str:
         along = _way_over(part, part.contact.normal[nearest])
         if max(gap, along) > limit:
             return (
-                f"updated in each layer: {part.solid.name} moves {gap:.3g} m towards the obstacle "
-                f"and about {along:.3g} m along it, where its normal changes; energy is then kept "
-                "to the accuracy of the step only"
+                f"updated in each time step: {part.solid.name} moves {gap:.3g} m towards the "
+                f"obstacle and about {along:.3g} m along it, where its normal changes; energy is "
+                "then kept to the accuracy of the step only"
             )
     return ""
 
@@ -131,7 +131,7 @@ def _why_fixed(model: "SolidsModel") -> str:
     if not model.contact_count:
         return "fixed: nothing can touch"
     if not any(part.obstacles for part in model.parts):
-        return "those between bodies without meshes and others follow in each layer"
+        return "those between bodies without meshes and others follow in each time step"
     features = min((o.features for part in model.parts for o in part.obstacles), default=math.inf)
     if features == math.inf:
         return "fixed: the normal of a plane is the same everywhere, so this is exact"

@@ -130,7 +130,7 @@ def choose_steps(
 ) -> Steps:
     """Time step and number of layers, the same for all solids.
 
-    A step that is not asked for is shortened so that the layers fill the duration.
+    A step that is not asked for is shortened so that the time steps fill the duration.
 
     Raises:
         SceneError: The step is beyond the stability limit.
@@ -144,7 +144,8 @@ def choose_steps(
         layers = count_layers(scene.duration, solve.dt)
         if layers * solve.dt > scene.duration * (1.0 + 1e-9):
             reasons["layers"] = (
-                f"the last layer ends at {layers * solve.dt:g} s, the first end past the duration"
+                f"the last time step ends at {layers * solve.dt:g} s, the first end past the "
+                "duration"
             )
         number = max(solid.p_wave_speed * solve.dt / size.mesh_size for solid, size in pairs)
         return Steps(solve.dt, None if method in EXPLICIT else number, layers)
@@ -169,7 +170,7 @@ def choose_steps(
         )
     if len(pairs) > 1:
         reasons["dt"] += "; by the body that asks for the least step"
-    reasons["dt"] += ", or a little less, so that the layers fill the duration"
+    reasons["dt"] += ", or a little less, so that the time steps fill the duration"
     layers = count_layers(scene.duration, min(dt, scene.duration))
     if len(pairs) == len(scene.bodies) == 1 and solve.courant is None:
         _offer_bending_step(scene, layers, reasons)
@@ -272,8 +273,8 @@ def _offer_bending_step(scene: Scene, layers: int, reasons: dict[str, str]) -> N
     if dt * layers > _WORTH_OFFERING * scene.duration:
         reasons["offer dt"] = (
             f"if it bends more than it is struck end-on: dt = {dt:.2g} is 1/{_STEPS_OF_BENDING} of "
-            f"the first bending period {period:.3g} s and takes {scene.duration / dt:.3g} layers "
-            f"instead of {layers}; waves through the thickness are then not followed"
+            f"the first bending period {period:.3g} s and takes {scene.duration / dt:.3g} time "
+            f"steps instead of {layers}; waves through the thickness are then not followed"
         )
 
 
@@ -295,7 +296,7 @@ def choose_linear_solver(
     limit = _DIRECT[size.dim]
     if size.unknowns <= limit:
         reasons["linear_solver"] = (
-            f"one factorisation serves {'a step' if finite else 'all layers'}: {size.unknowns} "
+            f"one factorisation serves {'a step' if finite else 'all time steps'}: {size.unknowns} "
             f"unknowns are at most {limit:.3g}"
         )
         return "mumps"

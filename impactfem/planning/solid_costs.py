@@ -208,7 +208,7 @@ def count_layers(duration: float, dt: float) -> int:
     """
     count = duration / dt * (1.0 - 1e-9)
     needed = count * _ROW_BYTES / 2**20
-    what = f"the rows of {count:.3g} layers of {dt:.3g} s in the history"
+    what = f"the rows of {count:.3g} time steps of {dt:.3g} s in the history"
     remedy = "a shorter duration, larger elements or a larger solve.dt (check the units)"
     check_memory(needed, f"duration = {duration:g} s", what, remedy)
     return max(1, math.ceil(count))

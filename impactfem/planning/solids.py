@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 _STARTS = {
     "static": {
         "start": "at rest: equilibrium of loads, gravity, supports and frictionless contact at "
-        "t = 0 is found before the first layer"
+        "t = 0 is found before the first time step"
     }
 }
 """What is told of starts."""
@@ -156,7 +156,7 @@ def _plan(scene: Scene) -> Plan[MarchNumbers]:
     findings += cuts
     if model.probes:
         told = (f"{probe.name} in {probe.body}" for probe, *_ in model.probes)
-        reasons["probes"] = f"in every layer: {', '.join(told)}"
+        reasons["probes"] = f"in every time step: {', '.join(told)}"
     return Plan(
         method=method,
         model="; ".join(filter(None, [few_in_words(model.few), in_words(scene, sizes)])),

@@ -129,7 +129,7 @@ def _reason(motions: list[_Motion], dt: float, worst: Floats, layers: int) -> st
         f"what vibrates is known. Errors of {worst[0]:.1g} of the displacement and {worst[1]:.1g} "
         f"of speeds and stresses are foreseen; vibrations faster than {0.5 / math.pi / dt:.3g} Hz, "
         f"with {share:.1g} of the energy, are not followed: solve.courant = {COURANT:g} follows "
-        f"all waves, in {layers} layers"
+        f"all waves, in {layers} time steps"
     )
 
 

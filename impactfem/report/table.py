@@ -86,7 +86,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     rows = [
         ("status", summary["status"]),
         ("method", summary["method"]),
-        ("unknowns", f"{summary['num_dofs']} in {summary['num_steps']} layers"),
+        ("unknowns", f"{summary['num_dofs']} in {summary['num_steps']} time steps"),
         ("active set", f"{sets} ({active['message']})"),
         ("contact", _intervals(contact["intervals"])),
         ("force", force),

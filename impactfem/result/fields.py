@@ -71,7 +71,7 @@ class Fields(Snapshots):
         return as_vectors(getattr(self, name)[:, self.nodes(body), None])
 
     def __repr__(self) -> str:
-        return f"Fields({len(self.times)} layers of {len(self.positions)} nodes of bars)"
+        return f"Fields({len(self.times)} time levels of {len(self.positions)} nodes of bars)"
 
 
 class StoredFields(Fields):

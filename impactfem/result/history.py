@@ -15,8 +15,8 @@ Floats = NDArray[np.float64]
 COLUMNS: Mapping[str, tuple[str, str]] = {
     "gap": ("m", "smallest distance of what may meet"),
     "contact_force": ("N", "sum of the normal forces of all pairs during (t_{m-1}, t_m]"),
-    "kinetic_energy": ("J", "kinetic energy of layer m"),
-    "elastic_energy": ("J", "elastic energy of layer m"),
+    "kinetic_energy": ("J", "kinetic energy of time step m"),
+    "elastic_energy": ("J", "elastic energy of time step m"),
     "potential_energy": ("J", "initial potential of gravity minus the work it has done"),
     "total_energy": ("J", "sum of the energies"),
     "dissipated_energy": (

@@ -222,4 +222,4 @@ class KeptSnapshots(Snapshots):
 
     def __repr__(self) -> str:
         bodies = ", ".join(self.names)
-        return f"KeptSnapshots({len(self)} layers of {len(self.points)} nodes of {bodies})"
+        return f"KeptSnapshots({len(self)} time levels of {len(self.points)} nodes of {bodies})"

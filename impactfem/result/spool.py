@@ -108,8 +108,8 @@ class FieldSpool:
                 there = int(root["Steps"].attrs["NSteps"])
                 if layers is not None and layers > there:
                     raise OutputError(
-                        f"{path}: {there} layers are there, {layers} are expected; start the run "
-                        "anew"
+                        f"{path}: {there} time levels are there, {layers} are expected; start the "
+                        "run anew"
                     )
                 self = cls(
                     path.with_name(f"{path.stem}.copy{path.suffix}"), read_layout(file),
@@ -256,7 +256,7 @@ class FieldSpool:
         why = getattr(error, "strerror", None) or error
         return OutputError(
             f"{self.path}: cannot be written ({why}); free some space, choose another folder, or "
-            "write fewer layers (output.every)"
+            "write fewer time levels (output.every)"
         )
 
 

@@ -141,7 +141,7 @@ class StoredSnapshots(Snapshots):
 
     def __repr__(self) -> str:
         return (
-            f"{type(self).__name__}({len(self)} layers of {self.num_points} nodes and "
+            f"{type(self).__name__}({len(self)} time levels of {self.num_points} nodes and "
             f"{self.num_cells} cells in {self.path})"
         )
 

@@ -93,19 +93,19 @@ def layers_of_mesh(scene: Scene, method: str) -> tuple[Floats, float, int]:
     remedy = 'use method = "dg", which works on any triangles'
     if times is None or nodes is None:
         raise MeshError(
-            f"mesh file {path}: its nodes form no layers, {method} sweeps layers; {remedy}"
+            f"mesh file {path}: its nodes form no time slabs, {method} needs them; {remedy}"
         )
     steps = bar.transit_time * np.diff(times)
     if np.ptp(steps) > 1e-9 * steps.max():
         raise MeshError(
-            f"mesh file {path}: layers are {steps.min():g} to {steps.max():g} s high, {method} "
+            f"mesh file {path}: time slabs are {steps.min():g} to {steps.max():g} s high, {method} "
             f"needs equal ones; {remedy}"
         )
     limit = SCHEMES[method].stable_dt(Chain.of_bar(bar, bar.length * nodes))
     if steps[0] > limit * (1 + 1e-9):
         raise MeshError(
-            f"mesh file {path}: layers of {steps[0]:g} s are beyond the stability limit 2 / "
-            f"omega_max = {limit:g} s of {method} on its elements; use thinner layers, or {remedy}"
+            f"mesh file {path}: time slabs of {steps[0]:g} s are beyond the stability limit 2 / "
+            f"omega_max = {limit:g} s of {method} on its elements; use thinner slabs, or {remedy}"
         )
     return bar.length * nodes, float(steps[0]), len(steps)
 

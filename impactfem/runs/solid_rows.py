@@ -200,7 +200,7 @@ def _effort(
         iterations=int(rows.iterations.max(initial=0)),
         set_changes=(int(np.abs(np.diff(rows.active)).max(initial=0)),),
         converged=not march.failure,
-        message=march.failure or "every layer settled",
+        message=march.failure or "every time step settled",
         details={
             "dt": march.interior.dt,
             "layers": march.layers,

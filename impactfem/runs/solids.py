@@ -129,7 +129,7 @@ def run_solids(
             check_inside(part.solid.name, part.system, surface)
     discretised = {parts[0].solid.name: parts for parts in each}
     dt, layers, limit = planned_steps(scene.duration, plan, scheme, discretised)
-    progress.step("preparing the layers")
+    progress.step("preparing the time steps")
     marches = _STEPPERS if scene.iterated else _INTERIORS
     few = [
         marches[type(bodies)](bodies, scene.vector_gravity, dt, counts=model.comm.rank == 0)

@@ -25,7 +25,7 @@ from impactfem.scene.vibro_checks import FAMILY, check_vibro
 # Keys of [solve] that only one kind of body knows, and what to do instead.
 _BAR_ONLY: Mapping[str, str] = {
     "elements": "set body.mesh_size",
-    "window": "remove it, a solid is solved layer by layer",
+    "window": "remove it, a solid is solved step by step",
     "degree": "set body.degree",
     "fitted": "remove it, it belongs to method dg of bars",
     "accuracy": "set body.mesh_size, and estimate = true to learn the error",

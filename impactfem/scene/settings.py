@@ -33,7 +33,7 @@ class Window(Kind):
     @property
     @override
     def allowed(self) -> str:
-        return 'a number of layers from 1 on or "all"'
+        return 'a number of time steps from 1 on or "all"'
 
     @override
     def read(self, value: object) -> int | str:
@@ -58,7 +58,7 @@ class Solve:
     courant: float | None = key(Real(above=0), "c dt / h, time step by grid size", default=None)
     dt: float | None = key(Real(above=0), "time step, instead of courant", unit="s", default=None)
     window: int | str | None = key(
-        Window(), "time layers that one active-set loop solves together", default=None
+        Window(), "time steps that one active-set loop solves together", default=None
     )
     active_set: str | None = key(
         Choice(ACTIVE_SETS), "primal-dual active set, or PETSc's SNES VI", default=None
@@ -92,7 +92,7 @@ class Solve:
     )
     normals: str | None = key(
         Choice(NORMALS),
-        "contact normals of the undeformed body, or updated in each layer (solid)",
+        "contact normals of the undeformed body, or updated in each time step (solid)",
         default=None,
     )
     linear_solver: str | None = key(
@@ -132,13 +132,13 @@ class Solve:
             fixed = "the size follows from the accuracy; remove one of them"
             self._exclude("accuracy", ("elements",), fixed)
         if method is not None and not method.layered:
-            reason = "triangles have no layers; remove one of them"
+            reason = "triangles have no time steps; remove one of them"
             self._exclude("method", ("courant", "dt"), reason)
             if self.window not in {None, 1, "all"}:
                 self._exclude("window", ("method",), 'dg knows 1 and "all"')
         windowed = method is None or method.windowed
         if not windowed and self.window not in {None, "all"}:
-            self._exclude("window", ("method",), "only galerkin has windows of layers")
+            self._exclude("window", ("method",), "only galerkin has windows of time steps")
 
     def _exclude(self, name: str, others: tuple[str, ...], why: str) -> None:
         """Refuse a key together with others."""
@@ -187,13 +187,13 @@ class Output:
     )
     every: int | None = key(
         Integer(1, 1_000_000_000),
-        "field output every so many time layers; absent: every one, of long runs that are marched "
+        "field output every so many time steps; absent: every one, of long runs that are marched "
         "fewer",
         default=None,
     )
     checkpoint: int = key(
         Integer(0, 1_000_000_000),
-        "checkpoint every so many time layers (solid), 0 for none",
+        "checkpoint every so many time steps (solid), 0 for none",
         default=0,
     )
     pictures: bool = key(Switch(), "whether to draw pictures, as PNG files", default=True)

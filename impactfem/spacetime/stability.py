@@ -54,5 +54,5 @@ def refuse_growth(space: SpaceTimeMesh, path: Path) -> None:
     if not grown <= LIMIT:
         raise MeshError(
             f"mesh file {path}: the method is unstable on it, a disturbance grows {grown:.1e}-fold "
-            f'(at most {LIMIT:g} are accepted); use thinner layers (c dt <= h), or method = "dg"'
+            f'(at most {LIMIT:g} are accepted); use thinner slabs (c dt <= h), or method = "dg"'
         )

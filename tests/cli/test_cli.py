@@ -404,7 +404,7 @@ def test_too_little_memory_is_said(command, monkeypatch):
     monkeypatch.setattr(impactfem.solving, "solve", greedy)
     done = command("run", "bar_impact", "--set", "solve.method=exact")
     assert done == Done(1, "", "impactfem: not enough memory (Unable to allocate 373 GiB); use "
-                        "fewer elements or layers\n")  # fmt: skip
+                        "fewer elements or time steps\n")  # fmt: skip
 
 
 def test_an_unknown_fault_is_not_hidden(command, monkeypatch):

@@ -249,5 +249,5 @@ def test_foreign_files_are_output_errors(tmp_path):
         file.create_group("VTKHDF")
     with pytest.raises(OutputError, match="run the scene again"):
         StoredSnapshots(path)
-    with pytest.raises(OutputError, match="1 layers are there, 2 are expected"):
+    with pytest.raises(OutputError, match="1 time levels are there, 2 are expected"):
         FieldSpool.reopen(spooled(path, 1), 2)

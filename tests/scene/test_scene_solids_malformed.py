@@ -289,7 +289,7 @@ CASES = {
     # settings
     "method": ({"solve.method": "dg"}, ['solve.method = "dg"', "a solid", '"massless"']),
     "elements": ({"solve.elements": 40}, ["solve.elements = 40", "bars", "set body.mesh_size"]),
-    "window": ({"solve": {"window": 4}}, ["solve.window = 4", "layer by layer"]),
+    "window": ({"solve": {"window": 4}}, ["solve.window = 4", "step by step"]),
     "degree of dg": ({"solve": {"degree": 1}}, ["solve.degree = 1", "set body.degree"]),
     "fitted": ({"solve": {"fitted": True}}, ["solve.fitted = true", "remove it"]),
     "accuracy": ({"solve.accuracy": 0.1}, ["solve.accuracy = 0.1", "estimate = true"]),

@@ -101,7 +101,7 @@ def test_places_that_rounding_would_spoil_are_refused(height, told):
 
 def test_endless_durations_are_refused_before_the_run():
     for scene in (two(), table([disc()]) | {"solve": {"method": "explicit"}}):
-        with pytest.raises(SceneError, match=r"duration = 1e\+09 s.* layers"):
+        with pytest.raises(SceneError, match=r"duration = 1e\+09 s.* time steps"):
             plan(Scene.from_dict(scene | {"duration": 1e9}))
 
 

@@ -51,7 +51,7 @@ def test_courant_1_is_the_step_of_the_waves():
 
 SCENES = {
     "thrown": ({}, {"gap": 0.5, "velocity": -0.5}),
-    "thrown, meets the wall between layers": ({"gap": 0.515}, {"gap": 0.515, "velocity": -0.5}),
+    "thrown, meets the wall inside a time step": ({"gap": 0.515}, {"gap": 0.515, "velocity": -0.5}),
     "thrown, in touch at the start": ({"gap": 0.0}, {"gap": 0.0, "velocity": -0.5}),
     "falling": ({"gap": 0.1, "speed": 0.0, "gravity": 0.2, "duration": 8.0}, {"gap": 0.1}),
     "clamped and prestretched": (
