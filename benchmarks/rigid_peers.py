@@ -84,8 +84,8 @@ def cases() -> list[Case]:
     sticks, slides = (float(np.arctan(0.3 + off)) for off in (-OFF, OFF))
     return [
         floor("ball slides, then rolls: speed", 1.2, ball=True, speed=3.0),
-        *(floor("slope sticks: way [m]", t, slope=sticks) for t in (1.0, 4.0)),
-        *(floor("slope slides: way [m]", t, slope=slides) for t in (1.0, 4.0)),
+        *(floor("slope sticks: slip [m]", t, slope=sticks) for t in (1.0, 4.0)),
+        *(floor("slope slides: slip [m]", t, slope=slides) for t in (1.0, 4.0)),
         superball(),
         floor("10 boxes: force of the floor", 0.2, masses=[1.0] * 10),
         *(floor(f"1 : 1e{k} boxes: force", 0.2, masses=[1.0, 10.0**k]) for k in (2, 4, 6)),

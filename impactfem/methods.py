@@ -134,9 +134,9 @@ METHODS: Mapping[str, Method] = {
     ),
     "moreau_jean": Method(
         "theta method 1/2 with impact on velocities (Moreau and Jean): energy never grows, "
-        "nodes penetrate by a fraction of a step's way; in solids the force rings with the step; "
-        "points, rods, beams and rigid bodies: any restitution, first order in dt, impacts are not "
-        "located",
+        "nodes penetrate by a fraction of a step's displacement; in solids the force rings with "
+        "the step; points, rods, beams and rigid bodies: any restitution, first order in dt, "
+        "impacts are not located",
         mixes=True,
         bodies=SOLID | VIBRO | RIGID | SPRINGS,
     ),

@@ -204,7 +204,7 @@ def discontinuous_cost(triangles: int, unknowns: int) -> tuple[float, float]:
         memory,
         "solve.elements",
         f"{unknowns:.3g} unknowns of space-time triangles",
-        'method = "conserving" or "exact", which march, or fewer elements',
+        'method = "conserving" or "exact", which step in time, or fewer elements',
     )
     return memory, _LOADING_SECONDS + triangles * _TRIANGLE_SECONDS
 

@@ -205,7 +205,7 @@ def make_pair(
         sides = [
             _part(side, faces[k], nodes) for side, k, nodes in zip(sides, order, used, strict=True)
         ]
-    why = f"{name[0]} carries the multipliers: its faces are the smaller ones"
+    why = f"{name[0]} is the slave side: its faces are the smaller ones"
     if within is not None:
         why = f"{name[0]} meets itself: of two patches that face each other one carries"
     pair = SurfacePair(

@@ -74,7 +74,7 @@ class Many:
             TypeError: Its answers are not kept by roots.
         """
         if not isinstance(problem.matrix, Rooted):
-            raise TypeError("answers of many contacts are kept by roots")
+            raise TypeError("the compliance of many contacts is kept by its factor")
         self.problem, self.matrix, self._tolerance = problem, problem.matrix, tolerance
         self.own = problem.own()
         self._scale = problem.scales()

@@ -55,7 +55,7 @@ def reach(
         SceneError: The motion of an obstacle is not finite.
     """
     if driven is not None:
-        return Reach(np.inf, f"there is no bound of the body's way: it has {driven}")
+        return Reach(np.inf, f"there is no bound of the body's displacement: it has {driven}")
     times = np.asarray(gravity_times, dtype=np.float64)
     ends = np.clip(np.append(times[1:], np.inf), 0.0, duration)
     lasting = np.maximum(ends - np.clip(times, 0.0, duration), 0.0)

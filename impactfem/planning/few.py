@@ -194,7 +194,7 @@ def joint_findings(model: "SolidsModel") -> list[Finding]:
         held = int(joints.holding.sum())
         text = (
             f"{joints.redundant} of the {held} equations of the joints follow from the others: "
-            "forces and moments in joints are not unique, the least ones are told"
+            "forces and moments in joints are not unique, the least ones are reported"
         )
         found.append(Finding("overconstrained", "note", text, value=float(joints.redundant)))
     for tips in model.tips:

@@ -211,7 +211,7 @@ def _symmetry(scene: Scene) -> str:
         f"the scene is symmetric about {'each plane' if len(axes) > 1 else 'the plane'} "
         f"{' and '.join(f'{axis} = {_centre(solid, axis):g}' for axis in axes)}: shape = {{ ..., "
         f"symmetry = [{listed}] }} would give the same motion with {fraction} of the unknowns "
-        "(forces and energies are told of the whole)"
+        "(forces and energies are those of the whole)"
     )
 
 

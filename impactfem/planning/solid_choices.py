@@ -191,11 +191,11 @@ def _explicit_share(scene: Scene, method: str, reasons: dict[str, str]) -> float
     if share > 1.0 + 1e-9:
         raise SceneError(
             f"solve.courant = {share:g} is beyond the stability limit of {method}, where "
-            "courant is the share of the stable step 2 / omega_max; use courant <= 1, or "
+            "courant is the fraction of the stable step 2 / omega_max; use courant <= 1, or "
             'method = "massless", which is stable at any'
         )
     how = "courant as asked" if asked else f"{share:g}"
-    reasons["dt"] = f"{how}: share of the stable step 2 / omega_max, found when the run starts"
+    reasons["dt"] = f"{how}: fraction of the stable step 2 / omega_max, found when the run starts"
     if finite and not asked:
         reasons["dt"] += "; squeezed cells are stiffer than those at rest"
     return share

@@ -85,7 +85,7 @@ def _degree(
             "keep their volume in the mean only, so that they do not lock"
         )
         return 1
-    reasons[key] = "waves with jumps gain nothing from more, and degree 1 can march explicitly"
+    reasons[key] = "waves with jumps gain nothing from more, and degree 1 can be stepped explicitly"
     return 1
 
 

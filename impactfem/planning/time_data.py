@@ -210,8 +210,8 @@ def data_findings(data: Sequence[Datum], dt: float, steps: int) -> list[Finding]
 
 def _text(datum: Datum, dt: float, share: float, amount: float) -> str:
     if datum.moves:
-        text = f"{datum.what} leaves the straight way of a step of {dt:.2g} s by {amount:.2g}, "
-        return f"{text}{percent(share)} of its way: what it does between time levels is not seen"
+        text = f"{datum.what} leaves the straight path of a step of {dt:.2g} s by {amount:.2g}, "
+        return f"{text}{percent(share)} of its path: what it does between time levels is not seen"
     text = f"{datum.what} changes within a step of {dt:.2g} s: {percent(share)} of its impulse "
     return f"{text}comes at another time; {datum.but}"
 

@@ -1,4 +1,4 @@
-"""Of which part of a symmetric whole a scene is: then results are told of the whole."""
+"""Of which part of a symmetric whole a scene is: then results are those of the whole."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
@@ -63,7 +63,7 @@ def find_whole(
     if common:
         where = " and ".join(f"{axis} = {level:g} m" for axis, level in whole.planes)
         reasons["symmetry"] = (
-            f"cut at {where}: forces, impulses, energies and masses are told of the whole, "
+            f"cut at {where}: forces, impulses, energies and masses are those of the whole, "
             f"{whole.factor} times what is computed"
         )
         mirrors = (Mirror(axis, level, size) for axis, level in common.items())

@@ -143,7 +143,11 @@ def measure(motion: "BarMotion", exact: ExactBar) -> Errors:
     how = "exact solution by characteristics"
     if exact.sampled:
         how += f", initial state in {exact.pieces} pieces"
-        how += f", drive of the far end in {exact.drive_pieces}" if exact.drive_pieces else ""
+        how += (
+            f", prescribed motion of the far end in {exact.drive_pieces}"
+            if exact.drive_pieces
+            else ""
+        )
     if exact.exact_until < t[-1]:
         how += f", exact until {exact.exact_until:.6g} s, then its smallest waves are merged"
     return Errors(

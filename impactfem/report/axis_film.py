@@ -101,7 +101,7 @@ def _way(panel: Axes, result: Record, places: Floats) -> Floats:
     panel.plot(stations, touch, color="0.25", linewidth=1.0, label=planes[0].name)
     panel.ticklabel_format(axis="y", scilimits=(-2, 4))
     panel.set_xlabel("distance from the first end [m]")
-    panel.set_ylabel(f"way along the normal of {planes[0].name} [m]")
+    panel.set_ylabel(f"displacement along the normal of {planes[0].name} [m]")
     curves = np.empty((*way.shape, 2))
     curves[..., 0], curves[..., 1] = stations, way
     return curves

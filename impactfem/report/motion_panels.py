@@ -33,10 +33,10 @@ def motion(result: Record) -> Panel | None:
     for obstacle in result.scene.obstacles if line else ():
         place, _ = on_a_line(obstacle, time)
         curves.append(Curve(obstacle.name, time, place, "m", GREY, width=3.0))
-    what = "Position" if line else "Way of the centre of mass from where it started,"
+    what = "Position" if line else "Displacement of the centre of mass from where it started,"
     caption = f"{what} over time: kinks are impacts"
     caption += ", the grey line is the obstacle." if line and result.scene.obstacles else "."
-    y = "position [m]" if line else "way [m]"
+    y = "position [m]" if line else "displacement [m]"
     return over_time(result, "motion", "Motion", caption, curves, y, named=True)
 
 

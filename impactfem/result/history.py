@@ -23,8 +23,8 @@ COLUMNS: Mapping[str, tuple[str, str]] = {
         "J",
         (
             "total energy of row 0 minus that of this row and nothing else: what impacts, "
-            "friction, damping and the method have taken, less the work of drives that the "
-            "potential energy leaves out"
+            "friction, damping and the method have taken, less the work of prescribed motions that "
+            "the potential energy leaves out"
         ),
     ),
     "friction_work": (
@@ -80,24 +80,24 @@ PAIR_COLUMNS: Mapping[str, tuple[str, str]] = {
     "slip": (
         "m",
         (
-            "where there is friction: way slid under force since t = 0, the mean over the pair's "
-            "gaps by force; in the plane with sign, in space its length"
+            "where there is friction: distance slid under force since t = 0, the mean over the "
+            "pair's gaps by force; in the plane with sign, in space its length"
         ),
     ),
     "center": (
         "m",
         (
-            "where bodies march, .x .y .z: place of the pair's normal forces, their mean by "
-            "amount, impacts included; without a force it goes along with the centre of the first "
-            "body, as it lay at the last contact, before the first one as the pair was nearest "
-            "at t = 0"
+            "where bodies are time-stepped, .x .y .z: place of the pair's normal forces, their "
+            "mean by amount, impacts included; without a force it goes along with the centre of "
+            "the first body, as it lay at the last contact, before the first one as the pair was "
+            "nearest at t = 0"
         ),
     ),
     "moment": (
         "N m",
         (
-            "where bodies march: moment of the pair's forces on its first body about the centre "
-            "of mass of that, without impacts, in space .x .y .z; 0 of what does not turn"
+            "where bodies are time-stepped: moment of the pair's forces on its first body about "
+            "the centre of mass of that, without impacts, in space .x .y .z, 0 of what cannot turn"
         ),
     ),
     "impulse": ("N s", "of points, rods and beams: impulses of impacts during (t_{m-1}, t_m]"),

@@ -47,7 +47,9 @@ def check_drive(scene: Content) -> None:
         _check_along(bar, scene.duration)
     method = scene.solve.method
     if bar.is_driven and method is not None and not METHODS[method].plannable:  # negative controls
-        text = f" = {show(method)} knows no drive of the far end: give another, as exact."
+        text = (
+            f" = {show(method)} knows no prescribed motion of the far end: give another, as exact."
+        )
         raise KeyedError("solve", "method", text)
     if bar.has_two_waves:
         return

@@ -72,7 +72,7 @@ class Contact:
     )
     tangential_restitution: float = key(
         Real(at_least=0),
-        "share of the slip that an impact reverses as far as friction can, 0 to 1 (1: superball)",
+        "fraction of the slip that an impact reverses, friction permitting, 0 to 1 (1: superball)",
         default=0.0,
     )
     rolling_resistance: float = key(

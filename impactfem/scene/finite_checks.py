@@ -30,8 +30,10 @@ def _check_company(scene: Content, why: str) -> None:
     """Refuse bodies whose steps stay as they are."""
     for place, body in enumerate(scene.bodies):
         if not body.substeps:
-            text = f" = {show(body.kind)}: {body.name} is marched in steps that stay, as its waves "
-            text += f"or turns ask for, but {why}, and steps are cut where nodes close: give "
+            text = (
+                f" = {show(body.kind)}: {body.name} is integrated in steps of fixed size, as its "
+            )
+            text += f"waves or turns ask for, but {why}, and steps are cut where nodes close: give "
             text += "a solid or a rod instead, or change that."
             raise KeyedError(f"body[{place}]", "kind", text)
 

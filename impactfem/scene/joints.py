@@ -64,7 +64,9 @@ class Soft:
 
     heading: ClassVar[str] = "soft"
 
-    erp: float = key(Real(at_least=0), "share of its error that a step mends, 0 to 1", default=0.2)
+    erp: float = key(
+        Real(at_least=0), "fraction of its error that a step mends, 0 to 1", default=0.2
+    )
     cfm: float = key(
         Real(at_least=0), "speed with which it gives way by unit force", unit="m/(N s)", default=0.0
     )

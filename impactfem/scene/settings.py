@@ -74,7 +74,7 @@ class Solve:
     )
     friction_residual: float | None = key(
         Real(above=0, below=0.1),
-        "error left in forces of many contacts with friction, as a share of the largest "
+        "error left in forces of many contacts with friction, as a fraction of the largest "
         "(rigid bodies)",
         default=None,
     )
@@ -187,8 +187,7 @@ class Output:
     )
     every: int | None = key(
         Integer(1, 1_000_000_000),
-        "field output every so many time steps; absent: every one, of long runs that are marched "
-        "fewer",
+        "field output every so many time steps; absent: every one, of long time-stepped runs fewer",
         default=None,
     )
     checkpoint: int = key(

@@ -263,7 +263,7 @@ class _Run:
         """That of a motion that changes its velocity at once."""
         kicks = [system.kicks(self.duration) for system in self.bundle.systems]
         if any(len(each) != len(self.kicks) for each in kicks):
-            self._doubt(event.time, "kicks of motions come and go with the parameter")
+            self._doubt(event.time, "impulses of motions come and go with the parameter")
             return np.zeros(self.bundle.count)
         times = np.array([each[event.kick].at.after for each in kicks])
         return self.bundle.derivative(times - self.kicks[event.kick].at.after)

@@ -52,7 +52,7 @@ def test_plan_tells_bodies_pairs_and_sliding(discs, command):
     done = command("plan", discs, *oblique)
     assert done.code == DONE, done.err
     assert "left: disc in plane strain" in done.out
-    assert "why contact right and left  right carries the multipliers" in done.out
+    assert "why contact right and left  right is the slave side" in done.out
     assert "right and left move along each other by about 0." in done.out
 
 

@@ -81,7 +81,7 @@ def test_the_finer_surface_carries_the_multipliers():
             for name, x, size in zip("ab", (0.0, 1.1), sizes, strict=True)
         ]
         table = plan_table(impactfem.plan(scene(*bodies)))
-        assert f"{finer} carries the multipliers: its faces are the smaller ones" in table
+        assert f"{finer} is the slave side: its faces are the smaller ones" in table
 
 
 def test_each_body_is_described_once():

@@ -52,7 +52,7 @@ def test_planes_that_cut_a_body(keys, planes):
     plan = impactfem.plan(solid_scene(**keys))
     assert dict(plan.whole.planes) == pytest.approx(planes)
     assert plan.whole.factor == 2 ** len(planes)
-    assert ("told of the whole" in plan.reasons.get("symmetry", "")) is bool(planes)
+    assert ("those of the whole" in plan.reasons.get("symmetry", "")) is bool(planes)
 
 
 def test_half_of_a_mesh_file_is_told_of_as_the_whole(tmp_path):

@@ -101,7 +101,7 @@ def _in_the_plane(result: Record, rows: Integers, at: Integers) -> dict[str, Any
     seen: dict[str, Any]
     if scene.dim == 2:
         seen = {"obstacles": plane_obstacles(scene.obstacles, times), "outlines": []}
-        caption = "The points in the plane with the way that they have gone; grey is rigid."
+        caption = "The points in the plane with the path that they have gone; grey is rigid."
         flat = places
         anchors = [
             [k, numbers(spring.anchor)]
@@ -112,7 +112,7 @@ def _in_the_plane(result: Record, rows: Integers, at: Integers) -> dict[str, Any
         camera = Camera.of(scene)
         flat = camera.flat(places)
         seen = {"obstacles": [], "outlines": _outlines(result, camera, places, times)}
-        caption = "The points with the way that they have gone, in parallel projection."
+        caption = "The points with the path that they have gone, in parallel projection."
         anchors = [
             [k, numbers(camera.flat(np.asarray(spring.anchor, dtype=np.float64)))]
             for k, spring in _springs(result)

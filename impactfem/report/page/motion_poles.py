@@ -54,7 +54,7 @@ def _caption(what: str, round_ends: bool, factors: list[float]) -> str:
     text += " and where it was at first (grey)"
     if len(factors) > 1:
         text += (
-            f"; its way is magnified {factors[-1]:g} times at first, the obstacle is not moved: it "
-            "may seem to enter it"
+            f"; its displacement is magnified {factors[-1]:g} times at first, the obstacle is not "
+            "moved: it may seem to enter it"
         )
     return text + "."
