@@ -66,7 +66,7 @@ class RowNumbers(Numbers):
         courant = f"{high:g}" if self.matched else f"{low:g} to {high:g}"
         return [
             ("elements", " + ".join(str(count) for count in self.elements)),
-            ("layers", str(self.layers)),
+            ("time steps", str(self.layers)),
             ("dt", f"{self.dt:g} s (courant {courant})"),
             ("unknowns", f"{self.unknowns} ({self.contact_pairs} contact pairs)"),
             *cost_rows(plan),

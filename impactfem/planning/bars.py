@@ -70,7 +70,7 @@ class BarNumbers(Numbers):
     def rows(self, plan: Plan[Any]) -> list[tuple[str, str]]:
         found = [
             (name, "from the mesh file" if value is None else str(value))
-            for name, value in (("elements", self.elements), ("layers", self.layers))
+            for name, value in (("elements", self.elements), ("time steps", self.layers))
         ]
         if self.dt is not None and self.courant is not None:
             found.append(("dt", f"{self.dt:g} s (courant {self.courant:g})"))
@@ -229,7 +229,7 @@ def _choose_window(
         return 1, 1
     window = scene.solve.window or 1
     if window == 1:
-        what = "layer" if method.layered else "edge of the wall"
+        what = "time step" if method.layered else "edge of the wall"
         reasons["window"] = f"1: each {what} is a scalar complementarity problem, no iteration"
         return 1, 1
     reasons["window"] = "as asked"

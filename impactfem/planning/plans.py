@@ -12,6 +12,7 @@ _UNITS = {
     "stick_speed": "m/s",
 }  # fmt: skip
 _NAMES = {
+    "layers": "time steps",
     "memory_mib": "memory, about",
     "seconds": "time, about",
     "drawing_seconds": "pictures, film and report, about",

@@ -87,7 +87,7 @@ class MarchNumbers(Numbers):
         limits = f"tolerance {self.tolerance:g}, at most {self.max_iterations} iterations"
         return [
             *([("mesh size", f"{self.mesh_size:g} m")] if self.mesh_size else []),
-            ("layers", found_later if self.layers is None else str(self.layers)),
+            ("time steps", found_later if self.layers is None else str(self.layers)),
             ("dt", step),
             ("linear solver", self.linear_solver),
             ("normals", self.normals),

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from impactfem.report.page.elements import spoken
 from impactfem.report.page.numbers import largest
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ def plan_table(plan: "Plan[Any]") -> str:
         drawn = f"about {plan.drawing_seconds:.2g} s more for pictures{film} and report"
         rows.append(("drawing", f"{drawn} (output.pictures, film, report)"))
     for key, reason in plan.reasons.items():
-        rows.append((key if key.startswith("offer") else f"why {key}", reason))
+        rows.append((key if key.startswith("offer") else f"why {spoken(key)}", reason))
     if plan.predicted_error is not None:
         rows.append(("predicted error", f"{plan.predicted_error:.2g} of the displacement"))
     rows += [(finding.severity, finding.sentence) for finding in plan.findings]

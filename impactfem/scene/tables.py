@@ -12,8 +12,8 @@ from impactfem.scene.values import NotAllowedError, show, type_in_words
 MAX_OBSTACLES = 100
 MAX_BODIES = 2000
 MODELLED = (
-    f"one bar, before one wall or alone, up to {MAX_BODIES} bars in a row, or up to {MAX_BODIES} "
-    f"points, rods, beams and solids and up to {MAX_OBSTACLES} obstacles"
+    f"up to {MAX_BODIES} bodies of any kinds and up to {MAX_OBSTACLES} obstacles, of bars in a row "
+    "one wall"
 )
 """What a scene may hold, in words."""
 

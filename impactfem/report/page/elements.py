@@ -15,6 +15,11 @@ def text(words: str) -> str:
     return escape(words, quote=True)
 
 
+def spoken(choice: str) -> str:
+    """The name of a choice of the plan as it is shown."""
+    return "time steps" if choice == "layers" else choice
+
+
 def paragraph(words: str, kind: str = "") -> str:
     """A paragraph, perhaps of a class."""
     return f"<p{_class(kind)}>{text(words)}</p>"

@@ -5,7 +5,16 @@ from typing import Any
 
 from impactfem.methods import METHODS
 from impactfem.report.page.checks import checks
-from impactfem.report.page.elements import bullets, code, link, paragraph, section, table, terms
+from impactfem.report.page.elements import (
+    bullets,
+    code,
+    link,
+    paragraph,
+    section,
+    spoken,
+    table,
+    terms,
+)
 from impactfem.report.page.numbers import counted, largest, number, percent, quantity, span
 from impactfem.report.page.omissions import omissions
 from impactfem.report.panel import is_exact
@@ -30,7 +39,7 @@ def model(result: Record) -> str:
         "What was modelled, and why",
         terms(rows),
         heading("Choices and their reasons"),
-        terms((name.replace("_", " "), reason) for name, reason in reasons.items()),
+        terms((spoken(name).replace("_", " "), reason) for name, reason in reasons.items()),
         heading("Left out"),
         bullets(omissions(result.scene)),
         heading("Cheaper models of the same motion") + bullets(offers) if offers else "",
