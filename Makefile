@@ -36,9 +36,10 @@ test-debian: ## Run the tests that versions matter to against Debian 13's own DO
 test-image: ## Build the container image and run the demo in it (root user, mmdebstrap, buildah)
 	@docker/test-image.sh
 
-lint: setup ## Check style, types and the order of the layers
+lint: setup ## Check style, spelling, types and the order of the layers
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
+	@$(BIN)/codespell
 	@$(BIN)/mypy
 	@$(BIN)/mypy demos/user_project/src demos/user_project/tests
 	@$(BIN)/lint-imports
