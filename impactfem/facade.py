@@ -23,9 +23,9 @@ class Result(Record):
 
     Attributes:
         scene: The scene as used.
-        history: One row per layer; columns and units in `impactfem.result.history.COLUMNS`.
+        history: One row per time step; columns and units in `impactfem.result.history.COLUMNS`.
         summary: Figures of the run, as written to ``summary.json``.
-        fields: The motion of all bodies at the layers asked for; None if none were. Those of a
+        fields: The motion of all bodies at the time levels asked for; None if none were. Those of a
             solid are read from their file when asked for.
         exact: Exact contact force at the times of the history [N]; None if unknown.
         impacts: Impacts of points, rods and beams one by one; None if the method tells none.
@@ -115,7 +115,7 @@ class Result(Record):
         return animate(self, path, frames)
 
     def mesh_at(self, time: float) -> "pv.UnstructuredGrid":
-        """The deformed body at the layer of the fields that is nearest to a time.
+        """The deformed body at the time level of the fields nearest to a time.
 
         Args:
             time: [s].

@@ -26,7 +26,7 @@ class Method:
         bodies: Kinds of bodies it solves: "bar", "solid", "point", "rod", "beam", "rigid",
             "springs".
         exact: Whether it has neither mesh nor iterations, nor errors but those of rounding.
-        layered: Whether it has time layers, on which events may fall; else triangles.
+        layered: Whether it has time levels, on which events may fall; else triangles.
         assembled: Whether all layers are one linear system, which PETSc's solvers take.
         windowed: Whether one active-set loop can solve several layers.
         finite: Whether it takes bodies under finite strain.

@@ -29,7 +29,7 @@ def solve(
     Args:
         scene: What to model, or the file that says it.
         progress: Told of the stages; silent if None.
-        checkpoints: Folder for checkpoints of a solid every ``output.checkpoint`` layers; it must
+        checkpoints: Folder for checkpoints of a solid every ``output.checkpoint`` steps; it must
             exist.
         restart: Folder with the checkpoint from which a solid continues.
         planned: The plan of this scene, if it is made already; settings make it anew.

@@ -34,15 +34,15 @@ class RowNumbers(Numbers):
 
     Attributes:
         elements: Elements along each bar.
-        layers: Time layers.
+        layers: Time steps.
         dt: Time step [s], the same for all bars.
         courant: c dt / h of each bar.
         matched: Whether c dt / h is the same in all bars, so that with courant 1 waves run from
             node to node through all of them.
         on_layers: Whether all contacts begin and end on time levels.
         exact_known: Whether the exact solution can be followed to the end.
-        contact_pairs: Complementarity pairs, layers times pairs of neighbours.
-        unknowns: Nodes times layers; 0 of the exact solution.
+        contact_pairs: Complementarity pairs, time steps times pairs of neighbours.
+        unknowns: Nodes times time steps; 0 of the exact solution.
     """
 
     elements: tuple[int, ...]

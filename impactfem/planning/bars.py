@@ -38,10 +38,10 @@ class BarNumbers(Numbers):
 
     Attributes:
         elements: Elements along the bar; None if a mesh file decides.
-        layers: Time layers; None if a mesh file decides or there are none.
-        dt: Time step [s]; None as for the layers.
-        courant: c dt / h; None as for the layers.
-        window: Layers solved by one active-set loop, or "all".
+        layers: Time steps; None if a mesh file decides or there are none.
+        dt: Time step [s]; None as for the time steps.
+        courant: c dt / h; None as for the time steps.
+        window: Time steps solved by one active-set loop, or "all".
         degree: Polynomial degree of method dg; None for the others.
         fitted: Whether events and characteristics become mesh lines (dg); None for the others.
         active_set: Solver of the contact conditions.

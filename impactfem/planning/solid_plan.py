@@ -39,7 +39,7 @@ class MarchNumbers(Numbers):
         dt: Time step [s]; None if it is a share of the stable step, which is found at run time.
         courant: c_p dt / h of implicit methods; for explicit ones the share of the stable step, or
             None if dt is given.
-        layers: Time layers; None as for dt.
+        layers: Time steps; None as for dt.
         linear_solver: "mumps", "gamg" or "none".
         normals: "fixed" or "updated".
         active_set: Solver of the contact conditions.

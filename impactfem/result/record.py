@@ -34,9 +34,9 @@ class Record:
 
     Attributes:
         scene: The scene as used.
-        history: One row per layer; columns and units in `impactfem.result.history.COLUMNS`.
+        history: One row per time step; columns and units in `impactfem.result.history.COLUMNS`.
         summary: Figures of the run, as written to ``summary.json``.
-        fields: The motion of all bodies at the layers asked for; None if none were. Those of a
+        fields: The motion of all bodies at the time levels asked for; None if none were. Those of a
             solid are read from their file when asked for.
         exact: Exact contact force at the times of the history [N]; None if unknown.
         impacts: Impacts of points, rods and beams one by one; None if the method tells none.

@@ -77,7 +77,7 @@ class Run:
         effort: How the method got there.
         errors: Errors against a reference; None if they were not measured.
         cost: What it took, without that for the errors.
-        fields: The motion of all bodies at the layers asked for.
+        fields: The motion of all bodies at the time levels asked for.
         exact: Exact curves; None if they are unknown.
         impacts: Impacts one by one; None if the method tells none.
         contact: Figures of contact that the method knows better than its history.

@@ -206,5 +206,5 @@ class Output:
 
     @property
     def stride(self) -> int:
-        """Time layers from one to the next that is kept of what is not marched."""
+        """Time steps from one to the next that is kept of what has no time loop."""
         return self.every or 1
