@@ -31,7 +31,7 @@ def filled(page: str) -> str:
     Raises:
         KeyError: A block has the name of no stored figures.
     """
-    parts = stored.parts() | {"claims": claims.page()}
+    parts = stored.parts() | {"claims": claims.page(), "hard_cases_sum": claims.hard_cases()}
     return BLOCK.sub(
         lambda block: f"<!-- figures: {block[1]} -->\n\n{parts[block[1]].strip()}\n\n{END}", page
     )
