@@ -8,7 +8,7 @@ distance and an angle the gradient amid them, scaled so that
     R_b - R_a = T x (R_a + R_b) / 2
 
 with Cayley's rotation of T. What acts along it on both bodies is opposite, in moment too. (O.
-Gonzalez, Comput. Methods Appl. Mech. Engrg. 174 (1999) 165-174; P. Betsch, S. Leyendecker, Int. J.
+Gonzalez, Physica D 132 (1999) 165-174; P. Betsch, S. Leyendecker, Int. J.
 Numer. Meth. Eng. 67 (2006) 499-552.)
 """
 
