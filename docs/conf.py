@@ -1,4 +1,4 @@
-"""Sphinx configuration; first writes pages that come from code and runs into generated/."""
+"""Sphinx configuration; first writes the gallery and the picture of the layers into generated/."""
 
 import os
 import sys
@@ -6,11 +6,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "extensions"))
 
-import choices
 import gallery_pages
 import gallery_runs
-import messages
-import reference_tables
 import structure
 from placing import write_changed
 from sphinx.errors import ConfigError
@@ -27,13 +24,12 @@ extensions = [
     "mathml", "api_text",
 ]  # fmt: skip
 bibtex_bibfiles = ["references.bib"]
-bibtex_default_style = "plain"
+bibtex_default_style = "alpha"
 bibtex_reference_style = "author_year"
 myst_enable_extensions = ["dollarmath", "amsmath"]
 myst_heading_anchors = 3
 exclude_patterns = [
     "_build",
-    "generated/*.md",
     "generated/extra",
     "limits_table.md",
 ]
@@ -59,10 +55,6 @@ napoleon_numpy_docstring = False
 
 GENERATED = Path(__file__).parent / "generated"
 
-write_changed(GENERATED / "scene.md", reference_tables.scene_reference())
-write_changed(GENERATED / "columns.md", reference_tables.history_columns())
-write_changed(GENERATED / "findings.md", reference_tables.finding_codes())
-
 # The demos are run for `-t gallery` (make docs); other builds show what is stored.
 folder = Path(os.environ.get("IMPACTFEM_GALLERY") or gallery_runs.DEFAULT).resolve()
 runs = gallery_runs.find_runs(folder)
@@ -72,6 +64,4 @@ if tags.has("gallery"):  # noqa: F821  (defined by Sphinx)
     except gallery_runs.GalleryError as fault:
         raise ConfigError(f"a demo of the gallery fails\n{fault}") from None
 gallery_pages.write(runs)
-choices.write(GENERATED)
-messages.write(GENERATED)
 write_changed(GENERATED / "structure.svg", structure.picture())

@@ -2,10 +2,8 @@
 
 import re
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 
 from md_tables import code, table
-from placing import write_changed
 from stored import measured, rows, stamp, text
 
 type Row = dict[str, str]
@@ -190,7 +188,4 @@ def decided(lines: Sequence[tuple[str, str, Sequence[str]]], studies: Sequence[s
     return table(["what you have", "take", "figures"], cells) + f"\n*{' '.join(sentences)}*\n"
 
 
-def write(folder: Path) -> None:
-    """Write the tables of the page on the choice of a method."""
-    for make in (bars, solids, bodies, points):
-        write_changed(folder / f"choose_{make.__name__}.md", make())
+PARTS = {f"choose_{make.__name__}": make for make in (bars, solids, bodies, points)}

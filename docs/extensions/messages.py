@@ -1,11 +1,9 @@
-"""Typical mistakes in scenes with the messages that the code of this build gives for them."""
+"""Typical mistakes in scenes with the messages that the code gives for them."""
 
 import tempfile
 from pathlib import Path
 from textwrap import fill
 from typing import NamedTuple
-
-from placing import write_changed
 
 from impactfem.errors import ImpactError
 from impactfem.planning import plan
@@ -85,7 +83,4 @@ def listing(mistakes: tuple[Mistake, ...]) -> str:
     return "\n".join(parts)
 
 
-def write(folder: Path) -> None:
-    """Write both lists."""
-    write_changed(folder / "messages.md", listing(MISTAKES))
-    write_changed(folder / "doubts.md", listing(DOUBTS))
+PARTS = {"messages": lambda: listing(MISTAKES), "doubts": lambda: listing(DOUBTS)}

@@ -38,8 +38,8 @@ def scene_reference() -> str:
             for row in group.keys
         ]  # fmt: skip
         title = "Top level" if group.name == "top level" else f"`{group.name}`"
-        parts.append(f"(scene-{anchor})=\n## {title}\n\n")
-        parts.append(table(("key", "meaning", "unit", "default", "allowed"), rows) + "\n")
+        shown = table(("key", "meaning", "unit", "default", "allowed"), rows)
+        parts.append(f"## {title}\n\n{shown}\n")
     return "".join(parts)
 
 
@@ -58,3 +58,6 @@ def history_columns() -> str:
     rows += [(code(f"PROBE.{name}"), *told) for name, told in PROBE_COLUMNS.items()]
     rows += [(code(f"NAME.JOINT.{name}"), *told) for name, told in JOINT_COLUMNS.items()]
     return table(("column", "unit", "meaning"), rows)
+
+
+PARTS = {"keys": scene_reference, "columns": history_columns, "findings": finding_codes}

@@ -1,28 +1,45 @@
-"""Put stored figures into the pages: what stands between `<!-- figures: NAME -->` and its end.
+"""Put figures and tables into the pages: what stands between `<!-- figures: NAME -->` and its end.
 
     python docs/scripts/fill_figures.py [--demos]
 
-Figures come from benchmarks/results; ``--demos`` first runs the demos that claims are about, and
-stores what they give (a minute).
+Figures come from benchmarks/results, keys, columns and messages from the code; ``--demos`` first
+runs the demos that claims are about, and stores what they give (a minute).
 """
 
 import argparse
 import json
 import re
 import sys
+from functools import cache
 from pathlib import Path
 
 DOCS = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(DOCS / "extensions"), str(DOCS.parent / "benchmarks")]
 
+import choices  # noqa: E402
 import claims  # noqa: E402
 import gallery_runs  # noqa: E402
+import messages  # noqa: E402
+import reference_tables  # noqa: E402
 import stamp  # noqa: E402
 import stored  # noqa: E402
 from placing import write_changed  # noqa: E402
 
 END = "<!-- end of figures -->"
+MAKERS = {
+    "claims": claims.page,
+    "hard_cases_sum": claims.hard_cases,
+    **reference_tables.PARTS,
+    **messages.PARTS,
+    **choices.PARTS,
+}
 BLOCK = re.compile(rf"<!-- figures: (\w+) -->\n.*?{END}", re.DOTALL)
+
+
+@cache
+def part(name: str) -> str:
+    """What stands in a block: from the code, or from the stored results."""
+    return MAKERS[name]() if name in MAKERS else stored.parts()[name]
 
 
 def filled(page: str) -> str:
@@ -31,9 +48,8 @@ def filled(page: str) -> str:
     Raises:
         KeyError: A block has the name of no stored figures.
     """
-    parts = stored.parts() | {"claims": claims.page(), "hard_cases_sum": claims.hard_cases()}
     return BLOCK.sub(
-        lambda block: f"<!-- figures: {block[1]} -->\n\n{parts[block[1]].strip()}\n\n{END}", page
+        lambda block: f"<!-- figures: {block[1]} -->\n\n{part(block[1]).strip()}\n\n{END}", page
     )
 
 
