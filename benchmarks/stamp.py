@@ -10,6 +10,7 @@ import argparse
 import json
 import os
 import platform
+import subprocess
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -37,6 +38,16 @@ def processor() -> str:
     return names[0] if names else platform.machine()
 
 
+def at_commit() -> str:
+    """The commit that the sources are at; empty without git."""
+    command = ["git", "-C", str(RESULTS), "rev-parse", "--short", "HEAD"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError:
+        return ""
+    return done.stdout.strip()
+
+
 def study_arguments(description: str | None) -> argparse.ArgumentParser:
     """Where a study writes its tables and pictures: options --results and --images."""
     parser = argparse.ArgumentParser(description=description)
@@ -62,6 +73,8 @@ def stamp(note: str = "") -> dict[str, Any]:
             except PackageNotFoundError:
                 continue
             break
+    if commit := at_commit():
+        facts["commit"] = commit
     return facts | ({"note": note} if note else {})
 
 

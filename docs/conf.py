@@ -21,7 +21,7 @@ version = release = impactfem.__version__
 
 extensions = [
     "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinxcontrib.bibtex",
-    "mathml", "api_text",
+    "ages", "mathml", "api_text",
 ]  # fmt: skip
 bibtex_bibfiles = ["references.bib"]
 bibtex_default_style = "alpha"
