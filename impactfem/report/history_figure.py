@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from impactfem.errors import SceneError
+from impactfem.report.prefixes import prefix_ticks
 from impactfem.report.sheet import Sheet
 from impactfem.result import Record
 from impactfem.result.table import Series, Table
@@ -34,9 +35,9 @@ def plot_history(result: Record, *names: str) -> Figure:
     panels = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (unit, group) in zip(panels, groups.items(), strict=True):
         _draw(axes, unit, history, group)
-    panels[-1].set_xlabel(_label(history, "time"))
     times = history["time"].values
     panels[-1].set_xlim(float(times[0]), float(times[-1]))
+    prefix_ticks(panels[-1].xaxis, _label(history, "time"))
     panels[0].set_title(result.scene.title)
     return figure
 
@@ -64,9 +65,9 @@ def _draw(axes: Axes, unit: str, history: Table, names: list[str]) -> None:
         else:
             axes.plot(time, values, label=label, linewidth=1.2)
     if len(names) == 1:
-        axes.set_ylabel(_label(history, names[0]))
+        prefix_ticks(axes.yaxis, _label(history, names[0]))
         return
-    axes.set_ylabel(f"{_QUANTITIES.get(unit, '')} [{unit}]".strip())
+    prefix_ticks(axes.yaxis, f"{_QUANTITIES.get(unit, '')} [{unit}]".strip())
     if len(names) <= _LEGEND:
         axes.legend(frameon=False, fontsize="small")
 

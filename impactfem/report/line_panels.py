@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.report.page.numbers import quantity
 from impactfem.report.panel import CONTACT, Curve, Map, Panel, colour, evenly, over_time
 from impactfem.result import Fields, Record
 
@@ -76,7 +77,7 @@ def world_lines(result: Record) -> Panel | None:
         first, last = int(starts[k]), int(starts[k + 1]) - 1
         for node in first + evenly(last + 1 - first, each):
             true = fields.displacement[t, node] + fields.positions[node]
-            label = name if count > 1 else f"x = {fields.positions[node]:.4g} m"
+            label = name if count > 1 else f"x = {quantity(fields.positions[node], 'm', 4)}"
             curves.append(
                 Curve(
                     label, times, place[:, node], "m", colour(k), beside=true, told=told,
@@ -149,7 +150,7 @@ def strain(result: Record) -> Map | None:
         places.append(0.5 * (stacked[nodes][1:] + stacked[nodes][:-1]))
     text = "Strain of each cross-section x: red is tension, blue compression."
     return _map(result, "strain", "Strain in space and time", text, fields.times[t],
-                np.concatenate(places), np.concatenate(values, axis=1).T, "strain [1]",
+                np.concatenate(places), np.concatenate(values, axis=1).T, "strain [m/m]",
                 signed=True)  # fmt: skip
 
 

@@ -102,7 +102,7 @@ class Map:
         places: Increasing [m], shape (places,).
         values: Shape (places, times).
         label: Of the values, with their unit.
-        y: Title of the axis of places.
+        y, x: Titles of the axes of places and times.
         signed: Whether colours tell both signs apart.
         touching: Curves where bodies touch.
         still: As that of a panel.
@@ -119,6 +119,7 @@ class Map:
     signed: bool = False
     touching: Sequence[Curve] = ()
     still: bool = True
+    x: str = "time [s]"
 
 
 def colour(k: int) -> str:

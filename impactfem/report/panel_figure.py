@@ -9,6 +9,7 @@ from matplotlib.image import NonUniformImage
 
 from impactfem.report.panel import WALL, Curve, Map, Panel, limit_of
 from impactfem.report.plane_picture import draw_obstacles
+from impactfem.report.prefixes import prefix_ticks
 from impactfem.report.sheet import Sheet
 from impactfem.result import Record
 
@@ -43,7 +44,6 @@ def draw_panel(axes: Axes, panel: Panel) -> None:
         axes.set_yscale("log")
     if panel.span is not None:
         axes.set_xlim(*panel.span)
-        axes.ticklabel_format(axis="x", scilimits=(-2, 4))
     if panel.equal:
         _fit(axes, panel)
     if panel.wall:
@@ -51,8 +51,8 @@ def draw_panel(axes: Axes, panel: Panel) -> None:
         low -= _ROOM * (axes.get_ylim()[1] - low)
         axes.axhspan(low, 0.0, color=WALL, alpha=0.6, hatch="//", linewidth=0)
         axes.set_ylim(bottom=low)
-    axes.set_xlabel(panel.x)
-    axes.set_ylabel(panel.y)
+    prefix_ticks(axes.xaxis, panel.x)
+    prefix_ticks(axes.yaxis, panel.y)
     named = len(panel.curves) > 1 if panel.named is None else panel.named
     if named and axes.get_legend_handles_labels()[0]:
         axes.legend(frameon=False)
@@ -101,10 +101,9 @@ def _draw_map(axes: Axes, shown: Map) -> None:
     axes.add_image(image)
     axes.set_xlim(*ends[:2])
     axes.set_ylim(*ends[2:])
-    axes.figure.colorbar(image, ax=axes, label=shown.label)
+    prefix_ticks(axes.figure.colorbar(image, ax=axes).ax.yaxis, shown.label)
     for curve in shown.touching:
         axes.plot(curve.x, curve.y, color=curve.colour, linewidth=5, clip_on=False,
                   solid_capstyle="butt")  # fmt: skip
-    axes.ticklabel_format(axis="x", scilimits=(-2, 4))
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel(shown.y)
+    prefix_ticks(axes.xaxis, shown.x)
+    prefix_ticks(axes.yaxis, shown.y)

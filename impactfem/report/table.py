@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from impactfem.report.page.elements import spoken
-from impactfem.report.page.numbers import largest
+from impactfem.report.page.numbers import largest, plain_quantity
 
 if TYPE_CHECKING:
     from impactfem.models.kinematics import Kinematics
@@ -59,7 +59,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Names and values of the figures of a run."""
     active, energy, contact = summary["active_set"], summary["energy"], summary["contact"]
     sets = f"{active['iterations']} iterations, changes {_changes(active['set_changes'])}"
-    force = f"max {largest(contact, 'max_force', 'N')}{_window(contact)}"
+    force = f"max {largest(contact, 'max_force', 'N', told=plain_quantity)}{_window(contact)}"
     if "max_impulse" in contact:
         force = f"of lasting contact {force}; of impacts max "
         force += largest(contact, "max_impulse", "N s")

@@ -200,7 +200,7 @@ def test_what_an_estimate_took_and_an_episode_are_told(bar):
     episode = {"restitution": 0.6125, "micro_impacts": 7, "vibration": 0.11}
     details = {"error_estimate": note, "episode": episode, "watch": "a node enters the floor"}
     _, words = read(page(judged(bar, details=details), []))
-    assert "Run on elements twice as large, which took 250 ms." in words
+    assert "Run on elements twice as large, which took 0.25 s." in words
     assert "Apparent restitution 0.6125" in words
     assert "Trust this run with care A node enters the floor." in words
 

@@ -15,6 +15,7 @@ from impactfem.report.page.chart import MOST_POINTS, numbers, thin
 from impactfem.report.page.charts import charts
 from impactfem.report.panel import is_told
 from impactfem.report.panels import panels
+from impactfem.report.prefixes import unit_of
 from impactfem.scene import Scene
 from impactfem.shipped import find_scene
 
@@ -41,8 +42,23 @@ def by_name(result: Result) -> dict:
     return {chart.name: chart for chart in charts(result)}
 
 
+def si(chart, entry: dict) -> dict:
+    """A trace in SI units, by the titles of its axes."""
+    factors = []
+    for axis in ("xaxis", "yaxis"):
+        unit = unit_of(chart.figure["layout"][axis]["title"]["text"])
+        alone = unit in {"", "1", "m", "s", "N", "J", "m/s", "N s", "kg m/s"}
+        factors.append(1.0 if alone else {"n": 1e-9, "µ": 1e-6, "m": 1e-3, "k": 1e3}[unit[0]])
+        factors[-1] *= 1e-3 if unit[1:].startswith("g m") else 1.0
+    scaled = {
+        name: [None if value is None else factor * value for value in entry[name]]
+        for name, factor in zip("xy", factors, strict=True)
+    }
+    return entry | scaled
+
+
 def trace(chart, name: str) -> dict:
-    return next(entry for entry in chart.figure["data"] if entry["name"] == name)
+    return si(chart, next(entry for entry in chart.figure["data"] if entry["name"] == name))
 
 
 @given(
@@ -118,7 +134,9 @@ def test_force_gap_and_energy_are_those_of_the_history(name, result_of):
         assert entry["x"] == pytest.approx(time, rel=1e-6)
         assert entry["y"] == pytest.approx(history[column].values, rel=1e-6)
     gaps = [column for column in history.data_vars if str(column).startswith("gap.")]
-    shown = [entry for entry in made["gap"].figure["data"] if entry["name"] != "exact"]
+    shown = [
+        si(made["gap"], entry) for entry in made["gap"].figure["data"] if entry["name"] != "exact"
+    ]
     for entry, column in zip(shown, gaps if len(gaps) > 1 else ["gap"], strict=True):
         assert entry["y"] == pytest.approx(history[column].values, rel=1e-6)
     shown = {entry["name"] for entry in made["energy"].figure["data"]} - {"total"}
@@ -195,12 +213,13 @@ def test_a_row_shows_the_force_of_each_pair_and_the_way_of_each_bar():
     result = solve(Scene.from_toml(find_scene("wave_cradle")))
     made = by_name(result)
     pairs = [name for name in result.history.data_vars if str(name).startswith("force.")]
-    shown = [e for e in made["forces"].figure["data"] if not e["name"].endswith("exact")]
+    forces = made["forces"]
+    shown = [si(forces, e) for e in forces.figure["data"] if not e["name"].endswith("exact")]
     assert len(shown) == len(pairs) == 5
     for entry, name in zip(shown, pairs, strict=True):
         assert entry["y"] == pytest.approx(result.history[name].values, rel=1e-6)
     # Magnified lines tell true places when hovered over.
-    first = next(e for e in made["world_lines"].figure["data"] if e["name"] == "striker")
+    first = trace(made["world_lines"], "striker")
     place = np.interp(first["x"], result.fields.times, result.fields.displacement[:, 0])
     assert first["customdata"] == pytest.approx(place, rel=1e-5, abs=1e-9)
 

@@ -89,7 +89,7 @@ def test_bars_stand_at_their_gaps_with_their_lengths():
     places = [(box.get_x(), box.get_width()) for box in boxes if box.get_height() == 0.6]
     assert places == [pytest.approx((0.0, 1.0)), pytest.approx((1.002, 2.0))]
     shown = words(bare(Scene.from_toml(shipped_scenes()["two_bars"])))
-    assert {"1 m", "2 m", "gap 0.002 m", "4 m/s"} <= set(shown)
+    assert {"1 m", "2 m", "gap 2 mm", "4 m/s"} <= set(shown)
 
 
 def test_what_holds_and_pulls_is_told():

@@ -12,6 +12,7 @@ from impactfem.report.page.numbers import (
     formula,
     formulas,
     is_zero,
+    listed,
     number,
     quantity,
     vector,
@@ -48,17 +49,17 @@ def _bar(scene: Scene, bar: Any) -> str:
     text = f"A bar of length {quantity(bar.length, 'm')} "
     text += _flight_in_row(bar, speed) if len(scene.bars) > 1 else _flight(bar, speed)
     if start is None:
-        text += f" It starts strained, with the displacement {formula(bar.displacement)} m."
+        text += f" It starts strained, with the displacement {formula(bar.displacement, 'm')}."
     if bar.far_end_displacement.plain != 0.0:
-        text += f" Its far end is moved by {formula(bar.far_end_displacement)} m."
+        text += f" Its far end is moved by {formula(bar.far_end_displacement, 'm')}."
     elif bar.far_end_force.plain != 0.0:
-        text += f" On its far end acts the force {formula(bar.far_end_force)} N along the axis."
+        text += f" On its far end acts the force {formula(bar.far_end_force, 'N')} along the axis."
     elif bar.far_end == "clamped":
         text += " Its far end is held."
     elif len(scene.bars) < 2:
         text += " Its far end is free."
     if bar.is_loaded:
-        text += f" Along it acts the load {formula(bar.load)} N/m."
+        text += f" Along it acts the load {formula(bar.load, 'N/m')}."
     return (
         f"{text} Young's modulus {_property(bar, 'youngs_modulus', 'Pa')}, density "
         f"{_property(bar, 'density', 'kg/m³')}, section {_property(bar, 'area', 'm²')}; so waves "
@@ -69,7 +70,7 @@ def _bar(scene: Scene, bar: Any) -> str:
 
 def _property(bar: Any, name: str, unit: str) -> str:
     given = getattr(bar, name)
-    return quantity(given, unit) if isinstance(given, float) else f"{formula(given)} {unit}"
+    return quantity(given, unit) if isinstance(given, float) else formula(given, unit)
 
 
 def _flight(bar: Any, speed: float | None) -> str:
@@ -80,7 +81,7 @@ def _flight(bar: Any, speed: float | None) -> str:
         wall = f"a wall of {quantity(bar.wall_stiffness, 'N/m')}"
     away = f"{wall} {quantity(gap, 'm')} away" if gap else f"{wall} it touches"
     if speed is None:
-        return f"starts with the velocity {formula(bar.velocity)} m/s before {away}."
+        return f"starts with the velocity {formula(bar.velocity, 'm/s')} before {away}."
     if speed < 0.0:
         return f"flies at {quantity(-speed, 'm/s')} towards {away}."
     if speed > 0.0:
@@ -92,7 +93,7 @@ def _flight_in_row(bar: Any, speed: float | None) -> str:
     near = float(bar.initial_displacement(x=0.0))
     place = f"with its near end at x = {quantity(near, 'm')}"
     if speed is None:
-        return f"starts {place}, with the velocity {formula(bar.velocity)} m/s."
+        return f"starts {place}, with the velocity {formula(bar.velocity, 'm/s')}."
     if speed:
         return f"starts {place} and flies at {quantity(speed, 'm/s')} along x."
     return f"starts at rest, {place}."
@@ -115,8 +116,8 @@ def _solid(scene: Scene, solid: Any) -> str:
 
 
 def _block(shape: Any, *, flat: bool, revolved: bool) -> str:  # noqa: ARG001
-    edges = " × ".join(number(edge) for edge in shape.size)
-    what = f"A {'rectangle' if flat else 'block'} of {edges} m"
+    edges = listed(shape.size, "m", " × ")
+    what = f"A {'rectangle' if flat else 'block'} of {edges}"
     return f"{what} from the corner {vector(shape.corner, 'm')}"
 
 
@@ -126,7 +127,7 @@ def _cylinder(shape: Any, *, flat: bool, revolved: bool) -> str:  # noqa: ARG001
 
 
 def _ring(shape: Any, *, flat: bool, revolved: bool) -> str:  # noqa: ARG001
-    radii = f"{number(shape.inner_radius)} and {quantity(shape.radius, 'm')}"
+    radii = listed((shape.inner_radius, shape.radius), "m", " and ")
     what = f"A {'ring' if flat else 'hollow body'} of radii {radii}"
     return f"{what} around {vector(shape.center, 'm')}"
 
@@ -183,7 +184,7 @@ def _boundary(solid: Any) -> str:
         text += f" A force per area {formulas(load.value, 'Pa')} acts on {load.surface}."
     for load in solid.pressures:
         follows = ", which it follows" if load in solid.following else ""
-        text += f" A pressure {formula(load.value)} Pa pushes on {load.surface}{follows}."
+        text += f" A pressure {formula(load.value, 'Pa')} pushes on {load.surface}{follows}."
     return text
 
 
@@ -287,7 +288,7 @@ def _plate(scene: Scene, plate: Any) -> str:
     origin = plate.mesh or f"a {plate.outline.kind}"
     thick = f"{quantity(plate.depth, 'm')} thick"
     if plate.thickness is not None and not plate.thickness.is_constant:
-        thick = f"{formula(plate.thickness)} m thick"
+        thick = f"{formula(plate.thickness, 'm')} thick"
     text = f"An elastic plate, {origin} {thick} about "
     text += f"{vector(plate.center, 'm')}, its normal along {vector(plate.frame[1][2], '')}. "
     text += f"{_THEORIES[plate.theory_beside(scene.bodies)]}'s theory on triangles: "
@@ -304,12 +305,12 @@ def _plate(scene: Scene, plate: Any) -> str:
     for support in plate.supports:
         text += f" Its edge {support.edge} is {_EDGES[support.kind]}."
     for load in plate.pressures:
-        text += f" A pressure {formula(load.value)} Pa pushes on its {load.face}."
+        text += f" A pressure {formula(load.value, 'Pa')} pushes on its {load.face}."
     if not is_zero((plate.displacement,)):
-        text += f" It starts with the displacement {formula(plate.displacement)} m,"
-        text += f" and the velocity {formula(plate.velocity)} m/s along the normal."
+        text += f" It starts with the displacement {formula(plate.displacement, 'm')},"
+        text += f" and the velocity {formula(plate.velocity, 'm/s')} along the normal."
     elif not is_zero((plate.velocity,)):
-        text += f" It starts with the velocity {formula(plate.velocity)} m/s along the normal."
+        text += f" It starts with the velocity {formula(plate.velocity, 'm/s')} along the normal."
     touches = bool(scene.obstacles) or len(scene.bodies) > 1
     return text + " Vertices that touch have no mass." * touches
 

@@ -104,21 +104,21 @@ def layout(x: dict[str, Any], y: dict[str, Any], **more: Any) -> dict[str, Any]:
 
 
 def over_time(
-    time: ArrayLike, traces: Iterable[Trace], y: str, spans: Spans = (), **more: Any
+    time: ArrayLike, traces: Iterable[Trace], titles: Sequence[str], spans: Spans = (), **more: Any
 ) -> dict[str, Any]:
     """A figure of curves over time.
 
     Args:
-        time: [s], for the range of the axis.
+        time: In the unit of its axis, for the range of this.
         traces: The curves.
-        y: Title of the vertical axis, with its unit.
-        spans: Intervals to shade, such as those of contact [s]; none if there are too many.
+        titles: Of the axes of time and of the values, with their units.
+        spans: Intervals to shade, such as those of contact; none if there are too many.
         more: Further keys of the layout; ``yaxis`` is merged.
     """
     data = list(traces)
     start, *_, end = numbers(np.asarray(time)[[0, -1]])
-    x = axis("time [s]", range=[start, end])
-    vertical = axis(y) | more.pop("yaxis", {})
+    x = axis(titles[0], range=[start, end])
+    vertical = axis(titles[1]) | more.pop("yaxis", {})
     shapes = []
     if 0 < len(spans) <= _MOST_SPANS:
         shapes = [

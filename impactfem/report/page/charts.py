@@ -14,8 +14,10 @@ from impactfem.report.page.chart import (
     over_time,
     thin,
 )
+from impactfem.report.page.chart_units import prefixed_map, prefixed_panel
 from impactfem.report.panel import WALL, Curve, Map, Panel, limit_of
 from impactfem.report.panels import panels
+from impactfem.report.prefixes import unit_of
 from impactfem.result import Record
 
 _PATH = 2000  # samples of a curve that turns back
@@ -38,7 +40,8 @@ def charts(result: Record) -> list[Chart]:
 
 
 def _chart(panel: Panel | Map) -> Chart:
-    figure = _map(panel) if isinstance(panel, Map) else _figure(panel)
+    heat = isinstance(panel, Map)
+    figure = _map(prefixed_map(panel)) if heat else _figure(prefixed_panel(panel))
     return Chart(panel.name, panel.title, panel.caption, figure)
 
 
@@ -47,8 +50,9 @@ def _figure(panel: Panel) -> dict[str, Any]:
     named = len(data) > 1 if panel.named is None else panel.named
     more: dict[str, Any] = {"showlegend": named} | ({"height": _HIGH} if panel.high else {})
     vertical: dict[str, Any] = {"type": "log"} if panel.log else {}
-    if panel.x == "time [s]" and panel.span is not None:
-        figure = over_time(panel.span, data, panel.y, panel.shaded, yaxis=vertical, **more)
+    if panel.x.startswith("time") and panel.span is not None:
+        titles = panel.x, panel.y
+        figure = over_time(panel.span, data, titles, panel.shaded, yaxis=vertical, **more)
     else:
         few = bool(panel.curves) and panel.curves[0].look == "bars"
         across = {"dtick": 1} if few and len(panel.curves[0].x) <= _FEW else {}
@@ -62,12 +66,11 @@ def _figure(panel: Panel) -> dict[str, Any]:
 
 def _traces(curve: Curve) -> list[Trace]:
     kept = _kept(curve)
-    at = f"t = %{{x:.6g}} s<br>%{{y:.6g}} {curve.unit}" if curve.told is None else curve.told
     trace: Trace = {
         "type": "scatter", "mode": "markers" if curve.look == "dots" else "lines",
         "x": numbers(curve.x[kept]), "y": numbers(curve.y[kept]), "name": curve.label,
         "legendgroup": curve.label, "showlegend": curve.named,
-        "hovertemplate": f"{at}<extra>{curve.label}</extra>",
+        "hovertemplate": f"{curve.told}<extra>{curve.label}</extra>",
     }  # fmt: skip
     if curve.alpha < 1.0:
         trace["opacity"] = curve.alpha
@@ -115,20 +118,21 @@ def _add_wall(figure: dict[str, Any], panel: Panel) -> None:
 
 
 def _map(shown: Map) -> dict[str, Any]:
+    units = [unit_of(title) for title in (shown.x, shown.y, shown.label)]
     heat = {
         "type": "heatmap",
         "x": numbers(shown.times),
         "y": numbers(shown.places),
         "z": [numbers(row, _MAP_DIGITS) for row in shown.values],
-        "colorscale": "RdBu" if shown.signed else "Viridis",
-        "reversescale": shown.signed,
+        "colorscale": "RdBu" if shown.signed else "Viridis",  # plotly's: red is high
         "zsmooth": "best",
         "colorbar": {"title": {"text": shown.label, "side": "right"}, "thickness": 14, "x": 1.05},
-        "hovertemplate": "t = %{x:.6g} s<br>x = %{y:.6g} m<br>%{z:.5g}<extra></extra>",
+        "hovertemplate": f"t = %{{x:.6g}} {units[0]}<br>x = %{{y:.6g}} {units[1]}<br>"
+        f"%{{z:.5g}} {units[2]}<extra></extra>",
         "showlegend": False,
     }
     if shown.signed:
         limit = limit_of(shown)
         heat |= {"zmin": -limit, "zmax": limit}
     touching = [trace | {"cliponaxis": False} for c in shown.touching for trace in _traces(c)]
-    return over_time(shown.times, [heat, *touching], shown.y, showlegend=False)
+    return over_time(shown.times, [heat, *touching], (shown.x, shown.y), showlegend=False)

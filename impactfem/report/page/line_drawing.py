@@ -24,6 +24,7 @@ from impactfem.report.page.sketch import (
     label,
     spring,
 )
+from impactfem.report.prefixes import prefix_ticks
 from impactfem.scene import Point, Scene
 
 _MOST_LABELS = 8
@@ -75,7 +76,7 @@ def draw_bars(scene: Scene) -> Figure:
 def _bar_velocity(axes: Axes, velocity: object, middle: float, width: float) -> None:
     speed = constant(velocity)  # type: ignore[arg-type]
     if speed is None:
-        label(axes, (middle, 0.65), f"v = {formula(velocity)} m/s", VELOCITY)  # type: ignore[arg-type]
+        label(axes, (middle, 0.65), f"v = {formula(velocity, 'm/s')}", VELOCITY)  # type: ignore[arg-type]
     elif speed:
         way = np.sign(speed) * 0.12 * width
         arrow(axes, (middle - 0.5 * way, 0.48), (way, 0.0), VELOCITY)
@@ -116,7 +117,7 @@ def draw_on_line(scene: Scene) -> Figure:
         inside = (left, stop) if side > 0.0 else (stop, right)
         _solid_side(axes, *inside, obstacle.name)
         if obstacle.motion is not None:
-            text = f"{obstacle.name} moves by {formula(obstacle.motion[0])} m"
+            text = f"{obstacle.name} moves by {formula(obstacle.motion[0], 'm')}"
             axes.text(0.01, 0.93, text, transform=axes.transAxes, fontsize=SMALL, color=VELOCITY,
                       parse_math=False, zorder=7)  # fmt: skip
     home = {p.name: p.position[0] for p in points}
@@ -182,4 +183,4 @@ def _solid_side(axes: Axes, left: float, right: float, name: str) -> None:
 def _finish(axes: Axes, text: str) -> None:
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
-    axes.set_xlabel(text)
+    prefix_ticks(axes.xaxis, text)

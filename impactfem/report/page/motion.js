@@ -9,7 +9,7 @@
   const FLAT = 0.3; // height over width below which the force stands below the picture
   const ROUNDING = 1e-9; // of the largest number, below which the readout says 0,
   const NOTHING = 1e-15; // as below this
-  const {make, short} = impactfemTools;
+  const {make, short, prefixed, largest} = impactfemTools;
   const plots = [];
 
   function draw(element, figure, config) {
@@ -26,8 +26,10 @@
 
   /* The force over time with a line at the time of the picture; pressing in it calls jump(time). */
   function forcePlot(pane, data, height, jump) {
-    const curve = data.curve, traces = [];
-    const hover = "t = %{x:.6g} s<br>%{y:.6g} N";
+    const given = data.curve, times = prefixed("s", largest(given.time)), forces = prefixed("N", largest(given.force.concat(given.exact_force || [])));
+    const scaled = (list, unit) => list && list.map((v) => (v === null ? null : unit.factor * v)), traces = [];
+    const curve = {time: scaled(given.time, times), force: scaled(given.force, forces), exact_time: scaled(given.exact_time, times), exact_force: scaled(given.exact_force, forces)};
+    const hover = "t = %{x:.6g} " + times.unit + "<br>%{y:.6g} " + forces.unit;
     if (curve.exact_time) {
       traces.push({x: curve.exact_time, y: curve.exact_force, name: "exact", mode: "lines", line: {color: "#d95f02", width: 4}, opacity: 0.6, hovertemplate: hover + "<extra>exact</extra>"});
     }
@@ -37,19 +39,19 @@
       height, margin: {l: 60, r: 20, t: 28, b: 45}, dragmode: false, showlegend: traces.length > 1,
       legend: {orientation: "h", x: 0, y: 1.02, yanchor: "bottom"}, font: {family: "system-ui, sans-serif", size: 12, color: "#222222"},
       paper_bgcolor: "#ffffff", plot_bgcolor: "#ffffff",
-      xaxis: {...axis("time [s]"), range: [curve.time[0], curve.time[curve.time.length - 1]]}, yaxis: axis("contact force [N]"),
-      shapes: [{type: "line", xref: "x", yref: "paper", x0: data.times[0], x1: data.times[0], y0: 0, y1: 1, line: {color: "#222222", width: 1.5}}],
+      xaxis: {...axis("time [" + times.unit + "]"), range: [curve.time[0], curve.time[curve.time.length - 1]]}, yaxis: axis("contact force [" + forces.unit + "]"),
+      shapes: [{type: "line", xref: "x", yref: "paper", x0: curve.time[0], x1: curve.time[0], y0: 0, y1: 1, line: {color: "#222222", width: 1.5}}],
     };
     draw(pane, {data: traces, layout}, {responsive: true, displayModeBar: false});
     const press = (event) => {
       const full = pane._fullLayout, left = pane.getBoundingClientRect().left + full.xaxis._offset;
       const time = full.xaxis.p2c(event.clientX - left);
-      if (event.buttons === 1 && time >= layout.xaxis.range[0] && time <= layout.xaxis.range[1]) jump(time);
+      if (event.buttons === 1 && time >= layout.xaxis.range[0] && time <= layout.xaxis.range[1]) jump(time / times.factor);
     };
     pane.addEventListener("pointerdown", press, true);
     pane.addEventListener("pointermove", press, true);
     pane.style.cursor = "pointer";
-    return (time) => Plotly.relayout(pane, {"shapes[0].x0": time, "shapes[0].x1": time});
+    return (time) => Plotly.relayout(pane, {"shapes[0].x0": times.factor * time, "shapes[0].x1": times.factor * time});
   }
 
   function impactfemMotion(id, data) {
@@ -78,16 +80,17 @@
     const nearest = (time) => data.times.reduce((best, t, k) => (Math.abs(t - time) < Math.abs(data.times[best] - time) ? k : best), 0);
     const mark = forcePlot(force, data, flat ? 240 : 300, (time) => { stop(); show(nearest(time)); });
 
-    const told = (list) => {
-      const least = list.reduce((most, v) => Math.max(most, ROUNDING * Math.abs(v)), NOTHING);
-      return short(list[state.frame] !== null && Math.abs(list[state.frame]) < least ? 0 : list[state.frame]);
+    const told = (list, unit) => {
+      const most = largest(list), shown = prefixed(unit, most), value = list[state.frame];
+      const size = value === null || Math.abs(value) >= Math.max(ROUNDING * most, NOTHING) ? 1 : 0;
+      return short(value === null ? null : size * shown.factor * value) + " " + shown.unit;
     };
     function show(frame) {
       state.frame = frame;
       slider.value = frame;
-      const time = "t = " + short(data.times[frame]) + " s";
+      const time = "t = " + told(data.times, "s");
       slider.setAttribute("aria-valuetext", time);
-      text.textContent = time + " · contact force " + told(data.force) + " N · gap " + told(data.gap) + " m";
+      text.textContent = time + " · contact force " + told(data.force, "N") + " · gap " + told(data.gap, "m");
       paint();
       mark(data.times[frame]);
     }

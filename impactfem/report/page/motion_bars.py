@@ -66,7 +66,7 @@ def bars_motion(result: Record, fields: Fields) -> dict[str, Any] | None:
 
 def _caption(count: int, limit: float, factor: float) -> str:
     text = "The bar along its axis" if count == 1 else "The bars along their axis"
-    text += f"; red is compression, blue is tension, up to a strain of {limit:.3g}"
+    text += f"; red is tension, blue compression, up to a strain of {limit:.3g}"
     if factor > 1.0:
         text += (
             f"; motion and gaps are magnified {factor:g} times at first, as they would hardly be "

@@ -17,6 +17,7 @@ from impactfem.report.page.motion_data import (
 )
 from impactfem.report.page.motion_obstacles import line_obstacles, plane_obstacles, space_obstacles
 from impactfem.report.page.motion_slender import Tubes, tubes_of
+from impactfem.report.page.numbers import quantity
 from impactfem.report.skin import Skin
 from impactfem.report.space_picture import Camera, skin_of, vertical_of
 from impactfem.result import Record, Snapshots
@@ -198,7 +199,7 @@ def _caption(result: Record, skin: Skin, shown: Shown, factors: list[float], lim
     several = len(result.scene.bodies) > 1
     text = "Deformed bodies" if several else "Deformed body"
     if len(skin.triangles):
-        text += f", coloured by the von Mises stress up to {limit:.3g} Pa"
+        text += f", coloured by the von Mises stress up to {quantity(limit, 'Pa', 3)}"
     text += ", true to scale" if len(factors) == 1 else (
         ", true to scale at first; displacements can be magnified, but obstacles and gaps are not, "
         "so that magnified bodies may seem to overlap them"

@@ -2,7 +2,7 @@
 "use strict";
 const impactfemTools = (function () {
   const VIRIDIS = [[68, 1, 84], [71, 45, 123], [59, 82, 139], [44, 114, 142], [33, 145, 140], [40, 174, 128], [94, 201, 98], [173, 220, 48], [253, 231, 37]];
-  const SIGNED = [[178, 24, 43], [239, 138, 98], [240, 240, 240], [103, 169, 207], [33, 102, 172]];
+  const SIGNED = [[33, 102, 172], [103, 169, 207], [240, 240, 240], [239, 138, 98], [178, 24, 43]];
   const SOLID = "#d0d0d0", EDGE = "#666666"; // of obstacles
   const FOOT = 34; // height of scale and colours below a picture [px]
   const FAR = 2.5; // a body that moves farther than so many of its sizes is followed
@@ -26,6 +26,28 @@ const impactfemTools = (function () {
     if (size === 0 || (size >= 1e-3 && size < 1e6)) return String(Number(number.toPrecision(digits)));
     return number.toExponential(digits - 1).replace(/\.?0*e/, "e").replace("e+", "e");
   }
+
+  /* The unit with the prefix that suits numbers up to `most`, as prefixes.py chooses it: {factor, unit}. */
+  function prefixed(unit, most) {
+    const size = Math.abs(most);
+    if (!(size > 0) || !isFinite(size) || (size >= 0.1 && size < 1e4)) return {factor: 1, unit};
+    const third = Math.min(4, Math.max(-5, Math.floor(Math.log10(size * (1 + 1e-6)) / 3)));
+    return {factor: Number("1e" + -3 * third), unit: "fpnµm kMGT"[third + 5].trim() + unit};
+  }
+
+  /* A number with its unit for people: 12.3 µm. */
+  function quantity(number, unit) {
+    const shown = prefixed(unit, number);
+    return short(shown.factor * number) + " " + shown.unit;
+  }
+
+  /* The same of a title with its unit in brackets: {factor, title}. */
+  function titled(title, most) {
+    const [before, unit] = title.split(/[[\]]/), shown = prefixed(unit || "", most);
+    return unit === undefined || unit === "1" ? {factor: 1, title} : {factor: shown.factor, title: before + "[" + shown.unit + "]"};
+  }
+
+  const largest = (list) => list.reduce((most, v) => Math.max(most, Math.abs(v)), 0);
 
   function make(tag, style, parent, text) {
     const element = document.createElement(tag);
@@ -82,7 +104,7 @@ const impactfemTools = (function () {
     ctx.stroke();
     ctx.fillStyle = "#666666";
     ctx.textAlign = "left";
-    ctx.fillText("follows the motion; lines every " + short(step) + " m", 8, 14);
+    ctx.fillText("follows the motion; lines every " + quantity(step, "m"), 8, 14);
   }
 
   /* The lower edge: a scale to the left, colours to the right. */
@@ -97,7 +119,7 @@ const impactfemTools = (function () {
     ctx.lineTo(8 + length * scale, y);
     ctx.stroke();
     ctx.textAlign = "left";
-    ctx.fillText(short(length) + " m" + (factor > 1 ? ", motion × " + factor : ""), 8, y - 6);
+    ctx.fillText(quantity(length, "m") + (factor > 1 ? ", motion × " + factor : ""), 8, y - 6);
     if (!stops) return;
     const wide = Math.min(240, width * 0.58), left = width - wide - 8, fade = ctx.createLinearGradient(left, 0, left + wide, 0);
     stops.forEach((c, k) => fade.addColorStop(k / (stops.length - 1), "rgb(" + c.join(",") + ")"));
@@ -105,11 +127,12 @@ const impactfemTools = (function () {
     ctx.fillRect(left, y - 4, wide, 8);
     ctx.fillStyle = "#222222";
     ctx.textAlign = "left";
-    ctx.fillText(short(low, 3), left, y - 9);
+    const colours = titled(name, Math.max(Math.abs(low), Math.abs(high)));
+    ctx.fillText(short(colours.factor * low, 3), left, y - 9);
     ctx.textAlign = "right";
-    ctx.fillText(short(high, 3), left + wide, y - 9);
+    ctx.fillText(short(colours.factor * high, 3), left + wide, y - 9);
     ctx.textAlign = "center";
-    ctx.fillText(name, left + wide / 2, y - 9);
+    ctx.fillText(colours.title, left + wide / 2, y - 9);
   }
 
   function drawObstacles(ctx, map, obstacles, frame, width, height, mirror) {
@@ -175,5 +198,5 @@ const impactfemTools = (function () {
 
   const fitted = (win, most) => (width) => Math.min(most, Math.max(130, width * (win[3] - win[2]) / (win[1] - win[0]) + FOOT));
 
-  return {VIRIDIS, SIGNED, SOLID, EDGE, FOOT, unpack, tint, short, make, stage, mapping, widened, legend, grid, drawObstacles, windows, fitted};
+  return {VIRIDIS, SIGNED, SOLID, EDGE, FOOT, unpack, tint, short, prefixed, quantity, titled, largest, make, stage, mapping, widened, legend, grid, drawObstacles, windows, fitted};
 })();

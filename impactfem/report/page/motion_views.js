@@ -2,7 +2,7 @@
    Needs motion_tools.js, and Plotly for bodies in space. */
 "use strict";
 const impactfemViews = (function () {
-  const {VIRIDIS, SIGNED, SOLID, EDGE, FOOT, unpack, tint, stage, mapping, widened, legend, grid, drawObstacles, windows, fitted} = impactfemTools;
+  const {VIRIDIS, SIGNED, SOLID, EDGE, FOOT, unpack, tint, titled, stage, mapping, widened, legend, grid, drawObstacles, windows, fitted} = impactfemTools;
   const BODIES = ["#0b559f", "#d95f02", "#1b7837", "#7b3294", "#b2182b", "#666666"];
   const PLAIN = "#7a9cc6"; // balls and tubes, which have no stress
   const PRESSED = "#d95f02"; // boundary under contact pressure
@@ -93,7 +93,7 @@ const impactfemViews = (function () {
 
   /* Lengths are shares of the body's size: Plotly takes normals of faces of millimetres for zero. */
   function spaceView(pane, data, state) {
-    const size = data.size, reference = unpack(data.reference), moved = unpack(data.displacement), value = unpack(data.value), corners = Array.from(unpack(data.triangles));
+    const size = data.size, reference = unpack(data.reference), moved = unpack(data.displacement), colours = titled(data.valueName, data.limit), value = unpack(data.value).map((v) => colours.factor * v), corners = Array.from(unpack(data.triangles));
     const nodes = reference.length / 3, box = [[Infinity, -Infinity], [Infinity, -Infinity], [Infinity, -Infinity]];
     const place = (f, k) => (reference[k] + state.factor * moved[f * reference.length + k]) / size;
     const parts = (f) => [0, 1, 2].map((a) => Float64Array.from({length: nodes}, (_, k) => place(f, 3 * k + a)));
@@ -102,9 +102,9 @@ const impactfemViews = (function () {
     const mesh = (xyz, index) => ({type: "mesh3d", x: xyz[0], y: xyz[1], z: xyz[2], i: every(index, 0), j: every(index, 1), k: every(index, 2), flatshading: false, hoverinfo: "skip",
       lighting: {ambient: 0.7, diffuse: 0.4, specular: 0, fresnel: 0}, lightposition: LIGHT});
     const plain = 3 * data.coloured, rest = corners.length > plain ? 1 : 0;
-    traces.push({...mesh(parts(0), corners.slice(0, plain)), intensity: value.slice(0, nodes), cmin: 0, cmax: data.limit, colorscale: "Viridis",
+    traces.push({...mesh(parts(0), corners.slice(0, plain)), intensity: value.slice(0, nodes), cmin: 0, cmax: colours.factor * data.limit, colorscale: "Viridis",
       hovertemplate: "%{intensity:.4g}<extra></extra>",
-      colorbar: {title: {text: data.valueName, side: "top"}, orientation: "h", y: -0.02, yanchor: "bottom", thickness: 8, len: 0.7, nticks: 5, exponentformat: "power"}});
+      colorbar: {title: {text: colours.title, side: "top"}, orientation: "h", y: -0.02, yanchor: "bottom", thickness: 8, len: 0.7, nticks: 5, exponentformat: "power"}});
     if (rest) traces.push({...mesh(parts(0), corners.slice(plain)), color: PLAIN, showscale: false});
     for (const o of data.obstacles) {
       const at = unpack(o.corners).map((v) => v / size), xyz = [0, 1, 2].map((a) => at.filter((_, k) => k % 3 === a));

@@ -1,9 +1,10 @@
 """Numbers with units, vectors and formulas as the report prints them."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from impactfem import findings
+from impactfem.report.prefixes import prefixed_unit
 from impactfem.scene.formula import Formula
 
 NOT_FINITE = "not finite"
@@ -14,16 +15,37 @@ def number(value: float | None, digits: int = 6) -> str:
     return NOT_FINITE if value is None else f"{value:.{digits}g}"
 
 
-def quantity(value: float | None, unit: str, digits: int = 6) -> str:
-    """A number with its unit; "1" stands for none."""
+def plain_quantity(value: float | None, unit: str, digits: int = 6) -> str:
+    """A number in SI units; "1" stands for none."""
     return f"{number(value, digits)} {unit}" if unit not in {"", "1"} else number(value, digits)
 
 
-def largest(contact: Mapping[str, Any], name: str, unit: str, digits: int = 6) -> str:
+def quantity(value: float | None, unit: str, digits: int = 6) -> str:
+    """A number with its unit of SI, which gets the prefix that suits it; "1" stands for none."""
+    if value is None:
+        return plain_quantity(value, unit)
+    shown = prefixed_unit(unit, value)
+    return plain_quantity(shown.factor * value, shown.unit, digits)
+
+
+def listed(values: Iterable[float], unit: str = "", between: str = ", ") -> str:
+    """Numbers of one unit, which gets the prefix that suits the largest."""
+    given = [float(value) for value in values]
+    shown = prefixed_unit(unit, given)
+    return f"{between.join(number(shown.factor * value) for value in given)} {shown.unit}".strip()
+
+
+def largest(
+    contact: Mapping[str, Any],
+    name: str,
+    unit: str,
+    digits: int = 6,
+    told: Callable[[float | None, str, int], str] = quantity,
+) -> str:
     """Largest force or impulse of a summary's contact; says if there is none, or none is known."""
     if contact[name] is None and "unknown" in contact:
         return "not known" if name in contact["unknown"] else "none"
-    return quantity(contact[name], unit, digits)
+    return told(contact[name], unit, digits)
 
 
 def percent(share: float | None) -> str:
@@ -33,7 +55,9 @@ def percent(share: float | None) -> str:
 
 def vector(values: Iterable[float], unit: str = "") -> str:
     """Components in brackets, with a unit; a single one as a number."""
-    return _bracketed([number(float(value)) for value in values], unit)
+    given = [float(value) for value in values]
+    shown = prefixed_unit(unit, given)
+    return _bracketed([number(shown.factor * value) for value in given], shown.unit)
 
 
 def formulas(entries: Sequence[Formula | None], unit: str = "") -> str:
@@ -59,10 +83,10 @@ def goings(obstacle: Any) -> str:
     return " and ".join(parts)
 
 
-def formula(entry: Formula) -> str:
-    """A formula as it was given; a plain number is shortened."""
+def formula(entry: Formula, unit: str = "") -> str:
+    """A formula as it was given, with a unit; a plain number is shortened."""
     plain = entry.plain
-    return number(plain) if isinstance(plain, float) else plain
+    return quantity(plain, unit) if isinstance(plain, float) else f"{plain} {unit}".strip()
 
 
 def constant(entry: Formula) -> float | None:
@@ -83,7 +107,4 @@ def counted(count: int, noun: str) -> str:
 
 def span(seconds: float) -> str:
     """A time with a handy unit."""
-    for limit, scale, unit in ((1e-6, 1e9, "ns"), (1e-3, 1e6, "µs"), (1.0, 1e3, "ms")):
-        if seconds < limit:
-            return f"{scale * seconds:.3g} {unit}"
-    return f"{seconds:.3g} s" if seconds < 1000.0 else f"{seconds:.0f} s"
+    return quantity(seconds, "s", 3) if seconds < 1000.0 else f"{seconds:.0f} s"

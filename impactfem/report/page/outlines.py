@@ -52,7 +52,7 @@ def supported_lines(solid: Solid) -> list[tuple[Floats, str]]:
     told = [(s.surface, {"fixed": "held", "symmetry": "symmetry"}.get(s.kind, "moved"))
             for s in solid.supports]  # fmt: skip
     told += [(s.surface, f"traction {formulas(s.value, 'Pa')}") for s in solid.tractions]
-    told += [(s.surface, f"pressure {formula(s.value)} Pa") for s in solid.pressures]
+    told += [(s.surface, f"pressure {formula(s.value, 'Pa')}") for s in solid.pressures]
     return [
         (outline[[sides[name], (sides[name] + 1) % 4]][None], text)
         for name, text in told

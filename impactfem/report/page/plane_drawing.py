@@ -30,6 +30,7 @@ from impactfem.report.page.sketch import (
     spring,
 )
 from impactfem.report.plane_picture import draw_obstacles
+from impactfem.report.prefixes import prefix_ticks
 from impactfem.report.space_picture import skin_of
 from impactfem.result import Record
 from impactfem.scene import Scene, Solid
@@ -261,9 +262,8 @@ def _finish(axes: Axes, scene: Scene, size: float, x_label: str) -> None:
         text = f"{obstacle.name} {goings(obstacle)}"
         axes.text(0.01, 0.02 + 0.06 * k, text, transform=axes.transAxes, fontsize=8.5,
                   color=VELOCITY, parse_math=False, zorder=7)  # fmt: skip
-    axes.set_xlabel(x_label)
-    axes.set_ylabel("y [m]")
     axes.locator_params(nbins=5)
-    axes.ticklabel_format(scilimits=(-3, 4))
+    prefix_ticks(axes.xaxis, x_label)
+    prefix_ticks(axes.yaxis, "y [m]")
     if not scene.vector_gravity.is_constant:
         axes.set_title(f"gravity {vector(gravity, 'm/s²')} at t = 0, changes later", fontsize=8.5)

@@ -5,7 +5,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from impactfem.report.page.bodies_in_words import body_in_words
-from impactfem.report.page.numbers import goings, number, quantity, vector
+from impactfem.report.page.numbers import goings, listed, number, quantity, vector
 from impactfem.scene import Scene
 from impactfem.scene.laws import side_of
 from impactfem.scene.loads import PiecewiseConstant
@@ -74,9 +74,9 @@ def _cylinder(scene: Scene, cylinder: Any) -> str:
 def _box(scene: Scene, box: Any) -> str:
     what = "rectangle" if scene.dim == 2 else "box"
     turned = f", turned by {quantity(box.angle, 'rad')}" if box.angle else ""
-    edges = " × ".join(number(edge) for edge in box.size)
+    edges = listed(box.size, "m", " × ")
     place = vector(box.center, "m")
-    return f"A {what} of {edges} m around {place}{turned}; bodies stay outside it."
+    return f"A {what} of {edges} around {place}{turned}; bodies stay outside it."
 
 
 def _polyline(scene: Scene, line: Any) -> str:
