@@ -16,7 +16,7 @@ import numpy as np
 import impactfem
 from impactfem.result.grids import drawing_fault
 
-_LIBRARIES = ("numpy", "scipy", "numba", "xarray", "h5py", "matplotlib", "plotly", "tqdm")
+_LIBRARIES = ("numpy", "scipy", "numba", "xarray", "h5py", "matplotlib", "tqdm")
 _EXTRAS = (
     ("pinocchio", "mechanisms need", "robots"),
     ("casadi", 'objective.solver = "ipopt" needs', "optimise"),
@@ -156,7 +156,7 @@ def _held(folder: Path, pattern: str) -> str:
 
 def _report(faults: list[str]) -> str:
     """Whether the page of a run can be written: its library, and its parts in the package."""
-    lost = {".html", ".css", ".js"} - {path.suffix for path in _PAGE.glob("*")}
+    lost = {".html", ".css", ".js", ".gz"} - {path.suffix for path in _PAGE.glob("*")}
     if lost:
         missing = ", ".join(sorted(lost))
         faults.append(f"impactfem/report/page has no {missing}: reinstall impactfem")

@@ -102,7 +102,7 @@ def load(browser, page):
     browser.get_log("browser")
     browser.get_log("performance")
     browser.get(page.as_uri())
-    wait(browser, "return document.readyState === 'complete'")
+    wait(browser, "return document.documentElement.classList.contains('live')")
     for entry in browser.get_log("performance"):
         message = json.loads(entry["message"])["message"]
         if message["method"] == "Network.requestWillBeSent":

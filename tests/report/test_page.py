@@ -1,8 +1,11 @@
 """The report of a run: well-formed, self-contained, escaped, and honest about runs that failed."""
 
+import base64
+import gzip
 import json
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +15,7 @@ import impactfem
 from impactfem import Result, Scene
 from impactfem.findings import warning
 from impactfem.report.figures import painters
-from impactfem.report.page.embedding import json_text, plotly_script, script_text
+from impactfem.report.page.embedding import PLOTLY, json_text, script_text
 from impactfem.report.page.page import page
 from impactfem.result.store import _OWN
 from impactfem.runs.verdict import judge
@@ -157,8 +160,21 @@ def test_json_and_code_cannot_leave_their_element(words):
         json_text({"value": float("nan")})
 
 
-def test_plotly_is_found_without_importing_it():
-    assert "plotly.js v" in (plotly_script() or "")[:200]
+def test_plotly_is_the_version_that_its_script_makes_and_small():
+    made = (Path(__file__).parents[2] / ".ci/plotly-bundle").read_text(encoding="utf-8")
+    version = re.search(r"^version=(.+)$", made, re.MULTILINE)[1]
+    code = gzip.decompress(PLOTLY.read_bytes()).decode("utf-8")
+    assert f"plotly.js v{version} with" in code[:200]
+    assert "MIT" in PLOTLY.with_name("plotly.LICENSE").read_text(encoding="utf-8")
+    assert PLOTLY.stat().st_size < 600_000
+
+
+def test_a_page_is_small_and_holds_its_numbers_packed(bar):
+    text = page(bar)
+    assert len(text.encode("utf-8")) < 2_500_000
+    code = re.search(r'id="charts-data">([^<]*)</script>', text)[1]
+    charts = json.loads(gzip.decompress(base64.b64decode(code)))
+    assert "chart-contact_force" in {chart["element"] for chart in charts}
 
 
 def judged(result, **figures):
@@ -209,16 +225,6 @@ def test_results_from_before_runs_noted_their_origin_are_reported_too(bar):
     summary = {key: value for key, value in bar.summary.items() if key != "run"}
     _, words = read(page(Result(bar.scene, bar.history, summary, bar.fields, bar.exact), []))
     assert "did not note where it came from" in words
-
-
-def test_without_plotly_the_pictures_remain(bar, monkeypatch):
-    from impactfem.report.page import page as module
-
-    monkeypatch.setattr(module, "plotly_script", lambda: None)
-    reader, words = read(page(bar))
-    assert not any(tag == "script" for tag, _ in reader.tags)
-    assert sum(tag == "img" for tag, _ in reader.tags) == len(bar.plot())
-    assert "plotly is not installed" in words
 
 
 @pytest.mark.slow

@@ -17,7 +17,6 @@ HEAVY = (
     "numba",
     "pandas",
     "petsc4py",
-    "plotly",
     "pyvista",
     "xarray",
 )
@@ -78,7 +77,7 @@ def test_a_plan_without_meshes_needs_no_finite_elements_and_no_files(scene):
 
 def test_a_plan_of_a_solid_needs_no_pictures():
     names = loaded("plan", "dropped_disc")
-    assert not names & {"matplotlib", "pandas", "plotly", "pyvista", "xarray"}
+    assert not names & {"matplotlib", "pandas", "pyvista", "xarray"}
     assert "dolfinx" in names  # its mesh is made
 
 

@@ -1,30 +1,36 @@
 """What a page carries within itself: plotly.js, data as JSON, pictures as base64."""
 
 import base64
+import io
 import json
-from functools import cache
-from importlib.util import find_spec
+import zlib
 from pathlib import Path
 from typing import Any
 
-# Debian keeps its plotly.js outside the Python package.
-_DEBIAN = Path("/usr/share/python3-plotly/plotly.js")
+from PIL import Image
+
+PLOTLY = Path(__file__).parent / "plotly.min.js.gz"
+"""The parts of plotly.js that pages draw with, made by .ci/plotly-bundle."""
+
+_LARGE = 250_000  # bytes of a picture from which it is worth the time to compress it again
+_FAST = 1  # level of compression: the numbers of a page take milliseconds
 
 
-@cache
-def plotly_script() -> str | None:
-    """Text of plotly.js as the plotly package brings it; None if it is not installed.
+def packed(name: str, data: bytes) -> str:
+    """An element whose text page.js unpacks into itself: gzip in base64.
 
-    The package is not imported, which would take ten times as long as reading the file.
+    Args:
+        name: Its id.
+        data: A gzip file.
     """
-    places = [_DEBIAN]
-    found = find_spec("plotly")
-    if found is not None and found.origin is not None:
-        places.insert(0, Path(found.origin).parent / "package_data" / "plotly.min.js")
-    for place in places:
-        if place.is_file():
-            return script_text(place.read_text(encoding="utf-8"))
-    return None
+    code = base64.b64encode(data).decode("ascii")
+    return f'<script type="application/gzip" id="{name}">{code}</script>'
+
+
+def compressed(text: str) -> bytes:
+    """A text as a gzip file, without a time."""
+    packer = zlib.compressobj(_FAST, wbits=31)
+    return packer.compress(text.encode("utf-8")) + packer.flush()
 
 
 def script_text(code: str) -> str:
@@ -45,5 +51,10 @@ def json_text(data: Any) -> str:
 
 
 def picture_address(picture: bytes) -> str:
-    """A PNG picture as the address of an image element."""
-    return f"data:image/png;base64,{base64.b64encode(picture).decode('ascii')}"
+    """A PNG picture as the address of an image element; a large one as WebP, a quarter as large."""
+    kind = "png"
+    if len(picture) > _LARGE:
+        file, kind = io.BytesIO(), "webp"
+        Image.open(io.BytesIO(picture)).save(file, kind, quality=90, method=2)
+        picture = file.getvalue()
+    return f"data:image/{kind};base64,{base64.b64encode(picture).decode('ascii')}"

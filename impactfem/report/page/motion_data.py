@@ -13,7 +13,7 @@ Integers = NDArray[np.int64]
 
 MOST_FRAMES = 120
 """Frames of a moving picture at most."""
-BUDGET = 2_600_000
+BUDGET = 1_000_000
 """Bytes that the packed numbers of a moving picture may take."""
 INVISIBLE = 0.01
 """Share of the size below which motion is not seen at true scale."""

@@ -12,11 +12,13 @@ from impactfem.report.figures import draw_all, write_pictures
 from impactfem.report.page import facts
 from impactfem.report.page.charts import charts
 from impactfem.report.page.drawing import drawing
-from impactfem.report.page.elements import bullets, paragraph, section, terms, text
+from impactfem.report.page.elements import bullets, section, terms, text
 from impactfem.report.page.embedding import (
+    PLOTLY,
+    compressed,
     json_text,
+    packed,
     picture_address,
-    plotly_script,
     script_text,
 )
 from impactfem.report.page.motion import SCRIPTS, motion
@@ -114,10 +116,8 @@ def page(
     else:
         images = [(path.stem, path.read_bytes()) for path in pictures if path.suffix == ".png"]
         names = [path.name for path in pictures]
-    script = plotly_script()
-    moving = faults.guarded("the motion on the page", lambda: motion(result)) if script else None
-    plots = faults.guarded("the charts on the page", lambda: charts(result)) if script else None
-    drawn = plots or []
+    moving = faults.guarded("the motion on the page", lambda: motion(result))
+    drawn = faults.guarded("the charts on the page", lambda: charts(result)) or []
     sections = [
         _scene(result, faults),
         _motion(moving),
@@ -134,7 +134,7 @@ def page(
     data = [{"element": f"chart-{each.name}", "figure": each.figure} for each in drawn]
     return shell(
         result.summary["title"], _byline(result), sections, _verdict(result),
-        _scripts(script, moving, data),
+        _scripts(moving, data),
     )  # fmt: skip
 
 
@@ -268,18 +268,12 @@ def _still(images: Sequence[tuple[str, bytes]]) -> str:
     return section("still-pictures", "Pictures", f"{body}</details>", kind=kind)
 
 
-def _scripts(
-    plotly: str | None, moving: dict[str, Any] | None, charts_data: Sequence[dict[str, Any]]
-) -> str:
-    """Data and scripts at the end of the page; none where plotly.js is not installed."""
-    if plotly is None:
-        note = "plotly is not installed where this page was written: it shows pictures only."
-        return paragraph(note, "note")
-    parts = [f'<script type="application/json" id="charts-data">{json_text(charts_data)}</script>']
+def _scripts(moving: dict[str, Any] | None, charts_data: Sequence[dict[str, Any]]) -> str:
+    """Data and scripts at the end of the page."""
+    parts = [packed("charts-data", compressed(json_text(charts_data)))]
     if moving is not None:
-        data = json_text(moving)
-        parts.append(f'<script type="application/json" id="motion-data">{data}</script>')
-    parts.append(f"<script>{plotly}</script>")
+        parts.append(packed("motion-data", compressed(json_text(moving))))
+    parts.append(packed("plotly", PLOTLY.read_bytes()))
     for name in (*SCRIPTS, "page.js"):
         code = (_HERE / name).read_text(encoding="utf-8")
         parts.append(f"<script>{script_text(code)}</script>")
