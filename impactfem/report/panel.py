@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 BLUE, ORANGE, GREEN, GREY = "#0b559f", "#d95f02", "#1b7837", "#666666"
 COLOURS = (BLUE, ORANGE, GREEN, "#7b3294", "#b2182b", GREY)
 """Colours of bodies, pairs and curves, one after the other."""
-CONTACT, WALL = "crimson", "#999999"
+CONTACT, WALL, FAINT = "crimson", "#999999", "#bbbbbb"
 
 _COLOURED = 0.99  # share of the values of a map within the colours
 
@@ -40,6 +40,7 @@ class Curve:
         beside: What one who points at it is told besides, shape (points,); None: nothing.
         told: In words, with %{x}, %{y} and %{customdata} as plotly has them; None: x is a time.
         begins: Whether its first point has a dot.
+        dashed: Whether it is a line of dashes.
     """
 
     label: str
@@ -54,6 +55,7 @@ class Curve:
     beside: Floats | None = None
     told: str | None = None
     begins: bool = False
+    dashed: bool = False
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,10 @@ def _draw(axes: Axes, curve: Curve) -> None:
         "label": curve.label if curve.named else None,
     }  # fmt: skip
     if curve.look == "stairs":
-        axes.stairs(curve.y[1:], curve.x, baseline=None, linewidth=curve.width, **style)
+        dash = "--" if curve.dashed else "-"
+        axes.stairs(
+            curve.y[1:], curve.x, baseline=None, linewidth=curve.width, linestyle=dash, **style
+        )
     elif curve.look == "dots":
         axes.plot(curve.x, curve.y, ".", markersize=curve.width, **style)
     elif curve.look == "bars":

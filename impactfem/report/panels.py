@@ -1,6 +1,7 @@
 """The table of panels: what a result tells in curves, by the columns that its history has."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Literal
 
@@ -11,8 +12,8 @@ from impactfem.report.line_panels import displacement, strain, velocity_map, wor
 from impactfem.report.motion_panels import impacts, impulses, motion, path, phase, velocity
 from impactfem.report.panel import (
     BLUE,
+    FAINT,
     GREEN,
-    MOST_NAMES,
     ORANGE,
     Curve,
     Map,
@@ -24,7 +25,7 @@ from impactfem.report.panel import (
 )
 from impactfem.result import Record
 
-_MOST_GAPS, _MOST_FORCES = 8, 40
+_MOST_GAPS, _MOST_FORCES, _MOST_PAIRS = 8, 40, 5
 _PARTS = (("kinetic", BLUE), ("elastic", ORANGE), ("potential", GREEN))
 
 
@@ -60,40 +61,81 @@ def contact_force(result: Record) -> Panel | None:
 
 
 def forces(result: Record) -> Panel | None:
-    """Force of each pair, exact ones as broad lines behind, where several are told."""
-    time, exact = result.rows["time"].values, result.exact_rows
-    told = [
-        name
-        for name in _columns(result, "force.", "tangential_force.")
-        if is_told(result.rows[name].values)
-    ]
-    if not 1 < len(told) <= _MOST_FORCES:
+    """Forces of pairs, exact ones as broad lines behind; of many pairs the largest have names.
+
+    What another chart shows is left out: the normal force of a single pair is the contact force,
+    and components of tangential forces have a magnitude.
+    """
+    told = [n for n in _columns(result, "force.", "tangential_force.") if _is_own(result, n)]
+    if len(normal := [name for name in told if name.startswith("force.")]) == 1:
+        told.remove(normal[0])
+    if not told or len(told) > _MOST_FORCES:
         return None
-    curves, own = [], is_exact(result.summary) and exact is not None
-    several = any(name.startswith("tangential") for name in told)
-    for k, name in enumerate(told):
-        attributes = result.rows[name].attrs
-        label = str(attributes.get("long_name" if several else "label", name))
-        named = len(told) <= MOST_NAMES
-        if exact is not None and name in exact:
-            width, alpha = (1.6, 1.0) if own else (4.0, 0.35)
-            curves.append(
-                Curve(
-                    f"{label}, exact", exact["time"].values, exact[name].values, "N", colour(k),
-                    named=own and named, width=width, alpha=alpha,
-                )
-            )  # fmt: skip
-        if not own:
-            values = result.rows[name].values
-            curves.append(
-                Curve(label, time, values, "N", colour(k), look="stairs", width=1.4, named=named)
-            )
-    caption = "Force of each pair that may meet"
-    if exact is not None and not own:
+    pairs = list(dict.fromkeys(_pair(name) for name in told))
+    largest = sorted(pairs, key=lambda pair: -_impulse(result, pair))[:_MOST_PAIRS]
+    known = [pair for pair in pairs if pair in largest]
+    mixed = 1 < len(normal) < len(told)
+    curves = [
+        curve
+        for name in sorted(told, key=lambda name: _pair(name) in known)
+        for curve in _force(result, name, known, mixed=mixed)
+    ]
+    if rest := len(pairs) - len(known):
+        curves[0] = replace(curves[0], label=f"{rest} other{'s' * (rest > 1)}", named=True)
+    what = "Force" if len(normal) > 1 else "Tangential force"
+    caption = f"{what} of each pair that may meet{'; dashes are tangential' * mixed}"
+    if result.exact_rows is not None and not is_exact(result.summary):
         caption += "; the broad pale lines are exact"
     if result.impacts is not None:
         caption += ", without the impulses of impacts"
-    return over_time(result, "forces", "Forces of pairs", f"{caption}.", curves, "force [N]")
+    title = f"{what}s{' of pairs' * (len(normal) > 1)}"
+    y = f"{what.lower()} [N]"
+    return over_time(result, "forces", title, f"{caption}.", curves, y, named=True)
+
+
+def _pair(name: str) -> str:
+    """The pair of a column of forces."""
+    return name.partition("force.")[2]
+
+
+def _is_own(result: Record, name: str) -> bool:
+    """Whether a column of forces says something, and is no component of another one."""
+    whole, _, letter = name.rpartition(".")
+    return not (letter in "xyz" and whole in result.rows) and is_told(result.rows[name].values)
+
+
+def _impulse(result: Record, pair: str) -> float:
+    """Of all that a pair exchanges, without signs [N s]."""
+    steps = np.diff(result.rows["time"].values)
+    names = [name for kind in ("", "tangential_") if (name := f"{kind}force.{pair}") in result.rows]
+    forces = [result.rows[name].values[1:] for name in names]
+    return float(sum(np.nansum(np.abs(force) * steps) for force in forces))
+
+
+def _force(result: Record, name: str, known: Sequence[str], *, mixed: bool) -> list[Curve]:
+    """The force of a pair, behind it the exact one; thin and grey of a pair that is not known."""
+    tangential, pair, time = name.startswith("tangential"), _pair(name), result.rows["time"].values
+    column, exact = result.rows[name], result.exact_rows
+    own = exact is not None and is_exact(result.summary)
+    label = str(column.attrs.get("label", pair)) + ", tangential" * (tangential and mixed)
+    if pair not in known:
+        values = column.values
+        return [Curve(label, time, values, "N", FAINT, look="stairs", width=0.7, named=False)]
+    tint, curves = colour(known.index(pair)), []
+    if exact is not None and name in exact:
+        width, alpha = (1.6, 1.0) if own else (4.0, 0.35)
+        curves.append(
+            Curve(
+                f"{label}, exact", exact["time"].values, exact[name].values, "N", tint,
+                named=own, width=width, alpha=alpha,
+            )
+        )  # fmt: skip
+    if not own:
+        curves.append(
+            Curve(label, time, column.values, "N", tint, look="stairs", width=1.4,
+                  dashed=tangential and mixed)
+        )  # fmt: skip
+    return curves
 
 
 def gap(result: Record) -> Panel:

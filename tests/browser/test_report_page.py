@@ -140,6 +140,10 @@ def test_the_page_loads_alone_and_its_charts_are_drawn(name, browser, folders):
     for element in charts:
         drawn = f"document.querySelector('#{element} .main-svg') !== null"
         assert browser.execute_script(f"return {drawn}"), element
+    # The contact force stands beside the motion; its chart is for print.
+    shown = "return getComputedStyle(document.getElementById('figure-{}')).display"
+    assert browser.execute_script(shown.format("gap")) == "block"
+    assert name == "corner" or browser.execute_script(shown.format("contact_force")) == "none"
     assert not browser.execute_script("return document.getElementById('still').open")
     verdict = browser.execute_script("return document.getElementById('verdict').textContent")
     assert verdict.startswith("Do not trust this run" if name == "unstable" else "Trust this run")
@@ -236,7 +240,7 @@ def test_playing_goes_on_and_stops(browser, folders):
     from selenium.webdriver.common.by import By
 
     load(browser, folders("bar") / "report.html")
-    button = browser.find_element(By.CSS_SELECTOR, "#motion-view button")
+    button = browser.find_element(By.XPATH, "//*[@id='motion-view']//button[text()='Play']")
     button.click()
     wait(browser, f"{READOUT}.startsWith('t = 0 s') === false")
     button.click()

@@ -224,6 +224,42 @@ def test_a_row_shows_the_force_of_each_pair_and_the_way_of_each_bar():
     assert first["customdata"] == pytest.approx(place, rel=1e-5, abs=1e-9)
 
 
+def with_forces(tmp_path, **forces):
+    """A result with columns of forces, NAME: the height of a constant one."""
+    result = solid_result(tmp_path / "fields.vtkhdf")
+    for name, height in forces.items():
+        column = result.history["contact_force"].copy(
+            data=np.full(len(result.history.time), height)
+        )
+        result.history[name] = column.assign_attrs(label=name.partition("force.")[2])
+    return result
+
+
+def test_forces_of_many_pairs_name_the_largest_and_keep_the_others_grey(tmp_path):
+    heights = {f"force.a{k}.b": float(k) for k in range(1, 9)}
+    panel = panels(with_forces(tmp_path, **heights))["forces"]()
+    named = {curve.label: curve.colour for curve in panel.curves if curve.named}
+    assert list(named) == ["3 others", "a4.b", "a5.b", "a6.b", "a7.b", "a8.b"]
+    assert len(set(named.values())) == 6
+    assert len(panel.curves) == 8
+    assert panel.curves[0].width < panel.curves[-1].width
+
+
+def test_no_force_is_drawn_twice(tmp_path):
+    """That of a single pair is the contact force; components of a tangential force have a size."""
+    tangential = {f"tangential_force.a.b{axis}": 3.0 for axis in ("", ".x", ".y", ".z")}
+    panel = panels(with_forces(tmp_path, **{"force.a.b": 5.0}, **tangential))["forces"]()
+    assert [(curve.label, curve.dashed) for curve in panel.curves] == [("a.b", False)]
+    assert (panel.title, panel.y) == ("Tangential forces", "tangential force [N]")
+    assert panels(with_forces(tmp_path, **{"force.a.b": 5.0}))["forces"]() is None
+    pairs = {"force.a.b": 5.0, "force.a.c": 6.0, "tangential_force.a.c": 2.0}
+    panel = panels(with_forces(tmp_path, **pairs))["forces"]()
+    assert [(c.label, c.dashed) for c in panel.curves] == [
+        ("a.b", False), ("a.c", False), ("a.c, tangential", True),
+    ]  # fmt: skip
+    assert panel.curves[1].colour == panel.curves[2].colour
+
+
 def test_impacts_are_vertical_jumps_of_a_phase_portrait(result_of):
     result = result_of("bouncing_ball")
     phase = by_name(result)["phase"].figure["data"][0]

@@ -18,7 +18,9 @@ MOST_POINTS = 4000
 DIGITS = 7
 """Significant digits of the numbers in the page."""
 
-_MOST_SPANS = 60  # contact intervals up to which they are shaded
+MOST_SPANS = 60
+"""Contact intervals up to which they are shaded."""
+
 _HEIGHT = 340  # of a chart [px]
 
 
@@ -120,7 +122,7 @@ def over_time(
     x = axis(titles[0], range=[start, end])
     vertical = axis(titles[1]) | more.pop("yaxis", {})
     shapes = []
-    if 0 < len(spans) <= _MOST_SPANS:
+    if 0 < len(spans) <= MOST_SPANS:
         shapes = [
             {
                 "type": "rect", "xref": "x", "yref": "paper", "x0": first, "x1": last, "y0": 0,

@@ -85,6 +85,7 @@ def _traces(curve: Curve) -> list[Trace]:
             trace |= {"text": [f"{y:g}" for y in curve.y], "textposition": "outside"}
     else:
         held = {"shape": "vh"} if curve.look == "stairs" else {}
+        held |= {"dash": "dash"} if curve.dashed else {}
         trace["line"] = {"color": curve.colour, "width": curve.width} | held
     if not curve.begins:
         return [trace]

@@ -34,19 +34,22 @@
       traces.push({x: curve.exact_time, y: curve.exact_force, name: "exact", mode: "lines", line: {color: "#d95f02", width: 4}, opacity: 0.6, hovertemplate: hover + "<extra>exact</extra>"});
     }
     traces.push({x: curve.time, y: curve.force, name: "run", mode: "lines", line: {color: "#0b559f", width: 1.4, shape: "vh"}, hovertemplate: hover + "<extra>run</extra>"});
-    const axis = (title) => ({title: {text: title, standoff: 8}, zeroline: false, gridcolor: "#e6e6e6", linecolor: "#999999", ticks: "outside", fixedrange: true, automargin: true, exponentformat: "power"});
+    const axis = (title) => ({title: {text: title, standoff: 8}, zeroline: false, gridcolor: "#e6e6e6", linecolor: "#999999", ticks: "outside", automargin: true, exponentformat: "power"});
     const layout = {
       height, margin: {l: 60, r: 20, t: 28, b: 45}, dragmode: false, showlegend: traces.length > 1,
       legend: {orientation: "h", x: 0, y: 1.02, yanchor: "bottom"}, font: {family: "system-ui, sans-serif", size: 12, color: "#222222"},
-      paper_bgcolor: "#ffffff", plot_bgcolor: "#ffffff",
+      paper_bgcolor: "#ffffff", plot_bgcolor: "#ffffff", modebar: {orientation: "v", bgcolor: "rgba(0,0,0,0)"},
       xaxis: {...axis("time [" + times.unit + "]"), range: [curve.time[0], curve.time[curve.time.length - 1]]}, yaxis: axis("contact force [" + forces.unit + "]"),
-      shapes: [{type: "line", xref: "x", yref: "paper", x0: curve.time[0], x1: curve.time[0], y0: 0, y1: 1, line: {color: "#222222", width: 1.5}}],
+      shapes: [{type: "line", xref: "x", yref: "paper", x0: curve.time[0], x1: curve.time[0], y0: 0, y1: 1, line: {color: "#222222", width: 1.5}},
+        ...(given.spans || []).map(([a, b]) => ({type: "rect", xref: "x", yref: "paper", x0: times.factor * a, x1: times.factor * b, y0: 0, y1: 1, layer: "below", fillcolor: "#eeeeee", line: {width: 0.5, color: "#dddddd"}}))],
     };
-    draw(pane, {data: traces, layout}, {responsive: true, displayModeBar: false});
+    draw(pane, {data: traces, layout}, CONFIG);
+    pane.on("plotly_relayout", (change) => { if ("xaxis.range[0]" in change && pane._fullLayout.dragmode) Plotly.relayout(pane, {dragmode: false}); }); // once enlarged, pressing moves the time again
     const press = (event) => {
+      if (pane._fullLayout.dragmode || event.target.closest(".modebar")) return;
       const full = pane._fullLayout, left = pane.getBoundingClientRect().left + full.xaxis._offset;
       const time = full.xaxis.p2c(event.clientX - left);
-      if (event.buttons === 1 && time >= layout.xaxis.range[0] && time <= layout.xaxis.range[1]) jump(time / times.factor);
+      if (event.buttons === 1 && time >= full.xaxis.range[0] && time <= full.xaxis.range[1]) jump(time / times.factor);
     };
     pane.addEventListener("pointerdown", press, true);
     pane.addEventListener("pointermove", press, true);
@@ -78,7 +81,7 @@
     const canvas = picture.querySelector("canvas"), flat = canvas && canvas.height < FLAT * canvas.width;
     if (flat) picture.style.flexBasis = force.style.flexBasis = "100%";
     const nearest = (time) => data.times.reduce((best, t, k) => (Math.abs(t - time) < Math.abs(data.times[best] - time) ? k : best), 0);
-    const mark = forcePlot(force, data, flat ? 240 : 300, (time) => { stop(); show(nearest(time)); });
+    const mark = forcePlot(force, data, flat ? 300 : 340, (time) => { stop(); show(nearest(time)); });
 
     const told = (list, unit) => {
       const most = largest(list), shown = prefixed(unit, most), value = list[state.frame];

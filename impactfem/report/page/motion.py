@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from impactfem.report.page.chart import numbers, thin
+from impactfem.report.page.chart import MOST_SPANS, numbers, thin
 from impactfem.report.page.motion_bars import bars_motion
 from impactfem.report.page.motion_bodies import bodies_motion
 from impactfem.report.page.motion_data import rows_at
 from impactfem.report.page.motion_points import points_motion
 from impactfem.report.page.motion_poles import poles_motion
-from impactfem.report.panel import is_told
+from impactfem.report.panel import is_exact, is_told
 from impactfem.result import Fields, Record
 from impactfem.result.shapes import LINE, VERTEX
 
@@ -66,14 +66,16 @@ def motion(result: Record) -> dict[str, Any] | None:
 
 
 def _curve(result: Record) -> dict[str, Any]:
-    """Contact force over time, and the exact one if the run is not exact itself."""
+    """Contact force over time with its spans, and the exact one if the run is not exact itself."""
     time, force = result.rows["time"].values, result.rows["contact_force"].values
     kept = thin(force, _CURVE)
     curve: dict[str, Any] = {"time": numbers(time[kept]), "force": numbers(force[kept])}
-    exact = result.exact_rows
+    if len(spans := result.summary["contact"]["intervals"]) <= MOST_SPANS:
+        curve["spans"] = [numbers(span) for span in spans]
+    exact = None if is_exact(result.summary) else result.exact_rows
     if exact is not None and is_told(exact["contact_force"].values):
         known = exact["contact_force"].values
-        shown = thin(known, _CURVE)
-        curve["exact_time"] = numbers(exact["time"].values[shown])
-        curve["exact_force"] = numbers(known[shown])
+        kept = thin(known, _CURVE)
+        curve["exact_time"] = numbers(exact["time"].values[kept])
+        curve["exact_force"] = numbers(known[kept])
     return curve

@@ -1,7 +1,7 @@
 """Put the report of a run together: one HTML file with everything in it."""
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -10,9 +10,10 @@ from impactfem.report.animation import film_if_any
 from impactfem.report.faults import Faults
 from impactfem.report.figures import draw_all, write_pictures
 from impactfem.report.page import facts
+from impactfem.report.page.chart import Chart
 from impactfem.report.page.charts import charts
 from impactfem.report.page.drawing import drawing
-from impactfem.report.page.elements import bullets, section, terms, text
+from impactfem.report.page.elements import bullets, paragraph, section, terms, text
 from impactfem.report.page.embedding import (
     PLOTLY,
     compressed,
@@ -35,6 +36,7 @@ FILM, PAGE = "motion.gif", "report.html"
 """Names of the film and the report in the folder of a result."""
 
 _HERE = Path(__file__).parent
+_FORCE = "contact_force"  # the chart that the moving picture has beside it
 _BODY = "body"  # the picture that no chart replaces on paper
 
 _TITLES = {
@@ -120,8 +122,8 @@ def page(
     drawn = faults.guarded("the charts on the page", lambda: charts(result)) or []
     sections = [
         _scene(result, faults),
-        _motion(moving),
-        _charts([(each.name, each.title, each.caption) for each in drawn]),
+        _motion(moving, {each.name: each.caption for each in drawn}.get(_FORCE)),
+        _charts(drawn, {_FORCE} if moving else set()),
         _still(images),
         facts.model(result),
         facts.error(result),
@@ -230,20 +232,23 @@ def _scene(result: Record, faults: Faults) -> str:
     return section("scene", "The scene", figure, terms(in_words(result.scene)))
 
 
-def _motion(payload: dict[str, Any] | None) -> str:
+def _motion(payload: dict[str, Any] | None, force: str | None) -> str:
+    """The moving picture beside the contact force, which has the caption of its chart."""
     if payload is None:
         return ""
-    view = '<div id="motion-view"></div>'
+    view = '<div id="motion-view"></div>' + (paragraph(force) if force else "")
     part = section("motion", "Motion and contact force", view)
     return _interactive(part, "interactive unprinted")
 
 
-def _charts(entries: Sequence[tuple[str, str, str]]) -> str:
+def _charts(drawn: Sequence[Chart], seen: Collection[str]) -> str:
+    """Charts with their captions; those that are seen elsewhere on the screen only in print."""
     figures = "".join(
-        f'<figure class="chart" id="figure-{text(name)}"><h3>{text(title)}</h3>'
-        f'<div class="plot" id="chart-{text(name)}"></div>'
-        f"<figcaption>{text(caption)}</figcaption></figure>"
-        for name, title, caption in entries
+        f'<figure class="chart{" printed" if each.name in seen else ""}" '
+        f'id="figure-{text(each.name)}"><h3>{text(each.title)}</h3>'
+        f'<div class="plot" id="chart-{text(each.name)}"></div>'
+        f"<figcaption>{text(each.caption)}</figcaption></figure>"
+        for each in drawn
     )
     return _interactive(section("charts", "Charts", figures))
 
