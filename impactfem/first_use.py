@@ -1,16 +1,17 @@
 """Compilation of code at its first use: said once in a process, its seconds counted apart."""
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 
-_listeners: list[Callable[[str], None]] = []
+_listeners: list[Callable[[str], None]] = [logging.getLogger("impactfem").info]
 _counters: list[Callable[[str], None]] = []
 _said: set[str] = set()
 _spans: list[tuple[float, float]] = []  # begin and length of each compilation [s]
 
 
 def announce_to(say: Callable[[str], None]) -> None:
-    """Tell ``say`` from now on what is compiled; before, nobody is told."""
+    """Tell ``say`` from now on what is compiled; before, the logger "impactfem" is told."""
     _listeners[:] = [say]
 
 
@@ -38,7 +39,7 @@ def compiling(what: str, kept: Path | None) -> None:
         what: What is compiled, as "time loops".
         kept: Folder of the compiled code; None if it cannot be kept.
     """
-    if what in _said or not _listeners:
+    if what in _said:
         return
     _said.add(what)
     place = f"once, kept in {_short(kept)}" if kept else "no cache folder can be written: each time"

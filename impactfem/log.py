@@ -1,5 +1,9 @@
-"""Messages to the person at the terminal: once, on rank 0, and silent when asked."""
+"""Messages to the person at the terminal: once, on rank 0, and silent when asked.
 
+Programs get them through the logger "impactfem": messages as INFO, stages as DEBUG.
+"""
+
+import logging
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,6 +12,9 @@ from typing import Any
 
 from impactfem.errors import plain
 from impactfem.first_use import count_to
+
+LOGGER = logging.getLogger("impactfem")
+"""All that the package has to say while it works; it sets no handlers and no level."""
 
 
 @dataclass
@@ -46,6 +53,7 @@ class Progress:
 
     def step(self, what: str) -> None:
         """Name the stage that starts now."""
+        LOGGER.debug("%s", what)
         if self._bar is not None:
             self._bar.set_description_str(what)
             self._bar.update(1)
@@ -56,7 +64,8 @@ class Progress:
             self._bar.set_description_str(what)
 
     def message(self, text: str) -> None:
-        """Print one line, warnings included, to standard error."""
+        """Log one line, warnings included; where enabled it goes to standard error."""
+        LOGGER.info("%s", plain(text))
         if not self.enabled:
             return
         if self._bar is None:

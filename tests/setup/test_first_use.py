@@ -1,16 +1,18 @@
 """What is said of compilation, and to whom."""
 
+import logging
 from pathlib import Path
 
 import pytest
 
 from impactfem import first_use
+from impactfem.log import Progress
 
 
 @pytest.fixture
 def told(monkeypatch):
     monkeypatch.setattr(first_use, "_said", set())
-    monkeypatch.setattr(first_use, "_listeners", [])
+    monkeypatch.setattr(first_use, "_listeners", [logging.getLogger("impactfem").info])
     return []
 
 
@@ -24,11 +26,27 @@ def test_each_kind_is_announced_once(told):
     ]
 
 
-def test_nobody_is_told_until_somebody_listens(told):
+def test_the_logger_is_told_until_somebody_listens(told, caplog):
+    caplog.set_level(logging.INFO, "impactfem")
     first_use.compiling("forms", Path("/cache"))
     first_use.announce_to(told.append)
-    first_use.compiling("forms", Path("/cache"))
-    assert len(told) == 1
+    first_use.compiling("loops", Path("/cache"))
+    assert caplog.messages == ["compiling forms (once, kept in /cache) ..."]
+    assert told == ["compiling loops (once, kept in /cache) ..."]
+
+
+@pytest.mark.parametrize("enabled", [False, True])
+def test_messages_are_logged_and_where_enabled_printed(enabled, caplog, capsys):
+    caplog.set_level(logging.DEBUG, "impactfem")
+    progress = Progress(enabled)
+    progress.step("assemble")
+    progress.message("a note\x1b[2J")
+    said = [(record.levelname, record.name, record.message) for record in caplog.records]
+    assert said[0] == ("DEBUG", "impactfem", "assemble")
+    assert said[1][:2] == ("INFO", "impactfem")
+    assert said[1][2].startswith("a note")
+    assert "\x1b" not in said[1][2]
+    assert capsys.readouterr().err == f"{said[1][2]}\n" * enabled
 
 
 def test_the_home_is_shortened(told, monkeypatch):
