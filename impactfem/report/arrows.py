@@ -8,9 +8,6 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-FORCE = "#b2182b"
-"""Colour of contact forces."""
-
 SEEN = 0.01
 """Share of the largest arrow below which none is drawn."""
 

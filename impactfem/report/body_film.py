@@ -14,13 +14,14 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from impactfem.report.film import Reel, cursor, even_moments, force_beside
+from impactfem.report.palette import STRESS
 from impactfem.report.panel import colour
 from impactfem.report.panel_figure import draw_panel
 from impactfem.report.panels import gap
 from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin
 from impactfem.report.slender_picture import tracks
-from impactfem.report.solid_figures import FLAT, STRESS, Painter, forces_key, survey
+from impactfem.report.solid_figures import FLAT, LABEL, Painter, forces_key, survey
 from impactfem.report.space_picture import SpacePainter, skin_of
 from impactfem.result import Record, Snapshots
 
@@ -96,8 +97,8 @@ def body_reel(result: Record, fields: Snapshots, frames: int | None) -> BodyReel
         left, right = figure.subplots(1, 2, width_ratios=[1.3, 1.0])
     above = painter.prepare(left, window, float(fields.times[layers[0]]))
     if skin.is_stressed.any():
-        colours = ScalarMappable(Normalize(0.0, painter.stress), "viridis")
-        figure.colorbar(colours, ax=left, label=STRESS, shrink=0.9)
+        colours = ScalarMappable(Normalize(0.0, painter.stress), STRESS)
+        figure.colorbar(colours, ax=left, label=LABEL, shrink=0.9)
     if painter.force > 0.0:
         left.set_title(f"arrows: {forces_key(painter)}", fontsize=9)
     now = _beside(right, result)

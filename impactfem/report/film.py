@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.animation import FuncAnimation
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
@@ -20,16 +18,15 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from impactfem.errors import MissingDependencyError, OutputError
-from impactfem.report.plane_picture import PRESSURE
 from impactfem.report.player import player
 from impactfem.result import Record
-
-type Pixels = NDArray[np.uint8]
 
 BLUE = "#0b559f"
 """Colour of the curve beside a motion."""
 
 _SECONDS = 5.0  # that a film takes
+_WHITE = 247  # of 255, from which a colour is that of the paper
+_LOOKS = 8  # frames that the colours of a GIF are taken from
 
 
 @dataclass(frozen=True)
@@ -173,33 +170,20 @@ def _canvas(figure: Figure) -> Any:
 
 
 def _write_gif(frames: Iterator[Image.Image], path: Path, rate: float) -> None:
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(_colours().ravel().tolist())
-    pictures = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    """One palette for all frames: a GIF that chose colours for each would flicker."""
+    pictures = list(frames)
     if not pictures:
         raise OSError("no frame is finite")
-    first, *rest = pictures
+    looked = pictures[:: max(1, len(pictures) // _LOOKS)]
+    strip = np.concatenate([np.asarray(picture)[::2, ::2] for picture in looked])
+    palette = Image.fromarray(strip).quantize(256, method=Image.Quantize.MAXCOVERAGE)
+    colours = np.reshape(palette.getpalette(), (-1, 3))
+    colours[colours.min(axis=1) > _WHITE] = 255  # the paper, mixed with its neighbours
+    palette.putpalette(colours.ravel().tolist())
+    first, *rest = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in pictures)
     first.save(
         path, save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=False
     )
-
-
-def _colours() -> Pixels:
-    """Colours of all frames, shape (256, 3): a GIF that chose them anew would flicker."""
-    stress = colormaps["viridis"](np.linspace(0.0, 1.0, 48))[:, :3]
-    shades = [shade * stress for shade in (0.82, 0.91, 1.0)]  # of bodies in space
-    signed = colormaps["coolwarm"](np.linspace(0.0, 1.0, 32))[:, :3]
-    grey = np.linspace(0.0, 1.0, 32)[:, None] * np.ones(3)
-    lines = [
-        share * np.array(to_rgb(colour)) + (1.0 - share) * ground
-        for colour, ground, shares in (
-            (BLUE, 1.0, 12), (PRESSURE, 0.8, 12), ("#1b7837", 1.0, 8), ("#7b3294", 1.0, 8),
-            ("#b2182b", 1.0, 8),
-        )
-        for share in np.linspace(1.0 / shares, 1.0, shares)[:, None]
-    ]  # fmt: skip
-    found = np.concatenate([*shades, signed, grey, np.array(lines)])
-    return np.round(255.0 * found).astype(np.uint8)
 
 
 def _write_mp4(frames: Iterator[Image.Image], path: Path, rate: float) -> None:

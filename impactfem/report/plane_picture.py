@@ -2,26 +2,37 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgb
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from impactfem.contact.distance import nearest_obstacle, signed_distance
-from impactfem.report.arrows import FORCE, SEEN
+from impactfem.report.arrows import SEEN
+from impactfem.report.marks import NO_MARKS, Marks, spoke
+from impactfem.report.palette import (
+    EDGE,
+    FORCE,
+    HELD,
+    OBSTACLE,
+    OBSTACLE_EDGE,
+    PRESSURE,
+    STRESS,
+    fill,
+    tint,
+)
+from impactfem.report.pile import Pile
 from impactfem.report.skin import Skin, Snapshot, union
 from impactfem.report.slender_picture import reach, slender, widened
 
 Floats = NDArray[np.float64]
 
-PRESSURE = "#d95f02"
-"""Colour of the contact pressure."""
-
-_OBSTACLE, _EDGE = "0.80", "0.25"
 _SAMPLES = 240  # of the obstacles' outline along each axis
 _LONGEST = 0.2  # share of the body's size that the largest contact pressure is drawn at
 _THICK = 3.0  # of a slender body the size is at most so many times its thickness
@@ -43,6 +54,7 @@ class PlanePainter:
         force: Largest contact force of all pictures [N].
         several: Whether bodies can strike each other: then the pressure is a line along the
             contact, the wider the larger, as an area beyond it would cover the other body.
+        marks: What is drawn upon the bodies.
     """
 
     skin: Skin
@@ -52,6 +64,7 @@ class PlanePainter:
     pressure: float = 0.0
     force: float = 0.0
     several: bool = False
+    marks: Marks = NO_MARKS
 
     def extent(self, snapshot: Snapshot) -> Floats:
         """Range of x and y of the bodies, shape (2, 2): rows are directions."""
@@ -87,18 +100,18 @@ class PlanePainter:
         """Draw what belongs to one time; returns the artists from the back to the front."""
         artists = draw_obstacles(axes, self.obstacles, snapshot.time) if self._moves else []
         ends = snapshot.place[self.skin.segments][:, :, :2]
-        if len(self.skin.triangles):
+        if self.skin.stressed.any():
             x, y = snapshot.place[:, 0], snapshot.place[:, 1]
             colours = axes.tripcolor(
-                Triangulation(x, y, self.skin.triangles), snapshot.von_mises, shading="gouraud",
-                cmap="viridis", vmin=0.0, vmax=self.stress, rasterized=True,
+                Triangulation(x, y, self.skin.triangles[self.skin.stressed]), snapshot.von_mises,
+                shading="gouraud", cmap=STRESS, vmin=0.0, vmax=self.stress, rasterized=True,
             )  # fmt: skip
-            outline = LineCollection(list(ends), colors="black", linewidths=0.5)
+            outline = LineCollection(list(ends[self._outlined]), colors=EDGE, linewidths=0.5)
             axes.add_collection(outline, autolim=False)
             artists += [colours, outline]
-        polygons, tints, _ = slender(self.skin, snapshot.place[:, :2])
-        if polygons:
-            others = PolyCollection(polygons, facecolors=tints, linewidths=0, zorder=2.5)
+        pile = self._pile(snapshot)
+        if len(pile):
+            others = pile.collection(2.5)
             axes.add_collection(others, autolim=False)
             artists.append(others)
         if self.pressure > 0.0:
@@ -109,7 +122,33 @@ class PlanePainter:
         if self.force > 0.0:
             longest = self._longest if len(self.skin.triangles) else _LONGEST * self.skin.size
             artists.append(draw_arrows(axes, snapshot.arrows[:, :, :2], longest, self.force))
-        return artists
+        return [*artists, *draw_pins(axes, self.marks, snapshot)]
+
+    @cached_property
+    def _outlined(self) -> NDArray[np.bool_]:
+        """Segments of the boundary of solids with stress, shape (segments,)."""
+        return np.asarray(self.skin.is_stressed[self.skin.segments].all(axis=1))
+
+    def _pile(self, snapshot: Snapshot) -> Pile:
+        """Bodies without stress in their colours, what is held, and lines that turn with bodies."""
+        skin, place, pile = self.skin, snapshot.place[:, :2], Pile()
+        plain = skin.triangles[~skin.stressed]
+        rims = skin.edges[0] if len(plain) else skin.segments[:0]
+        for body in np.unique(skin.bodies[plain]):
+            own = plain[skin.bodies[plain[:, 0]] == body]
+            rim = rims[skin.bodies[rims[:, 0]] == body]
+            pile.add(place[own], fill(body), width=0.3)
+            pile.add(place[rim], fill(body), edges=tint(body), width=1.0)
+        polygons, tints, _ = slender(skin, place)
+        pile.add(polygons, tints, width=0.0)
+        if self.marks.held.any():
+            held = skin.segments[self.marks.held[skin.segments].all(axis=1)]
+            pile.add(place[held], to_rgb(HELD), width=3.0)
+        for body in self.marks.turned:
+            line = spoke(skin, snapshot, body)[:, :2]
+            soft = skin.is_stressed[skin.solid_nodes[body]].any()
+            pile.add(line[None], to_rgb("white") if soft else tint(body), width=1.2)
+        return pile
 
     @property
     def _longest(self) -> float:
@@ -151,6 +190,26 @@ class PlanePainter:
         )  # fmt: skip
 
 
+def draw_pins(axes: Axes, marks: Marks, snapshot: Snapshot, camera: Any = None) -> list[Artist]:
+    """Draw joints where they are: round if bodies turn about them, filled if to the ground.
+
+    Args:
+        axes: Where.
+        marks: With joints.
+        snapshot: When.
+        camera: With a method ``flat`` that projects places; None in the plane.
+    """
+    drawn: list[Artist] = []
+    for pin in marks.pins:
+        place = pin.at(snapshot)
+        x, y = place[:2] if camera is None else camera.flat(place)
+        drawn += axes.plot(
+            x, y, "o" if pin.turns else "s", markersize=6, color=HELD, zorder=4.5,
+            markerfacecolor=HELD if pin.grounded else "white", scalex=False, scaley=False,
+        )  # fmt: skip
+    return drawn
+
+
 def draw_arrows(axes: Axes, arrows: Floats, longest: float, largest: float) -> Artist:
     """Draw forces from where they act on, for each body those on it.
 
@@ -178,6 +237,6 @@ def draw_obstacles(axes: Axes, obstacles: Sequence[Any], time: float) -> list[Ar
     gap = np.min(gaps, axis=0).reshape(len(y), len(x))
     if gap.min() > 0.0:
         return []
-    filled = axes.contourf(x, y, gap, levels=[gap.min() - 1.0, 0.0], colors=[_OBSTACLE], zorder=0.3)
-    edge = axes.contour(x, y, gap, levels=[0.0], colors=[_EDGE], linewidths=1.0, zorder=0.4)
+    filled = axes.contourf(x, y, gap, levels=[gap.min() - 1.0, 0.0], colors=[OBSTACLE], zorder=0.3)
+    edge = axes.contour(x, y, gap, levels=[0.0], colors=[OBSTACLE_EDGE], linewidths=1.0, zorder=0.4)
     return [filled, edge]

@@ -10,11 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
+from impactfem.report.palette import PRESSURES
 from impactfem.report.skin import Skin, Snapshot, normals
 
 Floats = NDArray[np.float64]
-
-_PRESSURES = "YlOrBr"
 
 
 def draw_pressure_maps(
@@ -73,7 +72,7 @@ def draw_pressure_maps(
         place = snapshot.place - middle
         flat = Triangulation(place @ right, place @ up, faces)
         axes.tripcolor(
-            flat, snapshot.pressure, shading="gouraud", cmap=_PRESSURES, vmin=0.0, vmax=largest,
+            flat, snapshot.pressure, shading="gouraud", cmap=PRESSURES, vmin=0.0, vmax=largest,
             rasterized=True,
         )  # fmt: skip
         axes.triplot(flat, color="0.5", linewidth=0.2)
@@ -85,5 +84,5 @@ def draw_pressure_maps(
         axes.set_yticks([])
     of = f" of {names[shown]}" if named else ""
     panels[0].set_ylabel(f"contact face{of}, {2 * reach:.3g} m wide")
-    colours = ScalarMappable(Normalize(0.0, largest), _PRESSURES)
+    colours = ScalarMappable(Normalize(0.0, largest), PRESSURES)
     figure.colorbar(colours, ax=panels, label="contact pressure [Pa]", shrink=0.9)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.report.arrows import resultants
+from impactfem.report.edges import feature_edges
 from impactfem.result import Snapshots
 from impactfem.result.cell_kinds import BY_VTK_TYPE, CellKind, boundary_facets, face_triangles
 from impactfem.result.shapes import LINE, VERTEX
@@ -17,6 +18,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _SHOWN = ("displacement", "von_mises", "contact_pressure", "contact_force", "gap")
+_ALONG, _ROUND = 0.9, 0.2  # cosine; edges of a round body that are sharp, for each triangle
 _SAME = 1e-9  # of the size: nodes nearer to a plane of symmetry lie on it
 
 
@@ -182,6 +184,51 @@ class Skin:
             found[self.triangles % count] = True  # the first image may be the one left out
             found &= ~np.isnan(self.fields.read(0, "von_mises")["von_mises"])
         return np.tile(found, images)
+
+    @cached_property
+    def stressed(self) -> NDArray[np.bool_]:
+        """Whether a triangle is one of an elastic solid, shape (triangles,)."""
+        return np.asarray(self.is_stressed[self.triangles].all(axis=1))
+
+    @cached_property
+    def solid_nodes(self) -> dict[int, Integers]:
+        """Seen nodes of each body that has triangles, by its number."""
+        nodes = np.unique(self.triangles)
+        owners = self.bodies[nodes]
+        return {int(k): nodes[owners == k] for k in np.unique(owners)}
+
+    @cached_property
+    def open_faces(self) -> NDArray[np.bool_]:
+        """Whether a triangle in space is one of a plate, which has two sides; (triangles,)."""
+        layout = self.fields.layout
+        plates = [kind for kind, known in BY_VTK_TYPE.items() if known.dim < self.dim]
+        bodies = layout.body_of_cells[np.isin(layout.types, plates)]
+        return np.isin(self.bodies[self.triangles[:, 0]], bodies)
+
+    @cached_property
+    def marked(self) -> NDArray[np.bool_]:
+        """Faces in space in another tone, that show a turning body by; shape (triangles,).
+
+        Of a round body every other eighth, of one with flat faces those that look along x.
+        """
+        owners = self.bodies[self.triangles[:, 0]]
+        middles = self.points[self.triangles].mean(axis=1)
+        normal = normals(self.points, self.triangles)
+        flat = normal[:, 0] > _ALONG * np.linalg.norm(normal, axis=1)
+        sharp = np.bincount(owners[self.edges[1][:, 0]], minlength=len(self.names))
+        found = np.zeros(len(owners), dtype=bool)
+        for body, nodes in self.solid_nodes.items():
+            own = owners == body
+            box = self.points[nodes]
+            arms = middles[own] - 0.5 * (box.min(axis=0) + box.max(axis=0))
+            eighth = (arms > 0.0).sum(axis=1) % 2 == 0
+            found[own] = eighth if sharp[body] < _ROUND * own.sum() else flat[own]
+        return found
+
+    @cached_property
+    def edges(self) -> tuple[Integers, Integers]:
+        """Edges of the surface of what lies in space; see `feature_edges`."""
+        return feature_edges(self.points, self.triangles)
 
     def snapshot(self, layer: int) -> Snapshot:
         """Read a layer."""

@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 
-from impactfem.report.panel import colour
+from impactfem.report.palette import fill, tint
 from impactfem.report.skin import Skin
 
 Floats = NDArray[np.float64]
@@ -27,39 +26,37 @@ def slender(skin: Skin, flat: Floats) -> tuple[list[Floats], Floats, NDArray[np.
         flat: Where the nodes are in the picture [m], shape (nodes, 2).
 
     Returns:
-        Polygons (corners, 2), their colours (polygons, 4), and a node of each that says how near
+        Polygons (corners, 2), their colours (polygons, 3), and a node of each that says how near
         it is.
     """
     polygons: list[Floats] = []
-    colours, nodes = [np.empty((0, 4))], [np.empty(0, dtype=np.int64)]
-    tints = np.array([to_rgba(colour(k)) for k in range(len(skin.names))])
+    colours, nodes = [np.empty((0, 3))], [np.empty(0, dtype=np.int64)]
     for a, b in skin.lines:
         along = flat[b] - flat[a]
         across = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-300)
-        for half, tint in _bands(skin, int(a), tints[skin.bodies[a]]):
+        for half, shade in _bands(skin, int(a)):
             ends = half * across
             polygons.append(
                 np.array([flat[a] - ends, flat[b] - ends, flat[b] + ends, flat[a] + ends])
             )
-            colours.append(tint[None])
+            colours.append(shade[None])
             nodes.append(np.array([a]))
     for node in skin.balls:
         radius = float(skin.radius[node]) or _DOT * skin.size
-        tint = tints[skin.bodies[node]]
-        pale = np.append(0.55 * tint[:3] + 0.45, 1.0)
+        body = int(skin.bodies[node])
         polygons += [
             flat[node] + radius * _CIRCLE, flat[node] + radius * (_LIGHT + _HIGHLIGHT * _CIRCLE)
         ]  # fmt: skip
-        colours.append(np.stack([tint, pale]))
+        colours.append(np.stack([tint(body), fill(body)]))
         nodes.append(np.array([node, node]))
     return polygons, np.concatenate(colours), np.concatenate(nodes)
 
 
-def _bands(skin: Skin, node: int, tint: Floats) -> Sequence[tuple[float, Floats]]:
+def _bands(skin: Skin, node: int) -> Sequence[tuple[float, Floats]]:
     """Half widths and colours of what a line is drawn with: its thickness, pale, and its axis."""
-    axis = (_BAND * skin.size, tint)
-    pale = np.append(0.4 * tint[:3] + 0.6, 1.0)
-    return [(float(skin.radius[node]), pale), axis] if skin.radius[node] > 0.0 else [axis]
+    body = int(skin.bodies[node])
+    axis, thick = (_BAND * skin.size, tint(body)), (float(skin.radius[node]), fill(body))
+    return [thick, axis] if skin.radius[node] > 0.0 else [axis]
 
 
 def reach(skin: Skin) -> Floats:

@@ -11,8 +11,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from impactfem.report.arrows import FORCE
-from impactfem.report.plane_picture import PRESSURE, WIDEST, PlanePainter
+from impactfem.report.marks import Marks
+from impactfem.report.palette import FORCE, HELD, PRESSURE, STRESS
+from impactfem.report.plane_picture import WIDEST, PlanePainter
 from impactfem.report.pressure_maps import draw_pressure_maps
 from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin, Snapshot, union
@@ -29,7 +30,7 @@ _FAR = 2.5  # a body that moves farther than so many of its sizes is followed
 _SEEN = 0.01  # share of the size or of the largest stress from which a difference is seen
 _COLOURED = 0.99  # share of the nodes below the end of the colours
 
-STRESS = "von Mises stress [Pa]\n(colours to the 99th percentile)"
+LABEL = "von Mises stress [Pa]\n(one scale for all times, to the 99th percentile)"
 """Label of the colours."""
 FLAT = 0.3
 """Height over width of a picture below which panels stand one above the other."""
@@ -44,6 +45,7 @@ def survey(
         A painter with colours that suit them, and the extent of the body in each that is finite.
     """
     painter = _painter(result, skin)
+    marks = Marks.of(result.scene, skin)
     stress, pressure, force, extents = 0.0, 0.0, 0.0, []
     for snapshot in snapshots:
         if snapshot.is_finite:
@@ -53,9 +55,12 @@ def survey(
             pressure = max(pressure, float(snapshot.pressure.max()))
             force = max(force, snapshot.largest_force)
             extents.append(painter.extent(snapshot))
+            marks = marks.seen(skin, snapshot)
     if extents and not len(skin.triangles):
         skin = replace(skin, span=float(np.ptp(union(extents, 0.0), axis=1).max()))
-    found = replace(painter, skin=skin, stress=stress or 1.0, pressure=pressure, force=force)
+    found = replace(
+        painter, skin=skin, stress=stress or 1.0, pressure=pressure, force=force, marks=marks
+    )
     return found, extents
 
 
@@ -101,8 +106,8 @@ def body(result: Record) -> Figure | None:
     for axes in panels[len(snapshots) :]:
         axes.set_visible(False)
     if stressed:
-        colours = ScalarMappable(Normalize(0.0, painter.stress), "viridis")
-        figure.colorbar(colours, ax=list(panels), label=STRESS, shrink=0.9)
+        colours = ScalarMappable(Normalize(0.0, painter.stress), STRESS)
+        figure.colorbar(colours, ax=list(panels), label=LABEL, shrink=0.9)
     if maps:
         closed = Skin.of(result.fields, Whole.of_summary(result.summary))
         draw_pressure_maps(
@@ -130,6 +135,19 @@ def _keys(painter: Painter, *, areas: bool) -> list[Patch | Line2D]:
         keys.append(key)
     if painter.force > 0.0:
         keys.append(Line2D([], [], color=FORCE, marker=">", label=forces_key(painter)))
+    return keys + _marks_keys(painter.marks)
+
+
+def _marks_keys(marks: Marks) -> list[Patch | Line2D]:
+    """What the marks of joints and supports say."""
+    keys: list[Patch | Line2D] = []
+    for grounded, label in ((False, "joint"), (True, "joint to the ground")):
+        if any(pin.grounded is grounded for pin in marks.pins):
+            face = HELD if grounded else "white"
+            keys.append(Line2D([], [], color=HELD, marker="o", markerfacecolor=face,
+                               linestyle="none", label=label))  # fmt: skip
+    if marks.held.any():
+        keys.append(Line2D([], [], color=HELD, linewidth=3.0, label="held"))
     return keys
 
 

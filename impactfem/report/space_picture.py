@@ -10,10 +10,13 @@ from matplotlib import colormaps
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import Normalize
+from matplotlib.colors import Normalize, to_rgb
 from numpy.typing import NDArray
 
-from impactfem.report.plane_picture import draw_arrows
+from impactfem.report.marks import NO_MARKS, Marks
+from impactfem.report.palette import EDGE, FLOOR, GRID, HELD, STRESS, fill, tint
+from impactfem.report.pile import Pile
+from impactfem.report.plane_picture import draw_arrows, draw_pins
 from impactfem.report.skin import Skin, Snapshot, normals, union
 from impactfem.report.slender_picture import reach, slender, widened
 from impactfem.result import Record, Snapshots
@@ -26,10 +29,10 @@ Floats = NDArray[np.float64]
 
 _ELEVATION = np.radians(14.0)
 _AZIMUTHS = np.radians([55.0, 125.0, 235.0, 305.0])
-_GREY = np.array([0.72, 0.72, 0.72, 1.0])
+_GREY = np.array([0.78, 0.78, 0.78])
+_AMBIENT = 0.62  # share of the light that comes from all around
 _ARROW = {"arrowstyle": "->", "shrinkA": 0.0, "shrinkB": 0.0}
 _LONGEST = 0.3  # share of the size that the largest contact force is drawn at
-_FLOOR, _GRID = "0.90", "0.70"
 
 
 @dataclass(frozen=True)
@@ -99,6 +102,7 @@ class SpacePainter:
         stress: Largest von Mises stress of the colours [Pa].
         pressure: Largest contact pressure of all pictures [Pa].
         force: Largest contact force of all pictures [N].
+        marks: What is drawn upon the bodies.
     """
 
     skin: Skin
@@ -107,6 +111,7 @@ class SpacePainter:
     stress: float = 1.0
     pressure: float = 0.0
     force: float = 0.0
+    marks: Marks = NO_MARKS
 
     def extent(self, snapshot: Snapshot) -> Floats:
         """Range of the body in the picture, shape (2, 2): rows are directions."""
@@ -137,7 +142,7 @@ class SpacePainter:
     def draw(self, axes: Axes, snapshot: Snapshot) -> list[Artist]:
         """Draw what belongs to one time; returns the artists from the back to the front."""
         artists: list[Artist] = []
-        faces, colours = [snapshot.place[self.skin.triangles]], [self._colours(snapshot)]
+        pile = Pile()
         centre = 0.5 * (snapshot.place.min(axis=0) + snapshot.place.max(axis=0))
         for obstacle in self.obstacles:
             at = placement(obstacle, snapshot.time)
@@ -145,28 +150,71 @@ class SpacePainter:
                 artists += self._plane(axes, obstacle, at, centre)
                 continue
             patches = at.moved(obstacle.faces(at.back(centre), 2.0 * self.skin.size))
-            faces.append(patches)
-            shade = 0.6 + 0.4 * np.abs(_unit_normals(patches) @ self._light)
-            colours.append(
-                np.concatenate([shade[:, None] * _GREY[:3], np.ones((len(shade), 1))], 1)
-            )
-        shown, tint = np.concatenate(faces), np.concatenate(colours)
-        front = _unit_normals(shown) @ self.camera.towards > 0.0
-        shown, tint = shown[front], tint[front]
-        discs, discs_tint, nodes = slender(self.skin, self.camera.flat(snapshot.place))
-        polygons = [*self.camera.flat(shown), *discs]
-        near = np.concatenate([shown.mean(axis=1), snapshot.place[nodes]]) @ self.camera.towards
-        order, tint = np.argsort(near, kind="stable"), np.concatenate([tint, discs_tint])
-        body = PolyCollection(
-            [polygons[k] for k in order], facecolors=tint[order], edgecolors="face",
-            linewidths=0.5, zorder=2, rasterized=True,
-        )  # fmt: skip
+            self._lay(pile, patches, np.broadcast_to(_GREY, (len(patches), 3)))
+        faces, two_sided = snapshot.place[self.skin.triangles], self.skin.open_faces
+        self._lay(pile, faces, self._colours(snapshot), two_sided)
+        self._lay_edges(pile, snapshot.place)
+        discs, tints, nodes = slender(self.skin, self.camera.flat(snapshot.place))
+        pile.add(discs, tints, snapshot.place[nodes] @ self.camera.towards, width=0.0)
+        body = pile.collection(2.0)
         axes.add_collection(body, autolim=False)
         artists.append(body)
         if self.force > 0.0:
             flat = self.camera.flat(snapshot.arrows)
             artists.append(draw_arrows(axes, flat, _LONGEST * self.skin.size, self.force))
-        return artists
+        return [*artists, *draw_pins(axes, self.marks, snapshot, self.camera)]
+
+    def _lay(
+        self,
+        pile: Pile,
+        faces: Floats,
+        colours: Floats,
+        two_sided: NDArray[np.bool_] | bool = False,
+    ) -> None:
+        """Lay faces on the pile that show their front, darker where they turn from the light."""
+        normal = _unit_normals(faces)
+        away = two_sided & (normal @ self.camera.towards < 0.0)
+        normal[away] *= -1.0
+        front = normal @ self.camera.towards > 0.0
+        faces, normal = faces[front], normal[front]
+        lit = _AMBIENT + (1.0 - _AMBIENT) * np.clip(normal @ self._light, 0.0, 1.0)
+        near = faces.mean(axis=1) @ self.camera.towards
+        pile.add(self.camera.flat(faces), colours[front] * lit[:, None], near)
+
+    def _lay_edges(self, pile: Pile, place: Floats) -> None:
+        """Lay edges on the pile, just before the faces beside them that show their front."""
+        ends, beside = self.skin.edges
+        if not len(ends):
+            return
+        corners = place[self.skin.triangles]
+        towards = self.camera.towards
+        near = corners.mean(axis=1) @ towards
+        near[(_unit_normals(corners) @ towards <= 0.0) & ~self.skin.open_faces] = -np.inf
+        nearest = near[beside].max(axis=1)
+        shown = np.isfinite(nearest)
+        ends, nearest = ends[shown], nearest[shown]
+        held = self.marks.held[ends].all(axis=1) if self.marks.held.any() else nearest < -np.inf
+        owners = self.skin.bodies[ends[:, 0]]
+        colours = np.where(
+            self.skin.is_stressed[ends].all(axis=1)[:, None], to_rgb(EDGE), self._tints[owners]
+        )
+        for some, tone, width in ((~held, colours, 0.8), (held, to_rgb(HELD), 2.5)):
+            own = tone[some] if isinstance(tone, np.ndarray) else tone
+            lines = self.camera.flat(place[ends[some]])
+            pile.add(lines, own, nearest[some] + 1e-6 * self.skin.size, width=width)
+
+    @cached_property
+    def _tints(self) -> Floats:
+        return np.array([tint(k) for k in range(len(self.skin.names))])
+
+    @cached_property
+    def _plain(self) -> Floats:
+        """Colours of faces without stress: in those of their bodies, with marks; (triangles, 3)."""
+        owners = self.skin.bodies[self.skin.triangles[:, 0]]
+        fills = np.array([fill(k) for k in range(len(self.skin.names))])[owners]
+        marked = self.skin.marked & np.isin(owners, list(self.marks.turned))
+        fills[marked] = 0.5 * (fills + self._tints[owners])[marked]
+        return np.asarray(fills)
 
     @cached_property
     def _light(self) -> Floats:
@@ -178,23 +226,21 @@ class SpacePainter:
         return 1.6 * self.skin.size
 
     def _colours(self, snapshot: Snapshot) -> Floats:
-        """Stress as a colour, a little darker where the surface turns away."""
+        """Stress as a colour, or that of the body, shape (triangles, 3)."""
         stress = snapshot.von_mises[self.skin.triangles].mean(axis=1)
-        colours = np.array(colormaps["viridis"](Normalize(0.0, self.stress)(stress)))
-        normal = _unit_normals(snapshot.place[self.skin.triangles])
-        colours[:, :3] *= (0.8 + 0.2 * np.clip(normal @ self._light, 0.0, 1.0))[:, None]
-        return colours
+        colours = np.array(colormaps[STRESS](Normalize(0.0, self.stress)(stress)))[:, :3]
+        return np.where(self.skin.stressed[:, None], colours, self._plain)
 
     def _plane(self, axes: Axes, obstacle: Any, at: Placement, centre: Floats) -> list[Artist]:
         """A part of the plane below the body; what shows its front lies behind all bodies."""
         corners, lines = map(at.moved, obstacle.grid(at.back(centre), self._reach))
         front = float(at.turned(np.array(obstacle.unit_normal)) @ self.camera.towards) > 0.0
         plane = PolyCollection(
-            [self.camera.flat(corners)], facecolors=_FLOOR if front else "none",
-            edgecolors=_GRID, linewidths=0.8, zorder=0.5,
+            [self.camera.flat(corners)], facecolors=FLOOR if front else "none",
+            edgecolors=GRID, linewidths=0.8, zorder=0.5,
         )  # fmt: skip
         grid = LineCollection(
-            list(self.camera.flat(lines)), colors=_GRID, linewidths=0.5, zorder=0.6
+            list(self.camera.flat(lines)), colors=GRID, linewidths=0.5, zorder=0.6
         )
         for collection in (plane, grid):
             axes.add_collection(collection, autolim=False)

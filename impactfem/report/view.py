@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import MissingDependencyError, OutputError, SceneError
-from impactfem.report.arrows import FORCE, SEEN
+from impactfem.report.arrows import SEEN
+from impactfem.report.palette import FORCE, STRESS
 from impactfem.report.skin import Skin
 from impactfem.report.space_picture import Camera
 from impactfem.report.view_obstacles import obstacle_parts
@@ -141,7 +142,7 @@ class View:
         for k, part in enumerate(thickened(grid, self._layout)):
             for j, image in enumerate(self._images(part)):
                 self._add(
-                    image, f"body {k} {j}", scalars=self.field, clim=self._limits, cmap="viridis",
+                    image, f"body {k} {j}", scalars=self.field, clim=self._limits, cmap=STRESS,
                     nan_color="gray", scalar_bar_args={"title": f"{self.field} [{unit}]\n", **_BAR},
                 )  # fmt: skip
         for name, mesh, style in obstacle_parts(

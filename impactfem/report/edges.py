@@ -1,0 +1,45 @@
+"""Edges of surfaces: where two faces meet at an angle, and where a surface ends."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+_SHARP = np.cos(np.radians(40.0))
+_SAME = 1e-9  # of the size: nodes nearer to each other are one
+
+
+def feature_edges(points: Floats, triangles: Integers) -> tuple[Integers, Integers]:
+    """Edges that tell the shape of a surface.
+
+    Args:
+        points: Nodes [m], shape (nodes, 3); nodes at one place, as on a plane of symmetry, are one.
+        triangles: With their normals outward, shape (triangles, 3).
+
+    Returns:
+        The ends of each edge, shape (edges, 2), and the one or two triangles beside it, (edges, 2).
+    """
+    none = np.empty((0, 2), dtype=np.int64)
+    if not len(triangles):
+        return none, none
+    size = float(np.ptp(points, axis=0).max()) or 1.0
+    place = np.unique(np.round(points / (_SAME * size)), axis=0, return_inverse=True)[1].ravel()
+    ordered = np.sort(place[triangles], axis=1)
+    proper = np.flatnonzero((np.diff(ordered, axis=1) > 0).all(axis=1))
+    corners = points[triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    ends = triangles[proper][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    owners = np.repeat(proper, 3)
+    keys = np.sort(place[ends], axis=1)
+    order = np.lexsort(keys.T)
+    keys, ends, owners = keys[order], ends[order], owners[order]
+    new = np.append(True, (keys[1:] != keys[:-1]).any(axis=1))
+    first = np.flatnonzero(new)
+    count = np.diff(np.append(first, len(keys)))
+    second = first + np.minimum(count, 2) - 1
+    beside = np.stack([owners[first], owners[second]], axis=1)
+    sharp = np.einsum("ij,ij->i", normal[beside[:, 0]], normal[beside[:, 1]]) < _SHARP
+    shown = (count == 1) | ((count == 2) & sharp)
+    return ends[first][shown], beside[shown]
