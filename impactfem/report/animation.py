@@ -19,7 +19,7 @@ def animate(
     if path is not None:
         check_ending(Path(path))
     reel = _reel(result, frames, "" if path is None else f"{path}: ")
-    return Film(reel, result.scene.title) if path is None else write_film(reel, Path(path))
+    return Film(reel, result) if path is None else write_film(reel, Path(path))
 
 
 def film_if_any(result: Record, path: Path) -> Path | None:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from impactfem.report.film import BLUE, Reel, even_moments, force_beside
+from impactfem.report.film import BLUE, Reel, film_moments, force_beside
 from impactfem.report.sheet import Sheet
 from impactfem.result import Record, Snapshots
 from impactfem.result.shapes import LINE
@@ -72,7 +72,7 @@ def axis_reel(result: Record, fields: Snapshots, frames: int | None) -> AxisReel
     places = fields.places(fields.names[0])[:, :, :2]
     if not np.isfinite(places).all():
         return None
-    moments = even_moments(fields.times, frames or _FRAMES)
+    moments = film_moments(result, fields.times, frames or _FRAMES)
     figure = Sheet(9.0, 4.0, dpi=90)
     left, right = figure.subplots(1, 2, width_ratios=[1.2, 1.0])
     curves = _way(left, result, places)

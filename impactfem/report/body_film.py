@@ -13,7 +13,7 @@ from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from impactfem.report.film import Reel, cursor, even_moments, force_beside
+from impactfem.report.film import Reel, cursor, film_moments, force_beside
 from impactfem.report.palette import STRESS
 from impactfem.report.panel import colour
 from impactfem.report.panel_figure import draw_panel
@@ -84,7 +84,7 @@ def body_reel(result: Record, fields: Snapshots, frames: int | None) -> BodyReel
     skin = skin_of(result, fields)
     if frames is None:
         frames = int(np.clip(_TRIANGLES // max(1, len(skin.triangles)), _LEAST, _MOST))
-    layers = even_moments(fields.times, frames)
+    layers = film_moments(result, fields.times, frames)
     painter, extents = survey(result, skin, (skin.snapshot(int(layer)) for layer in layers))
     if not extents:
         return None

@@ -19,6 +19,7 @@ from PIL import Image
 
 from impactfem.errors import MissingDependencyError, OutputError
 from impactfem.report.player import player
+from impactfem.report.telling import acting, peak_layer
 from impactfem.result import Record
 
 BLUE = "#0b559f"
@@ -66,15 +67,17 @@ class Reel(ABC):
 class Film(FuncAnimation):
     """An animation of Matplotlib that shows itself in a notebook, with a slider."""
 
-    def __init__(self, reel: Reel, title: str) -> None:
-        """Take a reel; nothing is drawn before the film is shown or saved."""
-        self._reel, self._title = reel, title
+    def __init__(self, reel: Reel, result: Record) -> None:
+        """Take the reel of a result; nothing is drawn before the film is shown or saved."""
+        self._reel, self._title = reel, result.scene.title
+        self._opening = peak_layer(result, reel.times) if acting(result)[1].any() else 0
         interval = 1000.0 / frame_rate(reel.count)
         super().__init__(reel.figure, reel.show, frames=reel.count, interval=interval, blit=False)
 
     def _repr_html_(self) -> str:
         # Matplotlib's own player draws each frame anew and fetches its symbols from the network.
-        return player(_frames(self._reel), frame_rate(self._reel.count), self._title)
+        rate = frame_rate(self._reel.count)
+        return player(_frames(self._reel), rate, self._title, self._opening)
 
     def __del__(self) -> None:
         """Go silently: a film that was only returned and never shown is no mistake."""
@@ -106,6 +109,15 @@ def cursor(axes: Axes) -> Line2D:
     line = axes.axvline(0.0, color="black", linewidth=1.0)
     line.set_animated(True)
     return line
+
+
+def film_moments(result: Record, times: NDArray[np.float64], frames: int) -> NDArray[np.int64]:
+    """Layers at about equal distances in time, at most so many, one at the largest force."""
+    found = even_moments(times, frames)
+    peak = peak_layer(result, times)
+    if 0 < peak < len(times) - 1 and len(found) > 2:
+        found[1 + int(np.abs(found[1:-1] - peak).argmin())] = peak
+    return np.unique(found)
 
 
 def even_moments(times: NDArray[np.float64], frames: int) -> NDArray[np.int64]:

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from impactfem.contact.distance import on_a_line
-from impactfem.report.film import Reel, cursor, even_moments, force_beside
+from impactfem.report.film import Reel, cursor, film_moments, force_beside
 from impactfem.report.line_panels import magnified
 from impactfem.report.motion_panels import motion
 from impactfem.report.panel import colour
@@ -82,7 +82,7 @@ def line_reel(result: Record, fields: Snapshots, frames: int | None) -> LineReel
     Returns:
         None if the motion is not finite.
     """
-    moments = even_moments(fields.times, frames or _FRAMES)
+    moments = film_moments(result, fields.times, frames or _FRAMES)
     if isinstance(fields, Fields):
         return _bars(result, fields, moments)
     return _bodies(result, fields, moments)

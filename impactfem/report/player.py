@@ -11,7 +11,7 @@ _PAGE = """<div id="{name}" style="display:inline-block;max-width:100%">
 <img alt="{text}" style="display:block;max-width:100%">
 <div style="display:flex;gap:8px;align-items:center">
 <button type="button" aria-label="play or stop">&#9654;</button>
-<input type="range" min="0" max="{last}" value="0" aria-label="moment" style="flex:1"></div>
+<input type="range" min="0" max="{last}" value="{opening}" aria-label="moment" style="flex:1"></div>
 <script>(function () {{
   const frames = [{frames}];
   const box = document.getElementById("{name}");
@@ -35,19 +35,21 @@ _PAGE = """<div id="{name}" style="display:inline-block;max-width:100%">
 }})();</script></div>"""
 
 
-def player(frames: Iterable[Image.Image], rate: float, text: str) -> str:
+def player(frames: Iterable[Image.Image], rate: float, text: str, opening: int = 0) -> str:
     """A picture with a slider below it and a button that lets it run.
 
     Args:
         frames: In RGB.
         rate: Frames a second.
         text: What it shows, for those who do not see it.
+        opening: The frame that it shows first.
     """
     codes = [_code(frame) for frame in frames]
     return _PAGE.format(
         name=f"impactfem-{uuid4().hex}",
         text=text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;"),
         last=len(codes) - 1,
+        opening=opening,
         frames=",".join(f'"{code}"' for code in codes),
         interval=round(1000.0 / rate),
     )

@@ -18,6 +18,7 @@ from impactfem.report.pressure_maps import draw_pressure_maps
 from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin, Snapshot, union
 from impactfem.report.space_picture import Camera, SpacePainter, skin_of
+from impactfem.report.telling import telling_snapshots
 from impactfem.result import Record
 from impactfem.result.whole import Whole
 from impactfem.scene.pairing import self_meeting
@@ -27,11 +28,12 @@ type Painter = PlanePainter | SpacePainter
 
 _FAR = 2.5  # a body that moves farther than so many of its sizes is followed
 
-_SEEN = 0.01  # share of the size or of the largest stress from which a difference is seen
 _COLOURED = 0.99  # share of the nodes below the end of the colours
 
-LABEL = "von Mises stress [Pa]\n(one scale for all times, to the 99th percentile)"
+LABEL = "von Mises stress [Pa]"
 """Label of the colours."""
+SCALE = "Colours: one scale for all times, which ends at the 99th percentile"
+"""What is said of them."""
 FLAT = 0.3
 """Height over width of a picture below which panels stand one above the other."""
 
@@ -115,8 +117,10 @@ def body(result: Record) -> Figure | None:
             [body.name for body in result.scene.bodies],
             result.summary.get("details", {}).get("carriers", {}).values(),
         )  # fmt: skip
-    if keys := _keys(painter, areas=not maps):
-        figure.legend(handles=keys, loc="outside lower center", frameon=False)
+    keys = _keys(painter, areas=not maps)
+    if keys or stressed:
+        title = SCALE if stressed else None
+        figure.legend(handles=keys, loc="outside lower center", frameon=False, title=title)
     what = "bodies" if len(result.scene.bodies) > 1 else "body"
     what = f"deformed {what}" if result.scene.meshed else what
     figure.suptitle(_title(result, f"{what}, true to scale"), fontsize=11)
@@ -154,67 +158,6 @@ def _marks_keys(marks: Marks) -> list[Patch | Line2D]:
 def forces_key(painter: Painter) -> str:
     """What the arrows of pictures say."""
     return f"contact forces, the longest arrow {painter.force:.3g} N"
-
-
-def telling_layers(result: Record, most: int = 6) -> list[int]:
-    """Kept layers that tell the motion: the first, some around the largest force, the last.
-
-    Args:
-        result: With fields of a solid.
-        most: 4 or 6.
-    """
-    moments = result.fields.times if result.fields is not None else np.zeros(1)
-    times, force = result.rows["time"].values, result.rows["contact_force"].values
-    if not np.isfinite(force).all() or force.max() <= 0.0:
-        wanted = np.linspace(moments[0], moments[-1], 4)
-    else:
-        peak = int(np.argmax(force))
-        quiet = np.flatnonzero(force <= 1e-6 * force[peak])
-        before, after = quiet[quiet < peak], quiet[quiet > peak]
-        start = times[before[-1]] if len(before) else times[0]
-        end = times[after[0]] if len(after) else times[-1]
-        between = [0.5 * (start + times[peak]), times[peak]]
-        around = between if most < 6 else [start, *between, end]
-        wanted = np.array([times[0], *around, times[-1]])
-    nearest = np.abs(moments[None] - wanted[:, None]).argmin(axis=1)
-    return [int(layer) for layer in np.unique(nearest)]
-
-
-def telling_snapshots(result: Record, skin: Skin, most: int) -> list[Snapshot]:
-    """Snapshots of `telling_layers` that are finite and differ from each other.
-
-    Where two look the same, the later one stays, and another is taken within the longest time that
-    passes between two, if it differs from both.
-    """
-    wanted = telling_layers(result, most)
-    found: list[Snapshot] = []
-    for snapshot in filter(lambda each: each.is_finite, map(skin.snapshot, wanted)):
-        if found and _alike(found[-1], snapshot, skin.size):
-            found.pop()
-        found.append(snapshot)
-    times = skin.fields.times
-    for _ in range(len(wanted) - len(found)):
-        if len(found) < 2:
-            break
-        gap = int(np.argmax(np.diff([snapshot.time for snapshot in found])))
-        middle = 0.5 * (found[gap].time + found[gap + 1].time)
-        between = skin.snapshot(int(np.abs(times - middle).argmin()))
-        if not between.is_finite or any(
-            _alike(between, beside, skin.size) for beside in found[gap : gap + 2]
-        ):
-            break
-        found.insert(gap + 1, between)
-    return found
-
-
-def _alike(one: Snapshot, other: Snapshot, size: float) -> bool:
-    """Whether two pictures would look the same."""
-    if np.abs(one.place - other.place).max() > _SEEN * size:
-        return False
-    for a, b in ((one.von_mises, other.von_mises), (one.pressure, other.pressure)):
-        if np.abs(a - b).max() > _SEEN * max(float(a.max()), float(b.max())):
-            return False
-    return True
 
 
 def _square(window: Floats) -> Floats:
