@@ -10,7 +10,7 @@ Floats = NDArray[np.float64]
 
 _LOOKED = 48  # layers that are compared
 _NODES = 400  # of each
-_SEEN = 0.02  # share of the size from which motion is seen
+_SEEN = 0.5  # share of the size: shorter ways count less than the change of the stress
 _TOP = 0.99  # quantile of the stress that counts as the largest
 _APART = 0.1  # least change from one picture to another, of the largest of the motion
 
@@ -85,16 +85,16 @@ def _look(skin: Skin, snapshot: Snapshot) -> Floats:
 
 
 def _features(looks: Floats, size: float) -> Floats:
-    """Places and stress as shares of what they change, shape (layers, values)."""
+    """Places and stress, the farthest from the start at a distance of 1; (layers, values)."""
     places, stress = looks[:, :3], looks[:, 3]
-    way = float(np.linalg.norm(places - places[:1], axis=1).max()) * 2.0
+    way = float(np.linalg.norm(places - places[:1], axis=1).max())
     top = float(np.quantile(stress, _TOP)) or float(stress.max())
     parts = [
         (places / max(way, _SEEN * size)).reshape(len(looks), -1),
         np.minimum(stress / top, 1.0) if top else stress,
     ]
-    count = max(1, stress.shape[1])
-    return np.concatenate(parts, axis=1) / np.sqrt(count)
+    found = np.concatenate(parts, axis=1)
+    return np.asarray(found / (_distances(found, 0).max() or 1.0))
 
 
 def _distances(features: Floats, chosen: int) -> Floats:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection, TriMesh
 from PIL import Image
-from synthetic import CONTACT, PEAK_FORCE, PEAK_PRESSURE, RADIUS, solid_result
+from synthetic import PEAK_FORCE, PEAK_PRESSURE, RADIUS, solid_result
 
 from impactfem import Result
 from impactfem.errors import MissingDependencyError, OutputError
