@@ -12,6 +12,7 @@ SEEN = 0.01
 """Share of the largest arrow below which none is drawn."""
 
 _ALIKE = 0.8  # share of the sum of the amounts that a resultant has at least, else it is split
+_NEAR, _EQUAL = 0.12, 0.1  # share of the size, and of a force, up to which two are one
 _SAME = 1e-6  # of the size: nodes nearer to a plane of symmetry lie on it
 
 
@@ -58,6 +59,42 @@ def resultants(
             own += images
         arrows += own
     return np.array(arrows).reshape(-1, 2, 3)
+
+
+def once(arrows: Floats, size: float) -> Floats:
+    """Each force once: without the reactions that bodies have to each other, and near ones joined.
+
+    Args:
+        arrows: As of `resultants`, those on the body that shall have them first.
+        size: Of the bodies [m].
+
+    Returns:
+        The same without the second of two that are opposite and equal, (arrows, 2, 3); of several
+        close to each other that go about the same way, the sum.
+    """
+    sums = list[Floats]()
+    while len(arrows):
+        first = arrows[0]
+        along = arrows[:, 1] @ first[1]
+        amounts = np.linalg.norm(arrows[:, 1], axis=1)
+        joined = _near(arrows, first, size) & (along > _ALIKE * amounts * amounts[0])
+        joined[0] = True
+        weights = amounts[joined] / max(float(amounts[joined].sum()), 1e-300)
+        sums.append(np.stack([weights @ arrows[joined, 0], arrows[joined, 1].sum(axis=0)]))
+        arrows = arrows[~joined]
+    found = np.array(sums).reshape(-1, 2, 3)
+    kept = [
+        not (
+            _near(found[:k], one, size)
+            & (np.linalg.norm(found[:k, 1] + one[1], axis=1) < _EQUAL * np.linalg.norm(one[1]))
+        ).any()
+        for k, one in enumerate(found)
+    ]
+    return found[np.array(kept, dtype=bool)]
+
+
+def _near(arrows: Floats, one: Floats, size: float) -> NDArray[np.bool_]:
+    return np.asarray(np.linalg.norm(arrows[:, 0] - one[0], axis=1) < _NEAR * size)
 
 
 def _patches(pressed: NDArray[np.bool_], links: Sequence[Integers]) -> list[Integers]:

@@ -21,8 +21,16 @@ from impactfem.report.panels import gap
 from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin
 from impactfem.report.slender_picture import tracks
-from impactfem.report.solid_figures import FLAT, LABEL, Painter, forces_key, survey
-from impactfem.report.space_picture import SpacePainter, skin_of
+from impactfem.report.solid_figures import (
+    FLAT,
+    LABEL,
+    Painter,
+    drawn_skin,
+    forces_key,
+    scale_of,
+    survey,
+)
+from impactfem.report.space_picture import SpacePainter
 from impactfem.result import Record, Snapshots
 
 Floats = NDArray[np.float64]
@@ -81,7 +89,7 @@ def body_reel(result: Record, fields: Snapshots, frames: int | None) -> BodyReel
     Returns:
         None if nothing of the motion is finite.
     """
-    skin = skin_of(result, fields)
+    skin = drawn_skin(result, fields)
     if frames is None:
         frames = int(np.clip(_TRIANGLES // max(1, len(skin.triangles)), _LEAST, _MOST))
     layers = film_moments(result, fields.times, frames)
@@ -97,10 +105,11 @@ def body_reel(result: Record, fields: Snapshots, frames: int | None) -> BodyReel
         left, right = figure.subplots(1, 2, width_ratios=[1.3, 1.0])
     above = painter.prepare(left, window, float(fields.times[layers[0]]))
     if skin.is_stressed.any():
-        colours = ScalarMappable(Normalize(0.0, painter.stress), STRESS)
+        colours = ScalarMappable(Normalize(*painter.stress), STRESS)
         figure.colorbar(colours, ax=left, label=LABEL, shrink=0.9)
-    if painter.force > 0.0:
-        left.set_title(f"arrows: {forces_key(painter)}", fontsize=9)
+    told = [scale_of(skin)] if skin.relief is not None else []
+    told += [f"arrows: {forces_key(painter)}"] if painter.force > 0.0 else []
+    left.set_title("\n".join(told), fontsize=9)
     now = _beside(right, result)
     figure.suptitle(result.scene.title, fontsize=11)
     clock = left.text(0.02, 0.98, "", transform=left.transAxes, va="top", zorder=5, fontsize=9)
@@ -124,7 +133,7 @@ def _beside(axes: Axes, result: Record) -> Line2D:
 
 def _ways(skin: Skin, painter: Painter) -> Floats:
     """Where points are in the picture at all layers [m], shape (layers, points, 2)."""
-    if not len(skin.balls):
+    if not len(skin.balls) or skin.relief is not None:
         return np.empty((len(skin.fields), 0, 2))
     own = skin.balls[skin.balls < len(skin.points) >> len(skin.mirrors)]
     first, last = int(own.min()), int(own.max()) + 1

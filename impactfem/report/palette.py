@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from impactfem.report.panel import colour
 
-STRESS = "viridis"
+STRESS = "YlGnBu"
 """Colours of solids, by their stress."""
 PRESSURES = "YlOrBr"
 """Colours of maps of the contact pressure."""

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import to_rgb
+from matplotlib.colors import Normalize, to_rgb
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
@@ -49,7 +49,7 @@ class PlanePainter:
         skin: Skin of the bodies.
         obstacles: Obstacles of the scene.
         axisymmetric: Whether x is the radius.
-        stress: Largest von Mises stress of the colours [Pa].
+        stress: Von Mises stress at the ends of the colours [Pa].
         pressure: Largest contact pressure of all pictures [Pa].
         force: Largest contact force of all pictures [N].
         several: Whether bodies can strike each other: then the pressure is a line along the
@@ -60,7 +60,7 @@ class PlanePainter:
     skin: Skin
     obstacles: Sequence[Any]
     axisymmetric: bool
-    stress: float = 1.0
+    stress: tuple[float, float] = (0.0, 1.0)
     pressure: float = 0.0
     force: float = 0.0
     several: bool = False
@@ -104,7 +104,7 @@ class PlanePainter:
             x, y = snapshot.place[:, 0], snapshot.place[:, 1]
             colours = axes.tripcolor(
                 Triangulation(x, y, self.skin.triangles[self.skin.stressed]), snapshot.von_mises,
-                shading="gouraud", cmap=STRESS, vmin=0.0, vmax=self.stress, rasterized=True,
+                shading="gouraud", cmap=STRESS, norm=Normalize(*self.stress), rasterized=True,
             )  # fmt: skip
             outline = LineCollection(list(ends[self._outlined]), colors=EDGE, linewidths=0.5)
             axes.add_collection(outline, autolim=False)
@@ -147,7 +147,7 @@ class PlanePainter:
         for body in self.marks.turned:
             line = spoke(skin, snapshot, body)[:, :2]
             soft = skin.is_stressed[skin.solid_nodes[body]].any()
-            pile.add(line[None], to_rgb("white") if soft else tint(body), width=1.2)
+            pile.add(line[None], to_rgb(EDGE) if soft else tint(body), width=1.2)
         return pile
 
     @property
@@ -223,7 +223,7 @@ def draw_arrows(axes: Axes, arrows: Floats, longest: float, largest: float) -> A
     return axes.quiver(
         *shown[:, 0].T, *(longest / largest * shown[:, 1].T), scale=1.0, scale_units="xy",
         angles="xy", color=FORCE, width=0.008, headwidth=4.0, headlength=5.0, headaxislength=4.5,
-        minlength=0.5, zorder=4,
+        minlength=0.5, zorder=4, edgecolor="white", linewidth=0.4,
     )  # fmt: skip
 
 

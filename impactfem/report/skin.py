@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.report.arrows import resultants
+from impactfem.report.arrows import once, resultants
 from impactfem.report.edges import feature_edges
 from impactfem.result import Snapshots
 from impactfem.result.cell_kinds import BY_VTK_TYPE, CellKind, boundary_facets, face_triangles
@@ -75,6 +76,7 @@ class Skin:
         mirrors: Axis and coordinate [m] of the planes that the body is mirrored at, in this order.
         opened: Whether one image is left out, so that cut faces are seen.
         span: How far the bodies move about [m], where that says how large the picture is.
+        relief: What magnifies the heights of a plate, with a method ``drawn``.
     """
 
     fields: Snapshots
@@ -91,6 +93,7 @@ class Skin:
     mirrors: tuple[tuple[int, float], ...] = ()
     opened: bool = False
     span: float = 0.0
+    relief: Any = None
 
     @classmethod
     def of(
@@ -244,6 +247,8 @@ class Skin:
             _fill_middles(facets, self.dim, pressure, touching)
         images = 2 ** len(self.mirrors)
         places = self.points[:count] + values["displacement"]
+        if self.relief is not None:
+            places = self.relief.drawn(self.points[:count], places)
         forces = np.nan_to_num(values.get("contact_force", np.zeros((count, 3))))
         return Snapshot(
             time=float(self.fields.times[layer]),
@@ -255,12 +260,13 @@ class Skin:
         )
 
     def _arrows(self, places: Floats, forces: Floats) -> Floats:
-        """Contact forces on patches; those on balls and rods act on their surface."""
+        """Contact forces, each once; those on balls and rods act on their surface."""
         amount = np.linalg.norm(forces, axis=1, keepdims=True)
         inward = np.divide(forces, amount, out=np.zeros_like(forces), where=amount > 0.0)
         surface = places - self.radius[: len(places), None] * inward
         lines = self.lines[(self.lines < len(places)).all(axis=1)]
-        return resultants(forces, surface, [*self.facets, lines], self.mirrors)
+        found = resultants(forces, surface, [*self.facets, lines], self.mirrors)
+        return once(found, self.size)
 
 
 def _surface(

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from textwrap import fill
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
@@ -15,11 +16,12 @@ from impactfem.report.marks import Marks
 from impactfem.report.palette import FORCE, HELD, PRESSURE, STRESS
 from impactfem.report.plane_picture import WIDEST, PlanePainter
 from impactfem.report.pressure_maps import draw_pressure_maps
+from impactfem.report.relief import relief_of
 from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin, Snapshot, union
 from impactfem.report.space_picture import Camera, SpacePainter, skin_of
 from impactfem.report.telling import telling_snapshots
-from impactfem.result import Record
+from impactfem.result import Record, Snapshots
 from impactfem.result.whole import Whole
 from impactfem.scene.pairing import self_meeting
 
@@ -29,6 +31,8 @@ type Painter = PlanePainter | SpacePainter
 _FAR = 2.5  # a body that moves farther than so many of its sizes is followed
 
 _COLOURED = 0.99  # share of the nodes below the end of the colours
+_LETTERS = 11  # of a title for each inch
+_TENSE = 0.5  # share of the largest stress that all have, from which the colours begin there
 
 LABEL = "von Mises stress [Pa]"
 """Label of the colours."""
@@ -48,21 +52,21 @@ def survey(
     """
     painter = _painter(result, skin)
     marks = Marks.of(result.scene, skin)
-    stress, pressure, force, extents = 0.0, 0.0, 0.0, []
+    stress, least, pressure, force, extents = 0.0, np.inf, 0.0, 0.0, []
     for snapshot in snapshots:
         if snapshot.is_finite:
             if skin.is_stressed.any():  # a spot at the edge of contact would spoil the colours
                 seen = snapshot.von_mises[skin.nodes][skin.is_stressed[skin.nodes]]
                 stress = max(stress, float(np.quantile(seen, _COLOURED)))
+                least = min(least, float(np.quantile(seen, 1.0 - _COLOURED)))
             pressure = max(pressure, float(snapshot.pressure.max()))
             force = max(force, snapshot.largest_force)
             extents.append(painter.extent(snapshot))
             marks = marks.seen(skin, snapshot)
     if extents and not len(skin.triangles):
         skin = replace(skin, span=float(np.ptp(union(extents, 0.0), axis=1).max()))
-    found = replace(
-        painter, skin=skin, stress=stress or 1.0, pressure=pressure, force=force, marks=marks
-    )
+    ends = least if stress * _TENSE < least < stress else 0.0, stress or 1.0
+    found = replace(painter, skin=skin, stress=ends, pressure=pressure, force=force, marks=marks)
     return found, extents
 
 
@@ -78,7 +82,7 @@ def body(result: Record) -> Figure | None:
     """Snapshots of the deformed body with its obstacles, true to scale; None if nothing can be."""
     if result.fields is None:
         return None
-    skin = skin_of(result, result.fields)
+    skin = drawn_skin(result, result.fields)
     snapshots = telling_snapshots(result, skin, 6 if skin.dim == 2 else 4)
     if not snapshots:
         return None
@@ -88,7 +92,9 @@ def body(result: Record) -> Figure | None:
     follows = float(np.ptp(window, axis=1).max()) > _FAR * painter.skin.size
     aspect = 1.0 if follows else float(np.ptp(window[1]) / np.ptp(window[0]))
     side_by_side = aspect > 1.8 or (aspect > 1.2 and len(snapshots) == 4) or maps
-    columns = len(snapshots) if side_by_side else min(3, len(snapshots))
+    columns = (
+        len(snapshots) if side_by_side else min(2 if len(snapshots) == 4 else 3, len(snapshots))
+    )
     if aspect < FLAT and not maps:
         columns = 1
     rows = -(-len(snapshots) // columns)
@@ -108,7 +114,7 @@ def body(result: Record) -> Figure | None:
     for axes in panels[len(snapshots) :]:
         axes.set_visible(False)
     if stressed:
-        colours = ScalarMappable(Normalize(0.0, painter.stress), STRESS)
+        colours = ScalarMappable(Normalize(*painter.stress), STRESS)
         figure.colorbar(colours, ax=list(panels), label=LABEL, shrink=0.9)
     if maps:
         closed = Skin.of(result.fields, Whole.of_summary(result.summary))
@@ -123,8 +129,22 @@ def body(result: Record) -> Figure | None:
         figure.legend(handles=keys, loc="outside lower center", frameon=False, title=title)
     what = "bodies" if len(result.scene.bodies) > 1 else "body"
     what = f"deformed {what}" if result.scene.meshed else what
-    figure.suptitle(_title(result, f"{what}, true to scale"), fontsize=11)
+    title = _title(result, f"{what}, {scale_of(skin)}")
+    figure.suptitle(fill(title, round(_LETTERS * width)), fontsize=11)
     return figure
+
+
+def drawn_skin(result: Record, fields: Snapshots) -> Skin:
+    """The skin of still pictures and films: of a plate with its deflection magnified."""
+    skin = skin_of(result, fields)
+    return replace(skin, relief=relief_of(result.scene, skin) if skin.dim == 3 else None)
+
+
+def scale_of(skin: Skin) -> str:
+    """What is said of the scale."""
+    if skin.relief is None:
+        return "true to scale"
+    return f"deflection and gaps magnified {skin.relief.factor:g} times"
 
 
 def _keys(painter: Painter, *, areas: bool) -> list[Patch | Line2D]:

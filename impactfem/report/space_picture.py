@@ -1,7 +1,7 @@
 """Pictures of bodies in space, projected and shaded here: no display and no VTK is needed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -27,7 +27,7 @@ from impactfem.scene.obstacles.rotation import Placement, placement
 
 Floats = NDArray[np.float64]
 
-_ELEVATION = np.radians(14.0)
+_ELEVATION, _STEEP = np.radians(14.0), np.radians(40.0)  # of the view; upon plates
 _AZIMUTHS = np.radians([55.0, 125.0, 235.0, 305.0])
 _GREY = np.array([0.78, 0.78, 0.78])
 _AMBIENT = 0.62  # share of the light that comes from all around
@@ -50,7 +50,9 @@ class Camera:
     towards: Floats
 
     @classmethod
-    def facing(cls, vertical: Floats, planes: Sequence[Floats]) -> "Camera":
+    def facing(
+        cls, vertical: Floats, planes: Sequence[Floats], elevation: float = _ELEVATION
+    ) -> "Camera":
         """Look down a little, from where most planes (by their normals) show their front."""
         first = np.eye(3)[int(np.argmin(np.abs(vertical)))]
         if abs(vertical[1]) > 0.9:
@@ -59,8 +61,8 @@ class Camera:
         first /= np.linalg.norm(first)
         second = np.cross(first, vertical)  # with y up: x right and z towards the viewer
         views = [
-            np.cos(_ELEVATION) * (np.cos(a) * first + np.sin(a) * second)
-            + np.sin(_ELEVATION) * vertical
+            np.cos(elevation) * (np.cos(a) * first + np.sin(a) * second)
+            + np.sin(elevation) * vertical
             for a in _AZIMUTHS
         ]
         towards = max(views, key=lambda view: sum(bool(view @ n > 1e-9) for n in planes))
@@ -71,7 +73,8 @@ class Camera:
     @classmethod
     def of(cls, scene: Scene) -> "Camera":
         """The view of a scene."""
-        return cls.facing(vertical_of(scene), plane_normals(scene))
+        steep = _STEEP if _plate_normal(scene) is not None else _ELEVATION
+        return cls.facing(vertical_of(scene), plane_normals(scene), steep)
 
     def flat(self, places: Floats) -> Floats:
         """Where places appear, shape (..., 2)."""
@@ -85,10 +88,18 @@ def plane_normals(scene: Scene) -> list[Floats]:
 
 
 def vertical_of(scene: Scene) -> Floats:
-    """What points up: against gravity, or along y without any; shape (3,)."""
+    """What points up: a plate's normal, else against gravity, or along y without any; (3,)."""
+    if (normal := _plate_normal(scene)) is not None:
+        return normal
     gravity = np.asarray(scene.vector_gravity.at(0.0), dtype=np.float64)
     size = float(np.linalg.norm(gravity))
     return -gravity / size if size > 0.0 else np.eye(3)[1]
+
+
+def _plate_normal(scene: Scene) -> Floats | None:
+    """Normal of the plate; None without one, or beside solids."""
+    plates = [body for body in scene.bodies if body.kind == "plate"]
+    return np.asarray(plates[0].frame[1][2]) if plates and not scene.solids else None
 
 
 @dataclass(frozen=True)
@@ -99,7 +110,7 @@ class SpacePainter:
         skin: Skin of the solid.
         obstacles: Obstacles of the scene.
         camera: Where it is looked from.
-        stress: Largest von Mises stress of the colours [Pa].
+        stress: Von Mises stress at the ends of the colours [Pa].
         pressure: Largest contact pressure of all pictures [Pa].
         force: Largest contact force of all pictures [N].
         marks: What is drawn upon the bodies.
@@ -108,7 +119,7 @@ class SpacePainter:
     skin: Skin
     obstacles: Sequence[Any]
     camera: Camera
-    stress: float = 1.0
+    stress: tuple[float, float] = (0.0, 1.0)
     pressure: float = 0.0
     force: float = 0.0
     marks: Marks = NO_MARKS
@@ -146,6 +157,8 @@ class SpacePainter:
         centre = 0.5 * (snapshot.place.min(axis=0) + snapshot.place.max(axis=0))
         for obstacle in self.obstacles:
             at = placement(obstacle, snapshot.time)
+            if self.skin.relief is not None:
+                at = replace(at, shift=at.shift + self.skin.relief.shift(obstacle, snapshot.time))
             if obstacle.plane_normal is not None:
                 artists += self._plane(axes, obstacle, at, centre)
                 continue
@@ -201,7 +214,8 @@ class SpacePainter:
         for some, tone, width in ((~held, colours, 0.8), (held, to_rgb(HELD), 2.5)):
             own = tone[some] if isinstance(tone, np.ndarray) else tone
             lines = self.camera.flat(place[ends[some]])
-            pile.add(lines, own, nearest[some] + 1e-6 * self.skin.size, width=width)
+            before = (0.05 if width > 1.0 else 1e-6) * self.skin.size
+            pile.add(lines, own, nearest[some] + before, width=width)
 
     @cached_property
     def _tints(self) -> Floats:
@@ -218,7 +232,7 @@ class SpacePainter:
 
     @cached_property
     def _light(self) -> Floats:
-        light = self.camera.towards + 0.5 * self.camera.up - 0.4 * self.camera.right
+        light = self.camera.towards + 0.8 * self.camera.up - 0.8 * self.camera.right
         return np.asarray(light / np.linalg.norm(light))
 
     @property
@@ -228,7 +242,7 @@ class SpacePainter:
     def _colours(self, snapshot: Snapshot) -> Floats:
         """Stress as a colour, or that of the body, shape (triangles, 3)."""
         stress = snapshot.von_mises[self.skin.triangles].mean(axis=1)
-        colours = np.array(colormaps[STRESS](Normalize(0.0, self.stress)(stress)))[:, :3]
+        colours = np.array(colormaps[STRESS](Normalize(*self.stress)(stress)))[:, :3]
         return np.where(self.skin.stressed[:, None], colours, self._plain)
 
     def _plane(self, axes: Axes, obstacle: Any, at: Placement, centre: Floats) -> list[Artist]:

@@ -6,7 +6,7 @@ from matplotlib.quiver import Quiver
 from synthetic import PEAK_FORCE, solid_result
 
 import impactfem
-from impactfem.report.arrows import resultants
+from impactfem.report.arrows import once, resultants
 from impactfem.report.body_film import body_reel
 
 CHAIN = np.stack([np.arange(9), np.arange(9) + 1], axis=1)
@@ -113,3 +113,15 @@ def test_forces_on_nodes_sum_up_to_those_of_the_history():
         assert floor[name].max() > 0.0
         assert np.abs(rubs[name]).max() > 0.0
     assert between.max() > 0.0
+
+
+def test_each_force_is_drawn_once():
+    """Without the reaction on the other body; a patch in pieces has one arrow."""
+    push = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 3.0]])
+    back = np.array([[0.001, 0.0, 0.0], [0.0, 0.0, -3.0]])
+    piece = np.array([[0.03, 0.0, 0.0], [0.0, 0.3, 1.0]])
+    far = np.array([[0.9, 0.0, 0.0], [0.0, 0.0, -3.0]])
+    assert once(np.array([push, back, far]), 1.0) == pytest.approx(np.array([push, far]))
+    (joined,) = once(np.array([push, piece]), 1.0)
+    assert joined[1] == pytest.approx([0.0, 0.3, 4.0])
+    assert push[0, 0] < joined[0, 0] < piece[0, 0]

@@ -35,7 +35,7 @@ def draw_solids_in_space(result: Record) -> Figure | None:
         return None
     plain = np.full(len(snapshot.place), _SHADE)
     snapshot = replace(snapshot, von_mises=plain, pressure=np.zeros(len(plain)))
-    painter = replace(painter, stress=1.0)
+    painter = replace(painter, stress=(0.0, 1.0))
     window = painter.window(extents)
     window[:, 0] -= 0.12 * skin.size
     window[:, 1] += 0.12 * skin.size
