@@ -1,7 +1,7 @@
 /* What the views of the moving picture share: numbers, colours, canvas, scales, obstacles, windows. */
 "use strict";
 const impactfemTools = (function () {
-  const VIRIDIS = [[68, 1, 84], [71, 45, 123], [59, 82, 139], [44, 114, 142], [33, 145, 140], [40, 174, 128], [94, 201, 98], [173, 220, 48], [253, 231, 37]];
+  const STRESS = [[255, 255, 217], [237, 248, 177], [199, 233, 180], [127, 205, 187], [65, 182, 196], [29, 145, 192], [34, 94, 168], [37, 52, 148], [8, 29, 88]]; // as in the pictures
   const SIGNED = [[33, 102, 172], [103, 169, 207], [240, 240, 240], [239, 138, 98], [178, 24, 43]];
   const SOLID = "#d0d0d0", EDGE = "#666666"; // of obstacles
   const FOOT = 34; // height of scale and colours below a picture [px]
@@ -198,5 +198,5 @@ const impactfemTools = (function () {
 
   const fitted = (win, most) => (width) => Math.min(most, Math.max(130, width * (win[3] - win[2]) / (win[1] - win[0]) + FOOT));
 
-  return {VIRIDIS, SIGNED, SOLID, EDGE, FOOT, unpack, tint, short, prefixed, quantity, titled, largest, make, stage, mapping, widened, legend, grid, drawObstacles, windows, fitted};
+  return {STRESS, SIGNED, SOLID, EDGE, FOOT, unpack, tint, short, prefixed, quantity, titled, largest, make, stage, mapping, widened, legend, grid, drawObstacles, windows, fitted};
 })();

@@ -2,7 +2,7 @@
    Needs motion_tools.js, and Plotly for bodies in space. */
 "use strict";
 const impactfemViews = (function () {
-  const {VIRIDIS, SIGNED, SOLID, EDGE, FOOT, unpack, tint, titled, stage, mapping, widened, legend, grid, drawObstacles, windows, fitted} = impactfemTools;
+  const {STRESS, SIGNED, SOLID, EDGE, FOOT, unpack, tint, titled, stage, mapping, widened, legend, grid, drawObstacles, windows, fitted} = impactfemTools;
   const BODIES = ["#0b559f", "#d95f02", "#1b7837", "#7b3294", "#b2182b", "#666666"];
   const PLAIN = "#7a9cc6"; // balls and tubes, which have no stress
   const PRESSED = "#d95f02"; // boundary under contact pressure
@@ -67,7 +67,7 @@ const impactfemViews = (function () {
         }
         groups.forEach((group, level) => {
           if (!group.length) return;
-          ctx.fillStyle = ctx.strokeStyle = level < LEVELS ? tint(VIRIDIS, level / (LEVELS - 1)) : PLAIN;
+          ctx.fillStyle = ctx.strokeStyle = level < LEVELS ? tint(STRESS, level / (LEVELS - 1)) : PLAIN;
           ctx.lineWidth = 0.7;
           ctx.beginPath();
           for (const t of group) [0, 1, 2].forEach((c) => ctx[c ? "lineTo" : "moveTo"](x[triangles[t + c]], y[triangles[t + c]]));
@@ -87,7 +87,7 @@ const impactfemViews = (function () {
         edge(Array.from({length: segments.length / 2}, (_, k) => k), "#222222", 0.8);
         edge(data.pressed[f], PRESSED, 4);
       }
-      legend(ctx, width, height, map.scale, state.factor, ...(data.coloured ? [VIRIDIS, 0, data.limit, data.valueName] : []));
+      legend(ctx, width, height, map.scale, state.factor, ...(data.coloured ? [STRESS, 0, data.limit, data.valueName] : []));
     });
   }
 
@@ -102,7 +102,7 @@ const impactfemViews = (function () {
     const mesh = (xyz, index) => ({type: "mesh3d", x: xyz[0], y: xyz[1], z: xyz[2], i: every(index, 0), j: every(index, 1), k: every(index, 2), flatshading: false, hoverinfo: "skip",
       lighting: {ambient: 0.7, diffuse: 0.4, specular: 0, fresnel: 0}, lightposition: LIGHT});
     const plain = 3 * data.coloured, rest = corners.length > plain ? 1 : 0;
-    traces.push({...mesh(parts(0), corners.slice(0, plain)), intensity: value.slice(0, nodes), cmin: 0, cmax: colours.factor * data.limit, colorscale: "Viridis",
+    traces.push({...mesh(parts(0), corners.slice(0, plain)), intensity: value.slice(0, nodes), cmin: 0, cmax: colours.factor * data.limit, colorscale: STRESS.map((c, k) => [k / (STRESS.length - 1), `rgb(${c})`]),
       hovertemplate: "%{intensity:.4g}<extra></extra>",
       colorbar: {title: {text: colours.title, side: "top"}, orientation: "h", y: -0.02, yanchor: "bottom", thickness: 8, len: 0.7, nticks: 5, exponentformat: "power"}});
     if (rest) traces.push({...mesh(parts(0), corners.slice(plain)), color: PLAIN, showscale: false});
