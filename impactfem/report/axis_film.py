@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from impactfem.report.film import BLUE, Reel, film_moments, force_beside
+from impactfem.report.prefixes import prefix_ticks
 from impactfem.report.sheet import Sheet
 from impactfem.result import Record, Snapshots
 from impactfem.result.shapes import LINE
@@ -99,9 +100,8 @@ def _way(panel: Axes, result: Record, places: Floats) -> Floats:
     panel.set_ylim(low - 2.0 * room, high + room)
     panel.fill_between(stations, touch, low - 1e3 * (high - low), color=_OBSTACLE, linewidth=0)
     panel.plot(stations, touch, color="0.25", linewidth=1.0, label=planes[0].name)
-    panel.ticklabel_format(axis="y", scilimits=(-2, 4))
-    panel.set_xlabel("distance from the first end [m]")
-    panel.set_ylabel(f"displacement along the normal of {planes[0].name} [m]")
+    prefix_ticks(panel.xaxis, "distance from the first end [m]")
+    prefix_ticks(panel.yaxis, f"displacement along the normal of {planes[0].name} [m]")
     curves = np.empty((*way.shape, 2))
     curves[..., 0], curves[..., 1] = stations, way
     return curves

@@ -18,6 +18,7 @@ from impactfem.report.palette import STRESS
 from impactfem.report.panel import colour
 from impactfem.report.panel_figure import draw_panel
 from impactfem.report.panels import gap
+from impactfem.report.prefixes import prefix_ticks
 from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin
 from impactfem.report.slender_picture import tracks
@@ -106,7 +107,7 @@ def body_reel(result: Record, fields: Snapshots, frames: int | None) -> BodyReel
     above = painter.prepare(left, window, float(fields.times[layers[0]]))
     if skin.is_stressed.any():
         colours = ScalarMappable(Normalize(*painter.stress), STRESS)
-        figure.colorbar(colours, ax=left, label=LABEL, shrink=0.9)
+        prefix_ticks(figure.colorbar(colours, ax=left, shrink=0.9).ax.yaxis, LABEL)
     told = [scale_of(skin)] if skin.relief is not None else []
     told += [f"arrows: {forces_key(painter)}"] if painter.force > 0.0 else []
     left.set_title("\n".join(told), fontsize=9)
@@ -124,8 +125,8 @@ def body_reel(result: Record, fields: Snapshots, frames: int | None) -> BodyReel
 
 
 def _beside(axes: Axes, result: Record) -> Line2D:
-    """The curve beside the motion: the force, or the gaps where contact is by impacts."""
-    if result.impacts is None or result.rows["contact_force"].values.any():
+    """The curve beside the motion: the force, or the gaps where there is none."""
+    if result.rows["contact_force"].values.any():
         return force_beside(axes, result)
     draw_panel(axes, gap(result))
     return cursor(axes)

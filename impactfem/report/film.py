@@ -19,6 +19,7 @@ from PIL import Image
 
 from impactfem.errors import MissingDependencyError, OutputError
 from impactfem.report.player import player
+from impactfem.report.prefixes import prefix_ticks, prefixed_unit
 from impactfem.report.telling import acting, peak_layer
 from impactfem.result import Record
 
@@ -55,7 +56,8 @@ class Reel(ABC):
         """Let the figure show a moment; returns what moves, from the back to the front."""
         time = float(self.times[moment])
         moved = self.move(moment, time)
-        self.clock.set_text(f"t = {time:.4g} s")
+        unit = prefixed_unit("s", self.times[-1])
+        self.clock.set_text(f"t = {unit.text(time, 4)}")
         self.now.set_xdata([time, time])
         return [*moved, self.clock, self.now]
 
@@ -92,9 +94,8 @@ def beside(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64], l
     """Draw the curve of what holds during each step, beside a motion."""
     axes.stairs(values[1:], time, baseline=None, color=BLUE, linewidth=1.2)
     axes.set_xlim(0.0, float(time[-1]))
-    axes.ticklabel_format(axis="x", scilimits=(-2, 4))
-    axes.set_xlabel("time [s]")
-    axes.set_ylabel(label)
+    prefix_ticks(axes.xaxis, "time [s]")
+    prefix_ticks(axes.yaxis, label)
 
 
 def force_beside(axes: Axes, result: Record) -> Line2D:

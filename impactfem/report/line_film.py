@@ -19,6 +19,7 @@ from impactfem.report.line_panels import magnified
 from impactfem.report.motion_panels import motion
 from impactfem.report.panel import colour
 from impactfem.report.panel_figure import draw_panel
+from impactfem.report.prefixes import prefix_ticks
 from impactfem.report.sheet import Sheet
 from impactfem.result import Fields, Record, Snapshots
 
@@ -102,6 +103,7 @@ def _bars(result: Record, fields: Fields, moments: Nodes) -> LineReel | None:
     room = 0.04 * (high - low)
     low = min(low, 0.0) if wall else low
     above.set_xlim(low - room, high + room)
+    prefix_ticks(above.xaxis, "x [m]")
     if factor > 1.0:
         text = f"motion and gaps magnified {factor:g} times"
         above.text(0.01, 0.95, text, transform=above.transAxes, va="top", fontsize=9)
@@ -112,7 +114,7 @@ def _bars(result: Record, fields: Fields, moments: Nodes) -> LineReel | None:
     pieces = PolyCollection(
         [], cmap="coolwarm", norm=Normalize(-most, most), linewidths=0, antialiaseds=False
     )
-    figure.colorbar(pieces, ax=above, label="stress [Pa]", aspect=8)
+    prefix_ticks(figure.colorbar(pieces, ax=above, aspect=8).ax.yaxis, "stress [Pa]")
     ends = place[:, near], place[:, far]
     return _reel(figure, fields.times[moments], ends, first, pieces, _none, stress,
                  (above, force_beside(below, result)))  # fmt: skip
@@ -129,6 +131,7 @@ def _bodies(result: Record, fields: Snapshots, moments: Nodes) -> LineReel | Non
     low, high = float((places[:, first] - radius).min()), float((places[:, last] + radius).max())
     extent = max(high - low, 1e-12)
     above.set_xlim(low - _ROOM * extent, high + _ROOM * extent)
+    prefix_ticks(above.xaxis, "x [m]")
     half = np.where((radius > 0.0) | (last > first), radius, _DOT * extent)
     listed = [body.name for body in result.scene.bodies]  # as the paths below are coloured
     tints = [colour(listed.index(name)) for name in layout.names]
@@ -148,7 +151,6 @@ def _sheet(result: Record) -> tuple[Figure, Axes, Axes]:
     above, below = figure.subplots(2, 1, height_ratios=[0.8, 1.0])
     above.set_ylim(-2.2, 2.2)
     above.set_yticks([])
-    above.set_xlabel("x [m]")
     figure.suptitle(result.scene.title, fontsize=11)
     return figure, above, below
 

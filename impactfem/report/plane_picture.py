@@ -28,13 +28,15 @@ from impactfem.report.palette import (
     tint,
 )
 from impactfem.report.pile import Pile
-from impactfem.report.skin import Skin, Snapshot, union
+from impactfem.report.prefixes import prefix_ticks
+from impactfem.report.skin import Skin, Snapshot, spread, union
 from impactfem.report.slender_picture import reach, slender, widened
 
 Floats = NDArray[np.float64]
 
 _SAMPLES = 240  # of the obstacles' outline along each axis
 _LONGEST = 0.2  # share of the body's size that the largest contact pressure is drawn at
+_ROOM = 0.06  # share of the picture that is left free around the bodies
 _THICK = 3.0  # of a slender body the size is at most so many times its thickness
 
 WIDEST = 5.0
@@ -74,7 +76,9 @@ class PlanePainter:
     def window(self, extents: Sequence[Floats]) -> Floats:
         """Range of x and y that shows the body and its pressure in some snapshots, (2, 2)."""
         beyond = self.pressure > 0.0 and not self.several
-        room = 0.06 * self.skin.size + (1.1 * self._longest if beyond else 0.0)
+        room = _ROOM * max(self.skin.size, spread(extents)) + (
+            1.1 * self._longest if beyond else 0.0
+        )
         window = widened(union(extents, room), self.skin)
         if self.axisymmetric:
             window[0, 0] = -0.06 * self.skin.size
@@ -85,11 +89,10 @@ class PlanePainter:
         axes.set_aspect("equal")
         axes.set_xlim(*window[0])
         axes.set_ylim(*window[1])
-        axes.set_xlabel("radius x [m]" if self.axisymmetric else "x [m]")
-        axes.set_ylabel("y [m]")
         axes.locator_params(axis="x", nbins=4)
         axes.locator_params(axis="y", nbins=5)
-        axes.ticklabel_format(scilimits=(-3, 4))
+        prefix_ticks(axes.xaxis, "radius x [m]" if self.axisymmetric else "x [m]")
+        prefix_ticks(axes.yaxis, "y [m]")
         if self.axisymmetric:
             axes.axvline(0.0, color="0.5", linewidth=0.8, linestyle="-.", zorder=0.5)
         if not self._moves:

@@ -30,6 +30,10 @@ class Prefixed:
     factor: float
     unit: str
 
+    def text(self, value: float, digits: int) -> str:
+        """A number in this unit, given in SI units."""
+        return f"{self.factor * value:.{digits}g} {self.unit}"
+
     def title(self, text: str) -> str:
         """A title with this unit in place of the one in its brackets."""
         return _UNIT.sub(f"[{self.unit}]", text, count=1)

@@ -10,7 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
+from impactfem.report.page.numbers import quantity
 from impactfem.report.palette import PRESSURES
+from impactfem.report.prefixes import prefix_ticks
 from impactfem.report.skin import Skin, Snapshot, normals
 
 Floats = NDArray[np.float64]
@@ -83,6 +85,7 @@ def draw_pressure_maps(
         axes.set_xticks([])
         axes.set_yticks([])
     of = f" of {names[shown]}" if named else ""
-    panels[0].set_ylabel(f"contact face{of}, {2 * reach:.3g} m wide")
+    panels[0].set_ylabel(f"contact face{of}, {quantity(2 * reach, 'm', 3)} wide")
     colours = ScalarMappable(Normalize(0.0, largest), PRESSURES)
-    figure.colorbar(colours, ax=panels, label="contact pressure [Pa]", shrink=0.9)
+    bar = figure.colorbar(colours, ax=panels, shrink=0.9)
+    prefix_ticks(bar.ax.yaxis, "contact pressure [Pa]")

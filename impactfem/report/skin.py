@@ -333,3 +333,8 @@ def union(extents: Sequence[Floats], room: float) -> Floats:
     all_of_them = np.stack(extents)
     low, high = all_of_them[:, :, 0].min(axis=0), all_of_them[:, :, 1].max(axis=0)
     return np.stack([low - room, high + room], axis=1)
+
+
+def spread(extents: Sequence[Floats]) -> float:
+    """Largest extent of windows together [m]; 0 of none."""
+    return 0.0 if not extents else float(np.ptp(union(extents, 0.0), axis=1).max())

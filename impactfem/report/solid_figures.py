@@ -5,6 +5,7 @@ from dataclasses import replace
 from textwrap import fill
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -13,12 +14,14 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from impactfem.report.marks import Marks
+from impactfem.report.page.numbers import quantity
 from impactfem.report.palette import FORCE, HELD, PRESSURE, STRESS
 from impactfem.report.plane_picture import WIDEST, PlanePainter
+from impactfem.report.prefixes import prefix_ticks, prefixed_unit
 from impactfem.report.pressure_maps import draw_pressure_maps
 from impactfem.report.relief import relief_of
 from impactfem.report.sheet import Sheet
-from impactfem.report.skin import Skin, Snapshot, union
+from impactfem.report.skin import Skin, Snapshot, spread, union
 from impactfem.report.space_picture import Camera, SpacePainter, skin_of
 from impactfem.report.telling import telling_snapshots
 from impactfem.result import Record, Snapshots
@@ -29,6 +32,7 @@ Floats = NDArray[np.float64]
 type Painter = PlanePainter | SpacePainter
 
 _FAR = 2.5  # a body that moves farther than so many of its sizes is followed
+_FLASHED, _FLASHES = 5.0, 14  # sizes from which it is drawn as by flashes, and how many
 
 _COLOURED = 0.99  # share of the nodes below the end of the colours
 _LETTERS = 11  # of a title for each inch
@@ -52,7 +56,7 @@ def survey(
     """
     painter = _painter(result, skin)
     marks = Marks.of(result.scene, skin)
-    stress, least, pressure, force, extents = 0.0, np.inf, 0.0, 0.0, []
+    stress, least, pressure, force, extents, places = 0.0, np.inf, 0.0, 0.0, [], list[Floats]()
     for snapshot in snapshots:
         if snapshot.is_finite:
             if skin.is_stressed.any():  # a spot at the edge of contact would spoil the colours
@@ -63,9 +67,13 @@ def survey(
             force = max(force, snapshot.largest_force)
             extents.append(painter.extent(snapshot))
             marks = marks.seen(skin, snapshot)
+            places += [snapshot.place.min(axis=0), snapshot.place.max(axis=0)]
     if extents and not len(skin.triangles):
         skin = replace(skin, span=float(np.ptp(union(extents, 0.0), axis=1).max()))
     ends = least if stress * _TENSE < least < stress else 0.0, stress or 1.0
+    if isinstance(painter, SpacePainter) and spread(extents) > _FLASHED * skin.size:
+        middle = 0.5 * (np.min(places, axis=0) + np.max(places, axis=0))
+        painter = replace(painter, ground=(middle, 0.8 * spread(extents)))
     found = replace(painter, skin=skin, stress=ends, pressure=pressure, force=force, marks=marks)
     return found, extents
 
@@ -87,51 +95,96 @@ def body(result: Record) -> Figure | None:
     if not snapshots:
         return None
     painter, extents = survey(result, skin, snapshots)
-    maps = skin.dim == 3 and painter.pressure > 0.0
     window = painter.window(extents)
-    follows = float(np.ptp(window, axis=1).max()) > _FAR * painter.skin.size
-    aspect = 1.0 if follows else float(np.ptp(window[1]) / np.ptp(window[0]))
-    side_by_side = aspect > 1.8 or (aspect > 1.2 and len(snapshots) == 4) or maps
-    columns = (
-        len(snapshots) if side_by_side else min(2 if len(snapshots) == 4 else 3, len(snapshots))
-    )
+    far = float(np.ptp(window, axis=1).max()) / painter.skin.size
+    if far > _FLASHED and not any(obstacle.moves for obstacle in result.scene.obstacles):
+        return _flashes(result, skin)
+    return _row(result, painter, snapshots, extents, None if far > _FAR else window)
+
+
+def _flashes(result: Record, skin: Skin) -> Figure:
+    """One picture of what moves far, as if lit by flashes."""
+    snapshots = telling_snapshots(result, skin, _FLASHES)
+    painter, extents = survey(result, skin, snapshots)
+    painter, window = replace(painter, force=0.0), painter.window(extents)
+    clock = prefixed_unit("s", snapshots[-1].time)
+    aspect = float(np.ptp(window[1]) / np.ptp(window[0]))
+    width = float(np.clip(8.0 / aspect, 4.5, 10.0))
+    figure = Sheet(width, float(np.clip(width * aspect + 1.0, 3.2, 9.0)))
+    axes = figure.add_subplot()
+    painter.prepare(axes, window, 0.0)
+    for snapshot, extent in zip(snapshots, extents, strict=True):
+        painter.draw(axes, snapshot)
+        axes.annotate(
+            clock.text(snapshot.time, 3), (float(extent[0].mean()), float(extent[1, 1])),
+            (0, 2), textcoords="offset points", ha="center", fontsize=7, zorder=5,
+        )  # fmt: skip
+    _complete(figure, result, painter, [axes], f"at {len(snapshots)} times")
+    return figure
+
+
+def _row(
+    result: Record,
+    painter: Painter,
+    snapshots: list[Snapshot],
+    extents: list[Floats],
+    window: Floats | None,
+) -> Figure:
+    """A panel for each snapshot, all of the same window, or each around its bodies if None."""
+    skin, count = painter.skin, len(snapshots)
+    clock = prefixed_unit("s", snapshots[-1].time)
+    maps = skin.dim == 3 and painter.pressure > 0.0
+    aspect = 1.0 if window is None else float(np.ptp(window[1]) / np.ptp(window[0]))
+    side_by_side = aspect > 1.8 or (aspect > 1.2 and count == 4) or maps
+    columns = count if side_by_side else min(2 if count == 4 else 3, count)
     if aspect < FLAT and not maps:
         columns = 1
-    rows = -(-len(snapshots) // columns)
+    rows = -(-count // columns)
     width = min(12.0, 3.4 * columns) if columns > 1 else 9.0
     stressed = bool(skin.is_stressed.any())  # then colours have a bar beside the panels
     height = (width - 1.5 * stressed) / columns * (aspect * rows + maps) + 0.3 * rows + 1.0
     figure = Sheet(width, float(np.clip(height, 3.2, 11.0)))
     grid = figure.subplots(rows + maps, columns, squeeze=False)
-    panels = grid[:rows].ravel()
+    panels = list(grid[:rows].ravel())
     for axes, snapshot, extent in zip(panels, snapshots, extents, strict=False):
-        shown = _square(painter.window([extent])) if follows else window
+        shown = _square(painter.window([extent])) if window is None else window
         painter.prepare(axes, shown, snapshot.time)
         painter.draw(axes, snapshot)
-        axes.set_title(f"t = {snapshot.time:.4g} s", fontsize=10)
-        if not follows:
+        axes.set_title(f"t = {clock.text(snapshot.time, 4)}", fontsize=10)
+        if window is not None:
             axes.label_outer()
-    for axes in panels[len(snapshots) :]:
+    for axes in panels[count:]:
         axes.set_visible(False)
-    if stressed:
-        colours = ScalarMappable(Normalize(*painter.stress), STRESS)
-        figure.colorbar(colours, ax=list(panels), label=LABEL, shrink=0.9)
     if maps:
-        closed = Skin.of(result.fields, Whole.of_summary(result.summary))
+        closed = Skin.of(skin.fields, Whole.of_summary(result.summary))
         draw_pressure_maps(
             figure, list(grid[rows]), closed, snapshots, painter.pressure,
             [body.name for body in result.scene.bodies],
             result.summary.get("details", {}).get("carriers", {}).values(),
         )  # fmt: skip
-    keys = _keys(painter, areas=not maps)
+    _complete(figure, result, painter, panels, "", areas=not maps)
+    return figure
+
+
+def _complete(
+    figure: Figure, result: Record, painter: Painter, panels: list[Axes], when: str, *,
+    areas: bool = True,
+) -> None:  # fmt: skip
+    """The bar of the colours, what marks say, and the title."""
+    stressed = bool(painter.skin.is_stressed.any())
+    if stressed:
+        colours = ScalarMappable(Normalize(*painter.stress), STRESS)
+        bar = figure.colorbar(colours, ax=panels, shrink=0.9)
+        prefix_ticks(bar.ax.yaxis, LABEL)
+    keys = _keys(painter, areas=areas)
     if keys or stressed:
         title = SCALE if stressed else None
         figure.legend(handles=keys, loc="outside lower center", frameon=False, title=title)
     what = "bodies" if len(result.scene.bodies) > 1 else "body"
     what = f"deformed {what}" if result.scene.meshed else what
-    title = _title(result, f"{what}, {scale_of(skin)}")
-    figure.suptitle(fill(title, round(_LETTERS * width)), fontsize=11)
-    return figure
+    what = f"{what} {when}".strip()
+    title = _title(result, f"{what}, {scale_of(painter.skin)}")
+    figure.suptitle(fill(title, round(_LETTERS * figure.get_figwidth())), fontsize=11)
 
 
 def drawn_skin(result: Record, fields: Snapshots) -> Skin:
@@ -151,10 +204,11 @@ def _keys(painter: Painter, *, areas: bool) -> list[Patch | Line2D]:
     """What pressures, if they are drawn as areas or lines, and arrows say."""
     keys: list[Patch | Line2D] = []
     if painter.pressure > 0.0 and areas:
-        label = f"contact pressure, at most {painter.pressure:.3g} Pa"
+        most = quantity(painter.pressure, "Pa", 4)
+        label = f"contact pressure, at most {most}"
         key: Patch | Line2D = Patch(color=PRESSURE, label=label)
         if isinstance(painter, PlanePainter) and painter.several:
-            label = f"contact pressure by the width of the line, at most {painter.pressure:.3g} Pa"
+            label = f"contact pressure by the width of the line, at most {most}"
             key = Line2D([], [], color=PRESSURE, linewidth=WIDEST, label=label)
         keys.append(key)
     if painter.force > 0.0:
@@ -177,7 +231,7 @@ def _marks_keys(marks: Marks) -> list[Patch | Line2D]:
 
 def forces_key(painter: Painter) -> str:
     """What the arrows of pictures say."""
-    return f"contact forces, the longest arrow {painter.force:.3g} N"
+    return f"contact forces, the longest arrow {quantity(painter.force, 'N', 4)}"
 
 
 def _square(window: Floats) -> Floats:

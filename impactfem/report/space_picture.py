@@ -14,10 +14,11 @@ from matplotlib.colors import Normalize, to_rgb
 from numpy.typing import NDArray
 
 from impactfem.report.marks import NO_MARKS, Marks
+from impactfem.report.page.numbers import quantity
 from impactfem.report.palette import EDGE, FLOOR, GRID, HELD, STRESS, fill, tint
 from impactfem.report.pile import Pile
 from impactfem.report.plane_picture import draw_arrows, draw_pins
-from impactfem.report.skin import Skin, Snapshot, normals, union
+from impactfem.report.skin import Skin, Snapshot, normals, spread, union
 from impactfem.report.slender_picture import reach, slender, widened
 from impactfem.result import Record, Snapshots
 from impactfem.result.whole import Whole
@@ -114,6 +115,7 @@ class SpacePainter:
         pressure: Largest contact pressure of all pictures [Pa].
         force: Largest contact force of all pictures [N].
         marks: What is drawn upon the bodies.
+        ground: Where obstacles without end are drawn, and how far [m]; around the bodies if None.
     """
 
     skin: Skin
@@ -123,6 +125,7 @@ class SpacePainter:
     pressure: float = 0.0
     force: float = 0.0
     marks: Marks = NO_MARKS
+    ground: tuple[Floats, float] | None = None
 
     def extent(self, snapshot: Snapshot) -> Floats:
         """Range of the body in the picture, shape (2, 2): rows are directions."""
@@ -131,7 +134,8 @@ class SpacePainter:
 
     def window(self, extents: Sequence[Floats]) -> Floats:
         """Range of the picture that shows the body in some snapshots, shape (2, 2)."""
-        return widened(union(extents, 0.15 * self.skin.size), self.skin)
+        room = max(0.15 * self.skin.size, 0.06 * spread(extents))
+        return widened(union(extents, room), self.skin)
 
     def prepare(self, axes: Axes, window: Floats, time: float) -> list[Artist]:
         """Set the frame; returns what lies above the body: directions and scale."""
@@ -143,9 +147,10 @@ class SpacePainter:
         axes.set_yticks([])
         above = self._draw_directions(axes, window)
         if any(obstacle.plane_normal for obstacle in self.obstacles):
+            every = quantity(spacing(self._reach), "m", 3)
             scale = axes.text(
-                0.97, 0.02, f"lines every {spacing(self._reach):g} m", fontsize=8, ha="right",
-                va="bottom", transform=axes.transAxes, zorder=4,
+                0.97, 0.02, f"lines every {every}", fontsize=8, ha="right", va="bottom",
+                transform=axes.transAxes, zorder=4,
             )  # fmt: skip
             above.append(scale)
         return above
@@ -155,6 +160,7 @@ class SpacePainter:
         artists: list[Artist] = []
         pile = Pile()
         centre = 0.5 * (snapshot.place.min(axis=0) + snapshot.place.max(axis=0))
+        centre = centre if self.ground is None else self.ground[0]
         for obstacle in self.obstacles:
             at = placement(obstacle, snapshot.time)
             if self.skin.relief is not None:
@@ -162,7 +168,7 @@ class SpacePainter:
             if obstacle.plane_normal is not None:
                 artists += self._plane(axes, obstacle, at, centre)
                 continue
-            patches = at.moved(obstacle.faces(at.back(centre), 2.0 * self.skin.size))
+            patches = at.moved(obstacle.faces(at.back(centre), 1.25 * self._reach))
             self._lay(pile, patches, np.broadcast_to(_GREY, (len(patches), 3)))
         faces, two_sided = snapshot.place[self.skin.triangles], self.skin.open_faces
         self._lay(pile, faces, self._colours(snapshot), two_sided)
@@ -237,7 +243,7 @@ class SpacePainter:
 
     @property
     def _reach(self) -> float:
-        return 1.6 * self.skin.size
+        return 1.6 * self.skin.size if self.ground is None else self.ground[1]
 
     def _colours(self, snapshot: Snapshot) -> Floats:
         """Stress as a colour, or that of the body, shape (triangles, 3)."""

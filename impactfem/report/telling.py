@@ -12,6 +12,7 @@ _LOOKED = 48  # layers that are compared
 _NODES = 400  # of each
 _SEEN = 0.5  # share of the size: shorter ways count less than the change of the stress
 _TOP = 0.99  # quantile of the stress that counts as the largest
+_LEAST = 0.1  # change that counts as the largest if none is larger
 _APART = 0.1  # least change from one picture to another, of the largest of the motion
 
 
@@ -94,7 +95,8 @@ def _features(looks: Floats, size: float) -> Floats:
         np.minimum(stress / top, 1.0) if top else stress,
     ]
     found = np.concatenate(parts, axis=1)
-    return np.asarray(found / (_distances(found, 0).max() or 1.0))
+    count = max(1, stress.shape[1])
+    return np.asarray(found / max(_distances(found, 0).max(), _LEAST * np.sqrt(count)))
 
 
 def _distances(features: Floats, chosen: int) -> Floats:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from impactfem.errors import MissingDependencyError, OutputError, SceneError
 from impactfem.report.arrows import SEEN
+from impactfem.report.page.numbers import quantity
 from impactfem.report.palette import FORCE, STRESS
 from impactfem.report.skin import Skin
 from impactfem.report.space_picture import Camera
@@ -152,7 +153,7 @@ class View:
         self._add_forces(layer)
         text = f"{self._scene.title}\nt = {time:.6g} s"
         if self._force > 0.0:
-            text += f"\narrows: contact forces, the longest {self._force:.3g} N"
+            text += f"\narrows: contact forces, the longest {quantity(self._force, 'N', 4)}"
         self.plotter.add_text(text, font_size=10, name="text")
         for name in drawn - self._drawn:
             self.plotter.remove_actor(name)

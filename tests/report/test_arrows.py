@@ -57,7 +57,7 @@ def test_pictures_and_films_show_the_force_with_its_scale(dim, tmp_path):
     lengths = [np.hypot(*np.array([q.U, q.V])).max() for axes in panels for q in shown(axes) if q.N]
     force = result.rows["contact_force"].values
     assert lengths
-    assert f"{PEAK_FORCE:.3g} N" in figure.legends[0].get_texts()[-1].get_text()
+    assert f"{PEAK_FORCE:.4g} N" in figure.legends[0].get_texts()[-1].get_text()
     reel = body_reel(result, result.fields, 13)
     peak = int(np.argmax(force[reel.layers]))
     (drawn,) = (artist for artist in reel.show(peak) if isinstance(artist, Quiver))

@@ -9,8 +9,9 @@ from impactfem.report.edges import feature_edges
 from impactfem.report.marks import Marks, spoke
 from impactfem.report.palette import HELD, fill, tint
 from impactfem.report.skin import Skin
-from impactfem.report.solid_figures import survey
+from impactfem.report.solid_figures import body, survey
 from impactfem.result import KeptSnapshots, Record, Shape
+from impactfem.result.table import Series, Table
 from impactfem.scene import Scene
 
 TURN = np.radians(70.0)
@@ -77,3 +78,23 @@ def test_edges_are_where_faces_meet_at_an_angle_and_where_they_end():
     for points, inner in ((flat, set()), (roof, {(2, 3)})):
         ends, _ = feature_edges(points, cells)
         assert {tuple(sorted(each)) for each in ends.tolist()} == around | inner
+
+
+def test_what_moves_far_is_drawn_in_one_picture_with_its_times():
+    scene, _, _ = turning(joint=False)
+    times = np.linspace(0.0, 1.0, 40)
+    ways = np.zeros((40, 4, 3))
+    ways[:, :, 0] = 40.0 * times[:, None]
+    fields = KeptSnapshots(
+        times, [Shape("block", SQUARE, [[0, 1, 2], [0, 2, 3]], 5)],
+        {"displacement": ways, "velocity": 0.0 * ways, "von_mises": np.full((40, 4), np.nan)},
+    )  # fmt: skip
+    rows = Table.over_time(times, {"contact_force": Series(("time",), 0.0 * times)})
+    figure = body(Record(scene, rows, {"status": "completed"}, fields))
+    (axes,) = figure.axes
+    told = [text.get_text() for text in axes.texts]
+    assert len(told) > 8
+    assert told[0] == "0 s"
+    assert told[-1] == "1 s"
+    assert f"at {len(told)} times" in figure.get_suptitle()
+    assert sum(len(c.get_paths()) == 6 for c in axes.collections) == len(told)

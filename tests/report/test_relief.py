@@ -1,4 +1,4 @@
-"""Plates are drawn with their deflection at a tenth of their size, and what touches them touches."""
+"""Plates are drawn with their deflection a tenth of their size, and what touches them touches."""
 
 import numpy as np
 import pytest

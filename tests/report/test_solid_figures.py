@@ -65,7 +65,7 @@ def test_snapshots_of_a_disc_show_displacement_stress_and_pressure(tmp_path):
         # The largest pressure of all is drawn as long as a fifth of the body, along the normal.
         below = min(c[:, 1].min() for c in corners)
         assert below == pytest.approx(-0.2 * 2 * RADIUS * largest / PEAK_PRESSURE, rel=1e-2)
-    assert f"{PEAK_PRESSURE:.3g} Pa" in figure.legends[0].get_texts()[0].get_text()
+    assert f"{PEAK_PRESSURE:.4g} Pa" in figure.legends[0].get_texts()[0].get_text()
 
 
 def test_pressure_at_a_corner_goes_into_the_obstacle(tmp_path):

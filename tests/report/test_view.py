@@ -69,7 +69,7 @@ def test_bodies_obstacles_and_forces_are_shown(dim, tmp_path):
     arrow = shown.meshes["forces"]
     assert arrow.bounds[2] == pytest.approx(0.0, abs=0.01)
     assert arrow.bounds[3] > 0.2 * 2.0 * RADIUS
-    assert f"{PEAK_FORCE:.3g} N" in shown.text
+    assert f"{PEAK_FORCE:.4g} N" in shown.text
     made.add_slider(layer)
     shown.slide(0.0)
     assert "forces" not in shown.meshes
