@@ -115,6 +115,7 @@ class SpacePainter:
         pressure: Largest contact pressure of all pictures [Pa].
         force: Largest contact force of all pictures [N].
         marks: What is drawn upon the bodies.
+        plain: Whether bodies have their own colours, whatever their stress.
         ground: Where obstacles without end are drawn, and how far [m]; around the bodies if None.
     """
 
@@ -125,6 +126,7 @@ class SpacePainter:
     pressure: float = 0.0
     force: float = 0.0
     marks: Marks = NO_MARKS
+    plain: bool = False
     ground: tuple[Floats, float] | None = None
 
     def extent(self, snapshot: Snapshot) -> Floats:
@@ -247,6 +249,8 @@ class SpacePainter:
 
     def _colours(self, snapshot: Snapshot) -> Floats:
         """Stress as a colour, or that of the body, shape (triangles, 3)."""
+        if self.plain:
+            return self._plain
         stress = snapshot.von_mises[self.skin.triangles].mean(axis=1)
         colours = np.array(colormaps[STRESS](Normalize(*self.stress)(stress)))[:, :3]
         return np.where(self.skin.stressed[:, None], colours, self._plain)

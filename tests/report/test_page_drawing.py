@@ -8,6 +8,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.patches import Rectangle
 from synthetic import RADIUS, solid_result
 
+import impactfem
 from impactfem import Result, Scene
 from impactfem.report.page.drawing import _figure, drawing
 from impactfem.report.page.outlines import outline_of
@@ -162,3 +163,31 @@ def test_a_stranger_cannot_put_markup_into_a_drawing():
     text = drawing(bare(odd))
     assert "<script" not in text
     assert "v = -0.5*where(x < 2, 1, 1) m/s" in words(bare(odd))
+
+
+def test_supports_and_loads_of_solids_in_space_are_drawn_on_their_faces(tmp_path):
+    from matplotlib.collections import LineCollection
+    from matplotlib.colors import to_hex
+
+    from impactfem.report.page.sketch import SUPPORT
+    from impactfem.report.page.space_drawing import draw_solids_in_space
+
+    scene = Scene.from_dict({
+        "title": "held", "duration": 1e-5,
+        "body": [{"kind": "solid", "name": "block", "model": "3d", "mesh_size": 1.0,
+                  "shape": {"kind": "block", "size": [2.0, 1.0, 1.0]}, "density": 1e3,
+                  "youngs_modulus": 1e6, "poisson_ratio": 0.3,
+                  "supports": [{"surface": "left", "kind": "fixed"}],
+                  "pressures": [{"surface": "top", "value": 7.0}]}],
+        "solve": {"dt": 1e-6, "estimate": False},
+        "output": {"fields": ["vtkhdf"], "pictures": False, "film": False, "report": False},
+    })  # fmt: skip
+    axes = draw_solids_in_space(impactfem.solve(scene)).axes[0]
+    told = {text.get_text() for text in axes.texts}
+    assert {"held", "pressure 7 Pa", "block"} <= told
+    purple = [c for c in axes.collections if isinstance(c, LineCollection)
+              and to_hex(c.get_colors()[0]) == SUPPORT]  # fmt: skip
+    held, pressed = (np.concatenate(c.get_segments()) for c in purple)
+    # A square and a rectangle, each seen as a parallelogram.
+    sizes = [np.linalg.norm(np.ptp(each, axis=0)) for each in (held, pressed)]
+    assert sizes[0] < sizes[1]

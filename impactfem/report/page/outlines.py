@@ -42,6 +42,14 @@ def _round(center: Sequence[float], radius: float, *, half: bool) -> Floats:
     return np.array(center) + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
+def told_surfaces(solid: Solid) -> list[tuple[str, str]]:
+    """Names of the surfaces that are held or loaded, and what happens there."""
+    told = [(s.surface, {"fixed": "held", "symmetry": "symmetry"}.get(s.kind, "moved"))
+            for s in solid.supports]  # fmt: skip
+    told += [(s.surface, f"traction {formulas(s.value, 'Pa')}") for s in solid.tractions]
+    return told + [(s.surface, f"pressure {formula(s.value, 'Pa')}") for s in solid.pressures]
+
+
 def supported_lines(solid: Solid) -> list[tuple[Floats, str]]:
     """Sides of a box that are held or loaded: segments (1, 2, 2) [m], and what happens there."""
     shape, outline = solid.shape, outline_of(solid)
@@ -49,12 +57,8 @@ def supported_lines(solid: Solid) -> list[tuple[Floats, str]]:
         return []
     left, right, bottom, top = shape.figure.faces
     sides = {name: k for k, name in enumerate((bottom, right, top, left))}
-    told = [(s.surface, {"fixed": "held", "symmetry": "symmetry"}.get(s.kind, "moved"))
-            for s in solid.supports]  # fmt: skip
-    told += [(s.surface, f"traction {formulas(s.value, 'Pa')}") for s in solid.tractions]
-    told += [(s.surface, f"pressure {formula(s.value, 'Pa')}") for s in solid.pressures]
     return [
         (outline[[sides[name], (sides[name] + 1) % 4]][None], text)
-        for name, text in told
+        for name, text in told_surfaces(solid)
         if name in sides
     ]

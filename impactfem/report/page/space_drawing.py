@@ -10,9 +10,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from impactfem.contact.distance import signed_distance
+from impactfem.report.marks import Marks
 from impactfem.report.page.numbers import constant, quantity
 from impactfem.report.page.outlooks import Ball
 from impactfem.report.page.sketch import EDGE, GRAVITY, VELOCITY, arrow, empty, label
+from impactfem.report.page.space_supports import draw_supports
+from impactfem.report.skin import Skin
 from impactfem.report.solid_figures import survey
 from impactfem.report.space_picture import Camera, SpacePainter, skin_of
 from impactfem.result import Record
@@ -20,7 +23,6 @@ from impactfem.scene import Point, Scene
 
 Floats = NDArray[np.float64]
 
-_SHADE = 0.45  # place in the colour scale for bodies without stress
 _ARROW = 0.22
 
 
@@ -33,9 +35,7 @@ def draw_solids_in_space(result: Record) -> Figure | None:
     painter, extents = survey(result, skin, [snapshot])
     if not isinstance(painter, SpacePainter) or not extents:
         return None
-    plain = np.full(len(snapshot.place), _SHADE)
-    snapshot = replace(snapshot, von_mises=plain, pressure=np.zeros(len(plain)))
-    painter = replace(painter, stress=(0.0, 1.0))
+    painter = replace(painter, plain=True, force=0.0, marks=Marks(painter.marks.pins))
     window = painter.window(extents)
     window[:, 0] -= 0.12 * skin.size
     window[:, 1] += 0.12 * skin.size
@@ -46,8 +46,9 @@ def draw_solids_in_space(result: Record) -> Figure | None:
     painter.prepare(axes, window, 0.0)
     painter.draw(axes, snapshot)
     camera = painter.camera
-    for k, solid in enumerate(result.scene.solids):
-        own = snapshot.place[skin.nodes][skin.bodies[skin.nodes] == k]
+    draw_supports(axes, camera, result.scene, skin, snapshot.place)
+    for solid in result.scene.solids:
+        own = snapshot.place[_own(skin, solid.name)]
         centre = camera.flat(0.5 * (own.min(axis=0) + own.max(axis=0)))
         speed = [constant(entry) or 0.0 for entry in solid.velocity]
         _velocity(axes, camera, centre, np.array(speed), skin.size)
@@ -59,6 +60,9 @@ def draw_solids_in_space(result: Record) -> Figure | None:
             flat = camera.flat(middle[1])
             label(axes, flat, body.name)
             _velocity(axes, camera, flat, moving, skin.size)
+    for plate in (body for body in result.scene.bodies if body.kind == "plate"):
+        middle = camera.flat(snapshot.place[_own(skin, plate.name)].mean(axis=0))
+        label(axes, (middle[0] - 0.2 * skin.size, middle[1]), plate.name)
     for point in (body for body in result.scene.bodies if isinstance(body, Ball)):
         flat = camera.flat(np.array(point.position, dtype=np.float64))
         axes.plot(*flat, "o", color=EDGE, markersize=9, zorder=4)
@@ -66,6 +70,11 @@ def draw_solids_in_space(result: Record) -> Figure | None:
         _velocity(axes, camera, flat, np.array(point.velocity or (0.0, 0.0, 0.0)), skin.size)
     _gravity(axes, camera, result.scene, window, skin.size)
     return figure
+
+
+def _own(skin: Skin, name: str) -> NDArray[np.int64]:
+    """Seen nodes of a body."""
+    return skin.solid_nodes[skin.names.index(name)]
 
 
 def draw_points_in_space(scene: Scene) -> Figure:
