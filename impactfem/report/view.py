@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from impactfem.errors import MissingDependencyError, OutputError, SceneError
 from impactfem.report.arrows import SEEN
 from impactfem.report.page.numbers import quantity
-from impactfem.report.palette import FORCE, STRESS
+from impactfem.report.palette import EDGE, FORCE, STRESS, fill, tint
 from impactfem.report.skin import Skin
 from impactfem.report.space_picture import Camera
-from impactfem.report.view_obstacles import obstacle_parts
+from impactfem.report.view_obstacles import joined, obstacle_parts
 from impactfem.result.grids import drawing_fault, load_pyvista, make_grid, nearest_layer, thickened
 from impactfem.result.whole import Whole
 
@@ -69,7 +69,8 @@ class View:
 
         Args:
             result: With fields.
-            field: That colours tell; stress, or else speed, if None.
+            field: That colours tell; if None the stress, or else the speed, and bodies that have
+                cells but no stress have their own colours.
             off_screen: Whether to draw without a window; pyvista decides if None.
 
         Raises:
@@ -86,7 +87,7 @@ class View:
         force = np.nan_to_num(result.rows["contact_force"].values)
         peak = nearest_layer(fields.times, self._inside(result.rows["time"].values[force.argmax()]))
         self._looked = np.union1d(layers, peak)
-        self.field = self._chosen(field)
+        self.field, self._kinds = self._chosen(field), field is None
         looks = [self._skin.snapshot(int(layer)) for layer in self._looked]
         forces = [look.largest_force for look in looks]
         self._force = max(forces)
@@ -140,16 +141,21 @@ class View:
         grid = make_grid(self._layout, values, time, deformed=True)
         unit = _UNITS.get(self.field, "")
         grid.point_data[self.field] = self._values(layer)
-        for k, part in enumerate(thickened(grid, self._layout)):
-            for j, image in enumerate(self._images(part)):
-                self._add(
-                    image, f"body {k} {j}", scalars=self.field, clim=self._limits, cmap=STRESS,
-                    nan_color="gray", scalar_bar_args={"title": f"{self.field} [{unit}]\n", **_BAR},
-                )  # fmt: skip
+        pieces = [piece for part in thickened(grid, self._layout) for piece in self._pieces(part)]
+        for k, (piece, body) in enumerate(pieces):
+            style: dict[str, Any] = {
+                "scalars": self.field, "clim": self._limits, "cmap": STRESS, "nan_color": "gray",
+                "scalar_bar_args": {"title": f"{self.field} [{unit}]\n", **_BAR},
+            }  # fmt: skip
+            if body is not None:
+                style = {"color": fill(body), "scalars": None}
+            for j, image in enumerate(self._images(piece)):
+                self._add(image, f"body {k} {j}", lighting=self._scene.dim == 3, **style)
         for name, mesh, style in obstacle_parts(
             self._scene, time, 0.5 * (self._low + self._high), self._size
         ):
             self._add(mesh, name, **style)
+        self._add_edges(layer)
         self._add_forces(layer)
         text = f"{self._scene.title}\nt = {time:.6g} s"
         if self._force > 0.0:
@@ -157,6 +163,28 @@ class View:
         self.plotter.add_text(text, font_size=10, name="text")
         for name in drawn - self._drawn:
             self.plotter.remove_actor(name)
+
+    def _add_edges(self, layer: int) -> None:
+        """Edges of the bodies that have faces."""
+        place, (ends, _) = self._skin.snapshot(layer).place, self._skin.edges
+        owners = self._skin.bodies[ends[:, 0]]
+        for body in np.unique(owners):
+            own = ends[owners == body]
+            soft = self._skin.is_stressed[own].all() or not self._kinds
+            self._add(
+                joined(self._pyvista, place[own], "lines"), f"edges {body}", line_width=1.5,
+                color=EDGE if soft else tint(int(body)),
+            )  # fmt: skip
+
+    def _pieces(self, part: "pv.DataSet") -> "list[tuple[pv.DataSet, int | None]]":
+        """What has one colour scale, and each body that has its own colour, with its number."""
+        if not self._kinds or "body" not in part.cell_data:
+            return [(part, None)]
+        own = np.asarray(part.cell_data["body"])
+        nodes = self._skin.is_stressed[: len(self.fields.points)]
+        soft = np.isin(own, np.unique(self._layout.body_of_nodes[nodes]))
+        found = [(part.extract_cells(own == k), int(k)) for k in np.unique(own[~soft])]
+        return [*([(part.extract_cells(soft), None)] if soft.any() else []), *found]
 
     def _add(self, mesh: "pv.DataSet", name: str, **style: Any) -> Any:
         self._drawn.add(name)

@@ -79,12 +79,12 @@ def _in_space(
     pyvista, at = load_pyvista(), placement(obstacle, time)
     around = at.back(centre)
     faces = at.moved(obstacle.faces(around, reach))
-    yield _joined(pyvista, faces, "faces"), _SOLID
+    yield joined(pyvista, faces, "faces"), {**_SOLID, "ambient": 0.3}
     lines = at.moved(obstacle.lines(around, reach))
-    yield _joined(pyvista, lines, "lines"), _LINES
+    yield joined(pyvista, lines, "lines"), _LINES
 
 
-def _joined(pyvista: Any, corners: Floats, kind: str) -> "pv.PolyData":
+def joined(pyvista: Any, corners: Floats, kind: str) -> "pv.PolyData":
     """Triangles or lines by their corners, shape (cells, corners of a cell, 3)."""
     count, width = corners.shape[:2]
     cells = np.insert(np.arange(count * width).reshape(count, width), 0, width, axis=1)

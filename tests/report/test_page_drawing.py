@@ -165,7 +165,7 @@ def test_a_stranger_cannot_put_markup_into_a_drawing():
     assert "v = -0.5*where(x < 2, 1, 1) m/s" in words(bare(odd))
 
 
-def test_supports_and_loads_of_solids_in_space_are_drawn_on_their_faces(tmp_path):
+def test_supports_and_loads_of_solids_in_space_are_drawn_on_their_faces():
     from matplotlib.collections import LineCollection
     from matplotlib.colors import to_hex
 

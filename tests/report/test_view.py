@@ -10,6 +10,7 @@ from synthetic import CONTACT, PEAK_FORCE, PEAK_PRESSURE, RADIUS, solid_result
 import impactfem
 from impactfem.cli import main
 from impactfem.report import view
+from impactfem.report.palette import fill, tint
 from impactfem.result import KeptSnapshots, Shape
 from impactfem.result.grids import drawing_fault
 from impactfem.scene import RigidBox, Scene
@@ -56,7 +57,8 @@ def test_bodies_obstacles_and_forces_are_shown(dim, tmp_path):
     made, layer = view.make_view(result)
     shown = made.plotter
     assert result.fields.times[layer] == pytest.approx(np.mean(CONTACT))
-    assert {name.partition(" ")[0] for name in shown.meshes} == {"body", "obstacle", "forces"}
+    parts = {"body", "obstacle", "forces"} | ({"edges"} if dim == 2 else set())  # a ball has none
+    assert {name.partition(" ")[0] for name in shown.meshes} == parts
     places = result.fields.places()[layer]
     body = shown.meshes["body 0 0"]
     assert np.asarray(body.points)[:, :dim] == pytest.approx(places[:, :dim])
@@ -100,6 +102,23 @@ def test_parts_are_shown_with_their_images_and_one_spot_spoils_no_colours(tmp_pa
     assert wall.bounds[1] == pytest.approx(0.0)
     low, high = made.plotter.meshes["body 0 0"].bounds[2:4]
     assert 0.01 < high - low < 0.05
+
+
+@pytest.mark.usefixtures("paper")
+def test_rigid_bodies_have_their_colours_unless_a_field_is_asked_for():
+    block = {"kind": "rigid", "name": "block", "mass": 1.0, "velocity": [1.0, 0.0],
+             "shape": {"kind": "block", "size": [2.0, 1.0]}}  # fmt: skip
+    scene = Scene.from_dict({
+        "title": "flying", "duration": 0.1, "body": [block], "solve": {"dt": 0.01},
+        "output": {"fields": ["vtkhdf"], "pictures": False, "film": False, "report": False},
+    })  # fmt: skip
+    result = impactfem.solve(scene)
+    shown = view.make_view(result, 0.0)[0].plotter
+    assert shown.styles["body 0 0"]["color"] == pytest.approx(fill(0))
+    assert shown.styles["edges 0"]["color"] == pytest.approx(tint(0))
+    assert shown.meshes["edges 0"].length == pytest.approx(np.hypot(2.0, 1.0))
+    asked = view.make_view(result, 0.0, "velocity")[0].plotter
+    assert asked.styles["body 0 0"]["scalars"] == "velocity"
 
 
 @pytest.mark.usefixtures("paper")
