@@ -1,5 +1,7 @@
 """Edges of surfaces: where two faces meet at an angle, and where a surface ends."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,12 +12,15 @@ _SHARP = np.cos(np.radians(40.0))
 _SAME = 1e-9  # of the size: nodes nearer to each other are one
 
 
-def feature_edges(points: Floats, triangles: Integers) -> tuple[Integers, Integers]:
+def feature_edges(
+    points: Floats, triangles: Integers, groups: NDArray[Any] | None = None
+) -> tuple[Integers, Integers]:
     """Edges that tell the shape of a surface.
 
     Args:
         points: Nodes [m], shape (nodes, 3); nodes at one place, as on a plane of symmetry, are one.
         triangles: With their normals outward, shape (triangles, 3).
+        groups: Of the triangles: where two meet there is an edge too, shape (triangles,).
 
     Returns:
         The ends of each edge, shape (edges, 2), and the one or two triangles beside it, (edges, 2).
@@ -41,5 +46,7 @@ def feature_edges(points: Floats, triangles: Integers) -> tuple[Integers, Intege
     second = first + np.minimum(count, 2) - 1
     beside = np.stack([owners[first], owners[second]], axis=1)
     sharp = np.einsum("ij,ij->i", normal[beside[:, 0]], normal[beside[:, 1]]) < _SHARP
+    if groups is not None:
+        sharp |= groups[beside[:, 0]] != groups[beside[:, 1]]
     shown = (count == 1) | ((count == 2) & sharp)
     return ends[first][shown], beside[shown]

@@ -124,7 +124,8 @@ class PlanePainter:
             artists.append(pressures)
         if self.force > 0.0:
             longest = self._longest if len(self.skin.triangles) else _LONGEST * self.skin.size
-            artists.append(draw_arrows(axes, snapshot.arrows[:, :, :2], longest, self.force))
+            arrows = snapshot.arrows[:, :, :2] * ([0.0, 1.0] if self.axisymmetric else 1.0)
+            artists.append(draw_arrows(axes, arrows, longest, self.force))
         return [*artists, *draw_pins(axes, self.marks, snapshot)]
 
     @cached_property
@@ -207,8 +208,9 @@ def draw_pins(axes: Axes, marks: Marks, snapshot: Snapshot, camera: Any = None) 
         place = pin.at(snapshot)
         x, y = place[:2] if camera is None else camera.flat(place)
         drawn += axes.plot(
-            x, y, "o" if pin.turns else "s", markersize=6, color=HELD, zorder=4.5,
-            markerfacecolor=HELD if pin.grounded else "white", scalex=False, scaley=False,
+            x, y, "o" if pin.turns else "s", markersize=8 if pin.grounded else 6, color=HELD,
+            markerfacecolor=HELD if pin.grounded else "white", zorder=4.5,
+            scalex=False, scaley=False,
         )  # fmt: skip
     return drawn
 
@@ -225,8 +227,8 @@ def draw_arrows(axes: Axes, arrows: Floats, longest: float, largest: float) -> A
     shown = arrows[np.linalg.norm(arrows[:, 1], axis=1) > SEEN * largest]
     return axes.quiver(
         *shown[:, 0].T, *(longest / largest * shown[:, 1].T), scale=1.0, scale_units="xy",
-        angles="xy", color=FORCE, width=0.008, headwidth=4.0, headlength=5.0, headaxislength=4.5,
-        minlength=0.5, zorder=4, edgecolor="white", linewidth=0.4,
+        angles="xy", color=FORCE, units="inches", width=0.025, headwidth=4.0, headlength=5.0,
+        headaxislength=4.5, minlength=0.5, zorder=4, edgecolor="white", linewidth=0.4,
     )  # fmt: skip
 
 

@@ -55,37 +55,45 @@ def draw_pressure_maps(
     touching = near.all(axis=1) if near.all(axis=1).any() else near.any(axis=1)
     faces = skin.triangles[touching]
     loaded = (pressed > 0.0) & own
-    # Several bodies: a body may touch on many sides, so that the loaded faces say from where.
-    bearing = faces[loaded[faces].all(axis=1)] if len(names) > 1 else faces
-    outward = normals(skin.points, bearing if len(bearing) else faces).sum(axis=0)
+    peak = max(snapshots, key=lambda snapshot: float((snapshot.pressure * own).max()))
+    # The loaded faces say from where, as a body may touch on many sides and turn.
+    bearing = faces[(peak.pressure[faces] > 0.0).all(axis=1)]
+    outward = normals(peak.place, bearing if len(bearing) else faces).sum(axis=0)
     towards = outward / np.linalg.norm(outward) if np.linalg.norm(outward) > 0 else np.eye(3)[1]
-    seen = normals(skin.points, faces) @ towards > 0.0
-    faces = faces[seen]
     up = np.eye(3)[2] if abs(towards[2]) < 0.9 else np.eye(3)[1]
     right = np.cross(up, towards)
     right /= np.linalg.norm(right)
-    up = np.cross(towards, right)
-    middle = skin.points[loaded].mean(axis=0)
-    reach = 1.6 * max(
-        float(np.abs((skin.points[loaded] - middle) @ axis).max()) for axis in (right, up)
-    )
-    reach = max(reach, 0.05 * skin.size)
-    for axes, snapshot in zip(panels, snapshots, strict=True):
-        place = snapshot.place - middle
-        flat = Triangulation(place @ right, place @ up, faces)
-        axes.tripcolor(
-            flat, snapshot.pressure, shading="gouraud", cmap=PRESSURES, vmin=0.0, vmax=largest,
-            rasterized=True,
-        )  # fmt: skip
-        axes.triplot(flat, color="0.5", linewidth=0.2)
+    frame = np.stack([right, np.cross(towards, right)], axis=1)
+    spots = [_spot(snapshot, loaded, towards) for snapshot in snapshots]
+    own_spread = (peak.place[(peak.pressure > 0.0) & own] - _spot(peak, loaded, towards)) @ frame
+    reach = max(1.6 * float(np.abs(own_spread).max(initial=0.0)), 0.05 * skin.size)
+    for axes, snapshot, spot in zip(panels, snapshots, spots, strict=True):
+        flat = (snapshot.place - spot) @ frame
+        seen = faces[normals(snapshot.place, faces) @ towards > 0.0]
         axes.set_aspect("equal")
-        shift = (snapshot.place[loaded].mean(axis=0) - middle) @ np.stack([right, up], axis=1)
-        axes.set_xlim(shift[0] - reach, shift[0] + reach)
-        axes.set_ylim(shift[1] - reach, shift[1] + reach)
+        axes.set_xlim(-reach, reach)
+        axes.set_ylim(-reach, reach)
         axes.set_xticks([])
         axes.set_yticks([])
+        if not len(seen):
+            continue
+        mesh = Triangulation(flat[:, 0], flat[:, 1], seen)
+        axes.tripcolor(
+            mesh, snapshot.pressure, shading="gouraud", cmap=PRESSURES, vmin=0.0, vmax=largest,
+            rasterized=True,
+        )  # fmt: skip
+        axes.triplot(mesh, color="0.5", linewidth=0.2)
     of = f" of {names[shown]}" if named else ""
     panels[0].set_ylabel(f"contact face{of}, {quantity(2 * reach, 'm', 3)} wide")
     colours = ScalarMappable(Normalize(0.0, largest), PRESSURES)
     bar = figure.colorbar(colours, ax=panels, shrink=0.9)
     prefix_ticks(bar.ax.yaxis, "contact pressure [Pa]")
+
+
+def _spot(snapshot: Snapshot, loaded: NDArray[np.bool_], towards: Floats) -> Floats:
+    """Middle of the pressure, or else of what is foremost of the nodes that are ever loaded."""
+    now = loaded & (snapshot.pressure > 0.0)
+    if now.any():
+        return np.asarray(snapshot.place[now].mean(axis=0))
+    places = snapshot.place[loaded]
+    return np.asarray(places[int(np.argmax(places @ towards))])

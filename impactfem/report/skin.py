@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _SHOWN = ("displacement", "von_mises", "contact_pressure", "contact_force", "gap")
-_ALONG, _ROUND = 0.9, 0.2  # cosine; edges of a round body that are sharp, for each triangle
+_ALONG = 0.9  # cosine of the angle to x up to which faces of a body with edges are marked
 _SAME = 1e-9  # of the size: nodes nearer to a plane of symmetry lie on it
 
 
@@ -212,7 +212,7 @@ class Skin:
     def marked(self) -> NDArray[np.bool_]:
         """Faces in space in another tone, that show a turning body by; shape (triangles,).
 
-        Of a round body every other eighth, of one with flat faces those that look along x.
+        Of a round body every other eighth, of one with edges the faces that look along x.
         """
         owners = self.bodies[self.triangles[:, 0]]
         middles = self.points[self.triangles].mean(axis=1)
@@ -225,13 +225,18 @@ class Skin:
             box = self.points[nodes]
             arms = middles[own] - 0.5 * (box.min(axis=0) + box.max(axis=0))
             eighth = (arms > 0.0).sum(axis=1) % 2 == 0
-            found[own] = eighth if sharp[body] < _ROUND * own.sum() else flat[own]
+            found[own] = flat[own] if sharp[body] else eighth
         return found
 
     @cached_property
     def edges(self) -> tuple[Integers, Integers]:
         """Edges of the surface of what lies in space; see `feature_edges`."""
         return feature_edges(self.points, self.triangles)
+
+    @cached_property
+    def seams(self) -> tuple[Integers, Integers]:
+        """The same with those between marked faces and others."""
+        return feature_edges(self.points, self.triangles, self.marked)
 
     def snapshot(self, layer: int) -> Snapshot:
         """Read a layer."""

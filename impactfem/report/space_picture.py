@@ -204,7 +204,7 @@ class SpacePainter:
 
     def _lay_edges(self, pile: Pile, place: Floats) -> None:
         """Lay edges on the pile, just before the faces beside them that show their front."""
-        ends, beside = self.skin.edges
+        ends, beside = self._edges
         if not len(ends):
             return
         corners = place[self.skin.triangles]
@@ -222,8 +222,23 @@ class SpacePainter:
         for some, tone, width in ((~held, colours, 0.8), (held, to_rgb(HELD), 2.5)):
             own = tone[some] if isinstance(tone, np.ndarray) else tone
             lines = self.camera.flat(place[ends[some]])
-            before = (0.05 if width > 1.0 else 1e-6) * self.skin.size
+            before = (0.05 if width > 1.0 else 0.02) * self.skin.size
             pile.add(lines, own, nearest[some] + before, width=width)
+
+    @cached_property
+    def _edges(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Edges of the surfaces, and of marks on bodies with stress that turn; see `Skin.edges`."""
+        turned = list(self.marks.turned)
+        if self.plain or not turned:
+            return self.skin.edges
+        ends, beside = self.skin.seams
+        marked = np.isin(self.skin.bodies[ends[:, 0]], turned) & self.skin.stressed[beside[:, 0]]
+        kept, plain = self.skin.edges, self.skin.bodies[self.skin.edges[0][:, 0]]
+        others = ~(np.isin(plain, turned) & self.skin.stressed[kept[1][:, 0]])
+        return (
+            np.concatenate([kept[0][others], ends[marked]]),
+            np.concatenate([kept[1][others], beside[marked]]),
+        )
 
     @cached_property
     def _tints(self) -> Floats:
