@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 
 from impactfem.result.bar_motion import BarMotion, Effort, kept_levels
 from impactfem.scene import Scene
-from impactfem.studies.work_precision import Baseline
+from impactfem.studies.precision import Baseline
 
 Floats = NDArray[np.float64]
 KEPT = 400

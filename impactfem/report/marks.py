@@ -16,7 +16,6 @@ Integers = NDArray[np.int64]
 
 _TURNED = np.cos(np.radians(3.0))  # cosine of the angle of a body that is seen to turn
 _WHOLE = 0.99  # correlation of its places with those of a rigid body
-_TURNING = frozenset({"revolute", "universal", "ball", "distance"})  # joints drawn round
 _STILL = 1e-9  # of the size, that a node moves which is held
 
 
@@ -65,7 +64,7 @@ class Marks:
         start = skin.snapshot(0).place if scene.joints else skin.points
         pins = [pin for joint in scene.joints for pin in _pins(joint, skin, start)]
         names = [k for k, name in enumerate(skin.names) if _is_held(scene, name)]
-        linked = {body.name for body in scene.bodies if body.kind == "mechanism"}
+        linked = {each.name for each in scene.mechanisms}
         whole = frozenset(k for k in skin.solid_nodes if skin.names[k] not in linked)
         return cls(tuple(pins), np.isin(skin.bodies, names), whole)
 
@@ -114,7 +113,7 @@ def _pins(joint: Any, skin: Skin, start: Floats) -> list[Pin]:
     sides = joint.between or ()
     places = joint.points or ([joint.point] * 2 if joint.point is not None else [])
     found = [
-        _pin(side, place, skin, start, grounded=GROUND in sides, turns=joint.kind in _TURNING)
+        _pin(side, place, skin, start, grounded=GROUND in sides, turns=joint.kind_of.turns)
         for side, place in zip(sides, places, strict=False)
         if side != GROUND or joint.points
     ]

@@ -67,7 +67,7 @@ class Relief:
 
 def relief_of(scene: Scene, skin: Skin) -> Relief | None:
     """The relief of a plate that is alone or among rigid bodies, if its deflection is small."""
-    plates = [body for body in scene.bodies if body.kind == "plate"]
+    plates = scene.plates
     if len(plates) != 1 or plates[0].name not in skin.names or skin.mirrors:
         return None
     own = skin.bodies == skin.names.index(plates[0].name)

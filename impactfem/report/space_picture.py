@@ -99,7 +99,7 @@ def vertical_of(scene: Scene) -> Floats:
 
 def _plate_normal(scene: Scene) -> Floats | None:
     """Normal of the plate; None without one, or beside solids."""
-    plates = [body for body in scene.bodies if body.kind == "plate"]
+    plates = scene.plates
     return np.asarray(plates[0].frame[1][2]) if plates and not scene.solids else None
 
 

@@ -174,6 +174,16 @@ class Content:
         return self._all(Point)
 
     @property
+    def plates(self) -> tuple[Plate, ...]:
+        """The plates of the scene."""
+        return self._all(Plate)
+
+    @property
+    def mechanisms(self) -> tuple[Mechanism, ...]:
+        """The mechanisms of the scene."""
+        return self._all(Mechanism)
+
+    @property
     def meshed(self) -> tuple[Any, ...]:
         """The bodies of the scene that have elements."""
         return tuple(body for body in self.bodies if body.meshed)

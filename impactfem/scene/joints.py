@@ -29,6 +29,7 @@ class JointKind:
         crosses: Whether it has a second axis.
         yields: Whether it holds nothing where something acts along its coordinate.
         pins: Whether it holds places of what does not turn, as points.
+        turns: Whether what it joins turns about its place.
     """
 
     dims: tuple[int, ...] = (2, 3)
@@ -38,17 +39,18 @@ class JointKind:
     crosses: bool = False
     yields: bool = False
     pins: bool = False
+    turns: bool = False
 
 
 JOINTS: Mapping[str, JointKind] = {
     "fixed": JointKind(pins=True),
-    "revolute": JointKind(axis=(False, True), unit="rad"),
+    "revolute": JointKind(axis=(False, True), unit="rad", turns=True),
     "prismatic": JointKind(axis=(True, True), unit="m", pins=True),
-    "universal": JointKind((3,), (False, True), crosses=True),
-    "ball": JointKind((3,), pins=True),
+    "universal": JointKind((3,), (False, True), crosses=True, turns=True),
+    "ball": JointKind((3,), pins=True, turns=True),
     "planar": JointKind((3,), (False, True), pins=True),
     "cylindrical": JointKind((3,), (False, True), "m"),
-    "distance": JointKind(unit="m", given="points", yields=True, pins=True),
+    "distance": JointKind(unit="m", given="points", yields=True, pins=True, turns=True),
     "gear": JointKind(given="joints"),
 }
 

@@ -7,8 +7,8 @@ if TYPE_CHECKING:
     from impactfem.result.compare import Comparison, compare
     from impactfem.runs.ensemble import solve_ensemble
     from impactfem.studies.hard.cases import Board, hard_cases
+    from impactfem.studies.precision import work_precision
     from impactfem.studies.study import Study
-    from impactfem.studies.work_precision import work_precision
 
 __all__ = [
     "Board",
@@ -28,7 +28,7 @@ _HOMES = {
     "compare": "impactfem.result.compare",
     "hard_cases": "impactfem.studies.hard.cases",
     "solve_ensemble": "impactfem.runs.ensemble",
-    "work_precision": "impactfem.studies.work_precision",
+    "work_precision": "impactfem.studies.precision",
 }
 
 if not TYPE_CHECKING:  # type checkers shall tell names that do not exist

@@ -8,9 +8,9 @@ from impactfem.errors import SceneError
 from impactfem.scene import Scene
 from impactfem.shipped import find_scene
 from impactfem.studies.hard.cases import hard_cases
+from impactfem.studies.precision import work_precision
 from impactfem.studies.schemes import scheme_study
 from impactfem.studies.variant import Variant
-from impactfem.studies.work_precision import work_precision
 
 DEFAULTS = {
     **dict.fromkeys(("bar", "bar_row"), ("galerkin,conserving,exact", "20,40,80")),

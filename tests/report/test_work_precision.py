@@ -10,8 +10,8 @@ import impactfem
 from impactfem.reference.bar import exact_bar, exact_motion
 from impactfem.reference.rounding import rounding_of_exact
 from impactfem.shipped import find_scene
+from impactfem.studies.precision import Variant
 from impactfem.studies.study import LOST, Row, Study
-from impactfem.studies.work_precision import Variant
 
 pytestmark = pytest.mark.slow
 

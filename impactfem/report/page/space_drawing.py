@@ -60,7 +60,7 @@ def draw_solids_in_space(result: Record) -> Figure | None:
             flat = camera.flat(middle[1])
             label(axes, flat, body.name)
             _velocity(axes, camera, flat, moving, skin.size)
-    for plate in (body for body in result.scene.bodies if body.kind == "plate"):
+    for plate in result.scene.plates:
         middle = camera.flat(snapshot.place[_own(skin, plate.name)].mean(axis=0))
         label(axes, (middle[0] - 0.2 * skin.size, middle[1]), plate.name)
     for point in (body for body in result.scene.bodies if isinstance(body, Ball)):

@@ -20,7 +20,12 @@ Integers = NDArray[np.int64]
 _SQUARE, _AT = 0.95, 1e-3  # cosine, and share of the size, by which a face is that of an axis
 _ARROW = 0.16  # length of arrows, as a share of the size
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 97)
-_HELD = {"soft_support": "supported"}
+_HELD = {
+    "clamped": "clamped",
+    "simply_supported": "simply supported",
+    "soft_support": "supported",
+    "elastic": "elastic",
+}
 
 
 def draw_supports(axes: Axes, camera: Camera, scene: Scene, skin: Skin, place: Floats) -> None:
@@ -35,7 +40,7 @@ def draw_supports(axes: Axes, camera: Camera, scene: Scene, skin: Skin, place: F
     """
     for solid in scene.solids:
         _draw_solid(axes, camera, solid, skin, place)
-    for plate in (body for body in scene.bodies if body.kind == "plate"):
+    for plate in scene.plates:
         _draw_plate(axes, camera, plate, skin.size)
 
 
@@ -95,10 +100,9 @@ def _draw_plate(axes: Axes, camera: Camera, plate: Any, size: float) -> None:
     edges = {} if plate.outline is None else _edges(plate.outline)
     told: dict[str, list[Floats]] = {}
     for support in plate.supports:
-        if support.edge in edges and support.kind != "free":
+        if support.edge in edges and (word := _HELD.get(support.kind)):
             places = centre + edges[support.edge] @ frame[:2]
             _lines(axes, camera.flat(places)[None])
-            word = _HELD.get(support.kind, support.kind.replace("_", " "))
             told.setdefault(word, []).append(places.mean(axis=0) if len(places) == 2 else places[0])
     for word, middles in told.items():  # one word for all edges that are held alike
         lowest = min(middles, key=lambda place: float(camera.flat(place)[1]))
