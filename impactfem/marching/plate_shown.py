@@ -114,17 +114,22 @@ class ShownPlate(FewInterior):
         return nodes, weights, inside
 
     def unguarded(self, lines: Integers) -> tuple[Floats, float]:  # noqa: ARG002
-        """All triangles, and half the thickness; none of a plate all of whose vertices touch."""
-        if not self.bodies.massless:
-            return np.zeros((0, 3, 3)), 0.0
+        """All triangles, and half the thickness."""
         moved = np.outer(self.bodies.deflection(self._q), self.bodies.plate.frame[1][2])
         return (self.middle + moved)[self.bodies.mesh.cells], 0.5 * self.bodies.depth
+
+    @property
+    def nodes_sink(self) -> bool:
+        """Whether contact lets vertices sink in: on springs, and where they have mass."""
+        return not self.bodies.massless
 
     measure = "thickness"
 
     def unguarded_in_words(self, lines: Integers) -> tuple[float, str, str]:  # noqa: ARG002
         """See `FewInterior`."""
-        remedy = "take a smaller mesh_size: vertices between those that touch keep their mass"
+        remedy = "take a smaller mesh_size"
+        if not self.nodes_sink:
+            remedy += ": vertices between those that touch keep their mass"
         return self.bodies.depth, "places of {name} lie", remedy
 
 

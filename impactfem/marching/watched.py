@@ -39,6 +39,11 @@ class Watched:
         """
         return self.bodies.places(self.coordinates)[lines], 0.0
 
+    @property
+    def nodes_sink(self) -> bool:
+        """Whether contact nodes sink in as their law has it; deeper between them is none of it."""
+        return False
+
     def unguarded_in_words(self, lines: Integers) -> tuple[float, str, str]:
         """Size [m] that a depth is compared with, what lies so deep, and what helps."""
         nodes = self.bodies.places(self.bodies.position)[lines]

@@ -95,7 +95,11 @@ class AxisWatch:
                 continue
             simplices, room = march.unguarded(lines)
             for obstacle in self._obstacles[name] if len(simplices) else ():
-                depth = room - _nearest(obstacle, simplices, level.time)
+                reach = room
+                if march.nodes_sink:
+                    corners = simplices.reshape(-1, simplices.shape[2])
+                    reach = min(room, signed_distance(obstacle, corners, level.time)[0].min())
+                depth = reach - _nearest(obstacle, simplices, level.time)
                 pair = name, obstacle.name
                 if np.isfinite(depth) and depth > self.depth.get(pair, 0.0):
                     self.depth[pair] = depth

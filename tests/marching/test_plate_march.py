@@ -353,3 +353,22 @@ def test_a_patch_needs_contacts_that_give_way():
     patched = dataclasses.replace(thick, patch_radius=0.05)
     with pytest.raises(SceneError, match=r"patch_radius = 0.05.*stiffness"):
         impactfem.solve(scene_of(patched, ball, duration=0.1, dt=1e-3))
+
+
+@pytest.mark.parametrize(("radius", "told"), [(0.02, True), (None, False)])
+def test_an_obstacle_that_passes_between_vertices_on_springs_is_told(radius, told):
+    """A ball far smaller than the elements meets none of them; on a flat stop all sink alike."""
+    stop = impactfem.HalfSpace(name="stop", point=(0.0, 0.0, -0.006), normal=(0.0, 0.0, 1.0))
+    if radius is not None:
+        below = (0.03, 0.02, -0.006 - radius)  # no vertex lies above it
+        stop = impactfem.obstacles.RigidSphere(name="stop", center=below, radius=radius)
+    plate = made(mesh_size=0.1, velocity=-0.05)
+    contact = impactfem.Contact(between=("plate", "stop"), stiffness=1e6)
+    result = impactfem.solve(
+        scene_of(plate, obstacles=(stop,), contacts=(contact,), duration=0.1, dt=1e-3)
+    )
+    found = {each["code"]: each for each in result.summary["verdict"]["findings"]}
+    assert ("penetration" in found) == told
+    if told:
+        assert result.summary["contact"]["impulse"] == 0.0
+        assert found["penetration"]["value"] == pytest.approx(0.4, rel=0.05)  # of the thickness
