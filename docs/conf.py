@@ -22,7 +22,7 @@ version = release = impactfem.__version__
 
 extensions = [
     "myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinxcontrib.bibtex",
-    "ages", "mathml", "api_text",
+    "accessible", "ages", "api_text", "mathml",
 ]  # fmt: skip
 bibtex_bibfiles = ["references.bib"]
 bibtex_default_style = "alpha"
@@ -42,6 +42,7 @@ nitpicky = True
 nitpick_ignore_regex = [("py:.*", ".*")]
 
 html_theme = "furo"
+html_theme_options = {"top_of_page_buttons": []}
 html_math_renderer = "mathml"
 html_title = f"impactfem {version}"
 html_static_path = ["_static"]
