@@ -5,13 +5,14 @@ SHELL := /bin/bash
 BIN := .venv/bin
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help setup demo test test-unit test-mpi test-debian test-image lint docs clean distclean
+.PHONY: help setup demo test test-unit test-near test-mpi test-debian test-image lint docs clean distclean
 
 help: ## List these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
 	@echo
 	@echo "  PYTHON=/path/to/python3   interpreter for .venv (3.12 or newer; found by itself if absent)"
 	@echo "  DOLFINX=system|wheel      the distribution's DOLFINx or the one from PyPI (default: the first if it is there)"
+	@echo "  FILES='impactfem/x.py'    files of test-near (default: those changed since main, and not committed)"
 	@echo "  ARGS='-k bar'             further arguments for pytest"
 
 setup: ## Make .venv with impactfem, DOLFINx and the tools (the other commands do it too)
@@ -26,6 +27,9 @@ test: setup ## Run all tests: serial, then on 2 and on 4 MPI ranks
 
 test-unit: setup ## Run the quick tests only (about two minutes on two cores)
 	@.ci/test unit $(ARGS)
+
+test-near: setup ## Run the tests that concern changed files, or FILES="impactfem/x/y.py ..."
+	@$(BIN)/python .ci/test-near $(FILES) -- $(ARGS)
 
 test-mpi: setup ## Run only the tests on 2 and on 4 MPI ranks
 	@.ci/test mpi $(ARGS)

@@ -29,7 +29,7 @@ packages)
 package)
     # Debian's packages are the dependencies: --no-deps keeps pip from replacing any of them.
     work=$(mktemp -d)
-    cp -R "$2/pyproject.toml" "$2/README.md" "$2/LICENSE" "$2/impactfem" "$work"
+    cp -R "$2/pyproject.toml" "$2/README.md" "$2/LICENSE" "$2/LICENSE.GPL" "$2/impactfem" "$work"
     # No history is copied: without VERSION it is the fallback of pyproject.toml.
     [ -z "${VERSION:-}" ] || export SETUPTOOLS_SCM_PRETEND_VERSION_FOR_IMPACTFEM="$VERSION"
     python3 -m pip install --quiet --no-deps --no-build-isolation --no-index --break-system-packages \

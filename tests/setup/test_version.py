@@ -81,7 +81,7 @@ def test_an_editable_install_is_seen_by_type_checkers(source, tmp_path):
     """They read the folders that .pth files name, and run no code of a finder."""
     (source / "impactfem").mkdir()
     (source / "impactfem/__init__.py").touch()
-    for name in ("README.md", "LICENSE"):
+    for name in ("README.md", "LICENSE", "LICENSE.GPL"):
         (source / name).touch()
     build = "import sys; from setuptools.build_meta import build_editable as b; b(sys.argv[1])"
     run(sys.executable, "-c", build, str(tmp_path), cwd=source)
