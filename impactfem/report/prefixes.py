@@ -83,7 +83,7 @@ def prefix_ticks(axis: "Axis", title: str) -> None:
     unit = prefixed_unit(unit_of(title), axis.get_view_interval())
     least = _ROUNDING * unit.factor * float(np.ptp(axis.get_view_interval()))
 
-    def shown(value: float, _: int | None = None) -> str:
+    def shown(value: float, _: float = 0.0) -> str:
         number = unit.factor * value
         return f"{0.0 if abs(number) < least else number:.10g}".replace("-", "\N{MINUS SIGN}")
 

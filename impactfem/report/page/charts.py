@@ -40,9 +40,10 @@ def charts(result: Record) -> list[Chart]:
 
 
 def _chart(panel: Panel | Map) -> Chart:
-    heat = isinstance(panel, Map)
-    figure = _map(prefixed_map(panel)) if heat else _figure(prefixed_panel(panel))
-    return Chart(panel.name, panel.title, panel.caption, figure)
+    told = panel.name, panel.title, panel.caption
+    if isinstance(panel, Map):
+        return Chart(*told, _map(prefixed_map(panel)))
+    return Chart(*told, _figure(prefixed_panel(panel)))
 
 
 def _figure(panel: Panel) -> dict[str, Any]:
