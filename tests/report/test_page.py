@@ -169,6 +169,13 @@ def test_plotly_is_the_version_that_its_script_makes_and_small():
     assert PLOTLY.stat().st_size < 600_000
 
 
+def test_columns_without_a_name_have_no_empty_header(bar):
+    """A screen reader would announce it."""
+    text = page(bar, [])
+    assert "<td></td><th" in text
+    assert not re.search(r"<th[^>]*></th>", text)
+
+
 def test_a_page_is_small_and_holds_its_numbers_packed(bar):
     text = page(bar)
     assert len(text.encode("utf-8")) < 2_500_000
