@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.animation import FuncAnimation
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
@@ -18,6 +19,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from impactfem.errors import MissingDependencyError, OutputError
+from impactfem.report.palette import FORCE, HELD, PRESSURE
+from impactfem.report.panel import COLOURS
 from impactfem.report.player import player
 from impactfem.report.prefixes import prefix_ticks, prefixed_unit
 from impactfem.report.telling import acting, peak_layer
@@ -189,9 +192,11 @@ def _write_gif(frames: Iterator[Image.Image], path: Path, rate: float) -> None:
         raise OSError("no frame is finite")
     looked = pictures[:: max(1, len(pictures) // _LOOKS)]
     strip = np.concatenate([np.asarray(picture)[::2, ::2] for picture in looked])
-    palette = Image.fromarray(strip).quantize(256, method=Image.Quantize.MAXCOVERAGE)
-    colours = np.reshape(palette.getpalette(), (-1, 3))
+    rare = np.array([to_rgb(each) for each in (FORCE, PRESSURE, HELD, *COLOURS)])
+    palette = Image.fromarray(strip).quantize(256 - len(rare), method=Image.Quantize.MEDIANCUT)
+    colours = np.reshape(palette.getpalette(), (-1, 3))[: 256 - len(rare)]
     colours[colours.min(axis=1) > _WHITE] = 255  # the paper, mixed with its neighbours
+    colours = np.concatenate([colours, np.round(255.0 * rare).astype(int)])
     palette.putpalette(colours.ravel().tolist())
     first, *rest = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in pictures)
     first.save(

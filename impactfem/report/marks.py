@@ -16,6 +16,7 @@ Integers = NDArray[np.int64]
 
 _TURNED = np.cos(np.radians(3.0))  # cosine of the angle of a body that is seen to turn
 _WHOLE = 0.99  # correlation of its places with those of a rigid body
+_BESIDE, _HOLE = 0.08, 0.3  # of the way from the middle to the rim
 _STILL = 1e-9  # of the size, that a node moves which is held
 
 
@@ -86,11 +87,17 @@ NO_MARKS = Marks()
 
 
 def spoke(skin: Skin, snapshot: Snapshot, body: int) -> Floats:
-    """A line from the middle of a body to its rim [m], shape (2, 3)."""
+    """A line from the middle of a body to its rim [m], or across a ring; shape (2, 3)."""
     nodes = skin.solid_nodes[body]
-    middle = snapshot.place[nodes].mean(axis=0)
-    rim = nodes[int(np.argmax(skin.points[nodes, 0]))]
-    return np.stack([middle, snapshot.place[rim]])
+    start, rim = snapshot.place[nodes].mean(axis=0), int(np.argmax(skin.points[nodes, 0]))
+    arms = skin.points[nodes] - skin.points[nodes].mean(axis=0)
+    reach = float(np.linalg.norm(arms[rim]))
+    along = arms @ arms[rim] / reach**2
+    beside = np.linalg.norm(arms - along[:, None] * arms[rim], axis=1) < _BESIDE * reach
+    first = int(np.argmin(np.where(beside & (along > 0.0), along, np.inf)))
+    if _HOLE < along[first] < 0.95:
+        start = snapshot.place[nodes[first]]
+    return np.stack([start, snapshot.place[nodes[rim]]])
 
 
 def _has_turned(points: Floats, places: Floats) -> bool:

@@ -12,7 +12,7 @@ _LOOKED = 48  # layers that are compared
 _NODES = 400  # of each
 _SEEN = 0.5  # share of the size: shorter ways count less than the change of the stress
 _TOP = 0.99  # quantile of the stress that counts as the largest
-_LEAST = 0.1  # change that counts as the largest if none is larger
+_LEAST = 0.05  # change that counts as the largest if none is larger
 _APART = 0.1  # least change from one picture to another, of the largest of the motion
 
 
