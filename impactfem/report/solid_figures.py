@@ -26,6 +26,7 @@ from impactfem.report.space_picture import Camera, SpacePainter, skin_of
 from impactfem.report.telling import telling_snapshots
 from impactfem.result import Record, Snapshots
 from impactfem.result.whole import Whole
+from impactfem.scene import Scene
 from impactfem.scene.pairing import self_meeting
 
 Floats = NDArray[np.float64]
@@ -70,12 +71,21 @@ def survey(
             places += [snapshot.place.min(axis=0), snapshot.place.max(axis=0)]
     if extents and not len(skin.triangles):
         skin = replace(skin, span=float(np.ptp(union(extents, 0.0), axis=1).max()))
+    if pressure > 0.0 and skin.dim == 2 and _are_pressures(result.scene):
+        force = 0.0  # the pressure is drawn: no force twice
     ends = least if stress * _TENSE < least < stress else 0.0, stress or 1.0
     if isinstance(painter, SpacePainter) and spread(extents) > _FLASHED * skin.size:
         middle = 0.5 * (np.min(places, axis=0) + np.max(places, axis=0))
         painter = replace(painter, ground=(middle, 0.8 * spread(extents)))
     found = replace(painter, skin=skin, stress=ends, pressure=pressure, force=force, marks=marks)
     return found, extents
+
+
+def _are_pressures(scene: Scene) -> bool:
+    """Whether all contact forces are pressures on solids, without friction."""
+    return len(scene.solids) == len(scene.bodies) and not any(
+        contact.friction_coefficient for contact in scene.contacts
+    )
 
 
 def _painter(result: Record, skin: Skin) -> Painter:

@@ -49,9 +49,18 @@ def shown(axes):
     return [entry for entry in axes.collections if isinstance(entry, Quiver)]
 
 
+def test_a_pressure_that_is_drawn_has_no_arrow_besides(tmp_path):
+    result = solid_result(tmp_path / "fields.vtkhdf")
+    assert not any(q.N for axes in result.figure("body").axes for q in shown(axes))
+
+
 @pytest.mark.parametrize("dim", [2, 3])
 def test_pictures_and_films_show_the_force_with_its_scale(dim, tmp_path):
     result = solid_result(tmp_path / "fields.vtkhdf", dim)
+    if dim == 2:  # with friction the pressure does not say it all
+        rubs = {"between": ["body", "floor"], "friction_coefficient": 0.1}
+        scene = impactfem.Scene.from_dict(result.scene.to_dict() | {"contact": [rubs]})
+        result = impactfem.Result(scene, result.history, result.summary, result.fields)
     figure = result.figure("body")
     panels = [axes for axes in figure.axes if axes.get_title().startswith("t = ")]
     lengths = [np.hypot(*np.array([q.U, q.V])).max() for axes in panels for q in shown(axes) if q.N]
