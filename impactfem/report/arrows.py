@@ -90,7 +90,7 @@ def once(arrows: Floats, size: float) -> Floats:
         ).any()
         for k, one in enumerate(found)
     ]
-    return found[np.array(kept, dtype=bool)]
+    return np.asarray(found[np.array(kept, dtype=bool)])
 
 
 def _near(arrows: Floats, one: Floats, size: float) -> NDArray[np.bool_]:

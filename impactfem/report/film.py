@@ -194,7 +194,7 @@ def _write_gif(frames: Iterator[Image.Image], path: Path, rate: float) -> None:
     strip = np.concatenate([np.asarray(picture)[::2, ::2] for picture in looked])
     rare = np.array([to_rgb(each) for each in (FORCE, PRESSURE, HELD, *COLOURS)])
     palette = Image.fromarray(strip).quantize(256 - len(rare), method=Image.Quantize.MEDIANCUT)
-    colours = np.reshape(palette.getpalette(), (-1, 3))[: 256 - len(rare)]
+    colours = np.array(palette.getpalette() or []).reshape(-1, 3)[: 256 - len(rare)]
     colours[colours.min(axis=1) > _WHITE] = 255  # the paper, mixed with its neighbours
     colours = np.concatenate([colours, np.round(255.0 * rare).astype(int)])
     palette.putpalette(colours.ravel().tolist())

@@ -20,6 +20,7 @@ from impactfem.report.solid_figures import survey
 from impactfem.report.space_picture import Camera, SpacePainter, skin_of
 from impactfem.result import Record
 from impactfem.scene import Point, Scene
+from impactfem.scene.plate import Plate
 
 Floats = NDArray[np.float64]
 
@@ -61,8 +62,8 @@ def draw_solids_in_space(result: Record) -> Figure | None:
             label(axes, flat, body.name)
             _velocity(axes, camera, flat, moving, skin.size)
     for plate in result.scene.plates:
-        middle = camera.flat(snapshot.place[_own(skin, plate.name)].mean(axis=0))
-        label(axes, (middle[0] - 0.2 * skin.size, middle[1]), plate.name)
+        x, y = camera.flat(snapshot.place[_own(skin, plate.name)].mean(axis=0))
+        label(axes, (float(x) - 0.2 * skin.size, float(y)), plate.name)
     for point in (body for body in result.scene.bodies if isinstance(body, Ball)):
         flat = camera.flat(np.array(point.position, dtype=np.float64))
         axes.plot(*flat, "o", color=EDGE, markersize=9, zorder=4)

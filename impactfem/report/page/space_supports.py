@@ -13,6 +13,7 @@ from impactfem.report.page.sketch import SUPPORT, arrow, label
 from impactfem.report.skin import Skin, normals
 from impactfem.report.space_picture import Camera
 from impactfem.scene import Scene, Solid
+from impactfem.scene.plate import Plate
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -95,7 +96,7 @@ def _draw_solid(axes: Axes, camera: Camera, solid: Solid, skin: Skin, place: Flo
         label(axes, middle, text, SUPPORT)
 
 
-def _draw_plate(axes: Axes, camera: Camera, plate: Any, size: float) -> None:
+def _draw_plate(axes: Axes, camera: Camera, plate: Plate, size: float) -> None:
     centre, frame = plate.frame
     edges = {} if plate.outline is None else _edges(plate.outline)
     told: dict[str, list[Floats]] = {}
