@@ -149,6 +149,16 @@ def test_the_page_loads_alone_and_its_charts_are_drawn(name, browser, folders):
     assert verdict.startswith("Do not trust this run" if name == "unstable" else "Trust this run")
 
 
+@pytest.mark.parametrize("name", QUICK)
+def test_screen_readers_and_keys_reach_all_of_the_page(name, browser, folders):
+    axe_selenium_python = pytest.importorskip("axe_selenium_python")
+    load(browser, folders(name) / "report.html")
+    axe = axe_selenium_python.Axe(browser)
+    axe.inject()
+    found = [(rule["id"], rule["nodes"][0]["html"][:200]) for rule in axe.run()["violations"]]
+    assert found == []
+
+
 @pytest.mark.parametrize("name", [*QUICK, *map(slow, ["corner", "oscillator", "beam"])])
 def test_the_slider_moves_time_force_and_body(name, browser, folders):
     from selenium.webdriver.common.by import By

@@ -42,6 +42,7 @@ def table(rows: Iterable[Row], head: Row = ()) -> str:
     body = "".join(_row(row) for row in rows)
     if not body:
         return ""
+    # A head without text is no head: screen readers would read an empty one out.
     top = "".join(f'<th scope="col">{text(cell)}</th>' if cell else "<td></td>" for cell in head)
     heading = f"<thead><tr>{top}</tr></thead>" if head else ""
     return f'<div class="wide"><table>{heading}<tbody>{body}</tbody></table></div>'
