@@ -59,12 +59,19 @@ def is_known() -> bool:
     return git("rev-parse", "--is-shallow-repository") == "false"
 
 
+def taken_at(name: str) -> str | None:
+    """The commit that a result names if the history has it, else the one that stored it."""
+    named: str | None = stamp(name).get("commit")
+    if named and git("cat-file", "-e", f"{named}^{{commit}}") is not None:
+        return named
+    return git("log", "-1", "--format=%h", "--", str(RESULTS / f"{name}.json"))
+
+
 @cache
 def note(name: str) -> str:
     """How old a result is, and what has changed since; empty if nothing has."""
-    path = RESULTS / f"{name}.json"
-    commit = stamp(name).get("commit") or git("log", "-1", "--format=%h", "--", str(path))
-    if not (is_known() and commit):
+    commit = taken_at(name) if is_known() else None
+    if not commit:
         return ""
     folders = CODE.get(name, MARCHES)
     places = [f"impactfem/{folder}" for folder in folders]

@@ -15,7 +15,12 @@ FIRST, PAGE = (
 def history(monkeypatch, tmp_path):
     """A result at a commit, and what git says to the words it is asked."""
     (tmp_path / "disc.json").write_text(json.dumps({"date": "2026-11-21", "commit": FIRST}))
-    said = {"rev-parse": "false", "log": "b one\nc two", "diff": "impactfem/contact/x.py"}
+    said = {
+        "rev-parse": "false",
+        "cat-file": "",
+        "log": "b one\nc two",
+        "diff": "impactfem/contact/x.py",
+    }
     monkeypatch.setattr(ages, "RESULTS", tmp_path)
     monkeypatch.setattr(
         ages, "stamp", lambda name: json.loads((tmp_path / f"{name}.json").read_text())
@@ -32,6 +37,11 @@ def history(monkeypatch, tmp_path):
 def test_a_table_older_than_its_code_says_so():
     said = f"Disc: taken on 2026-11-21 at commit {FIRST}; 2 later commits changed code of contact."
     assert f"| a |\n\n*Older than the code. {said}*\n\n<!-- end" in ages.marked(PAGE)
+
+
+def test_a_commit_that_the_history_has_not_is_the_one_that_stored_the_result(history):
+    history.update({"cat-file": None, "log": "d" * 7})
+    assert ages.taken_at("disc") == "d" * 7
 
 
 @pytest.mark.parametrize("change", [{"log": ""}, {"rev-parse": "true"}, {"rev-parse": None}])
