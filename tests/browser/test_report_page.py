@@ -167,6 +167,11 @@ def test_the_slider_moves_time_force_and_body(name, browser, folders):
     load(browser, folders(name) / "report.html")
     frames = browser.execute_script(FRAMES)
     slider = browser.find_element(By.CSS_SELECTOR, "#motion-view input[type=range]")
+    # At first it stands at the largest force.
+    largest = max(frames["force"])
+    shown = told(browser, r"contact force (\S+) (.?)N")
+    assert shown == pytest.approx(largest, rel=1e-4, abs=1e-12)
+    slider.send_keys(Keys.HOME)
     before, picture = browser.execute_script(READOUT), browser.execute_script(PICTURE)
     assert re.match(r"t = 0 [mµn]?s ", before)
     for _ in range(3):
@@ -233,11 +238,13 @@ def test_a_body_in_space_moves_with_the_slider(browser, folders):
     last = len(browser.execute_script(FRAMES)["times"]) - 1
     # Heights of the mesh that is drawn, in sizes of the body.
     heights = "return Array.from(document.querySelector('#motion-view .js-plotly-plot').data[0].y)"
-    before = browser.execute_script(heights)
-    browser.execute_script(
+    move = (
         "const s = document.querySelector('#motion-view input[type=range]');"
-        "s.value = arguments[0]; s.dispatchEvent(new Event('input'))", last,
-    )  # fmt: skip
+        "s.value = arguments[0]; s.dispatchEvent(new Event('input'))"
+    )
+    browser.execute_script(move, 0)
+    before = browser.execute_script(heights)
+    browser.execute_script(move, last)
     fields = Result.load(folders("ball")).fields
     top = [(fields.points + fields.read(k)["displacement"])[:, 1].max() for k in (0, -1)]
     size = float(np.ptp(fields.points, axis=0).max())
@@ -251,9 +258,11 @@ def test_playing_goes_on_and_stops(browser, folders):
 
     load(browser, folders("bar") / "report.html")
     button = browser.find_element(By.XPATH, "//*[@id='motion-view']//button[text()='Play']")
+    first = shown_time(browser)
     button.click()
     wait(browser, f"{READOUT}.startsWith('t = 0 s') === false")
     button.click()
+    assert shown_time(browser) < first  # it began at t = 0, not at the largest force
     stopped = browser.execute_script(READOUT)
     time.sleep(0.3)
     assert browser.execute_script(READOUT) == stopped

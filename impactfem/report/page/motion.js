@@ -88,8 +88,10 @@
       const size = value === null || Math.abs(value) >= Math.max(ROUNDING * most, NOTHING) ? 1 : 0;
       return short(value === null ? null : size * shown.factor * value) + " " + shown.unit;
     };
+    const peak = data.force.reduce((best, v, k) => (v > data.force[best] ? k : best), 0);
     function show(frame) {
       state.frame = frame;
+      state.moved = true;
       slider.value = frame;
       const time = "t = " + told(data.times, "s");
       slider.setAttribute("aria-valuetext", time);
@@ -104,7 +106,7 @@
     }
     play.addEventListener("click", () => {
       if (state.timer) return stop();
-      if (state.frame === last) show(0);
+      if (state.frame === last || state.frame === peak && !state.moved) show(0);
       play.textContent = "Pause";
       state.timer = setInterval(() => (state.frame < last ? show(state.frame + 1) : stop()), Math.max(40, 1000 * SECONDS / (last + 1)));
     });
@@ -120,7 +122,8 @@
       choice.addEventListener("change", () => { state.factor = Number(choice.value); show(state.frame); });
     }
     if (data.caption) make("p", "margin:4px 0;color:#444444", root, data.caption);
-    show(0);
+    show(peak); // the first look is at the largest force; playing begins at t = 0
+    state.moved = false;
   }
 
   window.addEventListener("beforeprint", () => plots.forEach((plot) => Plotly.relayout(plot, {autosize: false, width: Math.min(PAPER, plot.clientWidth || PAPER)})));
