@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from numpy.typing import NDArray
 
+from impactfem.report.palette import fill, tint
 from impactfem.report.sheet import Sheet
 from impactfem.report.space_picture import Camera
 from impactfem.scene import Scene
@@ -34,13 +35,14 @@ def mechanism_picture(scene: Scene, mechanisms: "Sequence[Kinematics]") -> Sheet
     places += [np.array(each.target) for each in mechanisms if each.target is not None]
     flat = camera.flat(np.array(places))
     size = float(np.ptp(flat, axis=0).max()) or 1.0
-    for each in mechanisms:
+    for number, each in enumerate(mechanisms):
         for shape in each.shapes:
             seen = camera.flat(shape)
             outline = seen[ConvexHull(seen).vertices]
             axes.add_collection(
-                PolyCollection([outline], facecolors="0.85", edgecolors="0.5", alpha=0.6, zorder=1)
-            )
+                PolyCollection([outline], facecolors=fill(number), edgecolors=tint(number),
+                               alpha=0.6, zorder=1)
+            )  # fmt: skip
         for name, frame in each.frames.items():
             here = camera.flat(frame.position)
             if each.above[name] in each.frames:
