@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from impactfem.contact.distance import signed_distance
 from impactfem.report.skin import Skin
 from impactfem.scene import Scene
-from impactfem.scene.plate import Plate
 from impactfem.scene.rigid import RigidBody
 
 Floats = NDArray[np.float64]

@@ -25,7 +25,6 @@ from impactfem.result.whole import Whole
 from impactfem.scene import Scene
 from impactfem.scene.obstacles.faces import spacing
 from impactfem.scene.obstacles.rotation import Placement, placement
-from impactfem.scene.plate import Plate
 
 Floats = NDArray[np.float64]
 

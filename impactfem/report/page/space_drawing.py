@@ -20,7 +20,6 @@ from impactfem.report.solid_figures import survey
 from impactfem.report.space_picture import Camera, SpacePainter, skin_of
 from impactfem.result import Record
 from impactfem.scene import Point, Scene
-from impactfem.scene.plate import Plate
 
 Floats = NDArray[np.float64]
 
