@@ -148,7 +148,7 @@ def test_elements_larger_than_the_body_of_a_file_are_refused(tmp_path):
     shutil.copy(starters()["mesh"].with_suffix(".geo"), tmp_path / "mesh.geo")
     plate = solid("plate", None, 0.2, "plane_stress", mesh=str(tmp_path / "mesh.geo"))
     del plate["shape"]
-    with pytest.raises(SceneError, match=r"mesh_size = 0\.2 exceeds the largest extent 0\.1"):
+    with pytest.raises(SceneError, match=r"mesh_size = 0\.2 exceeds the largest extent 0\.09"):
         plan(Scene.from_dict(table([plate])))
 
 

@@ -44,7 +44,7 @@ def test_everything_is_imported_without_dolfinx():
 
 def test_a_name_that_has_moved_says_where_it_is():
     with pytest.warns(DeprecationWarning, match=r"moved to impactfem\.obstacles\.RigidSphere"):
-        assert impactfem.obstacles.RigidSphere is impactfem.obstacles.RigidSphere
+        assert impactfem.RigidSphere is impactfem.obstacles.RigidSphere
     assert "RigidSphere" not in vars(impactfem)
     moved = {name: room for name, room in impactfem._MOVED.items() if name not in ROOMS}
     for name, room in moved.items():
