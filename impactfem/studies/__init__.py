@@ -4,13 +4,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from impactfem.result.bar_motion import BarMotion
     from impactfem.result.compare import Comparison, compare
     from impactfem.runs.ensemble import solve_ensemble
     from impactfem.studies.hard.cases import Board, hard_cases
-    from impactfem.studies.precision import work_precision
+    from impactfem.studies.precision import Baseline, work_precision
     from impactfem.studies.study import Study
 
 __all__ = [
+    "BarMotion",
+    "Baseline",
     "Board",
     "Comparison",
     "Study",
@@ -22,6 +25,8 @@ __all__ = [
 
 # Loaded when first used: hard cases and errors of solids need DOLFINx.
 _HOMES = {
+    "BarMotion": "impactfem.result.bar_motion",
+    "Baseline": "impactfem.studies.precision",
     "Board": "impactfem.studies.hard.cases",
     "Comparison": "impactfem.result.compare",
     "Study": "impactfem.studies.study",
