@@ -10,33 +10,30 @@ from impactfem.scene.schema import REQUIRED, DataclassLike, keys_of
 from impactfem.scene.toml import write_value
 
 _MOST_OBJECTS = 8
-_TOLD = {"name", "title", "body", "obstacle", "contact", "joint", "probe", "solve", "output"}
+_LISTS = {
+    "body": "bodies", "obstacle": "obstacles", "contact": "contacts", "joint": "joints",
+    "probe": "probes", "parameter": "parameters", "control": "controls", "measure": "measures",
+}  # fmt: skip
+_TABLES = ("objective", "solve", "output")
+_TOLD = {"name", "title", *_LISTS, *_TABLES}
 _LONGEST = 120  # letters of a value
 
 
 def scene_card(scene: Content) -> str:
     """The scene in a table, as its file would hold it: what differs from the defaults."""
     rows = []
-    for what, entries in (
-        ("body", scene.bodies),
-        ("obstacle", scene.obstacles),
-        ("contact", scene.contacts),
-        ("joint", scene.joints),
-        ("probe", scene.probes),
-    ):
-        rows += _objects(what, entries)
-    rows += [(what, _keys(entry)) for what, entry in (("scene", scene), *_settings(scene))]
+    for what, name in _LISTS.items():
+        rows += _objects(what, getattr(scene, name))
+    rows.append(("scene", _keys(scene)))
+    tables = {name: getattr(scene, name) for name in _TABLES}
+    rows += [(name, _keys(table)) for name, table in tables.items() if table is not None]
     return card(scene.title, [row for row in rows if row[1]])
-
-
-def _settings(scene: Content) -> tuple[tuple[str, DataclassLike], ...]:
-    return ("solve", scene.solve), ("output", scene.output)
 
 
 def _objects(what: str, entries: Sequence[Any]) -> list[tuple[str, str]]:
     rows = []
     for entry in entries[:_MOST_OBJECTS]:
-        label = f"{what} {getattr(entry, 'name', '')}".strip()
+        label = f"{what} {getattr(entry, 'name', None) or ''}".strip()
         rows.append((label, "; ".join(p for p in (getattr(entry, "kind", ""), _keys(entry)) if p)))
     if len(entries) > _MOST_OBJECTS:
         rows.append((what, f"and {len(entries) - _MOST_OBJECTS} more"))

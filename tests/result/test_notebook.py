@@ -5,6 +5,7 @@ import gc
 import multiprocessing
 import pickle
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -116,6 +117,14 @@ def test_scenes_say_what_they_hold(name):
         assert entry.kind in text
     assert scene.title in text
     assert f"duration = {scene.duration:g} s" in text
+
+
+def test_a_scene_says_what_is_sought():
+    demo = Path(__file__).resolve().parents[2] / "demos" / "soft_landing" / "scene.toml"
+    text = Page(impactfem.Scene.from_toml(demo)._repr_html_()).text
+    for said in ("parameter off", "start = 2.6e-06", "measure rest", "objective", "misfit"):
+        assert said in text
+    assert "None" not in text
 
 
 def test_a_scene_tells_what_differs_from_the_defaults():
