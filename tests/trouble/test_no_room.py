@@ -55,7 +55,7 @@ def said(done, *parts):
 @pytest.mark.slow
 def test_a_full_disk_while_the_report_is_written(tmp_path):
     """Pictures still fit; the page with its scripts does not: the data are there."""
-    code, out, err = run(tmp_path, *DRAWN, "o", preexec_fn=partial(limited, 700_000))
+    code, out, err = run(tmp_path, *DRAWN, "o", preexec_fn=partial(limited, 1_000_000))
     assert (code, out) == (0, "")
     assert err == (
         "impactfem: warning: not drawn: o: cannot be written (File too large); free some space or "
