@@ -2,13 +2,18 @@
 
 from impactfem.result.trajectory import Trajectory
 from impactfem.system.generalized import GeneralizedSystem, LinearSystem
-from impactfem.vibro.ensemble import integrate_ensemble
+from impactfem.vibro.ensemble import EnsembleResult, integrate_ensemble
 from impactfem.vibro.integrating import integrate
+from impactfem.vibro.position_level import PositionSettings
+from impactfem.vibro.velocity_level import VelocitySettings
 
 __all__ = [
+    "EnsembleResult",
     "GeneralizedSystem",
     "LinearSystem",
+    "PositionSettings",
     "Trajectory",
+    "VelocitySettings",
     "integrate",
     "integrate_ensemble",
 ]
