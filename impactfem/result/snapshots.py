@@ -73,7 +73,7 @@ class Snapshots(ABC):
         layout = self.layout
         rows = [
             (
-                "layers",
+                "time levels",
                 f"{len(self)}, {self.times[0]:g} to {self.times[-1]:g} s" if len(self) else "0",
             ),
             ("bodies", ", ".join(layout.names)),

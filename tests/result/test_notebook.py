@@ -226,3 +226,15 @@ def test_fields_that_pass_stay_as_long_as_a_copy_and_are_not_pickled(tmp_path):
     del other
     gc.collect()
     assert not path.exists()
+
+
+def test_comparisons_and_fields_show_themselves(result):
+    other = impactfem.solve(bar_scene(elements=40))
+    text = Page(impactfem.compare(result, other)._repr_html_()).text
+    assert "Two histories side by side" in text
+    assert "interpolated" in text
+    assert "contact_force" in text
+    text = Page(result.fields._repr_html_()).text
+    assert f"{len(result.fields)}, 0 to 5 s" in text
+    assert str(len(result.fields.positions)) in text
+    assert "velocity" in text
