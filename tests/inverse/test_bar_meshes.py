@@ -73,9 +73,10 @@ def test_a_mesh_of_equal_layers_is_that_of_elements(tmp_path, method):
 
 
 def test_dg_comes_to_the_exact_derivative(tmp_path):
-    # .37914, .37951, .37974 with 20, 40, 80 elements.
-    coarse, fine = (slopes(varied(tmp_path, 0.6, n), n)[-1] for n in (10, 20))
-    assert abs(fine - 0.38) < min(1e-3, 0.8 * abs(coarse - 0.38))
+    # .37885, .37914, .37951, .37974 with 10, 20, 40, 80 elements on the triangles of Gmsh 4.15,
+    # .37885, .37894, .37954, .37973 on those of 4.13: halving once tells of the mesh too.
+    coarse, fine = (slopes(varied(tmp_path, 0.6, n), n)[-1] for n in (10, 40))
+    assert abs(fine - 0.38) < min(6e-4, 0.5 * abs(coarse - 0.38))
 
 
 def test_unequal_layers_keep_their_sets(tmp_path):
