@@ -30,6 +30,8 @@ _PARTS = {
     "contact": ("max_force", "impulse", "max_penetration"),
     "error": ("displacement_max", "displacement_l2", "force_l1"),
 }
+_SHARES = ("error.", "energy.max", "contact.max_penetration")
+_SAME = {"N m": "J"}
 
 
 def figures(path: Path) -> dict[str, float]:
@@ -42,22 +44,32 @@ def figures(path: Path) -> dict[str, float]:
         values = summary[part] if part else summary
         found |= {f"{part}.{k}".strip("."): values[k] for k in names if (values or {}).get(k)}
     for name, column in result.history.items():
-        found[f"column {name}"] = float(np.sqrt(np.nansum(np.square(column.values))))
+        norm = float(np.sqrt(np.nansum(np.square(column.values))))
+        found[f"column {name} [{_SAME.get(column.unit, column.unit)}]"] = norm
     return {name: value for name, value in found.items() if isinstance(value, int | float)}
 
 
 def differences(old: Mapping[str, float], new: Mapping[str, float]) -> list[tuple[float, str]]:
     """Relative differences, the largest first; infinite where one has no such figure.
 
-    Errors are told to few digits, and penetrations may be rounding: both are compared as shares of
-    what they are errors of, which is of order one.
+    Errors are told to few digits: they are compared as shares of what they are errors of, which is
+    of order one. Columns are compared with the largest of their unit, as some are but rounding.
     """
-    found = []
+    found, largest = [], dict[str, float]()
+    for name, value in new.items():
+        largest[_unit(name)] = max(abs(value), largest.get(_unit(name), 0.0))
     for name in old.keys() | new.keys():
         a, b = old.get(name, np.inf), new.get(name, np.inf)
-        scale = 1.0 if name.startswith(("error.", "energy.max")) else max(abs(a), abs(b))
+        scale = 1.0 if name.startswith(_SHARES) else max(abs(a), abs(b))
+        if name.startswith("column "):
+            scale = max(scale, largest.get(_unit(name), 0.0))
         found.append((abs(a - b) / scale if scale and np.isfinite(a - b) else float(a != b), name))
     return sorted(found, reverse=True)
+
+
+def _unit(name: str) -> str:
+    """Unit of a column by its name here; the name of another figure."""
+    return name[name.index("[") :] if name.startswith("column ") else name
 
 
 def main() -> int:

@@ -67,14 +67,24 @@ class Bodies[P: Stepper]:
         """Velocities of the contact nodes by unit spins [m], of all bodies."""
         return np.concatenate([part.spins() for part in self.parts], axis=1)
 
-    def gravity(self, layer: int) -> Floats:
-        """Gravity that the layer uses [m/s^2], shape (dim,)."""
-        return self.parts[0].gravity(layer)
+    def gravity(self, start: float, end: float) -> Floats:
+        """Gravity that a layer between two times uses [m/s^2], shape (dim,)."""
+        return self.parts[0].gravity(start, end)
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:
+    def begin(self, start: float, end: float) -> None:
+        """Take up a step between two times, of all bodies."""
+        for part in self.parts:
+            part.begin(start, end)
+
+    @property
+    def surface_iterate(self) -> Floats:
+        """Of the contact nodes of all bodies at the end of the step, as it is solved now [m]."""
+        return np.concatenate([part.surface_iterate for part in self.parts])
+
+    def finish(self, static: Floats) -> list[Sums]:
         """End the layer of all bodies; sums of each."""
         each = enumerate(self.parts)
-        return [sums for k, part in each for sums in part.finish(layer, static[self.own(k)])]
+        return [sums for k, part in each for sums in part.finish(static[self.own(k)])]
 
     def placed(self, static: Floats) -> Floats:
         """Displacement of the owned dofs of all bodies, one after the other."""
@@ -174,13 +184,10 @@ class Composite(Bodies[Interior]):
         before, after = zip(*each, strict=True)
         return np.concatenate(before), np.concatenate(after)
 
-    def share(self, layer: int) -> float:
-        """Part of a layer's contact force that acts."""
-        return self.parts[0].share(layer)
-
-    def predict(self, layer: int) -> Floats:
-        """Move all bodies to the end of a layer without contact."""
-        return np.concatenate([part.predict(layer) for part in self.parts])
+    @property
+    def share(self) -> float:
+        """Part of the layer's contact force that acts."""
+        return self.parts[0].share
 
     def touched(self, normals: Floats) -> Floats:
         """Tell bodies that roll where they touch; see `Rolling`."""

@@ -17,6 +17,7 @@ from impactfem.errors import ConvergenceError
 from impactfem.findings import STRAIN_LIMITS, Finding, by_limits, percent
 from impactfem.marching.few_forces import steady_load, tangent
 from impactfem.marching.held_rows import HeldLumped
+from impactfem.marching.iterated import SHARE
 from impactfem.marching.layers import Sums
 from impactfem.marching.meshless import Meshless
 from impactfem.marching.stations import Held
@@ -33,6 +34,7 @@ Booleans = NDArray[np.bool_]
 
 _MOST_ITERATIONS = 50
 _EPS, _TINY = 4.0 * float(np.finfo(float).eps), float(np.finfo(float).tiny)
+_SAME = 1e-12  # share by which lengths of steps differ that are one but for rounding
 _SETTLED = 1e-13  # change of velocities, as a share of the largest
 _NEAR = 1e-9  # share of a body's size by which a probe may lie off its axis
 
@@ -174,7 +176,13 @@ class FewInterior(Watched, Meshless):
 
 
 class FewMidpoint(FewInterior):
-    """Interior of few degrees of freedom; see `impactfem.marching.layers.Interior`."""
+    """Interior of few degrees of freedom; see `impactfem.marching.layers.Interior`.
+
+    Contact forces act on the nodes where these are amid the step.
+
+    Attributes:
+        span: Of the step [s].
+    """
 
     bodies: Lumped
 
@@ -183,7 +191,7 @@ class FewMidpoint(FewInterior):
     ) -> None:
         """Begin at t = 0; see `FewInterior`."""
         super().__init__(bodies, gravity, dt, counts=counts)
-        self._span = dt  # of the step
+        self.span = dt
         self._system = bodies.system
         self._mass = self._system.mass(bodies.position)
         self._jacobian = bodies.jacobian(self._q)
@@ -199,18 +207,18 @@ class FewMidpoint(FewInterior):
 
     def _prepare(self, time: float) -> None:
         """Invert M + dt C / 2 + dt^2 K / 4, with forces linearised: layers then are products."""
-        stiffness, damping = tangent(self._system, (time, self._span), self._q, self._v)
-        half = 0.5 * self._span
+        stiffness, damping = tangent(self._system, (time, self.span), self._q, self._v)
+        half = 0.5 * self.span
         self._inverse = np.linalg.inv(self._mass + half * damping + half**2 * stiffness)
         # Forces of stiff bodies are small differences of large products, known to their rounding.
-        forces = self._span * np.abs(stiffness) @ np.abs(self._q)
+        forces = self.span * np.abs(stiffness) @ np.abs(self._q)
         self._noise = _EPS * float((np.abs(self._inverse) @ forces).max(initial=0.0)) + _TINY
         self._renew_answer()
 
     def _renew_answer(self) -> None:
         """Velocities by unit forces on the contact nodes, (d, nodes dim)."""
-        self._answer = self._span * self._inverse @ self._jacobian.T
-        self._compliance = 0.5 * self._span * self._jacobian @ self._answer
+        self._answer = self.span * self._inverse @ self._jacobian.T
+        self._compliance = 0.5 * self.span * self._jacobian @ self._answer
 
     @property
     def surface_velocity(self) -> Floats:
@@ -235,26 +243,71 @@ class FewMidpoint(FewInterior):
             after = jacobian(self._end(self._ahead)) @ self._ahead
         return before.reshape(shape), after.reshape(shape)
 
-    def predict(self, layer: int) -> Floats:
-        """Solve the layer without contact forces."""
-        self.set_out(layer)
-        return self.foreseen()
+    def begin(self, start: float, end: float) -> None:
+        """Solve the step without contact forces."""
+        self.set_out(start, end)
+        self.look()
 
-    def set_out(self, layer: int) -> None:
-        """Solve the layer without forces of contact and joints."""
-        time = (layer + 0.5) * self.dt
-        if not self._linear:
-            self._prepare(time)
-        self._time, self._weight = time, self.bodies.weights @ self.gravity(layer)
+    def set_out(self, start: float, end: float) -> None:
+        """Solve a step between two times without forces of contact and joints."""
+        span, self._time = end - start, 0.5 * (start + end)
+        if not self._linear or abs(span - self.span) > _SAME * span:
+            self.span = span
+            self._prepare(self._time)
+        self._weight = self.bodies.weights @ self.gravity(start, end)
         self._pushed = self._joined = self._kick = np.zeros_like(self._q)
         self._ahead = self._settle(self._v)
 
-    def foreseen(self) -> Floats:
-        """Displacements of the contact nodes at the end of the layer, as it is solved now."""
+    def look(self) -> None:
+        """See how forces act on contact nodes as the step is solved now."""
         if self.bodies.turning:
             self._jacobian = self.bodies.jacobian(self._middle(self._ahead))
             self._renew_answer()
+
+    @property
+    def surface_iterate(self) -> Floats:
+        """Displacement of contact nodes at the end of the step, as it is solved now [m]."""
         return self.bodies.places(self._end(self._ahead)) - self._start
+
+    @property
+    def surface_way(self) -> Floats:
+        """How far they move in the step, as it is solved now [m], (count, dim)."""
+        return self.surface_iterate - self.surface_displacement
+
+    @property
+    def touching_velocity(self) -> Floats:
+        """Of what touches, at the start of the step [m/s], (count, dim)."""
+        return self.surface_velocity
+
+    def touch(self, normals: Floats) -> None:
+        """Nothing: nodes touch themselves."""
+
+    def predicted(self, start: float, end: float) -> Floats:
+        """Where contact nodes go if nothing changes [m], (count, dim)."""
+        return self.bodies.places(self._q + (end - start) * self._v) - self._start
+
+    def known(self) -> Floats:
+        """Rates at the end of the step as it is solved now, to compare others with."""
+        return self._ahead.copy()
+
+    def changed(self, ahead: Floats) -> tuple[float, float, float]:
+        """By how much rates have changed since, what changes them in the step, and rounding."""
+        mass, whole = self._mass, float(np.trace(self._mass))
+
+        def size(rates: Floats) -> float:
+            return float(np.sqrt(rates @ mass @ rates / whole))
+
+        acting = self._inverse @ self._pushed, self._inverse @ (self.span * self._weight)
+        scale = max(map(size, (*acting, self._ahead - self._v, SHARE * self._v)))
+        return size(self._ahead - ahead), scale, self._noise
+
+    def lay(self, forces: Floats) -> None:
+        """Put the contact forces of the step (count, dim), to be solved for."""
+        self._pushed = self.span * (self._jacobian.T @ forces.ravel())
+
+    def settle(self) -> None:
+        """Solve for the rates at the end of the step, with what has pushed so far."""
+        self._ahead = self._settle(self._ahead)
 
     def held(self, stations: Stations) -> Held:
         """It as joints hold it."""
@@ -297,14 +350,14 @@ class FewMidpoint(FewInterior):
 
     def strike(self, forces: Floats) -> None:
         """Add the layer's contact forces (count, dim)."""
-        self._pushed = self._pushed + self.dt * (self._jacobian.T @ forces.ravel())
+        self._pushed = self._pushed + self.span * (self._jacobian.T @ forces.ravel())
         self._ahead = self._settle(self._ahead + self._answer @ forces.ravel())
 
     def _middle(self, ahead: Floats) -> Floats:
-        return np.asarray(self._q + 0.25 * self._span * (self._v + ahead))
+        return np.asarray(self._q + 0.25 * self.span * (self._v + ahead))
 
     def _end(self, ahead: Floats) -> Floats:
-        return np.asarray(self._q + 0.5 * self._span * (self._v + ahead))
+        return np.asarray(self._q + 0.5 * self.span * (self._v + ahead))
 
     def _settle(self, guess: Floats) -> Floats:
         """Velocities at the end of the layer, by Newton's method with the tangent of its start."""
@@ -312,7 +365,7 @@ class FewMidpoint(FewInterior):
         for _ in range(_MOST_ITERATIONS):
             mean = 0.5 * (self._v + ahead)
             force = self._force(self._middle(ahead), mean) + self._weight
-            missing = self.dt * force + self._pushed + self._joined
+            missing = self.span * force + self._pushed + self._joined
             missing -= self._mass @ (ahead - self._v)
             change = self._inverse @ missing
             ahead = ahead + change
@@ -330,25 +383,29 @@ class FewMidpoint(FewInterior):
     def _force(self, q: Floats, v: Floats) -> Floats:
         system = self._system
         if self._steady is None or not isinstance(system, LinearSystem):
-            return system.force(self._time, q, v, self._span)
+            return system.force(self._time, q, v, self.span)
         return self._steady - system.stiffness @ q - system.damping @ v
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (count, dim)."""
         if self._linear:
-            self._pushed = self._pushed + self.dt * (self._jacobian.T @ forces.ravel())
+            self._pushed = self._pushed + self.span * (self._jacobian.T @ forces.ravel())
             self._ahead = self._ahead + self._answer @ forces.ravel()
         else:
             self.strike(forces)
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
+    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up."""
+        return self.summed(self.advance())
+
+    def advance(self) -> Floats:
+        """Take the coordinates and rates that were found; the work of loads [J], (d,)."""
         end, mean, work = self._end(self._ahead), 0.5 * (self._v + self._ahead), 0.0 * self._q
         if self.bodies.load is not None:
-            ends = self._time - 0.5 * self._span, self._time + 0.5 * self._span
+            ends = self._time - 0.5 * self.span, self._time + 0.5 * self.span
             work = self.bodies.load(*ends, self._middle(self._ahead), mean) * (end - self._q)
         self._q, self._v = end, self._ahead + self._kick
-        return self._summed(work)
+        return work
 
     def _look(self) -> None:
         """Keep the most that an axis between held ends had to stretch, and what bent it [J]."""
@@ -377,10 +434,13 @@ class FewMidpoint(FewInterior):
 
     def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state."""
-        return self._summed(np.zeros(len(self._q)))
+        return self.summed(np.zeros(len(self._q)))
 
-    def _summed(self, work: Floats) -> list[Sums]:
-        """Sums of each body; the energy of springs is told of the first."""
+    def summed(self, work: Floats) -> list[Sums]:
+        """Sums of each body, with the work of loads (d,) since the last ones [J].
+
+        The energy of springs is told of the first.
+        """
         self._look()
         bodies, none = self.bodies, np.zeros(self.bodies.dim)
         if not self.counts:

@@ -313,7 +313,7 @@ class FiniteMidpoint(FiniteBody):
         self.velocity = np.where(self._still, drift, new)
         self.displacement = self._after
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up (collective)."""
         work, self._work = self._work, 0.0
         return self._summed(self._strain.energy(self.displacement), work)

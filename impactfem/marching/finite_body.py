@@ -97,9 +97,9 @@ class FiniteBody(ABC):
         arms = self._surface.gather(self._from_centre(places).ravel())
         return np.stack(unit_spins(arms))
 
-    def gravity(self, layer: int) -> Floats:
+    def gravity(self, start: float, end: float) -> Floats:
         """Mean gravity of a layer [m/s^2], shape (dim,)."""
-        return self._drive.gravity(layer * self.dt, (layer + 1) * self.dt)
+        return self._drive.gravity(start, end)
 
     def _summed(self, elastic: float, work: float) -> list[Sums]:
         """Sums of the present state (collective)."""

@@ -159,7 +159,12 @@ class FiniteLeapfrog(FiniteBody):
         self.most = max(self.most, math.ceil(self._share * stiffer / _STABLE))
         return self.most
 
-    def predict(self, start: float, end: float) -> None:
+    @property
+    def surface_iterate(self) -> Floats:
+        """Where the contact nodes have been put [m], (count, dim) (collective)."""
+        return self.surface_displacement
+
+    def begin(self, start: float, end: float) -> None:
         """Take the inside to the end of a step, and guess where the surface is (collective)."""
         step = self._step = end - start
         slow = 0.5 * self._system.rayleigh_mass * step
@@ -285,7 +290,7 @@ class FiniteLeapfrog(FiniteBody):
             pulled = self._internal[held] - self._last_internal[held]  # v K v of moved supports
             self._rate_sum += float(pulled @ way[held]) / step**2
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up (collective)."""
         work, self._work = self._work, 0.0
         return self._told(work)

@@ -17,8 +17,8 @@ _SETTLED = 1e-13  # change of rates of stations by forces that are not linear
 class Coordinates(Protocol):
     """Bodies whose contact nodes move by coordinates that stations share."""
 
-    def foreseen(self) -> Floats:
-        """Displacements of the contact nodes at the end of the layer, (count, dim)."""
+    def look(self) -> None:
+        """See where contact nodes are as the step is solved now, and how forces act on them."""
 
     def strike(self, forces: Floats) -> None:
         """Add contact forces (count, dim)."""
@@ -42,10 +42,6 @@ class HeldByRows[B: Coordinates]:
 
     def _each(self, values: Floats) -> Floats:
         return values.reshape(*values.shape[:-1], -1, 6)
-
-    def foreseen(self) -> Floats:
-        """Displacements of the contact nodes."""
-        return self.part.foreseen()
 
     @property
     def freedoms(self) -> Floats:
@@ -76,10 +72,10 @@ class Linear(Coordinates, Counting, Protocol):
     """Bodies whose stations move with coordinates along lines.
 
     Attributes:
-        dt: Time step [s].
+        span: Of the step [s].
     """
 
-    dt: float
+    span: float
 
     @property
     def coordinates(self) -> Floats:
@@ -97,8 +93,8 @@ class Linear(Coordinates, Counting, Protocol):
     def reach(self) -> Floats:
         """Rates at the end of the layer by unit impulses in it, (d, d)."""
 
-    def set_out(self, layer: int) -> None:
-        """Solve the layer without forces of contact and joints."""
+    def set_out(self, start: float, end: float) -> None:
+        """Solve a step between two times without forces of contact and joints."""
 
     def impel(self, impulse: Floats) -> bool:
         """Solve the layer with an impulse of joints (d,); whether it answers linearly."""
@@ -139,13 +135,9 @@ class HeldLumped(HeldByRows[Linear]):
         """How stations answer to impulses in the layer, (6 stations, 6 stations)."""
         self._flat = self._rows @ self.part.reach @ self._rows.T
 
-    def prepare(self, layer: int) -> None:
-        """Begin a layer."""
-        self.part.set_out(layer)
-        self.began()
-
-    def began(self) -> None:
-        """Take up a step that the bodies have begun."""
+    def set_out(self, start: float, end: float) -> None:
+        """Take up a step."""
+        self.part.set_out(start, end)
         self._wrench = np.zeros(len(self._rows))
         self._renew()
 
@@ -193,7 +185,7 @@ class HeldLumped(HeldByRows[Linear]):
         """At the end of the layer."""
         part = self.part
         mean = 0.5 * (part.rates + part.rates_ahead)
-        return self._moved(part.coordinates + part.dt * mean - self._rest), self._ends
+        return self._moved(part.coordinates + part.span * mean - self._rest), self._ends
 
     @property
     def rates_ahead(self) -> Floats:

@@ -86,13 +86,9 @@ class HeldTree(HeldByRows["MechanismMidpoint"]):
         self._rows = self._jacobians(part.coordinates)
         self.compliance = stations.compliance
 
-    def prepare(self, layer: int) -> None:
-        """Begin a layer."""
-        self.part.set_out(layer)
-        self.began()
-
-    def began(self) -> None:
-        """Take up a step that the mechanism has begun."""
+    def set_out(self, start: float, end: float) -> None:
+        """Take up a step."""
+        self.part.set_out(start, end)
         self._wrench = np.zeros(6 * self._count)
         self._places, self._turns = self.frames
         self._before = self._rates_at(self.part.coordinates, self.part.rates)

@@ -48,18 +48,20 @@ class Joining[P: Stepper](Bodies[P]):
     span: float
     _time: float  # amid the step [s]
 
-    def _hold(self, joints: Joints, held: Sequence[Held], span: float) -> None:
+    def _hold(
+        self, joints: Joints, held: Sequence[Held], places: Sequence[int], span: float
+    ) -> None:
         """Begin at t = 0.
 
         Args:
             joints: What holds some of the bodies.
             held: Those, in the order of `Joints.parts`.
+            places: Of these among the parts.
             span: Of the first step [s].
         """
         self.span = span
         self._joints, self._held, self.counts = joints, tuple(held), held[0].part.counts
-        places = [self.parts.index(body.part) for body in held]
-        self._held_as = dict(zip(places, held, strict=True))
+        self._places = tuple(places)
         self._owns = [self.own(k) for k in places]
         # Sums of the first one held.
         self._first = sum(len(part.inertia()) for part in self.parts[: places[0]])
@@ -85,6 +87,16 @@ class Joining[P: Stepper](Bodies[P]):
         # Coordinate, rate, force and moment in the layer, energy taken up to now.
         self._shown = np.zeros((each, 5))
         self._show(self._terms)
+
+    def _set_out(self, start: float, end: float) -> None:
+        """Take up a step between two times; what joints hold is to be solved for."""
+        self.span = self._states.span = end - start
+        self._time = 0.5 * (start + end)
+        for k, part in enumerate(self.parts):
+            if k not in self._places:
+                part.begin(start, end)
+        for body in self._held:
+            body.set_out(start, end)
 
     def _coordinates(self, terms: Floats) -> Floats:
         """Rows by values of their terms, (rows,)."""

@@ -39,7 +39,7 @@ class Jointed(Joining[Interior], Composite):
             held: Those, in the order of `Joints.parts`.
         """
         super().__init__(parts, free)
-        self._hold(joints, held, self.dt)
+        self._hold(joints, held, [self.parts.index(body.part) for body in held], self.dt)
 
     @property
     def volatile(self) -> NDArray[np.bool_]:
@@ -49,17 +49,13 @@ class Jointed(Joining[Interior], Composite):
             found[own] = True
         return found
 
-    def predict(self, layer: int) -> Floats:
-        """Move all bodies to the end of a layer without contact."""
-        self._time, self._struck = (layer + 0.5) * self.dt, False
-        places = [np.zeros(0)] * len(self.parts)
-        for body in self._held:
-            body.prepare(layer)
+    def begin(self, start: float, end: float) -> None:
+        """Move all bodies to the end of a step without contact."""
+        self._struck = False
+        self._set_out(start, end)
         self._join()
-        for k, part in enumerate(self.parts):
-            held = self._held_as.get(k)
-            places[k] = part.predict(layer) if held is None else held.foreseen()
-        return np.concatenate(places)
+        for body in self._held:
+            body.part.look()
 
     def roots(self) -> None:
         """None: joints take part."""
@@ -107,12 +103,12 @@ class Jointed(Joining[Interior], Composite):
         if self._struck:
             self._join()
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:
+    def finish(self, static: Floats) -> list[Sums]:
         """End the layer of all bodies; sums of each."""
         jumped = any(body.jumped for body in self._held)
         if self._struck or jumped or self._states.stops.any():
             self._project()
-        found = super().finish(layer, static)
+        found = super().finish(static)
         for body in self._held:
             body.finish()
         stored, driven = self._ended()

@@ -7,16 +7,19 @@ that are exact at both ends of a step: with what slides on rubber too, energy st
 """
 
 from collections.abc import Sequence
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.marching.joining import Joining
 from impactfem.marching.layers import Sums
-from impactfem.marching.newton_bodies import HeldStepper, NewtonBodies, NewtonStepper
+from impactfem.marching.newton_bodies import NewtonBodies, NewtonStepper
 from impactfem.marching.stations import Held
 from impactfem.system.joints import Joints
+
+if TYPE_CHECKING:
+    from impactfem.marching.iterated import Iterated
 
 Floats = NDArray[np.float64]
 
@@ -37,8 +40,10 @@ class JointedNewton(Joining[NewtonStepper], NewtonBodies):
             held: Those, in the order of `Joints.parts`.
         """
         super().__init__(parts)
-        self._hold(joints, held, self.dt)
-        self._steppers = [cast("HeldStepper", body.part) for body in held]
+        bodies = [getattr(part, "body", None) for part in parts]
+        places = [bodies.index(body.part) for body in held]
+        self._hold(joints, held, places, self.dt)
+        self._steppers = [cast("Iterated", parts[place]) for place in places]
         self._driven = 0.0
 
     def _meeting_contact(self) -> Floats:
@@ -47,11 +52,8 @@ class JointedNewton(Joining[NewtonStepper], NewtonBodies):
 
     def begin(self, start: float, end: float) -> None:
         """Take up a step between two times."""
-        self.span = self._states.span = end - start
-        self._time, self._acting = 0.5 * (start + end), np.zeros_like(self._acting)
-        super().begin(start, end)
-        for body in self._held:
-            body.began()
+        self._acting = np.zeros_like(self._acting)
+        self._set_out(start, end)
         self._rejoin()
 
     def _rejoin(self) -> None:
@@ -63,10 +65,10 @@ class JointedNewton(Joining[NewtonStepper], NewtonBodies):
     def unbalanced(self, forces: Floats) -> float:
         """The worst of all bodies."""
         each = enumerate(self.parts)
-        worst = [p.unbalanced(forces[self.own(k)]) for k, p in each if k not in self._held_as]
+        worst = [p.unbalanced(forces[self.own(k)]) for k, p in each if k not in self._places]
         known = [part.known() for part in self._steppers]
         for part, own in zip(self._steppers, self._owns, strict=True):
-            part.lay(forces[own])
+            part.body.lay(forces[own])
         self._join()
         # Places round in rows of joints, and speeds of short steps the more.
         slack = _ROUNDED * self._rounding / self.span
@@ -83,7 +85,7 @@ class JointedNewton(Joining[NewtonStepper], NewtonBodies):
     def correct(self, forces: Floats) -> None:
         """Move all iterates."""
         for k, part in enumerate(self.parts):
-            if k not in self._held_as:
+            if k not in self._places:
                 part.correct(forces[self.own(k)])
         for body, own in zip(self._held, self._owns, strict=True):
             body.strike(forces[own])
@@ -98,9 +100,9 @@ class JointedNewton(Joining[NewtonStepper], NewtonBodies):
             body.finish()
         self._driven += self._ended()[1]
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:
+    def finish(self, static: Floats) -> list[Sums]:
         """End the layer of all bodies; sums of each."""
-        found = super().finish(layer, static)
+        found = super().finish(static)
         if self.counts:
             found[self._first].elastic += self._stored(self._terms)
             found[self._first].work += self._driven

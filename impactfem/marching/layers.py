@@ -70,14 +70,23 @@ class Stepper(Protocol):
         Those of the layer, with the arms of angular momenta; 0 of what does not turn (collective).
         """
 
-    def gravity(self, layer: int) -> Floats:
-        """Gravity that the layer uses [m/s^2], shape (dim,)."""
+    def gravity(self, start: float, end: float) -> Floats:
+        """Gravity that a layer between two times uses [m/s^2], shape (dim,)."""
 
-    def finish(self, layer: int, static: Floats) -> Sequence[Sums]:
+    def begin(self, start: float, end: float) -> None:
+        """Take up a step between two times from the present state (collective)."""
+
+    @property
+    def surface_iterate(self) -> Floats:
+        """Displacement of the contact nodes at the end of the step, as it is solved now [m].
+
+        Of shape (count, dim) (collective).
+        """
+
+    def finish(self, static: Floats) -> Sequence[Sums]:
         """End the layer; sums of each body.
 
         Args:
-            layer: Number of layers done before.
             static: Displacements of the contact nodes by the multipliers [m], (count, dim).
         """
 
@@ -102,6 +111,8 @@ class Stepper(Protocol):
 
 class Interior(Stepper, Protocol):
     """One layer of a scheme that is linear but for contact, in the order of the loop's calls.
+
+    `begin` solves it without contact forces, `push` adds these.
 
     Attributes:
         whole_columns: For how many contact nodes answers are worth keeping in full; None: for all.
@@ -128,7 +139,7 @@ class Interior(Stepper, Protocol):
         """Contact nodes whose answers change from layer to layer, (count,)."""
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
-        """Velocities of contact nodes at both ends of the predicted layer, of those with mass.
+        """Velocities of contact nodes at both ends of the layer as it has begun, if with mass.
 
         Args:
             way: What they moved in it [m], (count, dim).
@@ -137,11 +148,9 @@ class Interior(Stepper, Protocol):
             Before and after it [m/s], (count, dim) each (collective).
         """
 
-    def share(self, layer: int) -> float:
-        """Part of a layer's contact force that acts."""
-
-    def predict(self, layer: int) -> Floats:
-        """Move to the end of a layer without contact; displacements of contact nodes there."""
+    @property
+    def share(self) -> float:
+        """Part of the layer's contact force that acts."""
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Answers of the contact nodes to forces; see `impactfem.contact.responses`.
@@ -174,7 +183,7 @@ class Rolling(Protocol):
     def touched(self, normals: Floats) -> Floats:
         """Learn where nodes touch; what their surface moves in the layer besides them [m].
 
-        Asked after `Interior.predict`, for the layer without contact forces.
+        Asked after `Stepper.begin`, for the layer without contact forces.
 
         Args:
             normals: Of the gaps of each node, towards it, (count, dim).

@@ -117,7 +117,7 @@ class Leapfrog:
         self._turning = Turning.of(system, lambda velocity: moving * velocity)
         self._spins: Floats | None = None
         self._sums = np.zeros(2 + 2 * system.dim + len(self._turning.inertia))
-        self._share, self._work = 1.0, 0.0
+        self.share, self._work = 1.0, 0.0
         self._contact = self._contact_at(0.0)
 
     @property
@@ -128,6 +128,11 @@ class Leapfrog:
     @property
     def surface_displacement(self) -> Floats:
         """Displacement of the contact nodes, massless ones in equilibrium, (count, dim)."""
+        return self._contact
+
+    @property
+    def surface_iterate(self) -> Floats:
+        """The same at the end of the layer, as it is solved now."""
         return self._contact
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
@@ -151,21 +156,13 @@ class Leapfrog:
             self._spins = np.stack([self._surface.gather(row) for row in self._turning.rows])
         return self._spins
 
-    def share(self, layer: int) -> float:
-        """Part of a layer's contact force that acts.
-
-        What acts at t = 0 acts for half a step. (Contact nodes with mass take half the forces of
-        two layers: the share is in the one that lies before t = 0 and is missing.)
-        """
-        return 0.5 if layer == 0 and self._statics is not None else 1.0
-
-    def gravity(self, layer: int) -> Floats:
+    def gravity(self, start: float, end: float) -> Floats:  # noqa: ARG002  (as the interface has it)
         """Gravity that acts at the start of a layer [m/s^2], shape (dim,)."""
-        return self._drive.gravity(*self._around(layer))
+        return self._drive.gravity(*self._around(start))
 
-    def _around(self, layer: int) -> tuple[float, float]:
-        """Times between which forces act at the start of a layer [s]."""
-        return max(0.0, (layer - 0.5) * self.dt), (layer + 0.5) * self.dt
+    def _around(self, time: float) -> tuple[float, float]:
+        """Times between which forces act at a level [s]."""
+        return max(0.0, time - 0.5 * self.dt), time + 0.5 * self.dt
 
     def _contact_at(self, time: float) -> Floats:
         if self._statics is None:
@@ -176,29 +173,30 @@ class Leapfrog:
         self._surface.spread(found, self.displacement)
         return found
 
-    def predict(self, layer: int) -> Floats:
+    def begin(self, start: float, end: float) -> None:
         """Take the step without contact forces."""
-        drive, time = self._drive, layer * self.dt
-        self._strain(self._lag if layer else 0.0)
+        drive, first = self._drive, start == 0.0
+        self._strain(0.0 if first else self._lag)
         if drive.is_active:
-            self._loads = drive.load(*self._around(layer))
-            self._lift = drive.lift(time)
+            self._loads = drive.load(*self._around(start))
+            self._lift = drive.lift(start)
             self._load[:] = self._loads + self._lift
             self._reaction = drive.reaction(self.displacement)
-            self._work = self._half_work() if layer else 0.0
-        self._share = self.share(layer)
-        keep, gain = (self._keep, self._gain) if layer else (1.0, 0.5 * self._gain)
+            self._work = 0.0 if first else self._half_work()
+        # What acts at t = 0 acts for half a step. (Contact nodes with mass take half the forces of
+        # two layers: the share is in the one that lies before t = 0 and is missing.)
+        self.share = 0.5 if first and self._statics is not None else 1.0
+        keep, gain = (1.0, 0.5 * self._gain) if first else (self._keep, self._gain)
         _advance(
             self.displacement, self._step, self._forces, self._load, self._inverse,
-            self.gravity(layer), keep, gain,
+            self.gravity(start, end), keep, gain,
         )  # fmt: skip
         if drive.has_moved:
-            place = self._system.supports.motion(time + self.dt)[0]
+            place = self._system.supports.motion(end)[0]
             self._step[drive.moved] = place - self.displacement[drive.moved]
             self.displacement[drive.moved] = place
         self._before = self._contact
-        self._contact = self._contact_at(time + self.dt)
-        return self._contact
+        self._contact = self._contact_at(end)
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Answers of the contact nodes to several forces in a layer that is not the first."""
@@ -223,7 +221,7 @@ class Leapfrog:
         else:
             where = self._statics.near
             values = -self._statics.pushed(self._statics.response(forces))
-        values = self._share * self._gain * self._inverse[where] * values
+        values = self.share * self._gain * self._inverse[where] * values
         self._step[where] += values
         self.displacement[where] += values
         if change is None and self._statics is not None:
@@ -231,7 +229,7 @@ class Leapfrog:
         if change is not None:
             self._contact = self._contact + change
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up."""
         if self._statics is not None:
             self._surface.spread(self._contact, self.displacement)

@@ -16,7 +16,8 @@ Booleans = NDArray[np.bool_]
 class LevelStepper(Stepper, Protocol):
     """A layer in explicit steps, whose contact nodes are brought to equilibrium at each level.
 
-    In each step the march asks for `predict`, then `unbalanced`, `relaxed`, `answers` and
+    In each step the march asks for `begin`, which takes the inside to its end and guesses where
+    the surface is, then for `unbalanced`, `relaxed`, `answers` and
     `move_surface` in turns, then for `balance`, `receive` and `close`.
     """
 
@@ -42,9 +43,6 @@ class LevelStepper(Stepper, Protocol):
 
     def pieces(self) -> int:
         """Steps that the next layer takes (collective)."""
-
-    def predict(self, start: float, end: float) -> None:
-        """Take the inside to the end of a step, and guess where the surface is (collective)."""
 
     def move_surface(self, place: Floats) -> None:
         """Put the contact nodes somewhere, (count, dim) [m]."""
@@ -105,11 +103,6 @@ class LeapfrogBodies(Bodies[LevelStepper]):
     def pieces(self) -> int:
         """Steps that the next layer takes: those of the body that needs most."""
         return max(part.pieces() for part in self.parts)
-
-    def predict(self, start: float, end: float) -> None:
-        """Take all to the end of a step."""
-        for part in self.parts:
-            part.predict(start, end)
 
     def move_surface(self, place: Floats) -> None:
         """Put the contact nodes somewhere."""

@@ -52,7 +52,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
         self._acting = LevelForces.of(gaps, directions, force)
         if settings.rest is not None:
             self._balance(first=True)
-            self.rows.put(0, interior.finish(0, self.contact.static))
+            self.rows.put(0, interior.finish(self.contact.static))
 
     def findings(self) -> tuple[Finding, ...]:
         """Cells that shorten the steps."""
@@ -109,7 +109,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
         for piece in range(1, pieces + 1):
             end = (layer + piece / pieces) * dt
             begin, last = interior.surface_displacement, self._acting
-            interior.predict(time, end)
+            interior.begin(time, end)
             done.iterations += self._settle(begin, time, end)
             self._balance()
             shift = gaps.shift(end) - gaps.shift(time)
@@ -124,7 +124,7 @@ class LevelMarch(TimeLoop[LevelStepper]):
             time = end
         self.layer = layer + 1
         static = np.zeros_like(state.static)
-        self.rows.put(self.layer, interior.finish(layer, static))
+        self.rows.put(self.layer, interior.finish(static))
         if layer == 0:  # of linear steps this part stays
             self.rows.sums[0, :, 1] += interior.between - wanting
         self.rows.obstacle_work[self.layer] = done.obstacles

@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError
-from impactfem.marching.held_tree import HeldTree
+from impactfem.marching.held_tree import Chords, HeldTree
+from impactfem.marching.iterated import SHARE
 from impactfem.marching.joint_laws import JointLaws
 from impactfem.marching.layers import Sums
 from impactfem.marching.mechanism_shown import ShownMechanism
@@ -50,8 +51,20 @@ class MechanismMidpoint(ShownMechanism):
         span: Of the step [s].
     """
 
-    def __init__(self, bodies: Arm, gravity: PiecewiseVector, dt: float, *, counts: bool) -> None:
-        """Begin at t = 0; see `FewInterior`."""
+    def __init__(
+        self, bodies: Arm, gravity: PiecewiseVector, dt: float, *, counts: bool, exact: bool = False
+    ) -> None:
+        """Begin at t = 0; see `FewInterior`.
+
+        Args:
+            bodies: The mechanism.
+            gravity: [m/s^2].
+            dt: Time step [s].
+            counts: Whether this rank sums it up.
+            exact: Whether contact forces act by the discrete Jacobian D of `held_tree`: what
+                touches at a link goes by D v dt, exactly as the tree has it at both ends of a step,
+                and forces do their work on these ways. Joints are then solved for with every force.
+        """
         super().__init__(bodies, gravity, dt, counts=counts)
         self.span, count = dt, len(self._start)
         self.massive = self.volatile = np.ones(count, dtype=bool)
@@ -60,7 +73,8 @@ class MechanismMidpoint(ShownMechanism):
         self._leans = False  # whether contact forces acted in the last layer
         self._offset = bodies.following  # from nodes to where they touch
         self._ahead = self._v.copy()
-        self._chords = False  # whether a free base turns by Cayley's rotation, as joints need it
+        # Whether a free base turns by Cayley's rotation, as joints and exact ways need it.
+        self._exact, self._chords = exact, exact and bodies.tree.free
         self._begin()
         self._inverse = np.linalg.inv(self._inertia)
         self._acting = self._start - self._centre
@@ -105,36 +119,51 @@ class MechanismMidpoint(ShownMechanism):
         arms = np.einsum("kij,kj->ki", turns[bodies.on], bodies.arms) + offset
         return np.asarray(moving[:, :3] + cross(moving[:, 3:], arms))
 
-    def predict(self, layer: int) -> Floats:
-        """Solve the layer without contact forces.
+    def begin(self, start: float, end: float) -> None:
+        """Solve the step without contact forces.
 
-        Where these acted in the last layer, joints stay as they were then: forces are asked so.
+        Where these acted in the last one, joints stay as they were then: forces are asked so.
         """
-        self.set_out(layer)
-        return self.foreseen()
+        self.set_out(start, end)
+        self.look()
 
-    def set_out(self, layer: int) -> None:
-        """Begin a layer, without contact forces."""
-        self._time, self._pull = (layer + 0.5) * self.dt, self.gravity(layer)
+    def set_out(self, start: float, end: float) -> None:
+        """Take up a step between two times, without contact forces."""
+        self.span, self._time = end - start, 0.5 * (start + end)
+        self._pull = self.gravity(start, end)
+        self._pushed, self._joined = np.zeros((2, len(self._v)))
+        if self._exact:
+            turns, places = self.bodies.tree.poses(self._q, self.bodies.moving)
+            self._begun, self._leans, self._jumps = (places, turns), False, False
         self._prepare()
         self._settle(settled=self._leans)
         self._frozen, self._leans = self._leans, False
 
-    def foreseen(self) -> Floats:
-        """Displacements of the contact nodes at its end, (count, dim)."""
+    @property
+    def surface_iterate(self) -> Floats:
+        """Displacement of the contact nodes at its end, when it was looked at last [m]."""
+        return self._iterated
+
+    def look(self) -> None:
+        """See where contact nodes are as the step is solved now, and how forces act on them."""
         middle, end = self.way(0.5), self.way(1.0)
         bodies, tree = self.bodies, self.bodies.tree
-        _, there = tree.poses(middle, bodies.moving)
-        self._links = tree.jacobians(middle, bodies.moving)
+        if self._exact:
+            chords = Chords.of(self, bodies.moving, self._begun)
+            self._links = chords.rows.reshape(len(bodies.moving), 6, -1)
+            there = 0.5 * (self._begun[0] + chords.ends[0])
+        else:
+            _, there = tree.poses(middle, bodies.moving)
+            self._links = tree.jacobians(middle, bodies.moving)
+            self._offset = bodies.following
         if tree.free:
             self._base = middle[:3] - self._q[:3], tree.base(middle)
         ended, origins = bodies.places(end), there[bodies.on]
         # Forces act at means of both ends, where gaps have them: all moments stay.
         self._spans = 0.5 * (bodies.places(self._q) + ended) - origins
         self._amid = origins - tree.centre(middle)
-        self._offset = bodies.following
         self._renew_answer()
-        return np.asarray(ended - self._start)
+        self._iterated = np.asarray(ended - self._start)
 
     def way(self, share: float) -> Floats:
         """Coordinates after a share of the layer."""
@@ -231,7 +260,44 @@ class MechanismMidpoint(ShownMechanism):
             way, turn = self._base
             pushed[3:6] = turn @ pushed[3:6] + cross(way, pushed[:3])
         self._pushed = self._pushed + pushed
-        self._leans, self._frozen = True, False
+        if not self._exact:
+            self._leans, self._frozen = True, False
+
+    def lay(self, forces: Floats) -> None:
+        """Put the contact forces of the step (count, dim), to be solved for."""
+        self._pushed = np.zeros_like(self._v)
+        self.strike(forces)
+
+    def settle(self) -> None:
+        """Solve for the rates at the end of the step, with what has pushed so far.
+
+        To the end of a step with exact ways the energy stays; where that is too much to ask, as
+        rates turn round, it is to the order of the step.
+        """
+        try:
+            self._settle()
+        except ConvergenceError:
+            if not self._exact:
+                raise
+            self._leans, self._ahead = True, self._v.copy()
+            self._settle()
+
+    def known(self) -> Floats:
+        """Rates at the end of the step as it is solved now, to compare others with."""
+        return self._ahead.copy()
+
+    def changed(self, ahead: Floats) -> tuple[float, float, float]:
+        """By how much rates have changed since, what changes them in the step, and rounding."""
+        mean, inertia = 0.5 * (self._v + self._ahead), self._inertia
+        whole = float(np.trace(inertia))
+
+        def size(rates: Floats) -> float:
+            return float(np.sqrt(rates @ inertia @ rates / whole))
+
+        acting = self._pushed, self.span * self._drive, inertia @ (self._ahead - self._v)
+        each = [self._inverse @ one for one in acting]
+        scale = max(map(size, (*each, SHARE * mean, SHARE * self._v)))
+        return size(self._ahead - ahead), scale, self._allowed
 
     def reached(self, forces: Floats) -> Floats:
         """Rates by contact forces (several, count, dim) [1/s], (several, v)."""
@@ -325,14 +391,34 @@ class MechanismMidpoint(ShownMechanism):
             "smaller solve.dt"
         )
 
+    @property
+    def touching_velocity(self) -> Floats:
+        """Of what touches, at the start of the step [m/s], (count, dim)."""
+        return self._velocities(self._q, self._v, self._offset)
+
+    @property
+    def surface_way(self) -> Floats:
+        """How far what touches moves in the step, as it is solved now [m], (count, dim)."""
+        way = 0.5 * self.span * (self._v + self._ahead)
+        return np.asarray((self._jacobian @ way).reshape(-1, 3))
+
+    def predicted(self, start: float, end: float) -> Floats:
+        """Where contact nodes go if nothing changes [m], (count, dim)."""
+        there = self.bodies.tree.integrate(self._q, (end - start) * self._v)
+        return self.bodies.places(there) - self._start
+
+    def touch(self, normals: Floats) -> None:
+        """Learn where links that roll touch, by the normals of their nodes (count, dim)."""
+        self._offset = self.bodies.following - self.bodies.rolling[:, None] * normals
+        self._renew_answer()
+
     def touched(self, normals: Floats) -> Floats:
         """Learn where nodes touch; ways that their surface goes in the layer besides [m].
 
         Args:
             normals: Of the gaps of nodes, towards them, (count, dim).
         """
-        self._offset = self.bodies.following - self.bodies.rolling[:, None] * normals
-        self._renew_answer()
+        self.touch(normals)
         spins = (self._links[:, 3:] @ (0.5 * (self._v + self._ahead)))[self.bodies.on]
         return np.asarray(self.span * cross(spins, self._offset))
 
@@ -348,15 +434,15 @@ class MechanismMidpoint(ShownMechanism):
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (count, dim)."""
         self.strike(forces)
-        self._settle()
+        self.settle()
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
+    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up."""
         if self._frozen:  # no contact forces this time
             self._settle()
-        return [self._summed(self._go_on())]
+        return self.summed(self.advance())
 
-    def _go_on(self) -> float:
+    def advance(self) -> float:
         """Take the coordinates and rates that were found; the work of motors [J]."""
         mean = 0.5 * (self._v + self._ahead)
         work = self.span * float(self._drive @ mean)
@@ -369,13 +455,14 @@ class MechanismMidpoint(ShownMechanism):
 
     def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state."""
-        return [self._summed(0.0)]
+        return self.summed(0.0)
 
-    def _summed(self, work: float) -> Sums:
+    def summed(self, work: float) -> list[Sums]:
+        """Sums now, with the work of motors since the last ones [J]."""
         if not self.counts:
-            return Sums(0.0, 0.0, 0.0, *np.zeros((3, 3)))
+            return [Sums(0.0, 0.0, 0.0, *np.zeros((3, 3)))]
         tree = self.bodies.tree
         moved = tree.mass * (self._centre - self.bodies.centers[0])
         kinetic = 0.5 * float(self._v @ self._inertia @ self._v)
         momentum, angular = tree.momenta(self._q, self._v)
-        return Sums(kinetic, 0.0, work, momentum, moved, angular)
+        return [Sums(kinetic, 0.0, work, momentum, moved, angular)]

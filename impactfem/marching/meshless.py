@@ -21,6 +21,7 @@ class Meshless:
 
     whole_columns: int | None = None
     rolling = False
+    share = 1.0
     apart: Integers | None = None
 
     def __init__(self, gravity: PiecewiseVector, dt: float, *, counts: bool) -> None:
@@ -38,15 +39,11 @@ class Meshless:
         """None: its velocities are in `memory`, the same on all ranks."""
         return np.zeros(0)
 
-    def share(self, layer: int) -> float:  # noqa: ARG002  (as the interface has it)
-        """All of a layer's contact force acts."""
-        return 1.0
-
-    def gravity(self, layer: int) -> Floats:
+    def gravity(self, start: float, end: float) -> Floats:
         """Mean gravity of a layer [m/s^2], shape (dim,)."""
         if self._gravity.is_constant:  # asked for in every layer
             return np.array(self._gravity.values[0])
-        return np.asarray(self._gravity.mean(layer * self.dt, (layer + 1) * self.dt))
+        return np.asarray(self._gravity.mean(start, end))
 
     def roots(self) -> Roots | None:
         """None: nodes are asked."""

@@ -33,6 +33,7 @@ class Midpoint:
     """Implicit interior; see `impactfem.marching.layers.Interior`."""
 
     rolling = False
+    share = 1.0
     apart: NDArray[np.int64] | None = None
 
     def __init__(
@@ -77,7 +78,7 @@ class Midpoint:
         self._spins: Floats | None = None
         self._columns = np.empty((0, len(self.displacement)))  # answers, in the order of asking
         self._gather_columns = True
-        self._loads, self._begin = np.zeros(0), 0.0
+        self._loads, self._times = np.zeros(0), (0.0, 0.0)
         self._contact = self._contact_at(0.0)
         if statics is not None:
             surface.spread(self._contact, self.displacement)
@@ -97,13 +98,14 @@ class Midpoint:
             self._spins = np.stack([self._surface.gather(row) for row in self._turning.rows])
         return self._spins
 
-    def share(self, layer: int) -> float:  # noqa: ARG002  (as the interface has it)
-        """Part of a layer's contact force that acts."""
-        return 1.0
+    @property
+    def surface_iterate(self) -> Floats:
+        """The same at the end of the layer, as it is solved now."""
+        return self._contact
 
-    def gravity(self, layer: int) -> Floats:
+    def gravity(self, start: float, end: float) -> Floats:
         """Mean gravity of a layer [m/s^2], shape (dim,)."""
-        return self._drive.gravity(layer * self.dt, (layer + 1) * self.dt)
+        return self._drive.gravity(start, end)
 
     def _contact_at(self, time: float) -> Floats:
         if self._statics is None:
@@ -118,12 +120,11 @@ class Midpoint:
         found: Floats = self._product.getArray()
         return found
 
-    def predict(self, layer: int) -> Floats:
+    def begin(self, start: float, end: float) -> None:
         """Solve the layer without contact forces."""
         system, drive, dt = self._system, self._drive, self.dt
-        begin, end = layer * dt, (layer + 1) * dt
-        self._begin = begin
-        gravity = self.gravity(layer)
+        self._times = start, end
+        gravity = self.gravity(start, end)
         motion = self._mu * self.displacement + (2.0 / dt) * self.velocity
         carried = np.tile(system.carried(motion), len(motion) // system.dim)
         motion -= carried
@@ -132,8 +133,8 @@ class Midpoint:
         right[:] = self._times_mass(motion)
         right.reshape(-1, system.dim)[:] += self._weights.reshape(-1, system.dim) * gravity
         if drive.is_active:
-            self._loads = drive.load(begin, end)
-            right += self._loads + 0.5 * (drive.lift(begin) + drive.lift(end))
+            self._loads = drive.load(start, end)
+            right += self._loads + 0.5 * (drive.lift(start) + drive.lift(end))
         right[system.constrained] = 0.0
         if self._solver.is_iterative:  # from where the body would be without forces
             guess = self.displacement + (0.5 * dt) * self.velocity - carried
@@ -149,7 +150,6 @@ class Midpoint:
             self.displacement[drive.moved] = system.supports.motion(end)[0]
         self._contact_before = self._contact
         self._contact = self._contact_at(end)
-        return self._contact
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Answers of the contact nodes to several forces in a layer."""
@@ -203,7 +203,7 @@ class Midpoint:
             self._answer_of_contact(answer) if change is None else change
         )
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:
+    def finish(self, static: Floats) -> list[Sums]:
         """End the layer and sum up."""
         system = self._system
         moved = self.displacement - self._before
@@ -220,11 +220,11 @@ class Midpoint:
             step = self.displacement - self._before
             reaction = self._drive.reaction(self.displacement - 0.5 * step)
             work += float(reaction @ step[self._drive.moved])
-        return self._summed(work, (layer + 1) * self.dt)
+        return self._summed(work, self._times[1])
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:
         """Velocities of contact nodes at both ends of the layer [m/s] (collective)."""
-        before = self._surface.gather(self._speeds(self._begin))
+        before = self._surface.gather(self._speeds(self._times[0]))
         return before, 2.0 / self.dt * way - before
 
     def _speeds(self, time: float) -> Floats:

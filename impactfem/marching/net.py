@@ -143,14 +143,18 @@ class NetMidpoint(FewInterior):
         """Velocities of the contact nodes at both ends of the layer without contact forces."""
         return self._spread(self._v), self._spread(self._ahead)
 
-    def predict(self, layer: int) -> Floats:
+    def begin(self, start: float, end: float) -> None:
         """Solve the layer without contact forces."""
-        self._time = (layer + 0.5) * self.dt
+        self._time = 0.5 * (start + end)
         dim = self._start.shape[1]
-        self._weight = self._mass * np.tile(self.gravity(layer), len(self._q) // dim)
+        self._weight = self._mass * np.tile(self.gravity(start, end), len(self._q) // dim)
         self._pushed = np.zeros_like(self._v)
         self._prepare(self._v)
         self._ahead = self._settle(self._v)
+
+    @property
+    def surface_iterate(self) -> Floats:
+        """Displacements of the nodes at the end of the layer, as it is solved now [m]."""
         return self.bodies.places(self._end(self._ahead)) - self._start
 
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
@@ -167,7 +171,7 @@ class NetMidpoint(FewInterior):
         self._pushed = self._pushed + more
         self._ahead = self._settle(self._ahead + self._factor.solve(more))
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
+    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up."""
         self._q, self._v = self._end(self._ahead), self._ahead
         return self._summed()

@@ -1,6 +1,6 @@
 """What Newton's iterates of a step ask of bodies, and several bodies in one."""
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,10 +43,6 @@ class NewtonStepper(Stepper, Protocol):
         """See above."""
 
     @property
-    def surface_iterate(self) -> Floats:
-        """Displacement of contact nodes at the end of the step, by the last iterate [m]."""
-
-    @property
     def surface_way(self) -> Floats:
         """How far what touches at contact nodes moves in the step, by the last iterate [m].
 
@@ -68,9 +64,6 @@ class NewtonStepper(Stepper, Protocol):
             middle: The true ones [m], (count, dim).
         """
 
-    def begin(self, start: float, end: float) -> None:
-        """Take up a step between two times from the present state (collective)."""
-
     def unbalanced(self, forces: Floats) -> float:
         """Largest force that the iterate leaves, over what rounding and forces allow (collective).
 
@@ -89,28 +82,6 @@ class NewtonStepper(Stepper, Protocol):
 
     def accept(self) -> None:
         """End the step at the iterate."""
-
-
-class HeldStepper(NewtonStepper, Protocol):
-    """One whose balance is asked for in parts, as joints solve for it."""
-
-    def known(self) -> tuple[Any, Floats]:
-        """Rates ahead and ways, by the last iterate."""
-
-    def lay(self, forces: Floats) -> None:
-        """Put the contact forces of the step (count, dim), to be solved for."""
-
-    def left(self, ahead: Any, way: Floats, slack: float) -> float:
-        """Largest change of rates since they were as given, over what rounding allows.
-
-        Args:
-            ahead: Those rates.
-            way: The ways with them [m], (count, dim).
-            slack: Speeds by which joints round [m/s].
-        """
-
-    def look(self) -> None:
-        """See where nodes are by the iterate, and how they answer."""
 
 
 class NewtonBodies(Bodies[NewtonStepper]):
@@ -137,11 +108,6 @@ class NewtonBodies(Bodies[NewtonStepper]):
         return np.concatenate([part.surface_velocity for part in self.parts])
 
     @property
-    def surface_iterate(self) -> Floats:
-        """Displacement of the contact nodes at the end of the step [m], (count, dim)."""
-        return np.concatenate([part.surface_iterate for part in self.parts])
-
-    @property
     def surface_way(self) -> Floats:
         """How far what touches moves in the step [m], (count, dim)."""
         return np.concatenate([part.surface_way for part in self.parts])
@@ -159,11 +125,6 @@ class NewtonBodies(Bodies[NewtonStepper]):
         """Displacements amid the step that moments of forces go by [m], (count, dim)."""
         each = enumerate(self.parts)
         return np.concatenate([part.arms(middle[self.own(k)]) for k, part in each])
-
-    def begin(self, start: float, end: float) -> None:
-        """Take up a step between two times."""
-        for part in self.parts:
-            part.begin(start, end)
 
     def unbalanced(self, forces: Floats) -> float:
         """The worst of them."""

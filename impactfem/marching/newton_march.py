@@ -117,7 +117,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             last, self._tangential = map(self._gaps.handed, (last, self._tangential))
         self.layer = layer + 1
         static = np.zeros_like(state.static)
-        self.rows.put(self.layer, interior.finish(layer, static))
+        self.rows.put(self.layer, interior.finish(static))
         self.rows.obstacle_work[self.layer] = done.obstacles
         self.rows.friction_work[self.layer] = done.friction
         self.rows.impact_work[self.layer] = done.impacts

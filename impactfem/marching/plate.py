@@ -179,21 +179,24 @@ class PlateMidpoint(ShownPlate):
         before = self.surface_velocity
         return before, 2.0 / self.dt * way - before
 
-    def predict(self, layer: int) -> Floats:
+    def begin(self, start: float, end: float) -> None:
         """Solve the layer without contact forces."""
-        begin, end = layer * self.dt, (layer + 1) * self.dt
         if not self.bodies.is_steady:
-            self._loads = self._pressed(begin, end)
+            self._loads = self._pressed(start, end)
         motion = self._layer.motion(self._q, self._v, self.dt)
-        weight = self._mass * float(self.gravity(layer) @ self._normal)
+        weight = self._mass * float(self.gravity(start, end) @ self._normal)
         middle = self._layer.solve(motion + weight + self._loads)
         self._before = self._q.copy()
         self._q, self._shown = self._before.copy(), None
         heavy, advance = self._heavy, self._layer.advance
         self._q[heavy] = advance * middle[heavy] + (1.0 - advance) * self._before[heavy]
         self._free = advance * middle[self._light] + (1.0 - advance) * self._free
-        if (layer + 1) % _SETTLED == 0:
+        if round(end / self.dt) % _SETTLED == 0:
             self._free = self._at_ease()
+
+    @property
+    def surface_iterate(self) -> Floats:
+        """The same at the end of the layer, as it is solved now."""
         return self.surface_displacement
 
     def _changed(self, forces: Floats) -> tuple[Floats, Floats]:
@@ -241,7 +244,7 @@ class PlateMidpoint(ShownPlate):
         self._q[self._heavy] += answer[self._heavy]
         self._free += answer[self._light]
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
+    def finish(self, static: Floats) -> list[Sums]:
         """End the layer and sum up."""
         heavy = self._heavy
         moved = self._q[heavy] - self._before[heavy]

@@ -206,7 +206,7 @@ class PlateNewton(PlateMidpoint):
         self._q = self._q + self._way
         self._steep = self._whole is not None
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
+    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up."""
         work, self._work = self._work, 0.0
         self._look()

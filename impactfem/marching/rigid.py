@@ -13,6 +13,7 @@ from scipy.sparse import csr_matrix
 
 from impactfem.contact.pair_responses import Roots
 from impactfem.errors import ConvergenceError
+from impactfem.marching.iterated import SHARE
 from impactfem.marching.layers import Sums
 from impactfem.marching.meshless import Meshless
 from impactfem.marching.rigid_kernels import (
@@ -33,6 +34,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _REMEMBERED = ("centre", "angles", "speed", "spin", "normals", "lowest")
+_WHOLE = 1.0  # largest tan of a quarter turn that is foretold
 _MOST, _SETTLED = 50, 1e-13  # iterates of forces by formula, and their change
 
 
@@ -49,14 +51,22 @@ class RigidBodies(Meshless):
         freedom: Inverse moments of inertia in space amid it, (bodies, 3, 3).
     """
 
-    _straight = False  # of `impactfem.marching.turn_kernels.turn`
-
     def __init__(
-        self, bodies: Sequence[Rigid], gravity: PiecewiseVector, dt: float, *, counts: bool
-    ) -> None:
-        """Begin at t = 0; see `impactfem.marching.few.FewInterior`."""
+        self, bodies: Sequence[Rigid], gravity: PiecewiseVector, dt: float, *, counts: bool,
+        exact: bool = False,
+    ) -> None:  # fmt: skip
+        """Begin at t = 0; see `impactfem.marching.few.FewInterior`.
+
+        Args:
+            bodies: What moves.
+            gravity: [m/s^2].
+            dt: Time step [s].
+            counts: Whether this rank sums the bodies up.
+            exact: Whether what touches moves by T x (its mean arm) in a step, T straight, so that
+                forces amid it do exactly their work (`impactfem.marching.turn_kernels.turn`).
+        """
         super().__init__(gravity, dt, counts=counts)
-        self._span = dt  # of the step
+        self._span, self._straight = dt, exact  # of the step
         self._bodies, self._dim = tuple(bodies), bodies[0].dim
         dim, sizes = self._dim, [len(each.arms) for each in bodies]
         ends = np.cumsum([0, *sizes])
@@ -148,23 +158,29 @@ class RigidBodies(Meshless):
         there = centres[self.apart] + (bare + self._around(rotations))
         return np.asarray(there[:, : self._dim] - self._start)
 
-    def predict(self, layer: int) -> Floats:
-        """Solve the layer without contact forces."""
-        self.prepare(layer)
-        self._settle(np.arange(len(self._mass)))
-        return self.foreseen()
+    def begin(self, start: float, end: float) -> None:
+        """Solve the step without contact forces."""
+        self.set_out(start, end)
+        self.settle()
+        self.look()
 
-    def prepare(self, layer: int) -> None:
-        """Begin a layer."""
-        self._time, pull = (layer + 0.5) * self.dt, self.gravity(layer)
-        self._weight = self._mass * in_space(pull)
+    def set_out(self, start: float, end: float) -> None:
+        """Take up a step between two times."""
+        self._span, self._time = end - start, 0.5 * (start + end)
+        self._weight = self._mass * in_space(self.gravity(start, end))
+        self._pushed, self._turned = np.zeros_like(self._speed), np.zeros_like(self._spin)
         shape = self._turn.shape
         self._half, self.end = np.zeros_like(self._spin), np.empty(shape)
         self._middle, self.freedom = np.empty(shape), np.empty(shape)
         self._speed_ahead, self._spin_ahead = self._speed.copy(), self._spin.copy()
 
-    def foreseen(self) -> Floats:
-        """Displacements of the contact nodes at the end of the layer, as it is solved now."""
+    @property
+    def surface_iterate(self) -> Floats:
+        """The same at the end of the step, when it was looked at last."""
+        return self._iterate
+
+    def look(self) -> None:
+        """See where contact nodes are as the step is solved now, and how forces act on them."""
         if self._rims:
             self._begun, self._lowest = self._around(self._turn), self._lowest.copy()
         for k, rims in self._rims:
@@ -175,10 +191,14 @@ class RigidBodies(Meshless):
         self._ended = turned(self.end, self.apart, self._arms)
         self.acting = self._amid + self._around(self._middle) + self._offset
         way = 0.5 * self._span * (self._speed + self._speed_ahead)
-        return self._places(self._centre + way, self.end, self._ended)
+        self._iterate = self._places(self._centre + way, self.end, self._ended)
+
+    def settle(self) -> None:
+        """Solve for the rates at the end of the step, with what has pushed so far."""
+        self._settle(np.arange(len(self._mass)))
 
     def _settle(self, chosen: Integers) -> None:
-        """Rates of some bodies at the end of the layer, with what has pushed so far."""
+        """The same of some bodies."""
         for _ in range(_MOST):
             pushed, kick = self.impulses()
             given = self._inertia, self._inverse, self._turn, self._spin, kick
@@ -296,16 +316,66 @@ class RigidBodies(Meshless):
         Args:
             normals: Of the gaps of nodes, towards them, (count, dim).
         """
-        towards = in_space(normals)
-        self._offset = self._following - self._roll * towards
-        self.acting = self._amid + self._around(self._middle) + self._offset
+        self.touch(normals)
         spins = self._whirl()
         beyond = self._around(self._middle) + self._offset
         moved = self._around(self.end) - self._begun
         none = np.zeros_like(spins[None])
         ways = carried(none, self._span * spins[None], self.apart, beyond, self._dim)[0]
-        self._normals = towards if self._rims else self._normals
         return np.asarray(ways - moved[:, : self._dim])
+
+    @property
+    def touching_velocity(self) -> Floats:
+        """Of what touches, at the start of the step [m/s], (count, dim)."""
+        arms = self._bare + self._around(self._turn) + self._offset
+        return self._velocities(self._turn, self.rates, arms)
+
+    @property
+    def surface_way(self) -> Floats:
+        """How far what touches moves in the step, as it is solved now [m], (count, dim)."""
+        way = 0.5 * self._span * (self._speed + self._speed_ahead)
+        turn = 2.0 * applied(self._turn, self._half)
+        return np.asarray(carried(way[None], turn[None], self.apart, self.acting, self._dim)[0])
+
+    def predicted(self, start: float, end: float) -> Floats:
+        """Where contact nodes go if nothing changes [m], (count, dim)."""
+        span = end - start
+        angle = np.linalg.norm(self._spin, axis=1, keepdims=True)
+        tangent = np.minimum(np.tan(np.minimum(0.5 * span * angle, 1.5)), _WHOLE)
+        half = self._spin * tangent / np.maximum(angle, np.finfo(float).tiny)
+        rotations = frames(turned_further(self._angles, half, 2.0 * np.arctan(half)))
+        bare = turned(rotations, self.apart, self._arms)
+        return self._places(self._centre + span * self._speed, rotations, bare)
+
+    def known(self) -> tuple[Floats, Floats]:
+        """Rates at the end of the step as it is solved now, to compare others with."""
+        speeds, spins = self.rates_ahead
+        return speeds.copy(), spins.copy()
+
+    def changed(self, ahead: tuple[Floats, Floats]) -> tuple[float, float, float]:
+        """By how much rates have changed since, what changes them in the step, and rounding.
+
+        All as speeds [m/s], those of spins at the radii of gyration.
+        """
+        left, scale = 0.0, 0.0
+        sizes = 1.0, self._gyration
+        for new, old, begun, size in zip(self.rates_ahead, ahead, self.rates, sizes, strict=True):
+            left = max(left, float((size * np.abs(new - old)).max()))
+            change, moving = np.abs(new - begun), SHARE * np.abs(begun)
+            scale = max(scale, float((size * np.maximum(change, moving)).max()))
+        return left, scale, 0.0
+
+    def lay(self, forces: Floats) -> None:
+        """Put the contact forces of the step (count, dim), to be solved for."""
+        wrench = self._span * self.wrenches(forces[None])[0]
+        self._pushed, self._turned = wrench[:, :3], wrench[:, 3:]
+
+    def touch(self, normals: Floats) -> None:
+        """Learn where bodies that roll touch, by the normals of their nodes (count, dim)."""
+        towards = in_space(normals)
+        self._offset = self._following - self._roll * towards
+        self._normals = towards if self._rims else self._normals
+        self.acting = self._amid + self._around(self._middle) + self._offset
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)
         """Velocities where nodes touch at both ends of the layer without contact forces."""
@@ -373,11 +443,11 @@ class RigidBodies(Meshless):
         self._turned = self._turned + self._span * about_axes(moments)
         return np.flatnonzero(moments.any(axis=1))
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
+    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up."""
-        return self._summed(self._go_on())
+        return self.summed(self.advance())
 
-    def _go_on(self) -> Floats:
+    def advance(self) -> Floats:
         """Take the rates, places and turns that were found; the work of loads [J], (bodies,)."""
         work, mean = np.zeros(len(self._mass)), 0.5 * (self._speed + self._speed_ahead)
         for k, _ in self._driven:
@@ -392,14 +462,15 @@ class RigidBodies(Meshless):
 
     def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state."""
-        return self._summed(np.zeros(len(self._mass)))
+        return self.summed(np.zeros(len(self._mass)))
 
     def inertia(self) -> list[Floats]:
         """0: their attitude is summed up, which steps do not turn by just their mean spin."""
         turns = self._dim * (self._dim - 1) // 2
         return [np.zeros((turns, turns)) for _ in self._bodies]
 
-    def _summed(self, work: Floats) -> list[Sums]:
+    def summed(self, work: Floats) -> list[Sums]:
+        """Sums now, with the work of loads (bodies,) since the last ones [J]."""
         if not self.counts:
             return no_sums(len(self._mass), self._dim)
         ways = self._centre - self._first, self._speed, self._spin, self._turn

@@ -1,7 +1,7 @@
 """A rigid body as it is marched, alone or with others, and shown."""
 
 from collections.abc import Sequence
-from typing import ClassVar, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +22,18 @@ class RigidMidpoint(Pictured):
     """One of the bodies that `RigidBodies` steps, at first the only one."""
 
     bodies: Rigid
-    _marches: ClassVar[type[RigidBodies]] = RigidBodies
 
-    def __init__(self, bodies: Rigid, gravity: PiecewiseVector, dt: float, *, counts: bool) -> None:
-        """Begin at t = 0; see `FewInterior`."""
+    def __init__(
+        self, bodies: Rigid, gravity: PiecewiseVector, dt: float, *, counts: bool,
+        exact: bool = False,
+    ) -> None:  # fmt: skip
+        """Begin at t = 0; see `FewInterior` and `RigidBodies`."""
         super().__init__(bodies, gravity, dt, counts=counts)
-        self._cells = bodies.picture[1]
-        self._march, self._at = self._marches([bodies], gravity, dt, counts=counts), 0
+        self._cells, self._exact = bodies.picture[1], exact
+        self._march, self._at = self._marched([bodies]), 0
+
+    def _marched(self, bodies: Sequence[Rigid]) -> RigidBodies:
+        return RigidBodies(bodies, self._gravity, self.dt, counts=self.counts, exact=self._exact)
 
     @property
     def stepper(self) -> RigidBodies:
@@ -39,9 +44,7 @@ class RigidMidpoint(Pictured):
     def step_together(cls, alike: Sequence[FewInterior]) -> None:
         """Step bodies that nothing joins at once."""
         each = cast("Sequence[RigidMidpoint]", alike)
-        one = each[0]
-        bodies = [part.bodies for part in each]
-        march = cls._marches(bodies, one._gravity, one.dt, counts=one.counts)  # noqa: SLF001
+        march = each[0]._marched([part.bodies for part in each])  # noqa: SLF001
         for k, part in enumerate(each):
             part._march, part._at = march, k  # noqa: SLF001
 

@@ -165,7 +165,7 @@ class RubbingMarch(SolidMarch):
         """Forces of the layer, multipliers at its end, what they do, and linear systems solved."""
         state, answers = self._rubbing, cast("DirectedAnswers", self._responses)
         interior, gaps, contact, dt = self.interior, self._gaps, self.contact, self.interior.dt
-        time, share, count = (self.layer + 1) * dt, interior.share(self.layer), len(gap)
+        time, share, count = (self.layer + 1) * dt, interior.share, len(gap)
         force, multiplier, static = np.zeros(count), np.zeros(count), np.zeros_like(free)
         old, old_gap, old_tangential, old_place, back = (
             (contact.older_multiplier, contact.older_gap, state.older_tangential,

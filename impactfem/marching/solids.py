@@ -88,7 +88,8 @@ class SolidMarch(TimeLoop[Interior]):
         time = (layer + 1) * interior.dt
         begin = interior.surface_displacement
         last = begin + state.static
-        free = interior.predict(layer)
+        interior.begin(layer * interior.dt, time)
+        free = interior.surface_iterate
         # Forces of explicit layers act at their start, amid two steps.
         explicit = self._scheme.explicit
         back = 1.0 if explicit else 0.5
@@ -99,7 +100,7 @@ class SolidMarch(TimeLoop[Interior]):
             self._responses.renew(self._volatile, interior.answers, interior.roots())
         force, multiplier, static, iterations = self._layer_forces(gap, normals, free, last)
         self.layer = layer + 1
-        self.rows.put(self.layer, interior.finish(layer, static))
+        self.rows.put(self.layer, interior.finish(static))
         true = self._true_gap
         self._struck(force, gap)
         half = 0.5 if explicit else 1.0
@@ -229,7 +230,7 @@ class SolidMarch(TimeLoop[Interior]):
         self._true_gap = gap
         if not taking_part.any():
             return force, multiplier, static, 0
-        share, iterations = interior.share(self.layer), 0
+        share, iterations = interior.share, 0
         (fast, ends), halfway = self._laws(count), gap
         if fast[taking_part].any():
             speeds = (self._gaps.relative(values) for values in interior.contact_speeds(way))

@@ -45,6 +45,9 @@ class Counting(Protocol):
 
     counts: bool
 
+    def look(self) -> None:
+        """See where contact nodes are as the step is solved now, and how forces act on them."""
+
 
 class Held(Protocol):
     """A body that joints hold, in the order of a layer's calls."""
@@ -53,11 +56,8 @@ class Held(Protocol):
     def part(self) -> "Counting":
         """What marches it."""
 
-    def prepare(self, layer: int) -> None:
-        """Begin a layer."""
-
-    def began(self) -> None:
-        """Take up a step that its part has begun."""
+    def set_out(self, start: float, end: float) -> None:
+        """Take up a step between two times, without forces of contact and joints."""
 
     @property
     def frames(self) -> tuple[Floats, Floats]:
@@ -75,9 +75,6 @@ class Held(Protocol):
 
     def take(self, motion: Motion) -> bool:
         """Take a solution of the layer; whether forces would be the same again."""
-
-    def foreseen(self) -> Floats:
-        """Displacements of the contact nodes at its end, as it is solved now, (count, dim)."""
 
     @property
     def places_ahead(self) -> tuple[Floats, Floats]:
@@ -145,12 +142,9 @@ class HeldRigid:
         self.part, self._light, self._inertia = part, stations.light[0], stations.inertia[0]
         self.compliance = self.compliance_ahead = stations.compliance
 
-    def prepare(self, layer: int) -> None:
-        """Begin a layer."""
-        self.part.prepare(layer)
-
-    def began(self) -> None:
-        """Nothing."""
+    def set_out(self, start: float, end: float) -> None:
+        """Take up a step."""
+        self.part.set_out(start, end)
 
     @property
     def frames(self) -> tuple[Floats, Floats]:
@@ -172,10 +166,6 @@ class HeldRigid:
             motion.speeds, motion.spins, motion.halves, motion.ends, motion.middles,
             motion.freedoms,
         )  # fmt: skip
-
-    def foreseen(self) -> Floats:
-        """Displacements of the contact nodes."""
-        return self.part.foreseen()
 
     @property
     def places_ahead(self) -> tuple[Floats, Floats]:

@@ -28,6 +28,7 @@ class TippedMidpoint(Midpoint):
 
     Attributes:
         counts: Whether this rank adds up what the joints of its tips store.
+        span: Of the step [s].
     """
 
     def __init__(
@@ -59,7 +60,7 @@ class TippedMidpoint(Midpoint):
         super().__init__(system, surface, statics, transfer, dt, linear_solver)
         if stations.rows is None:
             raise NotImplementedError
-        self.counts = surface.comm.rank == 0
+        self.counts, self.span = surface.comm.rank == 0, dt
         self._tips, rows = nodes, stations.rows.reshape(6 * len(stations.places), -1)
         self._moves = np.flatnonzero(rows.any(axis=1))  # in the plane not all
         self._rows = rows[self._moves]
@@ -120,15 +121,14 @@ class TippedMidpoint(Midpoint):
         """Rates of the coordinates at the end of the layer, as it is solved now, (d,)."""
         return np.asarray(2.0 / self.dt * self._way - self.rates)
 
-    def set_out(self, layer: int) -> None:
-        """Solve the layer without forces of contact and joints."""
-        self.predict(layer)
+    def set_out(self, start: float, end: float) -> None:
+        """Solve a step between two times without forces of contact and joints."""
+        self.begin(start, end)
         self._way = self._of_tips(self.displacement - self._before)
         self._joined = self._kick = np.zeros(len(self._rows))
 
-    def foreseen(self) -> Floats:
-        """Displacements of the contact nodes at the end of the layer, as it is solved now."""
-        return self._contact
+    def look(self) -> None:
+        """Nothing: contact nodes move with each force."""
 
     def impel(self, impulse: Floats) -> bool:
         """Solve the layer with an impulse of joints (d,); it answers linearly."""
@@ -183,11 +183,11 @@ class TippedMidpoint(Midpoint):
         found = np.asarray(csr_matrix(flat[:, acting]) @ known)  # most forces are on few nodes
         return found[:, : flat.shape[1]].reshape(forces.shape), found[:, flat.shape[1] :]
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:
+    def finish(self, static: Floats) -> list[Sums]:
         """End the layer and sum up."""
         # Velocities turn round in a layer, and what they begin with, too.
         self.velocity -= self._kick @ self._by_kicks
-        sums = super().finish(layer, static)
+        sums = super().finish(static)
         self._renew()
         return sums
 

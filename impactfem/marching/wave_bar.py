@@ -70,20 +70,24 @@ class WaveBar(FewInterior):
         """Of the ends, means of the last layer [m/s], (2, dim)."""
         return np.asarray(self._v[:, None] * self.bodies.axis)
 
-    def predict(self, layer: int) -> Floats:
+    def begin(self, start: float, end: float) -> None:
         """Carry the waves through the layer without contact forces."""
         arriving_means(self._mean, self._rise, self._share, self._arriving)
-        self._pull = float(self.gravity(layer) @ self.bodies.axis)
+        self._pull = float(self.gravity(start, end) @ self.bodies.axis)
         speed = self._fallen[0] + 0.5 * self.dt * self._pull
         self._ahead = self._give * (self._arriving + speed)
         self._pushed = np.zeros(2)
+
+    @property
+    def surface_iterate(self) -> Floats:
+        """Displacements of the ends at the end of the layer without contact forces [m]."""
         return self.bodies.places(self._q + self.dt * self._ahead) - self._start
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (2, dim)."""
         self._pushed = self._pushed + self._give * (forces @ self.bodies.axis)
 
-    def finish(self, layer: int, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface)
+    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Let the waves of the layer leave and sum up."""
         dt, speed = self.dt, self._fallen[0]
         later = speed + dt * self._pull

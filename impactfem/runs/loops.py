@@ -17,6 +17,7 @@ from impactfem.marching.few import FewInterior, FewMidpoint
 from impactfem.marching.finite import FiniteMidpoint
 from impactfem.marching.finite_body import FiniteBody
 from impactfem.marching.finite_leapfrog import FiniteLeapfrog
+from impactfem.marching.iterated import Iterated, Resolving
 from impactfem.marching.jointed import Jointed
 from impactfem.marching.jointed_newton import JointedNewton
 from impactfem.marching.layers import ContactGaps, Interior, Stepper
@@ -29,6 +30,7 @@ from impactfem.marching.net import NetMidpoint
 from impactfem.marching.newton_bodies import NewtonBodies, NewtonStepper
 from impactfem.marching.newton_march import NewtonMarch
 from impactfem.marching.plate import PlateMidpoint
+from impactfem.marching.plate_newton import PlateNewton
 from impactfem.marching.pressing import Pressing
 from impactfem.marching.rigid_body import RigidMidpoint
 from impactfem.marching.rubbing_march import RubbingMarch
@@ -145,7 +147,12 @@ def make_loop(
             FiniteMidpoint(part.system, part.solid, surface, transfer, dt, kind)
             for part, surface, transfer in each
         ]
-        beside = cast("Sequence[NewtonStepper]", _steppers(model, few))
+        beside = [
+            cast("NewtonStepper", part)
+            if isinstance(part, PlateNewton)
+            else Iterated(cast("Resolving", part))
+            for part in cast("list[Any]", _steppers(model, few))
+        ]
         interior: NewtonStepper = bodies[0] if alone else NewtonBodies([*bodies, *beside])
         if model.joints is not None:
             holding = [few[at - len(each)].held(own) for at, own in model.joints.parts]

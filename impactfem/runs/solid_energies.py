@@ -1,6 +1,7 @@
 """Energies of a march, from the rows that it has left, and what they say of missing inertia."""
 
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -48,11 +49,12 @@ def work_done(
         explicit: Whether energies belong to the middle of layers.
     """
     step = np.diff(sums[:, 3 + dim : 3 + 2 * dim], axis=0)  # mass times way
-    layers = range(len(sums) - 1)
-    gravity = np.array([march.interior.gravity(layer) for layer in layers]).reshape(step.shape)
+    interior, times = march.interior, march.interior.dt * np.arange(len(sums))
+    gravity = [interior.gravity(*ends) for ends in pairwise(times.tolist())]
+    pulls = np.array(gravity).reshape(step.shape)
     if explicit:  # energies belong to the middle of layers: half of each neighbouring step
         step = 0.5 * (step + np.vstack([np.zeros_like(step[:1]), step[:-1]]))
-    pulled = np.einsum("ij,ij->i", gravity, step)
+    pulled = np.einsum("ij,ij->i", pulls, step)
     done = np.zeros(len(sums))
     done[1:] = np.cumsum(pulled + sums[1:, 2] + rows.obstacle_work[1 : len(sums)])
     return done

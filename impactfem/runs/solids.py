@@ -3,6 +3,7 @@
 import json
 import tempfile
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,16 +16,13 @@ from impactfem.log import Progress
 from impactfem.marching.checkpoint import Checkpoints
 from impactfem.marching.collect import Collector
 from impactfem.marching.few import FewMidpoint
-from impactfem.marching.few_newton import FewNewton
 from impactfem.marching.layers import ContactGaps
 from impactfem.marching.mechanism import MechanismMidpoint
-from impactfem.marching.mechanism_newton import MechanismNewton
 from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.net import NetMidpoint
 from impactfem.marching.plate import PlateMidpoint
 from impactfem.marching.plate_newton import PlateNewton
 from impactfem.marching.rigid_body import RigidMidpoint
-from impactfem.marching.rigid_newton import RigidNewton
 from impactfem.marching.rows import Level
 from impactfem.marching.schemes import scheme_of
 from impactfem.marching.time_loop import TimeLoop
@@ -70,9 +68,9 @@ _INTERIORS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
 """How bodies without meshes are marched."""
 
 _STEPPERS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
-    Lumped: FewNewton,
-    Rigid: RigidNewton,
-    Arm: MechanismNewton,
+    Lumped: FewMidpoint,
+    Rigid: partial(RigidMidpoint, exact=True),
+    Arm: partial(MechanismMidpoint, exact=True),
     PlateSystem: PlateNewton,
 }
 """The same where steps are solved by iterates."""

@@ -1,0 +1,195 @@
+"""Bodies that solve their own steps, beside others whose steps are solved by Newton's iterates.
+
+Points, beams, rigid bodies and mechanisms have few coordinates: for given contact forces they solve
+a step themselves, as they do where all bodies are linear but for contact. An iterate is balanced
+where laying its forces anew changes their rates no more.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.marching.layers import Interior, Sums
+from impactfem.marching.meshless import Meshless
+
+Floats = NDArray[np.float64]
+
+SHARE = 1e-3
+"""Of rates that sets their scale where nothing changes."""
+
+_ACCURACY = 1e-13  # of rates
+_NONE = np.zeros(0)
+
+
+class Resolving(Interior, Protocol):
+    """A body that solves its own step for given contact forces.
+
+    Attributes:
+        counts: Whether this rank sums it up.
+    """
+
+    counts: bool
+
+    @property
+    def touching_velocity(self) -> Floats:
+        """Of what touches, at the start of the step [m/s], (count, dim)."""
+
+    @property
+    def surface_way(self) -> Floats:
+        """How far what touches moves in the step, as it is solved now [m], (count, dim)."""
+
+    def predicted(self, start: float, end: float) -> Floats:
+        """Where contact nodes go if nothing changes [m], (count, dim)."""
+
+    def touch(self, normals: Floats) -> None:
+        """Learn where bodies that roll touch, by the normals of their nodes (count, dim)."""
+
+    def look(self) -> None:
+        """See where contact nodes are as the step is solved now, and how forces act on them."""
+
+    def known(self) -> Any:
+        """Rates at the end of the step as it is solved now, to compare others with."""
+
+    def changed(self, ahead: Any) -> tuple[float, float, float]:
+        """By how much rates have changed since, what changes them in the step, and rounding."""
+
+    def lay(self, forces: Floats) -> None:
+        """Put the contact forces of the step (count, dim), to be solved for."""
+
+    def settle(self) -> None:
+        """Solve for the rates at the end of the step, with what has pushed so far."""
+
+    def advance(self) -> Any:
+        """End the step at what was found; the work of loads [J]."""
+
+    def summed(self, work: Any) -> list[Sums]:
+        """Sums now, with the work of loads since the last ones [J]."""
+
+
+class Iterated(Meshless):
+    """One of them as a stepper; see `impactfem.marching.newton_bodies.NewtonStepper`.
+
+    Attributes:
+        body: It.
+        generation: Of its answers to forces, which change with each iterate.
+        missing: Nothing of its moments of inertia: its mass is all there.
+    """
+
+    def __init__(self, body: Resolving) -> None:
+        """Begin at t = 0."""
+        self.body, self.dt, self.counts, self.massive = body, body.dt, body.counts, body.massive
+        self.generation, self.missing = 0, dict[str, float]()
+        self._work: Any = 0.0
+
+    @property
+    def surface_displacement(self) -> Floats:
+        """Of the contact nodes [m], (count, dim)."""
+        return self.body.surface_displacement
+
+    @property
+    def surface_iterate(self) -> Floats:
+        """The same at the end of the step, by the last iterate."""
+        return self.body.surface_iterate
+
+    @property
+    def surface_velocity(self) -> Floats:
+        """Of what touches, at the start of the step [m/s], (count, dim)."""
+        return self.body.touching_velocity
+
+    @property
+    def surface_way(self) -> Floats:
+        """How far what touches moves in the step, by the last iterate [m], (count, dim)."""
+        return self.body.surface_way
+
+    def touch(self, normals: Floats) -> None:
+        """Learn where bodies that roll touch, by the normals of their nodes (count, dim)."""
+        self.body.touch(normals)
+
+    def predicted(self, start: float, end: float) -> Floats:
+        """Where contact nodes go if nothing changes [m], (count, dim)."""
+        return self.body.predicted(start, end)
+
+    def arms(self, middle: Floats) -> Floats:
+        """Where contact nodes are."""
+        return middle
+
+    def gravity(self, start: float, end: float) -> Floats:
+        """Gravity that a layer between two times uses [m/s^2], shape (dim,)."""
+        return self.body.gravity(start, end)
+
+    def inertia(self) -> Sequence[Floats]:
+        """Of each body [kg m^2]."""
+        return self.body.inertia()
+
+    def spins(self) -> Floats:
+        """Velocities of the contact nodes by unit spins of their bodies [m]."""
+        return self.body.spins()
+
+    def initial(self, static: Floats) -> Sequence[Sums]:
+        """Sums of the initial state."""
+        return self.body.initial(static)
+
+    def begin(self, start: float, end: float) -> None:
+        """Take up a step between two times."""
+        self.body.begin(start, end)
+        self.generation += 1
+
+    def look(self) -> None:
+        """See where nodes are by the iterate, and how they answer."""
+        self.body.look()
+        self.generation += 1
+
+    def unbalanced(self, forces: Floats) -> float:
+        """Largest change of rates that the iterate leaves, over what rounding allows."""
+        known = self.known()
+        self.body.lay(forces)
+        self.body.settle()
+        return self.left(*known)
+
+    def known(self) -> tuple[Any, Floats]:
+        """Rates at the end of the step, and ways, by the last iterate."""
+        return self.body.known(), self.body.surface_way
+
+    def left(self, ahead: Any, way: Floats, slack: float = 0.0) -> float:
+        """Largest change of rates since they were as given, over what rounding allows.
+
+        Args:
+            ahead: Those rates.
+            way: The ways with them [m], (count, dim).
+            slack: Speeds by which joints round [m/s].
+        """
+        self._change = self.body.surface_way - way
+        left, scale, rounding = self.body.changed(ahead)
+        return left / (_ACCURACY * scale + rounding + slack + float(np.finfo(float).tiny))
+
+    def linearise(self) -> Floats:
+        """How contact nodes move by what balances the iterate."""
+        return self._change
+
+    def answers(self, forces: Floats) -> Floats:
+        """How contact nodes answer to forces on them at the iterate, (several, count, dim)."""
+        return self.body.columns(forces)[0]
+
+    def correct(self, forces: Floats) -> None:
+        """Move the iterate, with a change of the contact forces (count, dim)."""
+        self.body.push(forces, None, _NONE)
+        self.look()
+
+    def accept(self) -> None:
+        """End the step at the iterate."""
+        self._work = self._work + self.body.advance()
+
+    def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+        """End the layer and sum up."""
+        work, self._work = self._work, 0.0
+        return self.body.summed(work)
+
+    def memory(self) -> dict[str, Floats]:
+        """What the next layer needs."""
+        return self.body.memory()
+
+    def remember(self, memory: Mapping[str, Floats]) -> None:
+        """Go on from what `memory` gave."""
+        self.body.remember(memory)
