@@ -45,7 +45,7 @@ def figures(path: Path) -> dict[str, float]:
         found |= {f"{part}.{k}".strip("."): values[k] for k in names if (values or {}).get(k)}
     for name, column in result.history.items():
         norm = float(np.sqrt(np.nansum(np.square(column.values))))
-        found[f"column {name} [{_SAME.get(column.unit, column.unit)}]"] = norm
+        found[f"column {name} [{_SAME.get(column.attrs['units'], column.attrs['units'])}]"] = norm
     return {name: value for name, value in found.items() if isinstance(value, int | float)}
 
 
@@ -69,7 +69,7 @@ def differences(old: Mapping[str, float], new: Mapping[str, float]) -> list[tupl
 
 def _unit(name: str) -> str:
     """Unit of a column by its name here; the name of another figure."""
-    return name[name.index("[") :] if name.startswith("column ") else name
+    return name.partition("[")[2] if name.startswith("column ") else name
 
 
 def main() -> int:

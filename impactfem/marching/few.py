@@ -60,6 +60,7 @@ class FewInterior(Watched, Meshless):
         super().__init__(gravity, dt, counts=counts)
         self.bodies = bodies
         self._q, self._v = bodies.position.copy(), bodies.velocity.copy()
+        self._ahead: Floats = self._v.copy()  # rates at the end of the step
         self._start = bodies.places(bodies.position)
         self._compliance = np.zeros((0, 0))  # of a layer, of kinds that know it as a whole [m/N]
         none = np.zeros(len(self._start), dtype=bool)
@@ -143,6 +144,28 @@ class FewInterior(Watched, Meshless):
         """Of the contact nodes [m/s], (count, dim)."""
         raise NotImplementedError
 
+    @property
+    def surface_iterate(self) -> Floats:
+        """Of the contact nodes at the end of the step, as it is solved now [m], (count, dim)."""
+        raise NotImplementedError
+
+    @property
+    def surface_way(self) -> Floats:
+        """How far what touches moves in the step, as it is solved now [m], (count, dim)."""
+        return self.surface_iterate - self.surface_displacement
+
+    @property
+    def touching_velocity(self) -> Floats:
+        """Of what touches, at the start of the step [m/s], (count, dim)."""
+        return self.surface_velocity
+
+    def touch(self, normals: Floats) -> None:
+        """Nothing: nodes touch themselves."""
+
+    def known(self) -> Floats:
+        """Rates at the end of the step as it is solved now, to compare others with."""
+        return self._ahead.copy()
+
     def inertia(self) -> list[Floats]:
         """Moments of inertia of each body [kg m^2]; 0 of points."""
         dim = self.bodies.dim
@@ -199,7 +222,6 @@ class FewMidpoint(FewInterior):
         self._steady = steady_load(self._system)
         self._turns = np.linalg.solve(self._mass, bodies.moments)
         self._prepare(0.0)
-        self._ahead = self._v.copy()
         self._pushed = self._joined = self._kick = np.zeros_like(self._q)
         self._stretched = np.zeros(2)  # see `_look`
         self.massive = np.ones(len(self._start), dtype=bool)
@@ -269,26 +291,9 @@ class FewMidpoint(FewInterior):
         """Displacement of contact nodes at the end of the step, as it is solved now [m]."""
         return self.bodies.places(self._end(self._ahead)) - self._start
 
-    @property
-    def surface_way(self) -> Floats:
-        """How far they move in the step, as it is solved now [m], (count, dim)."""
-        return self.surface_iterate - self.surface_displacement
-
-    @property
-    def touching_velocity(self) -> Floats:
-        """Of what touches, at the start of the step [m/s], (count, dim)."""
-        return self.surface_velocity
-
-    def touch(self, normals: Floats) -> None:
-        """Nothing: nodes touch themselves."""
-
     def predicted(self, start: float, end: float) -> Floats:
         """Where contact nodes go if nothing changes [m], (count, dim)."""
         return self.bodies.places(self._q + (end - start) * self._v) - self._start
-
-    def known(self) -> Floats:
-        """Rates at the end of the step as it is solved now, to compare others with."""
-        return self._ahead.copy()
 
     def changed(self, ahead: Floats) -> tuple[float, float, float]:
         """By how much rates have changed since, what changes them in the step, and rounding."""

@@ -72,7 +72,6 @@ class MechanismMidpoint(ShownMechanism):
         self._laws = JointLaws.at_rest(bodies.joints)
         self._leans = False  # whether contact forces acted in the last layer
         self._offset = bodies.following  # from nodes to where they touch
-        self._ahead = self._v.copy()
         # Whether a free base turns by Cayley's rotation, as joints and exact ways need it.
         self._exact, self._chords = exact, exact and bodies.tree.free
         self._begin()
@@ -281,10 +280,6 @@ class MechanismMidpoint(ShownMechanism):
                 raise
             self._leans, self._ahead = True, self._v.copy()
             self._settle()
-
-    def known(self) -> Floats:
-        """Rates at the end of the step as it is solved now, to compare others with."""
-        return self._ahead.copy()
 
     def changed(self, ahead: Floats) -> tuple[float, float, float]:
         """By how much rates have changed since, what changes them in the step, and rounding."""

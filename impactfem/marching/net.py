@@ -18,6 +18,7 @@ from scipy.sparse.linalg import splu
 
 from impactfem.errors import ConvergenceError
 from impactfem.marching.few import FewInterior
+from impactfem.marching.iterated import SHARE
 from impactfem.marching.layers import Sums
 from impactfem.scene import PiecewiseVector
 from impactfem.system.net import Net
@@ -32,13 +33,18 @@ _LEVEL = np.finfo(float).tiny
 
 
 class NetMidpoint(FewInterior):
-    """Interior of masses and springs; see `impactfem.marching.layers.Interior`."""
+    """Interior of masses and springs; see `impactfem.marching.layers.Interior`.
+
+    Attributes:
+        span: Of the step [s].
+    """
 
     bodies: Net
 
     def __init__(self, bodies: Net, gravity: PiecewiseVector, dt: float, *, counts: bool) -> None:
         """Begin at t = 0; see `FewInterior`."""
         super().__init__(bodies, gravity, dt, counts=counts)
+        self.span = dt
         nodes, dim = self._start.shape
         mesh = bodies.mesh
         self._number = np.full((nodes, dim), -1)
@@ -57,7 +63,7 @@ class NetMidpoint(FewInterior):
         np.add.at(stiffest, mesh.edges, mesh.stiffness[:, None])
         extent = float(np.abs(self._start).max()) + float(mesh.lengths.max())
         self._rounding = dt * extent * float((stiffest / bodies.node_mass).max())  # [m/s], by eps
-        self._ahead, self._pushed = self._v.copy(), np.zeros_like(self._v)
+        self._pushed = np.zeros_like(self._v)
         self._factor: Any = None
         self._prepare(self._v)  # a run that goes on asks for answers before its first layer
 
@@ -87,11 +93,11 @@ class NetMidpoint(FewInterior):
             (np.concatenate(entries), (np.concatenate(rows), np.concatenate(columns))),
             shape=(size, size),
         )
-        matrix = diags(self._mass) + 0.5 * self.dt**2 * stiffness
+        matrix = diags(self._mass) + 0.5 * self.span**2 * stiffness
         self._factor = splu(matrix.tocsc())
 
     def _end(self, ahead: Floats) -> Floats:
-        return np.asarray(self._q + 0.5 * self.dt * (self._v + ahead))
+        return np.asarray(self._q + 0.5 * self.span * (self._v + ahead))
 
     def _pull(self, ahead: Floats) -> Floats:
         """Forces of the springs in the layer, (d,)."""
@@ -111,7 +117,7 @@ class NetMidpoint(FewInterior):
         for _ in range(_MOST):
             if slow:
                 self._prepare(ahead)
-            forced = self.dt * (self._pull(ahead) + self._weight) + self._pushed
+            forced = self.span * (self._pull(ahead) + self._weight) + self._pushed
             change = self._factor.solve(forced - self._mass * (ahead - self._v))
             ahead = ahead + change
             if not np.isfinite(ahead).all():
@@ -145,7 +151,7 @@ class NetMidpoint(FewInterior):
 
     def begin(self, start: float, end: float) -> None:
         """Solve the layer without contact forces."""
-        self._time = 0.5 * (start + end)
+        self.span, self._time = end - start, 0.5 * (start + end)
         dim = self._start.shape[1]
         self._weight = self._mass * np.tile(self.gravity(start, end), len(self._q) // dim)
         self._pushed = np.zeros_like(self._v)
@@ -160,25 +166,51 @@ class NetMidpoint(FewInterior):
     def columns(self, forces: Floats) -> tuple[Floats, Floats]:
         """Displacements of the contact nodes by several forces; nothing is massless."""
         pushed = forces[:, self.bodies.free].reshape(len(forces), -1)
-        moved = 0.5 * self.dt**2 * self._factor.solve(np.ascontiguousarray(pushed.T)).T
+        moved = 0.5 * self.span**2 * self._factor.solve(np.ascontiguousarray(pushed.T)).T
         return self._spread(moved), np.zeros_like(forces)
 
     answers = columns
 
     def push(self, forces: Floats, change: Floats | None, parts: Floats) -> None:  # noqa: ARG002
         """Add the layer's contact forces (count, dim)."""
-        more = self.dt * forces[self.bodies.free].ravel()
+        more = self.span * forces[self.bodies.free].ravel()
         self._pushed = self._pushed + more
         self._ahead = self._settle(self._ahead + self._factor.solve(more))
 
+    def lay(self, forces: Floats) -> None:
+        """Put the contact forces of the step (count, dim), to be solved for."""
+        self._pushed = self.span * forces[self.bodies.free].ravel()
+
+    def settle(self) -> None:
+        """Solve for the velocities at the end of the step, with what has pushed so far."""
+        self._ahead = self._settle(self._ahead)
+
+    def look(self) -> None:
+        """Nothing: forces act on nodes wherever these are."""
+
+    def predicted(self, start: float, end: float) -> Floats:
+        """Where contact nodes go if nothing changes [m], (count, dim)."""
+        return self.bodies.places(self._q + (end - start) * self._v) - self._start
+
+    def changed(self, ahead: Floats) -> tuple[float, float, float]:
+        """By how much velocities have changed since, what changes them, and rounding [m/s]."""
+        acting = self._pushed / self._mass, self._ahead - self._v, SHARE * self._v
+        sizes = [float(np.abs(each).max(initial=0.0)) for each in (self._ahead - ahead, *acting)]
+        size = self._rounding + float(np.abs(self._ahead).max() + np.abs(self._v).max())
+        return sizes[0], max(sizes[1:]), _STALLED * _SETTLED * size
+
+    def advance(self) -> float:
+        """End the step at what was found; no loads work."""
+        self._q, self._v = self._end(self._ahead), self._ahead
+        return 0.0
+
     def finish(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """End the layer and sum up."""
-        self._q, self._v = self._end(self._ahead), self._ahead
-        return self._summed()
+        return self.summed(self.advance())
 
     def initial(self, static: Floats) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
         """Sums of the initial state."""
-        return self._summed()
+        return self.summed(0.0)
 
     def spins(self) -> Floats:
         """Velocities of the contact nodes by unit spins [m], (turns, count, dim)."""
@@ -191,7 +223,8 @@ class NetMidpoint(FewInterior):
             found[k, :, i], found[k, :, j] = -arms[:, j], arms[:, i]
         return found
 
-    def _summed(self) -> list[Sums]:
+    def summed(self, work: float) -> list[Sums]:  # noqa: ARG002  (as the interface has it)
+        """Sums now."""
         bodies, mass, dim = self.bodies, self.bodies.node_mass, self.bodies.dim
         turns = dim * (dim - 1) // 2
         if not self.counts:

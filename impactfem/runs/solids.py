@@ -71,6 +71,7 @@ _STEPPERS: "Mapping[type[FewBodies], Callable[..., Marched]]" = {
     Lumped: FewMidpoint,
     Rigid: partial(RigidMidpoint, exact=True),
     Arm: partial(MechanismMidpoint, exact=True),
+    Net: NetMidpoint,
     PlateSystem: PlateNewton,
 }
 """The same where steps are solved by iterates."""

@@ -120,6 +120,7 @@ class Beam(Slender):
     in_elements: ClassVar[bool] = True
     round_ends: ClassVar[bool] = False
     takes_joints: ClassVar[bool] = True
+    joined_in_steps: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the beam in histories", default="beam")
     length: float = key(Real(above=0), "length", unit="m")

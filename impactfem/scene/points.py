@@ -65,6 +65,7 @@ class Point(BodyKind):
     meets_edges: ClassVar[bool] = True
     dents: ClassVar[bool] = True
     takes_joints: ClassVar[bool] = True
+    joined_in_steps: ClassVar[bool] = True
     turns_in_joints: ClassVar[bool] = False
 
     name: str = key(Name(), "name of the point in histories", default="point")

@@ -32,7 +32,6 @@ class SpringNet(BodyKind):
     kind: ClassVar[str] = "springs"
     solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
     may_meet_nothing: ClassVar[bool] = True
-    substeps: ClassVar[bool] = False
 
     name: str = key(Name(), "name of the body in histories", default="springs")
     shape: Block | Disc | Ring | None = key(  # noqa: RUF009  # a field

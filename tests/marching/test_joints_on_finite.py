@@ -140,9 +140,44 @@ def test_ranks_agree(monkeypatch):
     check_ranks(crank, monkeypatch)
 
 
-def test_points_in_joints_are_refused_with_what_to_do():
-    point = {"kind": "point", "name": "bob", "mass": 0.5, "radius": 0.03, "position": [0.0, 0.031]}
-    rod = PIN | {"kind": "distance", "points": [[0.0, 0.031], [-0.2, 0.06]]}
-    del rod["point"]
-    with pytest.raises(SceneError, match=r"joint\[0\].between.*hold bodies of kind .*rigid.*where"):
-        impactfem.plan(scene([pad(**HELD), point], [rod], [law(0.0)], 0.01))
+POINT = {"kind": "point", "name": "bob", "mass": 0.5, "radius": 0.03, "position": [0.0, 0.031],
+         "velocity": [-0.058, -0.4]}  # fmt: skip
+ROD = {"name": "pin", "kind": "distance", "between": ["bob", "ground"],
+       "points": [[0.0, 0.031], [-0.2, 0.06]]}  # fmt: skip
+BEAM = {"kind": "beam", "name": "bob", "density": 2700.0, "youngs_modulus": 7e9, "length": 0.2,
+        "height": 4e-3, "width": 0.02, "elements": 6, "center": [0.0, 0.02],
+        "velocity": [0.0, -0.3], "angular_velocity": -3.0}  # fmt: skip
+LASH = PIN | {"point": [-0.1, 0.02]}
+LIGHT = {"point": (POINT, ROD, 0.05), "beam": (BEAM, LASH, 0.1)}
+
+
+@pytest.mark.parametrize("kind", LIGHT)
+def test_points_and_beams_in_joints_strike_rubber_and_keep_their_energy(kind):
+    body, joint, duration = LIGHT[kind]
+    history = impactfem.solve(scene([pad(**HELD), body], [joint], [law(0.0)], duration)).history
+    force, speed = history["contact_force"].values, history["bob.vy"].values
+    assert force.max() > {"point": 200.0, "beam": 5.0}[kind]
+    assert speed.max() > 0.2  # it comes back
+    assert np.ptp(kept(history)) < 1e-10 * kept(history)[0]
+    if kind == "point":
+        place = np.stack([history["bob.x"].values + 0.2, history["bob.y"].values - 0.06])
+        assert np.ptp(np.hypot(*place)) < 1e-14
+
+
+def bead(**output):
+    """A point on a rod that strikes the block with friction."""
+    return scene([pad(**HELD), POINT], [ROD], [law(0.3)], 8e-3, output={"fields": []} | output)
+
+
+@pytest.mark.parallel([1, 2])
+def test_a_point_in_a_joint_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
+    made = bead(checkpoint=5)
+    whole, _ = check_restart(made, 14, tmp_path, monkeypatch)
+    assert whole.history["contact_force"].values.max() > 50.0
+
+
+def test_surfaces_in_joints_are_refused_with_what_to_do():
+    lash = {"name": "pin", "kind": "revolute", "between": ["pad/top", "ground"],
+            "point": [0.0, 0.0]}  # fmt: skip
+    with pytest.raises(SceneError, match=r"joint\[0\].between.*hold bodies of kind .*beam.*where"):
+        impactfem.plan(scene([pad(), POINT], [lash], [law(0.0)], 0.01))

@@ -271,3 +271,38 @@ def test_net_of_a_mesh_file(tmp_path):
     wrong = impactfem.SpringNet(**given, supports=[{"surface": "head", "kind": "fixed"}])
     with pytest.raises(impactfem.errors.MeshError, match="head"):
         net_system(scene_of(wrong, folder=tmp_path), wrong)
+
+
+def on_rubber(mu=0.0, **output):
+    """A net that falls on a block of rubber under finite strain."""
+    block = {
+        "kind": "solid", "name": "pad", "model": "plane_strain", "mesh_size": 0.025,
+        "strain": "finite", "material": "neo_hookean", "density": 1100.0, "youngs_modulus": 1e6,
+        "poisson_ratio": 0.3, "supports": [{"surface": "bottom", "kind": "fixed"}],
+        "shape": {"kind": "block", "size": [0.2, 0.1], "corner": [-0.1, -0.1]},
+    }  # fmt: skip
+    net = {
+        "kind": "springs", "name": "net", "pattern": "crossed", "mass": 0.5, "stiffness": 2e4,
+        "shape": {"kind": "block", "size": [0.1, 0.05], "corner": [-0.05, 0.01]},
+        "mesh_size": 0.025, "radius": 0.002, "velocity": [0.1, -1.0],
+    }  # fmt: skip
+    return impactfem.Scene.from_dict({
+        "title": "net", "duration": 0.03, "body": [block, net],
+        "contact": [{"between": ["net", "pad"], "friction_coefficient": mu}],
+        "solve": {"dt": 5e-4, "estimate": False}, "output": {"fields": []} | output,
+    })  # fmt: skip
+
+
+@pytest.mark.slow
+def test_a_net_on_rubber_of_finite_strain_keeps_its_energy():
+    history = impactfem.solve(on_rubber()).history
+    energy = history["total_energy"].values
+    assert history["contact_force"].values.max() > 300.0
+    assert history["net.vy"].values[-1] > 0.5
+    assert np.ptp(energy) < 1e-7 * energy[0]  # as exactly as springs settle
+
+
+@pytest.mark.parallel([1, 2])
+@pytest.mark.slow
+def test_a_net_on_rubber_goes_on_where_it_was_stopped(tmp_path, monkeypatch):
+    check_restart(on_rubber(0.2, checkpoint=10), 25, tmp_path, monkeypatch)
