@@ -23,7 +23,7 @@ MAX_CELLS = 50_000_000
 
 @dataclass(frozen=True)
 class Finer:
-    """Smaller elements in a ball: `impactfem.scene.solid_keys.Refinement` in another frame.
+    """Smaller elements in a ball: `impactfem.scene.solids.Refinement` in another frame.
 
     Attributes:
         point: Centre, shape (dim,).
@@ -50,7 +50,7 @@ def shape_mesh(
     Args:
         shape: A shape of `impactfem.scene.shapes`.
         size: Length of the edges [m].
-        refine: Balls with smaller elements, `impactfem.scene.solid_keys.Refinement`.
+        refine: Balls with smaller elements, `impactfem.scene.solids.Refinement`.
         degree: Degree of the geometry; 2 follows curved surfaces.
         axisymmetric: Whether x is the radius r >= 0.
 

@@ -39,7 +39,7 @@ def ball_field(ball: Any, size: float, unit: float = 1.0) -> dict[str, float]:
     """Parameters of Gmsh's field "Ball": small inside, growing slowly to the mesh size outside.
 
     Args:
-        ball: With point, radius and size, as `impactfem.scene.solid_keys.Refinement`.
+        ball: With point, radius and size, as `impactfem.scene.solids.Refinement`.
         size: Mesh size outside.
         unit: What these lengths are divided by.
     """

@@ -38,8 +38,7 @@ from impactfem.scene.scene import Scene
 from impactfem.scene.schema import describe
 from impactfem.scene.settings import Output, Solve
 from impactfem.scene.shapes import Block, Cylinder, Disc, Ring, Sphere
-from impactfem.scene.solid_keys import Refinement
-from impactfem.scene.solids import Solid
+from impactfem.scene.solids import Refinement, Solid
 from impactfem.scene.springs import SpringNet
 from impactfem.scene.toml import parse_assignment
 

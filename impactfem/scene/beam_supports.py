@@ -2,12 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import ClassVar
 
 from impactfem.scene.boundary import check_sprung
 from impactfem.scene.kinds import Choice, Real
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 
 ENDS = ("first", "last")
 # Whether the end stays where it is, its section keeps its direction, and springs hold it.
@@ -29,13 +28,14 @@ _FIRST_ROOTS = {
 
 
 @table("supports = [{ end = ... }]")
-@dataclass(frozen=True, kw_only=True)
 class BeamSupport:
     """How an end of a beam is held.
 
     Raises:
         SceneError: a value is not allowed.
     """
+
+    heading: ClassVar[str] = "support"
 
     end: str = key(Choice(ENDS), "which end: where the axis begins, or where it points")
     kind: str = key(
@@ -50,19 +50,7 @@ class BeamSupport:
         Real(at_least=0), "of an elastic one to rotation", unit="N m", default=0.0
     )
 
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            *,
-            end: str,
-            kind: str,
-            stiffness: float = 0.0,
-            rotational_stiffness: float = 0.0,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, "support")
+    def _check(self) -> None:
         check_sprung(self, "end", sprung=HOLDS[self.kind][2])
 
     @property

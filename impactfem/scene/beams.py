@@ -1,25 +1,21 @@
 """Slender bodies: the rigid rod in the plane and the elastic beam, in the plane or in space."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from impactfem.scene.beam_supports import BeamSupport, check_supports, first_root
 from impactfem.scene.body import JOINED, BodyKind, Floats, Solver
 from impactfem.scene.flight import Flight
-from impactfem.scene.formula import Formula
+from impactfem.scene.given import MaybeFormula, Tables
 from impactfem.scene.inline import InlineTable, ListOf, NumberOrVector, Vector
 from impactfem.scene.kinds import Choice, FormulaOf, Integer, Name, Real
 from impactfem.scene.obstacles.base import unit_vector
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
-
-if TYPE_CHECKING:
-    from impactfem.scene.boundary import FormulaLike
 
 THEORIES = ("euler_bernoulli", "timoshenko")
 CONTACTS = ("ends", "along")
@@ -52,7 +48,6 @@ class Slender(BodyKind):
 
 
 @table('[[body]] with kind = "rod"')
-@dataclass(frozen=True, kw_only=True)
 class Rod(Slender):
     """A slender rigid rod that moves in the plane and touches obstacles with its ends.
 
@@ -78,8 +73,7 @@ class Rod(Slender):
     angular_velocity: float = key(Real(), "rotation at t = 0", unit="rad/s", default=0.0)
     radius: float = key(Real(at_least=0), "radius of the rounded ends", unit="m", default=0.0)
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         _check_angle(self)
 
     def centre_velocity(self) -> Floats | None:
@@ -102,7 +96,6 @@ class Rod(Slender):
 
 
 @table('[[body]] with kind = "beam"')
-@dataclass(frozen=True, kw_only=True)
 class Beam(Slender):
     """An elastic beam of rectangular section, free or held at its ends, in the plane or in space.
 
@@ -158,7 +151,7 @@ class Beam(Slender):
         NumberOrVector(), "at t = 0, in space along the axes of the scene", unit="rad/s",
         default=None, absent="none",
     )  # fmt: skip
-    supports: tuple[BeamSupport, ...] = key(
+    supports: Tables[BeamSupport] = key(
         ListOf(InlineTable((BeamSupport,))), "ends that are held", default=()
     )
     contact: str | None = key(
@@ -178,42 +171,14 @@ class Beam(Slender):
         default=None,
         absent="0",
     )
-    load: Formula | None = key(  # noqa: RUF009  # a field
+    load: MaybeFormula = key(
         FormulaOf(("t", "x", "u")),
         "across the axis, in the plane, positive along the axis turned by 90 degrees (up, of a "
         "beam along x); x from the first end, u the deflection there, of the same sign",
         unit="N/m", default=None, absent="none",
     )  # fmt: skip
 
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            *,
-            length: float,
-            height: float,
-            width: float,
-            density: float,
-            youngs_modulus: float,
-            center: Sequence[float],
-            name: str = "beam",
-            poisson_ratio: float = 0.3,
-            theory: str = "euler_bernoulli",
-            elements: int = 16,
-            inclination: float = 0.0,
-            axis: Sequence[float] | None = None,
-            width_axis: Sequence[float] | None = None,
-            velocity: Sequence[float] | None = None,
-            angular_velocity: float | Sequence[float] | None = None,
-            supports: Sequence[BeamSupport | Mapping[str, Any]] = (),
-            contact: str | None = None,
-            damping_ratio: float | None = None,
-            rayleigh: Sequence[float] | None = None,
-            load: FormulaLike | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         _check_angle(self)
         self._check_dimension()
         check_supports(self.supports, self.kind)

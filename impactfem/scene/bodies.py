@@ -3,22 +3,23 @@
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, override
+from typing import ClassVar, override
 
 import numpy as np
 
 from impactfem.scene.body import BodyKind, Floats, Solver
 from impactfem.scene.breaks import Break, find_breaks
 from impactfem.scene.formula import Formula
+from impactfem.scene.given import AFormula, Given
 from impactfem.scene.inline import Vector
 from impactfem.scene.jets import motion_at
 from impactfem.scene.kinds import Choice, FormulaOf, Name, Real, RealOrFormula
 from impactfem.scene.means import cuts_of
 from impactfem.scene.probes import STRAINS
 from impactfem.scene.profile import Profile
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import LEAST, show
 
 # Divisible by 2 to 10: a formula with a pole at a simple fraction of the length is found out.
@@ -28,7 +29,6 @@ PROPERTIES = ("density", "youngs_modulus", "area")
 
 
 @table('[[body]] with kind = "bar"')
-@dataclass(frozen=True, kw_only=True)
 class Bar(BodyKind):
     """A straight elastic bar that moves along its axis and meets the wall with its near end.
 
@@ -61,13 +61,11 @@ class Bar(BodyKind):
 
     name: str = key(Name(), "name of the bar in histories", default="bar")
     length: float = key(Real(above=0), "length L of the bar", unit="m")
-    density: float | Formula = key(  # noqa: RUF009  # a field
-        RealOrFormula(("x",)), "mass density", unit="kg/m^3"
-    )
-    youngs_modulus: float | Formula = key(  # noqa: RUF009  # a field
+    density: Given[float | Formula, str] = key(RealOrFormula(("x",)), "mass density", unit="kg/m^3")
+    youngs_modulus: Given[float | Formula, str] = key(
         RealOrFormula(("x",)), "Young's modulus", unit="Pa"
     )
-    area: float | Formula = key(  # noqa: RUF009  # a field
+    area: Given[float | Formula, str] = key(
         RealOrFormula(("x",)), "area of the cross-section", unit="m^2", default=1.0
     )
     far_end: str = key(
@@ -76,21 +74,21 @@ class Bar(BodyKind):
     gap: float = key(
         Real(at_least=0), "distance of the near end from the wall at t = 0", unit="m", default=0.0
     )
-    velocity: Formula = key(  # noqa: RUF009  # a field
+    velocity: AFormula = key(
         FormulaOf(("x",)), "velocity at t = 0, negative towards the wall", unit="m/s", default=0.0
     )
-    displacement: Formula = key(  # noqa: RUF009  # a field
+    displacement: AFormula = key(
         FormulaOf(("x",)), "displacement at t = 0, added to the gap", unit="m", default=0.0
     )
-    far_end_force: Formula = key(  # noqa: RUF009  # a field
+    far_end_force: AFormula = key(
         FormulaOf(("t",)), "force on the far end along the axis, away from the wall", unit="N",
         default=0.0,
     )  # fmt: skip
-    load: Formula = key(  # noqa: RUF009  # a field
+    load: AFormula = key(
         FormulaOf(("t", "x")), "force along the bar per length, away from the wall", unit="N/m",
         default=0.0,
     )  # fmt: skip
-    far_end_displacement: Formula = key(  # noqa: RUF009  # a field
+    far_end_displacement: AFormula = key(
         FormulaOf(("t",)),
         "motion that the far end is given along the axis, from its place at t = 0; holds it",
         unit="m",
@@ -112,30 +110,7 @@ class Bar(BodyKind):
     wall_stiffness: float | None = field(default=None, compare=False, repr=False)
     """Of the wall that it meets [N/m], which the scene's contact tells; None: it is rigid."""
 
-    if TYPE_CHECKING:  # type checkers learn that numbers and texts may be given for formulas
-
-        def __init__(
-            self,
-            *,
-            length: float,
-            density: float | str | Formula,
-            youngs_modulus: float | str | Formula,
-            name: str = "bar",
-            area: float | str | Formula = 1.0,
-            far_end: str = "free",
-            gap: float = 0.0,
-            velocity: float | str | Formula = 0.0,
-            displacement: float | str | Formula = 0.0,
-            far_end_force: float | str | Formula = 0.0,
-            load: float | str | Formula = 0.0,
-            far_end_displacement: float | str | Formula = 0.0,
-            point: Sequence[float] | None = None,
-            axis: Sequence[float] | None = None,
-            wall_stiffness: float | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         self._check_far_end()
         self._check_place()
         x = np.linspace(0.0, self.length, SAMPLES + 1)

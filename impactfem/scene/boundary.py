@@ -1,17 +1,13 @@
 """What happens on the surfaces of a solid: supports, tractions and pressures."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import ClassVar
 
 from impactfem.scene.formula import Formula
+from impactfem.scene.given import AFormula, FormulaLike, Given, SomeFormulas
 from impactfem.scene.inline import Formulas
 from impactfem.scene.kinds import Choice, FormulaOf, Line, Switch
-from impactfem.scene.schema import KeyedError, check_fields, key, table
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-type FormulaLike = float | str | Formula
+from impactfem.scene.schema import KeyedError, key, table
 
 SUPPORTS = ("fixed", "symmetry", "motion")
 SPACE = ("x", "y", "z")
@@ -45,7 +41,6 @@ def check_sprung(support: object, what: str, *, sprung: bool) -> None:
 
 
 @table("supports = [{ ... }]")
-@dataclass(frozen=True, kw_only=True)
 class Support:
     """How a surface is held: fixed, symmetry (no motion along its normal) or a given motion.
 
@@ -53,9 +48,11 @@ class Support:
         SceneError: a value is not allowed, or a motion is missing or given in vain.
     """
 
+    heading: ClassVar[str] = "support"
+
     surface: str = key(SURFACE, _SURFACE_DOC)
     kind: str = key(Choice(SUPPORTS), "fixed, no motion along the normal, or moved as given")
-    value: tuple[Formula | None, ...] | None = key(
+    value: Given[tuple[Formula | None, ...] | None, Sequence[FormulaLike | None] | None] = key(
         Formulas(("t",), blank=True),
         'displacement for kind = "motion"; "" leaves a direction free',
         unit="m",
@@ -63,14 +60,7 @@ class Support:
         absent="none",
     )
 
-    if TYPE_CHECKING:  # type checkers learn that numbers and texts may be given for formulas
-
-        def __init__(
-            self, *, surface: str, kind: str, value: Sequence[FormulaLike | None] | None = None
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, "support")
+    def _check(self) -> None:
         if self.moves:
             if self.value is None:
                 text = ' is missing: a motion needs formulas in t, as ["0", "0.1*sin(t)"].'
@@ -94,7 +84,6 @@ class Support:
 
 
 @table("tractions = [{ ... }]")
-@dataclass(frozen=True, kw_only=True)
 class Traction:
     """A force per area of the undeformed surface, in fixed directions.
 
@@ -102,21 +91,15 @@ class Traction:
         SceneError: a value is not allowed.
     """
 
+    heading: ClassVar[str] = "traction"
+
     surface: str = key(SURFACE, _SURFACE_DOC)
-    value: tuple[Formula, ...] = key(
+    value: SomeFormulas = key(
         Formulas((*SPACE, "t")), "force per area in each direction", unit="Pa"
     )
 
-    if TYPE_CHECKING:
-
-        def __init__(self, *, surface: str, value: Sequence[FormulaLike]) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, "traction")
-
 
 @table("pressures = [{ ... }]")
-@dataclass(frozen=True, kw_only=True)
 class Pressure:
     """A force per area against the outward normal of a surface, undeformed or as it is by then.
 
@@ -124,8 +107,10 @@ class Pressure:
         SceneError: a value is not allowed.
     """
 
+    heading: ClassVar[str] = "pressure"
+
     surface: str = key(SURFACE, _SURFACE_DOC)
-    value: Formula = key(  # noqa: RUF009  # a field
+    value: AFormula = key(
         FormulaOf((*SPACE, "t")), "pressure, positive when it pushes inward", unit="Pa"
     )
     follows: bool | None = key(
@@ -134,12 +119,3 @@ class Pressure:
         default=None,
         absent="true under finite strain",
     )
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self, *, surface: str, value: FormulaLike, follows: bool | None = None
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, "pressure")

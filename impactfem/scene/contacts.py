@@ -1,12 +1,11 @@
 """Contact laws of a scene: which bodies meet, and what an impact leaves of their speed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 from impactfem.scene.inline import ListOf
 from impactfem.scene.kinds import Choice, Name, Real, SideName
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
 
 RESTITUTION_LAWS = ("newton", "moreau", "poisson")
@@ -16,7 +15,6 @@ _WITH_FRICTION = ("tangential_restitution", "rolling_resistance", "spinning_resi
 
 
 @table("[[contact]]")
-@dataclass(frozen=True, kw_only=True)
 class Contact:
     """A pair that may meet: two bodies, a body and an obstacle, or a body and itself.
 
@@ -105,8 +103,7 @@ class Contact:
         static = self.static_friction_coefficient
         return self.friction_coefficient if static is None else static
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.heading)
+    def _check(self) -> None:
         if len(self.between) != 2:
             text = f" = {show(list(self.between))} has {len(self.between)} names: give two."
             raise KeyedError(self.heading, "between", text)

@@ -1,7 +1,8 @@
 """What a scene holds, and what follows from it: which bodies there are, and what solves them."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from impactfem.scene.bodies import Bar
 from impactfem.scene.body import Solver
 from impactfem.scene.contacts import Contact
 from impactfem.scene.control import MAX_CONTROLS, Control
+from impactfem.scene.given import Given
 from impactfem.scene.inverse import MAX_MEASURES, MAX_PARAMETERS, Measure, Objective, Parameter
 from impactfem.scene.joints import Joint
 from impactfem.scene.kinds import Choice, Line, Real
@@ -24,7 +26,7 @@ from impactfem.scene.plate import Plate
 from impactfem.scene.points import Point
 from impactfem.scene.probes import MAX_PROBES, Probe
 from impactfem.scene.rigid import RigidBody
-from impactfem.scene.schema import key
+from impactfem.scene.schema import TOP, aside, key, table
 from impactfem.scene.settings import Output, Solve
 from impactfem.scene.solids import Solid
 from impactfem.scene.springs import SpringNet
@@ -42,13 +44,13 @@ MAX_JOINTS = 10_000
 STARTS = ("given", "static")
 
 
-@dataclass(frozen=True, kw_only=True)
+@table(TOP)
 class Content:
     """The tables of a scene, which `impactfem.scene.scene.Scene` reads and checks."""
 
     title: str = key(Line(), "title of figures and reports")
     duration: float = key(Real(above=0), "time to simulate", unit="s")
-    gravity: PiecewiseConstant | PiecewiseVector = key(  # noqa: RUF009  # a field
+    gravity: Given[PiecewiseConstant | PiecewiseVector, float | Sequence[Any]] = key(
         LoadKind(),
         "acceleration, of bars towards the wall; in a table, the value from each time on",
         unit="m/s^2",
@@ -60,62 +62,58 @@ class Content:
         "and frictionless contact at t = 0 (solids)",
         default=STARTS[0],
     )
-    bodies: tuple[Body, ...] = key(
+    bodies: Given[tuple[Body, ...], Sequence[Body]] = key(
         ObjectsKind(tuple(BODIES.values()), "[[body]]", MAX_BODIES), "what moves", name="body"
     )
-    obstacles: tuple[Obstacle, ...] = key(
+    obstacles: Given[tuple[Obstacle, ...], Sequence[Obstacle]] = key(
         ObjectsKind(tuple(OBSTACLES.values()), "[[obstacle]]", MAX_OBSTACLES, 0),
         "what it may hit; only points, rigid bodies and rows of bars may do without",
         name="obstacle",
         default=(),
     )
-    contacts: tuple[Contact, ...] = key(
+    contacts: Given[tuple[Contact, ...], Sequence[Contact]] = key(
         ObjectsKind((Contact,), "[[contact]]", MAX_CONTACTS, 0),
         "which pairs meet; every body and obstacle, and every two solids, if there are none",
         name="contact",
         default=(),
     )
-    joints: tuple[Joint, ...] = key(
+    joints: Given[tuple[Joint, ...], Sequence[Joint]] = key(
         ObjectsKind((Joint,), "[[joint]]", MAX_JOINTS, 0),
         "what holds rigid bodies together",
         name="joint",
         default=(),
     )
-    probes: tuple[Probe, ...] = key(
+    probes: Given[tuple[Probe, ...], Sequence[Probe]] = key(
         ObjectsKind((Probe,), "[[probe]]", MAX_PROBES, 0),
         "places whose motion is kept in the history",
         name="probe",
         default=(),
     )
-    parameters: tuple[Parameter, ...] = key(
+    parameters: Given[tuple[Parameter, ...], Sequence[Parameter]] = key(
         ObjectsKind((Parameter,), "[[parameter]]", MAX_PARAMETERS, 0),
         "numbers that may vary",
         name="parameter",
         default=(),
     )
-    controls: tuple[Control, ...] = key(
+    controls: Given[tuple[Control, ...], Sequence[Control]] = key(
         ObjectsKind((Control,), "[[control]]", MAX_CONTROLS, 0),
         "histories in pieces that may vary",
         name="control",
         default=(),
     )
-    measures: tuple[Measure, ...] = key(
+    measures: Given[tuple[Measure, ...], Sequence[Measure]] = key(
         ObjectsKind((Measure,), "[[measure]]", MAX_MEASURES, 0),
         "what is looked at, or was measured",
         name="measure",
         default=(),
     )
-    objective: Objective | None = key(  # noqa: RUF009  # a field
+    objective: Objective | None = key(
         SettingsKind(Objective, "[objective]"), "what is wanted", default=None,
         absent="the misfits of all measures with data",
     )  # fmt: skip
-    solve: Solve = key(  # noqa: RUF009  # a field
-        SettingsKind(Solve, "[solve]"), "how to solve", default=Solve()
-    )
-    output: Output = key(  # noqa: RUF009  # a field
-        SettingsKind(Output, "[output]"), "what to write", default=Output()
-    )
-    folder: Path | None = field(default=None, compare=False, repr=False)
+    solve: Solve = key(SettingsKind(Solve, "[solve]"), "how to solve", default=Solve())
+    output: Output = key(SettingsKind(Output, "[output]"), "what to write", default=Output())
+    folder: Given[Path | None, str | os.PathLike[str]] = aside()
 
     @cached_property
     def laws(self) -> Laws:

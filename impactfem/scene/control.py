@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ from impactfem.scene.grammar import Node
 from impactfem.scene.inline import NumberOrList, Vector
 from impactfem.scene.inverse import check_formula_name
 from impactfem.scene.kinds import Choice, Integer, Line, Name, Real
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.tables import assign, is_missing, looked_up
 from impactfem.scene.values import NotAllowedError, is_number, number, show
 
@@ -25,7 +25,6 @@ _AXES = "xyz"
 
 
 @table("[[control]]")
-@dataclass(frozen=True, kw_only=True)
 class Control:
     """A history in equal pieces of time, or a course in pieces of x, 0 before and after.
 
@@ -66,8 +65,7 @@ class Control:
         Vector((2,)), "least and largest value", default=None, absent="none"
     )
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.heading)
+    def _check(self) -> None:
         check_formula_name(self.heading, self.name, "give another name")
         if self.end is not None and not self.end > self.begin:
             text = f" = {self.end:g} s is not after from = {self.begin:g} s: give a later time."

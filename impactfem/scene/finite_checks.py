@@ -5,8 +5,7 @@ import math
 from impactfem.methods import METHODS
 from impactfem.scene.content import Content
 from impactfem.scene.schema import KeyedError
-from impactfem.scene.solid_keys import NEARLY_INCOMPRESSIBLE
-from impactfem.scene.solids import Solid
+from impactfem.scene.solids import NEARLY_INCOMPRESSIBLE, Solid
 from impactfem.scene.values import show
 
 

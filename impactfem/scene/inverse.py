@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from impactfem.scene.given import Tables
 from impactfem.scene.grammar import CONSTANTS, FUNCTIONS
 from impactfem.scene.inline import InlineTable, ListOf, Vector
 from impactfem.scene.kinds import Choice, FilePath, FolderPath, Integer, Line, Name, Real
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
 
 MAX_PARAMETERS = 1000
@@ -36,7 +36,6 @@ def check_formula_name(heading: str, name: str, remedy: str) -> None:
 
 
 @table("[[parameter]]")
-@dataclass(frozen=True, kw_only=True)
 class Parameter:
     """A number of the scene that may vary.
 
@@ -59,8 +58,7 @@ class Parameter:
         Vector((2,)), "least and largest value", default=None, absent="none"
     )
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.heading)
+    def _check(self) -> None:
         if self.path is None:
             check_formula_name(self.heading, self.name, "give another name, or key")
             if self.start is None:
@@ -82,7 +80,6 @@ class Parameter:
 
 
 @table("[[measure]]")
-@dataclass(frozen=True, kw_only=True)
 class Measure:
     """A figure of a run, or a history of it, that is looked at or was measured.
 
@@ -121,8 +118,7 @@ class Measure:
         Real(at_least=0), "one instant of a history", unit="s", default=None, absent="its end"
     )
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.heading)
+    def _check(self) -> None:
         own = "data" if self.data is not None else "result"
         known = [
             name for name in ("data", "result", "value", "at") if getattr(self, name) is not None
@@ -140,7 +136,6 @@ class Measure:
 
 
 @table("minimise = [{ ... }]")
-@dataclass(frozen=True, kw_only=True)
 class Term:
     """A part of an objective.
 
@@ -170,8 +165,7 @@ class Term:
     at: float | None = key(Real(at_least=0), "time", unit="s", default=None, absent="the end")
     weight: float = key(Real(), "factor of the term", default=1.0)
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.heading)
+    def _check(self) -> None:
         wanted = _NEEDED.get(self.term)
         for name in ("of", "body", "pair", "until"):
             given = getattr(self, name)
@@ -195,7 +189,6 @@ _NEEDED = {
 
 
 @table("constraints = [{ ... }]")
-@dataclass(frozen=True, kw_only=True)
 class Limit:
     """A term that has to stay within limits.
 
@@ -214,8 +207,7 @@ class Limit:
     least: float | None = key(Real(), "least value", name="min", default=None, absent="none")
     most: float | None = key(Real(), "largest value", name="max", default=None, absent="none")
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.heading)
+    def _check(self) -> None:
         self.limited  # noqa: B018  # checks the other keys
         if self.least is None and self.most is None:
             raise KeyedError("", "max", " is missing: give min, max or both.")
@@ -240,7 +232,6 @@ class Limit:
 
 
 @table("[objective]")
-@dataclass(frozen=True, kw_only=True)
 class Objective:
     """What is wanted: a sum of terms that becomes least, and how it is searched.
 
@@ -250,10 +241,10 @@ class Objective:
 
     heading: ClassVar[str] = "objective"
 
-    minimise: tuple[Term, ...] = key(
+    minimise: Tables[Term] = key(
         ListOf(InlineTable((Term,)), at_least=1), "terms of what becomes least"
     )
-    constraints: tuple[Limit, ...] = key(
+    constraints: Tables[Limit] = key(
         ListOf(InlineTable((Limit,))), "terms that stay within limits (optimise)", default=()
     )
     searched_by: str | None = key(
@@ -271,9 +262,6 @@ class Objective:
     seed: int = key(
         Integer(0, 2**31 - 1), "of the random direction in which gradients are checked", default=0
     )
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.heading)
 
 
 def check_asked(scene: Any) -> None:

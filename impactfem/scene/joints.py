@@ -2,15 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from impactfem.scene.formula import Formula
+from impactfem.scene.given import MaybeFormula, MaybeTable
 from impactfem.scene.inline import InlineTable, ListOf, Vector
 from impactfem.scene.kinds import Choice, FormulaOf, Name, Real, SideName
 from impactfem.scene.laws import side_of
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
 
 GROUND = "ground"
@@ -56,7 +57,6 @@ JOINTS: Mapping[str, JointKind] = {
 
 
 @table("soft = { ... }")
-@dataclass(frozen=True, kw_only=True)
 class Soft:
     """A joint that gives way, as game engines have it: a control.
 
@@ -73,15 +73,13 @@ class Soft:
         Real(at_least=0), "speed with which it gives way by unit force", unit="m/(N s)", default=0.0
     )
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.heading)
+    def _check(self) -> None:
         if self.erp > 1.0:
             text = f" = {show(self.erp)} is not allowed: a step mends all of an error at most; "
             raise KeyedError(self.heading, "erp", text + "give a number from 0 to 1.")
 
 
 @table("[[joint]]")
-@dataclass(frozen=True, kw_only=True)
 class Joint:
     """What holds two bodies together, or one to the ground.
 
@@ -137,41 +135,15 @@ class Joint:
     friction: float = key(
         Real(at_least=0), "largest force of dry friction", unit="N m or N", default=0.0
     )
-    motor: Formula | None = key(  # noqa: RUF009  # a field
+    motor: MaybeFormula = key(
         FormulaOf(("t", "q", "v")), "force along its coordinate, of time, coordinate and rate",
         unit="N m or N", default=None, absent="none",
     )  # fmt: skip
-    soft: Soft | None = key(  # noqa: RUF009  # a field
+    soft: MaybeTable[Soft] = key(
         InlineTable((Soft,)), "gives way, to compare", default=None, absent="holds to rounding"
     )
 
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            *,
-            kind: str,
-            name: str = "joint",
-            between: Sequence[str] | None = None,
-            joints: Sequence[str] | None = None,
-            ratio: float | None = None,
-            point: Sequence[float] | None = None,
-            points: Sequence[Sequence[float]] | None = None,
-            axis: Sequence[float] | None = None,
-            second_axis: Sequence[float] | None = None,
-            position: float = 0.0,
-            limits: Sequence[float] | None = None,
-            restitution: float = 0.0,
-            stiffness: float = 0.0,
-            rest: float | None = None,
-            damping: float = 0.0,
-            friction: float = 0.0,
-            motor: float | str | Formula | None = None,
-            soft: Soft | Mapping[str, float] | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.heading)
+    def _check(self) -> None:
         self._check_given()
         self._check_directions()
         self._check_laws()

@@ -1,17 +1,16 @@
 """Mechanisms: trees of links and joints from URDF and MJCF files."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from impactfem.scene.body import BodyKind, Floats, Solver
-from impactfem.scene.formula import Formula
+from impactfem.scene.given import Given, MaybeFormula, MaybeTable
 from impactfem.scene.inline import InlineTable, TablesByName, Vector
 from impactfem.scene.kinds import Choice, FilePath, FormulaOf, Line, Name, Real
 from impactfem.scene.rigid_keys import Orientation
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
 
 SOLVERS = ("damped", "gauss_newton", "jacobian_transpose", "gradient")
@@ -19,7 +18,6 @@ SOLVERS = ("damped", "gauss_newton", "jacobian_transpose", "gradient")
 
 
 @table("joints = { NAME = { ... } }")
-@dataclass(frozen=True, kw_only=True)
 class JointStart:
     """Where a joint of a mechanism begins, and what drives it.
 
@@ -34,7 +32,7 @@ class JointStart:
         absent="0, or what its limits or place make of it",
     )  # fmt: skip
     velocity: float = key(Real(), "at t = 0", unit="rad/s or m/s", default=0.0)
-    motor: Formula | None = key(  # noqa: RUF009  # a field
+    motor: MaybeFormula = key(
         FormulaOf(("t", "q", "v")), "moment or force of its motor", unit="N m or N", default=None,
         absent="none",
     )  # fmt: skip
@@ -42,26 +40,13 @@ class JointStart:
         Real(at_least=0.0), "of its limits, 0 to 1: speed after by speed before", default=0.0
     )
 
-    if TYPE_CHECKING:  # type checkers learn that numbers and texts may be given for formulas
-
-        def __init__(
-            self,
-            *,
-            position: float | None = None,
-            velocity: float = 0.0,
-            motor: float | str | Formula | None = None,
-            restitution: float = 0.0,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.heading)
+    def _check(self) -> None:
         if self.restitution > 1.0:
             text = f" = {show(self.restitution)} would gain energy: give 0 to 1."
             raise KeyedError(self.heading, "restitution", text)
 
 
 @table("place = { ... }")
-@dataclass(frozen=True, kw_only=True)
 class Place:
     """Where a link begins: inverse kinematics finds the positions of the joints.
 
@@ -81,15 +66,13 @@ class Place:
         default=None, absent="0.3, or 0.01",
     )  # fmt: skip
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.heading)
+    def _check(self) -> None:
         if self.factor is not None and self.method not in {"jacobian_transpose", "damped"}:
             text = f" = {show(self.factor)} belongs to jacobian_transpose and damped: remove it."
             raise KeyedError(self.heading, "factor", text)
 
 
 @table('[[body]] with kind = "mechanism"')
-@dataclass(frozen=True, kw_only=True)
 class Mechanism(BodyKind):
     """Links joined to a tree, as a URDF or MJCF file has them; needs ``impactfem[robots]``.
 
@@ -119,7 +102,7 @@ class Mechanism(BodyKind):
     position: Sequence[float] = key(
         Vector((3,)), "of its first link at t = 0", unit="m", default=(0.0, 0.0, 0.0)
     )
-    orientation: Orientation | None = key(  # noqa: RUF009  # a field
+    orientation: MaybeTable[Orientation] = key(
         InlineTable((Orientation,)), "of its first link at t = 0", default=None,
         absent="as the file has it",
     )  # fmt: skip
@@ -131,32 +114,15 @@ class Mechanism(BodyKind):
         Vector((3,)), "of a free first link at t = 0, along the axes of the scene", unit="rad/s",
         default=(0.0, 0.0, 0.0),
     )  # fmt: skip
-    joints: Mapping[str, JointStart] = key(
+    joints: Given[Mapping[str, JointStart], Mapping[str, JointStart | Mapping[str, Any]]] = key(
         TablesByName(JointStart), "joints by name: position, velocity, motor, restitution",
         default=(),
     )  # fmt: skip
-    place: Place | None = key(  # noqa: RUF009  # a field
+    place: MaybeTable[Place] = key(
         InlineTable((Place,)), "inverse kinematics of the start", default=None, absent="none"
     )
 
-    if TYPE_CHECKING:  # type checkers learn that tables may be given
-
-        def __init__(
-            self,
-            *,
-            file: str,
-            name: str = "mechanism",
-            base: str = "fixed",
-            position: Sequence[float] = (0.0, 0.0, 0.0),
-            orientation: Orientation | Mapping[str, Any] | None = None,
-            velocity: Sequence[float] = (0.0, 0.0, 0.0),
-            angular_velocity: Sequence[float] = (0.0, 0.0, 0.0),
-            joints: Mapping[str, JointStart | Mapping[str, Any]] = ...,
-            place: Place | Mapping[str, Any] | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         if self.orientation is not None:
             self.orientation.check_in_space(self.kind)
 

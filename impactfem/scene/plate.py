@@ -1,16 +1,17 @@
 """Elastic plates."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from impactfem.scene.body import BodyKind, Floats, Solver
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
+from impactfem.scene.given import AFormula, Given, MaybeFormula, MaybeTable, Tables
 from impactfem.scene.inline import InlineTable, ListOf, NumberOrList, Vector
 from impactfem.scene.kinds import Choice, FilePath, FormulaOf, Name, Real
 from impactfem.scene.laminate import Section
@@ -23,19 +24,10 @@ from impactfem.scene.plate_keys import (
     check_moduli,
     ply_of,
 )
-from impactfem.scene.plate_outlines import (
-    OUTLINES,
-    DiscOutline,
-    PolygonOutline,
-    RectangleOutline,
-    RingOutline,
-)
-from impactfem.scene.schema import KeyedError, check_fields, key, table
-from impactfem.scene.solid_keys import MESH_FILES
+from impactfem.scene.plate_outlines import OUTLINES, AnyOutline, PolygonOutline
+from impactfem.scene.schema import KeyedError, key, table
+from impactfem.scene.solids import MESH_FILES
 from impactfem.scene.values import show
-
-if TYPE_CHECKING:
-    from impactfem.scene.boundary import FormulaLike
 
 THIN, SHEARING = "kirchhoff", "reissner_mindlin"
 THEORIES = {THIN: False, SHEARING: True}
@@ -52,7 +44,6 @@ _SHEARS = 0.05  # the same from which on shear counts, unless theory says so
 
 
 @table('[[body]] with kind = "plate"')
-@dataclass(frozen=True, kw_only=True)
 class Plate(BodyKind):
     """An elastic plate that bends, by Kirchhoff or by Reissner and Mindlin; small deflections.
 
@@ -76,7 +67,7 @@ class Plate(BodyKind):
     mesh_dim: ClassVar[int] = 2
 
     name: str = key(Name(), "name of the plate in histories", default="plate")
-    outline: RectangleOutline | DiscOutline | RingOutline | PolygonOutline | None = key(  # noqa: RUF009
+    outline: MaybeTable[AnyOutline] = key(
         InlineTable(OUTLINES), "outline of the mid-surface, or give mesh", default=None,
         absent="none",
     )  # fmt: skip
@@ -89,7 +80,7 @@ class Plate(BodyKind):
         Real(above=0), "size of elements; required with an outline or a STEP file", unit="m",
         default=None, absent="by the mesh file",
     )  # fmt: skip
-    thickness: Formula | None = key(  # noqa: RUF009  # a field
+    thickness: MaybeFormula = key(
         FormulaOf(("x", "y")), "thickness about the mid-surface", unit="m", default=None,
         absent="that of the layers",
     )  # fmt: skip
@@ -115,10 +106,10 @@ class Plate(BodyKind):
         Real(above=-1, below=0.5), "Poisson's ratio, or give orthotropic or layers", default=None,
         absent="none",
     )  # fmt: skip
-    orthotropic: Orthotropic | None = key(  # noqa: RUF009  # a field
+    orthotropic: MaybeTable[Orthotropic] = key(
         InlineTable((Orthotropic,)), "moduli along two axes instead", default=None, absent="none"
     )
-    layers: tuple[Layer, ...] = key(
+    layers: Tables[Layer] = key(
         ListOf(InlineTable((Layer,))), "layers of other materials, from the bottom to the top face",
         default=(),
     )  # fmt: skip
@@ -131,7 +122,7 @@ class Plate(BodyKind):
     rayleigh_stiffness: float = key(
         Real(at_least=0), "damping by the stiffness of small deflections", unit="s", default=0.0
     )
-    damping_ratio: Sequence[float] | None = key(
+    damping_ratio: Given[Sequence[float] | None, float] = key(
         NumberOrList(Real(at_least=0, below=1), MOST_RATIOS),
         "damping of the first modes of vibration over the critical one, a number or a list; modes "
         "beyond are damped by the stiffness, at the last ratio where the list ends",
@@ -154,53 +145,20 @@ class Plate(BodyKind):
         Choice(tuple(SHOWN)), "what field files show: its mid-surface with stresses of both faces, "
         "or all between them", default="mid_surface",
     )  # fmt: skip
-    velocity: Formula = key(  # noqa: RUF009  # a field
+    velocity: AFormula = key(
         FormulaOf(("x", "y")), "at t = 0 along the normal", unit="m/s", default=0.0
     )
-    displacement: Formula = key(  # noqa: RUF009  # a field
+    displacement: AFormula = key(
         FormulaOf(("x", "y")), "at t = 0 along the normal; its slopes follow", unit="m", default=0.0
     )
-    supports: tuple[EdgeSupport, ...] = key(
+    supports: Tables[EdgeSupport] = key(
         ListOf(InlineTable((EdgeSupport,))), "edges that are held", default=()
     )
-    pressures: tuple[FacePressure, ...] = key(
+    pressures: Tables[FacePressure] = key(
         ListOf(InlineTable((FacePressure,))), "pressures on its faces", default=()
     )
 
-    if TYPE_CHECKING:  # type checkers learn what else may be given
-
-        def __init__(
-            self,
-            *,
-            thickness: "FormulaLike | None" = None,
-            density: float | None = None,
-            youngs_modulus: float | None = None,
-            poisson_ratio: float | None = None,
-            orthotropic: Orthotropic | Mapping[str, Any] | None = None,
-            layers: Sequence[Layer | Mapping[str, Any]] = (),
-            residual_stress: float = 0.0,
-            name: str = "plate",
-            outline: Any = None,
-            mesh: str | None = None,
-            mesh_size: float | None = None,
-            center: Sequence[float] = (0.0, 0.0, 0.0),
-            normal: Sequence[float] = (0.0, 0.0, 1.0),
-            angle: float = 0.0,
-            rayleigh_mass: float = 0.0,
-            rayleigh_stiffness: float = 0.0,
-            damping_ratio: float | Sequence[float] | None = None,
-            theory: str | None = None,
-            patch_radius: float | None = None,
-            membrane: str = "none",
-            shown: str = "mid_surface",
-            velocity: "FormulaLike" = 0.0,
-            displacement: "FormulaLike" = 0.0,
-            supports: Sequence[EdgeSupport | Mapping[str, Any]] = (),
-            pressures: Sequence[FacePressure | Mapping[str, Any]] = (),
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         self._check_material()
         self._check_membrane()
         check_damping(self, self.kind)

@@ -1,15 +1,14 @@
 """Tables inside that of a plate: materials, how edges are held, pressures on its faces."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, ClassVar
 
-from impactfem.scene.boundary import SURFACE, FormulaLike, check_sprung
-from impactfem.scene.formula import Formula
+from impactfem.scene.boundary import SURFACE, check_sprung
+from impactfem.scene.given import AFormula, MaybeTable
 from impactfem.scene.inline import InlineTable
 from impactfem.scene.kinds import Choice, FormulaOf, Real
 from impactfem.scene.laminate import Ply
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 
 EDGE_SUPPORTS = dict.fromkeys(("clamped", "simply_supported", "soft_support", "free"), False)
 """Ways to hold an edge, and whether by springs."""
@@ -22,13 +21,14 @@ FACES: Mapping[str, float] = {"top": -1.0, "bottom": 1.0}
 
 
 @table("orthotropic = { e1 = ... }")
-@dataclass(frozen=True, kw_only=True)
 class Orthotropic:
     """A material with other moduli along its axis 1 than along its axis 2.
 
     Raises:
         SceneError: a value is not allowed, or the material would give way without end.
     """
+
+    heading: ClassVar[str] = "orthotropic"
 
     e1: float = key(Real(above=0), "Young's modulus along axis 1", unit="Pa")
     e2: float = key(Real(above=0), "Young's modulus along axis 2", unit="Pa")
@@ -44,8 +44,7 @@ class Orthotropic:
         Real(), "of axis 1 from the x axis of the plate, counter-clockwise", unit="rad", default=0.0
     )
 
-    def __post_init__(self) -> None:
-        check_fields(self, "orthotropic")
+    def _check(self) -> None:
         if not self.nu12**2 < self.e1 / self.e2:
             text = (
                 f" = {self.nu12:g} is no Poisson's ratio of e1 = {self.e1:g} and e2 = {self.e2:g}"
@@ -61,13 +60,14 @@ class Orthotropic:
 
 
 @table("layers = [{ thickness = ... }]")
-@dataclass(frozen=True, kw_only=True)
 class Layer:
     """A layer of a plate.
 
     Raises:
         SceneError: a value is missing or not allowed.
     """
+
+    heading: ClassVar[str] = "layer"
 
     thickness: float = key(Real(above=0), "its own", unit="m")
     density: float = key(Real(above=0), "mass density", unit="kg/m^3")
@@ -79,15 +79,14 @@ class Layer:
         Real(above=-1, below=0.5), "Poisson's ratio, or give orthotropic", default=None,
         absent="none",
     )  # fmt: skip
-    orthotropic: Orthotropic | None = key(  # noqa: RUF009  # a field
+    orthotropic: MaybeTable[Orthotropic] = key(
         InlineTable((Orthotropic,)), "its moduli instead", default=None, absent="none"
     )
     angle: float = key(
         Real(), "by which its axes are turned besides, counter-clockwise", unit="rad", default=0.0
     )
 
-    def __post_init__(self) -> None:
-        check_fields(self, "layer")
+    def _check(self) -> None:
         check_moduli(self, "layer")
         if self.angle and self.orthotropic is None:
             text = f" = {self.angle:g} turns nothing: the layer is alike in all directions; remove "
@@ -135,13 +134,14 @@ def ply_of(material: Any, thickness: float, density: float, turned: float = 0.0)
 
 
 @table("supports = [{ edge = ... }]")
-@dataclass(frozen=True, kw_only=True)
 class EdgeSupport:
     """How an edge of a plate is held.
 
     Raises:
         SceneError: a value is not allowed.
     """
+
+    heading: ClassVar[str] = "support"
 
     edge: str = key(SURFACE, "name of an edge of the outline, or of the mesh file")
     kind: str = key(
@@ -162,20 +162,7 @@ class EdgeSupport:
         default=None, absent="held where it does not move along the normal",
     )  # fmt: skip
 
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            *,
-            edge: str,
-            kind: str,
-            stiffness: float = 0.0,
-            rotational_stiffness: float = 0.0,
-            in_plane: str | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, "support")
+    def _check(self) -> None:
         check_sprung(self, "edge", sprung=EDGE_SUPPORTS[self.kind])
 
     @property
@@ -187,7 +174,6 @@ class EdgeSupport:
 
 
 @table("pressures = [{ face = ... }]")
-@dataclass(frozen=True, kw_only=True)
 class FacePressure:
     """A pressure on a face of a plate; the top is where the normal points.
 
@@ -195,17 +181,12 @@ class FacePressure:
         SceneError: a value is not allowed.
     """
 
+    heading: ClassVar[str] = "pressure"
+
     face: str = key(Choice(tuple(FACES)), "on which face it pushes")
-    value: Formula = key(  # noqa: RUF009  # a field
+    value: AFormula = key(
         FormulaOf(("x", "y", "t", "gap")),
         "pressure; x and y in the plate, from its centre; gap from the face to the obstacle there, "
         "0 where it lies in it",
         unit="Pa",
     )
-
-    if TYPE_CHECKING:
-
-        def __init__(self, *, face: str, value: FormulaLike) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, "pressure")

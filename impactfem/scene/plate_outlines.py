@@ -1,7 +1,6 @@
 """Outlines of plates."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -9,13 +8,12 @@ from numpy.typing import NDArray
 
 from impactfem.scene.inline import ListOf, Vector
 from impactfem.scene.kinds import Real
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.shapes import Block, Disc, Ring
 from impactfem.scene.values import show
 
 
 @table('outline = { kind = "rectangle" }')
-@dataclass(frozen=True, kw_only=True)
 class RectangleOutline:
     """A rectangle about the centre of the plate: edges left, right, bottom, top.
 
@@ -27,9 +25,6 @@ class RectangleOutline:
     edges: ClassVar[tuple[str, ...]] = ("left", "right", "bottom", "top")
 
     size: Sequence[float] = key(Vector((2,), positive=True), "edges along x and y", unit="m")
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
 
     @property
     def shape(self) -> Block:
@@ -50,7 +45,6 @@ class RectangleOutline:
 
 
 @table('outline = { kind = "disc" }')
-@dataclass(frozen=True, kw_only=True)
 class DiscOutline:
     """A disc about the centre of the plate: edge rim.
 
@@ -62,9 +56,6 @@ class DiscOutline:
     edges: ClassVar[tuple[str, ...]] = ("rim",)
 
     radius: float = key(Real(above=0), "radius", unit="m")
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
 
     @property
     def shape(self) -> Disc:
@@ -83,7 +74,6 @@ class DiscOutline:
 
 
 @table('outline = { kind = "ring" }')
-@dataclass(frozen=True, kw_only=True)
 class RingOutline:
     """A ring about the centre of the plate: edges outer, inner.
 
@@ -97,8 +87,7 @@ class RingOutline:
     inner_radius: float = key(Real(above=0), "radius of the hole", unit="m")
     radius: float = key(Real(above=0), "outer radius", unit="m")
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         if not self.inner_radius < self.radius:
             text = f" = {self.inner_radius} is not below radius = {self.radius}: give a smaller "
             raise KeyedError(self.kind, "inner_radius", f"{text}one.")
@@ -120,7 +109,6 @@ class RingOutline:
 
 
 @table('outline = { kind = "polygon" }')
-@dataclass(frozen=True, kw_only=True)
 class PolygonOutline:
     """A polygon: edge_1 from the first point to the second, and so on.
 
@@ -135,8 +123,7 @@ class PolygonOutline:
         ListOf(Vector((2,)), at_least=3), "corners in their order, from the centre", unit="m"
     )
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         corners = np.array(self.points)
         count = len(corners)
         if min(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)) == 0.0:
@@ -188,5 +175,7 @@ def _cross(corners: NDArray[np.float64], i: int, j: int) -> bool:
 
     return side(a, b, c) * side(a, b, d) <= 0.0 and side(c, d, a) * side(c, d, b) <= 0.0
 
+
+type AnyOutline = RectangleOutline | DiscOutline | RingOutline | PolygonOutline
 
 OUTLINES = (RectangleOutline, DiscOutline, RingOutline, PolygonOutline)

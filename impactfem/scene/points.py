@@ -1,17 +1,17 @@
 """Point masses, alone or as small balls, with springs, dampers and forces by formula."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 
 from impactfem.scene.body import JOINED, BodyKind, Floats
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
+from impactfem.scene.given import MaybeFormulas, Tables
 from impactfem.scene.inline import Formulas, InlineTable, ListOf, Vector
 from impactfem.scene.kinds import Name, Real
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
 
 COORDINATES = ("x", "y", "z")
@@ -20,7 +20,6 @@ STATE = ("t", *COORDINATES, "vx", "vy", "vz")
 
 
 @table("springs = [{ ... }]")
-@dataclass(frozen=True, kw_only=True)
 class Spring:
     """A spring, with a damper beside it, from a point to a place or to another point.
 
@@ -30,6 +29,8 @@ class Spring:
     Raises:
         SceneError: a value is not allowed, or not just one other end is given.
     """
+
+    heading: ClassVar[str] = "spring"
 
     anchor: Sequence[float] | None = key(
         Vector((1, 2, 3)), "place of the other end", unit="m", default=None, absent="none"
@@ -41,8 +42,7 @@ class Spring:
     rest_length: float = key(Real(at_least=0), "length without force", unit="m", default=0.0)
     damping: float = key(Real(at_least=0), "damping c", unit="N s/m", default=0.0)
 
-    def __post_init__(self) -> None:
-        check_fields(self, "spring")
+    def _check(self) -> None:
         if (self.anchor is None) == (self.to is None):
             given = "neither is" if self.anchor is None else "both are"
             text = f": {given} given; give anchor, a place, or to, the name of a point."
@@ -50,7 +50,6 @@ class Spring:
 
 
 @table('[[body]] with kind = "point"')
-@dataclass(frozen=True, kw_only=True)
 class Point(BodyKind):
     """A point mass, or a ball of some radius that does not rotate, in 1 to 3 dimensions.
 
@@ -78,30 +77,14 @@ class Point(BodyKind):
         Vector((1, 2, 3)), "velocity at t = 0", unit="m/s", default=None, absent="at rest"
     )
     radius: float = key(Real(at_least=0), "radius of the ball", unit="m", default=0.0)
-    force: tuple[Formula, ...] | None = key(
+    force: MaybeFormulas = key(
         Formulas(STATE, lengths=(1, 2, 3)),
         "applied force besides gravity and springs",
         unit="N",
         default=None,
         absent="none",
     )
-    springs: tuple[Spring, ...] = key(
-        ListOf(InlineTable((Spring,))), "springs and dampers", default=()
-    )
-
-    if TYPE_CHECKING:  # type checkers learn that texts and tables may be given
-
-        def __init__(
-            self,
-            *,
-            mass: float,
-            position: Sequence[float],
-            velocity: Sequence[float] | None = None,
-            name: str = "point",
-            radius: float = 0.0,
-            force: Sequence[float | str | Formula] | None = None,
-            springs: Sequence[Spring | Mapping[str, Any]] = (),
-        ) -> None: ...
+    springs: Tables[Spring] = key(ListOf(InlineTable((Spring,))), "springs and dampers", default=())
 
     @property
     def flight(self) -> Flight | None:
@@ -110,8 +93,7 @@ class Point(BodyKind):
             return None
         return Flight((self.radius,) * self.dim, self.position, self.velocity or ())
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         if self.velocity is None:
             object.__setattr__(self, "velocity", (0.0,) * self.dim)
         for name in ("velocity", "force"):

@@ -1,13 +1,12 @@
 """Probes of a scene: places whose motion is kept in the history."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 from impactfem.errors import SceneError
 from impactfem.scene.inline import Vector
 from impactfem.scene.kinds import Choices, Name
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
 
 MAX_PROBES = 100
@@ -18,7 +17,6 @@ STRAINS = (*MOVES, "stress")
 
 
 @table("[[probe]]")
-@dataclass(frozen=True, kw_only=True)
 class Probe:
     """A place of a body whose motion is kept in the history.
 
@@ -39,8 +37,7 @@ class Probe:
         Choices(STRAINS), "what is kept; stress of solids and bars", default=MOVES
     )
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.heading)
+    def _check(self) -> None:
         if not self.quantities:
             raise KeyedError(self.heading, "quantities", " = [] keeps nothing: name one or more.")
 

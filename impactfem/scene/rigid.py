@@ -1,24 +1,25 @@
 """Rigid bodies in the plane and in space."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from impactfem.scene.body import BodyKind, Floats, Solver
 from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
+from impactfem.scene.given import Given, MaybeFormulas, MaybeTable
 from impactfem.scene.inline import Formulas, InlineTable, NumberOrVector, Vector
 from impactfem.scene.kinds import Choice, FilePath, Name, Real
 from impactfem.scene.points import COORDINATES
 from impactfem.scene.rigid_forms import Form, form_of, form_of_surface
 from impactfem.scene.rigid_keys import InertiaKind, Orientation, inertia_fault, rotation
 from impactfem.scene.rigid_shapes import RIGID_SHAPES, RigidShape
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, aside, key, table
 from impactfem.scene.surface_files import MESH_SIZE, SCALE, SURFACE_FILES, closed_surface
 from impactfem.scene.values import show
 
@@ -28,7 +29,6 @@ _MOMENT = ("t", "w", "wx", "wy", "wz")
 
 
 @table('[[body]] with kind = "rigid"')
-@dataclass(frozen=True, kw_only=True)
 class RigidBody(BodyKind):
     """A body without waves that moves and turns, and touches with its surface.
 
@@ -48,11 +48,11 @@ class RigidBody(BodyKind):
         Choice(MODELS), "number of coordinates", default=None,
         absent="that of the shape; of a mesh 3d",
     )  # fmt: skip
-    shape: RigidShape | None = key(  # noqa: RUF009  # a field
+    shape: MaybeTable[RigidShape] = key(
         InlineTable(RIGID_SHAPES), "its shape at t = 0, before orientation; or give mesh",
         default=None, absent="none",
     )  # fmt: skip
-    mesh: str | None = key(
+    mesh: Given[str | None, Path] = key(
         FilePath(endings=SURFACE_FILES), "file of its closed surface instead of a shape",
         default=None, absent="none",
     )  # fmt: skip
@@ -70,7 +70,7 @@ class RigidBody(BodyKind):
     mass: float | None = key(
         Real(above=0), "mass; or give density", unit="kg", default=None, absent="from density"
     )
-    inertia: float | tuple[tuple[float, ...], ...] | None = key(
+    inertia: Given[float | tuple[tuple[float, ...], ...] | None, Sequence[Any]] = key(
         InertiaKind(), "about the centre of mass along the axes of the shape; with mass",
         unit="kg m^2", default=None, absent="as if the mass were spread evenly",
     )  # fmt: skip
@@ -82,7 +82,7 @@ class RigidBody(BodyKind):
     angle: float = key(
         Real(), "turns the shape about its centre of mass at t = 0 (2D)", unit="rad", default=0.0
     )
-    orientation: Orientation | None = key(  # noqa: RUF009  # a field
+    orientation: MaybeTable[Orientation] = key(
         InlineTable((Orientation,)), "the same, in space (3D) with an axis", default=None,
         absent="as drawn",
     )  # fmt: skip
@@ -93,45 +93,18 @@ class RigidBody(BodyKind):
         NumberOrVector(), "at t = 0, along the axes of the scene", unit="rad/s", default=None,
         absent="none",
     )  # fmt: skip
-    force: tuple[Formula, ...] | None = key(
+    force: MaybeFormulas = key(
         Formulas(_FORCE), "at the centre of mass besides gravity; x y z vx vy vz are the centre's",
         unit="N", default=None, absent="none",
     )  # fmt: skip
-    moment: tuple[Formula, ...] | None = key(
+    moment: MaybeFormulas = key(
         Formulas(_MOMENT, lengths=(1, 3)),
         "about the centre of mass, along the axes of the scene; in 2D one formula in t and w",
         unit="N m", default=None, absent="none",
     )  # fmt: skip
-    folder: Path | None = field(default=None, compare=False, repr=False)
+    folder: Path | None = aside()
 
-    if TYPE_CHECKING:  # type checkers learn that numbers, texts and tables may be given
-
-        def __init__(
-            self,
-            *,
-            shape: RigidShape | Mapping[str, Any] | None = None,
-            mesh: str | Path | None = None,
-            scale: float = 1.0,
-            mesh_size: float | None = None,
-            position: Sequence[float] | None = None,
-            name: str = "rigid",
-            model: str | None = None,
-            density: float | None = None,
-            mass: float | None = None,
-            inertia: float | Sequence[Any] | None = None,
-            center_of_mass: Sequence[float] | None = None,
-            thickness: float = 1.0,
-            angle: float = 0.0,
-            orientation: Orientation | Mapping[str, Any] | None = None,
-            velocity: Sequence[float] | None = None,
-            angular_velocity: float | Sequence[float] | None = None,
-            force: Sequence[float | str | Formula] | None = None,
-            moment: Sequence[float | str | Formula] | None = None,
-            folder: Path | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         self._check_source()
         self._check_dimension()
         if self.mesh is None or self.folder is not None:  # else its file is not known yet

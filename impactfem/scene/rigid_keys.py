@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from impactfem.scene.inline import Vector, entries_of
 from impactfem.scene.kinds import Kind, Real
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import LEAST, NotAllowedError, is_number, number, show
 
 Floats = NDArray[np.float64]
@@ -70,7 +70,6 @@ def inertia_fault(moments: Floats, *, thin: bool = False) -> str | None:
 
 
 @table("orientation = { ... }")
-@dataclass(frozen=True, kw_only=True)
 class Orientation:
     """A rotation: axis and angle, or a unit quaternion; in the plane an angle is enough.
 
@@ -91,8 +90,7 @@ class Orientation:
         Vector((4,)), "instead: unit quaternion [w, x, y, z]", default=None, absent="none"
     )
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.heading)
+    def _check(self) -> None:
         if self.quaternion is None:
             if self.angle is None:
                 text = " is missing: give axis and angle, or quaternion."

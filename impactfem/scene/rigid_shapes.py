@@ -1,19 +1,17 @@
 """Shapes that only rigid bodies have: capsules and convex hulls of points."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 from impactfem.scene.inline import ListOf, Vector
 from impactfem.scene.kinds import Real
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.shape import Shape
 from impactfem.scene.shapes import SHAPES
 from impactfem.scene.values import show
 
 
 @table('shape = { kind = "capsule" }')
-@dataclass(frozen=True, kw_only=True)
 class Capsule:
     """A cylinder with half balls at its ends (rigid bodies, 3D); in 2D a strip with half discs.
 
@@ -30,8 +28,7 @@ class Capsule:
         Vector(nonzero=True), "direction of its axis, of any length", default=None, absent="along y"
     )
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         if self.axis is not None and len(self.axis) != self.dim:
             text = f" = {show(list(self.axis))} does not fit center = {show(list(self.center))}: "
             raise KeyedError(self.kind, "axis", f"{text}give {self.dim} entries.")
@@ -48,7 +45,6 @@ class Capsule:
 
 
 @table('shape = { kind = "hull" }')
-@dataclass(frozen=True, kw_only=True)
 class Hull:
     """The convex hull of some points (rigid bodies): a polygon, in 3D a polyhedron.
 
@@ -62,8 +58,7 @@ class Hull:
         ListOf(Vector((2, 3)), at_least=3), "points; those inside do not matter", unit="m"
     )
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         for index, point in enumerate(self.points):
             if len(point) != self.dim:
                 text = f" = {show(list(point))} has {len(point)} entries, but points[0] has "

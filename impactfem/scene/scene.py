@@ -2,14 +2,14 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 from impactfem.errors import SceneError
 from impactfem.scene.card import scene_card
 from impactfem.scene.contacts import Contact
-from impactfem.scene.content import BODIES, MAX_CONTACTS, MAX_JOINTS, Body, Content, Obstacle
+from impactfem.scene.content import BODIES, MAX_CONTACTS, MAX_JOINTS, Content
 from impactfem.scene.control import MAX_CONTROLS, Control, acted, named_histories
 from impactfem.scene.crosschecks import check_scene
 from impactfem.scene.grammar import naming
@@ -34,7 +34,6 @@ from impactfem.scene.schema import (
     check_keys,
     from_table,
     keys_of,
-    table,
 )
 from impactfem.scene.settings import Output, Solve
 from impactfem.scene.tables import (
@@ -52,8 +51,6 @@ _RARE = ("parameter", "control", "measure", "objective")
 """Tables that a scene file has only where they say something."""
 
 
-@table(TOP)
-@dataclass(frozen=True, kw_only=True)
 class Scene(Content):
     """What is modelled, for how long, and how: everything a run needs.
 
@@ -67,29 +64,6 @@ class Scene(Content):
     Raises:
         SceneError: a value is missing or not allowed, or the scene contradicts itself.
     """
-
-    if TYPE_CHECKING:  # type checkers learn that lists and numbers may be given
-
-        def __init__(
-            self,
-            *,
-            title: str,
-            duration: float,
-            bodies: Sequence[Body],
-            obstacles: Sequence[Obstacle] = (),
-            contacts: Sequence[Contact] = (),
-            joints: Sequence[Joint] = (),
-            probes: Sequence[Probe] = (),
-            gravity: float | Sequence[Any] | PiecewiseConstant | PiecewiseVector = 0.0,
-            start: str = "given",
-            parameters: Sequence[Parameter] = (),
-            controls: Sequence[Control] = (),
-            measures: Sequence[Measure] = (),
-            objective: Objective | None = None,
-            solve: Solve = ...,
-            output: Output = ...,
-            folder: str | os.PathLike[str] | None = None,
-        ) -> None: ...
 
     def __post_init__(self) -> None:
         gravity: object = self.gravity  # as given, for messages

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import Field, dataclass, field, fields
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol, cast, dataclass_transform
 
 from impactfem.errors import SceneError
 from impactfem.scene.kinds import Kind
@@ -147,6 +147,11 @@ def key(
     return field(default=default, metadata={"key": (kind, doc, unit, name, absent, also)})
 
 
+def aside() -> Any:  # as `key`
+    """Declare a field that is no key, and by which two tables do not differ; None if not given."""
+    return field(default=None, compare=False, repr=False)
+
+
 def keys_of(cls: type[DataclassLike]) -> dict[str, Key]:
     """Return the keys of a class by the names of their fields."""
     found = {}
@@ -157,8 +162,8 @@ def keys_of(cls: type[DataclassLike]) -> dict[str, Key]:
     return found
 
 
-def check_fields(instance: DataclassLike, where: str) -> None:
-    """Check and convert all fields of a new frozen instance, in place.
+def check_fields(instance: Any, where: str) -> None:
+    """Check and convert all fields of a new frozen instance of a table, in place.
 
     Raises:
         KeyedError: a value is missing or not allowed.
@@ -268,14 +273,35 @@ def _renamed(table: object, keys: Iterable[Key], where: str) -> object:
 _TABLES: dict[str, type[DataclassLike]] = {}
 
 
-def table[T: type[DataclassLike]](heading: str) -> Callable[[T], T]:
-    """Register a class as a table of the language, for `describe` and for hints."""
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(key,))
+def table[T](heading: str = "") -> Callable[[type[T]], type[T]]:
+    """Make a class a table of the language: a frozen dataclass that checks its keys.
 
-    def register(cls: T) -> T:
-        _TABLES[heading] = cls
-        return cls
+    Its method ``_check``, if it has one, is called once its keys are; a `heading` or `kind` of the
+    class names it in messages.
+
+    Args:
+        heading: As the scene reference has it, for `describe` and for hints; empty for a class
+            that others inherit.
+    """
+
+    def register(cls: type[T]) -> type[T]:
+        if not hasattr(cls, "__post_init__"):
+            cls.__post_init__ = _checked  # type: ignore[attr-defined]
+        made: Any = dataclass(frozen=True, kw_only=True)(cls)
+        if heading:
+            _TABLES[heading] = made
+        return cast("type[T]", made)
 
     return register
+
+
+def _checked(instance: Any) -> None:
+    """Check the keys of a new table, then what they mean together."""
+    check_fields(instance, getattr(instance, "heading", None) or instance.kind)
+    check = getattr(instance, "_check", None)
+    if check is not None:
+        check()
 
 
 def describe() -> list[TableDoc]:

@@ -14,7 +14,7 @@ from impactfem.scene.kinds import (
     Switch,
     one_of,
 )
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import is_number, show
 
 ACTIVE_SETS = ("pdas", "snes_vi")
@@ -43,13 +43,14 @@ class Window(Kind):
 
 
 @table("[solve]")
-@dataclass(frozen=True, kw_only=True)
 class Solve:
     """How to solve the scene; None leaves the choice to the plan, which says why.
 
     Raises:
         SceneError: a value is not allowed, or two keys contradict each other.
     """
+
+    heading: ClassVar[str] = "solve"
 
     method: str | None = key(Choice(tuple(METHODS)), "solution method", default=None)
     elements: int | None = key(
@@ -117,8 +118,7 @@ class Solve:
         default=None,
     )
 
-    def __post_init__(self) -> None:
-        check_fields(self, "solve")
+    def _check(self) -> None:
         self._exclude("dt", ("courant",), "each follows from the other; remove one of them")
         fixed = "the mesh fixes it; remove one of them"
         self._exclude("mesh", ("elements", "courant", "dt"), fixed)
@@ -174,13 +174,14 @@ class Settings(TypedDict, total=False):
 
 
 @table("[output]")
-@dataclass(frozen=True, kw_only=True)
 class Output:
     """Which field files, checkpoints and pictures to write.
 
     Raises:
         SceneError: a value is not allowed.
     """
+
+    heading: ClassVar[str] = "output"
 
     fields: tuple[str, ...] = key(
         Choices(FIELD_FORMATS), "formats of the field output", default=("vtkhdf",)
@@ -200,9 +201,6 @@ class Output:
         Switch(), "whether to write motion.gif; absent: where it is cheap", default=None
     )
     report: bool = key(Switch(), "whether to write report.html", default=True)
-
-    def __post_init__(self) -> None:
-        check_fields(self, "output")
 
     @property
     def stride(self) -> int:

@@ -8,12 +8,11 @@ centred at r = 0 is cut there, and what lies at r = 0 is the surface "axis".
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import ClassVar, override
 
 from impactfem.scene.inline import Vector
 from impactfem.scene.kinds import Choices, Real
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.shape import AXES, FLAT, MODELS, REVOLVED, Figure, Shape
 from impactfem.scene.values import show
 
@@ -28,7 +27,6 @@ def _origin(instance: Shape, name: str, dim: int) -> None:
 
 
 @table('shape = { kind = "block" }')
-@dataclass(frozen=True, kw_only=True)
 class Block(Shape):
     """A rectangle (2D) or a box (3D): surfaces left, right, bottom, top, in 3D back and front.
 
@@ -48,8 +46,7 @@ class Block(Shape):
     angle: float = key(Real(), _ANGLE, unit="rad", default=0.0)
     symmetry: Sequence[str] = key(_SYMMETRY, _CUT, default=())
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         _origin(self, "corner", len(self.size))
         if len(self.corner) != len(self.size):
             value, size = show(list(self.corner)), show(list(self.size))
@@ -125,7 +122,6 @@ class _Round:
 
 
 @table('shape = { kind = "disc" }')
-@dataclass(frozen=True, kw_only=True)
 class Disc(_Round, Shape):
     """A disc (2D); in an axisymmetric model a ball (center at r = 0) or a torus. Surface: rim.
 
@@ -141,8 +137,7 @@ class Disc(_Round, Shape):
     angle: float = key(Real(), _ANGLE, unit="rad", default=0.0)
     symmetry: Sequence[str] = key(_SYMMETRY, _CUT, default=())
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         _origin(self, "center", 2)
 
     @property
@@ -169,7 +164,6 @@ class Disc(_Round, Shape):
 
 
 @table('shape = { kind = "ring" }')
-@dataclass(frozen=True, kw_only=True)
 class Ring(_Round, Shape):
     """A ring (2D); axisymmetric: a hollow ball or torus. Surfaces: outer, inner.
 
@@ -186,8 +180,7 @@ class Ring(_Round, Shape):
     angle: float = key(Real(), _ANGLE, unit="rad", default=0.0)
     symmetry: Sequence[str] = key(_SYMMETRY, _CUT, default=())
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         _origin(self, "center", 2)
         if not self.inner_radius < self.radius:
             text = (
@@ -220,7 +213,6 @@ class Ring(_Round, Shape):
 
 
 @table('shape = { kind = "cylinder" }')
-@dataclass(frozen=True, kw_only=True)
 class Cylinder(Shape):
     """A cylinder whose axis points along y (3D or axisymmetric). Surfaces: side, bottom, top.
 
@@ -239,8 +231,7 @@ class Cylinder(Shape):
     angle: float = key(Real(), _ANGLE, unit="rad", default=0.0)
     symmetry: Sequence[str] = key(_SYMMETRY, _CUT, default=())
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         _origin(self, "center", 3)
         self._check_cut()
 
@@ -300,7 +291,6 @@ class Cylinder(Shape):
 
 
 @table('shape = { kind = "sphere" }')
-@dataclass(frozen=True, kw_only=True)
 class Sphere(_Round, Shape):
     """A ball (3D or axisymmetric). Surface: surface.
 
@@ -316,8 +306,7 @@ class Sphere(_Round, Shape):
     angle: float = key(Real(), _ANGLE, unit="rad", default=0.0)
     symmetry: Sequence[str] = key(_SYMMETRY, _CUT, default=())
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         _origin(self, "center", 3)
 
     @property

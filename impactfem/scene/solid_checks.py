@@ -8,18 +8,18 @@ from impactfem.scene.boundary import SPACE
 from impactfem.scene.kinds import FormulaOf
 from impactfem.scene.nearest import nearest
 from impactfem.scene.schema import KeyedError
-from impactfem.scene.solid_keys import SolidKeys
 from impactfem.scene.values import NotAllowedError, show
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from impactfem.scene.formula import Formula
+    from impactfem.scene.solids import Solid
 
 _FAR = 1e8  # times its extent, beyond which rounding of places shows in contact
 
 
-def check_solid(solid: SolidKeys) -> None:
+def check_solid(solid: "Solid") -> None:
     """Refuse a solid whose keys contradict each other.
 
     Raises:
@@ -38,11 +38,11 @@ def check_solid(solid: SolidKeys) -> None:
     _check_scales(solid)
 
 
-def _fail(solid: SolidKeys, name: str, text: str) -> KeyedError:
+def _fail(solid: "Solid", name: str, text: str) -> KeyedError:
     return KeyedError(solid.kind, name, text)
 
 
-def _check_source(solid: SolidKeys) -> None:
+def _check_source(solid: "Solid") -> None:
     """Refuse a body that cannot be drawn, or that is given twice."""
     shape, mesh = solid.shape, solid.mesh
     if shape is None and mesh is None:
@@ -57,7 +57,7 @@ def _check_source(solid: SolidKeys) -> None:
             raise error.moved("").under("shape", solid.kind) from None
 
 
-def _check_mesh_file(solid: SolidKeys) -> None:
+def _check_mesh_file(solid: "Solid") -> None:
     """Refuse sizes that a file holds already, and a geometry without a size."""
     mesh = "" if solid.mesh is None else solid.mesh.lower()
     if not mesh.endswith((".msh", ".geo")) and solid.mesh_size is None:
@@ -76,7 +76,7 @@ def _check_mesh_file(solid: SolidKeys) -> None:
             raise _fail(solid, name, f" = {value}: {why}.")
 
 
-def _check_sizes(solid: SolidKeys) -> None:
+def _check_sizes(solid: "Solid") -> None:
     """Refuse elements larger than the body, and refinements that coarsen."""
     if solid.mesh_size is None:
         return
@@ -96,7 +96,7 @@ def _check_sizes(solid: SolidKeys) -> None:
             raise _fail(solid, f"refine[{index}].size", text)
 
 
-def _check_lengths(solid: SolidKeys) -> None:
+def _check_lengths(solid: "Solid") -> None:
     """Refuse vectors of another dimension than the model's."""
     found: list[tuple[str, Sequence[Any] | None]] = [
         ("velocity", solid.velocity),
@@ -115,7 +115,7 @@ def _check_lengths(solid: SolidKeys) -> None:
         raise _fail(solid, "angular_velocity", f"{text}: give {form}.")
 
 
-def _check_plane(solid: SolidKeys) -> None:
+def _check_plane(solid: "Solid") -> None:
     """Refuse a thickness where there is none, and z in formulas of 2D models."""
     if not solid.is_plane and solid.thickness != 1.0:
         text = f' = {solid.thickness} does not fit model = "{solid.model}": remove it.'
@@ -137,7 +137,7 @@ def _check_plane(solid: SolidKeys) -> None:
                 raise _fail(solid, name, text) from None
 
 
-def _check_rotation(solid: SolidKeys) -> None:
+def _check_rotation(solid: "Solid") -> None:
     """Refuse a rotation that an axisymmetric or a cut body cannot have."""
     spin = solid.angular_velocity
     vector = spin if isinstance(spin, tuple) else (0.0, 0.0, spin)
@@ -152,7 +152,7 @@ def _check_rotation(solid: SolidKeys) -> None:
             raise _fail(solid, "angular_velocity", f" = {_plain(spin)} {why}.")
 
 
-def _check_law(solid: SolidKeys) -> None:
+def _check_law(solid: "Solid") -> None:
     """Refuse laws that small strains do not have, and what finite strain does not know."""
     if solid.strain == "small" and solid.material != "linear":
         text = f' = {show(solid.material)} contradicts strain = "small", which sees no more of a '
@@ -173,7 +173,7 @@ def _check_law(solid: SolidKeys) -> None:
         raise _fail(solid, "poisson_ratio", text)
 
 
-def _check_element(solid: SolidKeys) -> None:
+def _check_element(solid: "Solid") -> None:
     """Refuse a mean dilatation where there is none, and where it does not help."""
     if solid.element == "mean_dilatation" and solid.model == "plane_stress":
         text = ' = "mean_dilatation" does not fit model = "plane_stress", which gives way across: '
@@ -185,7 +185,7 @@ def _check_element(solid: SolidKeys) -> None:
         raise _fail(solid, "degree", text)
 
 
-def _check_surface_names(solid: SolidKeys) -> None:
+def _check_surface_names(solid: "Solid") -> None:
     """Refuse surfaces that the shape does not have."""
     known = solid.surface_names
     if known is None:
@@ -207,7 +207,7 @@ def _check_surface_names(solid: SolidKeys) -> None:
             raise _fail(solid, name, text)
 
 
-def _check_supports(solid: SolidKeys) -> None:
+def _check_supports(solid: "Solid") -> None:
     """Refuse two supports on one surface, and one where the model holds it already."""
     cuts = () if solid.shape is None else solid.shape.symmetry
     by_model = {f"symmetry_{axis}" for axis in cuts} | (
@@ -222,7 +222,7 @@ def _check_supports(solid: SolidKeys) -> None:
         held.add(support.surface)
 
 
-def _check_scales(solid: SolidKeys) -> None:
+def _check_scales(solid: "Solid") -> None:
     """Refuse values, each fine alone, whose wave speed or mass overflows."""
     slow, fast, mass = math.nan, math.nan, math.nan
     with contextlib.suppress(OverflowError, ValueError, ZeroDivisionError):

@@ -1,14 +1,18 @@
 """Constants of the laws of solids: which must be given, and what follows from them."""
 
+from typing import TYPE_CHECKING
+
 from impactfem.scene.schema import REQUIRED, KeyedError, keys_of
-from impactfem.scene.solid_keys import SolidKeys
+
+if TYPE_CHECKING:
+    from impactfem.scene.solids import Solid
 
 _ELASTIC = ("youngs_modulus", "poisson_ratio")
 _MOONEY = ("c10", "c01", "bulk_modulus")
 _ALIKE = 1e-9  # of constants that are given twice
 
 
-def check_constants(solid: SolidKeys) -> dict[str, float]:
+def check_constants(solid: "Solid") -> dict[str, float]:
     """Refuse missing and contradicting constants; returns Young's modulus and Poisson's ratio.
 
     Raises:
@@ -28,7 +32,7 @@ def check_constants(solid: SolidKeys) -> dict[str, float]:
     return _small_strains(solid)
 
 
-def _small_strains(solid: SolidKeys) -> dict[str, float]:
+def _small_strains(solid: "Solid") -> dict[str, float]:
     """Young's modulus and Poisson's ratio by Mooney's and Rivlin's constants.
 
     Raises:

@@ -1,28 +1,63 @@
-"""Elastic solids in 2D and 3D: their keys filled in and checked."""
+"""Elastic solids in 2D and 3D, with supports, loads and what Gmsh needs to draw them."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import ClassVar, Self
 
+from impactfem.scene.body import BodyKind, Solver
 from impactfem.scene.boundary import (
     SPACE,
-    FormulaLike,
+    SURFACE,
     Pressure,
     Support,
     Traction,
 )
+from impactfem.scene.flight import Flight
 from impactfem.scene.formula import Formula
-from impactfem.scene.schema import check_fields, table
+from impactfem.scene.given import FormulaLike, Given, MaybeTable, Tables
+from impactfem.scene.inline import Formulas, InlineTable, ListOf, NumberOrVector, Vector
+from impactfem.scene.kinds import Choice, FilePath, Integer, Name, Real
+from impactfem.scene.probes import STRAINS
+from impactfem.scene.schema import key, table
+from impactfem.scene.shape import MODELS
+from impactfem.scene.shapes import SHAPES, Block, Cylinder, Disc, Ring, Sphere
 from impactfem.scene.solid_checks import check_solid
 from impactfem.scene.solid_constants import check_constants
-from impactfem.scene.solid_keys import AnyShape, Refinement, SolidKeys
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+type AnyShape = Block | Disc | Ring | Cylinder | Sphere
+
+CELLS = ("simplex", "hexahedron")
+STRAINS_OF = ("small", "finite")
+ELEMENTS = ("standard", "mean_dilatation")
+NEARLY_INCOMPRESSIBLE = 0.45
+"""Poisson's ratio above which elements keep their volume in the mean only."""
+LAWS = ("linear", "neo_hookean", "mooney_rivlin")
+_LAW_WORDS = {
+    "linear": "elastic (St. Venant, Kirchhoff) under finite strain",
+    "neo_hookean": "neo-Hookean under finite strain",
+    "mooney_rivlin": "Mooney–Rivlin under finite strain",
+}
+MESH_FILES = (".msh", ".geo", ".step", ".stp")
+
+
+@table("refine = [{ ... }]")
+class Refinement:
+    """Smaller elements in a ball, growing to the mesh size outside.
+
+    Raises:
+        SceneError: a value is not allowed.
+    """
+
+    heading: ClassVar[str] = "refine"
+
+    point: Sequence[float] = key(Vector(), "centre of the ball", unit="m")
+    radius: float = key(Real(above=0), "radius of the ball", unit="m")
+    size: float = key(Real(above=0), "size of elements inside", unit="m")
 
 
 @table('[[body]] with kind = "solid"')
-@dataclass(frozen=True, kw_only=True)
-class Solid(SolidKeys):
+class Solid(BodyKind):
     """An elastic body in 2D or 3D, drawn by Gmsh or read from a mesh file.
 
     Tables may be given for `shape`, `supports`, `tractions`, `pressures` and `refine`; numbers for
@@ -32,42 +67,138 @@ class Solid(SolidKeys):
         SceneError: a value is missing or not allowed, or two contradict each other.
     """
 
-    if TYPE_CHECKING:  # type checkers learn what else may be given
+    kind: ClassVar[str] = "solid"
+    solvers: ClassVar[tuple[Solver, Solver]] = ("march", "march")
+    probed: ClassVar[tuple[str, ...]] = STRAINS
+    waves: ClassVar[bool] = True
+    in_elements: ClassVar[bool] = True
+    may_meet_nothing: ClassVar[bool] = True
+    settles: ClassVar[bool] = True
+    lined: ClassVar[bool] = True
+    meshed: ClassVar[bool] = True
+    meets_edges: ClassVar[bool] = True
+    has_surface: ClassVar[bool] = True
+    meets_alike: ClassVar[bool] = True
+    takes_joints: ClassVar[bool] = True
+    joined_by_surface: ClassVar[bool] = True
+    parts_in_joints: ClassVar[str] = "surfaces"
 
-        def __init__(
-            self,
-            *,
-            model: str,
-            density: float,
-            youngs_modulus: float | None = None,
-            poisson_ratio: float | None = None,
-            strain: str | None = None,
-            material: str = "linear",
-            element: str | None = None,
-            c10: float | None = None,
-            c01: float | None = None,
-            bulk_modulus: float | None = None,
-            name: str = "solid",
-            shape: AnyShape | Mapping[str, Any] | None = None,
-            mesh: str | None = None,
-            mesh_size: float | None = None,
-            refine: Sequence[Refinement | Mapping[str, Any]] = (),
-            cells: str = "simplex",
-            degree: int | None = None,
-            thickness: float = 1.0,
-            velocity: Sequence[FormulaLike] | None = None,
-            angular_velocity: float | Sequence[float] | None = None,
-            displacement: Sequence[FormulaLike] | None = None,
-            supports: Sequence[Support | Mapping[str, Any]] = (),
-            tractions: Sequence[Traction | Mapping[str, Any]] = (),
-            pressures: Sequence[Pressure | Mapping[str, Any]] = (),
-            rayleigh_mass: float = 0.0,
-            rayleigh_stiffness: float = 0.0,
-            contact_surfaces: Sequence[str] | None = None,
-        ) -> None: ...
+    name: str = key(Name(), "name of the body in histories", default="solid")
+    model: str = key(Choice(MODELS), "what the body is; axisymmetric: x is the radius, y the axis")
+    shape: MaybeTable[AnyShape] = key(
+        InlineTable(SHAPES), "shape for Gmsh to draw, or give mesh", default=None, absent="none"
+    )
+    mesh: str | None = key(
+        FilePath(endings=MESH_FILES),
+        "mesh or geometry file instead of a shape; its physical names are the surface names",
+        default=None,
+        absent="none",
+    )
+    mesh_size: float | None = key(
+        Real(above=0),
+        "size of elements; required with a shape or a STEP file",
+        unit="m",
+        default=None,
+        absent="by the mesh file",
+    )
+    refine: Tables[Refinement] = key(
+        ListOf(InlineTable((Refinement,))), "where elements are smaller", default=()
+    )
+    cells: str = key(
+        Choice(CELLS),
+        "triangles and tetrahedra, or quadrilaterals and hexahedra",
+        default="simplex",
+    )
+    degree: int | None = key(Integer(1, 2), "polynomial degree of elements", default=None)
+    thickness: float = key(Real(above=0), "thickness of plane models", unit="m", default=1.0)
+    density: float = key(Real(above=0), "mass density", unit="kg/m^3")
+    youngs_modulus: Given[float, float | None] = key(
+        Real(above=0),
+        "Young's modulus",
+        unit="Pa",
+        default=None,
+        absent='required, but by its constants for "mooney_rivlin"',
+    )
+    poisson_ratio: Given[float, float | None] = key(
+        Real(above=-1, below=0.5),
+        "Poisson's ratio",
+        default=None,
+        absent='required, but by its constants for "mooney_rivlin"',
+    )
+    strain: str | None = key(
+        Choice(STRAINS_OF),
+        "whether the body may turn and be strained at will",
+        default=None,
+        absent="small; finite for a law that is not linear, and where small strains end",
+    )
+    material: str = key(
+        Choice(LAWS),
+        "law of the material; linear under finite strain: St. Venant and Kirchhoff's",
+        default="linear",
+    )
+    element: str | None = key(
+        Choice(ELEMENTS),
+        "whether cells keep their volume at each point or in the mean",
+        default=None,
+        absent='"mean_dilatation" above a Poisson\'s ratio of 0.45',
+    )
+    c10: float | None = key(
+        Real(at_least=0),
+        "constant of Mooney's and Rivlin's law",
+        unit="Pa",
+        default=None,
+        absent="none",
+    )
+    c01: float | None = key(
+        Real(at_least=0),
+        "constant of Mooney's and Rivlin's law; mu = 2 (c10 + c01)",
+        unit="Pa",
+        default=None,
+        absent="none",
+    )
+    bulk_modulus: float | None = key(
+        Real(above=0),
+        "bulk modulus at small strains, with c10 and c01",
+        unit="Pa",
+        default=None,
+        absent="none",
+    )
+    velocity: Given[tuple[Formula, ...], Sequence[FormulaLike] | None] = key(
+        Formulas(SPACE), "velocity at t = 0", unit="m/s", default=None, absent="0"
+    )
+    angular_velocity: Given[float | tuple[float, ...], Sequence[float] | None] = key(
+        NumberOrVector(),
+        "rotation at t = 0 about the centre of mass, added to the velocity",
+        unit="rad/s",
+        default=None,
+        absent="0",
+    )
+    displacement: Given[tuple[Formula, ...], Sequence[FormulaLike] | None] = key(
+        Formulas(SPACE), "displacement at t = 0", unit="m", default=None, absent="0"
+    )
+    supports: Tables[Support] = key(
+        ListOf(InlineTable((Support,))), "surfaces that are held or moved", default=()
+    )
+    tractions: Tables[Traction] = key(
+        ListOf(InlineTable((Traction,))), "forces on surfaces", default=()
+    )
+    pressures: Tables[Pressure] = key(
+        ListOf(InlineTable((Pressure,))), "pressures on surfaces", default=()
+    )
+    rayleigh_mass: float = key(
+        Real(at_least=0), "damping by the mass matrix", unit="1/s", default=0.0
+    )
+    rayleigh_stiffness: float = key(
+        Real(at_least=0), "damping by the stiffness matrix", unit="s", default=0.0
+    )
+    contact_surfaces: tuple[str, ...] | None = key(
+        ListOf(SURFACE, at_least=1, different=True),
+        "surfaces that may touch obstacles",
+        default=None,
+        absent="every surface that can",
+    )
 
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         elastic = check_constants(self)
         for name, value in elastic.items():
             object.__setattr__(self, name, value)
@@ -85,3 +216,147 @@ class Solid(SolidKeys):
         for name, zero in zeros.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, zero)
+
+    @property
+    def flight(self) -> Flight | None:
+        """How it flies; None if loads, supports or rotation act on it or its box is not known."""
+        spin = self.angular_velocity
+        loads = (self.supports, self.tractions, self.pressures, self.rayleigh_mass)
+        turns = any(spin) if isinstance(spin, tuple) else spin
+        still = all(entry.is_constant and float(entry()) == 0.0 for entry in self.displacement)
+        if self.shape is None or any(loads) or turns or not still:
+            return None
+        if not all(entry.is_constant for entry in self.velocity):
+            return None
+        lower, upper = self.shape.bounds(axisymmetric=self.is_axisymmetric)
+        half = tuple((b - a) / 2 for a, b in zip(lower, upper, strict=True))
+        center = tuple((b + a) / 2 for a, b in zip(lower, upper, strict=True))
+        return Flight(half, center, tuple(float(entry()) for entry in self.velocity))
+
+    @property
+    def dim(self) -> int:
+        """Number of coordinates: 3, or 2 for plane and axisymmetric models."""
+        return 3 if self.model == "3d" else 2
+
+    @property
+    def mesh_dim(self) -> int:
+        """Dimension of its elements."""
+        return self.dim
+
+    def with_elements(self, factor: float) -> Self:
+        """The same with elements so many times as large, of one that has a `mesh_size`."""
+        balls = tuple(replace(ball, size=factor * ball.size) for ball in self.refine)
+        return replace(self, mesh_size=factor * (self.mesh_size or 0.0), refine=balls)
+
+    @property
+    def is_plane(self) -> bool:
+        """Whether the body is a plate or slice with a thickness."""
+        return self.model in {"plane_strain", "plane_stress"}
+
+    @property
+    def is_axisymmetric(self) -> bool:
+        """Whether x is the radius and y the axis."""
+        return self.model == "axisymmetric"
+
+    def check_on_axis(self, where: str) -> None:
+        """Nothing: models tell whether they fit."""
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether it is computed under finite strain and rotation."""
+        return self.strain == "finite" or (self.strain is None and self.material != "linear")
+
+    @property
+    def turns_far(self) -> bool:
+        """Under finite strain."""
+        return self.is_finite
+
+    @property
+    def why_iterated(self) -> str:
+        """Finite strain."""
+        return "has finite strain" if self.is_finite else ""
+
+    @property
+    def meets_itself(self) -> bool:
+        """Whether it may bend into itself: the plan takes finite strain where none is said."""
+        return self.is_finite or self.strain is None
+
+    @property
+    def keeps_volume(self) -> bool:
+        """Whether its elements keep their volume in the mean only: it is nearly incompressible."""
+        if self.model == "plane_stress":  # it gives way across
+            return False
+        if self.element is None:
+            return self.poisson_ratio > NEARLY_INCOMPRESSIBLE
+        return self.element == "mean_dilatation"
+
+    @property
+    def following(self) -> tuple[Pressure, ...]:
+        """Pressures that act on their surface as it is by then."""
+        if not self.is_finite:
+            return ()
+        return tuple(load for load in self.pressures if load.follows is not False)
+
+    @property
+    def derived(self) -> tuple[str, ...]:
+        """Keys that follow from others: scene files leave them out."""
+        return ("youngs_modulus", "poisson_ratio") if self.material == "mooney_rivlin" else ()
+
+    @property
+    def law_in_words(self) -> str:
+        """Name of its law."""
+        return _LAW_WORDS[self.material] if self.is_finite else "linear elastic"
+
+    @property
+    def shear_modulus(self) -> float:
+        """Mu = E / (2 (1 + nu)) [Pa]."""
+        return self.youngs_modulus / (2.0 * (1.0 + self.poisson_ratio))
+
+    @property
+    def lame(self) -> float:
+        """First Lamé parameter of the material, lambda = E nu / ((1 + nu) (1 - 2 nu)) [Pa]."""
+        nu = self.poisson_ratio
+        return self.youngs_modulus * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
+
+    @property
+    def p_wave_speed(self) -> float:
+        """Speed [m/s] of the fastest waves: sqrt((lambda + 2 mu) / rho), in plane stress less."""
+        nu = self.poisson_ratio
+        if self.model == "plane_stress":
+            modulus = self.youngs_modulus / ((1.0 - nu) * (1.0 + nu))
+        else:
+            modulus = self.lame + 2.0 * self.shear_modulus
+        return math.sqrt(modulus / self.density)
+
+    @property
+    def s_wave_speed(self) -> float:
+        """Speed [m/s] of shear waves, sqrt(mu / rho)."""
+        return math.sqrt(self.shear_modulus / self.density)
+
+    @property
+    def surface_names(self) -> tuple[str, ...] | None:
+        """Names of the surfaces of the shape; None with a mesh file, which names its own."""
+        if self.shape is None:
+            return None
+        return self.shape.surface_names(axisymmetric=self.is_axisymmetric)
+
+    @property
+    def all_supports(self) -> tuple[Support, ...]:
+        """Supports as given, and those of symmetry cuts. The axis is not among them."""
+        cuts = () if self.shape is None else self.shape.symmetry
+        held = (Support(surface=f"symmetry_{axis}", kind="symmetry") for axis in cuts)
+        return (*self.supports, *held)
+
+    @property
+    def volume(self) -> float | None:
+        """Volume [m^3] of what is modelled, after symmetry cuts; None with a mesh file."""
+        if self.shape is None:
+            return None
+        if self.is_axisymmetric:
+            return self.shape.revolved_volume
+        return self.shape.volume * (self.thickness if self.dim == 2 else 1.0)
+
+    @property
+    def mass(self) -> float | None:
+        """Mass [kg] of what is modelled, after symmetry cuts; None with a mesh file."""
+        return None if self.volume is None else self.density * self.volume

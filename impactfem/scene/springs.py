@@ -1,19 +1,19 @@
 """Masses and springs on the edges of a mesh."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 
 from impactfem.scene.body import BodyKind, Floats, Solver
 from impactfem.scene.boundary import Support
+from impactfem.scene.given import MaybeTable, Tables
 from impactfem.scene.inline import InlineTable, ListOf, Vector
 from impactfem.scene.kinds import Choice, FilePath, Name, Real
 from impactfem.scene.rigid_forms import form_of
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.shapes import Block, Disc, Ring
-from impactfem.scene.solid_keys import MESH_FILES
+from impactfem.scene.solids import MESH_FILES
 from impactfem.scene.values import show
 
 MODELS = ("2d", "3d")
@@ -21,7 +21,6 @@ PATTERNS = ("triangles", "squares", "crossed")
 
 
 @table('[[body]] with kind = "springs"')
-@dataclass(frozen=True, kw_only=True)
 class SpringNet(BodyKind):
     """Point masses at the nodes of a mesh, and a spring on each of its edges, unstrained at t = 0.
 
@@ -34,7 +33,7 @@ class SpringNet(BodyKind):
     may_meet_nothing: ClassVar[bool] = True
 
     name: str = key(Name(), "name of the body in histories", default="springs")
-    shape: Block | Disc | Ring | None = key(  # noqa: RUF009  # a field
+    shape: MaybeTable[Block | Disc | Ring] = key(
         InlineTable((Block, Disc, Ring)), "shape in the plane to fill with a pattern, or give mesh",
         default=None, absent="none",
     )  # fmt: skip
@@ -68,31 +67,11 @@ class SpringNet(BodyKind):
     velocity: Sequence[float] | None = key(
         Vector(), "at t = 0", unit="m/s", default=None, absent="at rest"
     )
-    supports: tuple[Support, ...] = key(
+    supports: Tables[Support] = key(
         ListOf(InlineTable((Support,))), 'surfaces that are held, kind = "fixed"', default=()
     )
 
-    if TYPE_CHECKING:  # type checkers learn that tables may be given
-
-        def __init__(
-            self,
-            *,
-            mass: float,
-            stiffness: float,
-            name: str = "springs",
-            shape: Block | Disc | Ring | Mapping[str, Any] | None = None,
-            mesh: str | None = None,
-            model: str | None = None,
-            mesh_size: float | None = None,
-            pattern: str | None = None,
-            diagonal_stiffness: float | None = None,
-            radius: float = 0.0,
-            velocity: Sequence[float] | None = None,
-            supports: Sequence[Support | Mapping[str, Any]] = (),
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         if (self.shape is None) == (self.mesh is None):
             given = "neither is" if self.mesh is None else "both are"
             raise KeyedError(self.kind, "shape", f": {given} given; give shape, or mesh.")

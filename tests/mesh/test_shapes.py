@@ -16,7 +16,7 @@ from impactfem.mesh.structured import structured_mesh
 from impactfem.scene.plate import Plate
 from impactfem.scene.plate_outlines import PolygonOutline
 from impactfem.scene.shapes import Block, Cylinder, Disc, Ring, Sphere
-from impactfem.scene.solid_keys import Refinement
+from impactfem.scene.solids import Refinement
 from impactfem.system.plate_mesh import plate_mesh
 
 QUARTER = math.pi / 2

@@ -22,7 +22,6 @@ from impactfem.scene.values import show
 type Floats = NDArray[np.float64]
 type Indices = NDArray[np.int64]
 type Field = tuple[Floats, Floats]
-type Motion = Sequence[float | str | Formula]
 
 ROUNDING = 1e-9
 """Share of an obstacle's size below which a distance does not say a direction."""

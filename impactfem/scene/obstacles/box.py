@@ -1,13 +1,12 @@
 """A box, or a rectangle in the plane."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from impactfem.scene.formula import Formula
+from impactfem.scene.given import MaybeFormulas, MaybeTable
 from impactfem.scene.inline import Vector
 from impactfem.scene.kinds import Name, Real
 from impactfem.scene.obstacles.base import (
@@ -17,18 +16,16 @@ from impactfem.scene.obstacles.base import (
     ROUNDING,
     Field,
     Floats,
-    Motion,
     RigidObstacle,
 )
 from impactfem.scene.obstacles.faces import facing, patches
 from impactfem.scene.obstacles.mirror import EQUAL, Mirror
 from impactfem.scene.obstacles.rotation import ROTATION, ROTATION_KIND, Rotation
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import degrees_hint
 
 
 @table('[[obstacle]] with kind = "box"')
-@dataclass(frozen=True, kw_only=True)
 class RigidBox(RigidObstacle):
     """A box (a rectangle in 2D); the body is outside.
 
@@ -46,28 +43,10 @@ class RigidBox(RigidObstacle):
     angle: float = key(
         Real(), "angle by which it is turned about its centre (about z)", unit="rad", default=0.0
     )
-    motion: tuple[Formula, ...] | None = key(
-        MOTION_KIND, MOTION, unit="m", default=None, absent="at rest"
-    )
-    rotation: Rotation | None = key(  # noqa: RUF009  # a field
-        ROTATION_KIND, ROTATION, default=None, absent="none"
-    )
+    motion: MaybeFormulas = key(MOTION_KIND, MOTION, unit="m", default=None, absent="at rest")
+    rotation: MaybeTable[Rotation] = key(ROTATION_KIND, ROTATION, default=None, absent="none")
 
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            *,
-            center: Sequence[float],
-            size: Sequence[float],
-            angle: float = 0.0,
-            name: str = "box",
-            motion: Motion | None = None,
-            rotation: Rotation | Mapping[str, Any] | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         degrees = degrees_hint(self.angle)
         if degrees:
             raise KeyedError(self.kind, "angle", f" = {self.angle:g} is {degrees}.")

@@ -1,12 +1,11 @@
 """An endless round cylinder, or the bore of one."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from impactfem.scene.formula import Formula
+from impactfem.scene.given import MaybeFormulas, MaybeTable
 from impactfem.scene.inline import Vector
 from impactfem.scene.kinds import Choice, Name, Real
 from impactfem.scene.obstacles.base import (
@@ -18,7 +17,6 @@ from impactfem.scene.obstacles.base import (
     Core,
     Field,
     Floats,
-    Motion,
     unit,
     unit_vector,
 )
@@ -26,12 +24,11 @@ from impactfem.scene.obstacles.faces import AROUND, HIGH, facing, patches, squar
 from impactfem.scene.obstacles.mirror import Mirror
 from impactfem.scene.obstacles.rotation import ROTATION, ROTATION_KIND, Rotation
 from impactfem.scene.obstacles.round import RoundObstacle, upwards
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
 
 
 @table('[[obstacle]] with kind = "cylinder"')
-@dataclass(frozen=True, kw_only=True)
 class RigidCylinder(RoundObstacle):
     """An endless round cylinder, or the bore of one; a circle in 2D.
 
@@ -52,29 +49,8 @@ class RigidCylinder(RoundObstacle):
     )
     radius: float = key(Real(above=0), "radius", unit="m")
     side: str = key(Choice(SIDES), SIDE, default="outside")
-    motion: tuple[Formula, ...] | None = key(
-        MOTION_KIND, MOTION, unit="m", default=None, absent="at rest"
-    )
-    rotation: Rotation | None = key(  # noqa: RUF009  # a field
-        ROTATION_KIND, ROTATION, default=None, absent="none"
-    )
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            *,
-            point: Sequence[float],
-            radius: float,
-            axis: Sequence[float] | None = None,
-            side: str = "outside",
-            name: str = "cylinder",
-            motion: Motion | None = None,
-            rotation: Rotation | Mapping[str, Any] | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    motion: MaybeFormulas = key(MOTION_KIND, MOTION, unit="m", default=None, absent="at rest")
+    rotation: MaybeTable[Rotation] = key(ROTATION_KIND, ROTATION, default=None, absent="none")
 
     @property
     def unit_axis(self) -> tuple[float, ...] | None:

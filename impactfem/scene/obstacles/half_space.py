@@ -1,12 +1,11 @@
 """Everything behind a plane."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from collections.abc import Sequence
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from impactfem.scene.formula import Formula
+from impactfem.scene.given import MaybeFormulas, MaybeTable
 from impactfem.scene.inline import Formulas, Vector
 from impactfem.scene.kinds import Name
 from impactfem.scene.obstacles.base import (
@@ -14,7 +13,6 @@ from impactfem.scene.obstacles.base import (
     NAME,
     Field,
     Floats,
-    Motion,
     Plane,
     RigidObstacle,
     unit,
@@ -23,11 +21,10 @@ from impactfem.scene.obstacles.base import (
 from impactfem.scene.obstacles.faces import spacing, square_to
 from impactfem.scene.obstacles.mirror import EQUAL, Mirror
 from impactfem.scene.obstacles.rotation import ROTATION, ROTATION_KIND, Rotation
-from impactfem.scene.schema import check_fields, key, table
+from impactfem.scene.schema import key, table
 
 
 @table('[[obstacle]] with kind = "half_space"')
-@dataclass(frozen=True, kw_only=True)
 class HalfSpace(RigidObstacle):
     """Everything behind a plane, or a line in 2D; the body is on the side the normal points to.
 
@@ -43,27 +40,10 @@ class HalfSpace(RigidObstacle):
     normal: Sequence[float] = key(
         Vector((1, 2, 3), nonzero=True), "direction from the plane to the body, of any length"
     )
-    motion: tuple[Formula, ...] | None = key(
+    motion: MaybeFormulas = key(
         Formulas(("t",), lengths=(1, 2, 3)), MOTION, unit="m", default=None, absent="at rest"
     )
-    rotation: Rotation | None = key(  # noqa: RUF009  # a field
-        ROTATION_KIND, ROTATION, default=None, absent="none"
-    )
-
-    if TYPE_CHECKING:  # type checkers learn that numbers and texts may be given for formulas
-
-        def __init__(
-            self,
-            *,
-            point: Sequence[float],
-            normal: Sequence[float],
-            name: str = "half_space",
-            motion: Motion | None = None,
-            rotation: Rotation | Mapping[str, Any] | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    rotation: MaybeTable[Rotation] = key(ROTATION_KIND, ROTATION, default=None, absent="none")
 
     @property
     def unit_normal(self) -> tuple[float, ...]:

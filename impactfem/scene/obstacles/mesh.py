@@ -1,14 +1,14 @@
 """A rigid surface from a file."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from impactfem.scene.closed_surface import ClosedSurface
-from impactfem.scene.formula import Formula
+from impactfem.scene.given import Given, MaybeFormulas, MaybeTable
 from impactfem.scene.kinds import Choice, FilePath, Name, Real
 from impactfem.scene.obstacles.base import (
     MOTION,
@@ -18,21 +18,16 @@ from impactfem.scene.obstacles.base import (
     SIDES,
     Field,
     Floats,
-    Motion,
     RigidObstacle,
 )
 from impactfem.scene.obstacles.mirror import Mirror
 from impactfem.scene.obstacles.rotation import ROTATION, ROTATION_KIND, Rotation
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, aside, key, table
 from impactfem.scene.surface_files import MESH_SIZE, SCALE, SURFACE_FILES, closed_surface
 from impactfem.scene.values import show
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
 
 @table('[[obstacle]] with kind = "mesh"')
-@dataclass(frozen=True, kw_only=True)
 class RigidMesh(RigidObstacle):
     """A closed surface of triangles from a file, in space.
 
@@ -45,37 +40,15 @@ class RigidMesh(RigidObstacle):
     is_smooth: ClassVar[bool] = False
 
     name: str = key(Name(), NAME, default="mesh")
-    mesh: str = key(FilePath(endings=SURFACE_FILES), "file of its surface")
+    mesh: Given[str, Path] = key(FilePath(endings=SURFACE_FILES), "file of its surface")
     scale: float = key(Real(above=0), SCALE, unit="m", default=1.0)
     mesh_size: float | None = key(
         Real(above=0), MESH_SIZE, unit="m", default=None, absent="by the file"
     )
     side: str = key(Choice(SIDES), SIDE, default="outside")
-    motion: tuple[Formula, ...] | None = key(
-        MOTION_KIND, MOTION, unit="m", default=None, absent="at rest"
-    )
-    rotation: Rotation | None = key(  # noqa: RUF009  # a field
-        ROTATION_KIND, ROTATION, default=None, absent="none"
-    )
-    folder: Path | None = field(default=None, compare=False, repr=False)
-
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            *,
-            mesh: str | Path,
-            scale: float = 1.0,
-            mesh_size: float | None = None,
-            side: str = "outside",
-            name: str = "mesh",
-            motion: Motion | None = None,
-            rotation: Rotation | Mapping[str, Any] | None = None,
-            folder: Path | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    motion: MaybeFormulas = key(MOTION_KIND, MOTION, unit="m", default=None, absent="at rest")
+    rotation: MaybeTable[Rotation] = key(ROTATION_KIND, ROTATION, default=None, absent="none")
+    folder: Path | None = aside()
 
     def opened(self, folder: Path) -> Self:
         """The same with its file read, whose relative path starts at a folder.

@@ -1,14 +1,14 @@
 """A chain of straight pieces in the plane, extruded in space."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from impactfem.scene.formula import Formula
+from impactfem.scene.given import MaybeFormulas, MaybeTable
 from impactfem.scene.inline import ListOf, Vector
 from impactfem.scene.kinds import Name
 from impactfem.scene.obstacles.base import (
@@ -19,14 +19,13 @@ from impactfem.scene.obstacles.base import (
     Field,
     Floats,
     Indices,
-    Motion,
     Ridges,
     RigidObstacle,
 )
 from impactfem.scene.obstacles.faces import HIGH, facing, patches
 from impactfem.scene.obstacles.mirror import Mirror
 from impactfem.scene.obstacles.rotation import ROTATION, ROTATION_KIND, Rotation
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
 
 _ALIKE = 0.9  # cosine between normals from which two segments look the same way
@@ -35,7 +34,6 @@ _DEEP = 0.5  # share of a segment by which a point may lie behind it and still t
 
 
 @table('[[obstacle]] with kind = "polyline"')
-@dataclass(frozen=True, kw_only=True)
 class RigidPolyline(RigidObstacle):
     """A chain of straight pieces in the plane, extruded along z in 3D.
 
@@ -54,26 +52,10 @@ class RigidPolyline(RigidObstacle):
     points: Sequence[Sequence[float]] = key(
         ListOf(Vector((2,)), at_least=2), "corners [x, y], the body on the left", unit="m"
     )
-    motion: tuple[Formula, ...] | None = key(
-        MOTION_KIND, MOTION, unit="m", default=None, absent="at rest"
-    )
-    rotation: Rotation | None = key(  # noqa: RUF009  # a field
-        ROTATION_KIND, ROTATION, default=None, absent="none"
-    )
+    motion: MaybeFormulas = key(MOTION_KIND, MOTION, unit="m", default=None, absent="at rest")
+    rotation: MaybeTable[Rotation] = key(ROTATION_KIND, ROTATION, default=None, absent="none")
 
-    if TYPE_CHECKING:
-
-        def __init__(
-            self,
-            *,
-            points: Sequence[Sequence[float]],
-            name: str = "polyline",
-            motion: Motion | None = None,
-            rotation: Rotation | Mapping[str, Any] | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
+    def _check(self) -> None:
         for index, (start, end) in enumerate(pairwise(self.points)):
             if tuple(start) == tuple(end):
                 text = f" = {show(list(end))} repeats the point before it: remove it."

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.errors import SceneError
-from impactfem.scene.formula import Formula
+from impactfem.scene.given import AFormula
 from impactfem.scene.inline import InlineTable, Vector
 from impactfem.scene.kinds import FormulaOf
-from impactfem.scene.schema import KeyedError, check_fields, key, table
+from impactfem.scene.schema import KeyedError, key, table
 from impactfem.scene.values import show
 
 if TYPE_CHECKING:
@@ -24,7 +24,6 @@ ROTATION = "rotation of the obstacle in time, about a point that goes along with
 
 
 @table("rotation = { ... }")
-@dataclass(frozen=True, kw_only=True)
 class Rotation:
     """How an obstacle turns in time.
 
@@ -39,23 +38,12 @@ class Rotation:
         Vector((3,), nonzero=True), "its direction, of any length; required in 3D", default=None,
         absent="along z in 2D",
     )  # fmt: skip
-    angle: Formula = key(  # noqa: RUF009  # a field
+    angle: AFormula = key(
         FormulaOf(("t",)), "turned since the place that the other keys give, by the right hand",
         unit="rad",
     )  # fmt: skip
 
-    if TYPE_CHECKING:  # type checkers learn that numbers and texts may be given for formulas
-
-        def __init__(
-            self,
-            *,
-            point: Sequence[float],
-            angle: float | str | Formula,
-            axis: Sequence[float] | None = None,
-        ) -> None: ...
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.heading)
+    def _check(self) -> None:
         if (self.axis is None) != (len(self.point) == 2):
             shown = f" = {show(list(self.point))}"
             if self.axis is None:

@@ -1,6 +1,5 @@
 """The wall of bars."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Self
 
@@ -9,11 +8,10 @@ import numpy as np
 from impactfem.scene.kinds import Name
 from impactfem.scene.obstacles.base import Field, Floats
 from impactfem.scene.obstacles.half_space import HalfSpace
-from impactfem.scene.schema import check_fields, key, table
+from impactfem.scene.schema import key, table
 
 
 @table('[[obstacle]] with kind = "wall"')
-@dataclass(frozen=True, kw_only=True)
 class Wall:
     """A rigid wall at rest at x = 0, in front of the near end of a bar.
 
@@ -30,9 +28,6 @@ class Wall:
     moves: ClassVar[bool] = False
 
     name: str = key(Name(), "name of the wall", default="wall")
-
-    def __post_init__(self) -> None:
-        check_fields(self, self.kind)
 
     def gap(self, points: Floats) -> Field:
         """Distances of places (points, 1) from it, shape (points,), and normals, (points, 1)."""
