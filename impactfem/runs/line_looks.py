@@ -1,8 +1,8 @@
 """How far beams and bars turn and are strained in the march, as its watch takes solids."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,76 +17,55 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class BeamLooks:
-    """Rotation and strains of a beam in the march, as a watch takes them of solids.
+class LineLooks:
+    """Rotation and strains of a body in the march, as a watch takes them of solids.
 
     Attributes:
-        march: Of the beam.
-        parts: The beam.
+        mass: [kg].
+        inertia: About its centre [kg m^2], (1, 1) or (3, 3); NaN if it is not known.
+        seen: Rotation now [rad], largest strain and that which 1 % of the volume exceeds; None of
+            strains that are not finite.
     """
 
-    march: FewMidpoint
-    parts: BeamParts
-
-    @property
-    def mass(self) -> float:
-        """[kg]."""
-        return self.parts.beam.mass
-
-    @property
-    def inertia(self) -> Floats:
-        """About its centre [kg m^2], (1, 1) or (3, 3)."""
-        return self.parts.inertia
+    mass: float
+    inertia: Floats
+    seen: Callable[[], tuple[float, float | None, float | None]]
 
     def look(self, displacement: Floats, known: float = 0.0) -> Look:  # noqa: ARG002  (of solids)
         """What it is now; the watch gives what it knows of solids."""
-        position = self.march.coordinates
-        strain, volumes = self.parts.fibres(position)
-        largest, exceeded = strains(strain[None], volumes)
-        found = {"strain_max": largest, "strain_99": exceeded}
-        return _looked(self.parts.turned(position), found, known)
+        turned, *strained = self.seen()
+        most, exceeded = (math.nan if value is None else value for value in strained)
+        return Look(turned, most, max(known, exceeded), 1.0)
 
 
-@dataclass(frozen=True)
-class BarLooks:
-    """Strains of a bar in the march, likewise; it does not turn.
+def _of_beam(march: FewMidpoint, parts: BeamParts) -> LineLooks:
+    """Of a beam."""
 
-    Attributes:
-        march: Of the bar.
-    """
+    def seen() -> tuple[float, float | None, float | None]:
+        position = march.coordinates
+        strain, volumes = parts.fibres(position)
+        return parts.turned(position), *strains(strain[None], volumes)
 
-    march: WaveBar
-
-    @property
-    def mass(self) -> float:
-        """[kg]."""
-        return self.march.bodies.masses[0]
-
-    @property
-    def inertia(self) -> Floats:
-        """None that is known, (1, 1)."""
-        return np.full((1, 1), np.nan)
-
-    def look(self, displacement: Floats, known: float = 0.0) -> Look:  # noqa: ARG002  (of solids)
-        """What it is now."""
-        moved = self.march.motion(0)["displacement"] @ self.march.bodies.axis
-        found = bar_figures(self.march.bodies.bar, self.march.nodes, moved[None])
-        return _looked(0.0, found, known)
+    return LineLooks(parts.beam.mass, parts.inertia, seen)
 
 
-def _looked(turned: float, found: Mapping[str, Any], known: float) -> Look:
-    unknown = float("nan")
-    strains = (found[name] for name in ("strain_max", "strain_99"))
-    most, exceeded = (unknown if value is None else value for value in strains)
-    return Look(turned, most, max(known, exceeded), 1.0)
+def _of_bar(march: WaveBar) -> LineLooks:
+    """Of a bar, which does not turn."""
+
+    def seen() -> tuple[float, float | None, float | None]:
+        moved = march.motion(0)["displacement"] @ march.bodies.axis
+        found = bar_figures(march.bodies.bar, march.nodes, moved[None])
+        return 0.0, found["strain_max"], found["strain_99"]
+
+    return LineLooks(march.bodies.masses[0], np.full((1, 1), np.nan), seen)
 
 
-def line_looks(few: Sequence[FewInterior]) -> dict[str, BeamLooks | BarLooks]:
+def line_looks(few: Sequence[FewInterior]) -> dict[str, LineLooks]:
     """Of the beams and bars among some bodies, by name."""
-    found: dict[str, BeamLooks | BarLooks] = {}
+    found: dict[str, LineLooks] = {}
     for march in few:
         if isinstance(march, WaveBar):
-            found[march.bodies.names[0]] = BarLooks(march)
+            found[march.bodies.names[0]] = _of_bar(march)
         elif isinstance(march, FewMidpoint) and march.bodies.beam is not None:
-            found[march.bodies.names[0]] = BeamLooks(march, march.bodies.beam)
+            found[march.bodies.names[0]] = _of_beam(march, march.bodies.beam)
     return found

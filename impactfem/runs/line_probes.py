@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 type Probed = dict[str, dict[str, Floats]]
 
+LETTERS = {"displacement": "u", "velocity": "v"}
+"""First letters of the columns of vectors, by quantity."""
+
 _ROUNDING = 1e-6  # share of a line's length by which a place may lie beside it
 _TINY = 1e-30  # imaginary step of derivatives
 _VALUES = 2**20  # values held at once
@@ -82,7 +85,7 @@ def vibro_probes(scene: Scene, model: "VibroModel") -> Callable[[Trajectory], Pr
         return {
             probe.name: {
                 f"{letter}{'xyz'[k]}": known[quantity][:, index, k]
-                for quantity, letter in (("displacement", "u"), ("velocity", "v"))
+                for quantity, letter in LETTERS.items()
                 if quantity in probe.quantities
                 for k in range(scene.dim)
             }

@@ -3,10 +3,10 @@
 import resource
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from impactfem.errors import SceneError
 from impactfem.first_use import compiled_since
@@ -97,10 +97,5 @@ class Run:
     conservative: bool = True
 
 
-class Runner(Protocol):
-    """Solves a scene as planned."""
-
-    def __call__(
-        self, scene: Scene, plan: Plan[Any], progress: Progress, saved: Checkpointing
-    ) -> Run:
-        """Solve it; see `impactfem.solving.solve` for what it may raise."""
+Runner = Callable[[Scene, Plan[Any], Progress, Checkpointing], Run]
+"""Solves a scene as planned; see `impactfem.solving.solve` for what it may raise."""

@@ -11,6 +11,7 @@ from impactfem.marching.few import FewInterior
 from impactfem.models.solids import SolidPart, SolidsModel
 
 Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 type Places = Mapping[str, Floats]
 """Undeformed places [m], (places, dim), by the body's name; of a probe behind a slash."""
@@ -92,8 +93,8 @@ class Kept:
     """
 
     places: Places
-    rows: Mapping[str, tuple[NDArray[np.int64], Floats]]
-    lines: tuple["KeptLine", ...]
+    rows: Mapping[str, tuple[Integers, Floats]]
+    lines: tuple["LinePlaces", ...]
 
     @classmethod
     def of(cls, places: Places, model: SolidsModel, few: Sequence[FewInterior]) -> "Kept":
@@ -113,7 +114,8 @@ class Kept:
                 for row, point in zip(weights, points, strict=True):
                     nodes, shares, _ = march.located(at, point)
                     row[nodes] = shares
-                lines.append(KeptLine(_MARK + name, march, at, weights))
+                parts = {"displacement": [str(k) for k in range(points.size)]}
+                lines.append(LinePlaces(_MARK + name, march, at, slice(None), weights, parts))
         return cls(places, rows, tuple(lines))
 
     def taken(self, told: dict[str, dict[str, Floats]]) -> dict[str, Floats]:
@@ -128,27 +130,32 @@ class Kept:
 
 
 @dataclass(frozen=True)
-class KeptLine:
-    """Places of a body without a mesh, as an observer of probes asks for them.
+class LinePlaces:
+    """Places of a body without a mesh, between its nodes, as an observer of probes asks for them.
 
     Attributes:
-        name: Of its columns.
+        name: Of its columns, their first part.
         march: Of the body.
         body: Its place there.
-        weights: Of its nodes, (places, nodes).
+        nodes: Of the body beside the places.
+        weights: Of these, (places, nodes).
+        parts: Last parts of the columns of each quantity: of each component place after place.
     """
 
     name: str
     march: FewInterior
     body: int
+    nodes: Integers | slice
     weights: Floats
-
-    @property
-    def counts(self) -> bool:
-        """Whether this rank tells them."""
-        return self.march.counts
+    parts: Mapping[str, Sequence[str]]
 
     def told(self) -> dict[str, dict[str, float]]:
-        """Displacements of the places now [m]."""
-        moved = self.weights @ self.march.motion(self.body)["displacement"]
-        return {self.name: {str(k): float(value) for k, value in enumerate(moved.ravel())}}
+        """Figures of the places now, by first and last part of their columns."""
+        known = self.march.motion(self.body)
+        if "stress" in self.parts:
+            known = known | {"stress": self.march.stress(self.body)[:, None]}
+        found: dict[str, float] = {}
+        for quantity, parts in self.parts.items():
+            values = self.weights @ known[quantity][self.nodes]
+            found |= zip(parts, values.ravel().tolist(), strict=True)
+        return {self.name: found}

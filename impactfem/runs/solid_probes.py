@@ -1,8 +1,8 @@
 """Probes of solids: motion and stress of places, layer by layer."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,9 @@ from impactfem.marching.few import FewInterior
 from impactfem.marching.rows import Level
 from impactfem.marching.time_loop import TimeLoop
 from impactfem.models.solids import SolidsModel
-from impactfem.runs.samples import Kept
-from impactfem.scene.probes import Probe, outside
+from impactfem.runs.line_probes import LETTERS
+from impactfem.runs.samples import Kept, LinePlaces
+from impactfem.scene.probes import outside
 from impactfem.system.located import Located
 from impactfem.system.true_stress import TrueStress
 
@@ -21,54 +22,19 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
-class Telling(Protocol):
-    """What tells figures of a level besides those of bodies."""
-
-    @property
-    def counts(self) -> bool:
-        """Whether this rank does."""
-
-    def told(self) -> dict[str, dict[str, float]]:
-        """Figures by first and last part of their columns."""
+Told = Callable[[], Mapping[str, Mapping[str, float]]]
+"""Tells figures of a level by first and last part of their columns."""
 
 
-@dataclass(frozen=True)
-class AxisProbe:
-    """A probe of a body without a mesh: between two of its nodes, linearly.
+def _on_lines(model: SolidsModel, few: Sequence[FewInterior]) -> list[Told]:
+    """Probes of bodies without meshes: between two of their nodes, linearly.
 
-    Attributes:
-        probe: As the scene has it.
-        march: Of its body.
-        body: Its place there.
-        nodes: Of the body beside it, (nodes,).
-        shares: Their weights, (nodes,).
+    Raises:
+        SceneError: One is outside its body.
     """
-
-    probe: Probe
-    march: FewInterior
-    body: int
-    nodes: Integers
-    shares: Floats
-
-    @property
-    def columns(self) -> list[str]:
-        """Last parts of its columns."""
-        axes = "xyz"[: self.march.bodies.dim]
-        known = {"displacement": [f"u{axis}" for axis in axes],
-                 "velocity": [f"v{axis}" for axis in axes], "stress": ["sxx"]}  # fmt: skip
-        return [column for name in self.probe.quantities for column in known[name]]
-
-    def values(self) -> Floats:
-        """Of its columns now; 0 on ranks that do not sum the body up."""
-        known = self.march.motion(self.body)
-        if "stress" in self.probe.quantities:
-            known = known | {"stress": self.march.stress(self.body)[:, None]}
-        each = [self.shares @ known[name][self.nodes] for name in self.probe.quantities]
-        return np.concatenate(each) * self.march.counts
-
-
-def _axes(model: SolidsModel, few: Sequence[FewInterior]) -> tuple[AxisProbe, ...]:
-    found = []
+    axes, found = "xyz"[: model.dim], list[Told]()
+    known = {name: [f"{letter}{axis}" for axis in axes] for name, letter in LETTERS.items()}
+    known["stress"] = ["sxx"]
     for index, probe in enumerate(model.scene.probes):
         for march in few:
             if probe.body not in march.bodies.names:
@@ -77,8 +43,10 @@ def _axes(model: SolidsModel, few: Sequence[FewInterior]) -> tuple[AxisProbe, ..
             nodes, shares, inside = march.located(body, np.array(probe.point, dtype=float))
             if not inside:
                 raise outside(index, probe, shares @ march.material(body)[nodes])
-            found.append(AxisProbe(probe, march, body, nodes, shares))
-    return tuple(found)
+            parts = {name: known[name] for name in probe.quantities}
+            places = LinePlaces(probe.name, march, body, nodes, shares[None], parts)
+            found.append(places.told)
+    return found
 
 
 @dataclass(frozen=True)
@@ -92,8 +60,8 @@ class SolidProbes:
         needed: Which of the owned dofs of all bodies, one body after the other: of displacements,
             and of velocities.
         laws: Of stresses that are not linear, by probe: the columns are what these need.
-        axes: Probes of bodies without meshes, whose columns follow.
-        telling: Bodies without meshes, and what joins them.
+        telling: What tells the columns that follow.
+        counts: Whether this rank does.
         kept: Places that are kept besides, for runs on other elements.
     """
 
@@ -102,8 +70,8 @@ class SolidProbes:
     weights: csr_matrix
     needed: tuple[Integers, Integers]
     laws: Mapping[str, TrueStress]
-    axes: tuple[AxisProbe, ...] = ()
-    telling: tuple[Telling, ...] = ()
+    telling: tuple[Told, ...]
+    counts: bool
     kept: Kept | None = None
 
     @classmethod
@@ -112,7 +80,7 @@ class SolidProbes:
         march: TimeLoop[Any],
         model: SolidsModel,
         few: Sequence[FewInterior] = (),
-        joined: Sequence[Telling] = (),
+        joined: Sequence[Told] = (),
         kept: Kept | None = None,
     ) -> "SolidProbes":
         """Prepare; the rows of the march get room for the columns.
@@ -128,7 +96,8 @@ class SolidProbes:
             SceneError: A probe is outside its body.
         """
         own, dim = model.own_numbers, model.dim
-        axes = _axes(model, few)
+        telling = [*_on_lines(model, few), *(march.told for march in few), *joined]
+        telling += [] if kept is None else [line.told for line in kept.lines]
         asked = [
             (probe.name, located.numbers + model.starts[body], quantity == "velocity",
              _weights(quantity, located, dim))
@@ -157,11 +126,7 @@ class SolidProbes:
         entries = np.concatenate(told), (np.concatenate(rows), compact)
         weights = csr_matrix(entries, shape=(len(names), len(needed)))
         moving = needed >= dim * len(own)
-        telling = (*few, *joined, *(() if kept is None else kept.lines))
-        names += [(axis.probe.name, column) for axis in axes for column in axis.columns]
-        names += [
-            (name, part) for each in telling for name, told in each.told().items() for part in told
-        ]
+        names += [(name, part) for each in telling for name, own in each().items() for part in own]
         march.rows.probes = np.zeros((march.layers + 1, len(names)))
         laws = {
             probe.name: located.law
@@ -169,16 +134,16 @@ class SolidProbes:
             if located.law is not None and "stress" in probe.quantities
         }
         which = needed[~moving], needed[moving] - dim * len(own)
-        return cls(march, tuple(names), weights, which, laws, axes, telling, kept)
+        counts = model.comm.rank == 0
+        return cls(march, tuple(names), weights, which, laws, tuple(telling), counts, kept)
 
     def __call__(self, level: Level) -> None:
         """Keep a level."""
         at, moving = self.needed
         moved = [level.displacement[at] if len(at) else np.zeros(0)]
         moved += [level.velocity[moving]] if len(moving) else []
-        values = [self.weights @ np.concatenate(moved), *(axis.values() for axis in self.axes)]
-        for each in self.telling:
-            values += [each.counts * np.array([*of.values()]) for of in each.told().values()]
+        told = [value for each in self.telling for of in each().values() for value in of.values()]
+        values = self.weights @ np.concatenate(moved), self.counts * np.array(told)
         self.march.rows.probes[level.layer] = np.concatenate(values)
 
     def columns(self, values: Floats) -> dict[str, dict[str, Floats]]:
@@ -199,8 +164,8 @@ def _weights(quantity: str, located: Located, dim: int) -> dict[str, Floats]:
     """Weights of the nodes in each column of a quantity, (nodes, dim), by its last part."""
     if quantity == "stress":
         return located.stress
-    letter = {"displacement": "u", "velocity": "v"}[quantity]
-    return {f"{letter}{axis}": weights for axis, weights in _along(located.values, dim).items()}
+    along = _along(located.values, dim).items()
+    return {f"{LETTERS[quantity]}{axis}": weights for axis, weights in along}
 
 
 def _along(shares: Floats, dim: int) -> dict[str, Floats]:

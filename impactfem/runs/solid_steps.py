@@ -2,13 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from impactfem.errors import SceneError
 from impactfem.marching.schemes import SolidScheme
+from impactfem.models.solids import SolidPart
 from impactfem.planning.solid_costs import SHARE_OF_STABLE, count_layers, damped
-from impactfem.scene import Solid
-from impactfem.system.elastic import ElasticSystem
 from impactfem.system.massless import lumped_mass
 from impactfem.system.moments import lumped_moments
 from impactfem.system.spectrum import largest_eigenvalue
@@ -18,23 +17,11 @@ if TYPE_CHECKING:
     from impactfem.planning import MarchNumbers, Plan
 
 
-class Discretised(Protocol):
-    """A solid with its matrices."""
-
-    @property
-    def solid(self) -> Solid:
-        """The body."""
-
-    @property
-    def system(self) -> ElasticSystem:
-        """Mass, stiffness, supports and loads."""
-
-
 def planned_steps(
     duration: float,
     plan: "Plan[MarchNumbers]",
     scheme: SolidScheme,
-    discretised: Mapping[str, tuple[Discretised, SurfaceNodes, Any]],
+    discretised: Mapping[str, tuple[SolidPart, SurfaceNodes, Any]],
 ) -> tuple[float, int, float | None]:
     """Time step [s], number of layers, and the least stable time step [s] of explicit schemes.
 
@@ -71,7 +58,7 @@ def planned_steps(
     return (dt if numbers.dt is not None else duration / layers), layers, limit
 
 
-def stable_step(model: Discretised, surface: SurfaceNodes, transfer: Any) -> float:
+def stable_step(model: SolidPart, surface: SurfaceNodes, transfer: Any) -> float:
     """2 / omega_max without contact, less with damping [s].
 
     Raises:

@@ -152,7 +152,7 @@ def run_solids(
         if places is None and numbers.estimate:
             places = chosen_places(model, few, layers)
         kept = Kept.of(places, model, few) if places else None
-        joined = [march.interior] if model.joints else []
+        joined = [march.interior.told] if model.joints else []
         probes = SolidProbes.of(march, model, few, joined, kept)
         touching = ContactPlaces.of(march, loop.gaps, loop.contacts, model)
         looking: list[Callable[[Level], None]] = [probes] if probes.names else []
