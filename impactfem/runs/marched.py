@@ -17,9 +17,7 @@ def run(scene: Scene, plan: Plan[MarchNumbers], progress: Progress, saved: Check
     """March the bodies (collective); see `run_solids`."""
     start = time.perf_counter()
     scene = strained(scene, plan)
-    motion, fields = run_solids(
-        scene, plan, progress, checkpoints=saved.folder, restart=saved.restart
-    )
+    motion, fields = run_solids(scene, plan, progress, saved)
     cost = Cost.since(start)
     effort, used = motion.effort, as_used(scene, plan)
     unknowns = max(1, effort.num_unknowns)

@@ -1,45 +1,36 @@
 """How bodies of a march moved, from the sums that it has left."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.marching.collect import total
-from impactfem.marching.time_loop import TimeLoop
 from impactfem.marching.turning import Turning
 from impactfem.models.solids import SolidPart, SolidsModel
 from impactfem.result.attitude import attitude
 from impactfem.result.history import BodyMotion
 from impactfem.result.whole import Whole
+from impactfem.runs.observed import Observed
 
 Floats = NDArray[np.float64]
 
 
 def body_motions(
-    model: SolidsModel,
-    march: TimeLoop[Any],
-    each: Floats,
-    attitudes: Floats,
-    whole: Whole,
-    placed: Sequence[Floats],
-    *,
-    explicit: bool,
+    seen: Observed, each: Floats, attitudes: Floats, placed: Sequence[Floats]
 ) -> tuple[Floats, Floats | None, dict[str, BodyMotion]]:
     """Momentum (rows, 3), angular momentum (rows, 1 or 3) and the motion of each body (collective).
 
     On a line nothing turns.
 
     Args:
-        model: The solids.
-        march: At its end.
+        seen: A march at its end.
         each: Sums of all ranks, of the whole: see `Rows.sums`, (rows, bodies, ...).
         attitudes: The same of `Rows.attitude`.
-        whole: What the solids are parts of.
         placed: Displacements of the owned dofs of the solids at t = 0 [m].
-        explicit: Whether velocities belong to the middle of layers.
     """
+    model, march, whole = seen.model, seen.march, seen.whole
+    explicit = seen.scheme.staggered  # velocities belong to the middle of layers
     rows, dim = len(each), model.dim
     turns = dim * (dim - 1) // 2
     momentum, angular, bodies = np.zeros((rows, 3)), np.zeros((rows, 3)), {}

@@ -1,5 +1,6 @@
 """What is kept of the march of solids: fields every so many layers, and a watch."""
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -69,35 +70,80 @@ class FieldOutput:
 
     def __init__(
         self,
-        comm: Any,
         model: SolidsModel,
         collector: Collector,
-        contact: Integers,
         gaps: ContactGaps,
-        spool: FieldSpool | None,
-        every: int,
-        layers: int,
-        others: Sequence[Followed] = (),
+        others: Sequence[Followed],
+        layers: tuple[int, int],
     ) -> None:
         """Set what is written when.
 
         Args:
-            comm: MPI communicator.
             model: The bodies.
             collector: Of the nodes of all of them.
-            contact: Numbers of the contact nodes among these.
             gaps: Of the march.
-            spool: Open on rank 0, None elsewhere.
-            every: Layers between fields.
-            layers: Number of layers; the last is written too.
             others: Bodies that follow the solids in the file.
+            layers: Layers between fields, and their number; the last is written too.
         """
-        self._comm, self._collector, self._contact, self._gaps = comm, collector, contact, gaps
+        self._comm, self._collector, self._gaps = model.comm, collector, gaps
+        self._model, self._others, (self._every, self._layers) = model, others, layers
         parts = model.parts
         self._dim, self._shown = model.dim, [part.system.fields for part in parts]
         self._cuts = np.cumsum([0, *(len(part.system.constrained) for part in parts)])
-        self._spool, self._every, self._layers = spool, every, layers
-        self._others = others
+        each = zip(model.numbers, model.starts, strict=False)
+        own = [np.zeros(0, dtype=np.int64), *(numbers + start for numbers, start in each)]
+        self._contact = np.concatenate(own)
+        self._spool: FieldSpool | None = None
+
+    def open(self, place: Path | None, kept: int | None) -> None:
+        """Open the file on rank 0 (collective).
+
+        Args:
+            place: The file, on rank 0.
+            kept: Number of levels of an earlier run to keep; None to begin anew.
+
+        Raises:
+            SceneError: The bodies have different kinds of cells, and a format takes one kind only.
+            OutputError: The file cannot be written or read.
+        """
+        parts = self._model.parts
+        kinds = [KINDS[part.mesh.cell, part.mesh.degree] for part in parts]
+        if len(set(kinds)) > 1 and set(self._model.scene.output.fields) != {"vtkhdf"}:
+            names = sorted({f"{kind.shape} of degree {kind.degree}" for kind in kinds})
+            raise SceneError(
+                f"output.fields: the bodies have different cells ({', '.join(names)}), which only "
+                'VTKHDF holds; give fields = ["vtkhdf"], or all bodies the same cells and degree'
+            )
+        none = np.zeros((0, self._dim))
+        positions = np.concatenate([none, *(part.system.positions for part in parts)])
+        points = self._collector.collect(positions.ravel(), self._dim)
+        cells = [_cells(self._comm, part.mesh) for part in parts]
+        known = {**POINT_DATA, "contact_normal": VECTOR, **_shown([*self._shown, *self._others])}
+
+        def make() -> None:
+            if place is None or points is None:
+                return
+            if kept is not None:
+                self._spool = FieldSpool.reopen(place, kept)
+                return
+            shapes = [
+                Shape(part.solid.name, points[first:end], own[:, list(kind.order)], kind.vtk_type)
+                for part, own, kind, (first, end) in zip(
+                    parts, cells, kinds, pairwise(self._model.starts), strict=True
+                )
+            ]
+            self._spool = FieldSpool(place, [*shapes, *(b.shape for b in self._others)], known)
+
+        on_root(self._comm, make)
+
+    def count(self) -> int:
+        """Number of levels in the file (collective)."""
+        return int(on_root(self._comm, lambda: 0 if self._spool is None else len(self._spool)))
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._spool is not None:
+            self._spool.close()
 
     def __call__(self, level: Level) -> None:
         """Write the level if it is its turn (collective)."""
@@ -140,60 +186,6 @@ class FieldOutput:
         }  # fmt: skip
         each = [solids, *(body.motion(level) for body in self._others)]
         self._spool.append(level.time, joined(each, self._spool.point_data))
-
-
-def open_spool(
-    model: SolidsModel,
-    collector: Collector,
-    place: Path | None,
-    kept: int | None,
-    others: Sequence[Followed] = (),
-) -> FieldSpool | None:
-    """Open the file of the fields of some bodies on rank 0 (collective).
-
-    Args:
-        model: The bodies.
-        collector: Of the nodes of all of them.
-        place: The file, on rank 0.
-        kept: Number of levels of an earlier run to keep; None to begin anew.
-        others: Bodies that follow them in the file.
-
-    Raises:
-        SceneError: The bodies have different kinds of cells, and a format takes one kind only.
-        OutputError: The file cannot be written or read.
-    """
-    comm, parts = model.comm, model.parts
-    kinds = [KINDS[part.mesh.cell, part.mesh.degree] for part in parts]
-    if len(set(kinds)) > 1 and set(model.scene.output.fields) != {"vtkhdf"}:
-        different = ", ".join(sorted({f"{kind.shape} of degree {kind.degree}" for kind in kinds}))
-        raise SceneError(
-            f"output.fields: the bodies have different cells ({different}), which only VTKHDF "
-            'holds; give fields = ["vtkhdf"], or all bodies the same cells and degree'
-        )
-    none = np.zeros((0, model.dim))
-    positions = np.concatenate([none, *(part.system.positions for part in parts)])
-    points = collector.collect(positions.ravel(), model.dim)
-    cells = [_cells(comm, part.mesh) for part in parts]
-    shown = _shown([*(part.system.fields for part in parts), *others])
-    known = {**POINT_DATA, "contact_normal": VECTOR, **shown}
-
-    def make() -> None:
-        if place is None or points is None:
-            return
-        if kept is not None:
-            found.append(FieldSpool.reopen(place, kept))
-            return
-        shapes = [
-            Shape(part.solid.name, points[first:end], own[:, list(kind.order)], kind.vtk_type)
-            for part, own, kind, (first, end) in zip(
-                parts, cells, kinds, pairwise(model.starts), strict=True
-            )
-        ]
-        found.append(FieldSpool(place, [*shapes, *(body.shape for body in others)], known))
-
-    found: list[FieldSpool] = []
-    on_root(comm, make)
-    return found[0] if found else None
 
 
 def _shown(each: Sequence[NodalFields | Followed]) -> dict[str, int]:
@@ -279,6 +271,19 @@ class Watch:
                     f"deep in obstacle {part.obstacles[found.obstacle].name!r} at ({where}) m, "
                     f"t = {level.time:.4g} s; name its surface in body.contact_surfaces"
                 )
+
+    def state(self) -> dict[str, float | str]:
+        """What was seen, for a checkpoint."""
+        return {
+            "depth": self.depth, "message": self.message, "overlap": self.overlap,
+            "folds": json.dumps(self.folds), "axes": self.axes.state(),
+        }  # fmt: skip
+
+    def restore(self, state: Mapping[str, float | str]) -> None:
+        """Go on from what was seen."""
+        self.depth, self.message = float(state["depth"]), str(state["message"])
+        self.overlap, self.folds = float(state["overlap"]), json.loads(str(state["folds"]))
+        self.axes.restore(str(state["axes"]))
 
     def _look_for_folds(self, displacements: Sequence[Floats], time: float) -> None:
         """Look at each body that may bend at will (collective)."""

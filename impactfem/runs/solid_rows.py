@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from impactfem.contact.followed_pair import FAR
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.marching.collect import total
-from impactfem.marching.model_watch import ModelWatch
 from impactfem.marching.rows import Rows
 from impactfem.marching.schemes import SolidScheme
 from impactfem.marching.time_loop import TimeLoop
@@ -20,12 +19,11 @@ from impactfem.planning.model_limits import measured_findings
 from impactfem.planning.struck_plates import ringing
 from impactfem.planning.time_data import DATA_CODES, data_findings, time_data
 from impactfem.result.bar_motion import Effort
-from impactfem.result.history import LOST, BodyMotion, Columns, make_history
+from impactfem.result.history import LOST, BodyMotion, Columns, PairMotion, make_history
 from impactfem.result.table import Series, Table
-from impactfem.result.whole import Whole
-from impactfem.runs.contact_places import ContactPlaces
 from impactfem.runs.forces import contact_codes, contact_findings, mesh_window
 from impactfem.runs.line_bodies import few_figures
+from impactfem.runs.observed import Observed
 from impactfem.runs.samples import Places
 from impactfem.runs.scales import opening_findings, rounding_energy
 from impactfem.runs.solid_bodies import body_motions, momentum_direction
@@ -36,11 +34,8 @@ from impactfem.runs.solid_energies import (
     work_done,
 )
 from impactfem.runs.solid_output import Watch
-from impactfem.runs.solid_pairs import of_layers, pair_motions
-from impactfem.runs.solid_probes import SolidProbes
-from impactfem.runs.static_start import Started
 from impactfem.runs.verdict import PENETRATION_LIMITS
-from impactfem.scene.pairing import self_meeting
+from impactfem.scene.pairing import named_body_pairs, self_meeting
 
 Floats = NDArray[np.float64]
 
@@ -64,34 +59,10 @@ class SolidsMotion:
     moved: Mapping[str, Floats]
 
 
-def solids_motion(
-    model: SolidsModel,
-    scheme: SolidScheme,
-    march: TimeLoop[Any],
-    watch: Watch,
-    limits: ModelWatch,
-    limit: float | None,
-    whole: Whole,
-    size: float,
-    probes: SolidProbes,
-    touching: ContactPlaces | None,
-    started: Started | None = None,
-) -> SolidsMotion:
-    """Make the motions of the rows of all ranks (collective).
-
-    Args:
-        model: The solids.
-        scheme: What marched them.
-        march: At its end, or where it failed.
-        watch: What was seen of nodes without contact unknowns.
-        limits: What was seen of rotations and strains.
-        limit: Least stable time step [s] of an explicit scheme.
-        whole: What the solids are parts of; the motions are those of the whole.
-        size: Size of the elements of those that do not say it [m].
-        probes: What has looked at places.
-        started: How bodies that start at rest came there.
-        touching: What has looked at contact forces.
-    """
+def solids_motion(seen: Observed) -> SolidsMotion:
+    """Make the motions of the rows of all ranks, of a march that ended or failed (collective)."""
+    model, scheme, march, whole = seen.model, seen.scheme, seen.march, seen.whole
+    probes, touching, started = seen.probes, seen.touching, seen.loop.started
     if touching is not None:
         touching.sum_up()
     each = total(model.comm, march.rows.sums)
@@ -101,24 +72,21 @@ def solids_motion(
     rows, each = march.rows.first(done).times(whole.factor), whole.factor * each[:done]
     together = each.sum(axis=1)
     elastic = elastic_energy(scheme, rows, together[:, 1])
-    explicit = scheme.staggered
-    work = work_done(march, rows, together, model.dim, explicit=explicit)
+    work = work_done(march, rows, together, model.dim, explicit=scheme.staggered)
     attitudes = total(model.comm, rows.attitude)
     placed = [part.system.displacement for part in model.parts]
     level = level_at_start(model)
     if started is not None:
         level -= float(started.fallen(model) @ model.scene.vector_gravity.at(0.0))
         placed = started.of_solids(model)
-    momentum, angular, bodies = body_motions(
-        model, march, each, attitudes, whole, placed, explicit=explicit
-    )
+    momentum, angular, bodies = body_motions(seen, each, attitudes, placed)
     told = probes.columns(total(model.comm, rows.probes))
     moved = {} if probes.kept is None else probes.kept.taken(told)
     history = make_history(
         Columns(
             time=march.interior.dt * np.arange(done, dtype=np.float64),
             gap=_clean(np.where(rows.gap < 0.5 * FAR, rows.gap, np.nan), model, march),
-            contact_force=of_layers(scheme, rows.force) + 0.0,  # no negative zeros
+            contact_force=_of_layers(scheme, rows.force) + 0.0,  # no negative zeros
             kinetic_energy=together[:, 0],
             elastic_energy=elastic,
             potential_energy=whole.factor * level - work,
@@ -128,7 +96,7 @@ def solids_motion(
             friction_work=np.cumsum(rows.friction_work),
             active=rows.active,
             bodies=bodies,
-            pairs=pair_motions(model, scheme, march, rows, whole, touching, bodies),
+            pairs=_pair_motions(seen, rows, bodies),
             probes=told,
         )
     )
@@ -147,7 +115,7 @@ def solids_motion(
         np.isfinite(together).all()
     )
     taken = _taken(rows, told)
-    effort = _effort(model, march, rows, watch, limits, limit, whole, size, bodies, taken)
+    effort = _effort(seen, rows, bodies, taken)
     missing = getattr(march.interior, "missing", None)
     if missing:
         own = {name: each[:, k, :2] for k, name in enumerate(model.masses)}
@@ -174,25 +142,70 @@ def _taken(rows: Rows, told: Mapping[str, Mapping[str, Floats]]) -> dict[str, fl
     return {name: energy for name, energy in found.items() if energy}
 
 
+def _pair_motions(
+    seen: Observed, rows: Rows, bodies: Mapping[str, BodyMotion]
+) -> dict[str, PairMotion]:
+    """What each pair does, by the rows of the whole and the motions of the bodies."""
+    model, scheme, march, whole = seen.model, seen.scheme, seen.march, seen.whole
+    touching = seen.touching
+    if not march.pairs:
+        return {}
+    # Forces are those on the carrier, columns those on the first body of the pair.
+    first = {name: one for name, (one, _), _ in named_body_pairs(model.scene)}
+    turned = {pair.label for pair in model.pairs if pair.names[0] != first[pair.label]}
+    turned |= {
+        met.label for met in model.ball_meetings if met.carrier != first.get(met.label, met.carrier)
+    }
+    force = _of_layers(scheme, rows.pair_force)
+    all_forces = _of_layers(scheme, rows.pair_force + rows.pair_impact / march.interior.dt)
+    place, moments = _of_layers(scheme, rows.place), _of_layers(scheme, rows.moment)
+    revolved = any(part.system.axisymmetric for part in model.parts)
+    open_ = ~(rows.pair_gap < 0.5 * FAR)
+    gap = np.where(open_, np.nan, rows.pair_gap)
+    found = {}
+    for k, name in enumerate(march.pairs):
+        tangential = slip = None
+        if rows.slip.shape[1]:
+            # Images slide the other way along their tangents: in the plane they cancel.
+            tangential = _of_layers(scheme, rows.tangential[:, k])
+            slip = np.cumsum(rows.slip[:, k])
+            if tangential.shape[1] > 1:
+                tangential = whole.mean(-tangential if name in turned else tangential)
+            elif whole.planes:
+                tangential, slip = np.zeros_like(tangential), np.zeros_like(slip)
+        impulse = rows.pair_impact[:, k] if model.few else None
+        center = moment = None
+        if touching is not None:
+            body = bodies[model.names[touching.first[k]]].position[:, : model.dim]
+            center = touching.course(k, all_forces[:, k], place[:, k], whole, body)
+            center[:, :1] *= not revolved  # what acts on one side acts on the other, too
+            padding = 3 - moments.shape[2]
+            moment = np.pad(moments[:, k], ((0, 0), (padding, 0)))
+            moment = whole.mean_turn(moment)[:, padding:]
+        found[name] = PairMotion(force[:, k], gap[:, k], tangential, slip, impulse, center, moment)
+    return found
+
+
+def _of_layers(scheme: SolidScheme, forces: Floats) -> Floats:
+    """Contact forces of each layer [N], of those that the march has left, (rows, ...)."""
+    found = forces.copy()
+    if scheme.massless and scheme.staggered:
+        # The force found for a layer acts at its start: a layer has the mean of both its ends.
+        found[1:-1] = 0.5 * (forces[1:-1] + forces[2:])
+    return found
+
+
 _IMPACTS = "impulses of impacts between bodies without massless nodes during (t_{m-1}, t_m]"
 _INDENTED = "what the stiffness of contacts gives way, beyond which gap counts"
 _MOVING = ("contact_force", "total_energy")
 
 
 def _effort(
-    model: SolidsModel,
-    march: TimeLoop[Any],
-    rows: Rows,
-    watch: Watch,
-    limits: ModelWatch,
-    limit: float | None,
-    whole: Whole,
-    size: float,
-    bodies: Mapping[str, BodyMotion],
-    taken: Mapping[str, float],
+    seen: Observed, rows: Rows, bodies: Mapping[str, BodyMotion], taken: Mapping[str, float]
 ) -> Effort:
-    """How the march got there; arguments as of `solids_motion`, motions, and energy taken."""
-    figures, parts = limits.figures(), model.parts
+    """How the march got there, by its rows, the motions, and the energy taken."""
+    model, march, watch = seen.model, seen.march, seen.watch
+    figures, parts = seen.limits.figures(), model.parts
     small = {body.name for body in model.scene.bodies if body.small_strains}
     iterations = rows.iterations[rows.iterations > 0]
     return Effort(
@@ -204,7 +217,7 @@ def _effort(
         details={
             "dt": march.interior.dt,
             "layers": march.layers,
-            "stable_dt": limit,
+            "stable_dt": seen.limit,
             "contact_pairs": model.contact_count,
             "contact_nodes": sum(len(numbers) for numbers in model.numbers),
             "mean_iterations_in_contact": float(iterations.mean()) if len(iterations) else 0.0,
@@ -216,7 +229,7 @@ def _effort(
             "overlap": watch.overlap,
             "cells": sum(part.mesh.num_cells for part in parts),
             "nodes": sum(part.mesh.num_nodes for part in parts),
-            **whole.details(),
+            **seen.whole.details(),
             **march.figures(),
         },
         findings=(
@@ -236,7 +249,9 @@ def _effort(
         ),
         measured=(*(contact_codes(rows.force) if parts else ()), *MODEL_CODES, *DATA_CODES),
         force_window=mesh_window(
-            [part.solid for part in parts], [part.degree for part in parts], size
+            [part.solid for part in parts],
+            [part.degree for part in parts],
+            seen.numbers.mesh_size,
         ),
         least_window=ringing(model),
         bodies=figures

@@ -1,0 +1,176 @@
+"""A march with everything that looks at its levels: what runs it, what its history is made of."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactfem.marching.few import FewInterior, FewMidpoint
+from impactfem.marching.model_watch import ModelWatch
+from impactfem.marching.rows import Level
+from impactfem.marching.schemes import SolidScheme
+from impactfem.marching.time_loop import TimeLoop
+from impactfem.marching.wave_bar import WaveBar
+from impactfem.models.solids import SolidsModel
+from impactfem.planning import MarchNumbers
+from impactfem.result.whole import Whole
+from impactfem.runs.axis_watch import AxisWatch
+from impactfem.runs.contact_places import ContactPlaces
+from impactfem.runs.line_bodies import bar_figures, strains
+from impactfem.runs.loops import Loop
+from impactfem.runs.samples import Kept, Places, chosen_places
+from impactfem.runs.solid_output import Watch
+from impactfem.runs.solid_probes import SolidProbes
+from impactfem.system.beam_parts import BeamParts
+from impactfem.system.stretches import Look, Stretches
+
+Floats = NDArray[np.float64]
+Observer = Callable[[Level], None]
+
+
+@dataclass(frozen=True)
+class Observed:
+    """A march and its observers.
+
+    Attributes:
+        model: The bodies.
+        scheme: What marches them.
+        numbers: Of the plan.
+        loop: The march, its gaps, and how bodies that start at rest came there.
+        limit: Least stable time step [s] of an explicit scheme.
+        watch: Sees what contact lets through.
+        limits: Sees rotations and strains.
+        probes: Look at places.
+        touching: Looks at contact forces; None where pairs have no columns.
+    """
+
+    model: SolidsModel
+    scheme: SolidScheme
+    numbers: MarchNumbers
+    loop: Loop
+    limit: float | None
+    watch: Watch
+    limits: ModelWatch
+    probes: SolidProbes
+    touching: ContactPlaces | None
+
+    @classmethod
+    def of(
+        cls,
+        model: SolidsModel,
+        few: Sequence[FewInterior],
+        scheme: SolidScheme,
+        numbers: MarchNumbers,
+        loop: Loop,
+        limit: float | None,
+        every: int,
+        places: Places | None,
+    ) -> "Observed":
+        """Have a march looked at; its rows get room for what that finds (collective).
+
+        Of all others see above; ``few`` march bodies without meshes, fields are kept of every so
+        many layers (0: of none), and the ways of places of bodies (None: chosen, if the error is
+        estimated).
+
+        Raises:
+            SceneError: A probe is outside its body.
+        """
+        march, parts = loop.march, model.parts
+        limits = ModelWatch(
+            {**{p.solid.name: Stretches(p.system, p.solid) for p in parts}, **_line_looks(few)},
+            [*(len(p.system.constrained) for p in parts), *(0 for _ in few)],
+            march.layers,
+            every,
+        )
+        if places is None and numbers.estimate:
+            places = chosen_places(model, few, march.layers)
+        kept = Kept.of(places, model, few) if places else None
+        joined = [march.interior.told] if model.joints else []
+        probes = SolidProbes.of(march, model, few, joined, kept)
+        touching = ContactPlaces.of(march, loop.gaps, loop.contacts, model)
+        axes = AxisWatch(model, few, loop.contacts.places, march.layers)
+        watch = Watch(model, max(1, march.layers // 50), axes, all_held=loop.gaps.shares_nodes)
+        return cls(model, scheme, numbers, loop, limit, watch, limits, probes, touching)
+
+    @property
+    def march(self) -> TimeLoop[Any]:
+        """The march."""
+        return self.loop.march
+
+    @property
+    def whole(self) -> Whole:
+        """What the solids are parts of; motions are told of the whole."""
+        return self.numbers.whole
+
+    def observers(self) -> list[Observer]:
+        """What looks at levels, in this order."""
+        found: list[Observer] = [self.watch, self.limits]
+        found += [self.probes] if self.probes.names else []
+        return found + ([self.touching] if self.touching else [])
+
+    def state(self) -> dict[str, float | str]:
+        """What was seen, for a checkpoint."""
+        return self.watch.state() | {"limits": self.limits.state()}
+
+    def restore(self, state: dict[str, float | str]) -> None:
+        """Go on from what was seen."""
+        self.watch.restore(state)
+        self.limits.restore(str(state["limits"]))
+
+
+@dataclass(frozen=True)
+class LineLooks:
+    """Rotation and strains of a body in the march, as a watch takes them of solids.
+
+    Attributes:
+        mass: [kg].
+        inertia: About its centre [kg m^2], (1, 1) or (3, 3); NaN if it is not known.
+        seen: Rotation now [rad], largest strain and that which 1 % of the volume exceeds; None of
+            strains that are not finite.
+    """
+
+    mass: float
+    inertia: Floats
+    seen: Callable[[], tuple[float, float | None, float | None]]
+
+    def look(self, displacement: Floats, known: float = 0.0) -> Look:  # noqa: ARG002  (of solids)
+        """What it is now; the watch gives what it knows of solids."""
+        turned, *strained = self.seen()
+        most, exceeded = (math.nan if value is None else value for value in strained)
+        return Look(turned, most, max(known, exceeded), 1.0)
+
+
+def _of_beam(march: FewMidpoint, parts: BeamParts) -> LineLooks:
+    """Of a beam."""
+
+    def seen() -> tuple[float, float | None, float | None]:
+        position = march.coordinates
+        strain, volumes = parts.fibres(position)
+        return parts.turned(position), *strains(strain[None], volumes)
+
+    return LineLooks(parts.beam.mass, parts.inertia, seen)
+
+
+def _of_bar(march: WaveBar) -> LineLooks:
+    """Of a bar, which does not turn."""
+
+    def seen() -> tuple[float, float | None, float | None]:
+        moved = march.motion(0)["displacement"] @ march.bodies.axis
+        found = bar_figures(march.bodies.bar, march.nodes, moved[None])
+        return 0.0, found["strain_max"], found["strain_99"]
+
+    return LineLooks(march.bodies.masses[0], np.full((1, 1), np.nan), seen)
+
+
+def _line_looks(few: Sequence[FewInterior]) -> dict[str, LineLooks]:
+    """Of the beams and bars among some bodies, by name."""
+    found: dict[str, LineLooks] = {}
+    for march in few:
+        if isinstance(march, WaveBar):
+            found[march.bodies.names[0]] = _of_bar(march)
+        elif isinstance(march, FewMidpoint) and march.bodies.beam is not None:
+            found[march.bodies.names[0]] = _of_beam(march, march.bodies.beam)
+    return found
