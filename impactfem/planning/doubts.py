@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.exact import ExactBar
 from impactfem.findings import Finding, warning
 from impactfem.scene import Scene
@@ -24,8 +24,6 @@ MEETS_NOTHING = "meets_nothing"
 _SAMPLES = 2000
 _ROUNDING = 1e-9  # share of the size of boxes within which they touch
 _FAST = 3.0  # times the speed of waves
-
-type Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

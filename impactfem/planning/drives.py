@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.fem import MPI
+from impactfem.result.shapes import as_vectors
 from impactfem.scene import Scene, Solid
 from impactfem.system.elastic import ElasticSystem
-
-Floats = NDArray[np.float64]
 
 _SAMPLES = 513
 
@@ -60,7 +59,7 @@ def flown(
     """
     times = np.linspace(0.0, scene.duration, _SAMPLES)
     spans = list(pairwise(times.tolist()))
-    pull = in_space(np.array([system.loads.mean_gravity(*span) for span in spans]))
+    pull = as_vectors(np.array([system.loads.mean_gravity(*span) for span in spans]))
     loaded = bool(solid.tractions or solid.pressures)
     spinning = np.zeros_like(pull)
     if loaded:
@@ -77,14 +76,14 @@ def _resultants(
     system: ElasticSystem, spans: Sequence[tuple[float, float]]
 ) -> tuple[Floats, Floats]:
     """Mean force [N] and moment about the centre of mass [N m] of all loads, (spans, 3) each."""
-    arm = in_space(system.positions - system.center_of_mass)
+    arm = as_vectors(system.positions - system.center_of_mass)
     forces, none = np.zeros(len(system.constrained)), np.zeros(system.dim)
     found = np.zeros((len(spans), 6))
     for k, span in enumerate(spans):
         if k and system.loads.is_steady:
             found[k] = found[0]
             continue
-        each = in_space(system.loads.mean(*span, forces, none).reshape(-1, system.dim))
+        each = as_vectors(system.loads.mean(*span, forces, none).reshape(-1, system.dim))
         found[k, :3], found[k, 3:] = each.sum(axis=0), np.cross(arm, each).sum(axis=0)
     system.comm.Allreduce(MPI.IN_PLACE, found)
     return found[:, :3], found[:, 3:]
@@ -112,7 +111,7 @@ def carried(scene: Scene, system: ElasticSystem) -> Drives:
     """
     times = np.linspace(0.0, scene.duration, _SAMPLES)
     supports, size = system.supports, system.nodes.size
-    arm = in_space(system.positions - system.center_of_mass) / size
+    arm = as_vectors(system.positions - system.center_of_mass) / size
     # Columns: the three translations [m], and three rotations times the size of the body [m].
     rows = np.zeros((len(arm), system.dim, 6))
     for k, unit in enumerate(np.eye(3)):
@@ -133,10 +132,3 @@ def carried(scene: Scene, system: ElasticSystem) -> Drives:
     known = bool(np.isfinite(values).all())
     motion = np.nan_to_num(values).T @ right @ np.linalg.pinv(normal, rcond=1e-9, hermitian=True)
     return Drives(times, motion[:, :3], motion[:, 3:] / size, loaded=False, known=known)
-
-
-def in_space(vectors: Floats) -> Floats:
-    """Vectors with a third component."""
-    found = np.zeros((len(vectors), 3))
-    found[:, : vectors.shape[1]] = vectors
-    return found

@@ -9,18 +9,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from impactfem.arrays import Floats
 from impactfem.contact.boundary import Boundary, everywhere
 from impactfem.contact.distance import signed_distance
 from impactfem.fem import MPI
-from impactfem.planning.drives import Drives, carried, flown, in_space
+from impactfem.planning.drives import Drives, carried, flown
+from impactfem.result.shapes import as_vectors
 from impactfem.scene import Scene, Solid
 from impactfem.scene.pairing import body_pairs, friction_of, obstacles_of
 from impactfem.system.elastic import ElasticSystem
-
-Floats = NDArray[np.float64]
 
 _SAMPLES = 64  # times at which bodies are looked at on their way
 
@@ -120,7 +119,7 @@ def flyer(scene: Scene, solid: Solid, system: ElasticSystem, outside: Boundary) 
     planes = dict(system.supports.planes)
     held = any(not support.mirrors for support in solid.supports)
     mass, centre = system.total_mass, system.center_of_mass
-    arm = in_space(system.positions - centre)
+    arm = as_vectors(system.positions - centre)
     own = np.einsum("k,ki,kj->ij", system.node_mass, arm, arm)
     second = np.asarray(system.comm.allreduce(own, op=MPI.SUM))
     inertia = np.trace(second) * np.eye(3) - second
@@ -143,19 +142,19 @@ def flyer(scene: Scene, solid: Solid, system: ElasticSystem, outside: Boundary) 
     rates = np.atleast_1d(np.asarray(solid.angular_velocity, dtype=np.float64))
     spin = np.array([0.0, 0.0, rates[0]]) if len(rates) == 1 else rates
     spin = spin * inverse.any(axis=1)
-    velocity = in_space(system.mean(system.velocity)[None])[0]
+    velocity = as_vectors(system.mean(system.velocity))
     return Flyer(
         solid=solid,
         free=not held,
         mass=math.inf if held else mass,
         inverse=inverse,
-        centre=in_space(centre[None])[0],
+        centre=as_vectors(centre),
         spin=spin,
         drives=carried(scene, system)
         if held
         else flown(scene, solid, system, inverse, (velocity, spin)),
-        points=in_space(outside.points + moved)[touching],
-        normals=in_space(normals)[touching],
+        points=as_vectors(outside.points + moved)[touching],
+        normals=as_vectors(normals)[touching],
         flat=(np.linalg.norm(normals, axis=1) / np.maximum(areas, 1e-300))[touching],
         wave_speed=speed,
         impedance=solid.density * speed,
@@ -177,7 +176,7 @@ def _blows(scene: Scene, body: Flyer, flyers: Sequence[Flyer]) -> Iterator[Blow 
 
         def near(t: float, obstacle: Any = obstacle) -> tuple[Floats, Floats]:
             gap, normal = signed_distance(obstacle, (body.points + body.drives.at(t))[:, :dim], t)
-            return gap, in_space(normal)
+            return gap, as_vectors(normal)
 
         friction = friction_of(scene, body.name, obstacle.name)
         yield _blow(scene, body, near, friction, obstacle.name)

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from impactfem.planning.sampling import Field, equal, of_formulas, samples, sum_of
 from impactfem.scene import Scene
@@ -11,8 +10,6 @@ from impactfem.scene.formula import Formula
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.obstacles.mirror import Mirror, signs
 from impactfem.scene.shapes import Block, Cylinder
-
-Floats = NDArray[np.float64]
 
 _PAIRS = (("left", "right"), ("bottom", "top"), ("back", "front"))
 

@@ -4,8 +4,8 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene.obstacles.rotation import placement
 from impactfem.scene.pairing import named_body_pairs
 
@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from impactfem.contact.body_pairs import SurfacePair
     from impactfem.models.solids import SolidPart, SolidsModel
 
-Floats = NDArray[np.float64]
 
 _FAR = 0.1  # ways over the size of an obstacle's features from which its normals change much
 _PAIRS_FOLLOW = (

@@ -3,13 +3,12 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.scene import Scene
 from impactfem.scene.formula import Formula
 from impactfem.scene.solids import Solid
 
-Floats = NDArray[np.float64]
 Field = Callable[[Floats, Floats], Floats]
 """Takes points (n, dim) and times (n,); returns values (n, components)."""
 

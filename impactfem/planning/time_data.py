@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.findings import Finding, by_limits, percent
 from impactfem.scene import Scene
 from impactfem.scene.formula import Formula
@@ -15,7 +15,6 @@ from impactfem.scene.means import Within, within
 if TYPE_CHECKING:
     from impactfem.system.loads import FormulaValues
 
-Floats = NDArray[np.float64]
 
 DATA_CODES = ("load_unresolved",)
 """What each run looks for, whose step explicit plans do not know yet."""

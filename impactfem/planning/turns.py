@@ -14,8 +14,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.contact.boundary import Boundary
 from impactfem.findings import Finding
 from impactfem.planning.flights import Blow, Flyer, first_blow, flyer, spacing
@@ -23,8 +23,6 @@ from impactfem.planning.model_limits import rotation_findings, strain_findings
 from impactfem.planning.resolution import resolution_findings
 from impactfem.scene import Scene, Solid
 from impactfem.system.elastic import ElasticSystem
-
-Floats = NDArray[np.float64]
 
 _FLAT, _CURVED = 1.2, 3.0
 """Strain of 1 % of the volume over speed / wave speed, where a face or a curve meets (measured)."""

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
 
+from impactfem.arrays import Floats
 from impactfem.fem import MPI
 from impactfem.findings import Finding
 from impactfem.planning.solid_choices import COURANT, Steps, fitting_solver
@@ -23,8 +23,6 @@ from impactfem.scene import Scene
 from impactfem.system.elastic import ElasticSystem
 from impactfem.system.linear import LinearSolver
 from impactfem.system.rigid_modes import RigidModes
-
-Floats = NDArray[np.float64]
 
 _LEAST = 200  # layers
 _WORTH = 3.0  # times fewer layers

@@ -3,10 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from impactfem.arrays import Booleans, Floats, Integers
 
 SEEN = 0.01
 """Share of the largest arrow below which none is drawn."""
@@ -93,11 +91,11 @@ def once(arrows: Floats, size: float) -> Floats:
     return np.asarray(found[np.array(kept, dtype=bool)])
 
 
-def _near(arrows: Floats, one: Floats, size: float) -> NDArray[np.bool_]:
+def _near(arrows: Floats, one: Floats, size: float) -> Booleans:
     return np.asarray(np.linalg.norm(arrows[:, 0] - one[0], axis=1) < _NEAR * size)
 
 
-def _patches(pressed: NDArray[np.bool_], links: Sequence[Integers]) -> list[Integers]:
+def _patches(pressed: Booleans, links: Sequence[Integers]) -> list[Integers]:
     """Pressed nodes, those that are linked together."""
     label = np.arange(len(pressed))
     pairs = []

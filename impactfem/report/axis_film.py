@@ -8,15 +8,13 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.report.film import BLUE, Reel, film_moments, force_beside
 from impactfem.report.prefixes import prefix_ticks
 from impactfem.report.sheet import Sheet
 from impactfem.result import Record, Snapshots
 from impactfem.result.shapes import LINE
-
-Floats = NDArray[np.float64]
 
 _FRAMES = 60
 _OBSTACLE = "0.80"

@@ -11,9 +11,10 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.report.film import Reel, cursor, film_moments, force_beside
+from impactfem.report.painter import Painter
 from impactfem.report.palette import STRESS
 from impactfem.report.panel import colour
 from impactfem.report.panel_figure import draw_panel
@@ -25,16 +26,12 @@ from impactfem.report.slender_picture import tracks
 from impactfem.report.solid_figures import (
     FLAT,
     LABEL,
-    Painter,
     drawn_skin,
     forces_key,
     scale_of,
     survey,
 )
-from impactfem.report.space_picture import SpacePainter
 from impactfem.result import Record, Snapshots
-
-Floats = NDArray[np.float64]
 
 _MOST, _LEAST = 60, 12  # frames
 _TRIANGLES = 600_000  # drawn in all frames together: some seconds
@@ -56,7 +53,7 @@ class BodyReel(Reel):
         drawn: What the last moment drew.
     """
 
-    layers: NDArray[np.int64]
+    layers: Integers
     skin: Skin
     painter: Painter
     panel: Axes
@@ -139,8 +136,7 @@ def _ways(skin: Skin, painter: Painter) -> Floats:
     own = skin.balls[skin.balls < len(skin.points) >> len(skin.mirrors)]
     first, last = int(own.min()), int(own.max()) + 1
     moved = skin.fields.over_time("displacement", slice(first, last))[:, own - first]
-    places = skin.points[own] + moved
-    return painter.camera.flat(places) if isinstance(painter, SpacePainter) else places[:, :, :2]
+    return painter.camera.flat(skin.points[own] + moved)
 
 
 def _size(aspect: float) -> tuple[float, float]:

@@ -1,15 +1,26 @@
-"""Edges of surfaces: where two faces meet at an angle, and where a surface ends."""
+"""Normals of faces, and edges of surfaces: where two meet at an angle or a surface ends."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from impactfem.arrays import Floats, Integers
 
 _SHARP = np.cos(np.radians(40.0))
 _SAME = 1e-9  # of the size: nodes nearer to each other are one
+
+
+def normals(points: Floats, triangles: Integers) -> Floats:
+    """Normals of triangles, as long as twice their areas; shape (triangles, 3)."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def unit_normals(corners: Floats) -> Floats:
+    """Unit normals of faces given by their corners (faces, 3 or more, 3), shape (faces, 3)."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None])
 
 
 def feature_edges(
@@ -32,9 +43,7 @@ def feature_edges(
     place = np.unique(np.round(points / (_SAME * size)), axis=0, return_inverse=True)[1].ravel()
     ordered = np.sort(place[triangles], axis=1)
     proper = np.flatnonzero((np.diff(ordered, axis=1) > 0).all(axis=1))
-    corners = points[triangles]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    normal = unit_normals(points[triangles])
     ends = triangles[proper][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     owners = np.repeat(proper, 3)
     keys = np.sort(place[ends], axis=1)

@@ -1,12 +1,10 @@
 """The error of a run over time, where an exact solution is known."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.report.panel import BLUE, ORANGE, Curve, Panel, is_exact, over_time
 from impactfem.result import Record
-
-Floats = NDArray[np.float64]
 
 _RAMP = 1e-8  # share of the duration below which a step of samples stands for a jump
 _ROUNDING = 1e-17  # relative, below which a point counts as exact

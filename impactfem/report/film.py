@@ -15,9 +15,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
-from numpy.typing import NDArray
 from PIL import Image
 
+from impactfem.arrays import Floats, Integers
 from impactfem.errors import MissingDependencyError, OutputError
 from impactfem.report.palette import FORCE, HELD, PRESSURE
 from impactfem.report.panel import COLOURS
@@ -46,7 +46,7 @@ class Reel(ABC):
     """
 
     figure: Figure
-    times: NDArray[np.float64]
+    times: Floats
     clock: Text
     now: Line2D
 
@@ -93,7 +93,7 @@ def frame_rate(count: int) -> float:
     return max(1.0, count / _SECONDS)
 
 
-def beside(axes: Axes, time: NDArray[np.float64], values: NDArray[np.float64], label: str) -> None:
+def beside(axes: Axes, time: Floats, values: Floats, label: str) -> None:
     """Draw the curve of what holds during each step, beside a motion."""
     axes.stairs(values[1:], time, baseline=None, color=BLUE, linewidth=1.2)
     axes.set_xlim(0.0, float(time[-1]))
@@ -115,7 +115,7 @@ def cursor(axes: Axes) -> Line2D:
     return line
 
 
-def film_moments(result: Record, times: NDArray[np.float64], frames: int) -> NDArray[np.int64]:
+def film_moments(result: Record, times: Floats, frames: int) -> Integers:
     """Layers at about equal distances in time, at most so many, one at the largest force."""
     found = even_moments(times, frames)
     peak = peak_layer(result, times)
@@ -124,7 +124,7 @@ def film_moments(result: Record, times: NDArray[np.float64], frames: int) -> NDA
     return np.unique(found)
 
 
-def even_moments(times: NDArray[np.float64], frames: int) -> NDArray[np.int64]:
+def even_moments(times: Floats, frames: int) -> Integers:
     """Layers at about equal distances in time, at most so many."""
     wanted = np.linspace(times[0], times[-1], min(frames, len(times)))
     after = np.clip(np.searchsorted(times, wanted), 1, max(1, len(times) - 1))

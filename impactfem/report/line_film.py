@@ -11,8 +11,8 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.distance import on_a_line
 from impactfem.report.film import Reel, cursor, film_moments, force_beside
 from impactfem.report.line_panels import magnified
@@ -22,9 +22,6 @@ from impactfem.report.panel_figure import draw_panel
 from impactfem.report.prefixes import prefix_ticks
 from impactfem.report.sheet import Sheet
 from impactfem.result import Fields, Record, Snapshots
-
-Floats = NDArray[np.float64]
-Nodes = NDArray[np.int64]
 
 _FRAMES = 60
 _PIECES = 400  # coloured pieces of all bars together
@@ -49,7 +46,7 @@ class LineReel(Reel):
 
     near: Floats
     far: Floats
-    first: Nodes
+    first: Integers
     pieces: PolyCollection
     outlines: LineCollection
     walls: Callable[[float], Sequence[Artist]]
@@ -89,7 +86,7 @@ def line_reel(result: Record, fields: Snapshots, frames: int | None) -> LineReel
     return _bodies(result, fields, moments)
 
 
-def _bars(result: Record, fields: Fields, moments: Nodes) -> LineReel | None:
+def _bars(result: Record, fields: Fields, moments: Integers) -> LineReel | None:
     """Stress in colours; motion and gaps of stiff bars are magnified, as in their world lines."""
     if not np.isfinite(fields.displacement[moments]).all():
         return None
@@ -120,7 +117,7 @@ def _bars(result: Record, fields: Fields, moments: Nodes) -> LineReel | None:
                  (above, force_beside(below, result)))  # fmt: skip
 
 
-def _bodies(result: Record, fields: Snapshots, moments: Nodes) -> LineReel | None:
+def _bodies(result: Record, fields: Snapshots, moments: Integers) -> LineReel | None:
     """Points and bars as wide as they are, with the obstacles and the paths of all below."""
     places, layout = fields.places()[moments, :, 0], fields.layout
     if not np.isfinite(places).all():
@@ -159,7 +156,7 @@ def _reel(
     figure: Figure,
     times: Floats,
     ends: tuple[Floats, Floats],
-    first: Nodes,
+    first: Integers,
     pieces: PolyCollection,
     walls: Callable[[float], Sequence[Artist]],
     stress: Floats | None,
@@ -200,7 +197,7 @@ def _boxes(near: Floats, far: Floats) -> Any:
     return np.stack([np.column_stack([near, far, far, near]), across], axis=2)
 
 
-def _pieces(result: Record, fields: Fields) -> tuple[Nodes, Nodes, Floats, Nodes]:
+def _pieces(result: Record, fields: Fields) -> tuple[Integers, Integers, Floats, Integers]:
     """First and last nodes of the pieces, Young's moduli [Pa], and the first piece of each bar."""
     counts = fields.counts or (len(fields.positions),)
     starts = np.cumsum([0, *counts])

@@ -3,14 +3,11 @@
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.report.page.numbers import quantity
 from impactfem.report.panel import CONTACT, Curve, Map, Panel, colour, evenly, over_time
 from impactfem.result import Fields, Record
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _MAP = 200  # samples of a map along each axis
 _LINE, _LINES = 500, 11  # samples of a world line; lines of one bar, and at most of each of several

@@ -5,14 +5,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.report.skin import Skin, Snapshot
 from impactfem.scene import Scene
 from impactfem.scene.joints import GROUND
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _TURNED = np.cos(np.radians(3.0))  # cosine of the angle of a body that is seen to turn
 _WHOLE = 0.99  # correlation of its places with those of a rigid body
@@ -55,7 +52,7 @@ class Marks:
     """
 
     pins: Sequence[Pin] = ()
-    held: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool))
+    held: Booleans = field(default_factory=lambda: np.empty(0, dtype=bool))
     whole: frozenset[int] = frozenset()
     turned: frozenset[int] = frozenset()
 

@@ -4,11 +4,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.collections import PolyCollection
-from numpy.typing import NDArray
 
+from impactfem.report.camera import Camera
 from impactfem.report.palette import fill, tint
 from impactfem.report.sheet import Sheet
-from impactfem.report.space_picture import Camera
 from impactfem.scene import Scene
 from impactfem.scene.rigid_keys import rotation
 
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 
     from impactfem.models.kinematics import Kinematics
 
-Floats = NDArray[np.float64]
 
 _AXIS = 0.08  # length of the axes of a frame, as a share of the picture
 _COLOURS = ("tab:red", "tab:green", "tab:blue")

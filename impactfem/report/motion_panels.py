@@ -1,14 +1,12 @@
 """Panels of the ways of bodies: coordinates, velocities, paths, phase portraits, impacts."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.distance import on_a_line
 from impactfem.report.panel import GREY, MOST_NAMES, Curve, Panel, colour, is_told, over_time
 from impactfem.report.phase import phase_curve
 from impactfem.result import Fields, Record
-
-Floats = NDArray[np.float64]
 
 _MOST_CURVES = 16
 _MOST_DOTS, _MANY = 3000, 50  # impacts that are drawn; from which on dots are small
@@ -144,7 +142,7 @@ def impulses(result: Record) -> Panel | None:
     return over_time(result, "impulses", "Impulses", caption, curves, "impulse [N s]", named=True)
 
 
-def _dots(result: Record, rows: NDArray[np.int64], values: Floats, unit: str) -> list[Curve]:
+def _dots(result: Record, rows: Integers, values: Floats, unit: str) -> list[Curve]:
     """Impacts of some rows, the largest and lowest of many."""
     found = result.impacts
     if found is None:

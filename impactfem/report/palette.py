@@ -4,8 +4,8 @@ from functools import cache
 
 import numpy as np
 from matplotlib.colors import to_rgb
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.report.panel import colour
 
 STRESS = "YlGnBu"
@@ -25,12 +25,12 @@ _PALE = 0.62  # share of white in what a body is filled with
 
 
 @cache
-def tint(k: int) -> NDArray[np.float64]:
+def tint(k: int) -> Floats:
     """Colour of the k-th body: of its edges and marks, of its axis; shape (3,)."""
     return np.array(to_rgb(colour(k)))
 
 
 @cache
-def fill(k: int) -> NDArray[np.float64]:
+def fill(k: int) -> Floats:
     """Colour that the k-th body is filled with if it has no stress, shape (3,)."""
     return np.asarray((1.0 - _PALE) * tint(k) + _PALE)

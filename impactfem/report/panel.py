@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from impactfem.arrays import Floats, Integers
 from impactfem.methods import METHODS
 from impactfem.result import Record
-
-Floats = NDArray[np.float64]
 
 BLUE, ORANGE, GREEN, GREY = "#0b559f", "#d95f02", "#1b7837", "#666666"
 COLOURS = (BLUE, ORANGE, GREEN, "#7b3294", "#b2182b", GREY)
@@ -141,7 +140,7 @@ def is_told(values: ArrayLike) -> bool:
     return bool((np.isfinite(column) & (column != 0.0)).any())
 
 
-def evenly(count: int, most: int) -> NDArray[np.int64]:
+def evenly(count: int, most: int) -> Integers:
     """At most so many indices, ends included."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
 

@@ -3,13 +3,11 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.result import Record
 from impactfem.scene.jets import motion_at
 from impactfem.system.points import contact_pairs
-
-Floats = NDArray[np.float64]
 
 _SMEARED = 1.5  # rows about an impact in which a scheme with steps means velocities over it
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, override
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -11,14 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize, to_rgb
 from matplotlib.tri import Triangulation
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats
 from impactfem.contact.distance import nearest_obstacle, signed_distance
-from impactfem.report.arrows import SEEN
-from impactfem.report.marks import NO_MARKS, Marks, spoke
+from impactfem.report.camera import FLAT, Camera
+from impactfem.report.marks import spoke
+from impactfem.report.painter import Painter
 from impactfem.report.palette import (
     EDGE,
-    FORCE,
     HELD,
     OBSTACLE,
     OBSTACLE_EDGE,
@@ -29,10 +29,8 @@ from impactfem.report.palette import (
 )
 from impactfem.report.pile import Pile
 from impactfem.report.prefixes import prefix_ticks
-from impactfem.report.skin import Skin, Snapshot, spread, union
-from impactfem.report.slender_picture import reach, slender, widened
-
-Floats = NDArray[np.float64]
+from impactfem.report.skin import Snapshot
+from impactfem.report.slender_picture import slender
 
 _SAMPLES = 240  # of the obstacles' outline along each axis
 _LONGEST = 0.2  # share of the body's size that the largest contact pressure is drawn at
@@ -44,48 +42,33 @@ WIDEST = 5.0
 
 
 @dataclass(frozen=True)
-class PlanePainter:
-    """Draws plane or axisymmetric bodies at true scale.
+class PlanePainter(Painter):
+    """Draws plane or axisymmetric bodies.
 
     Attributes:
-        skin: Skin of the bodies.
-        obstacles: Obstacles of the scene.
         axisymmetric: Whether x is the radius.
-        stress: Von Mises stress at the ends of the colours [Pa].
-        pressure: Largest contact pressure of all pictures [Pa].
-        force: Largest contact force of all pictures [N].
         several: Whether bodies can strike each other: then the pressure is a line along the
             contact, the wider the larger, as an area beyond it would cover the other body.
-        marks: What is drawn upon the bodies.
     """
 
-    skin: Skin
-    obstacles: Sequence[Any]
-    axisymmetric: bool
-    stress: tuple[float, float] = (0.0, 1.0)
-    pressure: float = 0.0
-    force: float = 0.0
+    camera: Camera = FLAT
+    axisymmetric: bool = False
     several: bool = False
-    marks: Marks = NO_MARKS
 
-    def extent(self, snapshot: Snapshot) -> Floats:
-        """Range of x and y of the bodies, shape (2, 2): rows are directions."""
-        place, room = snapshot.place[self.skin.nodes, :2], reach(self.skin)
-        return np.stack([(place - room).min(axis=0), (place + room).max(axis=0)], axis=1)
-
-    def window(self, extents: Sequence[Floats]) -> Floats:
-        """Range of x and y that shows the body and its pressure in some snapshots, (2, 2)."""
+    @override
+    def room(self, across: float) -> float:
         beyond = self.pressure > 0.0 and not self.several
-        room = _ROOM * max(self.skin.size, spread(extents)) + (
-            1.1 * self._longest if beyond else 0.0
-        )
-        window = widened(union(extents, room), self.skin)
+        return _ROOM * max(self.skin.size, across) + (1.1 * self._longest if beyond else 0.0)
+
+    @override
+    def window(self, extents: Sequence[Floats]) -> Floats:
+        window = super().window(extents)
         if self.axisymmetric:
             window[0, 0] = -0.06 * self.skin.size
         return window
 
+    @override
     def prepare(self, axes: Axes, window: Floats, time: float) -> list[Artist]:
-        """Draw what stays: axes, and obstacles that do not move; nothing lies above the body."""
         axes.set_aspect("equal")
         axes.set_xlim(*window[0])
         axes.set_ylim(*window[1])
@@ -99,8 +82,8 @@ class PlanePainter:
             draw_obstacles(axes, self.obstacles, time)
         return []
 
+    @override
     def draw(self, axes: Axes, snapshot: Snapshot) -> list[Artist]:
-        """Draw what belongs to one time; returns the artists from the back to the front."""
         artists = draw_obstacles(axes, self.obstacles, snapshot.time) if self._moves else []
         ends = snapshot.place[self.skin.segments][:, :, :2]
         if self.skin.stressed.any():
@@ -125,11 +108,11 @@ class PlanePainter:
         if self.force > 0.0:
             longest = self._longest if len(self.skin.triangles) else _LONGEST * self.skin.size
             arrows = snapshot.arrows[:, :, :2] * ([0.0, 1.0] if self.axisymmetric else 1.0)
-            artists.append(draw_arrows(axes, arrows, longest, self.force))
-        return [*artists, *draw_pins(axes, self.marks, snapshot)]
+            artists.append(self.draw_arrows(axes, arrows, longest))
+        return [*artists, *self.draw_pins(axes, snapshot)]
 
     @cached_property
-    def _outlined(self) -> NDArray[np.bool_]:
+    def _outlined(self) -> Booleans:
         """Segments of the boundary of solids with stress, shape (segments,)."""
         return np.asarray(self.skin.is_stressed[self.skin.segments].all(axis=1))
 
@@ -192,44 +175,6 @@ class PlanePainter:
             list(ends[shown]), colors=PRESSURE, capstyle="butt", zorder=3,
             linewidths=np.maximum(1.0, WIDEST * pressure[shown].mean(axis=1) / self.pressure),
         )  # fmt: skip
-
-
-def draw_pins(axes: Axes, marks: Marks, snapshot: Snapshot, camera: Any = None) -> list[Artist]:
-    """Draw joints where they are: round if bodies turn about them, filled if to the ground.
-
-    Args:
-        axes: Where.
-        marks: With joints.
-        snapshot: When.
-        camera: With a method ``flat`` that projects places; None in the plane.
-    """
-    drawn: list[Artist] = []
-    for pin in marks.pins:
-        place = pin.at(snapshot)
-        x, y = place[:2] if camera is None else camera.flat(place)
-        drawn += axes.plot(
-            x, y, "o" if pin.turns else "s", markersize=8 if pin.grounded else 6, color=HELD,
-            markerfacecolor=HELD if pin.grounded else "white", zorder=4.5,
-            scalex=False, scaley=False,
-        )  # fmt: skip
-    return drawn
-
-
-def draw_arrows(axes: Axes, arrows: Floats, longest: float, largest: float) -> Artist:
-    """Draw forces from where they act on, for each body those on it.
-
-    Args:
-        axes: Where.
-        arrows: Places in the picture [m] and forces [N], shape (arrows, 2, 2).
-        longest: Length of the largest force in the picture [m].
-        largest: That force [N].
-    """
-    shown = arrows[np.linalg.norm(arrows[:, 1], axis=1) > SEEN * largest]
-    return axes.quiver(
-        *shown[:, 0].T, *(longest / largest * shown[:, 1].T), scale=1.0, scale_units="xy",
-        angles="xy", color=FORCE, units="inches", width=0.025, headwidth=4.0, headlength=5.0,
-        headaxislength=4.5, minlength=0.5, zorder=4, edgecolor="white", linewidth=0.4,
-    )  # fmt: skip
 
 
 def draw_obstacles(axes: Axes, obstacles: Sequence[Any], time: float) -> list[Artist]:

@@ -8,14 +8,13 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats
+from impactfem.report.edges import normals
 from impactfem.report.page.numbers import quantity
 from impactfem.report.palette import PRESSURES
 from impactfem.report.prefixes import prefix_ticks
-from impactfem.report.skin import Skin, Snapshot, normals
-
-Floats = NDArray[np.float64]
+from impactfem.report.skin import Skin, Snapshot
 
 
 def draw_pressure_maps(
@@ -90,7 +89,7 @@ def draw_pressure_maps(
     prefix_ticks(bar.ax.yaxis, "contact pressure [Pa]")
 
 
-def _spot(snapshot: Snapshot, loaded: NDArray[np.bool_], towards: Floats) -> Floats:
+def _spot(snapshot: Snapshot, loaded: Booleans, towards: Floats) -> Floats:
     """Middle of the pressure, or else of what is foremost of the nodes that are ever loaded."""
     now = loaded & (snapshot.pressure > 0.0)
     if now.any():

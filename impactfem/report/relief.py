@@ -4,14 +4,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.contact.distance import signed_distance
 from impactfem.report.skin import Skin
 from impactfem.scene import Scene
 from impactfem.scene.rigid import RigidBody
-
-Floats = NDArray[np.float64]
 
 _SHARE = 0.1  # of the plate's size, that its largest deflection is drawn at
 _MOST = 400  # nodes that are asked for their distance from an obstacle
@@ -39,8 +37,8 @@ class Relief:
     normal: Floats
     half: float
     points: Floats
-    own: NDArray[np.bool_]
-    others: tuple[tuple[NDArray[np.int64], float, int], ...]
+    own: Booleans
+    others: tuple[tuple[Integers, float, int], ...]
     farthest: float
 
     def drawn(self, rest: Floats, places: Floats) -> Floats:
@@ -93,7 +91,7 @@ def relief_of(scene: Scene, skin: Skin) -> Relief | None:
 
 def _other(
     scene: Scene, skin: Skin, number: int, points: Floats, normal: Floats, half: float, first: int
-) -> tuple[NDArray[np.int64], float, int]:
+) -> tuple[Integers, float, int]:
     """Nodes of a body, its gap to the plate [m], and the node of the plate beside it."""
     nodes = np.flatnonzero(skin.bodies == number)
     places, radius = skin.points[nodes], skin.radius[nodes]

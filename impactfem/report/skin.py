@@ -6,17 +6,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Booleans, Floats, Integers
 from impactfem.report.arrows import once, resultants
-from impactfem.report.edges import feature_edges
+from impactfem.report.edges import feature_edges, normals
 from impactfem.result import Snapshots
 from impactfem.result.cell_kinds import BY_VTK_TYPE, CellKind, boundary_facets, face_triangles
 from impactfem.result.shapes import LINE, VERTEX
 from impactfem.result.whole import Whole
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _SHOWN = ("displacement", "von_mises", "contact_pressure", "contact_force", "gap")
 _ALONG = 0.9  # cosine of the angle to x up to which faces of a body with edges are marked
@@ -40,7 +37,7 @@ class Snapshot:
     place: Floats
     von_mises: Floats
     pressure: Floats
-    may_touch: NDArray[np.bool_]
+    may_touch: Booleans
     arrows: Floats = field(default_factory=lambda: np.empty((0, 2, 3)))
 
     @property
@@ -178,7 +175,7 @@ class Skin:
         return max(float((high.max(axis=0) - low.min(axis=0)).max()), self.span)
 
     @cached_property
-    def is_stressed(self) -> NDArray[np.bool_]:
+    def is_stressed(self) -> Booleans:
         """Whether a node is one of an elastic solid, shape (nodes,)."""
         images = 2 ** len(self.mirrors)
         count = len(self.points) // images
@@ -189,7 +186,7 @@ class Skin:
         return np.tile(found, images)
 
     @cached_property
-    def stressed(self) -> NDArray[np.bool_]:
+    def stressed(self) -> Booleans:
         """Whether a triangle is one of an elastic solid, shape (triangles,)."""
         return np.asarray(self.is_stressed[self.triangles].all(axis=1))
 
@@ -201,7 +198,7 @@ class Skin:
         return {int(k): nodes[owners == k] for k in np.unique(owners)}
 
     @cached_property
-    def open_faces(self) -> NDArray[np.bool_]:
+    def open_faces(self) -> Booleans:
         """Whether a triangle in space is one of a plate, which has two sides; (triangles,)."""
         layout = self.fields.layout
         plates = [kind for kind, known in BY_VTK_TYPE.items() if known.dim < self.dim]
@@ -209,7 +206,7 @@ class Skin:
         return np.isin(self.bodies[self.triangles[:, 0]], bodies)
 
     @cached_property
-    def marked(self) -> NDArray[np.bool_]:
+    def marked(self) -> Booleans:
         """Faces in space in another tone, that show a turning body by; shape (triangles,).
 
         Of a round body every other eighth, of one with edges the faces that look along x.
@@ -296,9 +293,7 @@ def _surface(
     return triangles, facets, np.empty((0, 2), dtype=np.int64)
 
 
-def _fill_middles(
-    facets: Integers, dim: int, pressure: Floats, touching: NDArray[np.bool_]
-) -> None:
+def _fill_middles(facets: Integers, dim: int, pressure: Floats, touching: Booleans) -> None:
     """Interpolate where corners carry contact and the nodes between them do not."""
     width = facets.shape[1]
     between: list[tuple[int, tuple[int, ...]]]
@@ -325,12 +320,6 @@ def _mirrored(places: Floats, mirrors: tuple[tuple[int, float], ...]) -> Floats:
         image[:, axis] = 2.0 * level - places[:, axis]
         places = np.concatenate([places, image])
     return places
-
-
-def normals(points: Floats, triangles: Integers) -> Floats:
-    """Normals of triangles, as long as twice their areas; shape (triangles, 3)."""
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)
 
 
 def union(extents: Sequence[Floats], room: float) -> Floats:

@@ -3,22 +3,18 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.report.palette import fill, tint
 from impactfem.report.skin import Skin
 
-Floats = NDArray[np.float64]
-
-
 _DOT, _BAND = 0.012, 0.004  # radius of points and of lines that have none, as shares of the size
-_NARROWEST = 0.4  # share of its longer side that a picture of points is wide or high at least
 _ARC = np.linspace(0.0, 2.0 * np.pi, 33)[:-1]
 _CIRCLE = np.stack([np.cos(_ARC), np.sin(_ARC)], axis=1)
 _LIGHT, _HIGHLIGHT = np.array([-0.3, 0.35]), 0.45  # middle and radius of a spot on a ball
 
 
-def slender(skin: Skin, flat: Floats) -> tuple[list[Floats], Floats, NDArray[np.int64]]:
+def slender(skin: Skin, flat: Floats) -> tuple[list[Floats], Floats, Integers]:
     """Outlines of all points and lines.
 
     Args:
@@ -57,20 +53,6 @@ def _bands(skin: Skin, node: int) -> Sequence[tuple[float, Floats]]:
     body = int(skin.bodies[node])
     axis, thick = (_BAND * skin.size, tint(body)), (float(skin.radius[node]), fill(body))
     return [thick, axis] if skin.radius[node] > 0.0 else [axis]
-
-
-def reach(skin: Skin) -> Floats:
-    """How far what is drawn of each seen node reaches [m], shape (seen, 1)."""
-    return skin.radius[skin.nodes][:, None]
-
-
-def widened(window: Floats, skin: Skin) -> Floats:
-    """A window that is not too narrow where points move along a line, shape (2, 2)."""
-    if len(skin.triangles):
-        return window
-    extent = np.ptp(window, axis=1)
-    spread = 0.5 * np.maximum(_NARROWEST * extent.max() - extent, 0.0)
-    return np.asarray(window + np.stack([-spread, spread], axis=1))
 
 
 def tracks(times: Floats, places: Floats, time: float, share: float) -> list[Floats]:

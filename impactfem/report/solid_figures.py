@@ -11,10 +11,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
+from impactfem.report.camera import Camera
 from impactfem.report.marks import Marks
 from impactfem.report.page.numbers import quantity
+from impactfem.report.painter import Painter
 from impactfem.report.palette import FORCE, HELD, PRESSURE, STRESS
 from impactfem.report.plane_picture import WIDEST, PlanePainter
 from impactfem.report.prefixes import prefix_ticks, prefixed_unit
@@ -22,15 +24,12 @@ from impactfem.report.pressure_maps import draw_pressure_maps
 from impactfem.report.relief import relief_of
 from impactfem.report.sheet import Sheet
 from impactfem.report.skin import Skin, Snapshot, spread, union
-from impactfem.report.space_picture import Camera, SpacePainter, skin_of
+from impactfem.report.space_picture import SpacePainter, skin_of
 from impactfem.report.telling import telling_snapshots
 from impactfem.result import Record, Snapshots
 from impactfem.result.whole import Whole
 from impactfem.scene import Scene
 from impactfem.scene.pairing import self_meeting
-
-Floats = NDArray[np.float64]
-type Painter = PlanePainter | SpacePainter
 
 _FAR = 2.5  # a body that moves farther than so many of its sizes is followed
 _FLASHED, _FLASHES = 5.0, 14  # sizes from which it is drawn as by flashes, and how many
@@ -92,7 +91,7 @@ def _painter(result: Record, skin: Skin) -> Painter:
     if skin.dim == 2:
         turned = any(solid.is_axisymmetric for solid in result.scene.solids)
         several = len(result.scene.bodies) > 1 or bool(self_meeting(result.scene))
-        return PlanePainter(skin, result.scene.obstacles, turned, several=several)
+        return PlanePainter(skin, result.scene.obstacles, axisymmetric=turned, several=several)
     return SpacePainter(skin, result.scene.obstacles, Camera.of(result.scene))
 
 

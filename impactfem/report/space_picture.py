@@ -1,9 +1,8 @@
 """Pictures of bodies in space, projected and shaded here: no display and no VTK is needed."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, override
 
 import numpy as np
 from matplotlib import colormaps
@@ -11,25 +10,21 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize, to_rgb
-from numpy.typing import NDArray
 
-from impactfem.report.marks import NO_MARKS, Marks
+from impactfem.arrays import Booleans, Floats, Integers
+from impactfem.report.camera import Camera
+from impactfem.report.edges import unit_normals
 from impactfem.report.page.numbers import quantity
+from impactfem.report.painter import Painter
 from impactfem.report.palette import EDGE, FLOOR, GRID, HELD, STRESS, fill, tint
 from impactfem.report.pile import Pile
-from impactfem.report.plane_picture import draw_arrows, draw_pins
-from impactfem.report.skin import Skin, Snapshot, normals, spread, union
-from impactfem.report.slender_picture import reach, slender, widened
+from impactfem.report.skin import Skin, Snapshot
+from impactfem.report.slender_picture import slender
 from impactfem.result import Record, Snapshots
 from impactfem.result.whole import Whole
-from impactfem.scene import Scene
 from impactfem.scene.obstacles.faces import spacing
 from impactfem.scene.obstacles.rotation import Placement, placement
 
-Floats = NDArray[np.float64]
-
-_ELEVATION, _STEEP = np.radians(14.0), np.radians(40.0)  # of the view; upon plates
-_AZIMUTHS = np.radians([55.0, 125.0, 235.0, 305.0])
 _GREY = np.array([0.78, 0.78, 0.78])
 _AMBIENT = 0.62  # share of the light that comes from all around
 _ARROW = {"arrowstyle": "->", "shrinkA": 0.0, "shrinkB": 0.0}
@@ -37,110 +32,23 @@ _LONGEST = 0.3  # share of the size that the largest contact force is drawn at
 
 
 @dataclass(frozen=True)
-class Camera:
-    """A parallel projection.
+class SpacePainter(Painter):
+    """Draws bodies in space, with their edges and their faces in the light.
 
     Attributes:
-        right: Unit vector that points right in the picture, shape (3,).
-        up: Unit vector that points up in it.
-        towards: Unit vector towards the viewer.
-    """
-
-    right: Floats
-    up: Floats
-    towards: Floats
-
-    @classmethod
-    def facing(
-        cls, vertical: Floats, planes: Sequence[Floats], elevation: float = _ELEVATION
-    ) -> "Camera":
-        """Look down a little, from where most planes (by their normals) show their front."""
-        first = np.eye(3)[int(np.argmin(np.abs(vertical)))]
-        if abs(vertical[1]) > 0.9:
-            first = np.eye(3)[0]
-        first -= (first @ vertical) * vertical
-        first /= np.linalg.norm(first)
-        second = np.cross(first, vertical)  # with y up: x right and z towards the viewer
-        views = [
-            np.cos(elevation) * (np.cos(a) * first + np.sin(a) * second)
-            + np.sin(elevation) * vertical
-            for a in _AZIMUTHS
-        ]
-        towards = max(views, key=lambda view: sum(bool(view @ n > 1e-9) for n in planes))
-        right = np.cross(vertical, towards)
-        right /= np.linalg.norm(right)
-        return cls(right, np.cross(towards, right), towards)
-
-    @classmethod
-    def of(cls, scene: Scene) -> "Camera":
-        """The view of a scene."""
-        steep = _STEEP if _plate_normal(scene) is not None else _ELEVATION
-        return cls.facing(vertical_of(scene), plane_normals(scene), steep)
-
-    def flat(self, places: Floats) -> Floats:
-        """Where places appear, shape (..., 2)."""
-        return np.stack([places @ self.right, places @ self.up], axis=-1)
-
-
-def plane_normals(scene: Scene) -> list[Floats]:
-    """Normals of the obstacles that are planes, (3,) each."""
-    found = (obstacle.plane_normal for obstacle in scene.rigid_obstacles)
-    return [np.array(normal) for normal in found if normal is not None]
-
-
-def vertical_of(scene: Scene) -> Floats:
-    """What points up: a plate's normal, else against gravity, or along y without any; (3,)."""
-    if (normal := _plate_normal(scene)) is not None:
-        return normal
-    gravity = np.asarray(scene.vector_gravity.at(0.0), dtype=np.float64)
-    size = float(np.linalg.norm(gravity))
-    return -gravity / size if size > 0.0 else np.eye(3)[1]
-
-
-def _plate_normal(scene: Scene) -> Floats | None:
-    """Normal of the plate; None without one, or beside solids."""
-    plates = scene.plates
-    return np.asarray(plates[0].frame[1][2]) if plates and not scene.solids else None
-
-
-@dataclass(frozen=True)
-class SpacePainter:
-    """Draws a solid in space at true scale.
-
-    Attributes:
-        skin: Skin of the solid.
-        obstacles: Obstacles of the scene.
-        camera: Where it is looked from.
-        stress: Von Mises stress at the ends of the colours [Pa].
-        pressure: Largest contact pressure of all pictures [Pa].
-        force: Largest contact force of all pictures [N].
-        marks: What is drawn upon the bodies.
         plain: Whether bodies have their own colours, whatever their stress.
         ground: Where obstacles without end are drawn, and how far [m]; around the bodies if None.
     """
 
-    skin: Skin
-    obstacles: Sequence[Any]
-    camera: Camera
-    stress: tuple[float, float] = (0.0, 1.0)
-    pressure: float = 0.0
-    force: float = 0.0
-    marks: Marks = NO_MARKS
     plain: bool = False
     ground: tuple[Floats, float] | None = None
 
-    def extent(self, snapshot: Snapshot) -> Floats:
-        """Range of the body in the picture, shape (2, 2): rows are directions."""
-        flat, room = self.camera.flat(snapshot.place[self.skin.nodes]), reach(self.skin)
-        return np.stack([(flat - room).min(axis=0), (flat + room).max(axis=0)], axis=1)
+    @override
+    def room(self, across: float) -> float:
+        return max(0.15 * self.skin.size, 0.06 * across)
 
-    def window(self, extents: Sequence[Floats]) -> Floats:
-        """Range of the picture that shows the body in some snapshots, shape (2, 2)."""
-        room = max(0.15 * self.skin.size, 0.06 * spread(extents))
-        return widened(union(extents, room), self.skin)
-
+    @override
     def prepare(self, axes: Axes, window: Floats, time: float) -> list[Artist]:
-        """Set the frame; returns what lies above the body: directions and scale."""
         del time
         axes.set_aspect("equal")
         axes.set_xlim(*window[0])
@@ -157,8 +65,8 @@ class SpacePainter:
             above.append(scale)
         return above
 
+    @override
     def draw(self, axes: Axes, snapshot: Snapshot) -> list[Artist]:
-        """Draw what belongs to one time; returns the artists from the back to the front."""
         artists: list[Artist] = []
         pile = Pile()
         centre = 0.5 * (snapshot.place.min(axis=0) + snapshot.place.max(axis=0))
@@ -182,18 +90,18 @@ class SpacePainter:
         artists.append(body)
         if self.force > 0.0:
             flat = self.camera.flat(snapshot.arrows)
-            artists.append(draw_arrows(axes, flat, _LONGEST * self.skin.size, self.force))
-        return [*artists, *draw_pins(axes, self.marks, snapshot, self.camera)]
+            artists.append(self.draw_arrows(axes, flat, _LONGEST * self.skin.size))
+        return [*artists, *self.draw_pins(axes, snapshot)]
 
     def _lay(
         self,
         pile: Pile,
         faces: Floats,
         colours: Floats,
-        two_sided: NDArray[np.bool_] | bool = False,
+        two_sided: Booleans | bool = False,
     ) -> None:
         """Lay faces on the pile that show their front, darker where they turn from the light."""
-        normal = _unit_normals(faces)
+        normal = unit_normals(faces)
         away = two_sided & (normal @ self.camera.towards < 0.0)
         normal[away] *= -1.0
         front = normal @ self.camera.towards > 0.0
@@ -210,7 +118,7 @@ class SpacePainter:
         corners = place[self.skin.triangles]
         towards = self.camera.towards
         near = corners.mean(axis=1) @ towards
-        near[(_unit_normals(corners) @ towards <= 0.0) & ~self.skin.open_faces] = -np.inf
+        near[(unit_normals(corners) @ towards <= 0.0) & ~self.skin.open_faces] = -np.inf
         nearest = near[beside].max(axis=1)
         shown = np.isfinite(nearest)
         ends, nearest = ends[shown], nearest[shown]
@@ -226,7 +134,7 @@ class SpacePainter:
             pile.add(lines, own, nearest[some] + before, width=width)
 
     @cached_property
-    def _edges(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def _edges(self) -> tuple[Integers, Integers]:
         """Edges of the surfaces, and of marks on bodies with stress that turn; see `Skin.edges`."""
         turned = list(self.marks.turned)
         if self.plain or not turned:
@@ -309,11 +217,3 @@ def skin_of(result: Record, fields: Snapshots) -> Skin:
     scene = result.scene
     towards = Camera.of(scene).towards if scene.dim == 3 else np.zeros(3)
     return Skin.of(fields, whole, towards, max(2, scene.dim))
-
-
-def _unit_normals(faces: Floats) -> Floats:
-    """Unit normals of faces given by their corners, shape (faces, 3)."""
-    count = len(faces)
-    corners = faces[:, :3].reshape(-1, 3)
-    normal = normals(corners, np.arange(3 * count).reshape(-1, 3))
-    return normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]

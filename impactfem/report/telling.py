@@ -1,12 +1,10 @@
 """Which moments of a motion pictures show: those that differ most, and those of contact."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.report.skin import Skin, Snapshot
 from impactfem.result import Record
-
-Floats = NDArray[np.float64]
 
 _LOOKED = 48  # layers that are compared
 _NODES = 400  # of each

@@ -10,14 +10,14 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.errors import MissingDependencyError, OutputError, SceneError
 from impactfem.report.arrows import SEEN
+from impactfem.report.camera import Camera
 from impactfem.report.page.numbers import quantity
 from impactfem.report.palette import EDGE, FORCE, STRESS, fill, tint
 from impactfem.report.skin import Skin
-from impactfem.report.space_picture import Camera
 from impactfem.report.view_obstacles import joined, obstacle_parts
 from impactfem.result.grids import drawing_fault, load_pyvista, make_grid, nearest_layer, thickened
 from impactfem.result.whole import Whole
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     from impactfem.result import Record, Snapshots
 
-Floats = NDArray[np.float64]
 
 _UNITS = MappingProxyType(
     {

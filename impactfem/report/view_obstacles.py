@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.contact.distance import on_a_line, signed_distance
 from impactfem.result.grids import load_pyvista
 from impactfem.scene.obstacles.rotation import placement
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
     from impactfem.scene import Scene
 
-Floats = NDArray[np.float64]
 
 _REACH = 0.8  # how far obstacles are drawn from the middle of the motion, of its size
 _SAMPLES = 400  # of the plane along an axis

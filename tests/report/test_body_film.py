@@ -13,7 +13,6 @@ from impactfem.report.body_film import body_reel
 from impactfem.report.film import write_film
 from impactfem.report.skin import Skin
 from impactfem.report.solid_figures import survey
-from impactfem.report.space_picture import SpacePainter
 from impactfem.report.telling import telling_snapshots
 from impactfem.result import FieldSpool, KeptSnapshots, Shape, StoredSnapshots
 from impactfem.result.shapes import joined
@@ -49,9 +48,7 @@ def test_a_film_shows_bodies_of_all_kinds_where_they_are(dim, tmp_path):
     reel = body_reel(result, result.fields, 5)
     artists = reel.show(3)
     place = np.concatenate([result.fields.places(name) for name in ("beam", "balls")], axis=1)
-    flat = place[reel.layers[3], :, :2]
-    if isinstance(reel.painter, SpacePainter):
-        flat = reel.painter.camera.flat(place[reel.layers[3]])
+    flat = reel.painter.camera.flat(place[reel.layers[3]])
     assert len(flat) == 5
     drawn = [a for a in artists if isinstance(a, PolyCollection)]
     polygons = [path.vertices[:-1] for a in drawn for path in a.get_paths()]
@@ -70,7 +67,7 @@ def test_a_film_shows_bodies_of_all_kinds_where_they_are(dim, tmp_path):
         assert film.n_frames == 5
     low, high = np.array([reel.panel.get_xlim(), reel.panel.get_ylim()]).T
     for moment in reel.layers:
-        ways = place[moment, :, :2] if dim == 2 else reel.painter.camera.flat(place[moment])
+        ways = reel.painter.camera.flat(place[moment])
         assert ((ways > low) & (ways < high)).all()
 
 

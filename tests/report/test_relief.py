@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from impactfem.report.camera import Camera
 from impactfem.report.relief import relief_of
 from impactfem.report.skin import Skin
 from impactfem.report.solid_figures import drawn_skin, scale_of
-from impactfem.report.space_picture import Camera
 from impactfem.result import KeptSnapshots, Record, Shape
 from impactfem.scene import Scene
 

@@ -82,7 +82,7 @@ def test_pressure_at_a_corner_goes_into_the_obstacle(tmp_path):
                            "contact_force": 0 * points, "active": [1, 1, 0, 0]})  # fmt: skip
     skin = Skin.of(StoredSnapshots(tmp_path / "f.vtkhdf"))
     floor = HalfSpace(name="floor", point=[0.0, 0.0], normal=[0.0, 2.0])
-    painter = PlanePainter(skin, [floor], False, (0.0, 1.0), 3.0)
+    painter = PlanePainter(skin, [floor], pressure=3.0)
     areas = painter.draw(Figure().subplots(), skin.snapshot(0))[-1].get_paths()
     assert len(areas) == 1
     corners = {tuple(np.round(c, 12)) for c in areas[0].vertices}

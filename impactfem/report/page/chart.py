@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from impactfem.arrays import Integers
+
 type Trace = dict[str, Any]
 type Spans = Sequence[Sequence[float]]
 

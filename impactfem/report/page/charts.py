@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from impactfem.arrays import Integers
 from impactfem.report.page.chart import (
     Chart,
-    Integers,
     Trace,
     axis,
     layout,

@@ -5,7 +5,6 @@ from html import escape
 from matplotlib.figure import Figure
 
 from impactfem.report.page.line_drawing import draw_bars, draw_on_line
-from impactfem.report.page.outlooks import Ball
 from impactfem.report.page.plane_drawing import draw_plane
 from impactfem.report.page.sketch import svg
 from impactfem.report.page.space_drawing import draw_points_in_space, draw_solids_in_space
@@ -29,5 +28,5 @@ def _figure(result: Record) -> Figure | None:
         return draw_on_line(scene)
     if scene.dim == 2:
         return draw_plane(result)
-    points = all(isinstance(body, Ball) for body in scene.bodies)
-    return draw_points_in_space(scene) if points else draw_solids_in_space(result)
+    alone = len(scene.points) == len(scene.bodies)
+    return draw_points_in_space(scene) if alone else draw_solids_in_space(result)

@@ -1,7 +1,7 @@
 """Drawings of what moves along a line: bars and their wall, points with stops and springs."""
 
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,7 +25,7 @@ from impactfem.report.page.sketch import (
     spring,
 )
 from impactfem.report.prefixes import prefix_ticks
-from impactfem.scene import Point, Scene
+from impactfem.scene import Scene
 
 _MOST_LABELS = 8
 _ROOM = 0.12  # share of the width left and right
@@ -97,10 +97,7 @@ def _gap(axes: Axes, left: float, right: float, width: float, index: int) -> Non
 def draw_on_line(scene: Scene) -> Figure:
     """What moves on a line, with stops, springs, velocities and gravity at t = 0."""
     figure, axes = empty(8.0, 2.4)
-    boxes = [body.centreline() for body in scene.bodies]
-    points = [
-        cast("Point", body) for body, box in zip(scene.bodies, boxes, strict=True) if box is None
-    ]
+    points, boxes = scene.points, [body.centreline() for body in scene.bodies]
     sides = [on_a_line(obstacle, np.zeros(1)) for obstacle in scene.obstacles]
     stops = [float(place[0]) for place, _ in sides]
     anchors = [s.anchor[0] for p in points for s in p.springs if s.anchor is not None]

@@ -4,8 +4,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
+from impactfem.report.camera import Camera, vertical_of
 from impactfem.report.page.chart import numbers
 from impactfem.report.page.motion_data import (
     BUDGET,
@@ -19,11 +20,8 @@ from impactfem.report.page.motion_obstacles import line_obstacles, plane_obstacl
 from impactfem.report.page.motion_slender import Tubes, tubes_of
 from impactfem.report.page.numbers import quantity
 from impactfem.report.skin import Skin
-from impactfem.report.space_picture import Camera, skin_of, vertical_of
+from impactfem.report.space_picture import skin_of
 from impactfem.result import Record, Snapshots
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _LEAST_FRAMES = 60
 _REACH = 0.8  # sizes that planes are drawn beyond the middle of a body

@@ -6,10 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.result import Record
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 MOST_FRAMES = 120
 """Frames of a moving picture at most."""

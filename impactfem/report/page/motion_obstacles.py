@@ -4,14 +4,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.contact.distance import on_a_line
 from impactfem.report.page.chart import numbers
 from impactfem.report.page.motion_data import packed, packed_indices
 from impactfem.scene.obstacles.rotation import placement
-
-Floats = NDArray[np.float64]
 
 _PLACES = ("point", "points", "normal")
 

@@ -3,19 +3,16 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.distance import on_a_line
+from impactfem.report.camera import Camera
 from impactfem.report.page.chart import numbers
 from impactfem.report.page.motion_data import telling_frames
 from impactfem.report.page.motion_obstacles import plane_obstacles
 from impactfem.report.panel import evenly
-from impactfem.report.space_picture import Camera
 from impactfem.result import Record
 from impactfem.scene.obstacles.rotation import placement
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 MOST_FRAMES = 240
 """Frames of points at most: they take little room."""

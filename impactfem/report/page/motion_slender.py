@@ -3,12 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.report.skin import Skin
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _THIN = 0.008  # share of the size that what has no radius is thick
 _AROUND, _HIGH = 24, 9  # corners of a disc, and around a ball or tube; rings of a ball

@@ -4,12 +4,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.report.page.numbers import formula, formulas
 from impactfem.scene import Solid
-
-Floats = NDArray[np.float64]
 
 _CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 _AROUND = 97  # the outermost places of a circle and of half of one are among them

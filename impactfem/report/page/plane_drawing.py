@@ -11,12 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats
 from impactfem.contact.distance import signed_distance
 from impactfem.report.page.numbers import constant, formulas, goings, quantity, vector
 from impactfem.report.page.outlines import outline_of, supported_lines
-from impactfem.report.page.outlooks import Ball
 from impactfem.report.page.sketch import (
     BODY,
     EDGE,
@@ -33,9 +32,7 @@ from impactfem.report.plane_picture import draw_obstacles
 from impactfem.report.prefixes import prefix_ticks
 from impactfem.report.space_picture import skin_of
 from impactfem.result import Record
-from impactfem.scene import Scene, Solid
-
-Floats = NDArray[np.float64]
+from impactfem.scene import Point, Scene, Solid
 
 _NEAR = 3.0  # obstacles farther than so many sizes of what moves are not shown
 _ARROW = 0.16  # length of arrows as a share of the window
@@ -90,7 +87,7 @@ def draw_plane(result: Record) -> Figure | None:
     """What moves in the plane, with obstacles, supports, springs, velocities; None if unknown."""
     scene = result.scene
     solids = scene.solids
-    points = [body for body in scene.bodies if isinstance(body, Ball)]
+    points = scene.points
     slender = {body: ends for body in scene.bodies if (ends := body.centreline()) is not None}
     rigid = {body: cells for body in scene.bodies if (cells := body.faces()) is not None}
     outlines = _outlines(result, solids)
@@ -162,7 +159,7 @@ def _draw_rigid(axes: Axes, body: Any, cells: Floats, size: float, *, named: boo
 
 
 def _draw_point(
-    axes: Axes, point: Ball, home: Mapping[str, Floats], size: float, *, named: bool
+    axes: Axes, point: Point, home: Mapping[str, Floats], size: float, *, named: bool
 ) -> None:
     at = home[point.name]
     for tie in point.springs:
@@ -178,7 +175,7 @@ def _draw_point(
         _velocity(axes, at, point.velocity or (), size)
 
 
-def _reach(point: Ball) -> Floats:
+def _reach(point: Point) -> Floats:
     """Places of a point and its springs that must be seen [m], (places, 2)."""
     at = np.array(point.position, dtype=np.float64)
     ties = [tie.anchor for tie in point.springs if tie.anchor is not None]

@@ -9,9 +9,8 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from impactfem.arrays import Floats
 
 BODY, EDGE, VELOCITY, GRAVITY, SUPPORT, OBSTACLE = (
     "#c6dbef", "#0b559f", "#d95f02", "#1b7837", "#7b3294", "0.80",

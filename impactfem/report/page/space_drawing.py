@@ -1,27 +1,25 @@
 """Drawings of what moves in space: solids by the painter of the pictures, points by projection."""
 
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from impactfem.arrays import Floats, Integers
 from impactfem.contact.distance import signed_distance
+from impactfem.report.camera import Camera
 from impactfem.report.marks import Marks
 from impactfem.report.page.numbers import constant, quantity
-from impactfem.report.page.outlooks import Ball
 from impactfem.report.page.sketch import EDGE, GRAVITY, VELOCITY, arrow, empty, label
 from impactfem.report.page.space_supports import draw_supports
 from impactfem.report.skin import Skin
 from impactfem.report.solid_figures import survey
-from impactfem.report.space_picture import Camera, SpacePainter, skin_of
+from impactfem.report.space_picture import SpacePainter, skin_of
 from impactfem.result import Record
-from impactfem.scene import Point, Scene
-
-Floats = NDArray[np.float64]
+from impactfem.scene import Scene
 
 _ARROW = 0.22
 
@@ -63,7 +61,7 @@ def draw_solids_in_space(result: Record) -> Figure | None:
     for plate in result.scene.plates:
         x, y = camera.flat(snapshot.place[_own(skin, plate.name)].mean(axis=0))
         label(axes, (float(x) - 0.2 * skin.size, float(y)), plate.name)
-    for point in (body for body in result.scene.bodies if isinstance(body, Ball)):
+    for point in result.scene.points:
         flat = camera.flat(np.array(point.position, dtype=np.float64))
         axes.plot(*flat, "o", color=EDGE, markersize=9, zorder=4)
         label(axes, flat - [0.0, 0.06 * skin.size], point.name)
@@ -72,14 +70,14 @@ def draw_solids_in_space(result: Record) -> Figure | None:
     return figure
 
 
-def _own(skin: Skin, name: str) -> NDArray[np.int64]:
+def _own(skin: Skin, name: str) -> Integers:
     """Seen nodes of a body."""
     return skin.solid_nodes[skin.names.index(name)]
 
 
 def draw_points_in_space(scene: Scene) -> Figure:
     """Points in space with the planes around them, in parallel projection."""
-    points = [cast("Point", body) for body in scene.bodies]
+    points = scene.points
     places = np.array([point.position for point in points], dtype=np.float64)
     gravity = np.asarray(scene.vector_gravity.at(0.0), dtype=np.float64)
     vertical = -gravity / np.linalg.norm(gravity) if gravity.any() else np.eye(3)[1]

@@ -5,18 +5,15 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from numpy.typing import NDArray
 
-from impactfem.report.edges import feature_edges
+from impactfem.arrays import Booleans, Floats, Integers
+from impactfem.report.camera import Camera
+from impactfem.report.edges import feature_edges, normals, unit_normals
 from impactfem.report.page.outlines import told_surfaces
 from impactfem.report.page.sketch import SUPPORT, arrow, label
-from impactfem.report.skin import Skin, normals
-from impactfem.report.space_picture import Camera
+from impactfem.report.skin import Skin
 from impactfem.scene import Scene, Solid
 from impactfem.scene.plate import Plate
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 _SQUARE, _AT = 0.95, 1e-3  # cosine, and share of the size, by which a face is that of an axis
 _ARROW = 0.16  # length of arrows, as a share of the size
@@ -55,9 +52,8 @@ def surface_triangles(solid: Solid, skin: Skin, name: str) -> Integers:
     cosine, sine = np.cos(solid.shape.angle), np.sin(solid.shape.angle)
     turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     points = (skin.points - centre) @ turn
-    normal = normals(points, own)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    middle = points[own].mean(axis=1)
+    corners = points[own]
+    normal, middle = unit_normals(corners), corners.mean(axis=1)
     plane = {
         face: _is_end(middle, normal, 1 if figure.height is not None else k // 2, 2 * (k % 2) - 1)
         for k, face in enumerate(figure.faces)
@@ -66,12 +62,12 @@ def surface_triangles(solid: Solid, skin: Skin, name: str) -> Integers:
         return np.asarray(own[plane[name]])
     if name in figure.radii:
         about = [0, 2] if figure.height is not None else [0, 1, 2]
-        apart = np.linalg.norm(points[own][:, :, about], axis=2) - figure.radii[name]
+        apart = np.linalg.norm(corners[:, :, about], axis=2) - figure.radii[name]
         return np.asarray(own[(np.abs(apart) < _AT * figure.largest).all(axis=1)])
     return none
 
 
-def _is_end(middle: Floats, normal: Floats, axis: int, sign: int) -> NDArray[np.bool_]:
+def _is_end(middle: Floats, normal: Floats, axis: int, sign: int) -> Booleans:
     along = sign * middle[:, axis]
     near = along > along.max(initial=-np.inf) - _AT * float(np.ptp(middle, axis=0).max())
     return np.asarray(near & (sign * normal[:, axis] > _SQUARE))
