@@ -103,13 +103,8 @@ def plan_few(scene: Scene) -> Plan[MarchNumbers]:
         method=method,
         model=f"{few_in_words(model.few)}, {joined_in_words(model)}{law_in_words(scene)}",
         numbers=MarchNumbers(
-            degree=0,
-            degrees=(),
-            strains=(),
-            cells="none",
             mesh_size=min((body.mesh_size or 0.0 for body in meshed), default=0.0),
             dt=dt,
-            courant=None,
             layers=layers,
             linear_solver="mumps",
             normals="updated",

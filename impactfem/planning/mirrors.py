@@ -11,7 +11,8 @@ from impactfem.scene.obstacles import Rigid
 from impactfem.scene.obstacles.mirror import Mirror, signs
 from impactfem.scene.shapes import Block, Cylinder
 
-_PAIRS = (("left", "right"), ("bottom", "top"), ("back", "front"))
+PAIRS = (("left", "right"), ("bottom", "top"), ("back", "front"))
+"""Faces of a block that lie opposite, by their axis."""
 
 
 def mirror_axes(scene: Scene) -> tuple[str, ...]:
@@ -71,7 +72,7 @@ def _surfaces_mirror(scene: Scene, axis: int) -> bool:
 
 
 def _image(name: str, axis: int) -> str:
-    first, second = _PAIRS[axis]
+    first, second = PAIRS[axis]
     return {first: second, second: first}.get(name, name)
 
 

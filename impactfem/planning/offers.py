@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from impactfem.planning.mirrors import mirror_axes
+from impactfem.planning.mirrors import PAIRS, mirror_axes
 from impactfem.planning.sampling import is_independent, is_zero, of_formulas, turns
 from impactfem.scene import Scene
 from impactfem.scene.boundary import Support
@@ -12,7 +12,6 @@ from impactfem.scene.obstacles import Rigid
 from impactfem.scene.shapes import Block, Cylinder, Sphere
 from impactfem.scene.solids import Solid
 
-_SIDES = (("left", "right"), ("bottom", "top"), ("back", "front"))
 _AXES = "xyz"
 _EQUAL = 1e-9  # of the size of the body, for places of obstacles
 
@@ -64,7 +63,7 @@ def _bar(scene: Scene) -> str:
     if abs(normal[axis]) < 1.0 - 1e-12 or (solid.is_axisymmetric and axis != 1):
         return ""
     supports = {support.surface: support for support in solid.all_supports}
-    near, far = _SIDES[axis] if normal[axis] > 0 else _SIDES[axis][::-1]
+    near, far = PAIRS[axis] if normal[axis] > 0 else PAIRS[axis][::-1]
     near, far = _after_cut(solid, axis, near), _after_cut(solid, axis, far)
     modulus, why = _modulus(solid, axis, supports)
     touched = solid.contact_surfaces is None or near in solid.contact_surfaces
@@ -93,14 +92,14 @@ def _bar(scene: Scene) -> str:
 def _after_cut(solid: Solid, axis: int, name: str) -> str:
     """Name of a face, of the plane of symmetry that replaces it, or of the axis."""
     cuts = () if solid.shape is None else solid.shape.symmetry
-    first = name == _SIDES[axis][0]
+    first = name == PAIRS[axis][0]
     return f"symmetry_{_AXES[axis]}" if first and _AXES[axis] in cuts else name
 
 
 def _modulus(solid: Solid, axis: int, supports: Mapping[str, Support]) -> tuple[float, str]:
     """Modulus [Pa] of a bar along an axis, and why it is one; "" if it is none."""
     across = [k for k in range(solid.dim) if k != axis]
-    faces = [_after_cut(solid, k, name) for k in across for name in _SIDES[k]]
+    faces = [_after_cut(solid, k, name) for k in across for name in PAIRS[k]]
     if solid.is_axisymmetric:
         faces = [name for name in faces if name in (solid.surface_names or ())]  # none at r = 0
     blocked = all(name in supports and supports[name].mirrors for name in faces)
@@ -124,7 +123,7 @@ def _section(solid: Solid, axis: int) -> float:
     lower, upper = shape.bounds(axisymmetric=solid.is_axisymmetric)
     planes = {support.surface for support in solid.all_supports if support.mirrors}
     beside = [k for k in range(int(solid.is_axisymmetric), solid.dim) if k != axis]
-    cuts = [_AXES[k] in shape.symmetry or len(planes & {*_SIDES[k]}) == 1 for k in beside]
+    cuts = [_AXES[k] in shape.symmetry or len(planes & {*PAIRS[k]}) == 1 for k in beside]
     return 2.0 ** sum(cuts) * volume / (upper[axis] - lower[axis])
 
 
@@ -169,7 +168,7 @@ def _plane_strain(scene: Scene) -> str:
     if not isinstance(shape, Block) or solid.dim != 3 or not _is_plainly_loaded(solid):
         return ""
     supports = {support.surface: support for support in solid.all_supports}
-    ends = [_after_cut(solid, 2, name) for name in _SIDES[2]]
+    ends = [_after_cut(solid, 2, name) for name in PAIRS[2]]
     if not all(name in supports and supports[name].mirrors for name in ends):
         return ""
     flat = all(

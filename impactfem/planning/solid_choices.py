@@ -58,6 +58,12 @@ class Steps:
     courant: float | None
     layers: int | None
 
+    def of_layers(self, duration: float, layers: int) -> "Steps":
+        """Steps that make so many layers of a duration [s]."""
+        dt = duration / layers
+        courant = None if self.courant is None or not self.dt else self.courant * dt / self.dt
+        return Steps(dt, courant, layers)
+
 
 def choose_method(
     scene: Scene, sizes: Sequence[Size], largest: Sequence[float], reasons: dict[str, str]
@@ -213,10 +219,7 @@ def shortened(steps: Steps, scene: Scene, limit: float, reasons: dict[str, str])
     if steps.dt is None or steps.dt <= limit or scene.solve.dt is not None:
         return steps
     reasons["dt"] = "1/20 of a radian of the fastest vibration of the points, rods and beams"
-    layers = count_layers(scene.duration, limit)
-    dt = scene.duration / layers
-    courant = None if steps.courant is None else steps.courant * dt / steps.dt
-    return Steps(dt, courant, layers)
+    return steps.of_layers(scene.duration, count_layers(scene.duration, limit))
 
 
 def following(

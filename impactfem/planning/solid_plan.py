@@ -54,13 +54,13 @@ class MarchNumbers(Numbers):
         apart: Whether the step is one for bodies that nothing strikes.
     """
 
-    degree: int
-    degrees: tuple[int, ...]
-    strains: tuple[str, ...]
-    cells: str
+    degree: int = 0
+    degrees: tuple[int, ...] = ()
+    strains: tuple[str, ...] = ()
+    cells: str = "none"
     mesh_size: float
     dt: float | None
-    courant: float | None
+    courant: float | None = None
     layers: int | None
     linear_solver: str
     normals: str

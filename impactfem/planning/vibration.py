@@ -83,7 +83,7 @@ def follow_vibration(
         reasons["dt"] = (
             f"1/{_LEAST} of the duration: bodies begin at rest and nothing changes in time"
         )
-        return _with(steps, duration, _LEAST), False
+        return steps.of_layers(duration, _LEAST), False
     if model.pairs or any(RigidModes.of(part.system).count for part in model.parts):
         return steps, False
     motions = [_motion(scene, part.system) for part in model.parts]
@@ -97,7 +97,7 @@ def follow_vibration(
         if (worst <= _ACCURACY).all():
             reasons["dt"] = _reason(motions, dt, worst, layers)
             reasons.pop("offer dt", None)
-            return _with(steps, duration, count), True
+            return steps.of_layers(duration, count), True
         count = math.ceil(1.1 * count)
     return steps, False
 
@@ -108,12 +108,6 @@ def struck_after_all(force: float) -> Finding:
     return Finding(
         "contact_unresolved", "fault", f"{text} N)", remedy=f"give solve.courant = {COURANT:g}"
     )
-
-
-def _with(steps: Steps, duration: float, layers: int) -> Steps:
-    dt = duration / layers
-    courant = None if steps.courant is None or not steps.dt else steps.courant * dt / steps.dt
-    return Steps(dt, courant, layers)
 
 
 def _reason(motions: list[_Motion], dt: float, worst: Floats, layers: int) -> str:

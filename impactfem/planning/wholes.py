@@ -1,35 +1,23 @@
 """Of which part of a symmetric whole a scene is: then results are those of the whole."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from impactfem.findings import Finding, warning
 from impactfem.result.whole import Whole
-from impactfem.scene import Scene, Solid
+from impactfem.scene import Scene
 from impactfem.scene.obstacles import Rigid
 from impactfem.scene.obstacles.mirror import Mirror
 
 if TYPE_CHECKING:
-    from impactfem.system.elastic import ElasticSystem
+    from impactfem.models.solids import SolidPart
 
 _AXES = "xyz"
 _SAME = 1e-9  # of the size of the body, for places of planes
 
 
-class Part(Protocol):
-    """A discretised solid."""
-
-    @property
-    def solid(self) -> Solid:
-        """The body."""
-
-    @property
-    def system(self) -> "ElasticSystem":
-        """Its supports."""
-
-
 def find_whole(
-    scene: Scene, parts: Sequence[Part], others: Sequence[str], reasons: dict[str, str]
+    scene: Scene, parts: Sequence["SolidPart"], others: Sequence[str], reasons: dict[str, str]
 ) -> tuple[Whole, list[Finding]]:
     """Find the planes of symmetry that cut every body of a scene.
 
@@ -77,7 +65,7 @@ def find_whole(
     return whole, []
 
 
-def _planes(scene: Scene, part: Part) -> dict[int, float]:
+def _planes(scene: Scene, part: "SolidPart") -> dict[int, float]:
     """Coordinate [m] of the planes that cut a body, by the number of the axis across."""
     shape = part.solid.shape
     cuts = () if shape is None else shape.symmetry

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from impactfem.arrays import Floats, Integers
-from impactfem.report.page.numbers import quantity
+from impactfem.report.page.numbers import quantity, round_below
 from impactfem.report.panel import CONTACT, Curve, Map, Panel, colour, evenly, over_time
 from impactfem.result import Fields, Record
 
@@ -43,14 +43,8 @@ def magnified(
     displacement = fields.displacement if levels is None else fields.displacement[levels]
     motion = fields.positions + displacement - stacked
     span, room = float(np.nanmax(motion) - np.nanmin(motion)), share * float(stacked[-1])
-    factor = _round_below(room / span) if 0.0 < span < room else 1.0
+    factor = round_below(room / span) if 0.0 < span < room else 1.0
     return stacked + factor * motion, factor
-
-
-def _round_below(number: float) -> float:
-    """The largest of 1, 2, 5, 10, 20, ... that is not above a number from 1 on."""
-    decade = 10.0 ** np.floor(np.log10(number))
-    return float(max(step * decade for step in (1.0, 2.0, 5.0) if step * decade <= number))
 
 
 def _bodies(fields: Fields) -> Integers:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from impactfem.report.page.elements import spoken
-from impactfem.report.page.numbers import largest, plain_quantity
+from impactfem.report.page.numbers import largest, number, plain_quantity
 
 if TYPE_CHECKING:
     from impactfem.models.kinematics import Kinematics
@@ -40,11 +40,11 @@ def kinematics_table(mechanisms: "Sequence[Kinematics]") -> str:
     """Joints, frames and inverse kinematics of mechanisms at t = 0."""
     found = []
     for each in mechanisms:
-        rows = [(f"joint {name}", _number(value)) for name, value in each.joints.items()]
+        rows = [(f"joint {name}", number(value)) for name, value in each.joints.items()]
         for name, frame in each.frames.items():
-            rows.append((f"frame {name}", ", ".join(map(_number, frame.position.tolist())) + " m"))
+            rows.append((f"frame {name}", ", ".join(map(number, frame.position.tolist())) + " m"))
         if (inverse := each.inverse) is not None:
-            text = f"{inverse.method}, {inverse.iterations} iterations, {_number(inverse.residual)}"
+            text = f"{inverse.method}, {inverse.iterations} iterations, {number(inverse.residual)}"
             rows.append(("inverse", f"{text} m left"))
         found.append(table(rows, each.name))
     return "\n\n".join(found)
@@ -65,19 +65,19 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         force += largest(contact, "max_impulse", "N s")
     acting = [pair for pair in contact.get("pairs") or () if pair["impulse"]]
     together = f" of {len(acting)} pairs together" if len(acting) > 1 else ""
-    force += f", impulse {_number(contact['impulse'])} N s{together}, "
-    force += f"max penetration {_number(contact['max_penetration'])} m"
+    force += f", impulse {number(contact['impulse'])} N s{together}, "
+    force += f"max penetration {number(contact['max_penetration'])} m"
     first, last = energy["initial"], energy["final"]
     if first and last and abs(last) < _NOTHING * abs(first):
         last = 0.0
-    energies = f"{_number(first)} J -> {_number(last)} J, "
+    energies = f"{number(first)} J -> {number(last)} J, "
     if taken := energy.get("taken"):
-        energies += ", ".join(f"{name} took {_number(work)} J" for name, work in taken.items())
-        energies += f", otherwise changed by {_number(energy['unexplained'])} of the largest"
+        energies += ", ".join(f"{name} took {number(work)} J" for name, work in taken.items())
+        energies += f", otherwise changed by {number(energy['unexplained'])} of the largest"
     else:
-        energies += f"largest relative drift {_number(energy['max_relative_drift'])}"
+        energies += f"largest relative drift {number(energy['max_relative_drift'])}"
     if energy["grows"]:
-        energies += f"; IT GROWS by {_number(energy['max_relative_growth'])}"
+        energies += f"; IT GROWS by {number(energy['max_relative_growth'])}"
     ranks = f"{summary['ranks']} rank{'s' if summary['ranks'] != 1 else ''}"
     if energy.get("driven"):
         energies += " (loads or moving obstacles do work)"
@@ -96,7 +96,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("cost", f"{took}, {summary['peak_memory_mib']:.0f} MiB on {ranks}"),
     ]
     for pair in contact.get("pairs", ()):
-        text = f"{_intervals(pair['intervals'])}, max {_number(pair['max_force'])} N"
+        text = f"{_intervals(pair['intervals'])}, max {number(pair['max_force'])} N"
         rows.insert(-3, (" and ".join(pair["between"]), text))
     if "impact_law" in summary["plan"]:
         rows[3] = ("impacts", _impacts(summary))
@@ -148,8 +148,8 @@ def _window(contact: Mapping[str, Any]) -> str:
     """Over which time the largest force is a mean, and that of a single step."""
     if not contact.get("force_window") or contact["max_force"] is None:
         return ""
-    raw = f"in one step {_number(contact['max_force_raw'])} N"
-    return f" as a mean over {_number(contact['force_window'])} s ({raw})"
+    raw = f"in one step {number(contact['max_force_raw'])} N"
+    return f" as a mean over {number(contact['force_window'])} s ({raw})"
 
 
 def _impacts(summary: Mapping[str, Any]) -> str:
@@ -159,10 +159,6 @@ def _impacts(summary: Mapping[str, Any]) -> str:
     if spells:
         text += f", then lasting contact {len(spells)} times, first from {spells[0][0]:.6g} s"
     return text
-
-
-def _number(value: float | None) -> str:
-    return "not finite" if value is None else f"{value:.6g}"
 
 
 def _changes(changes: Sequence[int]) -> str:
@@ -182,7 +178,7 @@ def _error(error: Mapping[str, Any] | None) -> str:
     if error is None:
         return "none measured (exact, not finite, or no estimate)"
     return (
-        f"displacement max {_number(error['displacement_max'])}, L2 "
-        f"{_number(error['displacement_l2'])}, force L1 {_number(error['force_l1'])} "
+        f"displacement max {number(error['displacement_max'])}, L2 "
+        f"{number(error['displacement_l2'])}, force L1 {number(error['force_l1'])} "
         f"(relative, against the {error['reference']})"
     )

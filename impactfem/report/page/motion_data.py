@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from impactfem.arrays import Floats, Integers
+from impactfem.report.page.numbers import round_below
 from impactfem.result import Record
 
 MOST_FRAMES = 120
@@ -114,8 +115,6 @@ def factors_of(displacement: float, size: float) -> list[float]:
     """
     if not 0.0 < displacement < INVISIBLE * size:
         return [1.0]
-    most = ROOM * size / displacement
-    decade = 10.0 ** np.floor(np.log10(most))
-    largest = float(max(step * decade for step in (1.0, 2.0, 5.0) if step * decade <= most))
+    largest = round_below(ROOM * size / displacement)
     between = float(f"{np.sqrt(largest):.1g}")
     return sorted({1.0, between, largest})

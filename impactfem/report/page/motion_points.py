@@ -6,12 +6,13 @@ import numpy as np
 
 from impactfem.arrays import Floats, Integers
 from impactfem.contact.distance import on_a_line
-from impactfem.report.camera import Camera
+from impactfem.report.camera import FLAT, Camera
 from impactfem.report.page.chart import numbers
 from impactfem.report.page.motion_data import telling_frames
 from impactfem.report.page.motion_obstacles import plane_obstacles
 from impactfem.report.panel import evenly
 from impactfem.result import Record
+from impactfem.result.shapes import as_vectors
 from impactfem.scene.obstacles.rotation import placement
 
 MOST_FRAMES = 240
@@ -96,25 +97,19 @@ def _in_the_plane(result: Record, rows: Integers, at: Integers) -> dict[str, Any
     places = _places(result, rows)
     times = result.rows["time"].values[rows][at]
     seen: dict[str, Any]
+    camera = FLAT if scene.dim == 2 else Camera.of(scene)
     if scene.dim == 2:
         seen = {"obstacles": plane_obstacles(scene.obstacles, times), "outlines": []}
         caption = "The points in the plane with the path that they have gone; grey is rigid."
-        flat = places
-        anchors = [
-            [k, numbers(spring.anchor)]
-            for k, spring in _springs(result)
-            if spring.anchor is not None
-        ]
     else:
-        camera = Camera.of(scene)
-        flat = camera.flat(places)
         seen = {"obstacles": [], "outlines": _outlines(result, camera, places, times)}
         caption = "The points with the path that they have gone, in parallel projection."
-        anchors = [
-            [k, numbers(camera.flat(np.asarray(spring.anchor, dtype=np.float64)))]
-            for k, spring in _springs(result)
-            if spring.anchor is not None
-        ]
+    flat = camera.flat(as_vectors(places))
+    anchors = [
+        [k, numbers(camera.flat(as_vectors(spring.anchor)))]
+        for k, spring in _springs(result)
+        if spring.anchor is not None
+    ]
     names = [body.name for body in scene.bodies]
     links = [[k, names.index(spring.to)] for k, spring in _springs(result) if spring.to is not None]
     return {

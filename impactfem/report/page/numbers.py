@@ -1,5 +1,6 @@
 """Numbers with units, vectors and formulas as the report prints them."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -103,6 +104,12 @@ def is_zero(entries: Sequence[Formula]) -> bool:
 def counted(count: int, noun: str) -> str:
     """A number with its noun: 1 step, 2 steps."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def round_below(value: float) -> float:
+    """The largest of 1, 2, 5, 10, 20, ... that is not above a number from 1 on."""
+    decade = 10.0 ** math.floor(math.log10(value))
+    return max(step * decade for step in (1.0, 2.0, 5.0) if step * decade <= value)
 
 
 def span(seconds: float) -> str:

@@ -1,6 +1,5 @@
 """Drawings of what moves in the plane: solids, points, rods and beams, with their obstacles."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -14,6 +13,7 @@ from matplotlib.patches import Circle
 
 from impactfem.arrays import Floats
 from impactfem.contact.distance import signed_distance
+from impactfem.report.camera import FLAT
 from impactfem.report.page.numbers import constant, formulas, goings, quantity, vector
 from impactfem.report.page.outlines import outline_of, supported_lines
 from impactfem.report.page.sketch import (
@@ -24,6 +24,7 @@ from impactfem.report.page.sketch import (
     VELOCITY,
     arrow,
     dimension,
+    draw_velocity,
     empty,
     label,
     spring,
@@ -134,7 +135,7 @@ def _draw_solid(axes: Axes, solid: Solid, lines: Floats, size: float, *, named: 
         text = f"v = {formulas(solid.velocity, 'm/s')}"
         label(axes, centre - [0, 0.08 * size], text, VELOCITY)
     else:
-        _velocity(axes, centre, [value or 0.0 for value in speed], size)
+        draw_velocity(axes, FLAT, centre, [value or 0.0 for value in speed], _ARROW * size, 1.4)
     if named:
         moving = np.array([value or 0.0 for value in speed])
         back = 0.07 * size * moving / (np.hypot(*moving) or 1.0)
@@ -152,7 +153,7 @@ def _draw_rigid(axes: Axes, body: Any, cells: Floats, size: float, *, named: boo
     """A rigid body by the triangles that fill it."""
     axes.add_collection(PolyCollection(list(cells), facecolors=BODY, edgecolors=BODY, zorder=3))
     center, speed = body.box()[1], body.centre_velocity()
-    _velocity(axes, center, speed, size)
+    draw_velocity(axes, FLAT, center, speed, _ARROW * size, 1.4)
     if named:
         back = 0.07 * size * speed / (np.hypot(*speed) or 1.0)
         label(axes, center - back, body.name)
@@ -172,7 +173,7 @@ def _draw_point(
         axes.plot(*at, "o", color=EDGE, markersize=8, zorder=4)
     if named:
         label(axes, at - [0.0, point.radius + 0.05 * size], point.name)
-        _velocity(axes, at, point.velocity or (), size)
+        draw_velocity(axes, FLAT, at, point.velocity or (), _ARROW * size, 1.4)
 
 
 def _reach(point: Point) -> Floats:
@@ -200,7 +201,8 @@ def _draw_slender(axes: Axes, body: Any, line: Floats, size: float, *, named: bo
     speed = body.centre_velocity()
     if speed is not None:
         box = body.box()
-        _velocity(axes, line.mean(axis=0) if box is None else box[1], speed, size)
+        place = line.mean(axis=0) if box is None else box[1]
+        draw_velocity(axes, FLAT, place, speed, _ARROW * size, 1.4)
 
 
 def _outlines(result: Record, solids: Sequence[Solid]) -> list[Floats] | None:
@@ -231,16 +233,6 @@ def _axes(window: _Window) -> tuple[Figure, Axes]:
     width, height = np.ptp(own, axis=0) + 0.36 * (window.size or 1.0)
     share = float(np.clip(height / width, 0.35, 1.1))
     return empty(6.0, 6.0 * share)
-
-
-def _velocity(axes: Axes, place: Floats, velocity: Sequence[float], size: float) -> None:
-    """An arrow with the speed; its length says nothing."""
-    speed = math.hypot(*velocity)
-    if not speed:
-        return
-    way = _ARROW * size * np.array(velocity, dtype=np.float64) / speed
-    arrow(axes, place, way, VELOCITY)
-    label(axes, place + 1.4 * way, quantity(speed, "m/s", 4), VELOCITY)
 
 
 def _finish(axes: Axes, scene: Scene, size: float, x_label: str) -> None:

@@ -9,8 +9,12 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from impactfem.arrays import Floats
+from impactfem.report.camera import Camera
+from impactfem.report.page.numbers import quantity
+from impactfem.result.shapes import as_vectors
 
 BODY, EDGE, VELOCITY, GRAVITY, SUPPORT, OBSTACLE = (
     "#c6dbef", "#0b559f", "#d95f02", "#1b7837", "#7b3294", "0.80",
@@ -44,6 +48,27 @@ def arrow(
             "mutation_scale": 13,
         },
     )  # fmt: skip
+
+
+def draw_velocity(
+    axes: Axes, camera: Camera, place: Floats, velocity: ArrayLike, length: float, beyond: float
+) -> None:
+    """An arrow with the speed; its length says nothing.
+
+    Args:
+        axes: Where.
+        camera: From where the velocity is seen.
+        place: Where the arrow begins in the picture, shape (2,).
+        velocity: [m/s], shape (2,) or (3,).
+        length: Of an arrow square to the view [m].
+        beyond: Of this length, where the speed is told.
+    """
+    given = as_vectors(velocity)
+    speed = float(np.linalg.norm(given))
+    if speed:
+        way = length * camera.flat(given / speed)
+        arrow(axes, place, way, VELOCITY)
+        label(axes, place + beyond * way, quantity(speed, "m/s", 4), VELOCITY)
 
 
 def dimension(

@@ -13,7 +13,7 @@ from impactfem.contact.distance import signed_distance
 from impactfem.report.camera import Camera
 from impactfem.report.marks import Marks
 from impactfem.report.page.numbers import constant, quantity
-from impactfem.report.page.sketch import EDGE, GRAVITY, VELOCITY, arrow, empty, label
+from impactfem.report.page.sketch import EDGE, GRAVITY, arrow, draw_velocity, empty, label
 from impactfem.report.page.space_supports import draw_supports
 from impactfem.report.skin import Skin
 from impactfem.report.solid_figures import survey
@@ -49,15 +49,15 @@ def draw_solids_in_space(result: Record) -> Figure | None:
         own = snapshot.place[_own(skin, solid.name)]
         centre = camera.flat(0.5 * (own.min(axis=0) + own.max(axis=0)))
         speed = [constant(entry) or 0.0 for entry in solid.velocity]
-        _velocity(axes, camera, centre, np.array(speed), skin.size)
+        draw_velocity(axes, camera, centre, speed, _ARROW * skin.size, 1.2)
         back = camera.flat(np.array(speed) / (np.linalg.norm(speed) or 1.0))
         label(axes, centre - 0.08 * skin.size * back, solid.name)
     for body in (body for body in result.scene.bodies if body.faces() is not None):
-        middle, moving = body.box(), body.centre_velocity()
-        if middle is not None and moving is not None:
+        middle, way = body.box(), body.centre_velocity()
+        if middle is not None and way is not None:
             flat = camera.flat(middle[1])
             label(axes, flat, body.name)
-            _velocity(axes, camera, flat, moving, skin.size)
+            draw_velocity(axes, camera, flat, way, _ARROW * skin.size, 1.2)
     for plate in result.scene.plates:
         x, y = camera.flat(snapshot.place[_own(skin, plate.name)].mean(axis=0))
         label(axes, (float(x) - 0.2 * skin.size, float(y)), plate.name)
@@ -65,7 +65,7 @@ def draw_solids_in_space(result: Record) -> Figure | None:
         flat = camera.flat(np.array(point.position, dtype=np.float64))
         axes.plot(*flat, "o", color=EDGE, markersize=9, zorder=4)
         label(axes, flat - [0.0, 0.06 * skin.size], point.name)
-        _velocity(axes, camera, flat, np.array(point.velocity or (0.0, 0.0, 0.0)), skin.size)
+        draw_velocity(axes, camera, flat, point.velocity or (), _ARROW * skin.size, 1.2)
     _gravity(axes, camera, result.scene, window, skin.size)
     return figure
 
@@ -101,19 +101,11 @@ def draw_points_in_space(scene: Scene) -> Figure:
         flat = camera.flat(place)
         axes.plot(*flat, "o", color=EDGE, markersize=9, zorder=4)
         label(axes, flat - [0.0, 0.06 * reach], point.name)
-        _velocity(axes, camera, flat, np.array(point.velocity or (0.0, 0.0, 0.0)), reach)
+        draw_velocity(axes, camera, flat, point.velocity or (), _ARROW * reach, 1.2)
     axes.autoscale_view()
     window = np.array([axes.get_xlim(), axes.get_ylim()])
     _gravity(axes, camera, scene, window, reach)
     return figure
-
-
-def _velocity(axes: Axes, camera: Camera, place: Floats, velocity: Floats, size: float) -> None:
-    speed = float(np.linalg.norm(velocity))
-    if speed:
-        way = _ARROW * size * camera.flat(velocity / speed)
-        arrow(axes, place, way, VELOCITY)
-        label(axes, place + 1.2 * way, quantity(speed, "m/s", 4), VELOCITY)
 
 
 def _gravity(axes: Axes, camera: Camera, scene: Scene, window: Floats, size: float) -> None:
