@@ -16,6 +16,7 @@ are both of the order of the way that is left.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from impactfem.findings import Finding
 from impactfem.marching.newton_bodies import NewtonStepper
 from impactfem.marching.newton_impacts import arriving, obstacle_speed, way_ahead
 from impactfem.marching.newton_steps import LayerSums, Step
-from impactfem.marching.rubbing import frames, in_space, obeying, turned
+from impactfem.marching.rubbing import ON_CONE, frames, in_space, obeying, turned
 from impactfem.marching.time_loop import ContactState, LoopSettings, TimeLoop
 
 Floats = NDArray[np.float64]
@@ -42,6 +43,7 @@ _SHORTEST = 2.0**-10  # of a layer
 _NEAR = 0.005  # of a layer, less than `_CLOSED`: cuts nearer to the ends of a step are left out
 _CUTS = 32  # of a layer at nodes that close
 _TRIES = 3  # of a step: gaps between bodies may jump, where others face each other than before
+_STILL = 1e-12  # share of the largest displacement ahead that counts as none at t = 0
 _CLOSED = 0.01  # of the largest change of a gap in a layer: gaps up to it count as closed
 
 
@@ -59,6 +61,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         none = np.zeros(len(self.contact.gap), dtype=bool)
         self._soft = none if self._springs is None else self._springs.there
         self._tangential = np.zeros_like(self._normals)  # of the last step [N], (gaps, dim)
+        self._law, self._stuck = self._friction, none  # in a step; what did not slip in the last
 
     def findings(self) -> tuple[Finding, ...]:
         """Contacts too short for steps."""
@@ -68,14 +71,15 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
 
     def memory(self) -> dict[str, Floats]:
         """What the next layer needs besides the state of the bodies, the same on all ranks."""
-        return super().memory() | {"tangential": self._tangential}
+        own = {"tangential": self._tangential, "stuck": self._stuck.astype(float)}
+        return super().memory() | own
 
     def restore(
         self, state: dict[str, Any], memory: Mapping[str, Floats], asked: Integers, layer: int
     ) -> None:
         """Continue after ``layer`` layers; see `TimeLoop.restore`."""
         super().restore(state, memory, asked, layer)
-        self._tangential = memory["tangential"]
+        self._tangential, self._stuck = memory["tangential"], memory["stuck"] > 0.0
 
     def _advance(self) -> Floats:
         """One layer, in as many steps as it takes; returns its mean contact forces [N]."""
@@ -83,6 +87,8 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         dt = interior.dt
         time, end = layer * dt, (layer + 1) * dt
         last, cuts = state.multiplier, _CUTS
+        if layer == 0:
+            self._stuck = self._still(time, end)
         done = LayerSums(len(last), interior.surface_displacement.shape[1])
         before = self._look(interior.surface_displacement, time)
         near = self._near(time, end)
@@ -107,14 +113,14 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
                 span, tries = share * (stop - time), tries + 1
                 continue
             interior.accept()
+            self._stuck = self._sticks(step.force)
             done.add(step, stop - time)
             last, self._normals = step.left, step.directions[:, 0]
             self._tangential = in_space(step.directions[:, 1:], step.force[:, 1:])
             time, span = stop, dt if tries else min(dt, 2.0 * span)
             cuts, tries = cuts - tries, 0
             before = self._look(interior.surface_displacement, time)
-            # Nodes that have slid from one obstacle to the next.
-            last, self._tangential = map(self._gaps.handed, (last, self._tangential))
+            last = self._hand_over(last)
         self.layer = layer + 1
         static = np.zeros_like(state.static)
         self.rows.put(self.layer, interior.finish(static))
@@ -175,7 +181,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             share = self._closing(before, closed, bound, start, end)
             if share < 1.0:
                 return None, share
-        step = self._step(start, end, last, before, closed)
+        step = self._held_step(start, end, last, before, closed)
         if may_cut:
             share = self._closing(before, closed, interior.surface_iterate, start, end)
             if share < 1.0:
@@ -200,6 +206,50 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         share = before[rows] / (before[rows] - after[rows])
         share = share[share < most]
         return max(least, float(share.min())) if len(share) and least < most else 1.0
+
+    def _hand_over(self, last: Floats) -> Floats:
+        """Forces (gaps,) and all else that nodes take along which slide to another obstacle."""
+        each = last, self._tangential, self._stuck.astype(float)
+        last, self._tangential, stuck = map(self._gaps.handed, each)
+        self._stuck = stuck > 0.0
+        return last
+
+    def _still(self, start: float, end: float) -> Booleans:
+        """Gaps that nothing moves along at t = 0, (gaps,)."""
+        interior, gaps = self.interior, self._gaps
+        way = gaps.relative(interior.predicted(start, end) - interior.surface_displacement)
+        way = way - (gaps.shift(end) - gaps.shift(start))
+        along = np.einsum("ij,ij->i", way, self._normals)[:, None] * self._normals
+        largest: float = np.abs(way).max(initial=0.0)
+        return np.asarray(np.abs(way - along).max(axis=1) <= _STILL * largest)
+
+    def _sticks(self, force: Floats) -> Booleans:
+        """Gaps that are shut and do not slip with forces (gaps, ways), (gaps,)."""
+        if self._law is None:
+            return self._stuck
+        bound = (1.0 - ON_CONE) * self._law.coefficients * force[:, 0]
+        return np.asarray(np.linalg.norm(force[:, 1:], axis=1) < bound)
+
+    def _held_step(
+        self, start: float, end: float, last: Floats, before: Floats, closed: Booleans
+    ) -> Step:
+        """Solve a step in which the larger coefficient holds what did not slip before.
+
+        What slips all the same is solved for again. Arguments and errors are those of `_step`.
+        """
+        law = self._friction
+        holds = self._stuck & (law.static > law.coefficients) if law is not None else self._stuck
+        while True:
+            if law is not None and holds.any():
+                mu = np.where(holds, law.static, law.coefficients)
+                self._law = replace(law, coefficients=mu)
+            else:
+                self._law = law
+            step = self._step(start, end, last, before, closed)
+            slips = holds & (step.force[:, 0] > 0.0) & ~self._sticks(step.force)
+            if law is None or not slips.any():
+                return step
+            holds = holds & ~slips
 
     def _step(
         self, start: float, end: float, last: Floats, before: Floats, closed: Booleans
@@ -306,16 +356,16 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             shut = np.where(self._soft, normal - self._foreseen, normal)
         missed = np.where(force[:, 0] > 0.0, np.abs(shut), np.maximum(-normal, 0.0))[may]
         worst = float(missed.max(initial=0.0))
-        if self._friction is None:
+        if self._law is None:
             return worst
-        rows = np.flatnonzero((force[:, 0] > 0.0) & (self._friction.coefficients > 0.0))
+        rows = np.flatnonzero((force[:, 0] > 0.0) & (self._law.coefficients > 0.0))
         if not self._known.keys() >= set(rows.tolist()):
             return np.inf  # by how much they yield is not known yet
         for row in rows.tolist():
             yields = np.trace(self._known[row][1:, row, 1:]) / (force.shape[1] - 1)
             tau, slip = force[row, 1:], apart[row, 1:]
             trial = tau - slip / yields
-            bound = self._friction.coefficients[row] * force[row, 0]
+            bound = self._law.coefficients[row] * force[row, 0]
             length = float(np.linalg.norm(trial))
             wanted = trial if length <= bound else bound / length * trial
             worst = max(worst, yields * float(np.abs(tau - wanted).max()))
@@ -344,7 +394,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             solver = self._solver
             if self._pressed is not None:
                 solver = self._pressed.beside(solver, rows)
-            solved = obeying(matrix, offset, rows, own, self._friction, solver)
+            solved = obeying(matrix, offset, rows, own, self._law, solver)
             after = apart[:, 0] + np.einsum("jb,jbi->i", solved - own, answers[..., 0])
             missed = may & (after < -self.tolerance)
             missed[rows] = False

@@ -34,6 +34,7 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _REMEMBERED = ("centre", "angles", "speed", "spin", "normals", "lowest")
+_ROUNDS = 16.0  # by which impulses round
 _WHOLE = 1.0  # largest tan of a quarter turn that is foretold
 _MOST, _SETTLED = 50, 1e-13  # iterates of forces by formula, and their change
 
@@ -363,7 +364,12 @@ class RigidBodies(Meshless):
             left = max(left, float((size * np.abs(new - old)).max()))
             change, moving = np.abs(new - begun), SHARE * np.abs(begun)
             scale = max(scale, float((size * np.maximum(change, moving)).max()))
-        return left, scale, 0.0
+        # What rests is pushed and pulled, and does not move: forces and their moments round.
+        acting = np.abs(self._pushed) + self._span * np.abs(self._weight)
+        reach = np.zeros(len(self._mass))
+        np.maximum.at(reach, self.apart, np.linalg.norm(self.acting, axis=1))
+        round_off = acting.max(axis=1) / self._mass[:, 0] * (1.0 + reach / self._gyration[:, 0])
+        return left, scale, _ROUNDS * float(np.finfo(float).eps) * float(round_off.max())
 
     def lay(self, forces: Floats) -> None:
         """Put the contact forces of the step (count, dim), to be solved for."""

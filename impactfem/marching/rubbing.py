@@ -159,14 +159,14 @@ def rub(
         mu = np.where(holds, law.static[layer.rows], law.coefficients[layer.rows])
         found = _with_poisson(law, scheme, layer, blocks, share, mu, moments)
         force = np.where(of_levels[:, None], found.multiplier[: len(mu)], found.force[: len(mu)])
-        inside = np.linalg.norm(force[:, 1:], axis=1) < (1.0 - _ON_CONE) * mu * force[:, 0]
+        inside = np.linalg.norm(force[:, 1:], axis=1) < (1.0 - ON_CONE) * mu * force[:, 0]
         slips = holds & ~inside & (force[:, 0] > 0.0)
         if not slips.any():
             return found, inside
         holds &= ~slips
 
 
-_ON_CONE = 1e-9  # share of the bound within which a tangential force has reached it
+ON_CONE = 1e-9  # share of the bound within which a tangential force has reached it
 
 
 def _with_poisson(
