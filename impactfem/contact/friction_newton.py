@@ -23,7 +23,9 @@ from afar, and what is done where forces depend on each other, stands in
 `impactfem.contact.friction_solver`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,9 +34,23 @@ from impactfem.contact import cone_kernels
 from impactfem.contact.cone_kernels import newton_cones, proximal_cones
 from impactfem.contact.rooted import Matrix, among, full, own_blocks
 
+if TYPE_CHECKING:
+    from impactfem.contact.spring_steps import SpringStep
+    from impactfem.contact.springs import ContactSprings
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
+
+Obeying = Callable[[Floats, Floats], tuple[Floats, Floats, int]]
+"""Normal forces [N] if springs are pressed by rest + give * force, gaps without springs, systems.
+
+Arguments are give [m/N] and rest [m], all of shape (pairs,).
+"""
+
+
+type Springs = ContactSprings | SpringStep
+"""Springs in gaps: over a layer by its levels, or over a step that is solved by iterates."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +67,7 @@ class ConeProblem:
         master: Which pair's normal force bounds the others: of forces the own number, shape
             (pairs,); None: no pair is a moment.
         spinning: Resistance to spinning of pairs that are moments [m], shape (pairs,).
+        springs: In the gaps, in which w falls short of them by what these give way; None: none.
     """
 
     matrix: Matrix
@@ -59,6 +76,7 @@ class ConeProblem:
     base: Floats
     master: Integers | None = None
     spinning: Floats | None = None
+    springs: "Springs | None" = None
     masters: Integers = field(init=False)
     spins: Floats = field(init=False)
 
@@ -69,6 +87,11 @@ class ConeProblem:
         object.__setattr__(self, "masters", own)
         none = np.zeros(count) if self.spinning is None else self.spinning
         object.__setattr__(self, "spins", none)
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether there are any tangential forces or moments."""
+        return bool(self.friction.any() or (self.spinning is not None and self.spinning.any()))
 
     @property
     def pushes(self) -> Booleans:

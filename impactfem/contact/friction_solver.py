@@ -1,4 +1,8 @@
-"""Contact forces in their cones from any start: islands, then Newton's method and what leads it.
+"""Contact forces that obey their law from any start.
+
+Without friction they are those of a complementarity problem. Springs in gaps are found by their
+tangents, each a compliance more. With friction forces lie in cones, and are found by islands, then
+Newton's method and what leads it:
 
 Pairs that do not move each other are solved apart. Of each island, in this order until the law is
 obeyed to rounding:
@@ -16,11 +20,12 @@ Math. Methods Appl. Sci. 5 (1983) 422-437). What is not found is said with the l
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.complementarity import Solver, solve_by_active_set
 from impactfem.contact.cone_kernels import without_traces
 from impactfem.contact.friction_kernels import islands_of, sweep_cones
 from impactfem.contact.friction_many import WORST, Accuracy, Many
@@ -39,6 +44,75 @@ _SWEEPS = ((100, 0.0), (5, 0.5), (1000, 0.0), (80, 0.25))
 """Sweeps with bounds that follow (share 0), or problems with frozen ones and the damping."""
 _FROZEN = 200
 _GROWING = (0.05, 0.1, 0.2, 0.4, 0.7)  # shares of the friction
+
+
+@dataclass(frozen=True)
+class Solving:
+    """How problems are solved.
+
+    Attributes:
+        normal: Solver of those without friction.
+        tolerance: Rounding level of displacements [m].
+        most: Limit of linear systems with friction.
+        accuracy: Of many pairs whose answers are kept by roots; it learns what was reached.
+    """
+
+    normal: Solver
+    tolerance: float
+    most: int = 1000
+    accuracy: Accuracy | None = None
+
+    @classmethod
+    def to(cls, tolerance: float, most: int = 1000, accuracy: Accuracy | None = None) -> "Solving":
+        """By the primal-dual active set, to some tolerance."""
+        return cls(solve_by_active_set(tolerance, most), tolerance, most, accuracy)
+
+
+def solve(problem: ConeProblem, start: Floats, how: Solving) -> tuple[Floats, int]:
+    """Find the forces that obey a law.
+
+    Args:
+        problem: The law.
+        start: Forces to begin with [N], (pairs, ways): one way without friction, else as many as
+            dimensions.
+        how: How it is solved.
+
+    Returns:
+        Forces [N], (pairs, ways), and the number of linear systems solved.
+
+    Raises:
+        ConvergenceError: They were not found.
+    """
+    springs, rubs, first = problem.springs, problem.has_friction, slice(None, None, start.shape[1])
+    if springs is None:
+        return _rigid(problem, start, how)
+    if not rubs and springs.rest(problem.offset[:, 0]):
+        return np.zeros_like(start), 0
+    matrix = full(problem.matrix)
+
+    def obey(give: Floats, rest: Floats) -> tuple[Floats, Floats, int]:
+        nonlocal start
+        softer = replace(problem, matrix=matrix.copy(), offset=problem.offset.copy())
+        full(softer.matrix)[first, first] += np.diag(give)
+        softer.offset[:, 0] += rest
+        start, count = _rigid(softer, start, how)
+        return start[:, 0], problem.answers(start)[:, 0], count
+
+    own, tolerance = matrix.diagonal()[first], how.tolerance if rubs else 0.0
+    count = springs.solve(obey, problem.offset[:, 0], own, tolerance)
+    return start, count
+
+
+def _rigid(problem: ConeProblem, start: Floats, how: Solving) -> tuple[Floats, int]:
+    """The same without springs."""
+    if problem.has_friction:
+        return solve_cones(problem, start, how.tolerance, how.most, how.accuracy)
+    matrix, ways, offset = full(problem.matrix), start.shape[1], problem.offset[:, 0]
+    if ways > 1:
+        matrix = np.ascontiguousarray(matrix[::ways, ::ways])
+    found = np.zeros_like(start)
+    found[:, 0], count = how.normal(matrix, np.ascontiguousarray(offset), start[:, 0] > 0.0)
+    return found, count
 
 
 def solve_cones(

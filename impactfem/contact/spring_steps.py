@@ -10,12 +10,11 @@ one coordinate this is the only such force along the gap).
 """
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.complementarity import Solver
+from impactfem.contact.friction_newton import Obeying
 from impactfem.contact.springs import ContactSprings
 from impactfem.errors import ConvergenceError
 
@@ -85,40 +84,41 @@ class SpringStep:
         slope = np.where(near, 0.5 * pushed * p / deep, slope)
         return force * self.there, np.maximum(slope, 0.0) * self.there
 
-    def beside(self, solver: Solver, rows: NDArray[np.int64]) -> Solver:
-        """A solver of some gaps that knows their springs, by one that does not."""
-        own = SpringStep(self.springs.some(rows), self.depth[rows], self.room[rows])
-        return partial(own.solve, solver)
+    def some(self, rows: NDArray[np.int64]) -> "SpringStep":
+        """Those of some gaps."""
+        return SpringStep(self.springs.some(rows), self.depth[rows], self.room[rows])
 
-    def solve(
-        self, solver: Solver, matrix: Floats, offset: Floats, start: Booleans
-    ) -> tuple[Floats, int]:
-        """Forces F of springs by `apart` = offset + matrix F; others keep 0 <= F _|_ apart >= 0.
+    def rest(self, offset: Floats) -> bool:
+        """Whether nothing presses gaps [m], (gaps,), without forces."""
+        return self._least(offset) == 0.0
 
-        Newton's steps, each a complementarity problem with the tangents of the springs, from as
-        deep as they are pressed without forces.
+    def _least(self, offset: Floats) -> float:
+        deepest = max(-float(offset.min(initial=0.0)), float(self.depth.max(initial=0.0)))
+        return _LEAST * deepest
+
+    def solve(self, obey: Obeying, offset: Floats, own: Floats, tolerance: float) -> int:  # noqa: ARG002
+        """Find forces F of springs by `apart`, gaps then; others keep 0 <= F _|_ apart >= 0.
+
+        Newton's steps, each the law with the tangents of the springs, from as deep as they are
+        pressed without forces. Arguments as of `impactfem.contact.springs.ContactSprings.solve`.
 
         Raises:
             ConvergenceError: They did not settle.
         """
-        there, pressed = self.there, self.depth > 0.0
-        least = _LEAST * max(-float(offset.min(initial=0.0)), float(self.depth.max(initial=0.0)))
-        if least == 0.0:
-            return np.zeros(len(offset)), 0
+        there, pressed, least = self.there, self.depth > 0.0, self._least(offset)
         closing = np.where(pressed, offset, np.minimum(offset, -least))
         apart = np.where(there, closing, 0.0)
         total = 0
         for _ in range(_MOST):
             mean, slope = self.mean(apart)
-            give = 1.0 / np.maximum(slope, _FLAT / np.abs(matrix).max())
+            give = 1.0 / np.maximum(slope, _FLAT / own.max())
             give = np.where(there, give, 0.0)
-            shifted = offset - np.where(there, apart + give * mean, 0.0)
-            force, count = solver(matrix + np.diag(give), shifted, start)
-            total, start = total + count, force > 0.0
+            force, _, count = obey(give, -np.where(there, apart + give * mean, 0.0))
+            total, pushes = total + count, force > 0.0
             found = apart - give * (force - mean)
-            open_up = np.where(start, np.minimum(found, -least), -least)
+            open_up = np.where(pushes, np.minimum(found, -least), -least)
             apart = np.where(there, np.where(pressed, found, open_up), 0.0)
-            missed = np.abs(self.mean(apart)[0] - force)[there & start]
+            missed = np.abs(self.mean(apart)[0] - force)[there & pushes]
             if missed.max(initial=0.0) <= _EXACT * force.max(initial=0.0):
-                return force, total
+                return total
         raise ConvergenceError(f"forces of springs in gaps not found in {_MOST} steps")

@@ -1,7 +1,7 @@
 """Contacts that give way by themselves: a dent about a single place, which bodies do not model.
 
 A spring lies in the gap: pressed by d it pushes with f = K d^p, and its free end is what may not
-pass. It is one more part of the convex energy of `impactfem.contact.complementarity`: the true gap
+pass. It is one more part of the convex energy of `impactfem.contact.layer_law`: the true gap
 is g + D lambda + d(lambda), and with the energy U(d) = f d / (p + 1) of the springs
 
     V(g) = lambda . D lambda / 2 + U,
@@ -12,24 +12,18 @@ where e_a = U_b - U_a - lambda_a . (d_b - d_a) >= 0, and e_b likewise, are what 
 beyond the work of the force of one end. With p = 1 the spring is a compliance 1 / K more.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from impactfem.contact.friction_newton import Obeying
 from impactfem.errors import ConvergenceError
 from impactfem.findings import Finding, by_limits
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
-
-Obeying = Callable[[Floats, Floats], tuple[Floats, Floats, int]]
-"""Normal forces [N] if springs are pressed by rest + give * force, gaps without springs, systems.
-
-Arguments are give [m/N] and rest [m], all of shape (gaps,).
-"""
 
 _EXACT = 1e-14  # share of the largest force by which the law may be missed
 _LEAST = 1e-12  # share of the deepest gap from which on a spring counts as pressed
@@ -73,6 +67,10 @@ class ContactSprings:
     def energy(self, force: Floats) -> Floats:
         """What they store then [J], (gaps,)."""
         return force * self.depth(force) / (self.exponent + 1.0)
+
+    def rest(self, offset: Floats) -> bool:
+        """Whether nothing presses gaps [m], (gaps,), without forces."""
+        return bool(offset.min(initial=0.0) >= 0.0)
 
     def excess(self, old: Floats, new: Floats) -> tuple[float, float]:
         """e_a and e_b of the forces at both ends of a layer [J]; see the module."""

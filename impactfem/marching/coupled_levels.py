@@ -128,7 +128,7 @@ class CoupledLevels(LevelMarch):
             inner = matrix[::ways, ::ways][np.ix_(pressed, pressed)]
             still = np.linalg.lstsq(inner, -offset[pressed, 0], rcond=_REGULAR)[0]
             self._needed[rows[pressed]] = still
-        solved = obeying(matrix, offset, rows, own, self._friction, self._solver)
+        solved = obeying(matrix, offset, rows, own, self._friction, self._how)
         found[rows] = solved
         change = (solved - force[rows]).ravel() @ act
         return found, (change @ answers.reshape(size, -1)).reshape(answers.shape[2:])

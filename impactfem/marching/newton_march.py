@@ -391,10 +391,8 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
             matrix = 0.5 * (matrix + matrix.T)
             own = force[rows]
             offset = apart[rows] - (matrix @ own.ravel()).reshape(own.shape)
-            solver = self._solver
-            if self._pressed is not None:
-                solver = self._pressed.beside(solver, rows)
-            solved = obeying(matrix, offset, rows, own, self._law, solver)
+            springs = None if self._pressed is None else self._pressed.some(rows)
+            solved = obeying(matrix, offset, rows, own, self._law, self._how, springs)
             after = apart[:, 0] + np.einsum("jb,jbi->i", solved - own, answers[..., 0])
             missed = may & (after < -self.tolerance)
             missed[rows] = False

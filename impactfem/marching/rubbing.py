@@ -1,20 +1,17 @@
 """Friction in the time loop: what the law needs of a layer, and what it leaves for the next one."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.complementarity import Halfway, Solver, expanded, keeping
-from impactfem.contact.friction import (
-    FrictionContact,
-    solve_friction_layer,
-    solve_friction_layer_at_speed,
-)
 from impactfem.contact.friction_many import Accuracy
-from impactfem.contact.friction_newton import ConeProblem
-from impactfem.contact.friction_solver import solve_cones
+from impactfem.contact.friction_newton import ConeProblem, Springs
+from impactfem.contact.friction_solver import Solving, solve
+from impactfem.contact.layer_law import Layer, LayerContact, keeping, solve_layer
 from impactfem.contact.rooted import Matrix, full
+from impactfem.contact.speed_law import Halfway
 from impactfem.contact.springs import ContactSprings
 from impactfem.marching.resisting import Moments
 from impactfem.marching.schemes import SolidScheme
@@ -46,6 +43,11 @@ class Friction:
     rolling: Floats
     spinning: Floats
     accuracy: Accuracy = field(default_factory=Accuracy)
+
+    @cached_property
+    def solving(self) -> Solving:
+        """How its problems are solved."""
+        return Solving.to(self.tolerance, self.max_iterations, self.accuracy)
 
 
 @dataclass
@@ -97,7 +99,7 @@ class LayerGaps:
         old_way: Relative displacements at a [m], (k, dim).
         held: Where sticking gaps stay [m], (k, dim); None for ``old_way``.
         fast: Gaps whose law acts on velocities, (k,).
-        halfway: Of these, in space, the way of `impactfem.contact.complementarity.Halfway` [m],
+        halfway: Of these, in space, the way of `impactfem.contact.speed_law.Halfway` [m],
             normal and tangential parts, (k, dim).
         ends: Which of these are gaps of ends of bars, (k,).
         stuck: Which did not slip before, (k,).
@@ -135,7 +137,7 @@ def rub(
     blocks: tuple[Matrix, Matrix],
     share: float,
     moments: Moments | None = None,
-) -> tuple[FrictionContact, NDArray[np.bool_]]:
+) -> tuple[LayerContact, NDArray[np.bool_]]:
     """Solve a layer; forces and multipliers come back in the frames of the gaps.
 
     Args:
@@ -157,7 +159,7 @@ def rub(
     holds = layer.stuck & (law.static > law.coefficients)[layer.rows]
     while True:
         mu = np.where(holds, law.static[layer.rows], law.coefficients[layer.rows])
-        found = _with_poisson(law, scheme, layer, blocks, share, mu, moments)
+        found = _solve(law, scheme, layer, blocks, share, mu, moments)
         force = np.where(of_levels[:, None], found.multiplier[: len(mu)], found.force[: len(mu)])
         inside = np.linalg.norm(force[:, 1:], axis=1) < (1.0 - ON_CONE) * mu * force[:, 0]
         slips = holds & ~inside & (force[:, 0] > 0.0)
@@ -169,29 +171,6 @@ def rub(
 ON_CONE = 1e-9  # share of the bound within which a tangential force has reached it
 
 
-def _with_poisson(
-    law: Friction,
-    scheme: SolidScheme,
-    layer: LayerGaps,
-    blocks: tuple[Matrix, Matrix],
-    share: float,
-    mu: Floats,
-    moments: Moments | None,
-) -> FrictionContact:
-    """Solve a layer whose impacts may have two phases; see `expanded`."""
-    given = np.zeros_like(layer.way)
-    if not layer.poisson.any():
-        return _solve(law, scheme, layer, blocks, share, mu, moments, given)
-    first = _solve(law, scheme, layer, blocks, share, mu, moments, given).force[: len(mu), 0]
-    given[:, 0] = expanded(layer.poisson, first, layer.old[0])
-    found = _solve(law, scheme, layer, blocks, share, mu, moments, given)
-    for forces in (found.force, found.multiplier):
-        forces[: len(mu)] += given
-    moved = _by(share * blocks[0], given)[:, 0]
-    found.place[: len(mu), 0] += np.where(layer.fast, moved, 0.0)
-    return found
-
-
 def _solve(
     law: Friction,
     scheme: SolidScheme,
@@ -200,56 +179,58 @@ def _solve(
     share: float,
     mu: Floats,
     moments: Moments | None,
-    given: Floats,
-) -> FrictionContact:
-    """Solve a layer with some friction in which some forces are given besides, (k, dim)."""
+) -> LayerContact:
+    """Solve a layer with some friction."""
     free = turned(layer.frames, layer.way)
     free[:, 0] = layer.gap
     before = turned(layer.frames, layer.old_way)
     before[:, 0] = layer.old[1]
-    response, compliance = share * blocks[0], blocks[1]
     old = turned(layer.frames, layer.old_tangential)
     old[:, 0] = layer.old[0]
-    held = None if layer.held is None else turned(layer.frames, layer.held)[:, 1:]
-    springs = layer.springs
-    limits = keeping(scheme.rule, springs), law.tolerance, law.max_iterations
-    if moments is None and not (layer.fast | layer.across).any():
-        soft = None if springs is None else (springs, layer.across)
-        states = free, response, compliance, (old, before), mu
-        return solve_friction_layer(*states, *limits, held, None, None, law.accuracy, soft)
-    moved = _by(response, given)
-    free[:, 1:] += moved[:, 1:]
-    # Gaps of velocities still act where they would close without forces.
-    free[:, 0] += np.where(layer.fast, 0.0, moved[:, 0])
-    fast, ways, ends = layer.fast, turned(layer.frames, layer.halfway) + moved, layer.ends
-    slides = layer.across
-    pairs = None
+    made = Layer(
+        free, share * blocks[0], blocks[1], (old, before), mu, layer.springs,
+        held=None if layer.held is None else turned(layer.frames, layer.held)[:, 1:],
+    )  # fmt: skip
+    poisson = layer.poisson
+    if moments is not None or (layer.fast | layer.across).any():
+        ways = turned(layer.frames, layer.halfway)
+        made = replace(made, halfway=Halfway(layer.fast, ways, layer.ends, layer.across))
     if moments is not None:
-        count, more = len(free), len(moments.of)
-        none, yes = np.zeros_like(moments.way), np.ones(more, dtype=bool)
-        free = np.concatenate([free, moments.way + _by(share * moments.across.T, given)])
-        ways = np.concatenate([ways, moments.after + _by(share * moments.across.T, given)])
-        fast = np.concatenate([fast, yes])
-        ends, slides = (np.concatenate([each, ~yes]) for each in (ends, slides))
-        springs = None if springs is None else springs.beside(more)
-        old, before = (np.concatenate([each, none]) for each in (old, before))
-        across = share * moments.across
-        response = np.block([[full(response), across], [across.T, share * moments.own]])
-        compliance = np.pad(full(compliance), (0, none.size))
-        held = None if held is None else np.concatenate([held, none[:, 1:]])
-        mu = np.concatenate([mu, moments.rolling])
-        pairs = (
+        made = _resisted(made, moments, share)
+        poisson = np.concatenate([poisson, np.zeros(len(moments.of))])
+    return solve_layer(made, keeping(scheme.rule, layer.springs), law.solving, poisson)
+
+
+def _resisted(layer: Layer, moments: Moments, share: float) -> Layer:
+    """A layer at whose gaps moments resist, which stand behind them."""
+    count, more = len(layer.free), len(moments.of)
+    none, yes, law = np.zeros_like(moments.way), np.ones(more, dtype=bool), layer.halfway
+    if law is None or layer.friction is None:
+        raise ValueError("moments act on velocities, where there is friction")
+    across = share * moments.across
+    return replace(
+        layer,
+        free=np.concatenate([layer.free, moments.way]),
+        response=np.block([[full(layer.response), across], [across.T, share * moments.own]]),
+        static=np.pad(full(layer.static), (0, none.size)),
+        before=(
+            np.concatenate([layer.before[0], none]),
+            np.concatenate([layer.before[1], none]),
+        ),
+        friction=np.concatenate([layer.friction, moments.rolling]),
+        springs=None if layer.springs is None else layer.springs.beside(more),
+        halfway=Halfway(
+            np.concatenate([law.rows, yes]),
+            np.concatenate([law.way, moments.after]),
+            np.concatenate([law.ends, ~yes]),
+            np.concatenate([layer.across, ~yes]),
+        ),
+        held=None if layer.held is None else np.concatenate([layer.held, none[:, 1:]]),
+        moments=(
             np.concatenate([np.arange(count), moments.of]),
             np.concatenate([np.zeros(count), moments.spinning]),
-        )
-    return solve_friction_layer_at_speed(
-        free, Halfway(fast, ways, ends, slides), response, compliance, (old, before), mu, *limits,
-        held, pairs, law.accuracy, springs,
-    )  # fmt: skip
-
-
-def _by(matrix: Matrix, forces: Floats) -> Floats:
-    return np.asarray((matrix @ forces.ravel()).reshape(-1, forces.shape[1]))
+        ),
+    )
 
 
 def obeying(
@@ -258,7 +239,8 @@ def obeying(
     rows: Integers,
     start: Floats,
     law: Friction | None,
-    solver: Solver,
+    how: Solving,
+    springs: Springs | None = None,
 ) -> Floats:
     """Forces in some gaps for which the law of contact and friction holds, (rows, ways).
 
@@ -268,16 +250,15 @@ def obeying(
         rows: The gaps.
         start: Forces to begin with [N], (rows, ways).
         law: Coulomb's; None without, where only normal forces are.
-        solver: Of gaps without friction.
+        how: How it is solved.
+        springs: In these gaps; None without any.
 
     Raises:
         ConvergenceError: They were not found.
     """
-    if law is None:
-        normal, _ = solver(matrix, offset[:, 0], start[:, 0] > 0.0)
-        return np.asarray(normal[:, None])
-    problem = ConeProblem(matrix, offset, law.coefficients[rows], np.zeros(len(rows)))
-    return solve_cones(problem, start, law.tolerance, law.max_iterations)[0]
+    none = np.zeros(len(rows))
+    mu = none if law is None else law.coefficients[rows]
+    return solve(ConeProblem(matrix, offset, mu, none, springs=springs), start, how)[0]
 
 
 def told(directions: Floats, force: Floats, way: Floats) -> tuple[Floats, Floats]:

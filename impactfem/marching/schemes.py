@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from impactfem.contact.complementarity import Rule
+from impactfem.contact.layer_law import Rule
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class SolidScheme:
         interior: "midpoint" is the space-time form with layer weight beta = 1/4 (implicit),
             "leapfrog" with beta = 0 (explicit, lumped mass).
         massless: Whether contact nodes give their mass to their neighbours.
-        contact: Rule for theta (`impactfem.contact.complementarity`), or "velocity": impulses on
+        contact: Rule for theta (`impactfem.contact.layer_law`), or "velocity": impulses on
             nodes whose gap would close. Where massless nodes meet nothing but nodes with mass,
             these have the law of velocities in any case.
         holds: Under finite strain, whether contact holds gaps that are closed instead of barring

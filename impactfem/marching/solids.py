@@ -1,23 +1,15 @@
 """Layers of bodies whose answers to forces are linear: predict, find contact forces, end it."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from impactfem.contact.complementarity import (
-    Halfway,
-    LayerContact,
-    expanded,
-    keeping,
-    rebound,
-    solve_layer,
-    solve_layer_at_speed,
-)
 from impactfem.contact.friction_newton import ConeProblem
-from impactfem.contact.springs import ContactSprings, unresolved
+from impactfem.contact.layer_law import Layer, keeping, solve_layer
+from impactfem.contact.speed_law import Halfway, rebound
+from impactfem.contact.springs import unresolved
 from impactfem.findings import Finding
 from impactfem.marching.determinacy import Determinacy
 from impactfem.marching.layers import Answers, Interior, Rolling
@@ -239,25 +231,29 @@ class SolidMarch(TimeLoop[Interior]):
             rows = np.flatnonzero(taking_part)
             self._responses.require(rows)
             response, compliance = self._responses.matrices(rows, normals[rows])
-            before = old[rows], old_gap[rows]
-            law = Halfway((fast | ends)[rows], halfway[rows], ends[rows])
-            given = law, share * response, compliance, before
             springs = None if self._springs is None else self._springs.some(rows)
-            found = self._solve(gap[rows], *given, self._expanding(count)[rows], springs)
+            layer = Layer(
+                gap[rows, None], share * response, compliance,
+                (old[rows, None], old_gap[rows, None]), springs=springs,
+                halfway=Halfway((fast | ends)[rows], halfway[rows, None], ends[rows]),
+            )  # fmt: skip
+            rule = keeping(self._scheme.rule, springs)
+            found = solve_layer(layer, rule, self._how, self._expanding(count)[rows])
             iterations += found.iterations
-            acting = share * found.force
-            true = gap + self._responses.approach(rows, normals, acting, found.multiplier)
-            true[rows] = found.gap
+            pushes, levels = found.force[:, 0], found.multiplier[:, 0]
+            acting = share * pushes
+            true = gap + self._responses.approach(rows, normals, acting, levels)
+            true[rows] = found.place[:, 0]
             missed = true < -self.tolerance
             missed[rows] = False
             missed &= ~fast
             if not missed.any():
                 break
             taking_part |= missed
-        force[rows], multiplier[rows] = found.force, found.multiplier
-        if fast[rows].all() and np.count_nonzero(found.force) > 1:
-            self._look(rows, share * response, found.force)
-        if found.force.any():
+        force[rows], multiplier[rows] = pushes, levels
+        if fast[rows].all() and np.count_nonzero(pushes) > 1:
+            self._look(rows, share * response, pushes)
+        if pushes.any():
             change = self._responses.displacement(rows, normals[rows], acting)
             inside = force[:, None] * normals
             parts = self._responses.parts(rows, inside[rows])
@@ -308,32 +304,6 @@ class SolidMarch(TimeLoop[Interior]):
         if self._poisson is None or not (self._fast & self._arriving).any():
             return np.zeros(count)
         return np.where(self._fast, self._poisson, 0.0)
-
-    def _solve(
-        self, gap: Floats, halfway: Halfway, response: Floats, compliance: Floats,
-        before: tuple[Floats, Floats], poisson: Floats, springs: ContactSprings | None,
-    ) -> LayerContact:  # fmt: skip
-        """Solve a layer; Poisson's impacts have two phases.
-
-        The impulse of compression ends the approach; that of expansion is at least e times what
-        it adds to the force before, and larger where nodes would come together otherwise.
-        """
-        rule, solver = keeping(self._scheme.rule, springs), self._solver
-        rest = response, compliance, before, rule, solver, springs
-        if not halfway.rows.any():
-            return solve_layer(gap, *rest)
-        found = solve_layer_at_speed(gap, halfway, *rest)
-        if not poisson.any():
-            return found
-        given = expanded(poisson, found.force, before[0])
-        moved = response @ given
-        # Gaps of velocities still act where they would close without forces.
-        fast, halfway = halfway.rows, replace(halfway, way=halfway.way + moved)
-        found = solve_layer_at_speed(np.where(fast, gap, gap + moved), halfway, *rest)
-        return replace(
-            found, force=found.force + given, multiplier=found.multiplier + given,
-            gap=found.gap + np.where(fast, moved, 0.0),
-        )  # fmt: skip
 
 
 def _along(normals: Floats, vectors: Floats) -> Floats:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactfem.contact.complementarity import Solver
+from impactfem.contact.friction_solver import Solving
 from impactfem.contact.springs import ContactSprings
 from impactfem.errors import ConvergenceError
 from impactfem.fem import MPI
@@ -106,6 +107,9 @@ class TimeLoop[I: Stepper](ABC):
         )  # fmt: skip
         self._comm, self._scheme, self._gaps = settings.comm, scheme, gaps
         self._solver, self._friction = settings.active_set, settings.friction
+        self._how = Solving(settings.active_set, settings.tolerance)
+        if settings.friction is not None:
+            self._how = settings.friction.solving
         self._restitution, self._poisson = settings.restitution, settings.poisson
         self._rubs, self._springs = settings.friction is not None, settings.springs
         self.layers, self.tolerance = layers, settings.tolerance

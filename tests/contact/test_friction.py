@@ -7,31 +7,31 @@ from hypothesis import strategies as st
 from scipy.linalg import block_diag
 from scipy.optimize import brentq, minimize
 
-from impactfem.contact import friction as friction_module
-from impactfem.contact.complementarity import Halfway, solve_by_active_set, solve_layer
+from impactfem.contact import friction_solver
 from impactfem.contact.cone_kernels import least_solution
-from impactfem.contact.friction import solve_friction_layer, solve_friction_layer_at_speed
 from impactfem.contact.friction_kernels import sweep_cones
 from impactfem.contact.friction_newton import (
     ConeProblem,
     newton,
 )
-from impactfem.contact.friction_solver import _swept, solve_cones
+from impactfem.contact.friction_solver import Solving, _swept, solve_cones
+from impactfem.contact.layer_law import Layer, solve_layer
+from impactfem.contact.speed_law import Halfway
 from impactfem.errors import ConvergenceError
 
 _SEEDS = st.integers(0, 2**32)
 _DIMS = st.integers(2, 3)
 _MUS = st.floats(0.01, 1.5)
+_HOW = Solving.to(1e-15)
 
 
 def at_speed(free, speed, response, place, friction, dt):
     """Nodes with mass only, without restitution."""
     rows = np.ones(len(free), dtype=bool)
     halfway = Halfway(rows, 0.5 * dt * speed, ~rows)
-    before = np.zeros_like(place), place
-    return solve_friction_layer_at_speed(
-        free, halfway, response, np.zeros_like(response), before, friction, "middle", 1e-15
-    )
+    before, static = (np.zeros_like(place), place), np.zeros_like(response)
+    layer = Layer(free, response, static, before, friction, halfway=halfway)
+    return solve_layer(layer, "middle", Solving.to(1e-15))
 
 
 def _spd(rng, size):
@@ -237,9 +237,8 @@ def _layer(seed, pairs, dim, mu, rule):
     old, place = _state(rng, pairs, dim, mu)
     inside = place - _times(compliance, old)
     free = inside + rng.standard_normal(inside.shape)
-    found = solve_friction_layer(
-        free, response, compliance, (old, place), np.full(pairs, mu), rule, 1e-15
-    )
+    layer = Layer(free, response, compliance, (old, place), np.full(pairs, mu))
+    found = solve_layer(layer, rule, _HOW)
     change = free + _times(response, found.force) - inside
     new = found.multiplier
     stored = 0.5 * ((new * _times(compliance, new)).sum() - (old * _times(compliance, old)).sum())
@@ -254,14 +253,14 @@ def test_what_strikes_elsewhere_changes_nothing(seed, pairs, more, dim, mu):
     states = [_state(rng, count, dim, mu) for count in (pairs, more)]
     free = [place - _times(part[1], old) + rng.standard_normal(old.shape)
             for part, (old, place) in zip(parts, states, strict=True)]  # fmt: skip
-    both = solve_friction_layer(
+    whole = Layer(
         np.concatenate(free), *(block_diag(*each) for each in zip(*parts, strict=True)),
         tuple(np.concatenate(each) for each in zip(*states, strict=True)),
-        np.full(pairs + more, mu), "conserving", 1e-15,
+        np.full(pairs + more, mu),
     )  # fmt: skip
-    alone = solve_friction_layer(
-        free[0], *parts[0], states[0], np.full(pairs, mu), "conserving", 1e-15
-    )
+    both = solve_layer(whole, "conserving", _HOW)
+    part = Layer(free[0], *parts[0], states[0], np.full(pairs, mu))
+    alone = solve_layer(part, "conserving", _HOW)
     for name in ("force", "multiplier", "place", "work"):
         assert (getattr(both, name)[:pairs] == getattr(alone, name)).all()
 
@@ -311,24 +310,24 @@ def test_without_friction_nothing_changes_and_no_cone_is_sought(monkeypatch):
     def forbidden(*_):
         raise AssertionError
 
-    monkeypatch.setattr(friction_module, "solve_cones", forbidden)
+    monkeypatch.setattr(friction_solver, "solve_cones", forbidden)
     for seed in range(20):
         rng = np.random.default_rng(seed)
         pairs, dim = 5, 2 + seed % 2
         compliance, response = _spd(rng, pairs * dim), _spd(rng, pairs * dim)
         old, place = _state(rng, pairs, dim, 0.0)
         free = rng.standard_normal((pairs, dim))
-        found = solve_friction_layer(
-            free, response, compliance, (old, place), np.zeros(pairs), "conserving", 1e-14
-        )
+        how = Solving.to(1e-14)
+        layer = Layer(free, response, compliance, (old, place), np.zeros(pairs))
+        found = solve_layer(layer, "conserving", how)
         part = np.ix_(range(0, pairs * dim, dim), range(0, pairs * dim, dim))
-        expected = solve_layer(
-            free[:, 0], response[part], compliance[part], (old[:, 0], place[:, 0]), "conserving",
-            solve_by_active_set(1e-14, 1000),
-        )  # fmt: skip
-        assert (found.multiplier[:, 0] == expected.multiplier).all()
-        assert (found.force[:, 0] == expected.force).all()
-        assert found.theta == expected.theta
+        normal = Layer(free[:, :1], response[part], compliance[part], (old[:, :1], place[:, :1]))
+        expected = solve_layer(normal, "conserving", how)
+        scale = 1.0 + np.abs(expected.force).max()
+        for name in ("multiplier", "force"):
+            one, other = getattr(found, name)[:, :1], getattr(expected, name)
+            assert one == pytest.approx(other, abs=1e-13 * scale)
+        assert found.theta == pytest.approx(expected.theta, abs=1e-12)
         assert not found.force[:, 1:].any()
         assert not found.work.any()
         velocity = at_speed(free, free, response, place, np.zeros(pairs), 0.1)
@@ -342,7 +341,8 @@ def test_pairs_without_friction_among_others_have_none():
     place = np.abs(rng.standard_normal((4, 3)))
     mu = np.array([0.0, 0.5, 0.0, 0.5])
     free = place - 2.0
-    found = solve_friction_layer(free, response, compliance, (old, place), mu, "conserving", 1e-15)
+    layer = Layer(free, response, compliance, (old, place), mu)
+    found = solve_layer(layer, "conserving", _HOW)
     assert not found.force[::2, 1:].any()
     assert found.force[1::2, 1:].any()
 
@@ -354,9 +354,9 @@ def test_nodes_with_mass_have_their_layer_force_in_the_cone(seed, pairs, dim, mu
     response = _spd(rng, pairs * dim)
     old, place = _state(rng, pairs, dim, mu)
     free = place + rng.standard_normal(place.shape)
-    found = solve_friction_layer(
-        free, response, np.zeros_like(response), (old, place), np.full(pairs, mu), "middle", 1e-15
-    )
+    none = np.zeros_like(response)
+    layer = Layer(free, response, none, (old, place), np.full(pairs, mu))
+    found = solve_layer(layer, "middle", _HOW)
     scale = (1.0 + np.abs(found.force).max() + np.abs(found.place).max()) ** 2
     assert found.force[:, 0] == pytest.approx(0.5 * (old + found.multiplier)[:, 0])
     bound = mu * found.force[:, 0]

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from impactfem.contact.complementarity import Halfway
-from impactfem.contact.friction import solve_friction_layer, solve_friction_layer_at_speed
+from impactfem.contact.friction_solver import Solving
+from impactfem.contact.layer_law import Layer, solve_layer
+from impactfem.contact.speed_law import Halfway
 
 _TOLERANCE = 1e-14
 _GRAVITY = 9.81
@@ -18,10 +19,9 @@ def at_speed(free, speed, response, place, friction, dt):
     """Nodes with mass only, without restitution."""
     rows = np.ones(len(free), dtype=bool)
     halfway = Halfway(rows, 0.5 * dt * speed, ~rows)
-    before = np.zeros_like(place), place
-    return solve_friction_layer_at_speed(
-        free, halfway, response, np.zeros_like(response), before, friction, "middle", 1e-15
-    )
+    before, static = (np.zeros_like(place), place), np.zeros_like(response)
+    layer = Layer(free, response, static, before, friction, halfway=halfway)
+    return solve_layer(layer, "middle", Solving.to(1e-15))
 
 
 class March:
@@ -36,7 +36,7 @@ class March:
         dt: Time step.
         displacement, velocity, load: Shape (n,).
         force: Contact forces at t = 0, shape (pairs, dim).
-        rule: Of `solve_friction_layer`, or "velocity".
+        rule: Of `solve_layer`, or "velocity".
     """
 
     def __init__(self, stiffness, mass, rows, height, mu, dt, displacement, velocity, load,
@@ -98,10 +98,9 @@ class March:
             speed = 2.0 / dt * (free - place) - self.velocity[self.rows]
             found = at_speed(free, speed, self.response, place, self.mu, dt)
         else:
-            found = solve_friction_layer(
-                free, self.response, self.compliance, (self.force, place), self.mu, self.rule,
-                _TOLERANCE,
-            )  # fmt: skip
+            state = self.force, place
+            layer = Layer(free, self.response, self.compliance, state, self.mu)
+            found = solve_layer(layer, self.rule, Solving.to(_TOLERANCE))
         push = np.zeros(len(self.mass))
         push[self.contact] = found.force.ravel()
         self.displacement += 2.0 * self.inverse @ push
@@ -307,10 +306,11 @@ def explicit(march, layers, *, from_now):
         share = 0.5 if layer == 0 else 1.0
         free = u + step + share * dt**2 * inverse * (load - condensed @ u)
         march.displacement[i] = free
-        found = solve_friction_layer(
+        law = Layer(
             march.free_place(), share * response, march.compliance, (older, place_older), march.mu,
-            "conserving", _TOLERANCE, held=place[:, 1:] if from_now else None,
+            held=place[:, 1:] if from_now else None,
         )  # fmt: skip
+        found = solve_layer(law, "conserving", Solving.to(_TOLERANCE))
         end = free - share * dt**2 * inverse * (push @ found.force.ravel())
         step = end - u
         older, old = old, found.multiplier

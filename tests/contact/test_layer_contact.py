@@ -1,20 +1,17 @@
 """Contact of one layer: complementarity, no pulling force, and the energy that theta decides."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from impactfem.contact.complementarity import (
-    Halfway,
-    _murty,
-    rebound,
-    solve_by_active_set,
-    solve_layer,
-    solve_layer_at_speed,
-    uncoupled,
-)
+from impactfem.contact.complementarity import _murty, solve_by_active_set
+from impactfem.contact.friction_solver import Solving
+from impactfem.contact.layer_law import Layer, solve_layer, uncoupled
 from impactfem.contact.snes_vi import solve_by_snes_vi
+from impactfem.contact.speed_law import Halfway, rebound
 from impactfem.errors import ConvergenceError
 
 _TOLERANCE = 1e-14
@@ -25,21 +22,35 @@ def _spd(rng, size, rank=None):
     return root @ root.T / size
 
 
+_HOW = Solving.to(_TOLERANCE, 200)
+
+
+def _solved(free, response, compliance, before, rule, halfway=None):
+    """A layer without tangential parts: force, multiplier and gap, (pairs,) each, and theta."""
+    before = before[0][:, None], before[1][:, None]
+    found = solve_layer(
+        Layer(free[:, None], response, compliance, before, halfway=halfway), rule, _HOW
+    )
+    return SimpleNamespace(
+        force=found.force[:, 0], multiplier=found.multiplier[:, 0], gap=found.place[:, 0],
+        theta=found.theta,
+    )  # fmt: skip
+
+
 def _potential(gap, compliance):
     """V(g) and its multipliers, by the active-set solver."""
     found, _ = solve_by_active_set(_TOLERANCE, 200)(compliance, gap, np.zeros(len(gap), dtype=bool))
     return 0.5 * found @ compliance @ found, found
 
 
-def _layer(seed, size, rule, solver=None):
+def _layer(seed, size, rule):
     rng = np.random.default_rng(seed)
     compliance, response = _spd(rng, size), _spd(rng, size)
     gap_a = rng.standard_normal(size)
     before, old = _potential(gap_a, compliance)
     true_a = np.maximum(gap_a + compliance @ old, 0.0)
     free = gap_a + rng.standard_normal(size)
-    solver = solver or solve_by_active_set(_TOLERANCE, 200)
-    found = solve_layer(free, response, compliance, (old, true_a), rule, solver)
+    found = _solved(free, response, compliance, (old, true_a), rule)
     gap_b = free + response @ found.force
     after, _ = _potential(gap_b, compliance)
     work = found.force @ (gap_b - gap_a)
@@ -101,10 +112,9 @@ def test_what_strikes_elsewhere_changes_nothing(seed, size, more, rule):
         )
     free, old, gap = (np.concatenate(each)[order] for each in zip(*states, strict=True))
     response, compliance = (_beside(*each, order) for each in zip(*parts, strict=True))
-    solver = solve_by_active_set(_TOLERANCE, 200)
-    both = solve_layer(free, response, compliance, (old, gap), rule, solver)
+    both = _solved(free, response, compliance, (old, gap), rule)
     mine = np.argsort(order)[:size]
-    alone = solve_layer(states[0][0], *parts[0], states[0][1:], rule, solver)
+    alone = _solved(states[0][0], *parts[0], states[0][1:], rule)
     for name in ("force", "multiplier", "gap"):
         expected = getattr(alone, name)
         scale = 1.0 + np.abs(expected).max()
@@ -123,13 +133,12 @@ def test_rows_are_grouped_by_what_links_them():
 def test_flight_and_lasting_contact_have_theta_one_half():
     compliance = np.array([[2.0, 0.5], [0.5, 1.0]])
     response = np.eye(2)
-    solver = solve_by_active_set(_TOLERANCE, 200)
     pressed = np.linalg.solve(compliance, [1.0, 1.0])
     for free, old, gap in (
         (np.array([1.0, 2.0]), np.zeros(2), np.ones(2)),
         (np.array([-1.5, -1.4]), pressed, np.zeros(2)),
     ):
-        found = solve_layer(free, response, compliance, (old, gap), "conserving", solver)
+        found = _solved(free, response, compliance, (old, gap), "conserving")
         assert found.theta == 0.5
 
 
@@ -158,13 +167,10 @@ def test_murty_pivots_agree_with_the_active_set_from_any_start(seed, size):
 def test_velocity_rule_stops_the_nodes_that_would_penetrate():
     response = np.diag([2.0, 1.0, 1.0])
     free, speed = np.array([-0.1, 0.2, -0.1]), np.array([-1.0, -1.0, 0.5])
-    none, solver = np.zeros(3), solve_by_active_set(_TOLERANCE, 200)
-    halfway = Halfway(
-        np.ones(3, dtype=bool), rebound(none, speed, none, 0.1), np.zeros(3, dtype=bool)
-    )
-    found = solve_layer_at_speed(
-        free, halfway, response, np.zeros((3, 3)), (none, none), "middle", solver
-    )
+    none = np.zeros(3)
+    ways = rebound(none, speed, none, 0.1)[:, None]
+    halfway = Halfway(np.ones(3, dtype=bool), ways, np.zeros(3, dtype=bool))
+    found = _solved(free, response, np.zeros((3, 3)), (none, none), "middle", halfway)
     assert found.force == pytest.approx([1.0 / 40.0, 0.0, 0.0])
     assert found.gap == pytest.approx([-0.05, 0.2, -0.1])
 
@@ -208,10 +214,8 @@ def test_gaps_at_speed_beside_massless_ones_gain_no_energy(seed, size, rule):
     after = 2.0 / dt * (free - gap) - before  # of nodes with mass: their way is that of the gap
     lively = rng.random(size)
     law = np.where(ends, free, rebound(before, after, lively, dt))
-    halfway = Halfway(alone, law, ends)
-    found = solve_layer_at_speed(
-        free, halfway, response, compliance, (old, gap), rule, solve_by_active_set(_TOLERANCE, 200)
-    )
+    halfway = Halfway(alone, law[:, None], ends)
+    found = _solved(free, response, compliance, (old, gap), rule, halfway)
     scale = 1.0 + np.abs(found.force).max() * np.abs(found.gap).max()
     end = after + 2.0 / dt * (response @ found.force)
     struck = fast & (free <= 0.0)

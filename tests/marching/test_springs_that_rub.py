@@ -9,8 +9,9 @@ from scipy.integrate import solve_ivp
 
 import impactfem
 from impactfem import Scene, SceneError
-from impactfem.contact.complementarity import Halfway
-from impactfem.contact.friction import solve_friction_layer_at_speed
+from impactfem.contact.friction_solver import Solving
+from impactfem.contact.layer_law import Layer, solve_layer
+from impactfem.contact.speed_law import Halfway
 from impactfem.contact.springs import ContactSprings
 
 FLOOR = {"kind": "half_space", "name": "floor", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
@@ -74,10 +75,11 @@ def layer(seed, count, dim, mu, exponent, rule):
     free = begin + random.standard_normal(begin.shape)
     ways = random.standard_normal(free.shape)
     none = np.zeros(count, dtype=bool)
-    found = solve_friction_layer_at_speed(
-        free, Halfway(none, ways, none, across), response, static, (force, place),
-        np.full(count, mu), rule, 1e-15, springs=soft,
+    made = Layer(
+        free, response, static, (force, place), np.full(count, mu), soft,
+        Halfway(none, ways, none, across),
     )  # fmt: skip
+    found = solve_layer(made, rule, Solving.to(1e-15))
     moved = free + by(response, found.force) - begin
     kept = np.where(across[:, None] & (np.arange(dim) > 0), 0.0, found.multiplier)
     change = float((found.force * moved).sum()) + stored(kept) - stored(force)

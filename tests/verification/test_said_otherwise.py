@@ -223,7 +223,7 @@ SCENES = {f.__name__: f for f in (points, rods, rubbing, balls, jointed, beams, 
 FAR, ORDER = "beside a far body", "in another order"
 # Which of two bodies is named first moves the place of an impact within its step, whose own error
 # is 3 % there. The energy of all contacts of a layer is kept by one weight
-# (`contact/complementarity.py`): what strikes elsewhere moves it, by less than the mesh does.
+# (`contact/layer_law.py`): what strikes elsewhere moves it, by less than the mesh does.
 TOLERANCES = {("rubbing", ORDER): 1e-4, ("blocks", FAR): 2e-4}
 
 
