@@ -133,7 +133,7 @@ def test_a_disc_that_slides_and_then_rolls():
     # By shares of each parameter: neighbours are 1e-5 of it away, and so their rounding counts.
     shares = np.array([3.0, 0.2, 0.1])
     np.testing.assert_allclose(shares * slope[0], shares * right, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(speed[0], [2.0 / 3.0, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(shares * speed[0], shares * [2.0 / 3.0, 0.0, 0.0], atol=1e-9)
 
 
 def test_an_impact_with_friction():
