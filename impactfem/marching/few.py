@@ -17,9 +17,9 @@ from impactfem.errors import ConvergenceError
 from impactfem.findings import STRAIN_LIMITS, Finding, by_limits, percent
 from impactfem.marching.few_forces import steady_load, tangent
 from impactfem.marching.held_rows import HeldLumped
-from impactfem.marching.iterated import SHARE
+from impactfem.marching.iterated import SHARE, by_energy
 from impactfem.marching.layers import Sums
-from impactfem.marching.meshless import Meshless
+from impactfem.marching.meshless import Meshless, step_length
 from impactfem.marching.stations import Held
 from impactfem.marching.watched import Watched
 from impactfem.result.shapes import LINE, Shape
@@ -34,7 +34,6 @@ Booleans = NDArray[np.bool_]
 
 _MOST_ITERATIONS = 50
 _EPS, _TINY = 4.0 * float(np.finfo(float).eps), float(np.finfo(float).tiny)
-_SAME = 1e-12  # share by which lengths of steps differ that are one but for rounding
 _SETTLED = 1e-13  # change of velocities, as a share of the largest
 _NEAR = 1e-9  # share of a body's size by which a probe may lie off its axis
 
@@ -162,6 +161,10 @@ class FewInterior(Watched, Meshless):
     def touch(self, normals: Floats) -> None:
         """Nothing: nodes touch themselves."""
 
+    def predicted(self, start: float, end: float) -> Floats:
+        """Where contact nodes go if nothing changes [m], (count, dim)."""
+        return self.bodies.places(self._q + (end - start) * self._v) - self._start
+
     def known(self) -> Floats:
         """Rates at the end of the step as it is solved now, to compare others with."""
         return self._ahead.copy()
@@ -272,8 +275,8 @@ class FewMidpoint(FewInterior):
 
     def set_out(self, start: float, end: float) -> None:
         """Solve a step between two times without forces of contact and joints."""
-        span, self._time = end - start, 0.5 * (start + end)
-        if not self._linear or abs(span - self.span) > _SAME * span:
+        span, self._time = step_length(start, end, self.dt), 0.5 * (start + end)
+        if not self._linear or span != self.span:
             self.span = span
             self._prepare(self._time)
         self._weight = self.bodies.weights @ self.gravity(start, end)
@@ -291,20 +294,11 @@ class FewMidpoint(FewInterior):
         """Displacement of contact nodes at the end of the step, as it is solved now [m]."""
         return self.bodies.places(self._end(self._ahead)) - self._start
 
-    def predicted(self, start: float, end: float) -> Floats:
-        """Where contact nodes go if nothing changes [m], (count, dim)."""
-        return self.bodies.places(self._q + (end - start) * self._v) - self._start
-
     def changed(self, ahead: Floats) -> tuple[float, float, float]:
         """By how much rates have changed since, what changes them in the step, and rounding."""
-        mass, whole = self._mass, float(np.trace(self._mass))
-
-        def size(rates: Floats) -> float:
-            return float(np.sqrt(rates @ mass @ rates / whole))
-
         acting = self._inverse @ self._pushed, self._inverse @ (self.span * self._weight)
-        scale = max(map(size, (*acting, self._ahead - self._v, SHARE * self._v)))
-        return size(self._ahead - ahead), scale, self._noise
+        causes = *acting, self._ahead - self._v, SHARE * self._v
+        return *by_energy(self._mass, self._ahead - ahead, causes), self._noise
 
     def lay(self, forces: Floats) -> None:
         """Put the contact forces of the step (count, dim), to be solved for."""

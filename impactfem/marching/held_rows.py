@@ -17,9 +17,6 @@ _SETTLED = 1e-13  # change of rates of stations by forces that are not linear
 class Coordinates(Protocol):
     """Bodies whose contact nodes move by coordinates that stations share."""
 
-    def look(self) -> None:
-        """See where contact nodes are as the step is solved now, and how forces act on them."""
-
     def strike(self, forces: Floats) -> None:
         """Add contact forces (count, dim)."""
 

@@ -23,6 +23,19 @@ _ACCURACY = 1e-13  # of rates
 _NONE = np.zeros(0)
 
 
+def by_energy(mass: Floats, change: Floats, causes: Sequence[Floats]) -> tuple[float, float]:
+    """Size of a change of rates, and of the largest of what causes it, as the energy has them.
+
+    Args:
+        mass: Of the coordinates, (d, d).
+        change: Rates, (d,).
+        causes: Rates, (d,) each.
+    """
+    whole = float(np.trace(mass))
+    size, *sizes = (float(np.sqrt(rates @ mass @ rates / whole)) for rates in (change, *causes))
+    return size, max(sizes)
+
+
 class Resolving(Interior, Protocol):
     """A body that solves its own step for given contact forces.
 

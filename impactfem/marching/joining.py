@@ -18,6 +18,7 @@ from impactfem.marching.composite import Bodies
 from impactfem.marching.joint_kernels import FAST, FOUND, joined
 from impactfem.marching.joint_states import JointStates
 from impactfem.marching.layers import Stepper, Sums
+from impactfem.marching.meshless import step_length
 from impactfem.marching.stations import Held, Motion
 from impactfem.result.history import LOST
 from impactfem.system.joint_kernels import (
@@ -90,7 +91,7 @@ class Joining[P: Stepper](Bodies[P]):
 
     def _set_out(self, start: float, end: float) -> None:
         """Take up a step between two times; what joints hold is to be solved for."""
-        self.span = self._states.span = end - start
+        self.span = self._states.span = step_length(start, end, self.dt)
         self._time = 0.5 * (start + end)
         for k, part in enumerate(self.parts):
             if k not in self._places:

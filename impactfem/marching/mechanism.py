@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 
 from impactfem.errors import ConvergenceError
 from impactfem.marching.held_tree import Chords, HeldTree
-from impactfem.marching.iterated import SHARE
+from impactfem.marching.iterated import SHARE, by_energy
 from impactfem.marching.joint_laws import JointLaws
 from impactfem.marching.layers import Sums
 from impactfem.marching.mechanism_shown import ShownMechanism
+from impactfem.marching.meshless import step_length
 from impactfem.marching.stations import Held
 from impactfem.scene import PiecewiseVector
 from impactfem.system.mechanism import Arm
@@ -83,6 +84,7 @@ class MechanismMidpoint(ShownMechanism):
         """What the next layer starts from."""
         tree = self.bodies.tree
         self._inertia, self._centre = tree.inertia(self._q), tree.centre(self._q)
+        self._placed = self.bodies.places(self._q)
         self._momentum, self._pushed = self._inertia @ self._v, np.zeros(tree.rates)
         self._joined, self._kick, self._jumps = *np.zeros((2, tree.rates)), False
         # The joints give what energy lacks: the momenta of a free base stay.
@@ -128,7 +130,7 @@ class MechanismMidpoint(ShownMechanism):
 
     def set_out(self, start: float, end: float) -> None:
         """Take up a step between two times, without contact forces."""
-        self.span, self._time = end - start, 0.5 * (start + end)
+        self.span, self._time = step_length(start, end, self.dt), 0.5 * (start + end)
         self._pull = self.gravity(start, end)
         self._pushed, self._joined = np.zeros((2, len(self._v)))
         if self._exact:
@@ -159,7 +161,7 @@ class MechanismMidpoint(ShownMechanism):
             self._base = middle[:3] - self._q[:3], tree.base(middle)
         ended, origins = bodies.places(end), there[bodies.on]
         # Forces act at means of both ends, where gaps have them: all moments stay.
-        self._spans = 0.5 * (bodies.places(self._q) + ended) - origins
+        self._spans = 0.5 * (self._placed + ended) - origins
         self._amid = origins - tree.centre(middle)
         self._renew_answer()
         self._iterated = np.asarray(ended - self._start)
@@ -284,15 +286,9 @@ class MechanismMidpoint(ShownMechanism):
     def changed(self, ahead: Floats) -> tuple[float, float, float]:
         """By how much rates have changed since, what changes them in the step, and rounding."""
         mean, inertia = 0.5 * (self._v + self._ahead), self._inertia
-        whole = float(np.trace(inertia))
-
-        def size(rates: Floats) -> float:
-            return float(np.sqrt(rates @ inertia @ rates / whole))
-
         acting = self._pushed, self.span * self._drive, inertia @ (self._ahead - self._v)
-        each = [self._inverse @ one for one in acting]
-        scale = max(map(size, (*each, SHARE * mean, SHARE * self._v)))
-        return size(self._ahead - ahead), scale, self._allowed
+        causes = *(self._inverse @ one for one in acting), SHARE * mean, SHARE * self._v
+        return *by_energy(inertia, self._ahead - ahead, causes), self._allowed
 
     def reached(self, forces: Floats) -> Floats:
         """Rates by contact forces (several, count, dim) [1/s], (several, v)."""

@@ -12,6 +12,15 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
+_ROUNDS = 4.0 * float(np.finfo(float).eps)  # by which times round
+
+
+def step_length(start: float, end: float, dt: float) -> float:
+    """Length of a step [s]: dt where it is a whole one, whose ends round the more the later."""
+    span = end - start
+    return dt if abs(span - dt) <= _ROUNDS * abs(end) else span
+
+
 class Meshless:
     """What steppers of bodies without meshes have in common: no node of them is massless.
 

@@ -20,6 +20,7 @@ from impactfem.errors import ConvergenceError
 from impactfem.marching.few import FewInterior
 from impactfem.marching.iterated import SHARE
 from impactfem.marching.layers import Sums
+from impactfem.marching.meshless import step_length
 from impactfem.scene import PiecewiseVector
 from impactfem.system.net import Net
 
@@ -151,7 +152,7 @@ class NetMidpoint(FewInterior):
 
     def begin(self, start: float, end: float) -> None:
         """Solve the layer without contact forces."""
-        self.span, self._time = end - start, 0.5 * (start + end)
+        self.span, self._time = step_length(start, end, self.dt), 0.5 * (start + end)
         dim = self._start.shape[1]
         self._weight = self._mass * np.tile(self.gravity(start, end), len(self._q) // dim)
         self._pushed = np.zeros_like(self._v)
@@ -187,10 +188,6 @@ class NetMidpoint(FewInterior):
 
     def look(self) -> None:
         """Nothing: forces act on nodes wherever these are."""
-
-    def predicted(self, start: float, end: float) -> Floats:
-        """Where contact nodes go if nothing changes [m], (count, dim)."""
-        return self.bodies.places(self._q + (end - start) * self._v) - self._start
 
     def changed(self, ahead: Floats) -> tuple[float, float, float]:
         """By how much velocities have changed since, what changes them, and rounding [m/s]."""

@@ -30,7 +30,7 @@ from impactfem.findings import Finding
 from impactfem.marching.newton_bodies import NewtonStepper
 from impactfem.marching.newton_impacts import arriving, obstacle_speed, way_ahead
 from impactfem.marching.newton_steps import LayerSums, Step
-from impactfem.marching.rubbing import ON_CONE, frames, in_space, obeying, turned
+from impactfem.marching.rubbing import frames, held_by_static, in_space, obeying, turned
 from impactfem.marching.time_loop import ContactState, LoopSettings, TimeLoop
 
 Floats = NDArray[np.float64]
@@ -113,7 +113,7 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
                 span, tries = share * (stop - time), tries + 1
                 continue
             interior.accept()
-            self._stuck = self._sticks(step.force)
+            self._stuck = self._stuck if step.sticks is None else step.sticks
             done.add(step, stop - time)
             last, self._normals = step.left, step.directions[:, 0]
             self._tangential = in_space(step.directions[:, 1:], step.force[:, 1:])
@@ -223,33 +223,21 @@ class NewtonMarch(TimeLoop[NewtonStepper]):
         largest: float = np.abs(way).max(initial=0.0)
         return np.asarray(np.abs(way - along).max(axis=1) <= _STILL * largest)
 
-    def _sticks(self, force: Floats) -> Booleans:
-        """Gaps that are shut and do not slip with forces (gaps, ways), (gaps,)."""
-        if self._law is None:
-            return self._stuck
-        bound = (1.0 - ON_CONE) * self._law.coefficients * force[:, 0]
-        return np.asarray(np.linalg.norm(force[:, 1:], axis=1) < bound)
-
     def _held_step(
         self, start: float, end: float, last: Floats, before: Floats, closed: Booleans
     ) -> Step:
-        """Solve a step in which the larger coefficient holds what did not slip before.
-
-        What slips all the same is solved for again. Arguments and errors are those of `_step`.
-        """
+        """A step with static friction; arguments and errors are those of `_step`."""
         law = self._friction
-        holds = self._stuck & (law.static > law.coefficients) if law is not None else self._stuck
-        while True:
-            if law is not None and holds.any():
-                mu = np.where(holds, law.static, law.coefficients)
-                self._law = replace(law, coefficients=mu)
-            else:
-                self._law = law
+        if law is None or not (law.static > law.coefficients).any():
+            return self._step(start, end, last, before, closed)
+
+        def with_friction(mu: Floats) -> tuple[Step, Floats]:
+            self._law = replace(law, coefficients=mu)
             step = self._step(start, end, last, before, closed)
-            slips = holds & (step.force[:, 0] > 0.0) & ~self._sticks(step.force)
-            if law is None or not slips.any():
-                return step
-            holds = holds & ~slips
+            return step, step.force
+
+        step, sticks = held_by_static(with_friction, self._stuck, law.coefficients, law.static)
+        return replace(step, sticks=sticks)
 
     def _step(
         self, start: float, end: float, last: Floats, before: Floats, closed: Booleans

@@ -24,6 +24,7 @@ class Step:
         massive: Pressed gaps whose nodes all have mass, (gaps,).
         left: Normal forces at its end [N], (gaps,); after impacts none.
         struck: Those of them in which nodes arrived with a speed, or others did at once, (gaps,).
+        sticks: Gaps that are shut and do not slip, (gaps,); None without static friction.
     """
 
     directions: Floats
@@ -34,6 +35,7 @@ class Step:
     massive: Booleans
     struck: Booleans
     left: Floats
+    sticks: Booleans | None = None
 
 
 class LayerSums:

@@ -15,7 +15,7 @@ from impactfem.contact.pair_responses import Roots
 from impactfem.errors import ConvergenceError
 from impactfem.marching.iterated import SHARE
 from impactfem.marching.layers import Sums
-from impactfem.marching.meshless import Meshless
+from impactfem.marching.meshless import Meshless, step_length
 from impactfem.marching.rigid_kernels import (
     carried,
     frames,
@@ -167,7 +167,7 @@ class RigidBodies(Meshless):
 
     def set_out(self, start: float, end: float) -> None:
         """Take up a step between two times."""
-        self._span, self._time = end - start, 0.5 * (start + end)
+        self._span, self._time = step_length(start, end, self.dt), 0.5 * (start + end)
         self._weight = self._mass * in_space(self.gravity(start, end))
         self._pushed, self._turned = np.zeros_like(self._speed), np.zeros_like(self._spin)
         shape = self._turn.shape
@@ -317,12 +317,14 @@ class RigidBodies(Meshless):
         Args:
             normals: Of the gaps of nodes, towards them, (count, dim).
         """
-        self.touch(normals)
+        towards = in_space(normals)
+        self._roll_on(towards)
         spins = self._whirl()
         beyond = self._around(self._middle) + self._offset
         moved = self._around(self.end) - self._begun
         none = np.zeros_like(spins[None])
         ways = carried(none, self._span * spins[None], self.apart, beyond, self._dim)[0]
+        self._normals = towards if self._rims else self._normals
         return np.asarray(ways - moved[:, : self._dim])
 
     @property
@@ -379,8 +381,12 @@ class RigidBodies(Meshless):
     def touch(self, normals: Floats) -> None:
         """Learn where bodies that roll touch, by the normals of their nodes (count, dim)."""
         towards = in_space(normals)
-        self._offset = self._following - self._roll * towards
         self._normals = towards if self._rims else self._normals
+        self._roll_on(towards)
+
+    def _roll_on(self, towards: Floats) -> None:
+        """Forces act where bodies that roll touch, by the normals of their nodes (count, 3)."""
+        self._offset = self._following - self._roll * towards
         self.acting = self._amid + self._around(self._middle) + self._offset
 
     def contact_speeds(self, way: Floats) -> tuple[Floats, Floats]:  # noqa: ARG002  (of others)

@@ -1,5 +1,6 @@
 """Friction in the time loop: what the law needs of a layer, and what it leaves for the next one."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -18,6 +19,7 @@ from impactfem.marching.schemes import SolidScheme
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -154,21 +156,46 @@ def rub(
     Raises:
         ConvergenceError: Stick, slip or theta were not found.
     """
-    # What did not slip before is held by the larger coefficient, unless it slips all the same.
     of_levels = ~(layer.fast | layer.across) & (keeping(scheme.rule, layer.springs) != "middle")
-    holds = layer.stuck & (law.static > law.coefficients)[layer.rows]
-    while True:
-        mu = np.where(holds, law.static[layer.rows], law.coefficients[layer.rows])
+
+    def with_friction(mu: Floats) -> tuple[LayerContact, Floats]:
         found = _solve(law, scheme, layer, blocks, share, mu, moments)
-        force = np.where(of_levels[:, None], found.multiplier[: len(mu)], found.force[: len(mu)])
-        inside = np.linalg.norm(force[:, 1:], axis=1) < (1.0 - ON_CONE) * mu * force[:, 0]
+        own = slice(0, len(mu))
+        return found, np.where(of_levels[:, None], found.multiplier[own], found.force[own])
+
+    rows = layer.rows
+    return held_by_static(with_friction, layer.stuck, law.coefficients[rows], law.static[rows])
+
+
+def held_by_static[Found](
+    solve: Callable[[Floats], tuple[Found, Floats]],
+    stuck: Booleans,
+    kinetic: Floats,
+    static: Floats,
+) -> tuple[Found, Booleans]:
+    """Forces where the larger coefficient holds what did not slip, unless it slips all the same.
+
+    Args:
+        solve: A solution with some coefficients, and its forces [N], (k, ways).
+        stuck: What did not slip before, (k,).
+        kinetic: Coefficient of what slips, (k,).
+        static: Of what does not, (k,).
+
+    Returns:
+        The solution, and which gaps are shut and do not slip.
+    """
+    holds = stuck & (static > kinetic)
+    while True:
+        mu = np.where(holds, static, kinetic)
+        found, force = solve(mu)
+        inside = np.linalg.norm(force[:, 1:], axis=1) < (1.0 - _ON_CONE) * mu * force[:, 0]
         slips = holds & ~inside & (force[:, 0] > 0.0)
         if not slips.any():
             return found, inside
-        holds &= ~slips
+        holds = holds & ~slips
 
 
-ON_CONE = 1e-9  # share of the bound within which a tangential force has reached it
+_ON_CONE = 1e-9  # share of the bound within which a tangential force has reached it
 
 
 def _solve(

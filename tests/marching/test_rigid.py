@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import impactfem
 from impactfem import Contact, HalfSpace, Output, RigidBody, Scene, SceneError, Solve
+from impactfem.marching.meshless import step_length
 from impactfem.marching.turn_kernels import turn
 from impactfem.obstacles import RigidSphere
 from impactfem.shapes import Hull
@@ -532,3 +533,9 @@ def test_a_law_by_patterns_is_that_of_the_pairs():
     assert set(one.data_vars) == set(two.data_vars)
     for name in one.data_vars:
         np.testing.assert_array_equal(one[name].values, two[name].values)
+
+
+def test_whole_steps_have_one_length_however_late():
+    dt = 1e-3 / 3.0
+    assert {step_length(k * dt, (k + 1) * dt, dt) for k in (0, 1, 12345, 10**7)} == {dt}
+    assert step_length(12345 * dt, 12345.5 * dt, dt) == pytest.approx(0.5 * dt, rel=1e-9)
