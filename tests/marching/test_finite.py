@@ -9,7 +9,7 @@ import impactfem
 from impactfem import SceneError
 from impactfem.forms.elasticity import ElasticForms
 from impactfem.forms.finite_strain import LAWS, FiniteForms
-from impactfem.scene import solid_keys
+from impactfem.scene import solids
 
 FLOOR = {"name": "floor", "kind": "half_space", "point": [0.0, 0.0], "normal": [0.0, 1.0]}
 RUBBER = {
@@ -115,7 +115,7 @@ def test_energy_is_that_of_the_law(law):
 
 
 def test_scenes_and_forms_know_the_same_laws():
-    assert set(solid_keys.LAWS) == set(LAWS)
+    assert set(solids.LAWS) == set(LAWS)
 
 
 # Free flight.
