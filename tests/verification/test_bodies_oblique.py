@@ -65,8 +65,8 @@ def spins(monkeypatch, case, *, current):
     """Angular momentum about the origin in every layer, by undeformed or present places."""
     found, finish = [], Composite.finish
 
-    def watched(self, layer, static):
-        sums = finish(self, layer, static)
+    def watched(self, static):
+        sums = finish(self, static)
         total = 0.0
         for part in self.parts:
             moving = part._times_mass(part.velocity).reshape(-1, 2).copy()
