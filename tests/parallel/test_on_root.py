@@ -19,7 +19,7 @@ OF_MPI = {
     "allreduce", "allgather", "bcast", "barrier", "Barrier", "gather", "scatter", "alltoall",
     "Ibarrier", "Split", "Dup", "scatter_forward", "scatter_reverse", "ghostUpdate",
 }  # fmt: skip
-OF_FILES = {"read", "write", "load"}
+OF_FILES = {"read", "write", "load", "open"}
 # Layers below those whose objects are distributed: what they are given is not.
 LOW = {"report", "scene", "result", "exact", "mesh", "planning"}
 
@@ -31,6 +31,7 @@ class Package:
         self.of = {}  # functions and classes: module, class, enclosing functions
         self.globals = defaultdict(dict)
         self.imports = defaultdict(dict)
+        self.foreign = defaultdict(set)  # names that modules of others have in a module
         self.heirs = defaultdict(list)
         self.collective = defaultdict(list)  # methods by name
         self.alone = []  # callbacks of on_root and blocks of rank 0, each with its function
@@ -46,6 +47,8 @@ class Package:
             if isinstance(child, ast.ImportFrom):
                 for alias in child.names:
                     self.imports[module][alias.asname or alias.name] = (child.module, alias.name)
+            elif isinstance(child, ast.Import):
+                self.foreign[module] |= {(a.asname or a.name).split(".")[0] for a in child.names}
             elif isinstance(child, ast.ClassDef):
                 self.globals[module][child.name] = own = child
                 self.of[child] = (module, None, ())
@@ -148,6 +151,8 @@ class Package:
             given = next((a[word] for f in scope[::-1] if word in (a := arguments(f))), None)
             kinds = self.annotated(given, module)
             whole = self.found(word, module)
+            if kinds is None and given is None and word in self.foreign[module]:  # of `os`, say
+                return []
             if kinds is None and isinstance(whole, str):  # a module
                 return self.as_called(self.found(name, whole))
             if kinds is None and isinstance(whole, ast.ClassDef):
